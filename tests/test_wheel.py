@@ -20,16 +20,16 @@ def everything():
         if not module.name.startswith("levimass.app.window."):
             importlib.import_module(module.name)
     from levimass.analysis.compiled import kernel_cache
-    from levimass.instrument.process.messages import give_way
+    from levimass.instrument.process.messages import lower_priority
     from levimass.instrument.devices.found_devices import udev_rule_path
     from levimass.instrument.devices.sources import SOURCES, imported
-    assert all(callable(imported(source.opened)) for source in SOURCES)
+    assert all(callable(imported(source.opener)) for source in SOURCES)
     own = {"app", "analysis", "instrument", "resources"}
     assert not own & {name.split(".")[0] for name in sys.modules}
     assert levimass.analysis.__file__.startswith(sys.argv[1])
     assert udev_rule_path().is_file()
     assert "levimass.analysis.collision.effects.kernel" in kernel_cache.closure("levimass.analysis.collision.rates")
-    child = multiprocessing.get_context("spawn").Process(target=give_way, args=(1,))
+    child = multiprocessing.get_context("spawn").Process(target=lower_priority, args=(1,))
     child.start(); child.join(60)
     assert child.exitcode == 0
 

@@ -11,7 +11,7 @@ from instrument.capture.acquire import AcquireError
 from instrument.capture.acquire import acquire as record
 from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
 from instrument.files.recording_error import RecordingError
-from instrument.process.digitizer import open_apart
+from instrument.process.subprocess_digitizer import open_in_subprocess
 
 SHOT_S = 0.06  # default length: the contact of some 30 ms with free flight on both sides
 LEAST_ARMING_S = 10.0  # firmware is loaded and the device comes back under another name
@@ -33,7 +33,7 @@ def acquire(shots: int, taking: Taking) -> int:
     """Record ``shots`` shots; print each recording's path; return the exit status."""
     saved: list[Path] = []
     try:
-        digitizer = open_apart(taking.source, arms_s=max(taking.timeout_s, LEAST_ARMING_S))
+        digitizer = open_in_subprocess(taking.source, arm_s=max(taking.timeout_s, LEAST_ARMING_S))
         settings = capture_settings(digitizer, taking.rate_hz, taking.samples)
         saved = record(digitizer, taking.out, shots, settings, taking.timeout_s, report=_say)
     except AcquireError as error:

@@ -15,8 +15,8 @@ from platformdirs import user_config_path, user_log_path
 from app.command_line.version import version_text
 from app.session.log import NAME
 from instrument.devices.doctor import Check
+from instrument.files.atomic_file import write_atomic
 from instrument.files.recording_error import RecordingError
-from instrument.files.recording_writer import write_beside
 from instrument.files.text_file import open_regular
 
 _MOST_OF_A_FILE = 4 << 20
@@ -42,7 +42,7 @@ def write_bundle(path: Path, checks: Sequence[Check]) -> None:
     with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED) as bundle:
         for name, text in texts.items():
             bundle.writestr(name, _anonymous(text))
-    write_beside(path, [whole.getvalue()], sync=True)
+    write_atomic(path, [whole.getvalue()], sync=True)
 
 
 def _end_of(file: Path) -> str:

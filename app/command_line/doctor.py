@@ -18,7 +18,7 @@ from instrument.devices.digitizer import DigitizerError
 from instrument.devices.doctor import Check, Grade, examine
 from instrument.files.recording_error import RecordingError
 from instrument.live.signal_trial import try_signals
-from instrument.process.digitizer import open_apart
+from instrument.process.subprocess_digitizer import open_in_subprocess
 
 
 def doctor(folder: Path | None = None, source: str | None = None, bundle: Path | None = None) -> int:
@@ -44,7 +44,7 @@ def doctor(folder: Path | None = None, source: str | None = None, bundle: Path |
 
 def _signals(source: str) -> list[Check]:
     try:
-        digitizer = open_apart(source)
+        digitizer = open_in_subprocess(source)
         try:
             return [Check(f"signal, {check.name}", check.grade, check.line) for check in try_signals(digitizer)]
         finally:

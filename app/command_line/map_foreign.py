@@ -11,17 +11,17 @@ import numpy as np
 from analysis.shot.recording import Role, Setup
 from instrument.files.foreign.contents import ForeignContents
 from instrument.files.foreign.mapping import (
-    OF_FOLDER,
+    FOLDER_MAPPING,
     ForeignMapping,
     MappedChannel,
-    own_mapping,
+    find_mapping,
+    mapping_path,
     read_mapping,
-    remembered_mapping,
     write_mapping,
 )
 from instrument.files.foreign.reading import foreign_channels, read_foreign
 from instrument.files.motion_columns import LENGTHS_M, MotionColumns, length_unit
-from instrument.files.motion_file import keep_columns, read_motion
+from instrument.files.motion_file import read_motion, save_columns
 from instrument.files.recording_error import RecordingError
 
 
@@ -90,7 +90,7 @@ def map_foreign(
             given.rate_hz,
         )
         shot = read_foreign(path, mapping)  # a mapping that does not work is not remembered
-        kept = path.with_name(OF_FOLDER) if for_folder else own_mapping(path)
+        kept = path.with_name(FOLDER_MAPPING) if for_folder else mapping_path(path)
         write_mapping(mapping, kept)
     except RecordingError as error:
         print(f"levimass: {error}", file=sys.stderr)
@@ -121,7 +121,7 @@ def _map_displacement(path: Path, channels: Sequence[str], of_beats: bool, given
             print("levimass: --map: the header states no unit of the displacement: --unit mm", file=sys.stderr)
             return 2
         model = _MODELS[given.model or "contact"]
-        kept = keep_columns(path, MotionColumns(channel.name, unit, model, given.mass_kg, given.rate_hz))
+        kept = save_columns(path, MotionColumns(channel.name, unit, model, given.mass_kg, given.rate_hz))
         record = read_motion(path)
     except RecordingError as error:
         print(f"levimass: {error}", file=sys.stderr)
@@ -161,7 +161,7 @@ def _listing(held: ForeignContents) -> str:
         rate = f"{channel.sample_rate_hz:.9g} samples/s" if channel.sample_rate_hz else "rate not stated"
         unit = f", {channel.unit}" if channel.unit else ""
         lines.append(f"  {channel.name!r}: {channel.samples} samples, {channel.kind}{unit}, {rate}")
-    kept = remembered_mapping(held.path)
+    kept = find_mapping(held.path)
     if kept is not None:
         lines.append(f"its mapping is in {kept}:")
         try:

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from instrument.files.atomic_file import check_writable
 from instrument.files.recording_error import RecordingError
-from instrument.files.recording_writer import check_writable
 
 
 @dataclass(frozen=True, slots=True)

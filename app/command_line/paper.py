@@ -12,9 +12,9 @@ from analysis.shot.shot import Shot
 from app.command_line.outputs import in_a_line
 from app.report.paper_rows import SECTIONS, cells, shown
 from app.session.load import load_and_analyse
+from instrument.files.atomic_file import write_text_atomic
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_search import find_recordings
-from instrument.files.recording_writer import write_text_beside
 
 _WIDTHS = (42, 24, 10, 10, 10, 25, 24)
 _LINE = 120
@@ -35,7 +35,7 @@ def paper(json_to: str | None, figures_to: Path | None, recording: Path | None) 
     print(text if json_to == "-" else table(result), end="" if json_to == "-" else "\n")
     try:
         if json_to is not None and json_to != "-":
-            write_text_beside(Path(json_to), text, sync=True)
+            write_text_atomic(Path(json_to), text, sync=True)
         if figures_to is not None:
             ok = _figures(shot, figures_to, quiet=json_to == "-") and ok
     except (RecordingError, OSError) as error:

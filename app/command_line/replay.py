@@ -30,10 +30,10 @@ from app.report.page import report_of
 from app.session.combined_in_model import with_combined
 from app.session.load import complaint, load_and_analyse
 from app.words.flag_words import by_weight, flag_words
+from instrument.files.atomic_file import write_text_atomic
 from instrument.files.law_file import read_law
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_search import find_recordings
-from instrument.files.recording_writer import write_text_beside
 
 DRIFT_SIGMAS = 4.0
 
@@ -157,7 +157,7 @@ def _save_model(shots: Sequence[Shot], diagnosis: Diagnosis | None, path: Path, 
     names = [shot.path or shot.name for shot in shots if shot.fit is not None]
     try:
         model = to_text(saved(diagnosis.fit_after, names, diagnosis, tried))
-        write_text_beside(path, with_combined(model, diagnosis.fit_after, shots), sync=True)
+        write_text_atomic(path, with_combined(model, diagnosis.fit_after, shots), sync=True)
     except RecordingError as error:
         print(f"levimass: {error}", file=sys.stderr)
         return False
@@ -182,7 +182,7 @@ def _write(
     def write_report(path: Path) -> None:
         planned = ahead.words if ahead is not None else ""
         page = report_of(shots, diagnosis, foretold=told, tried=tried, next_shots=planned)
-        write_text_beside(path, page, sync=True)
+        write_text_atomic(path, page, sync=True)
 
     ok = _done(make_text, "the result") if outputs.json else True
     if (folder := outputs.export) is not None:
@@ -199,7 +199,7 @@ def _write(
         print("".join(texts), end="")
         return ok
     if (name := outputs.json) and texts:
-        ok &= _done(lambda: write_text_beside(Path(name), texts[0], sync=True), name)
+        ok &= _done(lambda: write_text_atomic(Path(name), texts[0], sync=True), name)
     for shot in shots:
         if not shot.problem or shot.impact is not None:  # else all there is to say stands on standard error
             print(summary(shot))

@@ -19,9 +19,9 @@ from app.session.planned_record import planned_record, planned_setup
 from instrument.capture.acquire import AcquireError, acquire
 from instrument.devices.digitizer import DigitizerError
 from instrument.devices.sources import is_bench, pushed
+from instrument.files.atomic_file import write_text_atomic
 from instrument.files.recording_error import RecordingError
-from instrument.files.recording_writer import write_text_beside
-from instrument.process.digitizer import open_apart
+from instrument.process.subprocess_digitizer import open_in_subprocess
 
 
 def resolve(first: int, most: int, taking: Taking, json_to: str | None, reach: Reach | None = None) -> int:
@@ -54,7 +54,7 @@ def resolve(first: int, most: int, taking: Taking, json_to: str | None, reach: R
 
 
 def _first(count: int, taking: Taking) -> list[Path]:
-    digitizer = open_apart(taking.source, arms_s=max(taking.timeout_s, LEAST_ARMING_S))
+    digitizer = open_in_subprocess(taking.source, arm_s=max(taking.timeout_s, LEAST_ARMING_S))
     settings = capture_settings(digitizer, taking.rate_hz, taking.samples)
     return acquire(digitizer, taking.out, count, settings, taking.timeout_s, report=_say)
 
@@ -63,7 +63,7 @@ def _planned(shot: NextShot, shots: Sequence[Shot], taking: Taking, number: int)
     """Take one planned shot: set it where the program can, else say what to set."""
     source = pushed(taking.source, shot.speed_m_per_s, shot.added_mass_kg, number) if is_bench(taking.source) else None
     _say(f"{'taking' if source else 'please set, then push:'} {shot.words}")
-    digitizer = open_apart(source or taking.source, arms_s=max(taking.timeout_s, LEAST_ARMING_S))
+    digitizer = open_in_subprocess(source or taking.source, arm_s=max(taking.timeout_s, LEAST_ARMING_S))
     setup = None if source else planned_setup(digitizer.setup, shot, shots)
     settings = planned_record(shot, shots, taking.rate_hz)
     (path,) = acquire(digitizer, taking.out, 1, settings, taking.timeout_s, report=_say, setup=setup)
@@ -108,7 +108,7 @@ def _write(shots: Sequence[Shot], diagnosis: Diagnosis, standing: PlanningState,
         print(text, end="")
         return 0
     try:
-        write_text_beside(Path(json_to), text, sync=True)
+        write_text_atomic(Path(json_to), text, sync=True)
     except RecordingError as error:
         print(f"levimass: {error}", file=sys.stderr)
         return 1

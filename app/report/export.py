@@ -25,7 +25,7 @@ from analysis.uncertainty.numbers import Kind, ResultNumber, of_collision
 from analysis.uncertainty.series import series
 from analysis.uncertainty.series import to_rows as series_rows
 from app.words.plain import cell
-from instrument.files.recording_writer import write_text_beside
+from instrument.files.atomic_file import write_text_atomic
 
 if TYPE_CHECKING:
     from analysis.diagnosis.verdict.foretold import Foretold
@@ -139,7 +139,7 @@ def write_motion(shot: Shot, path: Path) -> None:
     table = np.stack(list(columns.values()), axis=1)
     lines = [",".join(columns)]
     lines += [",".join("" if value != value else repr(value) for value in row) for row in table.tolist()]
-    write_text_beside(path, "\n".join(lines) + "\n", sync=True)
+    write_text_atomic(path, "\n".join(lines) + "\n", sync=True)
 
 
 def write_shots(rows: Iterable[Sequence[str]], path: Path) -> None:
@@ -152,7 +152,7 @@ def write_shots(rows: Iterable[Sequence[str]], path: Path) -> None:
 
 def write_table(header: Sequence[str], rows: Iterable[Sequence[str]], path: Path) -> None:
     """Write a table as CSV, whole or not at all, one row in memory at a time; no cell is one a program would obey."""
-    write_text_beside(path, map(_csv_line, itertools.chain([header], rows)), sync=True)
+    write_text_atomic(path, map(_csv_line, itertools.chain([header], rows)), sync=True)
 
 
 def _csv_line(cells: Sequence[str]) -> str:

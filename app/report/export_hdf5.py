@@ -14,8 +14,8 @@ from analysis.shot.shot import Shot
 from analysis.shot.version import program_version
 from app.report.export import motion_columns, motion_file_names
 from app.words.physics_words import parameter_parts
+from instrument.files.atomic_file import write_atomic
 from instrument.files.recording_error import RecordingError
-from instrument.files.recording_writer import write_beside
 
 
 def export_hdf5(shots: Sequence[Shot], folder: Path) -> list[Path]:
@@ -30,7 +30,7 @@ def export_hdf5(shots: Sequence[Shot], folder: Path) -> list[Path]:
         if shot.motion is None:
             continue
         path = folder / Path(name).with_suffix(".h5").name
-        write_beside(path, (_bytes(shot, [other for other in shots if other is not shot], path),), sync=True)
+        write_atomic(path, (_bytes(shot, [other for other in shots if other is not shot], path),), sync=True)
         written.append(path)
     return written
 

@@ -10,7 +10,7 @@ from PySide6.QtSvg import QSvgRenderer
 
 from app.report.svg_plot import WIDTH
 from app.report.svg_style import with_own_style
-from instrument.files.recording_writer import write_beside
+from instrument.files.atomic_file import write_atomic
 
 _FIGURE = re.compile(r"<svg\b.*?</svg>", re.DOTALL)
 _KEY = re.compile(r'<span class="key ([\w-]+)">')
@@ -67,7 +67,7 @@ def write_pdf(html: str, path: Path) -> None:
         document.setPageSize(QSizeF(writer.width(), writer.height()))
         document.print_(writer)
         del writer
-        write_beside(path, (beside.read_bytes(),), sync=True)
+        write_atomic(path, (beside.read_bytes(),), sync=True)
     finally:
         beside.unlink(missing_ok=True)
 

@@ -15,7 +15,7 @@ from analysis.shot.recording import DEFAULT_WAVELENGTH_AIR_M, Setup
 from analysis.shot.shot import Shot
 from analysis.shot.version import program_version
 from app.report.markup import Markup, joined, table, tag
-from instrument.files.foreign.mapping import is_foreign, read_mapping, remembered_mapping
+from instrument.files.foreign.mapping import find_mapping, is_foreign, read_mapping
 from instrument.files.recording_error import RecordingError, one_line, shown
 from instrument.files.recording_file import data_hash
 from instrument.files.recording_metadata import read_metadata
@@ -125,7 +125,7 @@ def _channels(shot: Shot) -> list[list[str]]:
 
 
 def _mapped(path: Path) -> list[list[str]]:
-    kept = remembered_mapping(path)
+    kept = find_mapping(path)
     try:
         mapping = read_mapping(kept) if kept is not None else None
     except RecordingError as error:

@@ -9,7 +9,7 @@ from typing import Any
 
 from analysis.shot.shot import Cancelled
 from app.session.event import InSession
-from instrument.process.work import WorkApart
+from instrument.process.subprocess_worker import SubprocessWorker
 
 TOLD_AFTER_S, LEAST_TOLD = 2.0, 0.05  # before that a remaining time would be a guess
 YIELDING = ("why",)  # kinds of work that make way for any other
@@ -182,7 +182,7 @@ OF_A_SESSION = ("open", "refit", "diagnosis", "plan", "kept")  # kinds that conc
 class Work:
     """``jobs`` are long, ``errands`` short; ``apart`` does the long part of a job, else the jobs' own thread."""
 
-    def __init__(self, apart: WorkApart | None) -> None:
+    def __init__(self, apart: SubprocessWorker | None) -> None:
         self.jobs, self.errands = Jobs(), Jobs()
         self._apart = apart
         self._turn = 0  # how many sessions were before this one: what was asked in those is not of this

@@ -10,7 +10,7 @@ from analysis.shot.recording import FLAG, Recording
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
 from analysis.signal.record import motion_from_displacement
 from instrument.files.motion_file import read_motion
-from instrument.files.open_recording import analysed_while_hashed, open_unchecked
+from instrument.files.open_recording import analyse_and_check_hash, open_without_hash
 from instrument.files.recording_error import RecordingError, one_line
 from instrument.files.recording_search import is_motion_record
 
@@ -70,7 +70,7 @@ def analysed(
             loaded = time.perf_counter() - started
             return analyse(recording, chosen, load_seconds=loaded, progress=progress, cancelled=cancelled)
 
-        return analysed_while_hashed(path, opened) if checked else opened(open_unchecked(path))
+        return analyse_and_check_hash(path, opened) if checked else opened(open_without_hash(path))
     record = read_motion(path)
     chosen = _with_model(chosen, model or BASE_OF_RECORD[record.model], effects_of)
     right = dict(chosen.corrections)

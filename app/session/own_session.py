@@ -7,7 +7,7 @@ from pathlib import Path
 
 from app.session.session import SCHEMA, Session
 from instrument.files.checked import Checked
-from instrument.files.folder_lock import FolderHeld, FolderLock
+from instrument.files.folder_lock import FolderLock, FolderLocked
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_metadata import read_metadata
 from instrument.files.text_file import read_json
@@ -39,7 +39,7 @@ def held(path: Path) -> Callable[[], None]:
     """Hold the file of a session for this window; return what gives it free.  Raises RecordingError."""
     try:
         return FolderLock(path.parent, f".{path.name}.lock").release
-    except FolderHeld:
+    except FolderLocked:
         raise RecordingError(path, "another window has this session open") from None
 
 
@@ -67,7 +67,7 @@ def own_session(folder: Path) -> Session:
         path = folder / ("session.json" if number == 1 else f"session-{number}.json")
         try:
             lock = FolderLock(folder, f".{path.name}.lock")
-        except FolderHeld:
+        except FolderLocked:
             continue
         except RecordingError:
             break

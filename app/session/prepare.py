@@ -14,7 +14,7 @@ from analysis.compiled import kernel_cache
 from analysis.shot.shot import Cancelled
 from app.session import rehearsal
 from app.session.jobs import Asked, Report
-from instrument.process.messages import give_way
+from instrument.process.messages import lower_priority
 
 _LOOK_S = 0.05
 
@@ -131,7 +131,8 @@ def _started(piece: Piece) -> SpawnProcess:
 
 
 def _compile(piece: Piece) -> None:
-    give_way(5 if piece.stage is Stage.READINGS else 19)  # samples and screen come first, then a first shot's numbers
+    # samples and screen come first, then a first shot's numbers
+    lower_priority(5 if piece.stage is Stage.READINGS else 19)
     try:
         piece.work()
     except Exception as error:

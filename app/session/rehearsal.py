@@ -28,13 +28,13 @@ def readings() -> Shot:
     The shot goes over the disk, as a kernel for arrays that are only read is another one than for arrays of its own.
     """
     from analysis.pipeline import read
-    from instrument.files.open_recording import analysed_while_hashed
+    from instrument.files.open_recording import analyse_and_check_hash
     from instrument.files.recording_writer import write_recording
-    from instrument.live.live import warm
+    from instrument.live.live_thread import warm
 
     warm()
     with tempfile.TemporaryDirectory(prefix="levimass-") as folder:
-        return analysed_while_hashed(write_recording(_recording(), Path(folder) / "shot"), read)
+        return analyse_and_check_hash(write_recording(_recording(), Path(folder) / "shot"), read)
 
 
 def fit() -> None:

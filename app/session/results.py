@@ -17,11 +17,11 @@ from analysis.shot.version import program, program_version
 from app.session.event import Diagnosed, Reopened
 from app.session.frozen_file import NotKept, head_of, packed, unpacked
 from app.session.jobs import Asked, Report, Work
+from instrument.files.atomic_file import write_atomic
 from instrument.files.foreign.mapping import is_foreign
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_metadata import read_metadata
 from instrument.files.recording_search import recording_stem
-from instrument.files.recording_writer import write_beside
 
 SCHEMA = "levimass.kept/2"
 MOST_BYTES = 2_000_000_000  # in all; the oldest go first
@@ -127,7 +127,7 @@ class Results:
             if len(whole) > MOST_A_FILE:
                 return
             self._folder.mkdir(parents=True, exist_ok=True)
-            write_beside(self._folder / name, [whole], sync=False)
+            write_atomic(self._folder / name, [whole], sync=False)
             self._make_room()
         except (NotKept, OSError, RecordingError):
             return  # it is analysed again at the next start

@@ -14,15 +14,16 @@ from analysis.shot.recording import Channel, Recording
 from analysis.shot.shot import AnalysisSettings, Cancelled, Progress, Shot
 from app.session.prepare import Stage
 from instrument.capture.acquisition import Deadlines, State
-from instrument.capture.analyst import fit_here
+from instrument.capture.analysis_thread import ShotAnalysis, fit_here
 from instrument.capture.capture_options import CaptureOptions
+from instrument.capture.snapshot import FinishedShot, SignalLine, Snapshot, WaitingShot
 from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
 from instrument.devices.found_devices import FoundDevice, found_devices
 from instrument.devices.scpi_address import network_name
 from instrument.devices.sources import listed_sources
-from instrument.live.snapshot import FinishedShot, SignalLine, Snapshot, WaitingShot, empty_view
-from instrument.process.digitizer import open_apart
-from instrument.process.work import AnalysisApart
+from instrument.live.live_view import empty_view
+from instrument.process.subprocess_digitizer import open_in_subprocess
+from instrument.process.subprocess_worker import SubprocessAnalysis
 
 if TYPE_CHECKING:
     from instrument.capture.capture import Capture
@@ -61,8 +62,8 @@ class Rig:
         *,
         source: str = BENCH,
         deadlines: Deadlines | None = None,
-        open_digitizer: Open = open_apart,
-        analyst: AnalysisApart | None = None,
+        open_digitizer: Open = open_in_subprocess,
+        analyst: SubprocessAnalysis | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._options, self._analysis, self._kernels = options, analysis, kernels
@@ -295,8 +296,7 @@ class Rig:
             capture = Capture(
                 digitizer,
                 options,
-                analyse=self._read,
-                fit=self._fit,
+                analysis=ShotAnalysis(self._read, self._fit),
                 warm=self._warm,
                 deadlines=self._deadlines,
                 clock=self._clock,

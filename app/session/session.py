@@ -10,9 +10,9 @@ from analysis.fitted.fitted_shot import awaits_fit
 from analysis.shot.recording import NAMES
 from analysis.shot.shot import AnalysisSettings, Shot
 from app.session.verdict_of import ModelEffects, VerdictOf, known_effects
+from instrument.files.atomic_file import write_json_atomic
 from instrument.files.checked import Checked
 from instrument.files.recording_error import RecordingError, shown
-from instrument.files.recording_writer import write_json_beside
 from instrument.files.text_file import read_json
 
 SCHEMA = "levimass.session/1"
@@ -241,7 +241,7 @@ class Session:
         problem = None
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_json_beside(path, document, sync=True)
+            write_json_atomic(path, document, sync=True)
         except (OSError, RecordingError) as error:
             problem = f"the session could not be saved: {error}"
         if problem != self.problem:

@@ -11,11 +11,11 @@ from analysis.planning.next_shot import ADDED_KG, SPEEDS_M_PER_S, Reach
 from analysis.shot.recording import Air, Setup
 from instrument.bench.site import LEVELS_M_PER_S, NAMES, USUAL_SITE
 from instrument.capture.capture_options import CaptureOptions
-from instrument.capture.trigger import Edge
 from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
 from instrument.devices.scpi_address import network_source
 from instrument.devices.sources import source_of
 from instrument.files.recording_error import shown
+from instrument.trigger.light_switch import Edge
 from levimass.analysis_settings import AnalysisChoices, AnalysisSettings
 from levimass.setting import Setting, Value, choice, declared, flag, number, setting_of, settings_of
 

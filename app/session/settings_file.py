@@ -7,7 +7,7 @@ from dataclasses import fields
 from pathlib import Path
 
 from app.session.settings import Settings, WrongSettings
-from instrument.files.into_place import into_place, same_rights, sync_folder
+from instrument.files.atomic_file import copy_permissions, replace_file, sync_folder
 from instrument.files.recording_error import RecordingError, one_line, shown
 from instrument.files.text_file import read_json
 
@@ -43,13 +43,13 @@ def save(path: Path, settings: Settings) -> str | None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with beside.open("w", encoding="utf-8") as file:
-            same_rights(beside, path)
+            copy_permissions(beside, path)
             json.dump(document, file, indent=1)
             file.flush()
             os.fsync(file.fileno())
         with contextlib.suppress(FileNotFoundError):  # the first time, or just moved by another window
-            into_place(path, _last_good(path))
-        into_place(beside, path)
+            replace_file(path, _last_good(path))
+        replace_file(beside, path)
         sync_folder(path.parent)
     except OSError as error:
         return f"The settings could not be saved: {error}"

@@ -15,7 +15,7 @@ from app.session.jobs import Asked
 from app.session.load import load_and_analyse
 from app.session.model_in_use import load_model, model_words, save_model
 from app.session.verdict_of import ModelEffects
-from instrument.files.recording_writer import write_text_beside
+from instrument.files.atomic_file import write_text_atomic
 
 
 def open_shot(
@@ -73,7 +73,7 @@ def write_report(
 
         write_pdf(text, path)
     else:
-        write_text_beside(path, text, sync=True)
+        write_text_atomic(path, text, sync=True)
     return f"Report of {len(shots)} shots saved as {path}"
 
 

@@ -15,7 +15,7 @@ from analysis.shot.shot import Cancelled
 from app.session.jobs import Asked, Report
 from app.session.prepare import BENCH, LATER, Stage, complete, mark_complete, prepare
 from app.session.rehearsal import readings
-from instrument.process.work import WorkApart
+from instrument.process.subprocess_worker import SubprocessWorker
 
 _LOOK_S = 0.05
 _BESIDE = (*LATER, replace(BENCH, stage=Stage.ALL))  # the simulated bench compiles its own where it is the source
@@ -24,7 +24,7 @@ _BESIDE = (*LATER, replace(BENCH, stage=Stage.ALL))  # the simulated bench compi
 class Kernels:
     """Whether the kernels are ready, for whoever is about to need them."""
 
-    def __init__(self, analyst: WorkApart | None = None, helper: WorkApart | None = None) -> None:
+    def __init__(self, analyst: SubprocessWorker | None = None, helper: SubprocessWorker | None = None) -> None:
         """``analyst`` analyses the rig's shots elsewhere: it is started first, and compiles what their readings need.
 
         ``helper`` does what else is asked for: it is started once it need not compile.  Without them all is done here.
@@ -64,7 +64,7 @@ class Kernels:
             if not complete(Stage.READINGS):
                 self._analyst.await_ready(cancelled)
                 mark_complete(Stage.READINGS)
-            from instrument.live.live import warm  # brings the numerics: only now, beside the screen
+            from instrument.live.live_thread import warm  # brings the numerics: only now, beside the screen
 
             warm()
         self._ready[Stage.READINGS].set()

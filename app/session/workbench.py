@@ -30,10 +30,10 @@ from app.session.shot_work import diagnose_shots, open_shot
 from app.session.verdict_of import Diagnoses, verdict_of
 from app.session.why import Why
 from app.words.verdict import verdict_words
-from instrument.capture.analyst import STOPPED
+from instrument.capture.analysis_thread import STOPPED
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_file import find_recordings, rewrite_note
-from instrument.process.work import WorkApart
+from instrument.process.subprocess_worker import SubprocessWorker
 
 MOST_NAMED = 6  # shots, in the name of a diagnosis under way
 
@@ -46,7 +46,7 @@ class Workbench:
         session: Session,
         settings: Callable[[], AnalysisSettings],
         saver: Saver | None = None,
-        apart: WorkApart | None = None,
+        apart: SubprocessWorker | None = None,
         again: Callable[[], AnalysisSettings] | None = None,
         results: Results | None = None,
         own_laws: OwnLaws | None = None,

@@ -42,11 +42,11 @@ from app.window.presenters.view import ViewPresenter
 from app.window.theme import Theme, Tone
 from app.window.window_state import first_size, keep_within_screen
 from instrument.capture.acquisition import State
+from instrument.capture.snapshot import FinishedShot, Snapshot
 from instrument.devices.digitizer import Digitizer
 from instrument.devices.sources import at_site
-from instrument.live.snapshot import FinishedShot, Snapshot
-from instrument.process.digitizer import open_apart
-from instrument.process.work import AnalysisApart, WorkApart
+from instrument.process.subprocess_digitizer import open_in_subprocess
+from instrument.process.subprocess_worker import SubprocessAnalysis, SubprocessWorker
 
 PULL_MS = 35
 FRAMED_MS = 300  # after the first show: by then the system has given the window its title bar
@@ -268,11 +268,11 @@ def open_window(
     sys.setswitchinterval(SWITCH_S)
     choices = Choices(folder / "settings.json")
     theme = Theme(choices.settings.appearance)
-    analyst, helper = (AnalysisApart(rehearse), WorkApart(rehearse)) if apart else (None, None)
+    analyst, helper = (SubprocessAnalysis(rehearse), SubprocessWorker(rehearse)) if apart else (None, None)
     kernels = Kernels(analyst, helper)
 
     def opened(source: str) -> Digitizer:
-        return open_apart(at_site(source, site or choices.settings.site))
+        return open_in_subprocess(at_site(source, site or choices.settings.site))
 
     session = last_session(choices.settings.session, folder)
 

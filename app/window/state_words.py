@@ -11,8 +11,9 @@ from app.window.panels.signal_line import Sign
 from app.window.theme import Tone
 from app.words.wording import local, number, room, value_text
 from instrument.capture.acquisition import State
-from instrument.capture.trigger import Level
-from instrument.live.snapshot import KEPT_IN_MEMORY, ChannelSignal, SignalLine, Snapshot
+from instrument.capture.snapshot import KEPT_IN_MEMORY, SignalLine, Snapshot
+from instrument.live.live_view import ChannelSignal
+from instrument.trigger.light_switch import Level
 
 GOOD_SNR_DB = 25.0
 POOR_SNR_DB = 15.0

@@ -1,5 +1,5 @@
-"""A rig in the machine: block, plate, optics, photodiodes, light switch and digitizer, made up but honest.
+"""The simulated rig: block, plate, optics, photodiodes, light switch and digitizer.
 
-It shares no code with the analysis: other coordinates, another integrator, its own list of effects.  What the
-analysis finds in its recordings is therefore found, not recognised.
+It shares no code with the analysis, but uses other coordinates, another integrator and its own list of effects, so that
+the analysis of its recordings is an independent test.
 """

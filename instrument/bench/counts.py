@@ -1,9 +1,10 @@
-"""From light to int16: the kernel that turns a path into counts, fast enough to keep up with a digitizer.
+"""The kernel that turns a path into the int16 counts of the photodiodes, fast enough for real time.
 
-Noise is a pure function of seed and sample index, so a stream is the same however it is cut into blocks.
+Noise is a function of seed and sample index, so a stream does not depend on the lengths of its blocks.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -50,7 +51,7 @@ GAUSS = _gauss_table()  # the sum of two independent draws has variance one
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _cos_turns(turns: float) -> float:
-    """Return cos(2 pi turns): Taylor about the nearer half turn, below 2e-8 off, and it vectorises."""
+    """Return cos(2 pi turns) by a Taylor series about the nearest half turn: error below 2e-8, and it vectorises."""
     half = np.floor(2.0 * turns + 0.5)  # math.floor gives an integer, whose conversions do not vectorise
     sign = 1.0 - 4.0 * (0.5 * half - np.floor(0.5 * half))
     a = 2.0 * math.pi * (turns - 0.5 * half)
@@ -63,9 +64,9 @@ def _cos_turns(turns: float) -> float:
 def _to_counts(  # type: ignore[no-untyped-def]
     level, sigma, drawn, shift, gauss, lowest, highest, out
 ) -> int:
-    """Round ``level`` plus noise into ``out`` (m,), no sample beyond the rails; return how many were.
+    """Round ``level`` plus noise into ``out`` (m,), limited to the rails; return the number of limited samples.
 
-    ``shift`` chooses the bits of ``drawn`` the noise is drawn from.  Cost: about 1.5 ns a sample.
+    ``shift`` selects the bits of ``drawn`` that give the noise.  Cost: about 1.5 ns per sample.
     """
     beyond = 0
     for i in range(out.shape[0]):
@@ -77,33 +78,41 @@ def _to_counts(  # type: ignore[no-untyped-def]
     return beyond
 
 
+class PathNodes(NamedTuple):
+    """The path at nodes of equal spacing, arrays of shape (nodes,); slopes are per segment.
+
+    ``path_turns`` is 2 x / lambda, subtracted from the rest beat (block inward: beat above rest); ``rest_turns`` is the
+    laser's deviation from a steady rest beat; ``light`` scales the measurement beat.
+    """
+
+    path_turns: Floats
+    path_slope: Floats
+    rest_turns: Floats
+    rest_slope: Floats
+    light: Floats
+    position_m: Floats
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def fill_counts(
     first_sample: int,
     per_segment: int,
-    path_turns: Floats,
-    path_slope: Floats,
-    rest_turns: Floats,
-    rest_slope: Floats,
-    light: Floats,
-    position_m: Floats,
+    nodes: PathNodes,
     p: Floats,
-    seed: int,
-    gauss: NDArray[np.float32],
-    reference: int,
-    measurement: int,
-    switch: int,
+    noise: tuple[int, NDArray[np.float32]],
+    columns: tuple[int, int, int],
     out: NDArray[np.int16],
     clipped: NDArray[np.int64],
 ) -> None:
     """Fill ``out`` (n, channels) with counts of the samples from ``first_sample`` on.
 
-    Node j of the path arrays stands at sample ``first_sample + j * per_segment``; slopes are per segment.
-    ``path_turns`` is 2 x / lambda, taken off the rest beat (block inward: beat above rest); ``rest_turns`` is what
-    the laser adds to a steady rest beat; ``light`` scales the measurement beat; ``reference``, ``measurement``,
-    ``switch`` are columns of ``out``, -1 when not recorded.  ``clipped`` (channels,) is added to.
-    Cost: about 8 ns a sample of three channels.
+    Node j is at sample ``first_sample + j * per_segment``.  ``noise`` is the seed and GAUSS, ``columns`` are those of
+    reference, measurement and switch in ``out``, -1 when not recorded.  Clipped samples are added to ``clipped``
+    (channels,).  Cost: about 8 ns per sample of three channels.
     """
+    path_turns, path_slope, rest_turns, rest_slope, light, position_m = nodes
+    seed, gauss = noise
+    reference, measurement, switch = columns
     n = out.shape[0]
     ref = np.empty(per_segment, np.float32)
     mea = np.empty(per_segment, np.float32)
@@ -140,7 +149,7 @@ def fill_counts(
             u = i * inverse
             turns = r0 - p0 + u * (r1 - p1 + u * (r2 - p2 + u * (r3 - p3)))
             mea[i] = o_mea + (a0 + a1 * u) * _cos_turns(turns)
-        if p[LEAK] != 0.0:  # light that took the wrong arm: a second beat, harmonic of the path
+        if p[LEAK] != 0.0:  # light in the wrong arm: a second beat, harmonic of the path
             w = p[LEAK_ORDER] - 1.0
             base = path_turns[j] * w
             base -= math.floor(base)

@@ -1,4 +1,4 @@
-"""The simulated bench behind the contract every digitizer honours, lost samples included."""
+"""The simulated rig as a digitizer, which loses samples like a real one."""
 
 import threading
 import time
@@ -9,24 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot.recording import Setup
-from instrument.bench.bench import Bench, Stage
 from instrument.bench.effects import parse
+from instrument.bench.rig import Bench, SimulatedStream
 from instrument.bench.site import QUIET, site_named
 from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 from instrument.devices.source_options import SourceOptions
 
 RATES_HZ = (10e6, 15e6, 20e6, 30e6)
 _CHUNK = 1 << 17
-_SET_SPREAD = 0.02  # part by which a push that was set is off: one who sets it takes more care than one who pushes
-_LOWEST_HZ, _HIGHEST_HZ = 8e6, 60e6  # below, the beat of a fast block is no longer resolved
+_SET_SPREAD = 0.02  # relative deviation of a push whose speed was set
+_LOWEST_HZ, _HIGHEST_HZ = 8e6, 60e6  # a lower rate does not resolve the beat of a fast block
 
 
 class BenchDigitizer(Digitizer):
-    """A stream of the simulated rig; the block is pushed some time after each ``arm`` and every few seconds on.
+    """A stream of the simulated rig; the block is pushed after each ``arm`` and again every few seconds.
 
-    ``real_time``: samples come as the clock runs and are lost when more than ``memory_s`` of them wait; otherwise as
-    fast as they are asked for.  The counts are a function of the rig's seed, the settings and the number of pushes
-    before, however they are read.  ``push`` may be called from any thread, like ``stop``.
+    ``real_time``: samples come at their rate and are lost when more than ``memory_s`` of them wait; otherwise they come
+    as fast as they are read.  The counts depend only on the rig's seed, the settings and the number of earlier pushes.
+    ``push`` and ``stop`` may be called from any thread.
     """
 
     def __init__(
@@ -41,9 +41,9 @@ class BenchDigitizer(Digitizer):
         patient: bool = False,
         first_shot: int = 0,
     ) -> None:
-        """Get ready; ``push_every_s`` 0: only ``push`` moves the block; ``first_shot`` is the number of its first push.
+        """``push_every_s`` 0: only ``push`` moves the block; ``first_shot`` is the number of its first push.
 
-        ``patient``: where the computer cannot keep up, the rig's time slows down and nothing is lost.
+        ``patient``: if the computer is too slow, the rig's clock slows down and nothing is lost.
         """
         self._patient = patient
         self._rig = rig or Bench()
@@ -55,7 +55,7 @@ class BenchDigitizer(Digitizer):
         self._stop.set()
         self._push = threading.Event()
         self._closed = False
-        self._stage: Stage | None = None
+        self._stage: SimulatedStream | None = None
         self._shots = first_shot
         self._rate_hz = 0.0
         self._started = 0.0
@@ -83,11 +83,11 @@ class BenchDigitizer(Digitizer):
 
     @property
     def setup(self) -> Setup:
-        """Get what the bench tells of itself."""
+        """Get the rig's setup."""
         return self._rig.setup
 
     def prepare(self) -> None:
-        """Compile or load the bench's kernels, so that the first push costs no samples."""
+        """Compile or load the bench's kernels, so that the first push loses no samples."""
         twin = BenchDigitizer(self._rig, real_time=False, first_push_s=0.0)
         twin.arm(CaptureSettings(RATES_HZ[0], 1, 0))
         buffer = np.empty((_CHUNK, len(self._rig.optics.channels)), np.int16)
@@ -95,7 +95,7 @@ class BenchDigitizer(Digitizer):
             twin.read_into(buffer, 0.0)
 
     def arm(self, settings: CaptureSettings) -> None:
-        """Start the stream at its sample 0, with the block in the hand."""
+        """Start a new stream, with the block held by the hand."""
         if self._closed:
             raise DigitizerError("the simulated bench was closed", "select the source again")
         rate = settings.sample_rate_hz
@@ -108,7 +108,7 @@ class BenchDigitizer(Digitizer):
             raise DigitizerError("the pre-trigger part does not fit the shot", "choose fewer pre-trigger samples")
         if self._stage is not None:
             self._shots = self._stage.shots
-        self._stage = Stage(self._rig, rate, self._shots)
+        self._stage = SimulatedStream(self._rig, rate, self._shots)
         self._rate_hz = rate
         self._next_sample = 0
         self._chunk_at = -1
@@ -122,7 +122,7 @@ class BenchDigitizer(Digitizer):
         self._push.set()
 
     def read_into(self, buffer: NDArray[np.int16], timeout_s: float) -> Block:
-        """Deliver what there is, at most the buffer; in real time never more than the clock allows."""
+        """Fill ``buffer`` with the samples that are due."""
         channels = self._chunk.shape[1]
         if buffer.ndim != 2 or buffer.shape[1] != channels or buffer.dtype != np.int16:
             raise DigitizerError(f"a buffer of shape {buffer.shape}, {buffer.dtype} for {channels} channels of int16")
@@ -132,7 +132,7 @@ class BenchDigitizer(Digitizer):
         if self._stop.is_set():
             return self._end()
         if self._real_time:
-            # wait for a good part of what is asked for, so that a small read is not a busy loop
+            # wait for at least 10 ms of samples, so that reading is not a busy loop
             deadline = self._clock() + timeout_s
             least = min(wanted, int(self._rate_hz * 0.01))
             while self._waiting() < least:
@@ -158,7 +158,7 @@ class BenchDigitizer(Digitizer):
         self._stop.set()
 
     def close(self) -> None:
-        """Put the bench away."""
+        """Close the bench for good."""
         self.stop()
         self._closed = True
 
@@ -189,19 +189,19 @@ class BenchDigitizer(Digitizer):
         stage = self._stage
         assert stage is not None
         now_s = base / self._rate_hz
-        ahead_s = now_s + 2 * _CHUNK / self._rate_hz  # a scene starts in a chunk that is still to be made
+        ahead_s = now_s + 2 * _CHUNK / self._rate_hz  # a push starts in a chunk that is not computed yet
         if self._push.is_set() and stage.free_from_s <= now_s:
             self._push.clear()
             self._next_push_s = now_s
         if self._next_push_s is not None and ahead_s >= self._next_push_s:
-            scene = stage.push(max(self._next_push_s, now_s))
-            self._next_push_s = scene.end_s + self._push_every_s if self._push_every_s > 0 else None
+            pushed = stage.push(max(self._next_push_s, now_s))
+            self._next_push_s = pushed.end_s + self._push_every_s if self._push_every_s > 0 else None
         self._chunk_clips = any(stage.fill(base, self._chunk))
         self._chunk_at = base
 
 
-def opened(_: str, options: SourceOptions) -> BenchDigitizer:
-    """Return the bench that a source's options describe."""
+def open_digitizer(_: str, options: SourceOptions) -> BenchDigitizer:
+    """Open the bench that a source's options describe."""
     try:
         effects = parse(options.text("effect", "")) if "effect" in options else {}
     except ValueError as error:
@@ -219,5 +219,5 @@ def opened(_: str, options: SourceOptions) -> BenchDigitizer:
         rig = Bench(effects=effects, site=site, seed=options.whole("seed", "1"), **push)
     except ValueError as error:
         raise DigitizerError(f"source bench: {error}", "set another speed or less weight") from error
-    # patient: a shot of the simulated rig with holes in it, because the computer is busy, teaches nobody anything
+    # patient: a simulated shot with gaps only because the computer is busy would be of no use
     return BenchDigitizer(rig, patient=True, first_shot=options.whole("first", "0", "first push"))

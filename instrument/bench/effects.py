@@ -1,11 +1,10 @@
-"""What can be wrong with the rig beside the paper's model: names, parameters, usual sizes; and the command's syntax.
+"""The effects that the simulated rig can have beyond the paper's model: names, parameters, usual sizes, text syntax.
 
-Where a name alone leaves a choice, this rig chooses: the bearing's force is zero where the plate at rest is touched;
-a hidden mass is part of the block's mass; the clamp is a mass 1 / (C omega^2) on a spring 1 / C, undamped; adhesion
-pulls with a constant force while the bodies are apart by less than its range; the contact's reference overlap is
-10 um; a demodulation lag follows the path in first order; drift and vibration add to what is seen, not to the block,
-and run on the recording's clock.  A frame that takes the plate along moves its clamp by a factor of what the optics
-see.
+Conventions of this rig: the bearing's force is zero where the plate at rest is touched; the hidden mass is part of the
+block's mass; the clamp is a mass 1 / (C omega^2) on a spring 1 / C, undamped; adhesion is a constant force while the
+gap is smaller than its range; the contact's reference overlap is 10 um; the demodulation lag is of first order; drift
+and vibration act on the measured path, not on the block, and start with the recording.  A frame vibration that moves
+the plate too moves its clamp by ``plate_factor`` times the motion of the optics.
 """
 
 import math
@@ -22,9 +21,9 @@ TWO_PI = 2 * math.pi
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One parameter: its usual range (drawn logarithmically), whether its sign is free, where it acts.
+    """One parameter: its usual range (drawn logarithmically), whether its sign is free, its slot in forces.py.
 
-    ``slot`` -1: not a force, see sight.py.
+    ``slot`` -1: not a force, see observation.py.
     """
 
     low: float
@@ -32,11 +31,11 @@ class Parameter:
     slot: int = -1
     factor: float = 1.0
     signed: bool = False
-    scales: bool = True  # grows with the strength of the effect
+    scales: bool = True  # proportional to the strength of the effect
 
     @property
     def usual(self) -> float:
-        """Get the value taken when none is given."""
+        """Get the default value."""
         return math.sqrt(self.low * self.high)
 
 
@@ -44,7 +43,7 @@ def _p(low: float, high: float, at: int = -1, **more: float | bool) -> Parameter
     return Parameter(low, high, at, **more)  # type: ignore[arg-type]
 
 
-# as docs/catalogue.md names them
+# names as in docs/catalogue.md
 CATALOGUE: Mapping[str, Mapping[str, Parameter]] = {
     "coulomb_friction": {"force_n": _p(1e-5, 3e-4, slot.F_COULOMB)},
     "viscous_drag": {"coefficient_n_s_per_m": _p(5e-5, 2e-3, slot.C_VISCOUS)},
@@ -91,13 +90,13 @@ CATALOGUE: Mapping[str, Mapping[str, Parameter]] = {
     "cyclic_error": {"amplitude_m": _p(3e-10, 6e-9), "order": _p(1.0, 2.0, scales=False)},
 }
 
-# what the catalogue lists as the wider of two: drawn only where it is named
+# variants with more parameters of an effect of the catalogue; never drawn at random
 WIDER: Mapping[str, Mapping[str, Parameter]] = {
     "frame_vibration_with_plate": {**CATALOGUE["frame_vibration"], "plate_factor": _p(0.2, 1.0, scales=False)},
 }
 
-# what no catalogue lists; the analysis must say "unexplained" or leave it unnamed
-BEYOND: Mapping[str, Mapping[str, Parameter]] = {
+# effects that the analysis does not know; it must say "unexplained" or name none
+OFF_CATALOGUE: Mapping[str, Mapping[str, Parameter]] = {
     "bristle_friction": {  # LuGre with a Stribeck curve
         "force_n": _p(3e-5, 5e-4, slot.F_BRISTLE),
         "static_force_n": _p(9e-5, 2e-3, slot.F_BRISTLE_STATIC),
@@ -108,7 +107,7 @@ BEYOND: Mapping[str, Mapping[str, Parameter]] = {
         "gain": _p(0.1, 0.8, slot.AREA_GAIN),
         "overlap_m": _p(3e-6, 2e-5, slot.AREA_XI, scales=False),
     },
-    "mass_jump": {  # picks something up on the way out
+    "mass_jump": {  # the block picks up a mass on the way out
         "mass_kg": _p(1e-8, 1e-6, slot.JUMP_MASS),
         "position_m": _p(3e-4, 1.5e-3, slot.JUMP_X, scales=False),
     },
@@ -130,15 +129,15 @@ PER_SHOT = {
 }
 
 
-def known_of(name: str) -> Mapping[str, Parameter] | None:
-    """Return the parameters of an effect, None where there is none of that name."""
-    return CATALOGUE.get(name) or WIDER.get(name) or BEYOND.get(name)
+def parameters_of(name: str) -> Mapping[str, Parameter] | None:
+    """Return the parameters of an effect, None if there is no effect of that name."""
+    return CATALOGUE.get(name) or WIDER.get(name) or OFF_CATALOGUE.get(name)
 
 
 def parse(text: str) -> dict[str, dict[str, float]]:
-    """Return the effects of ``NAME:PARAMETER=VALUE,...``; several are parted by ``;``, what is left out is usual.
+    """Read effects from ``NAME:PARAMETER=VALUE,...``, separated by ``;``; parameters left out have default values.
 
-    Raises ValueError with one line that says what is unknown and what there is.
+    Raises ValueError in one line.
     """
     effects: dict[str, dict[str, float]] = {}
     for part in filter(None, (piece.strip() for piece in text.split(";"))):
@@ -159,15 +158,17 @@ def parse(text: str) -> dict[str, dict[str, float]]:
 
 
 def complete(effects: Effects) -> dict[str, dict[str, float]]:
-    """Return ``effects`` with the parameters left out at their usual values.
+    """Return ``effects`` with default values for the parameters left out.
 
-    Raises ValueError on a name or parameter that does not exist, or a value that is not possible.
+    Raises ValueError for an unknown name or parameter, or an impossible value.
     """
     result: dict[str, dict[str, float]] = {}
     for name, given in effects.items():
-        known = known_of(name)
+        known = parameters_of(name)
         if known is None:
-            raise ValueError(f"no effect is called {name!r}; there are {', '.join((*CATALOGUE, *WIDER, *BEYOND))}")
+            raise ValueError(
+                f"no effect is called {name!r}; there are {', '.join((*CATALOGUE, *WIDER, *OFF_CATALOGUE))}"
+            )
         for key, value in given.items():
             if key not in known:
                 raise ValueError(f"effect {name} has no parameter {key!r}; it has {', '.join(known)}")
@@ -192,7 +193,7 @@ def force_slots(effects: Effects) -> dict[int, float]:
     """Return the parameter slots of forces.py that ``effects`` set."""
     extra: dict[int, float] = {}
     for name, values in effects.items():
-        known = known_of(name) or {}
+        known = parameters_of(name) or {}
         for key, value in values.items():
             if known[key].slot >= 0:
                 extra[known[key].slot] = value * known[key].factor
@@ -206,7 +207,7 @@ def force_slots(effects: Effects) -> dict[int, float]:
 
 def draw(name: str, random: np.random.Generator) -> dict[str, float]:
     """Return parameters of an effect drawn from their usual ranges."""
-    known = known_of(name) or {}
+    known = parameters_of(name) or {}
     values: dict[str, float] = {}
     for key, parameter in known.items():
         value = float(np.exp(random.uniform(np.log(parameter.low), np.log(parameter.high))))
@@ -221,17 +222,17 @@ def draw(name: str, random: np.random.Generator) -> dict[str, float]:
 
 
 def scaled(effects: Effects, strength: float) -> dict[str, dict[str, float]]:
-    """Return ``effects`` with what makes them strong times ``strength`` (the modal mass of the plate: divided)."""
+    """Return ``effects`` with their sizes multiplied by ``strength`` (the modal mass of the plate: divided)."""
     result: dict[str, dict[str, float]] = {}
     for name, values in effects.items():
-        known = known_of(name) or {}
+        known = parameters_of(name) or {}
         power = -1.0 if name == "second_plate_mode" else 1.0
         result[name] = {key: value * strength**power if known[key].scales else value for key, value in values.items()}
     return result
 
 
-def for_shot(effects: Effects, shot: int, seed: int) -> dict[str, dict[str, float]]:
-    """Return the effects of one shot of a set: what differs from shot to shot is drawn, but for the first (0)."""
+def effects_of_shot(effects: Effects, shot: int, seed: int) -> dict[str, dict[str, float]]:
+    """Return the effects of one shot of a set: PER_SHOT parameters are drawn at random, except for shot 0."""
     result = {name: dict(values) for name, values in effects.items()}
     if shot == 0:
         return result

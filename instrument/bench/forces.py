@@ -1,7 +1,7 @@
 """The forces between block, plate, clamp and bearing, in the frame's coordinates, and the slots of their parameters.
 
-Every force is always there; a coefficient of zero switches it off.  Right is positive, the plate at rest stands at
-x = 0, the block comes from the right.  Units are SI throughout.
+A coefficient of zero switches a force off.  Right is positive, the plate at rest is at x = 0, the block comes from the
+right.  SI units.
 """
 
 import math
@@ -14,14 +14,14 @@ Floats = NDArray[np.float64]
 
 GRAVITY_M_PER_S2 = 9.80665
 
-# state: absolute positions and velocities, then the inner variables of what has memory
+# state: positions and velocities, then internal variables
 BLOCK_X, BLOCK_V, PLATE_X, PLATE_V = 0, 1, 2, 3
 HIDDEN_X, HIDDEN_V = 4, 5  # mass inside the block
 ARM_F = 6  # force of the Maxwell arm
 MODE_Q, MODE_V = 7, 8  # second plate mode, at the contact point
-CLAMP_X, CLAMP_V = 9, 10  # elastic give of the clamp
+CLAMP_X, CLAMP_V = 9, 10  # elastic displacement of the clamp
 BRISTLE_Z = 11  # bristle deflection
-SLIP_X = 12  # plastic give of the clamp
+SLIP_X = 12  # slip of the clamp
 STATES = 13
 
 # parameters
@@ -44,7 +44,7 @@ F_MAGNET, D_MAGNET = 38, 39
 F_SLIP, SLIP_MOBILITY = 40, 41
 PARAMETERS = 42
 
-# what is switched by an event and held through a step
+# flags that change at an event and are constant during a step
 IN_CONTACT, MOVING_RIGHT, WITHIN_REACH, JUMPED = 0, 1, 2, 3
 SWITCHES = 4
 
@@ -57,7 +57,7 @@ def gap_m(y: Floats) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def pair_force_n(y: Floats, p: Floats, on: NDArray[np.int64]) -> float:
-    """Return the force in N with which the plate pushes the block (paper Eq. 9, and what may be added to it).
+    """Return the force in N of the plate on the block (paper Eq. 9 and the effects in the contact).
 
     k_N xi (xi/xi_0)^delta (1 + a (1 - exp(-xi/xi_a))) + (gamma_N + c xi) xi' - F_a [0 <= gap < d] + F_m exp(-gap/l)
     """
@@ -81,7 +81,7 @@ def pair_force_n(y: Floats, p: Floats, on: NDArray[np.int64]) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def rates(y: Floats, p: Floats, on: NDArray[np.int64], frame: float, dy: Floats) -> None:
-    """Write dy/dt of the 13 states into ``dy``; every mass feels minus the acceleration ``frame`` (m/s2).
+    """Write dy/dt of the 13 states into ``dy``; minus the acceleration ``frame`` (m/s2) acts on every mass.
 
     Cost: about 50 ns.
     """

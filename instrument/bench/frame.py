@@ -1,8 +1,8 @@
-"""The frame that carries optics, plate and light switch, as its site moves it; the block floats free of it.
+"""The motion of the frame that carries optics, plate and light switch; the block floats free of it.
 
-What the optics measure is block minus frame.  In flight the block is inertial, so the whole motion of the frame
-stands in the record; in contact the plate's clamp moves with the frame and drives both bodies.  The bodies are
-followed in the frame's coordinates, where every mass feels minus the frame's acceleration.
+The optics measure block minus frame.  In flight the block is inertial, so the record contains the whole motion of the
+frame; in contact the plate's clamp moves with the frame and drives both bodies.  The equations of motion are in the
+frame's coordinates, where minus the frame's acceleration acts on every mass.
 """
 
 from dataclasses import dataclass, replace
@@ -10,23 +10,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.bench.sines import Sines, with_slope
+from instrument.bench.sines import Sines, interpolate_with_slope
 from instrument.bench.site import Knock, Site
 
 Floats = NDArray[np.float64]
 LOWEST_HZ, HIGHEST_HZ = 1.0, 250.0
 BAND_HZ = (8.0, 80.0)  # where the criterion curves are level
-PLATE_QUALITY = 200.0  # of the plate's own swing in air: what the frame has made of it when the block comes
-_PER_THIRD_OCTAVE = 12  # sines where they lie closer than
-_APART_HZ = 0.15  # that they are at most: some seconds of record must not tell one from the next
-_TURN = 0.1  # rad of the fastest sine between computed times; cubic between: 3e-7 of it
-_KNOCKED_WITHIN_S = 0.055  # of the block's being let go
+PLATE_QUALITY = 200.0  # of the plate's resonance in air, which the frame excites before the block comes
+_PER_THIRD_OCTAVE = 12  # sines, if they are closer than ...
+_LARGEST_SPACING_HZ = 0.15  # ... this: a record of some seconds must not resolve them
+_PHASE_STEP = 0.1  # rad of the fastest sine between computed times; cubic interpolation then errs by 3e-7
+_KNOCKED_WITHIN_S = 0.055  # after the release of the block
 
 
 @dataclass(frozen=True, slots=True)
-class _Struck:
-    """A knock that happens: Im A sum_k c_k exp(s_k t) from ``start_s`` on, all of whose slopes below the fourth begin
-    at zero: the table's mass takes a while to follow the fist."""
+class _Ringing:
+    """A knock: Im A sum_k c_k exp(s_k t) from ``start_s`` on; its derivatives below the fourth start at zero."""
 
     start_s: float
     amplitude: tuple[complex, ...]
@@ -39,83 +38,83 @@ class _Struck:
             out[a:] += (amplitude * rate**order * np.exp(rate * (time_s[a:] - self.start_s))).imag
 
 
-def _struck(knock: Knock, start_s: float, sign: float) -> _Struck:
+def _ringing(knock: Knock, start_s: float, sign: float) -> _Ringing:
     omega, rise_s = 2 * np.pi * knock.frequency_hz, 0.1 / knock.frequency_hz
     ring = complex(-1 / knock.decay_s, omega)
     rates = tuple(ring - k / rise_s for k in range(4))
     shape = (1.0, -3.0, 3.0, -1.0)  # (1 - exp(-t / rise))^3
     time_s = np.linspace(0.0, 2 / knock.frequency_hz, 400)
     peak = np.abs(sum(c * np.exp(r * time_s) for c, r in zip(shape, rates, strict=True)).imag).max()
-    return _Struck(start_s, tuple(sign * knock.amplitude_m / peak * c for c in shape), rates)
+    return _Ringing(start_s, tuple(sign * knock.amplitude_m / peak * c for c in shape), rates)
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """The frame's displacement along the beam, right positive; any time can be asked for."""
+    """The frame's displacement along the beam, right positive, at any time."""
 
     site: Site
     seed: int
     sines: Sines
-    struck: tuple[_Struck, ...] = ()
+    ringing: tuple[_Ringing, ...] = ()
 
     @property
     def _spacing_s(self) -> float:
         """Get the spacing of the times at which motion is computed."""
-        knocks = max((abs(rate) for one in self.struck for rate in one.rate), default=0.0)
-        return _TURN / max(float(self.sines.omega.max(initial=2 * np.pi * HIGHEST_HZ)), knocks)
+        knocks = max((abs(rate) for one in self.ringing for rate in one.rate), default=0.0)
+        return _PHASE_STEP / max(float(self.sines.omega.max(initial=2 * np.pi * HIGHEST_HZ)), knocks)
 
     def motion(self, time_s: Floats) -> tuple[Floats, Floats]:
-        """Return displacement (m) and velocity (m/s) at ascending times, shape (n,).  Cost: 60 ms a second of time."""
-        if not self.sines.omega.size and not self.struck:
+        """Return displacement (m) and velocity (m/s) at ascending times, shape (n,).  Cost: 60 ms per second."""
+        if not self.sines.omega.size and not self.ringing:
             return np.zeros_like(time_s), np.zeros_like(time_s)
         spacing_s = self._spacing_s
         nodes = int((time_s[-1] - time_s[0]) / spacing_s) + 2
         node_s: Floats = float(time_s[0]) + np.arange(nodes, dtype=np.float64) * spacing_s
         x, v = self.sines.at(float(time_s[0]), spacing_s, nodes)
-        for one in self.struck:
+        for one in self.ringing:
             one.add(node_s, 0, x)
             one.add(node_s, 1, v)
-        moved: tuple[Floats, Floats] = with_slope(node_s, x, v, time_s)
+        moved: tuple[Floats, Floats] = interpolate_with_slope(node_s, x, v, time_s)
         return moved
 
     def from_time(self, start_s: float) -> "Frame":
         """Return the same frame on a clock whose zero is ``start_s``."""
         turned = replace(self.sines, phase=self.sines.phase + self.sines.omega * start_s)
-        struck = tuple(replace(one, start_s=one.start_s - start_s) for one in self.struck)
-        return replace(self, sines=turned, struck=struck)
+        ringing = tuple(replace(one, start_s=one.start_s - start_s) for one in self.ringing)
+        return replace(self, sines=turned, ringing=ringing)
 
-    def pull(self, duration_s: float) -> tuple[float, Floats, Floats]:
+    def acceleration(self, duration_s: float) -> tuple[float, Floats, Floats]:
         """Return spacing (s), acceleration (m/s2) and its rate (m/s3) at nodes from time zero on."""
         spacing_s = self._spacing_s
         nodes = int(np.ceil(duration_s / spacing_s)) + 2
-        a, jerk = self.sines.pull(0.0, spacing_s, nodes)
+        a, jerk = self.sines.acceleration(0.0, spacing_s, nodes)
         node_s: Floats = np.arange(nodes, dtype=np.float64) * spacing_s
-        for one in self.struck:
+        for one in self.ringing:
             one.add(node_s, 2, a)
             one.add(node_s, 3, jerk)
         return spacing_s, a, jerk
 
-    def swing(self, omega: float) -> tuple[float, float]:
-        """Return displacement and velocity that a plate of resonance ``omega`` has against the frame at time zero."""
+    def plate_response(self, omega: float) -> tuple[float, float]:
+        """Return displacement and velocity, relative to the frame, of a plate of resonance ``omega`` at time zero."""
         w = self.sines.omega
         answer = w**2 / (omega**2 - w**2 + 1j * w * omega / PLATE_QUALITY)
         turning = self.sines.amplitude_m * answer * np.exp(1j * self.sines.phase)
         return float(turning.imag.sum()), float((w * turning).real.sum())
 
-    def knocked(self, let_go_s: float, shot: int) -> "Frame":
-        """Return the frame with the knocks that fall into the shot whose block is let go at ``let_go_s``."""
+    def knocked(self, release_s: float, shot: int) -> "Frame":
+        """Return the frame with the knocks during the shot whose block is released at ``release_s``."""
         random = np.random.default_rng((self.seed, shot, 0x6B))
-        struck = []
+        ringing = []
         for knock in self.site.knocks:
             happens, at_s = random.random() < knock.share, random.uniform(0.0, _KNOCKED_WITHIN_S)
             sign = float(random.choice((-1.0, 1.0)))
             if happens:
-                struck.append(_struck(knock, let_go_s + (at_s if knock.at_s is None else knock.at_s), sign))
-        return replace(self, struck=tuple(struck)) if struck or self.struck else self
+                ringing.append(_ringing(knock, release_s + (at_s if knock.at_s is None else knock.at_s), sign))
+        return replace(self, ringing=tuple(ringing)) if ringing or self.ringing else self
 
 
 def density_m2_per_hz(site: Site, frequency_hz: Floats) -> Floats:
-    """Return the one-sided density of the displacement's random part, (n,) at ``frequency_hz``; lines are not in it."""
+    """Return the one-sided density of the random displacement, without lines, (n,) at ``frequency_hz``."""
     low, high = BAND_HZ
     shape = np.minimum(1.0, frequency_hz / low) * np.minimum(1.0, (high / frequency_hz) ** 2)
     third = np.log(2.0) / 3 * frequency_hz  # width of a third-octave
@@ -133,9 +132,10 @@ def density_m2_per_hz(site: Site, frequency_hz: Floats) -> Floats:
 def _edges_hz(lowest: float, highest: float) -> Floats:
     """Return the limits between neighbouring sines of the random part."""
     ratio = 2 ** (1 / (3 * _PER_THIRD_OCTAVE))
-    bend = min(max(_APART_HZ / (ratio - 1), lowest), highest)
+    bend = min(max(_LARGEST_SPACING_HZ / (ratio - 1), lowest), highest)
     low = np.geomspace(lowest, bend, max(1, round(np.log(bend / lowest) / np.log(ratio))) + 1)
-    return np.concatenate((low[:-1], np.linspace(bend, highest, max(1, round((highest - bend) / _APART_HZ)) + 1)))
+    high = np.linspace(bend, highest, max(1, round((highest - bend) / _LARGEST_SPACING_HZ)) + 1)
+    return np.concatenate((low[:-1], high))
 
 
 def frame_of(site: Site, seed: int) -> Frame:

@@ -1,4 +1,4 @@
-"""Dormand-Prince steps of fixed length; every switch (touch, release, turnaround, reach) is met by bisection."""
+"""Dormand-Prince steps of fixed length; every event (touch, release, turnaround, reach) is located by bisection."""
 
 from typing import NamedTuple
 
@@ -29,19 +29,19 @@ Floats = NDArray[np.float64]
 BISECTIONS = 45  # 10 us / 2^45: below a femtosecond
 
 
-class Drive(NamedTuple):
-    """Acceleration (m/s2) of the frame and its rate (m/s3) at nodes of equal spacing from time zero; none: still."""
+class FrameAcceleration(NamedTuple):
+    """Acceleration (m/s2) of the frame and its rate (m/s3) at nodes of equal spacing from time zero; empty: at rest."""
 
     spacing_s: float
     acceleration: Floats
     jerk: Floats
 
 
-STILL = Drive(1.0, np.empty(0), np.empty(0))
+STILL = FrameAcceleration(1.0, np.empty(0), np.empty(0))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def drive_at(drive: Drive, t: float) -> float:
+def frame_acceleration(drive: FrameAcceleration, t: float) -> float:
     """Return the frame's acceleration at ``t``, cubic between nodes.  Cost: 5 ns."""
     last = drive.acceleration.shape[0] - 2
     if last < 0:
@@ -58,28 +58,28 @@ def drive_at(drive: Drive, t: float) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _step(
-    y: Floats, t: float, h: float, p: Floats, on: NDArray[np.int64], drive: Drive, k: Floats, new: Floats
+    y: Floats, t: float, h: float, p: Floats, on: NDArray[np.int64], drive: FrameAcceleration, k: Floats, new: Floats
 ) -> None:
-    """Advance ``y`` from ``t`` by ``h`` into ``new`` with the switches held.
+    """Advance ``y`` from ``t`` by ``h`` into ``new`` with constant switches.
 
-    Six stages, fifth order (Dormand, Prince 1980); ``k`` holds the stages and, in its last row, what they start from.
+    Six stages, fifth order (Dormand, Prince 1980); ``k`` holds the stages and, in its last row, their starting point.
     """
     work = k[6]
-    rates(y, p, on, drive_at(drive, t), k[0])
+    rates(y, p, on, frame_acceleration(drive, t), k[0])
     for i in range(STATES):
         work[i] = y[i] + h * (k[0, i] / 5)
-    rates(work, p, on, drive_at(drive, t + h / 5), k[1])
+    rates(work, p, on, frame_acceleration(drive, t + h / 5), k[1])
     for i in range(STATES):
         work[i] = y[i] + h * (3 / 40 * k[0, i] + 9 / 40 * k[1, i])
-    rates(work, p, on, drive_at(drive, t + 0.3 * h), k[2])
+    rates(work, p, on, frame_acceleration(drive, t + 0.3 * h), k[2])
     for i in range(STATES):
         work[i] = y[i] + h * (44 / 45 * k[0, i] - 56 / 15 * k[1, i] + 32 / 9 * k[2, i])
-    rates(work, p, on, drive_at(drive, t + 0.8 * h), k[3])
+    rates(work, p, on, frame_acceleration(drive, t + 0.8 * h), k[3])
     for i in range(STATES):
         work[i] = y[i] + h * (
             19372 / 6561 * k[0, i] - 25360 / 2187 * k[1, i] + 64448 / 6561 * k[2, i] - 212 / 729 * k[3, i]
         )
-    rates(work, p, on, drive_at(drive, t + 8 / 9 * h), k[4])
+    rates(work, p, on, frame_acceleration(drive, t + 8 / 9 * h), k[4])
     for i in range(STATES):
         work[i] = y[i] + h * (
             9017 / 3168 * k[0, i]
@@ -88,7 +88,7 @@ def _step(
             + 49 / 176 * k[3, i]
             - 5103 / 18656 * k[4, i]
         )
-    rates(work, p, on, drive_at(drive, t + h), k[5])
+    rates(work, p, on, frame_acceleration(drive, t + h), k[5])
     for i in range(STATES):
         new[i] = y[i] + h * (
             35 / 384 * k[0, i] + 500 / 1113 * k[2, i] + 125 / 192 * k[3, i] - 2187 / 6784 * k[4, i] + 11 / 84 * k[5, i]
@@ -97,7 +97,7 @@ def _step(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _switches(y: Floats, p: Floats, before: NDArray[np.int64], now: NDArray[np.int64]) -> bool:
-    """Write the switches that belong to ``y`` into ``now``; return whether one differs from ``before``."""
+    """Write the switches for ``y`` into ``now``; return whether one differs from ``before``."""
     gap = gap_m(y)
     now[IN_CONTACT] = 1 if gap < 0.0 else 0
     now[MOVING_RIGHT] = 1 if y[BLOCK_V] > 0.0 else 0
@@ -112,7 +112,7 @@ def _switches(y: Floats, p: Floats, before: NDArray[np.int64], now: NDArray[np.i
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _keep(y: Floats, on: NDArray[np.int64], out_y: Floats, out_on: NDArray[np.int64]) -> None:
-    """Copy state and switches; not by slices, as numba compiles its words about unequal shapes for seconds."""
+    """Copy state and switches in loops, which compile faster than slices."""
     for i in range(STATES):
         out_y[i] = y[i]
     for i in range(SWITCHES):
@@ -125,14 +125,13 @@ def integrate(
     t_end: float,
     steps_s: tuple[float, float],
     p: Floats,
-    drive: Drive,
+    drive: FrameAcceleration,
     out: tuple[Floats, Floats, NDArray[np.int64]],
 ) -> int:
-    """Integrate from time zero to ``t_end``; write time, state and switches of every node; return how many.
+    """Integrate from time zero to ``t_end``; write time, state and switches of every node; return their number.
 
-    ``steps_s`` are those in contact and in flight.
-    A node stands at every step and at every event, where it carries the switches that hold after the event.
-    Returns -1 when the node arrays are too short (events without end).  Cost: about 0.4 us a node.
+    ``steps_s`` are those in contact and in flight.  There is a node at every step and at every event, with the switches
+    after the event.  Returns -1 if the node arrays are too short.  Cost: about 0.4 us per node.
     """
     y = start.copy()
     new = np.empty(STATES)
@@ -166,7 +165,7 @@ def integrate(
             h = high
             _step(y, t, h, p, on, drive, k, new)
             _switches(new, p, on, now)
-            if now[JUMPED] == 1 and on[JUMPED] == 0:  # what is picked up was at rest
+            if now[JUMPED] == 1 and on[JUMPED] == 0:  # the mass picked up was at rest
                 carried = p[M_BLOCK] - p[M_HIDDEN]
                 new[BLOCK_V] *= carried / (carried + p[JUMP_MASS])
         t = t_end if t + h > t_end - 1e-15 else t + h

@@ -1,4 +1,4 @@
-"""The collision: what block and plate do from a start velocity, as nodes that can be asked for any time."""
+"""Simulates a collision of block and plate from a start velocity."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from instrument.bench import forces as slot
 from instrument.bench.frame import Frame
-from instrument.bench.integrator import STILL, Drive, drive_at, integrate
-from instrument.bench.sines import at_times
+from instrument.bench.integrator import STILL, FrameAcceleration, frame_acceleration, integrate
+from instrument.bench.sines import interpolate
 
 Floats = NDArray[np.float64]
 
@@ -28,9 +28,9 @@ class Bodies:
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """The motion as nodes in time; arrays have shape (n,) and ``states`` (n, 13), see forces.py for its columns.
+    """The motion at nodes in time; arrays have shape (n,) and ``states`` (n, 13), with the columns of forces.py.
 
-    Positions are against the frame, so is everything that follows from them.  Time zero is the start of the flight.
+    Positions and velocities are relative to the frame.  Time zero is the start of the flight.
     ``events`` are ("touch" | "release", time in s), in order.
     """
 
@@ -52,30 +52,35 @@ class Trajectory:
         return next((time for what, time in reversed(self.events) if what == "release"), float("nan"))
 
     def block_m(self, time_s: Floats) -> Floats:
-        """Return the block's position at ``time_s`` (ascending), cubic between nodes: below 1 pm off."""
-        return at_times(self.time_s, self.states[:, slot.BLOCK_X].copy(), self.states[:, slot.BLOCK_V].copy(), time_s)
+        """Return the block's position at ``time_s`` (ascending), cubic between nodes: error below 1 pm."""
+        return self._interpolated(slot.BLOCK_X, slot.BLOCK_V, time_s)
 
     def block_velocity_m_per_s(self, time_s: Floats) -> Floats:
         """Return the block's velocity at ``time_s`` (ascending)."""
-        return at_times(self.time_s, self.states[:, slot.BLOCK_V].copy(), self.acceleration_m_per_s2, time_s)
+        return interpolate(self.time_s, self.states[:, slot.BLOCK_V].copy(), self.acceleration_m_per_s2, time_s)
 
     def plate_m(self, time_s: Floats) -> Floats:
         """Return the plate's position at ``time_s`` (ascending)."""
-        return at_times(self.time_s, self.states[:, slot.PLATE_X].copy(), self.states[:, slot.PLATE_V].copy(), time_s)
+        return self._interpolated(slot.PLATE_X, slot.PLATE_V, time_s)
+
+    def _interpolated(self, position: int, velocity: int, time_s: Floats) -> Floats:
+        return interpolate(self.time_s, self.states[:, position].copy(), self.states[:, velocity].copy(), time_s)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _accelerations(time_s: Floats, states: Floats, on: NDArray[np.int64], p: Floats, drive: Drive) -> Floats:
+def _accelerations(
+    time_s: Floats, states: Floats, on: NDArray[np.int64], p: Floats, drive: FrameAcceleration
+) -> Floats:
     dy = np.empty(slot.STATES)
     result = np.empty(states.shape[0])
     for i in range(states.shape[0]):
-        slot.rates(states[i], p, on[i], drive_at(drive, time_s[i]), dy)
+        slot.rates(states[i], p, on[i], frame_acceleration(drive, time_s[i]), dy)
         result[i] = dy[slot.BLOCK_V]
     return result
 
 
 def parameters(bodies: Bodies, extra: Mapping[int, float] | None = None) -> Floats:
-    """Return the parameter array of forces.py for ``bodies`` with ``extra`` slots set on top."""
+    """Return the parameter array of forces.py for ``bodies``, with the slots of ``extra``."""
     p = np.zeros(slot.PARAMETERS)
     p[slot.M_BLOCK] = bodies.block_mass_kg
     p[slot.M_PLATE] = bodies.plate_mass_kg
@@ -86,6 +91,18 @@ def parameters(bodies: Bodies, extra: Mapping[int, float] | None = None) -> Floa
     for index, value in (extra or {}).items():
         p[index] = value
     return p
+
+
+def _fine_steps_s(p: Floats, steps_s: tuple[float, float], speed_m_per_s: float) -> tuple[float, float]:
+    """Return steps in contact and in flight that resolve the fastest resonance and the bristles."""
+    contact_s, flight_s = steps_s
+    fastest = max(p[slot.W_HIDDEN], p[slot.W_MODE], p[slot.W_CLAMP])
+    if fastest > 0.0:  # an error of 1e-9 of the oscillation per step
+        contact_s, flight_s = min(contact_s, 0.1 / fastest), min(flight_s, 0.1 / fastest)
+    if p[slot.F_BRISTLE] > 0.0:
+        flight_s = min(flight_s, 0.1 * p[slot.F_BRISTLE] / p[slot.K_BRISTLE] / speed_m_per_s)
+        contact_s = min(contact_s, flight_s)
+    return contact_s, flight_s
 
 
 def collide(
@@ -99,24 +116,17 @@ def collide(
     steps_s: tuple[float, float] = (4e-6, 1e-5),
     frame: Frame | None = None,
 ) -> Trajectory:
-    """Let the block start at ``distance_m`` with ``velocity_m_per_s`` (negative: towards the plate) and follow it.
+    """Simulate a block that starts at ``distance_m`` with ``velocity_m_per_s`` (negative: towards the plate).
 
-    ``plate_at_touch`` is the displacement (m) and velocity (m/s) that a freely swinging plate shall have when the
-    block arrives; ``steps_s`` those of the integration in contact and in flight.  With a ``frame``, whose time zero
-    is the start, distance and velocity are the block's against space, the trajectory is against the frame, and the
-    plate has swung in it long before.  Raises ValueError when the block does not move towards the plate.
+    ``plate_at_touch`` is the displacement (m) and velocity (m/s) of a freely oscillating plate when the block arrives;
+    ``steps_s`` are the steps in contact and in flight.  With a ``frame``, whose time zero is the start, distance and
+    velocity are relative to space and the trajectory to the frame, and the plate has its stationary response to the
+    frame.  Raises ValueError if the block does not move towards the plate.
     """
     if not velocity_m_per_s < 0.0:
         raise ValueError(f"the block must start towards the plate: velocity {velocity_m_per_s} m/s is not negative")
     p = parameters(bodies or Bodies(), extra)
-    step_s, flight_step_s = steps_s
-    fastest = max(p[slot.W_HIDDEN], p[slot.W_MODE], p[slot.W_CLAMP])
-    if fastest > 0.0:
-        step_s = min(step_s, 0.1 / fastest)  # 1e-9 of the ringing a step
-        flight_step_s = min(flight_step_s, 0.1 / fastest)
-    if p[slot.F_BRISTLE] > 0.0:
-        flight_step_s = min(flight_step_s, 0.1 * p[slot.F_BRISTLE] / p[slot.K_BRISTLE] / abs(velocity_m_per_s))
-        step_s = min(step_s, flight_step_s)
+    steps_s = _fine_steps_s(p, steps_s, abs(velocity_m_per_s))
     start = np.zeros(slot.STATES)
     start[slot.BLOCK_X] = start[slot.HIDDEN_X] = distance_m
     start[slot.BLOCK_V] = start[slot.HIDDEN_V] = velocity_m_per_s
@@ -131,11 +141,11 @@ def collide(
         (x,), (v,) = frame.motion(np.zeros(1))
         start[[slot.BLOCK_X, slot.HIDDEN_X]] -= x
         start[[slot.BLOCK_V, slot.HIDDEN_V]] -= v
-        start[[slot.PLATE_X, slot.PLATE_V]] += frame.swing(w)
-        drive = Drive(*frame.pull(duration_s))
-    room = int(duration_s / min(step_s, flight_step_s)) + 20_000
+        start[[slot.PLATE_X, slot.PLATE_V]] += frame.plate_response(w)
+        drive = FrameAcceleration(*frame.acceleration(duration_s))
+    room = int(duration_s / min(steps_s)) + 20_000
     time_s, states, on = np.empty(room), np.empty((room, slot.STATES)), np.empty((room, slot.SWITCHES), np.int64)
-    n = integrate(start, duration_s, (step_s, flight_step_s), p, drive, (time_s, states, on))
+    n = integrate(start, duration_s, steps_s, p, drive, (time_s, states, on))
     if n < 0:
         raise ValueError("the block came to rest against the plate or the bearing: more events than a shot can have")
     time_s, states, on = time_s[:n].copy(), states[:n].copy(), on[:n].copy()

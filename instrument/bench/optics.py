@@ -1,6 +1,6 @@
-"""Laser, photodiodes and light switch: what each channel of the digitizer shows of a path.
+"""Laser, photodiodes and light switch: the counts of each channel for a path of the block.
 
-The measurement beat is the rest beat shifted by 4 pi x / lambda; inward motion (v < 0) raises its frequency.
+The measurement beat is the rest beat shifted in phase by 4 pi x / lambda; inward motion (v < 0) raises its frequency.
 """
 
 import math
@@ -18,7 +18,7 @@ SEGMENT_S = 5e-6  # spacing of the path's nodes
 
 @dataclass(frozen=True, slots=True)
 class DropOut:
-    """A time in which the measurement beam is blocked to ``light`` of its amplitude (0: none left)."""
+    """A time in which the measurement beat has only the share ``light`` of its amplitude."""
 
     start_s: float
     end_s: float
@@ -65,17 +65,17 @@ class Optics:
 
     @property
     def roles(self) -> tuple[Role, ...]:
-        """Get what the columns carry, in order."""
+        """Get the roles of the columns, in order."""
         wanted = ((Role.REFERENCE, self.with_reference), (Role.MEASUREMENT, True), (Role.SWITCH, self.with_switch))
         return tuple(role for role, there in wanted if there)
 
     @property
     def channels(self) -> tuple[Channel, ...]:
-        """Get the channels as a recording names them."""
+        """Get the channels of a recording."""
         return tuple(Channel(role, self.volts_per_count) for role in self.roles)
 
     def light(self, time_s: Floats) -> Floats:
-        """Return what part of the measurement amplitude is there at ``time_s``."""
+        """Return the share of the measurement amplitude that is left at ``time_s``."""
         result = np.ones_like(time_s)
         for gap in self.drop_outs:
             result[(time_s >= gap.start_s) & (time_s < gap.end_s)] = gap.light
@@ -84,9 +84,9 @@ class Optics:
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """Where the corner cube is for the optics, and the flag for the switch, at nodes of equal spacing; shape (n,).
+    """Position of the corner cube (optics) and of the block (light switch) at nodes of equal spacing; shape (n,).
 
-    ``optical_m`` includes what only the optics see (vibration of the frame, drift); ``block_m`` is the block itself.
+    ``optical_m`` includes what only the optics measure: vibration of the frame, drift.
     """
 
     optical_m: Floats
@@ -95,12 +95,12 @@ class Path:
 
 
 def segment_samples(sample_rate_hz: float) -> int:
-    """Return how many samples lie between two nodes of the path."""
+    """Return the number of samples between two nodes of the path."""
     return max(1, round(sample_rate_hz * SEGMENT_S))
 
 
 def node_times_s(first_sample: int, samples: int, sample_rate_hz: float) -> Floats:
-    """Return the times at which ``fill`` wants the path of these samples."""
+    """Return the times of the path's nodes for these samples."""
     step = segment_samples(sample_rate_hz)
     nodes = -(-samples // step) + 1
     return (first_sample + step * np.arange(nodes, dtype=np.float64)) / sample_rate_hz
@@ -109,9 +109,9 @@ def node_times_s(first_sample: int, samples: int, sample_rate_hz: float) -> Floa
 def fill(
     optics: Optics, path: Path, first_sample: int, sample_rate_hz: float, seed: int, out: NDArray[np.int16]
 ) -> tuple[int, ...]:
-    """Fill ``out`` (n, channels) with the counts of samples ``first_sample`` on; return how many clipped a channel.
+    """Fill ``out`` (n, channels) with counts from ``first_sample`` on; return the clipped samples per channel.
 
-    ``path`` stands at ``node_times_s(first_sample, n, sample_rate_hz)``; sample 0 is at time zero.
+    ``path`` is given at ``node_times_s(first_sample, n, sample_rate_hz)``; sample 0 is at time zero.
     """
     step = segment_samples(sample_rate_hz)
     time_s = node_times_s(first_sample, out.shape[0], sample_rate_hz)
@@ -139,29 +139,22 @@ def fill(
     p[counts.LOWEST], p[counts.HIGHEST] = -(2 ** (optics.bits - 1)), 2 ** (optics.bits - 1) - 1
     column = {role: index for index, role in enumerate(optics.roles)}
     clipped = np.zeros(len(column), np.int64)
-    counts.fill_counts(
-        first_sample,
-        step,
+    nodes = counts.PathNodes(
         path.optical_m * (2 / optics.wavelength_m),
         path.optical_m_per_s * (2 * segment_s / optics.wavelength_m),
         0.5 * drift * time_s**2,
         drift * time_s * segment_s,
         optics.light(time_s),
         path.block_m,
-        p,
-        seed & (2**63 - 1),
-        counts.GAUSS,
-        column.get(Role.REFERENCE, -1),
-        column[Role.MEASUREMENT],
-        column.get(Role.SWITCH, -1),
-        out,
-        clipped,
     )
+    columns = column.get(Role.REFERENCE, -1), column[Role.MEASUREMENT], column.get(Role.SWITCH, -1)
+    noise = seed & (2**63 - 1), counts.GAUSS
+    counts.fill_counts(first_sample, step, nodes, p, noise, columns, out, clipped)
     return tuple(int(c) for c in clipped)
 
 
 def _turns_modulo_one(frequency_hz: float, sample: int, sample_rate_hz: float) -> float:
-    """Return the rest beat's phase at a sample, in turns: exact even after hours, where a float product is not."""
+    """Return the rest beat's phase at a sample, in turns; it stays exact after hours, unlike a product of floats."""
     whole = math.floor(frequency_hz / sample_rate_hz * 2**40)
     rest = frequency_hz / sample_rate_hz * 2**40 - whole
     return ((whole * sample) % 2**40) / 2**40 + (rest * sample / 2**40) % 1.0

@@ -1,4 +1,4 @@
-"""Recordings of the simulated rig, with an effect that is told, or one that is drawn and kept back."""
+"""Writes recordings of the simulated rig, with a given effect or with an undeclared one drawn at random."""
 
 import base64
 import json
@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot.recording import Recording
-from instrument.bench.bench import Bench
-from instrument.bench.effects import BEYOND, CATALOGUE, Effects, complete, draw, for_shot
+from instrument.bench.effects import CATALOGUE, OFF_CATALOGUE, Effects, complete, draw, effects_of_shot
 from instrument.bench.frame import Frame, frame_of
 from instrument.bench.mechanics import Trajectory
-from instrument.bench.noise import Floor
+from instrument.bench.observation import observed, run_shot, with_leak
 from instrument.bench.optics import Path as LightPath
 from instrument.bench.optics import fill, node_times_s
-from instrument.bench.sight import lit, seen, shoot
+from instrument.bench.rig import Bench
+from instrument.bench.sines import PathVibration
 from instrument.bench.site import QUIET, Site
 from instrument.files.recording_file import write_recording
 
@@ -31,27 +31,26 @@ _EPOCH = datetime(2026, 1, 1, 9, 0, 0, tzinfo=UTC)  # recordings of one seed are
 
 def simulate(
     folder: Path | str,
-    shots: int = 3,
+    shots: int | Sequence[float] = 3,
     seed: int = 1,
     effects: Effects | None = None,
     undeclared: bool = False,
     *,
     sample_rate_hz: float = SAMPLE_RATE_HZ,
     duration_s: float = DURATION_S,
-    speeds_m_per_s: Sequence[float] | None = None,
     site: Site = QUIET,
 ) -> list[Path]:
-    """Write ``shots`` recordings of one rig at different speeds into ``folder``; return their metadata files.
+    """Write recordings of one rig into ``folder``; return their metadata files.
 
-    The same seed gives the same counts.  ``undeclared`` draws what is wrong with the rig (or nothing) from the seed
-    and writes it, base64 over JSON, to ``.truth-SEED`` beside them, a name that no search for recordings finds.
-    Raises ValueError on an effect that does not exist, RecordingError where the files cannot be written.
+    ``shots`` is their number, or the speed of each in m/s.  The same seed gives the same counts.  ``undeclared`` draws
+    the effect (or none) from the seed and writes it, base64 over JSON, to ``.truth-SEED`` in the folder, a name that no
+    search for recordings finds.  Raises ValueError for an unknown effect, RecordingError if a file cannot be written.
     """
     if undeclared and effects:
-        raise ValueError("an undeclared effect is drawn from the seed; no effect can be given beside it")
+        raise ValueError("an undeclared effect is drawn from the seed; no other effect can be given")
     wanted = draw_undeclared(seed) if undeclared else complete(effects or {})
     rig = Bench(effects=wanted, site=site, seed=seed)
-    speeds = tuple(speeds_m_per_s) if speeds_m_per_s is not None else speeds_of_set(shots, seed)
+    speeds = speeds_of_set(shots, seed) if isinstance(shots, int) else tuple(shots)
     place = Path(folder)
     place.mkdir(parents=True, exist_ok=True)
     paths: list[Path] = []
@@ -59,7 +58,7 @@ def simulate(
     for index, speed in enumerate(speeds):
         recording, truth = record_shot(rig, index, speed, sample_rate_hz, duration_s)
         if not undeclared:
-            recording = replace(recording, note=_told(truth, site))
+            recording = replace(recording, note=_note(truth, site))
         paths.append(Path(write_recording(recording, place / recording.name)))
         truths.append(truth)
     if undeclared:
@@ -69,7 +68,7 @@ def simulate(
 
 
 def speeds_of_set(shots: int, seed: int) -> tuple[float, ...]:
-    """Return the speeds (m/s) of a set: spread over what a hand can do, no two alike."""
+    """Return different speeds (m/s) for a set of shots, spread over the range of a push by hand."""
     random = np.random.default_rng((seed, 0xA))
     if shots == 1:
         return (float(random.uniform(0.22, 0.32)),)
@@ -79,24 +78,24 @@ def speeds_of_set(shots: int, seed: int) -> tuple[float, ...]:
 
 
 def draw_undeclared(seed: int) -> dict[str, dict[str, float]]:
-    """Return an effect the seed stands for: of the catalogue (60 %), two (10 %), beyond it (15 %) or none."""
+    """Draw effects from the seed: one of the catalogue (60 %), two (10 %), one not in it (15 %), or none."""
     random = np.random.default_rng((seed, 0xD))
-    fate = random.random()
+    share = random.random()
     names = list(CATALOGUE)
-    if fate < 0.6:
+    if share < 0.6:
         chosen = [str(random.choice(names))]
-    elif fate < 0.7:
+    elif share < 0.7:
         chosen = [str(name) for name in random.choice(names, 2, replace=False)]
-    elif fate < 0.85:
-        chosen = [str(random.choice(list(BEYOND)))]
+    elif share < 0.85:
+        chosen = [str(random.choice(list(OFF_CATALOGUE)))]
     else:
         chosen = []
     return {name: draw(name, random) for name in chosen}
 
 
 @dataclass(frozen=True, slots=True)
-class Played:
-    """One shot as it happened: what the bench knows and no recording tells.  Its time zero is the first sample's."""
+class SimulatedShot:
+    """The true motion of one shot, and its effects.  Its time zero is that of the first sample."""
 
     trajectory: Trajectory
     frame: Frame
@@ -104,30 +103,31 @@ class Played:
     seed: int
 
 
-def play_shot(rig: Bench, index: int, speed_m_per_s: float, duration_s: float) -> Played:
-    """Let shot ``index`` of the rig happen."""
-    effects = for_shot(complete(rig.effects), index, rig.seed)
+def simulate_shot(rig: Bench, index: int, speed_m_per_s: float, duration_s: float) -> SimulatedShot:
+    """Simulate the motion in shot ``index`` of the rig."""
+    effects = effects_of_shot(complete(rig.effects), index, rig.seed)
     distance = max(speed_m_per_s * BEFORE_TOUCH_S, rig.optics.switch_m + 1e-3)
     seed = int(np.random.default_rng((rig.seed, index, 0xC)).integers(2**62))
     frame = frame_of(rig.site, seed).knocked(0.0, index)
-    return Played(shoot(-speed_m_per_s, effects, rig.laden, distance, duration_s + 1e-4, frame), frame, effects, seed)
+    trajectory = run_shot(-speed_m_per_s, effects, rig.loaded_bodies, distance, duration_s + 1e-4, frame)
+    return SimulatedShot(trajectory, frame, effects, seed)
 
 
 def record_shot(
     rig: Bench, index: int, speed_m_per_s: float, sample_rate_hz: float, duration_s: float
 ) -> tuple[Recording, dict[str, dict[str, float]]]:
-    """Return one shot of the rig as a recording, and what was true of it."""
-    played = play_shot(rig, index, speed_m_per_s, duration_s)
+    """Return one shot of the rig as a recording, and its effects."""
+    played = simulate_shot(rig, index, speed_m_per_s, duration_s)
     return recording_of(rig, index, played, sample_rate_hz, duration_s), played.effects
 
 
-def recording_of(rig: Bench, index: int, played: Played, sample_rate_hz: float, duration_s: float) -> Recording:
-    """Return what the digitizer makes of a shot that happened."""
-    optics = lit(rig.optics, played.effects)
+def recording_of(rig: Bench, index: int, played: SimulatedShot, sample_rate_hz: float, duration_s: float) -> Recording:
+    """Return the recording of a simulated motion."""
+    optics = with_leak(rig.optics, played.effects)
     samples = round(duration_s * sample_rate_hz)
     time_s = node_times_s(0, samples, sample_rate_hz)
-    x, v = seen(played.trajectory, played.effects, time_s)
-    shake_x, shake_v = Floor(rig.floor_m, played.seed).at(0.0, float(time_s[1]), time_s.size)
+    x, v = observed(played.trajectory, played.effects, time_s)
+    shake_x, shake_v = PathVibration(rig.floor_m, played.seed).at(0.0, float(time_s[1]), time_s.size)
     block = played.trajectory.block_m(time_s)
     counts: NDArray[np.int16] = np.empty((samples, len(optics.channels)), np.int16)
     clipped = fill(optics, LightPath(x + shake_x, v + shake_v, block), 0, sample_rate_hz, played.seed, counts)
@@ -144,7 +144,7 @@ def recording_of(rig: Bench, index: int, played: Played, sample_rate_hz: float, 
     )
 
 
-def _told(effects: Effects, site: Site) -> str:
+def _note(effects: Effects, site: Site) -> str:
     at = f" at {site.name}" if site.moves else ""
     if not effects:
         return f"simulated{at}; the paper's plate and contact, nothing else"

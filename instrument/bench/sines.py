@@ -1,4 +1,4 @@
-"""Sums of sines: any stretch of time can be asked for, in any order, at a cost that does not grow with its distance."""
+"""Sums of sines at any times, and interpolation between their nodes."""
 
 from dataclasses import dataclass
 
@@ -7,6 +7,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+PATH_LINES = 64
+PATH_LOWEST_HZ, PATH_HIGHEST_HZ = 4.0, 800.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +19,7 @@ class Sines:
     amplitude_m: Floats
     phase: Floats
 
-    def with_(self, other: "Sines") -> "Sines":
+    def plus(self, other: "Sines") -> "Sines":
         """Return both sums together."""
         pairs = ((self.omega, other.omega), (self.amplitude_m, other.amplitude_m), (self.phase, other.phase))
         return Sines(*(np.concatenate(pair) for pair in pairs))
@@ -28,18 +30,35 @@ class Sines:
         _add_sines(start_s, spacing_s, self.omega, self.amplitude_m, self.phase, x, v)
         return x, v
 
-    def pull(self, start_s: float, spacing_s: float, n: int) -> tuple[Floats, Floats]:
+    def acceleration(self, start_s: float, spacing_s: float, n: int) -> tuple[Floats, Floats]:
         """Return acceleration (m/s2) and its rate (m/s3) at ``n`` times of equal spacing."""
         a, jerk = np.zeros(n), np.zeros(n)
         _add_sines(start_s, spacing_s, self.omega, -(self.omega**2) * self.amplitude_m, self.phase, a, jerk)
         return a, jerk
 
 
+class PathVibration:
+    """Vibration of the optical path: a sum of sines, denser at low frequencies, with a spectrum that falls as 1/f."""
+
+    def __init__(self, rms_m: float, seed: int) -> None:
+        """Draw the sines from the seed; ``rms_m`` is the rms displacement of the whole band."""
+        random = np.random.default_rng((seed, 0xF1))
+        edges = np.geomspace(PATH_LOWEST_HZ, PATH_HIGHEST_HZ, PATH_LINES + 1)
+        frequency_hz = random.uniform(edges[:-1], edges[1:])
+        amplitude = random.rayleigh(1.0, PATH_LINES) / frequency_hz**0.5
+        amplitude *= rms_m / np.sqrt(np.sum(amplitude**2) / 2)
+        self._sines = Sines(2 * np.pi * frequency_hz, amplitude, random.uniform(0, 2 * np.pi, PATH_LINES))
+
+    def at(self, start_s: float, spacing_s: float, n: int) -> tuple[Floats, Floats]:
+        """Return displacement (m) and velocity (m/s) at ``n`` times of equal spacing."""
+        return self._sines.at(start_s, spacing_s, n)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _add_sines(
     start_s: float, spacing_s: float, omega: Floats, amplitude: Floats, phase: Floats, x: Floats, v: Floats
 ) -> None:
-    """Add sines by rotation.  Cost: about 2 ns a sine and time."""
+    """Add sines by rotation.  Cost: about 2 ns per sine and time."""
     for k in range(omega.shape[0]):
         c, s = np.cos(omega[k] * start_s + phase[k]), np.sin(omega[k] * start_s + phase[k])
         dc, ds = np.cos(omega[k] * spacing_s), np.sin(omega[k] * spacing_s)
@@ -50,8 +69,8 @@ def _add_sines(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def with_slope(node_s: Floats, value: Floats, slope: Floats, time_s: Floats) -> tuple[Floats, Floats]:
-    """Return the cubic Hermite interpolant of nodes at ascending times, and its slope.  Cost: about 10 ns a time."""
+def interpolate_with_slope(node_s: Floats, value: Floats, slope: Floats, time_s: Floats) -> tuple[Floats, Floats]:
+    """Return the cubic Hermite interpolant of nodes at ascending times, and its slope.  Cost: about 10 ns per time."""
     result, rate = np.empty(time_s.shape[0]), np.empty(time_s.shape[0])
     j = 0
     last = node_s.shape[0] - 2
@@ -70,7 +89,7 @@ def with_slope(node_s: Floats, value: Floats, slope: Floats, time_s: Floats) -> 
     return result, rate
 
 
-def at_times(node_s: Floats, value: Floats, slope: Floats, time_s: Floats) -> Floats:
+def interpolate(node_s: Floats, value: Floats, slope: Floats, time_s: Floats) -> Floats:
     """Return the cubic Hermite interpolant of nodes at ascending times."""
-    result: Floats = with_slope(node_s, value, slope, time_s)[0]
+    result: Floats = interpolate_with_slope(node_s, value, slope, time_s)[0]
     return result

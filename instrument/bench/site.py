@@ -1,10 +1,9 @@
-"""Where the rig stands: how much the floor under it moves, by the vibration criteria of the field or as measured.
+"""The site of the simulated rig: how much its floor vibrates, by a vibration criterion or as measured.
 
 The curves of Gordon ("Generic criteria for vibration-sensitive equipment", SPIE 1619, 1991) state the rms velocity
-in every third-octave from 8 to 80 Hz: ISO-office 400 um/s, VC-A 50 um/s, halved at each letter to VC-G.  A site that
-is named by its curve moves at random exactly as much as the curve allows, and has a pump, a transformer and a fan
-that grow with it.  Outside the curve's band the velocity of a third-octave falls: with f below 8 Hz, with 1/f^2 above
-80 Hz.
+in every third-octave from 8 to 80 Hz: ISO-office 400 um/s, VC-A 50 um/s, halved at each letter to VC-G.  A site named
+by its criterion has random vibration at the limit of the curve, and a pump, a transformer and a fan in proportion.
+Outside 8 to 80 Hz the velocity of a third-octave falls: with f below, with 1/f^2 above.
 """
 
 import math
@@ -19,7 +18,7 @@ LEVELS_M_PER_S: Mapping[str, float] = {
     **{f"VC-{letter}": 50e-6 / 2**step for step, letter in enumerate("ABCDEFG")},
 }
 NAMES = ("quiet", *LEVELS_M_PER_S)
-USUAL_SITE = "VC-D"  # where a newcomer's bench stands: numbers that a good laboratory can have
+USUAL_SITE = "VC-D"  # default: as in a good laboratory
 LOWEST_LINE_HZ, HIGHEST_LINE_HZ = 0.1, 2000.0
 _LARGEST_FILE = 1 << 20
 
@@ -31,7 +30,7 @@ def _check(what: str, value: float, low: float, high: float) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A machine that shakes the frame: a sine of ``amplitude_m``, its phase another for every shot."""
+    """The vibration of a machine: a sine of ``amplitude_m`` with a random phase in every shot."""
 
     frequency_hz: float
     amplitude_m: float
@@ -44,9 +43,9 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Knock:
-    """Somebody knocks the table: it rings with ``frequency_hz`` and dies away within ``decay_s``.
+    """A knock against the table: an oscillation of ``frequency_hz`` that decays with ``decay_s``.
 
-    ``at_s`` after the block was let go; None: at a random instant of the shot.  ``share`` of the shots are knocked.
+    It comes ``at_s`` after the release of the block, None: at a random time, in the share ``share`` of the shots.
     """
 
     amplitude_m: float
@@ -66,7 +65,7 @@ class Knock:
 
 @dataclass(frozen=True, slots=True)
 class Site:
-    """What moves the frame.  ``third_octave_m_per_s`` is the criterion's level, zero where there is none.
+    """The vibration of the frame.  ``third_octave_m_per_s`` is the level of the criterion, zero without one.
 
     ``spectrum`` are pairs of frequency (Hz) and amplitude density of acceleration (m/s2/sqrt(Hz)), as an
     accelerometer on the frame measures it, ascending; between them it is interpolated on logarithmic scales.
@@ -99,7 +98,7 @@ QUIET = Site()
 def site_named(text: str) -> Site:
     """Return the site that ``text`` names: one of NAMES, or a TOML file that describes one.
 
-    Raises ValueError, in one line, where there is no such site or the file is not one.
+    Raises ValueError, in one line, for an unknown name or a file that cannot be read.
     """
     known = {name.casefold(): name for name in NAMES}.get(text.casefold())
     if known == QUIET.name:

@@ -1,1 +1,1 @@
-"""From a digitizer's samples to saved shots: ring, trigger, ARM, recorder, and who analyses what was taken."""
+"""From a digitizer's samples to saved shots: read, trigger, ARM, record, analyse."""

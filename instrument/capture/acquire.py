@@ -1,4 +1,4 @@
-"""Recording shots without a screen: arm, wait for the light switch, save, N times."""
+"""Record N shots without a screen: arm, wait for the light switch, save."""
 
 import tempfile
 import time
@@ -7,18 +7,19 @@ from pathlib import Path
 
 from analysis.shot.recording import Setup
 from instrument.capture.acquisition import Deadlines, State
-from instrument.capture.capture import Capture, CaptureOptions
-from instrument.capture.trigger import Edge
+from instrument.capture.capture import Capture
+from instrument.capture.capture_options import CaptureOptions
+from instrument.capture.snapshot import FinishedShot
 from instrument.devices.digitizer import CaptureSettings, Digitizer
 from instrument.files.recording_error import RecordingError
-from instrument.live.snapshot import FinishedShot
+from instrument.trigger.light_switch import Edge
 
 _LOOK_S = 0.01
 RESCUED = "levimass-rescued"  # a folder in the user's home, or with the temporary files
 
 
 class AcquireError(Exception):
-    """Why the recording of shots ended, in one line; ``saved`` are the recordings that were made before."""
+    """Why the recording of shots ended, in one line; ``saved`` are the recordings made before."""
 
     def __init__(self, what: str, saved: list[Path]) -> None:
         super().__init__(what)
@@ -38,9 +39,8 @@ def acquire(
 ) -> list[Path]:
     """Record ``shots`` shots into ``out`` and return the paths of their metadata.
 
-    ``settings`` None are ``usual_settings`` before each shot, ``setup`` None the digitizer's own; ``timeout_s`` is the
-    longest wait for each trigger.
-    ``report`` gets one line a shot.  AcquireError in one line.  Closes the digitizer.
+    ``settings`` None: ``usual_settings`` before each shot; ``setup`` None: the digitizer's own.  ``timeout_s`` is the
+    longest wait for each trigger; ``report`` gets one line a shot.  Raises AcquireError.  Closes the digitizer.
     """
     saved: list[Path] = []
     try:
@@ -68,7 +68,7 @@ def acquire(
 
 
 def _rescued(capture: Capture) -> str:
-    """Save what is only in memory, which ends with this process, where there is room; return in words what became."""
+    """Save the shots that are only in memory wherever there is room; return one line that says where they are."""
     left = list(capture.latest().unsaved)
     for place in (Path.home(), Path(tempfile.gettempdir())):
         folder = place / RESCUED
@@ -89,8 +89,9 @@ def _wait(capture: Capture, index: int, timeout_s: float, faults: list[str], sav
             if shot.index >= index and shot.path is not None and now.state is State.IDLE:
                 return shot
         if now.state is State.FAULT:
-            told = f"{now.message}: {_rescued(capture)}" if now.unsaved else faults[-1] if faults else now.message
-            raise AcquireError(told, saved)
+            if now.unsaved:
+                raise AcquireError(f"{now.message}: {_rescued(capture)}", saved)
+            raise AcquireError(faults[-1] if faults else now.message, saved)
         armed |= now.state is not State.IDLE
         if armed and now.state is State.IDLE and now.message:
             raise AcquireError(f"{now.message} ({timeout_s:g} s): {now.remedy}", saved)

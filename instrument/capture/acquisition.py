@@ -1,4 +1,4 @@
-"""What the instrument is doing, as a table: every state, every event, every deadline."""
+"""The state machine of a capture: its states, events and deadlines, and the table of transitions."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -7,23 +7,23 @@ from types import MappingProxyType
 
 
 class State(StrEnum):
-    """What the instrument is doing."""
+    """The state of the instrument."""
 
     IDLE = "idle"  # ready; signals may be watched
     ARMED = "armed"  # waiting for the light switch
-    TRIGGERED = "triggered"  # it fired; samples of the shot are coming in
-    TRANSFERRING = "transferring"  # all samples came; they are brought safely to disk
+    TRIGGERED = "triggered"  # it fired; the samples of the shot are being received
+    TRANSFERRING = "transferring"  # all samples were received; they are being written to disk
     ANALYSING = "analysing"  # a single shot is being analysed; arming is possible at any time
     FAULT = "fault"  # something went wrong; the message says what, the remedy what to do
 
 
 class Event(StrEnum):
-    """What may happen to it."""
+    """What changes the state."""
 
     ARM = "arm"
     ABORT = "abort"
     TRIGGER = "trigger"
-    COMPLETE = "complete"  # the last sample of the shot came
+    COMPLETE = "complete"  # the last sample of the shot was received
     SAVED = "saved"
     ANALYSED = "analysed"
     FAIL = "fail"
@@ -31,19 +31,19 @@ class Event(StrEnum):
 
 
 class Action(StrEnum):
-    """What has to be done because of it."""
+    """What has to be done on a transition."""
 
     NONE = "none"
     START = "start"  # arm the digitizer, look for the light switch
-    STOP = "stop"  # stop looking; nothing came
-    KEEP = "keep"  # end the shot here and save what came
+    STOP = "stop"  # stop looking; no sample of a shot was received
+    KEEP = "keep"  # end the shot here and save what was received
     FINISH = "finish"  # save the whole shot
     CANCEL = "cancel"  # stop the analysis under way
 
 
 _S, _E, _A = State, Event, Action
 
-# (state, event) -> (next state, action); what is not here changes nothing.  SAVED in automatic mode: see _next.
+# (state, event) -> (next state, action); a pair that is not listed changes nothing.  SAVED while automatic: see _next.
 TABLE: Mapping[tuple[State, Event], tuple[State, Action]] = MappingProxyType(
     {
         (_S.IDLE, _E.ARM): (_S.ARMED, _A.START),
@@ -56,7 +56,7 @@ TABLE: Mapping[tuple[State, Event], tuple[State, Action]] = MappingProxyType(
         (_S.TRIGGERED, _E.COMPLETE): (_S.TRANSFERRING, _A.FINISH),
         (_S.TRIGGERED, _E.FAIL): (_S.FAULT, _A.KEEP),
         (_S.TRIGGERED, _E.TIMEOUT): (_S.FAULT, _A.KEEP),
-        # samples that all came are never thrown away: an abort only ends the waiting, the saving goes on
+        # a complete shot is never thrown away: an abort only ends the waiting, the saving goes on
         (_S.TRANSFERRING, _E.ABORT): (_S.IDLE, _A.NONE),
         (_S.TRANSFERRING, _E.SAVED): (_S.ANALYSING, _A.NONE),
         (_S.TRANSFERRING, _E.FAIL): (_S.FAULT, _A.STOP),
@@ -72,7 +72,7 @@ TABLE: Mapping[tuple[State, Event], tuple[State, Action]] = MappingProxyType(
     }
 )
 
-# what a person reads when a deadline passes: (what happened, what to do)
+# the message when a deadline passes: (what happened, what to do)
 TIMED_OUT: Mapping[State, tuple[str, str]] = MappingProxyType(
     {
         _S.ARMED: ("the light switch did not fire in time", "check its beam and its channel, then arm again"),
@@ -93,7 +93,7 @@ class Deadlines:
     analysing_s: float = 120.0
 
     def of(self, state: State) -> float | None:
-        """Return the longest wait in ``state``; None where nothing is waited for."""
+        """Return the longest wait in ``state``; None for a state without a deadline."""
         waits = {
             _S.ARMED: self.armed_s,
             _S.TRIGGERED: self.triggered_s,
@@ -105,7 +105,7 @@ class Deadlines:
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """The present state, for anyone to read; times are those of the injected clock, in s."""
+    """The present state; times are those of the machine's clock, in s."""
 
     state: State
     since_s: float
@@ -117,7 +117,7 @@ class Status:
 
 @dataclass(frozen=True, slots=True)
 class Transition:
-    """What an event led to; ``accepted`` is False where it meant nothing in that state."""
+    """The effect of an event; ``accepted`` is False if the event has no effect in the state ``before``."""
 
     before: State
     after: State
@@ -127,7 +127,7 @@ class Transition:
 
 @dataclass(slots=True)
 class Acquisition:
-    """The state machine.  Used from one thread; ``status`` may be read from any."""
+    """The state machine; used from one thread, ``status`` may be read from any."""
 
     clock: Callable[[], float]
     deadlines: Deadlines = field(default_factory=Deadlines)
@@ -139,7 +139,7 @@ class Acquisition:
         self.status = Status(State.IDLE, self._last_s, None)
 
     def handle(self, event: Event, message: str = "", remedy: str = "", *, automatic: bool = False) -> Transition:
-        """Take an event.  ``automatic`` goes with ARM: re-arm by itself after each shot until aborted."""
+        """Process an event.  ``automatic`` belongs to ARM: re-arm after each shot until aborted."""
         before = self.status
         entry = self._next(event)
         if entry is None:
@@ -147,27 +147,27 @@ class Acquisition:
         state, action = entry
         now = self.clock()
         self._last_s = now
-        going_on = before.automatic and state not in (State.IDLE, State.FAULT)
-        rearm = automatic if event is Event.ARM else going_on
+        still_automatic = before.automatic and state not in (State.IDLE, State.FAULT)
+        rearm = automatic if event is Event.ARM else still_automatic
         if event is Event.FAIL and before.state is State.FAULT:
-            message, remedy = before.message or message, before.remedy or remedy  # the first cause is the cause
+            message, remedy = before.message or message, before.remedy or remedy  # the first fault is the cause
         limit = self.deadlines.of(state)
         self.status = Status(state, now, None if limit is None else now + limit, rearm, message, remedy)
         return Transition(before.state, state, action, True)
 
     def set_automatic(self, on: bool) -> None:
-        """Let the present arming re-arm by itself, or end with its shot; without one, or after its shot, nothing."""
+        """Re-arm after the present shot or not; no effect unless armed, triggered or transferring."""
         if self.status.state in (State.ARMED, State.TRIGGERED, State.TRANSFERRING):
             self.status = replace(self.status, automatic=on)
 
     def progressed(self) -> None:
-        """Begin the wait of the present state anew: what it waits for is on its way."""
+        """Restart the deadline of the present state, because what it waits for has progressed."""
         limit = self.deadlines.of(self.status.state)
         if limit is not None:
             self.status = replace(self.status, deadline_s=self.clock() + limit)
 
     def tick(self) -> Transition | None:
-        """Take the event TIMEOUT where the deadline has passed; call often."""
+        """Process TIMEOUT if the deadline has passed; call often."""
         now = self.clock()
         status = self.status
         if now < self._last_s and status.deadline_s is not None:
@@ -184,5 +184,5 @@ class Acquisition:
     def _next(self, event: Event) -> tuple[State, Action] | None:
         status = self.status
         if status.state is State.TRANSFERRING and event is Event.SAVED and status.automatic:
-            return State.ARMED, Action.START  # the analysis goes on behind
+            return State.ARMED, Action.START  # the analysis goes on in its own thread
         return TABLE.get((status.state, event))

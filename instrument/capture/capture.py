@@ -1,8 +1,8 @@
-"""Taking shots: digitizer -> ring -> light switch -> disk in one thread, the rest beside it, and nothing waits.
+"""The running instrument: takes shots from a digitizer, saves and analyses them, and shows the live signal.
 
-Four threads: ``CaptureThread`` reads the digitizer and owns the state machine; ``Recorder`` brings a shot to disk
-while it still comes in; ``Analyst`` analyses behind a bounded queue; ``LiveWatch`` demodulates for the screen.  The
-screen calls ``latest()`` and gets an immutable Snapshot; nothing ever calls into the screen.
+Four threads: ``CaptureThread`` reads the digitizer and owns the state machine; ``Recorder`` writes a shot to disk while
+its samples arrive; ``AnalysisThread`` analyses behind a bounded queue; ``LiveThread`` demodulates for the screen.  The
+screen polls ``latest()`` for an immutable Snapshot; nothing ever calls into the screen.
 """
 
 import queue
@@ -13,20 +13,19 @@ from pathlib import Path
 from typing import Any
 
 from instrument.capture.acquisition import Deadlines, State
-from instrument.capture.analyst import Analyse, Fit, fit_here
+from instrument.capture.analysis_thread import ShotAnalysis
 from instrument.capture.capture_options import CaptureOptions
-from instrument.capture.capture_thread import CaptureThread, Surroundings
+from instrument.capture.capture_thread import CaptureServices, CaptureThread
 from instrument.capture.finished_shots import FinishedShots
 from instrument.capture.recorder import Recorder
+from instrument.capture.snapshot import SignalLine, Snapshot
 from instrument.devices.digitizer import Digitizer
 from instrument.files.folder_lock import disk_free_bytes
-from instrument.live.live import LiveWatch, warm
-from instrument.live.snapshot import SignalLine, Snapshot, empty_view
+from instrument.live.live_thread import LiveThread, warm
+from instrument.live.live_view import empty_view
 
-__all__ = ["Analyse", "Capture", "CaptureOptions"]
-
-_ANSWERS_S = 5.0  # a driver that keeps the thread longer than this does not answer
-_BEGINS_S = 60.0  # and before its first sample, when firmware may be loaded or kernels compiled
+_NO_ANSWER_S = 5.0  # a driver that blocks the capture thread for longer does not answer ...
+_NO_START_S = 60.0  # ... or for longer than this before its first sample: firmware may load, kernels may compile
 
 
 def _to_standard_error(line: str) -> None:
@@ -34,12 +33,10 @@ def _to_standard_error(line: str) -> None:
 
 
 class Capture:
-    """The running instrument.  ``start`` it, tell it what to do, look at ``latest()``, ``close`` it.
+    """The running instrument: ``start`` it, ``arm`` it, poll ``latest()``, ``close`` it.
 
-    All methods may be called from any thread and return at once, except ``close`` and ``save_pending``.  ``analyse``
-    is called as ``analyse(recording, progress, cancelled)`` in the analysis thread; without it shots are only saved.
-    A shot that awaits its fit is told at once, and again with what ``fit(shot, progress, cancelled)`` makes of it.
-    ``warm(given up?)`` returns when the kernels that a stream needs are there.
+    All methods may be called from any thread and return at once, except ``close`` and ``save_pending``.  Without
+    ``analysis`` shots are only saved.  ``warm(given_up)`` returns once the kernels that a stream needs are compiled.
     ``say`` gets one line for every fault (default: standard error).
     """
 
@@ -48,31 +45,29 @@ class Capture:
         digitizer: Digitizer,
         options: CaptureOptions,
         *,
-        analyse: Analyse | None = None,
-        fit: Fit = fit_here,
+        analysis: ShotAnalysis | None = None,
         warm: Callable[[Callable[[], bool]], None] = lambda given_up: warm(),
         live: bool = True,
         deadlines: Deadlines | None = None,
-        queue_length: int = 32,
         clock: Callable[[], float] = time.monotonic,
         say: Callable[[str], None] = _to_standard_error,
     ) -> None:
         self._digitizer = digitizer
         self._clock = clock
         orders: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
-        self._orders = orders  # what is told of a shot holds these, not self: a circle would keep the ring for long
+        self._orders = orders  # the callbacks hold the queue, not self: a reference cycle would keep the ring alive
         self._recorder = Recorder(lambda recorded: orders.put(("recorded", recorded)))
-        self._finished = FinishedShots(analyse, lambda *made: orders.put(("analysed", made)), queue_length, fit)
-        around = Surroundings(deadlines or Deadlines(), clock, say, warm)
-        self._capture = CaptureThread(digitizer, options, self._recorder, self._finished, self._orders, around)
+        self._finished = FinishedShots(analysis, lambda *made: orders.put(("analysed", made)))
+        services = CaptureServices(deadlines or Deadlines(), clock, say, warm)
+        self._capture = CaptureThread(digitizer, options, self._recorder, self._finished, self._orders, services)
         self.digitizer_held = False  # after ``close``: a call of the digitizer has not returned
         capture = self._capture
-        self._live = LiveWatch(lambda: capture.run.stream, lambda: capture.options.folder) if live else None
+        self._live = LiveThread(lambda: capture.run.stream, lambda: capture.options.folder) if live else None
 
     def start(self) -> None:
         """Start all threads; the digitizer is first touched in the capture thread."""
         self._recorder.start()
-        for part in (self._finished.analyst, self._live):
+        for part in (self._finished.analysis, self._live):
             if part is not None:
                 part.start()
         self._capture.thread.start()
@@ -82,19 +77,19 @@ class Capture:
         self._orders.put(("arm", automatic))
 
     def set_automatic(self, on: bool) -> None:
-        """Let the arming under way go on after its shot, or end with it."""
+        """Re-arm after the present shot, or stop re-arming."""
         self._orders.put(("automatic", on))
 
     def abort(self) -> None:
-        """Go back to idle from whatever is going on; samples that came after a trigger are kept."""
+        """Return to idle from any state; samples that came after a trigger are kept."""
         self._orders.put(("abort", None))
 
     def trigger_now(self) -> None:
-        """Let the operator stand in for the light switch."""
+        """Trigger now, in place of the light switch."""
         self._orders.put(("fire", None))
 
     def set_options(self, options: CaptureOptions) -> None:
-        """Take other options; they hold from the next arming on."""
+        """Change the options; they apply from the next arming on."""
         self._orders.put(("options", options))
 
     def save_pending(self, folder: Path) -> list[Path]:
@@ -105,12 +100,12 @@ class Capture:
         return self._finished.save_pending(folder)
 
     def latest(self) -> Snapshot:
-        """Return the instrument at this moment."""
+        """Return a snapshot of the instrument."""
         capture, live = self._capture, self._live
         status, stream, folder = capture.machine.status, capture.run.stream, capture.options.folder
         state, message, remedy = status.state, status.message, status.remedy
         streaming = stream is not None and stream.ring.total > stream.start and not capture.run.starting
-        limit_s = _ANSWERS_S if streaming and not capture.run.simulated else _BEGINS_S
+        limit_s = _NO_ANSWER_S if streaming and not capture.run.simulated else _NO_START_S
         if capture.thread.is_alive() and self._clock() - (capture.alive_s or self._clock()) > limit_s:
             state, message, remedy = State.FAULT, "the digitizer does not answer", "re-plug it, then choose it again"
         doing, progress = self._progress(state)
@@ -144,10 +139,10 @@ class Capture:
         )
 
     def close(self, timeout_s: float = 30.0) -> bool:
-        """Stop, save what came, end all threads, close the digitizer.  Returns whether all threads ended."""
+        """Stop, save what was recorded, end all threads, close the digitizer.  Returns whether all threads ended."""
         capture = self._capture
         capture.closing = True
-        self._digitizer.stop()  # lets a read under way return
+        self._digitizer.stop()  # makes a read under way return
         if capture.thread.is_alive():
             capture.thread.join(timeout_s)
         ended = not capture.thread.is_alive()
@@ -155,10 +150,10 @@ class Capture:
         if not ended and capture.shot is not None and not capture.shot.complete:
             capture.shot.finish("the digitizer did not answer")
         ended &= self._recorder.close(timeout_s)
-        for part in (self._finished.analyst, self._live):
+        for part in (self._finished.analysis, self._live):
             ended &= part is None or part.close(timeout_s)
         if not capture.thread.is_alive():
-            capture.take_orders()  # what the recorder reported last
+            capture.take_orders()  # the recorder's last report
             capture.release_folder()
         if not (capture.thread.is_alive() and capture.touched):
             self._digitizer.close()
@@ -177,6 +172,6 @@ class Capture:
             return "recording", shot.filled / max(1, shot.counts.shape[0])
         if shot is not None and state is State.TRANSFERRING:
             return "saving", shot.written / max(1, shot.filled)
-        analyst = self._finished.analyst
-        doing = analyst.doing if analyst is not None else None
+        analysis = self._finished.analysis
+        doing = analysis.doing if analysis is not None else None
         return doing if doing is not None else (None, None)

@@ -1,21 +1,23 @@
-"""How shots are to be taken, as the operator chose it, and the usual settings of a digitizer."""
+"""How shots are to be taken, as the operator chose it, and which settings no shot can be taken with."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
 from analysis.shot.recording import Setup
-from instrument.capture.trigger import Edge
-from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
+from instrument.devices.digitizer import Capabilities, CaptureSettings, DigitizerError
+from instrument.trigger.light_switch import Edge
+
+MOST_SHOT_BYTES = 2 * 2**30
 
 
 @dataclass(frozen=True, slots=True)
 class CaptureOptions:
-    """How shots are to be taken.
+    """How shots are to be taken.  The folder must exist.
 
-    ``settings`` None: see usual_settings; ``setup`` None the rig the digitizer knows.  Thresholds of
-    the light switch are in V, None learns them.  ``watch``: signals are read before arming too, where the digitizer
-    streams.  Where no channel carries a light switch and the hardware has no trigger, the block itself fires as soon
-    as it moves faster than ``trigger_speed_m_per_s``; None leaves it to the operator.  The folder must exist.
+    ``settings`` None: ``usual_settings`` of the digitizer; ``setup`` None: the digitizer's own.  The thresholds of the
+    light switch are in V; None: learned from the signal.  ``watch``: read a digitizer that streams before arming, too.
+    Without a light switch and without a hardware trigger, the shot is triggered when the block moves faster than
+    ``trigger_speed_m_per_s``, or by the operator where that is None.
     """
 
     folder: Path
@@ -29,25 +31,29 @@ class CaptureOptions:
     prefix: str = "shot"
 
 
-_RATE_HZ = 30e6
-_SHOT_S = 1 / 6
+def check_settings(settings: CaptureSettings, channels: int) -> None:
+    """Refuse, as a DigitizerError, settings that no shot can be taken with."""
+    rate = settings.sample_rate_hz
+    if not (0 < rate <= 1e12):
+        raise DigitizerError(f"sample rate of {rate:g} Hz", "choose one of the digitizer's rates")
+    if settings.samples < 1 or not 0 <= settings.pre_trigger_samples <= settings.samples:
+        raise DigitizerError(
+            f"a shot of {settings.samples} samples, {settings.pre_trigger_samples} of them before the trigger",
+            "correct the lengths",
+        )
+    if 2 * channels * settings.samples > MOST_SHOT_BYTES:
+        raise DigitizerError(
+            f"a shot of {settings.samples} samples in {channels} channels takes more than "
+            f"{MOST_SHOT_BYTES // 2**30} GiB of memory",
+            "choose a shorter shot or a lower rate",
+        )
 
 
-def usual_settings(digitizer: Digitizer, rate_hz: float | None = None, samples: int | None = None) -> CaptureSettings:
-    """Return the settings for a shot where the operator leaves something open.
-
-    A replay's are its recording's; else the fastest rate up to the paper's 30 MS/s, a sixth of a second (the paper's
-    5 M samples), and a sixteenth of the shot before the trigger.  Raises DigitizerError where no rate is known.
-    """
-    own = digitizer.default_settings()
-    able = digitizer.capabilities
-    if rate_hz is None:
-        rates = [own.sample_rate_hz] if own is not None else sorted(able.rates_hz)
-        if not rates:
-            raise DigitizerError(f"{able.name} states no sample rate", "give one")
-        rate_hz = max((rate for rate in rates if rate <= _RATE_HZ), default=rates[0])
-    if samples is None:
-        samples = own.samples if own is not None else round(rate_hz * _SHOT_S)
-        samples = min(samples, able.max_samples or samples)
-    before = own.pre_trigger_samples if own is not None else samples // 16
-    return CaptureSettings(rate_hz, samples, min(before, samples))
+def check_channels(able: Capabilities) -> None:
+    """Refuse, as a DigitizerError, channels whose scale no recording can hold."""
+    for channel in able.channels:
+        if not (1e-30 < abs(channel.volts_per_count) < 1e6 and abs(channel.offset_v) < 1e9):
+            raise DigitizerError(
+                f"{able.name} reports {channel.volts_per_count:g} V per count and an offset of {channel.offset_v:g} V",
+                "set the vertical scale anew, then arm again",
+            )

@@ -1,4 +1,4 @@
-"""The thread that reads the digitizer and owns the state machine; it waits for samples and for nothing else."""
+"""The thread that reads the digitizer, finds the trigger and cuts shots out of the stream; it never waits for disks."""
 
 import queue
 import threading
@@ -12,25 +12,25 @@ import numpy as np
 from analysis.fitted.fitted_shot import awaits_fit
 from analysis.shot.recording import Gap
 from instrument.capture.acquisition import Acquisition, Action, Deadlines, Event, State, Transition
-from instrument.capture.capture_options import CaptureOptions, usual_settings
+from instrument.capture.capture_options import CaptureOptions, check_settings
 from instrument.capture.finished_shots import ABORTED, FinishedShots
 from instrument.capture.growing_shot import GrowingShot
 from instrument.capture.recorder import Recorded, Recorder
-from instrument.capture.ring import Overwritten
-from instrument.capture.source_run import Piece, SourceRun, check_settings
-from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
+from instrument.capture.snapshot import KEPT_IN_MEMORY
+from instrument.capture.stream_reader import ReadBlock, StreamReader
+from instrument.devices.digitizer import Digitizer, DigitizerError, usual_settings
 from instrument.files.folder_lock import FolderLock, disk_free_bytes
 from instrument.files.recording_error import RecordingError, one_line
-from instrument.live.snapshot import KEPT_IN_MEMORY
+from instrument.live.ring import Overwritten
 
-MOST_UNSAVED = 4  # shots only in memory; more are not taken before these are saved
-_DISK_MARGIN_BYTES = 64 * 2**20
+MOST_UNSAVED = 4  # shots only in memory; no further shot is taken before these are saved
+_DISK_RESERVE_BYTES = 64 * 2**20
 _ORDERS_S = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Surroundings:
-    """What a capture waits for and speaks to; ``warm(given up?)`` returns when the kernels of a stream are there."""
+class CaptureServices:
+    """Deadlines, clock, fault log and warm-up of a capture; ``warm(given_up)`` returns once kernels are compiled."""
 
     deadlines: Deadlines
     clock: Callable[[], float]
@@ -39,7 +39,7 @@ class Surroundings:
 
 
 class CaptureThread:
-    """Reads, looks for the light switch, cuts shots out of the stream, and takes orders between two blocks."""
+    """Reads the digitizer block by block and carries out orders between two blocks."""
 
     def __init__(
         self,
@@ -48,31 +48,31 @@ class CaptureThread:
         recorder: Recorder,
         finished: FinishedShots,
         orders: "queue.SimpleQueue[tuple[str, Any]]",
-        around: Surroundings,
+        services: CaptureServices,
     ) -> None:
-        self.machine = Acquisition(around.clock, around.deadlines)
-        self.run = SourceRun(digitizer, around.clock)
+        self.machine = Acquisition(services.clock, services.deadlines)
+        self.run = StreamReader(digitizer, services.clock)
         self.options = options
-        self.shot: GrowingShot | None = None  # coming in, or being brought to disk
+        self.shot: GrowingShot | None = None  # being received, or being written to disk
         self.folder_problem: str | None = None
         self.alive_s: float | None = None
         self.closing = False
-        self.touched = False  # the digitizer is this thread's alone while it is
-        self.prepared = False  # and every call of it returns soon
+        self.touched = False  # while True only this thread may call the digitizer
+        self.prepared = False  # while True every call of the digitizer returns soon
         self._digitizer = digitizer
         self._recorder = recorder
         self._finished = finished
         self._orders = orders
-        self._clock, self._say, self._warm = around.clock, around.say, around.warm
-        self._look_from = 0  # ring number before which a step of the light switch does not count
+        self._clock, self._say, self._warm = services.clock, services.say, services.warm
+        self._look_from = 0  # ring number before which a step of the light switch is ignored
         self._fire = False
         self._lock: FolderLock | None = None
-        self._progress = (0, 0, 0)  # samples of the shot taken and written, steps of the analysis
-        self._awaited: int | None = None  # number of the shot whose analysis ends ANALYSING
+        self._progress = (0, 0, 0)  # samples of the shot received and written, steps of the analysis
+        self._awaited: int | None = None  # number of the shot whose analysis ends the state ANALYSING
         self.thread = threading.Thread(target=self._main, name="levimass capture", daemon=True)
 
     def take_orders(self) -> None:
-        """Carry out what was ordered; called by the thread itself, and once more after its end."""
+        """Carry out all queued orders; called by the thread itself, and once more after its end."""
         while True:
             try:
                 order = self._orders.get_nowait()
@@ -81,13 +81,13 @@ class CaptureThread:
             self._take(order)
 
     def release_folder(self) -> None:
-        """Give the folder free; after the thread's end."""
+        """Release the lock on the folder; after the thread's end."""
         if self._lock is not None:
             self._lock.release()
             self._lock = None
 
     def _main(self) -> None:
-        self.touched = True  # before closing is looked at: whoever closes looks the other way round
+        self.touched = True  # set before ``closing`` is read: ``Capture.close`` reads them in the other order
         if self.closing:
             return
         self._guarded(self._digitizer.prepare)
@@ -97,7 +97,7 @@ class CaptureThread:
         if self.closing:
             return
         self.prepared = True
-        if not self.closing and self._orders.empty():  # an order that waits starts the stream, or says why not, itself
+        if not self.closing and self._orders.empty():  # a queued order starts the stream itself, or reports why not
             self._guarded(self._watch)
         while not self.closing:
             self.alive_s = self._clock()
@@ -129,10 +129,10 @@ class CaptureThread:
                 return
 
     def _look_for_progress(self) -> None:
-        """Let nothing that goes on be taken for something that hangs: a long shot, a slow disk, kernels compiling."""
-        shot, analyst = self.shot, self._finished.analyst
+        """Restart the deadline whenever something progressed: a long shot, a slow disk, an analysis that compiles."""
+        shot, analysis = self.shot, self._finished.analysis
         grown = (shot.filled, shot.written) if shot is not None else (0, 0)
-        now = (*grown, analyst.steps if analyst is not None else 0)
+        now = (*grown, analysis.steps if analysis is not None else 0)
         if now != self._progress:
             self._progress = now
             if self.machine.status.state is not State.ARMED:
@@ -176,20 +176,20 @@ class CaptureThread:
         elif action is Action.FINISH:
             assert self.shot is not None
             self.shot.finish(None if self.shot.room == 0 else "the stream ended")
-            self._rest()
+            self._stop_unless_wanted()
         elif action is Action.KEEP:
             self._keep(self.machine.status.message or ABORTED)
-            self._rest()
+            self._stop_unless_wanted()
         elif action is Action.STOP:
-            self._rest()
-        elif action is Action.CANCEL and self._finished.analyst is not None:
-            self._finished.analyst.cancel()
+            self._stop_unless_wanted()
+        elif action is Action.CANCEL and self._finished.analysis is not None:
+            self._finished.analysis.cancel()
 
     def _start(self) -> None:
         self._fire = False
         if len(self._finished.unsaved) >= MOST_UNSAVED:
             raise DigitizerError(f"{len(self._finished.unsaved)} shots are only in memory", "save them first")
-        settings = self._settings()
+        settings = self.options.settings or usual_settings(self._digitizer)
         check_settings(settings, len(self._digitizer.capabilities.channels))
         if not self.run.continues(settings, self.options):
             self.run.start(settings, self.options)
@@ -199,32 +199,28 @@ class CaptureThread:
         stream.settings = settings
         self._look_from = stream.ring.total
 
-    def _settings(self) -> CaptureSettings:
-        return self.options.settings or usual_settings(self._digitizer)
-
     def _check_folder(self, shot_bytes: int) -> None:
         folder = self.options.folder
         if self._lock is None or self._lock.folder != folder or not self._lock.valid():
             self.release_folder()
             self._lock = FolderLock(folder)
         free = disk_free_bytes(folder)
-        if free is not None and free < shot_bytes + _DISK_MARGIN_BYTES:
-            raise RecordingError(
-                folder, f"only {free / 1e6:.0f} MB free, a shot takes {shot_bytes / 1e6:.0f} MB and some are kept clear"
-            )
+        if free is not None and free < shot_bytes + _DISK_RESERVE_BYTES:
+            needed = f"a shot takes {shot_bytes / 1e6:.0f} MB, and a disk reserve is required"
+            raise RecordingError(folder, f"only {free / 1e6:.0f} MB free, {needed}")
         self.folder_problem = None
 
     def _watch(self) -> None:
-        """Let the signals be seen before arming, where the digitizer streams without end."""
+        """Start the stream before arming, so that the signals are seen, if the digitizer streams without end."""
         able = self._digitizer.capabilities
         if not self.options.watch or able.max_samples is not None or able.hardware_trigger:
             return
-        settings = self._settings()
+        settings = self.options.settings or usual_settings(self._digitizer)
         if not self.run.continues(settings, self.options):
             self.run.start(settings, self.options)
 
-    def _rest(self) -> None:
-        """Go on reading where signals are watched or the next shot follows, else stop the digitizer."""
+    def _stop_unless_wanted(self) -> None:
+        """Stop the digitizer, unless its signals are watched or the next shot follows."""
         self._fire = False
         status = self.machine.status
         wanted = status.automatic or self.options.watch
@@ -246,49 +242,50 @@ class CaptureThread:
     # samples and shots --------------------------------------------------------------------------------------------
 
     def _read(self) -> None:
-        piece = self.run.read()
-        if piece is None:
+        block = self.run.read()
+        if block is None:
             return
         state = self.machine.status.state
-        if piece.fired and state is State.ARMED:
+        if block.fired and state is State.ARMED:
             self._do(self.machine.handle(Event.TRIGGER))
         elif state is State.ARMED or (state is State.TRIGGERED and self.shot is None):
-            self._look(piece)
+            self._look_for_trigger(block)
         elif state is State.TRIGGERED and self.shot is not None:
-            if piece.lost_before != 0:
-                self.shot.lost(piece.lost_before)
-            if piece.step is not None and self.run.hardware_trigger:
-                self.shot.trigger_sample = self.shot.filled + piece.step
-            self.shot.append(piece.counts)
+            if block.lost_before != 0:
+                self.shot.lost(block.lost_before)
+            if block.step is not None and self.run.hardware_trigger:
+                self.shot.trigger_sample = self.shot.filled + block.step
+            self.shot.append(block.counts)
         state = self.machine.status.state
-        if state is State.TRIGGERED and self.shot is not None and (self.shot.room == 0 or piece.ended):
+        if state is State.TRIGGERED and self.shot is not None and (self.shot.room == 0 or block.ended):
             self._do(self.machine.handle(Event.COMPLETE))
-        elif piece.ended and self.shot is None and state in (State.ARMED, State.TRIGGERED) and not self.closing:
+        elif block.ended and self.shot is None and state in (State.ARMED, State.TRIGGERED) and not self.closing:
             if state is State.TRIGGERED:
                 raise DigitizerError("the light switch fired, but no sample of the shot came", "arm again")
-            never = self.run.switch_words()
+            never = self.run.why_no_step()
             what = "the stream ended before the light switch fired" + (f": {never}" if never else "")
             raise DigitizerError(what, "check it and its thresholds")
 
-    def _look(self, piece: Piece) -> None:
+    def _look_for_trigger(self, block: ReadBlock) -> None:
         stream = self.run.stream
         assert stream is not None
-        step = piece.step
-        if len(piece.counts) == 0:
+        step = block.step
+        if len(block.counts) == 0:
             return
-        if step is not None and piece.first + step >= self._look_from:
-            self._trigger(piece, piece.first + step)
+        if step is not None and block.first + step >= self._look_from:
+            self._begin_shot(block, block.first + step)
         elif self.run.hardware_trigger:
-            # triggered by the device itself: its first sample is the shot's; where it fired may still be said
-            self._trigger(piece, stream.start + stream.settings.pre_trigger_samples)
+            # the device sends from the shot's first sample on; it may report later where the trigger was
+            self._begin_shot(block, stream.start + stream.settings.pre_trigger_samples)
         elif self._fire:
-            self._trigger(piece, piece.first + len(piece.counts) - 1)
+            self._begin_shot(block, block.first + len(block.counts) - 1)
 
-    def _trigger(self, piece: Piece, at: int) -> None:
+    def _begin_shot(self, block: ReadBlock, at: int) -> None:
+        """Begin a shot whose trigger is the sample ``at`` of the ring, with what the ring holds of it."""
         stream = self.run.stream
         assert stream is not None
         settings, ring = stream.settings, stream.ring
-        end = piece.first + len(piece.counts)
+        end = block.first + len(block.counts)
         first = max(stream.start, ring.oldest, at - settings.pre_trigger_samples)
         age = timedelta(seconds=(end - first) / settings.sample_rate_hz)
         shot = GrowingShot(

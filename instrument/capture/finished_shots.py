@@ -1,40 +1,33 @@
-"""What becomes of a shot once its samples are in: saved or kept in memory, analysed, and shown to whoever asks."""
+"""The shots of this session after their capture: saved or kept in memory, and analysed."""
 
 import threading
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 from analysis.fitted.fitted_shot import awaits_fit
 from analysis.shot.shot import Shot
-from instrument.capture.analyst import Analyse, Analyst, Fit
+from instrument.capture.analysis_thread import AnalysisThread, Done, ShotAnalysis
 from instrument.capture.recorder import Recorded, save_elsewhere
+from instrument.capture.snapshot import FinishedShot, WaitingShot
 from instrument.devices.digitizer import CaptureSettings
 from instrument.files.recording_error import PartlySaved, RecordingError
-from instrument.live.snapshot import FinishedShot, WaitingShot
 
-KEPT = 16  # newest shots that a snapshot carries; whoever wants more keeps them
+SHOTS_IN_SNAPSHOT = 16  # the newest ones; a reader that needs more must keep them
 ABORTED = "aborted"
 
 Waiting = tuple[str, Path | None, CaptureSettings, str | None]  # (name, path, settings, why it was not saved)
 
 
 class FinishedShots:
-    """The shots of this session after their capture.  ``recorded`` and ``analysed`` belong to the capture thread."""
+    """Follows each captured shot; ``recorded`` and ``analysed`` are called from the capture thread only."""
 
-    def __init__(
-        self,
-        analyse: Analyse | None,
-        analysed: Callable[[int, Shot | None, str | None], None],
-        queue_length: int,
-        fit: Fit,
-    ) -> None:
-        self.analyst = None if analyse is None else Analyst(analyse, analysed, queue_length, fit)
+    def __init__(self, analysis: ShotAnalysis | None, analysed: Done) -> None:
+        self.analysis = None if analysis is None else AnalysisThread(analysis, analysed)
         self.newest: tuple[FinishedShot, ...] = ()
         self.taken = 0
-        self._settled = 0
+        self._finished = 0
         self._waiting: dict[int, Waiting] = {}
-        self._read: dict[int, int] = {}  # by the numbers of shots that await their fit, the indices they are told by
+        self._awaiting_fit: dict[int, int] = {}  # number of the shot: index of its FinishedShot
         self._unsaved: dict[str, Recorded] = {}
         self._saving = threading.Lock()
 
@@ -54,7 +47,7 @@ class FinishedShots:
         return tuple(self._unsaved)
 
     def recorded(self, recorded: Recorded) -> int | None:
-        """Take a shot from the recorder; return its number where its analysis was begun, else None."""
+        """Take a shot from the recorder; return its number if its analysis was queued, else None."""
         self.taken += 1
         shot, recording = recorded.shot, recorded.recording
         path = None if recording.path is None else Path(recording.path)
@@ -62,23 +55,23 @@ class FinishedShots:
             with self._saving:
                 self._unsaved[recording.name] = recorded
         waiting: Waiting = (recording.name, path, shot.settings, recorded.problem)
-        if self.analyst is None or shot.ended_early == ABORTED or recording.samples == 0:
-            self._settle(waiting, None, shot.ended_early)
+        if self.analysis is None or shot.ended_early == ABORTED or recording.samples == 0:
+            self._finish(waiting, None, shot.ended_early)
             return None
         self._waiting[self.taken] = waiting
-        if not self.analyst.submit(self.taken, recording):
-            self._settle(self._waiting.pop(self.taken), None, "not analysed: too many shots are waiting")
+        if not self.analysis.submit(self.taken, recording):
+            self._finish(self._waiting.pop(self.taken), None, "not analysed: too many shots are waiting")
             return None
         return self.taken
 
     def analysed(self, number: int, shot: Shot | None, problem: str | None) -> None:
-        """Take what the analysis made of shot ``number``: its readings, then its fit, or both at once."""
+        """Take the result of the analysis of shot ``number``: its readings, then its fit, or both at once."""
         waiting = self._waiting.pop(number, None)
         if waiting is not None:
-            self._settle(waiting, shot, problem)
+            self._finish(waiting, shot, problem)
             if shot is not None and awaits_fit(shot):
-                self._read[number] = self._settled
-        elif (index := self._read.pop(number, None)) is not None:
+                self._awaiting_fit[number] = self._finished
+        elif (index := self._awaiting_fit.pop(number, None)) is not None:
             self.newest = tuple(
                 replace(done, shot=shot, fitted_later=True) if done.index == index else done for done in self.newest
             )
@@ -97,9 +90,9 @@ class FinishedShots:
                     recorded.partial.abandon()
         return list(saved.values())
 
-    def _settle(self, waiting: Waiting, shot: Shot | None, problem: str | None) -> None:
+    def _finish(self, waiting: Waiting, shot: Shot | None, problem: str | None) -> None:
         name, path, settings, unsaved = waiting
-        self._settled += 1
+        self._finished += 1
         problems = "; ".join(p for p in (unsaved, problem) if p)
-        done = FinishedShot(self._settled, name, path, settings, shot, problems or None)
-        self.newest = (*self.newest, done)[-KEPT:]
+        done = FinishedShot(self._finished, name, path, settings, shot, problems or None)
+        self.newest = (*self.newest, done)[-SHOTS_IN_SNAPSHOT:]

@@ -1,4 +1,4 @@
-"""A shot while its samples come in: one thread fills it, another brings what is there to disk."""
+"""A shot while its samples are received: one thread fills it, another writes it to disk."""
 
 import threading
 from collections.abc import Mapping
@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 from analysis.shot.rate_error import DELIVERED
 from analysis.shot.rate_error import FLAG as RATE_CONTRADICTED
 from analysis.shot.recording import Channel, Gap, Recording, Role, Setup
-from instrument.capture.trigger import middle_of_step
 from instrument.devices.digitizer import CaptureSettings
 from instrument.files.recording_file import ENDED_EARLY
+from instrument.trigger.light_switch import middle_of_step
 
-_LEVEL_REACH_S = 50e-6  # how far beside the step the light switch's two levels are looked for
-_ENOUGH = 0.9  # of the samples after the trigger: with fewer a shot counts as cut short
+_LEVEL_REACH_S = 50e-6  # distance from the step at which the light switch's two levels are measured
+_ENOUGH = 0.9  # of the samples after the trigger: a shot with fewer counts as cut short
 
 
 @dataclass(slots=True)
 class GrowingShot:
-    """Counts of one shot, in memory allocated at its trigger, shape (samples asked for, channels)."""
+    """Counts of one shot, in memory allocated at its trigger, shape (samples of the settings, channels)."""
 
     settings: CaptureSettings
     channels: tuple[Channel, ...]
@@ -30,8 +30,8 @@ class GrowingShot:
     started_at: str
     trigger_sample: int
     counts: NDArray[np.int16]
-    unseen_loss_s: float = 0.0  # a loss shorter than this may stand nowhere
-    doubtful_rate_hz: float | None = None  # samples a second by the computer's clock, where that is not the rate
+    unseen_loss_s: float = 0.0  # a loss shorter than this may go unnoticed
+    doubtful_rate_hz: float | None = None  # the rate by the computer's clock, where it contradicts the stated one
     filled: int = 0
     written: int = 0  # of them, already on disk
     gaps: list[Gap] = field(default_factory=list)
@@ -41,11 +41,11 @@ class GrowingShot:
 
     @property
     def room(self) -> int:
-        """Get the number of samples still wanted."""
+        """Get the number of samples still missing."""
         return int(self.counts.shape[0]) - self.filled
 
     def append(self, counts: NDArray[np.int16]) -> None:
-        """Take samples of shape (n, channels), at most ``room`` of them."""
+        """Append samples of shape (n, channels), at most ``room`` of them."""
         taken = min(self.room, counts.shape[0])
         self.counts[self.filled : self.filled + taken] = counts[:taken]
         self.filled += taken
@@ -57,7 +57,7 @@ class GrowingShot:
             self.gaps.append(Gap(self.filled, samples_lost))
 
     def finish(self, reason: str | None = None) -> None:
-        """End the shot; ``reason`` where not all samples came.  Nothing is added after this."""
+        """End the shot; ``reason`` says why samples are missing.  Nothing is added after this."""
         after = self.settings.samples - self.settings.pre_trigger_samples
         if reason is not None and self.filled - self.trigger_sample < _ENOUGH * after:
             self.ended_early = reason
@@ -71,7 +71,7 @@ class GrowingShot:
 
     @property
     def extra(self) -> Mapping[str, Any]:
-        """Get the foreign metadata that keep with the shot how it was taken."""
+        """Get the metadata of the capture that are saved with the shot."""
         own: dict[str, Any] = {
             "lmm:capture": {
                 "source": self.source,
@@ -88,11 +88,11 @@ class GrowingShot:
         return {"global": own}
 
     def recording(self, name: str) -> Recording:
-        """Return the shot as a recording in memory; its counts are those of the shot, read-only."""
+        """Return the shot as a recording in memory; it shares the shot's counts, read-only."""
         counts = self.counts[: self.filled]
         counts.flags.writeable = False
-        told = (("gap", self.gaps), ("cut_short", self.ended_early), (RATE_CONTRADICTED, self.doubtful_rate_hz))
-        flags = [flag for flag, so in told if so]
+        causes = (("gap", self.gaps), ("cut_short", self.ended_early), (RATE_CONTRADICTED, self.doubtful_rate_hz))
+        flags = [flag for flag, cause in causes if cause]
         return Recording(
             name=name,
             counts=counts,

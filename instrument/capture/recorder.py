@@ -1,4 +1,4 @@
-"""The thread that brings shots to disk while their samples still come in."""
+"""The thread that writes shots to disk while their samples are received."""
 
 import queue
 import re
@@ -13,18 +13,18 @@ from instrument.files.recording_error import RecordingError, RecordingExists, on
 from instrument.files.recording_file import read_recording
 from instrument.files.recording_writer import RecordingWriter, write_recording
 
-_LOOK_S = 0.02  # for new samples
+_LOOK_S = 0.02  # between two looks for new samples
 _MOST_NAMES = 100_000
 
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """How the saving ended: ``recording`` is on disk, or only in memory where ``problem`` says why."""
+    """A shot after its saving: ``recording`` is on disk, or only in memory if ``problem`` says why."""
 
     shot: GrowingShot
     recording: Recording
     problem: str | None
-    partial: RecordingWriter | None = None  # what is on disk of a shot that could not be saved
+    partial: RecordingWriter | None = None  # the incomplete files of a shot that could not be saved
 
 
 class Recorder:
@@ -35,25 +35,15 @@ class Recorder:
         self._waiting: queue.SimpleQueue[tuple[GrowingShot, Path, str] | None] = queue.SimpleQueue()
         self._numbers: dict[tuple[Path, str], int] = {}
         self._thread = threading.Thread(target=self._run, name="levimass recorder", daemon=True)
-        self._begun = 0
-        self._ended = 0
-
-    @property
-    def pending(self) -> int:
-        """Get the number of shots begun and not saved yet."""
-        return self._begun - self._ended
-
-    def start(self) -> None:
-        """Start the thread."""
-        self._thread.start()
+        self.start = self._thread.start
+        self._ended = 0  # shots saved, or kept in memory
 
     def begin(self, shot: GrowingShot, folder: Path, prefix: str) -> None:
         """Save ``shot`` under the next free name in ``folder`` as it grows."""
-        self._begun += 1
         self._waiting.put((shot, folder, prefix))
 
     def close(self, timeout_s: float = 30.0) -> bool:
-        """Finish what is under way and end the thread; every shot must be complete.  Returns whether it ended."""
+        """Save the queued shots, all of which must be complete, and end the thread.  Returns whether it ended."""
         self._waiting.put(None)
         if self._thread.is_alive():
             self._thread.join(timeout_s)
@@ -75,7 +65,7 @@ class Recorder:
             writer.trigger(shot.trigger_sample)
             gaps = 0
             while True:
-                complete = shot.complete  # asked before the samples, so that none is left over
+                complete = shot.complete  # read before ``filled``, so that no sample is missed
                 if shot.filled > shot.written:
                     writer.append(shot.counts[shot.written : shot.filled])
                     shot.written = writer.samples
@@ -90,7 +80,7 @@ class Recorder:
             if shot.ended_early is not None:
                 writer.more(shot.extra)
             return Recorded(shot, read_recording(writer.close()), None)
-        except Exception as error:  # whatever it is, the shot itself must not be lost
+        except Exception as error:  # whatever the cause, the shot must not be lost
             problem = str(error) if isinstance(error, RecordingError) else f"unexpected: {one_line(repr(error))}"
             if writer is not None:
                 writer.release()
@@ -100,7 +90,7 @@ class Recorder:
             return Recorded(shot, shot.recording(name or self._name_without_file(folder, prefix)), problem, writer)
 
     def _name_without_file(self, folder: Path, prefix: str) -> str:
-        """Return a name of its own for a shot that no file could be opened for, lest two in memory share one."""
+        """Return a unique name for a shot in memory for which no file could be opened."""
         number = self._numbers.get((folder, prefix))
         return f"{prefix}-unsaved-{self._ended + 1}" if number is None else f"{prefix}-{number:04d}"
 
@@ -135,7 +125,7 @@ def highest_number(folder: Path, prefix: str) -> int:
 
 
 def save_elsewhere(recording: Recording, folder: Path) -> Path:
-    """Write a recording that is only in memory to ``folder``, beside what is there.  Raises RecordingError."""
+    """Write a recording that is only in memory to ``folder`` under a free name.  Raises RecordingError."""
     for number in range(1, _MOST_NAMES):
         name = recording.name if number == 1 else f"{recording.name}-{number}"
         try:

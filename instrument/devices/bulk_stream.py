@@ -1,9 +1,9 @@
-"""Bytes from a bulk endpoint without a gap: several transfers queued with the kernel at any time.
+"""Reads a USB bulk endpoint without a gap: several transfers are queued with the kernel at any time.
 
-pyusb has no asynchronous bulk, and a loop of its ``read`` leaves gaps that a 2 KiB device FIFO does not bridge.  The
-transfers here go through libusb's own asynchronous calls on pyusb's library and device handle: one library, one
-handle, no second binding to ship, and the structure they need is fixed by libusb's public ABI.  pyusb's inner names
-for the library, context and handle are asserted in ``_libusb_of``, and its version is bounded in pyproject.toml.
+pyusb has no asynchronous bulk transfers, and calling its ``read`` in a loop leaves gaps that a 2 KiB device FIFO does
+not bridge.  The transfers go through libusb's asynchronous calls on pyusb's own library and device handle.  The
+structure they need is fixed by libusb's public ABI; pyusb's inner names for library, context and handle are checked in
+``_libusb_of``, and its version is bounded in pyproject.toml.
 """
 
 import ctypes
@@ -22,7 +22,7 @@ IN_FLIGHT_BYTES = 12 << 20  # Linux allows 16 MiB for all programs together
 MAX_TRANSFER_BYTES = 1 << 20
 MIN_TRANSFER_BYTES = 8 << 10
 MAX_TRANSFERS = 32
-WAITING_BYTES = 64 << 20  # what may wait for the reader before transfers are held back
+WAITING_BYTES = 64 << 20  # received and unread; beyond this no transfer is queued
 _RETRIES = 3
 
 _COMPLETED, _ERROR, _TIMED_OUT, _CANCELLED, _STALL, _NO_DEVICE, _OVERFLOW = range(7)
@@ -57,7 +57,7 @@ class _Timeval(ctypes.Structure):
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """Bytes of one finished transfer (uint8, shape (n,)); ``lost_before``: the queue ran dry before them."""
+    """Bytes of one finished transfer (uint8, shape (n,)); ``lost_before``: no transfer was queued before it."""
 
     codes: NDArray[np.uint8]
     received_s: float  # time.monotonic() when the transfer finished
@@ -65,23 +65,23 @@ class Chunk:
 
 
 class BulkStream(Protocol):
-    """A running flow of bytes from a device."""
+    """A running stream of bytes from a device."""
 
     def start(self) -> None:
         """Queue the transfers."""
 
     def take(self, timeout_s: float) -> Chunk | None:
-        """Return the oldest chunk, None after ``timeout_s``.  Raises DigitizerError once all that came is taken."""
+        """Return the oldest chunk, None after ``timeout_s``.  Raises a fault once all received chunks are taken."""
 
     def wake(self) -> None:
         """Make a ``take`` under way return soon; from any thread."""
 
     def stop(self) -> None:
-        """Cancel what is queued and wait for it to come back."""
+        """Cancel the queued transfers and wait for their end."""
 
 
 def transfer_size(bytes_per_s: float) -> int:
-    """Return bytes a transfer (a power of two): about 20 ms of data, for a live screen and few calls."""
+    """Return the bytes per transfer (a power of two): about 20 ms of data."""
     size = MIN_TRANSFER_BYTES
     while size < MAX_TRANSFER_BYTES and size < bytes_per_s * 0.02:
         size *= 2
@@ -89,7 +89,7 @@ def transfer_size(bytes_per_s: float) -> int:
 
 
 def _libusb_of(device: Any) -> tuple[Any, Any, Any]:
-    """Return (library, context, handle) of an opened pyusb device.  Raises DigitizerError where there is no libusb."""
+    """Return (library, context, handle) of an opened pyusb device.  Raises DigitizerError if there is no libusb."""
     try:
         backend = device._ctx.backend
         return backend.lib, backend.ctx, device._ctx.handle.handle
@@ -98,15 +98,12 @@ def _libusb_of(device: Any) -> tuple[Any, Any, Any]:
 
 
 class _Slot:
-    """One transfer and the buffer it fills now."""
+    """One transfer and the buffer that it fills."""
 
     def __init__(self, pointer: Any, size: int) -> None:
         self.pointer = pointer
         self.size = size
         self.codes = np.empty(size, np.uint8)
-
-    def renew(self) -> None:
-        self.codes = np.empty(self.size, np.uint8)
 
 
 class QueuedBulkStream:
@@ -139,7 +136,7 @@ class QueuedBulkStream:
             getattr(self._lib, function).argtypes = [ctypes.c_void_p]
 
     def start(self) -> None:
-        """Queue the transfers; DigitizerError if not even one is taken."""
+        """Queue the transfers.  Raises DigitizerError if none is accepted."""
         for _ in range(self._count):
             pointer = self._lib.libusb_alloc_transfer(0)
             if not pointer:
@@ -165,7 +162,7 @@ class QueuedBulkStream:
         self._thread.start()
 
     def take(self, timeout_s: float) -> Chunk | None:
-        """Return the oldest finished chunk, or None after ``timeout_s``; DigitizerError after the last one there is."""
+        """Return the oldest chunk, None after ``timeout_s``.  Raises a fault once all received chunks are taken."""
         with self._ready:
             self._ready.wait_for(lambda: self._chunks or self._error or self._woken, timeout_s)
             self._woken = False
@@ -188,13 +185,13 @@ class QueuedBulkStream:
             self._ready.notify_all()
 
     def stop(self) -> None:
-        """Cancel what is queued and wait for it to come back; harmless when not started."""
+        """Cancel the queued transfers and wait for their end; harmless when not started."""
         with self._ready:
             self._stopping = True
             self._ready.notify_all()
         if self._thread is not None:
             self._thread.join(timeout=5.0)
-            if self._thread.is_alive():  # the kernel keeps the buffers: leaking them is safe, freeing them is not
+            if self._thread.is_alive():  # the kernel still uses the buffers: they must not be freed
                 _LEAKED.append(self)
                 self._thread = None
                 return
@@ -228,7 +225,7 @@ class QueuedBulkStream:
         self._ready.notify_all()
 
     def _finished(self, pointer: Any) -> None:
-        """Take what a transfer brought and queue it again; runs in the event thread, inside libusb."""
+        """Take a transfer's bytes and queue it again; runs in the event thread, called by libusb."""
         now = time.monotonic()
         transfer = pointer.contents
         with self._ready:
@@ -241,7 +238,7 @@ class QueuedBulkStream:
                 self._lost = False
                 if status == _COMPLETED:
                     self._retries = 0
-                slot.renew()
+                slot.codes = np.empty(slot.size, np.uint8)
             if self._stopping or self._error:
                 pass
             elif status == _NO_DEVICE:
@@ -276,12 +273,12 @@ class QueuedBulkStream:
                 continue
             if self._in_flight:
                 self._lib.libusb_handle_events_timeout_completed(self._context, ctypes.byref(tick), None)
-            else:  # every transfer is parked until the reader takes something
+            else:  # every transfer is parked until the reader takes a chunk
                 with self._ready:
                     self._ready.wait(0.02)
 
     def _recover(self) -> None:
-        """Clear the endpoint's halt and queue everything again; what was lost in between is flagged."""
+        """Clear the endpoint's halt and queue the failed transfers again; the loss in between is flagged."""
         self._retries += 1
         if self._retries > _RETRIES:
             with self._ready:

@@ -1,4 +1,4 @@
-"""The one contract every digitizer honours: bench, replay, USB streamer, oscilloscope, card."""
+"""The contract of every digitizer: simulated bench, replay, USB streamer, oscilloscope, card."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -11,52 +11,52 @@ from instrument.files.recording_error import one_line
 
 
 class DigitizerError(Exception):
-    """What went wrong with a device, in one line, and what to do about it."""
+    """A fault of a device in one line, and the remedy."""
 
     def __init__(self, what: str, remedy: str = "") -> None:
-        self.what = one_line(what, 400)  # drivers and instruments put anything into their answers
+        self.what = one_line(what, 400)  # answers of drivers and instruments may contain anything
         self.remedy = one_line(remedy, 400)
         super().__init__(f"{self.what}: {self.remedy}" if remedy else self.what)
 
 
 @dataclass(frozen=True, slots=True)
 class Capabilities:
-    """What a device can do; rates in samples/s a channel."""
+    """What a device can do; rates in samples/s per channel."""
 
     name: str
     channels: tuple[Channel, ...]
     bits: int
-    rates_hz: tuple[float, ...]  # the rates to offer; empty: only the device's own
-    max_samples: int | None  # a shot; None: unlimited stream
+    rates_hz: tuple[float, ...]  # the rates to offer; empty: only the rate set on the device
+    max_samples: int | None  # per shot; None: unlimited stream
     hardware_trigger: bool  # True: the stream is one shot, already triggered
     real_time: bool  # True: samples are lost when they are not fetched in time
-    unseen_loss_s: float = 0.0  # a loss shorter than this may go unseen
-    simulated: bool = False  # True: it waits for the processor alone; late it may be, but it neither hangs nor stalls
+    unseen_loss_s: float = 0.0  # a loss shorter than this may go unnoticed
+    simulated: bool = False  # True: it may be late on a busy computer, but it neither hangs nor stalls
 
 
 @dataclass(frozen=True, slots=True)
 class CaptureSettings:
-    """One shot as asked for; what a device cannot do is refused by ``arm`` with a DigitizerError."""
+    """The requested sample rate and lengths of a shot; ``arm`` refuses what a device cannot do."""
 
     sample_rate_hz: float
-    samples: int  # a channel, pre-trigger part included
+    samples: int  # per channel, with the part before the trigger
     pre_trigger_samples: int
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """What one ``read_into`` delivered; the samples themselves are in the caller's buffer.
+    """The result of one ``read_into``; the samples are in the caller's buffer.
 
-    ``lost_before`` counts samples a channel that the device dropped before the first one of this block (None: some,
-    number unknown; they are recorded as a gap, never filled).  ``clipped`` counts samples at the rail, a channel.
+    ``lost_before`` is the number of samples per channel that the device lost before this block (None: unknown; they
+    are recorded as a gap, never filled).  ``clipped`` is the number of samples at the rail, per channel.
     """
 
     samples: int
     lost_before: int | None = 0
     clipped: tuple[int, ...] = ()
-    ended: bool = False  # nothing more comes until the next arm
-    trigger_sample: int | None = None  # in this block, where the hardware found the trigger
-    fired: bool = False  # with no samples yet: the hardware trigger fired, and from here on samples are due
+    ended: bool = False  # no sample follows until the next arm
+    trigger_sample: int | None = None  # index in this block, if the hardware triggered here
+    fired: bool = False  # without samples: the hardware trigger fired, and its samples follow
 
 
 class Digitizer(ABC):
@@ -70,14 +70,14 @@ class Digitizer(ABC):
     @property
     @abstractmethod
     def setup(self) -> Setup:
-        """Get what the device itself knows of the rig (bits; the bench knows all, a scope knows little)."""
+        """Get what the device knows of the rig: the bench everything, an oscilloscope only its bits."""
 
     def prepare(self) -> None:
-        """Do what takes long and need not wait for ``arm`` (compile, load firmware); called once, may take a minute."""
+        """Prepare for ``arm`` what takes long (compile, load firmware); called once, may take a minute."""
         return
 
     def default_settings(self) -> CaptureSettings | None:
-        """Return the settings the next ``arm`` is best given; None where any of the capabilities will do."""
+        """Return the best settings for the next ``arm``; None if the device has no preference."""
         return None
 
     @abstractmethod
@@ -86,9 +86,9 @@ class Digitizer(ABC):
 
     @abstractmethod
     def read_into(self, buffer: NDArray[np.int16], timeout_s: float) -> Block:
-        """Fill ``buffer`` (int16, shape (n, channels), caller's own) from the front with up to n samples.
+        """Fill the caller's ``buffer`` (int16, shape (n, channels)) from the front with up to n samples.
 
-        Returns after at most ``timeout_s``, with ``samples`` 0 when nothing came.  Raises DigitizerError.
+        Returns after at most ``timeout_s``, with ``samples`` 0 if none came.  Raises DigitizerError.
         """
 
     @abstractmethod
@@ -98,3 +98,27 @@ class Digitizer(ABC):
     def close(self) -> None:
         """Release the device.  Harmless when already closed."""
         self.stop()
+
+
+_RATE_HZ = 30e6
+_SHOT_S = 1 / 6
+
+
+def usual_settings(digitizer: Digitizer, rate_hz: float | None = None, samples: int | None = None) -> CaptureSettings:
+    """Return the settings of a shot for what the operator left open.
+
+    They are the digitizer's defaults, else the fastest rate up to the paper's 30 MS/s, a sixth of a second (the paper's
+    5 M samples), and a sixteenth of the shot before the trigger.  Raises DigitizerError if no rate is known.
+    """
+    own = digitizer.default_settings()
+    able = digitizer.capabilities
+    if rate_hz is None:
+        rates = [own.sample_rate_hz] if own is not None else sorted(able.rates_hz)
+        if not rates:
+            raise DigitizerError(f"{able.name} states no sample rate", "give one")
+        rate_hz = max((rate for rate in rates if rate <= _RATE_HZ), default=rates[0])
+    if samples is None:
+        samples = own.samples if own is not None else round(rate_hz * _SHOT_S)
+        samples = min(samples, able.max_samples or samples)
+    before = own.pre_trigger_samples if own is not None else samples // 16
+    return CaptureSettings(rate_hz, samples, min(before, samples))

@@ -1,4 +1,4 @@
-"""What this computer has and lacks for taking shots, one line each; the app adds what concerns its window."""
+"""Checks of this computer for ``levimass doctor``: Python, packages, USB, devices, drivers and disk, one line each."""
 
 import importlib.metadata
 import platform
@@ -20,7 +20,7 @@ _RULES = (Path("/etc/udev/rules.d"), Path("/usr/lib/udev/rules.d"), Path("/lib/u
 
 
 class Grade(StrEnum):
-    """How a check came out."""
+    """The result of a check."""
 
     OK = "ok"
     WARN = "warn"
@@ -29,7 +29,7 @@ class Grade(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One finding: what was looked at, how it is, and in one line what was found and what to do."""
+    """One check: its name, its result, and one line with the finding and the remedy."""
 
     name: str
     grade: Grade
@@ -37,7 +37,7 @@ class Check:
 
 
 def examine(folder: Path, backend: Any = None) -> tuple[Check, ...]:
-    """Return every check; ``folder`` is where recordings are to be saved.  Never raises."""
+    """Run every check; ``folder`` is where recordings are to be saved.  Never raises."""
     checks: list[Check] = []
     parts: tuple[tuple[str, Callable[[], list[Check]]], ...] = (
         ("Python", _python),
@@ -51,7 +51,7 @@ def examine(folder: Path, backend: Any = None) -> tuple[Check, ...]:
     for name, part in parts:
         try:
             checks += part()
-        except Exception as error:  # the doctor itself must not fall ill
+        except Exception as error:  # a check that crashes is itself a finding
             line = " ".join(str(error).split()) or type(error).__name__
             checks.append(Check(name, Grade.FAIL, f"could not be examined: {line}"))
     return tuple(checks)

@@ -1,4 +1,4 @@
-"""What is plugged into this computer, whether this user may use it, and what to do where not."""
+"""The digitizers plugged into this computer, whether this user may open them, and the remedy if not."""
 
 import contextlib
 import os
@@ -19,7 +19,7 @@ _USB_NODES = Path("/dev/bus/usb")
 
 @dataclass(frozen=True, slots=True)
 class FoundDevice:
-    """A device on a bus; ``source`` opens it, ``problem`` is empty where nothing stands in the way."""
+    """A device on a bus; ``source`` opens it, ``problem`` is empty if it can be opened."""
 
     source: str
     name: str
@@ -29,7 +29,7 @@ class FoundDevice:
 
 
 def udev_rule_path() -> Path:
-    """Return where the udev rule shipped with Levimass lies."""
+    """Return the path of the udev rule that comes with Levimass."""
     return Path(str(resources.files("resources") / "udev" / "70-levimass.rules"))
 
 
@@ -44,8 +44,8 @@ def udev_instructions() -> str:
 
 
 def found_devices(backend: Any = None) -> tuple[FoundDevice, ...]:
-    """Return the digitizers plugged in, opening none.  Raises DigitizerError where the USB library is missing."""
-    finders = [sources.imported(source.found) for source in sources.SOURCES if source.found]
+    """Return the digitizers plugged in, opening none.  Raises DigitizerError if the USB library is missing."""
+    finders = [sources.imported(source.finder) for source in sources.SOURCES if source.finder]
     return tuple(device for find in finders for device in find(backend))
 
 
@@ -83,7 +83,7 @@ def _where(device: Any) -> str:
 
 
 def _permission(device: Any) -> tuple[str, str]:
-    """Return problem and remedy of opening ``device``; both empty where it may be opened or the bus does not tell."""
+    """Return problem and remedy of opening ``device``; both empty if this user may open it or the bus cannot say."""
     from instrument.devices.usb_bus import PERMISSION_REMEDY, is_permitted
 
     node = _USB_NODES / f"{device.bus or 0:03d}" / f"{device.address or 0:03d}"
@@ -95,7 +95,7 @@ def _permission(device: Any) -> tuple[str, str]:
 
 
 def ni_cards(_: Any) -> list[FoundDevice]:
-    """Return National Instruments' PCI cards; which of them digitize only the runtime knows."""
+    """Return National Instruments' PCI cards; only NI's runtime knows which of them are digitizers."""
     from instrument.devices.niscope_card import load_package
 
     places, problem, remedy = _ni_places(), "", ""
@@ -109,7 +109,7 @@ def ni_cards(_: Any) -> list[FoundDevice]:
 
 
 def _ni_places() -> list[str]:
-    """Return where this system says that a PCI card of National Instruments is."""
+    """Return the PCI slots that hold a card of National Instruments, as this system lists them."""
     if sys.platform == "win32":
         import winreg
 
@@ -127,7 +127,7 @@ def _ni_in_sys(pci: Path) -> list[str]:
 
 
 def _ni_in_registry(registry: Any) -> list[str]:
-    """Return them as Windows noted them; a card that was taken out stays noted."""
+    """Return the slots from the Windows registry, which also keeps cards that were removed."""
     try:
         with registry.OpenKey(registry.HKEY_LOCAL_MACHINE, _WINDOWS_PCI) as key:
             names = [registry.EnumKey(key, n) for n in range(registry.QueryInfoKey(key)[0])]

@@ -1,8 +1,8 @@
-"""Hantek 6022BE/BL: two channels of 8 bits, streamed without a gap; it has no trigger of its own.
+"""Driver of the Hantek 6022BE/BL: two channels of 8 bits, streamed without a gap, without a hardware trigger.
 
-Its overruns are silent: whole 512-byte packets vanish.  They are found by the byte count against the clock and, where
-a channel carries the rest beat (PD0), packet by packet by the beat's phase; either way they are told as ``lost_before``
-None and never filled.  Needs the vendor requests of the OpenHantek or the sigrok firmware, which name the rates
+The device does not report overruns: whole 512-byte packets are missing.  The driver finds them from the byte count
+against the clock and, if a channel carries the rest beat (PD0), from the beat's phase packet by packet; both give
+``lost_before`` None.  It uses the vendor requests of the OpenHantek or the sigrok firmware, which number the rates
 differently: code 10 is 10 MS/s for one and 100 kS/s for the other.
 """
 
@@ -39,10 +39,10 @@ StreamMaker = Callable[[Any, int, float, str], BulkStream]
 
 
 class Hantek6022(Digitizer):
-    """A Hantek 6022BE/BL, or the DDS/2020 of the same making; the firmware is loaded where it is missing.
+    """A Hantek 6022BE/BL, or the DDS/2020 of the same maker; the firmware is loaded if it is missing.
 
-    ``roles`` says what CH1 and CH2 carry, ``gains`` their input steps (1, 2, 5, 10 = +-5, 2.5, 1, 0.5 V).  After an
-    unplugging the next ``arm`` opens the device again.
+    ``roles`` are the roles of CH1 and CH2, ``gains`` their gain steps (1, 2, 5, 10 = +-5, 2.5, 1, 0.5 V).  After the
+    device was unplugged the next ``arm`` opens it again.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class Hantek6022(Digitizer):
         self._reference_column = self._roles.index(Role.REFERENCE) if Role.REFERENCE in self._roles else None
         self._codes = StreamedCodes(2e6, self._reference_column)
         self._fault: DigitizerError | None = None
-        self._heard_s = 0.0
+        self._received_s = 0.0  # when the last bytes came
         self._open()
 
     @property
@@ -93,17 +93,17 @@ class Hantek6022(Digitizer):
 
     @property
     def setup(self) -> Setup:
-        """Get the setup given; where none was, the paper's block is assumed and the setup says so."""
+        """Get the setup given; else the paper's block is assumed and the setup says so."""
         return self._setup
 
     def default_settings(self) -> CaptureSettings:
-        """Return the fastest rate that USB carries with ease, over a sixth of a second."""
+        """Return the fastest rate that USB carries easily, for a sixth of a second."""
         rate = self.capabilities.rates_hz[0]
         samples = round(rate / 6)
         return CaptureSettings(rate, samples, round(0.15 * samples))
 
     def arm(self, settings: CaptureSettings) -> None:
-        """Start sampling; opens the device again after an unplugging.  Raises DigitizerError."""
+        """Start sampling; opens the device again after it was unplugged.  Raises DigitizerError."""
         self.stop()
         if self._device is None:
             self._open()
@@ -122,10 +122,10 @@ class Hantek6022(Digitizer):
                 self._request(_CHANNELS, 2)
                 bytes_per_s = 2 * settings.sample_rate_hz
                 stream = self._make_stream(self._device, ENDPOINT, bytes_per_s, NAME)
-                stream.start()  # before sampling begins, so that the device's small FIFO never waits
+                stream.start()  # before sampling begins, so that the device's small FIFO never overflows
                 self._codes = StreamedCodes(bytes_per_s, self._reference_column)
                 self._fault = None
-                self._heard_s = time.monotonic()
+                self._received_s = time.monotonic()
                 self._stream = stream
                 self._request(_RUN, 1)
         except DigitizerError:
@@ -134,7 +134,7 @@ class Hantek6022(Digitizer):
             raise
 
     def read_into(self, buffer: NDArray[np.int16], timeout_s: float) -> Block:
-        """Fill ``buffer`` with codes less 128; a loss begins a new block, and what came before a fault is delivered."""
+        """Fill ``buffer`` with codes less 128; a loss begins a new block, a fault comes after its samples."""
         stream = self._stream
         end = time.monotonic() + timeout_s
         while not self._codes.ready:
@@ -152,10 +152,10 @@ class Hantek6022(Digitizer):
                 self._codes.flush()
                 continue
             if chunk is not None:
-                self._heard_s = chunk.received_s
+                self._received_s = chunk.received_s
                 self._codes.accept(chunk)
             elif self._stream is stream:
-                if time.monotonic() - self._heard_s > SILENCE_S:
+                if time.monotonic() - self._received_s > SILENCE_S:
                     self._fault = DigitizerError(f"{NAME} sends nothing", "unplug it, plug it in again and re-arm")
                     self._codes.flush()
                 elif time.monotonic() >= end:
@@ -173,10 +173,10 @@ class Hantek6022(Digitizer):
             try:
                 self._request(_RUN, 0)
             except (usb.core.USBError, NotImplementedError):
-                return  # it is gone or hangs: the next arm says so
+                return  # the device is gone or hangs: the next arm reports it
 
     def close(self) -> None:
-        """Stop and give the device back."""
+        """Stop and release the device."""
         self.stop()
         self._forget_device()
 
@@ -207,7 +207,7 @@ class Hantek6022(Digitizer):
         try:
             return bytes(self._device.ctrl_transfer(0xC0, _EEPROM, EEPROM_START, 0, EEPROM_BYTES, timeout=500))
         except (usb.core.USBError, NotImplementedError):
-            return b""  # the sigrok firmware does not read it: nominal scales
+            return b""  # the sigrok firmware cannot read it: the nominal scales apply
 
     def _request(self, request: int, value: int) -> None:
         self._device.ctrl_transfer(0x40, request, 0, 0, bytes([value]), timeout=1000)
@@ -219,12 +219,12 @@ class Hantek6022(Digitizer):
 
 
 def _preference(rate_hz: float) -> tuple[bool, float]:
-    """Order rates: the fastest that is easy first, those that are not easy last."""
+    """Return the sorting key of a rate: the fastest easy rate comes first, the difficult ones last."""
     return rate_hz > _EASY_HZ, -rate_hz
 
 
-def opened(_: str, options: SourceOptions) -> Hantek6022:
-    """Return the first one that is plugged in."""
+def open_digitizer(_: str, options: SourceOptions) -> Hantek6022:
+    """Open the first one that is plugged in."""
     firmware = options.text("firmware", "")
     return Hantek6022(
         options.roles("reference,measurement"),
@@ -246,14 +246,14 @@ _UNSET = (0x00, 0xFF)
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """Volts of a count, where a count is the code less 128."""
+    """volts = count * volts_per_count + offset_v; a count is the code less 128."""
 
     volts_per_count: float
     offset_v: float
 
 
 def scale_of(gain: int, channel: int, eeprom: bytes = b"") -> Scale:
-    """Return the scale of ``channel`` (0 or 1) at a gain step; ``eeprom`` is what was read from byte 8 on."""
+    """Return the scale of ``channel`` (0 or 1) at a gain step; ``eeprom`` are the bytes from EEPROM_START on."""
     at = 2 * _RANGE_INDEX[gain] + channel
     offset = _byte(eeprom, _OFFSET + at, 0) + _byte(eeprom, _FINE + at, 0) / 250
     volts = FULL_SCALE_V / (128 * gain) * (1 + _byte(eeprom, _GAIN + at, 0) / 500)

@@ -1,7 +1,7 @@
-"""The Hantek 6022's firmware: it lives in RAM and is loaded after every plugging in.  None is shipped with Levimass.
+"""Finds and loads the firmware of the Hantek 6022, which is lost at every unplugging.  Levimass contains none.
 
-The FX2's own loader takes control request 0xA0: 0x01 to 0xE600 holds its processor, the RAM image follows, 0x00 to
-0xE600 lets it run; the device then leaves the bus and comes back with another identity (Cypress EZ-USB TRM, 3.8).
+The FX2's loader takes control request 0xA0: 0x01 to 0xE600 stops its processor, the RAM image follows, 0x00 to 0xE600
+starts it; the device then leaves the bus and returns with another identity (Cypress EZ-USB TRM, 3.8).
 """
 
 import os
@@ -19,7 +19,7 @@ from instrument.devices.digitizer import DigitizerError
 
 
 def firmware_folders(system: str, environment: Mapping[str, str], home: Path) -> tuple[Path, ...]:
-    """Return where sigrok's firmware is installed on a system (``sys.platform``): its own folders and PulseView's."""
+    """Return the folders of sigrok's firmware on a system (``sys.platform``): sigrok's own and PulseView's."""
     name = "sigrok-firmware"
     if system == "win32":
         programs = [environment[key] for key in ("ProgramFiles", "ProgramFiles(x86)") if key in environment]
@@ -38,7 +38,7 @@ def firmware_folders(system: str, environment: Mapping[str, str], home: Path) ->
 
 
 def firmware_remedy(system: str) -> str:
-    """Return how the firmware comes onto a system (``sys.platform``)."""
+    """Return how to install the firmware on a system (``sys.platform``)."""
     if system in ("win32", "darwin"):
         how = "install PulseView of sigrok, which brings it,"
     else:
@@ -63,14 +63,14 @@ _PIECE = 4096
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """Bytes for one place of the FX2's RAM."""
+    """Bytes for one address of the FX2's RAM."""
 
     address: int
     content: bytes
 
 
 def find_firmware(product: int) -> Path:
-    """Return the installed firmware file for a cold device.  Raises DigitizerError with the remedy."""
+    """Return the installed firmware file for a product id.  Raises DigitizerError with the remedy."""
     name = FILES.get(product)
     for folder in FOLDERS:
         if name and (folder / name).is_file():
@@ -110,7 +110,7 @@ def _intel_hex(content: bytes, path: Path) -> tuple[Segment, ...]:
 
 
 def load_firmware(device: Any, segments: tuple[Segment, ...], name: str) -> None:
-    """Put the image into a cold device's RAM and let it run.  Raises DigitizerError."""
+    """Load the image into the RAM of a device without firmware and start it.  Raises DigitizerError."""
     with usb_bus.usb_errors_of(name):
         _write(device, _CPU_CONTROL, b"\x01")
         for segment in segments:
@@ -119,7 +119,7 @@ def load_firmware(device: Any, segments: tuple[Segment, ...], name: str) -> None
     try:
         _write(device, _CPU_CONTROL, b"\x00")
     except usb.core.USBError:
-        pass  # some leave the bus before they acknowledge; whether it runs shows when it comes back
+        pass  # some devices leave the bus before they acknowledge; ``wait_for_warm`` notices if it did not start
     finally:
         usb_bus.release(device)
 
@@ -139,7 +139,7 @@ def wait_for_warm(
 ) -> Any:
     """Return the device that came back after its firmware was loaded.
 
-    ``before`` holds (bus, address) of the devices that already ran.  Raises DigitizerError after ``timeout_s``.
+    ``before`` holds (bus, address) of devices to ignore.  Raises DigitizerError after ``timeout_s``.
     """
     end = clock() + timeout_s
     while True:

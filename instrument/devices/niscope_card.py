@@ -1,4 +1,4 @@
-"""NI-SCOPE cards (the paper's PCI-5105) through NI's ``niscope`` package, an optional extra, imported when asked."""
+"""Driver of NI-SCOPE cards (the paper's PCI-5105) through NI's optional package ``niscope``."""
 
 import contextlib
 import importlib
@@ -27,7 +27,7 @@ _POLL_S = 0.02
 
 @dataclass(frozen=True, slots=True)
 class CardTrigger:
-    """What starts a shot: a channel ("2") with a level and slope, or a digital line ("VAL_RTSI_0", "PFI_1")."""
+    """The hardware trigger: a channel ("2") with level and slope, or a digital line ("VAL_RTSI_0", "PFI_1")."""
 
     source: str = "2"
     level_v: float = 1.0
@@ -40,7 +40,7 @@ class CardTrigger:
 
 
 def load_package() -> Any:
-    """Return the ``niscope`` package.  Raises DigitizerError with the remedy where it is absent."""
+    """Return the ``niscope`` package.  Raises DigitizerError with the remedy if it is not installed."""
     try:
         return importlib.import_module("niscope")
     except ImportError as error:
@@ -50,8 +50,8 @@ def load_package() -> Any:
 class NiscopeCard(Digitizer):
     """An NI digitizer card; one ``arm`` is one triggered record.
 
-    ``roles`` says what its channels carry, ``range_v`` the full vertical range of each.  A record that does not fit
-    the card's memory is refused by NI-SCOPE, and that is told as it says it.
+    ``roles`` are the roles of its channels, ``range_v`` the full vertical range of each.  NI-SCOPE refuses a record
+    that does not fit the card's memory; its message is passed on.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class NiscopeCard(Digitizer):
 
     @property
     def setup(self) -> Setup:
-        """Get the setup given; where none was, the paper's block is assumed and the setup says so."""
+        """Get the setup given; else the paper's block is assumed and the setup says so."""
         return self._setup
 
     def default_settings(self) -> CaptureSettings:
@@ -159,7 +159,7 @@ class NiscopeCard(Digitizer):
         return Block(count, clipped=clipped, ended=ended, trigger_sample=at if 0 <= at < count else None)
 
     def stop(self) -> None:
-        """Give up waiting; from any thread."""
+        """Stop waiting; from any thread."""
         self._cancel.set()
         with self._lock:
             worker, self._worker = self._worker, None
@@ -171,13 +171,13 @@ class NiscopeCard(Digitizer):
         self.stop()
         session, self._session = self._session, None
         if session is not None:
-            with contextlib.suppress(Exception):  # what cannot even close must not cost the shot that was taken
+            with contextlib.suppress(Exception):  # an error at closing must not lose the shot
                 session.close()
 
     def _open(self) -> Any:
         try:
             return self._niscope.Session(self._resource)
-        except Exception as error:  # as above
+        except Exception as error:
             raise self._described(error) from error
 
     def _configure(self, settings: CaptureSettings) -> None:
@@ -199,7 +199,7 @@ class NiscopeCard(Digitizer):
     def _work(
         self, settings: CaptureSettings, out: "queue.SimpleQueue[tuple[NDArray[np.int16], int] | DigitizerError | None]"
     ) -> None:
-        """Wait for the record and fetch it, in a thread of its own so that ``read_into`` keeps its time."""
+        """Wait for the record and fetch it, in a thread, so that ``read_into`` keeps its timeout."""
         try:
             with self._session.initiate():
                 while self._session.acquisition_status() != self._niscope.AcquisitionStatus.COMPLETE:
@@ -213,14 +213,14 @@ class NiscopeCard(Digitizer):
             self._scales = [(float(info.gain), float(info.offset)) for info in infos]
             step_s = float(infos[0].x_increment)
             if not math.isfinite(step_s) or step_s <= 0:
-                raise DigitizerError(f"{self._resource} tells a sample every {step_s:g} s", "re-arm")
+                raise DigitizerError(f"{self._resource} reports a sample every {step_s:g} s", "re-arm")
             scales = [*self._scales, (float(infos[0].relative_initial_x), 0.0)]
             if not all(math.isfinite(value) for scale in scales for value in scale):
-                raise DigitizerError(f"{self._resource} tells no scale for its counts", "re-arm")
+                raise DigitizerError(f"{self._resource} reports no scale for its counts", "re-arm")
             out.put((counts, round(-float(infos[0].relative_initial_x) / step_s)))
         except DigitizerError as error:
             out.put(error)
-        except Exception as error:  # as above
+        except Exception as error:
             out.put(self._described(error))
 
     def _described(self, error: Exception) -> DigitizerError:
@@ -230,8 +230,8 @@ class NiscopeCard(Digitizer):
         return DigitizerError(f"{self._resource}: {line}", "check the name in NI MAX, or levimass --doctor")
 
 
-def opened(resource: str, options: SourceOptions) -> NiscopeCard:
-    """Return the card of this name in NI MAX."""
+def open_digitizer(resource: str, options: SourceOptions) -> NiscopeCard:
+    """Open the card of this name in NI MAX."""
     channels = [str(number) for number in options.wholes("channels", "0,1", "channel")]
     trigger = CardTrigger(options.text("trigger", "2"), options.number("level", "1"), options.slope())
     range_v = options.number("range", "2")

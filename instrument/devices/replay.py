@@ -1,4 +1,4 @@
-"""Recordings played back through the digitizer contract, in real time or as fast as they are read."""
+"""A digitizer that plays back recordings, in real time or as fast as they are read."""
 
 import contextlib
 import threading
@@ -18,11 +18,11 @@ from instrument.files.recording_search import is_motion_record
 
 
 class ReplayDigitizer(Digitizer):
-    """Plays one recording an ``arm``, the next one at the next ``arm``, from the first again after the last.
+    """Plays one recording per ``arm``, in turn.
 
-    Each is played from its first sample to its last, then ``ended``; its gaps come as ``lost_before`` and where it has
-    no light-switch channel its trigger comes as ``trigger_sample``.  ``real_time`` paces the samples by the clock;
-    nothing is lost when they are fetched late, they only wait.
+    A recording is played from its first sample to its last.  Its gaps are given as ``lost_before``, and its trigger as
+    ``trigger_sample`` if it has no light-switch channel.  ``real_time``: the samples come at their rate; they wait for
+    a reader that is late.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class ReplayDigitizer(Digitizer):
         self._played = True
         self._at = 0
         self._started_at = 0.0
-        for _ in range(len(shots) - 1):  # a broken recording does not keep the ones after it from being played
+        for _ in range(len(shots) - 1):  # skip broken recordings
             with contextlib.suppress(DigitizerError):
                 self._upcoming()
                 break
@@ -61,7 +61,7 @@ class ReplayDigitizer(Digitizer):
 
     @property
     def capabilities(self) -> Capabilities:
-        """Get what the recording being played, or to be played next, was taken with."""
+        """Get the capabilities of the digitizer that took the present recording."""
         shot = self._upcoming()
         return Capabilities(
             name=f"replay of {shot.name}",
@@ -75,16 +75,16 @@ class ReplayDigitizer(Digitizer):
 
     @property
     def setup(self) -> Setup:
-        """Get the setup kept with the recording being played, or to be played next."""
+        """Get the setup saved with the present recording."""
         return self._upcoming().setup
 
     def default_settings(self) -> CaptureSettings:
-        """Return the settings that take the whole next recording again."""
+        """Return the settings that play the whole next recording."""
         shot = self._upcoming()
         return CaptureSettings(shot.sample_rate_hz, shot.samples, shot.trigger_sample or 0)
 
     def arm(self, settings: CaptureSettings) -> None:
-        """Begin at the first sample of the next recording; DigitizerError if it cannot be read or has another rate."""
+        """Start the next recording.  Raises DigitizerError if it cannot be read or has another rate."""
         self._stopped.set()
         shot = self._upcoming()
         if settings.sample_rate_hz != shot.sample_rate_hz:
@@ -98,7 +98,7 @@ class ReplayDigitizer(Digitizer):
         self._stopped.clear()
 
     def read_into(self, buffer: NDArray[np.int16], timeout_s: float) -> Block:
-        """Fill ``buffer`` with what has come due; a gap begins a new block."""
+        """Fill ``buffer`` with the samples that are due; a gap begins a new block."""
         if self._stopped.is_set():
             return Block(0, ended=True)
         shot = self._playing
@@ -132,11 +132,11 @@ class ReplayDigitizer(Digitizer):
         self._stopped.set()
 
     def _wait_for_due(self, shot: Recording, wanted: int, timeout_s: float) -> int:
-        """Return the sample up to which the clock has run, waiting for at least one to come due."""
+        """Return the number of samples that are due by the clock, waiting for at least one."""
         if not self._real_time:
             return shot.samples
         rate = shot.sample_rate_hz
-        # half a buffer at a time, so that a large buffer does not turn playing into jumps
+        # wait for half a buffer only, so that a large buffer does not make the replay jump
         aim = self._started_at + (self._at + max(1, wanted // 2)) / rate
         wait = min(aim - self._clock(), timeout_s)
         if wait > 0:
@@ -144,7 +144,7 @@ class ReplayDigitizer(Digitizer):
         return min(shot.samples, int((self._clock() - self._started_at) * rate + 0.5))
 
     def _upcoming(self) -> Recording:
-        """Return the recording being played; once it is over, open the one after it."""
+        """Return the recording being played, or the next one once it is over."""
         if self._played and self._stopped.is_set():
             self._index = (self._index + 1) % len(self._shots)
             shot = self._shots[self._index]
@@ -163,8 +163,8 @@ def _at_rail(counts: NDArray[np.int16], bits: int) -> tuple[int, ...]:
     return tuple(int(n) for n in np.count_nonzero((counts >= rail - 1) | (counts <= -rail), axis=0))
 
 
-def opened(path: str, _: SourceOptions) -> ReplayDigitizer:
-    """Return what plays the recordings at a path."""
+def open_digitizer(path: str, _: SourceOptions) -> ReplayDigitizer:
+    """Play the recordings at a path."""
     if not Path(path).exists():
         raise DigitizerError(f"nothing to replay at {path}", "name a recording, or a folder that holds some")
     return ReplayDigitizer([path])

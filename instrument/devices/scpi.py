@@ -1,4 +1,4 @@
-"""Deep-memory oscilloscopes over SCPI: one shot on a hardware trigger, then its memory in chunks."""
+"""Driver of deep-memory oscilloscopes over SCPI: one shot on a hardware trigger, whose memory is fetched in chunks."""
 
 import contextlib
 import queue
@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from analysis.shot.recording import Channel, Role, Setup
 from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 from instrument.devices.scpi_arming import EXTERNAL, RATE_TOLERANCE, HardwareTrigger, set_time, set_trigger
-from instrument.devices.scpi_dialects import Dialect, Nonsense, Scaling, Timing, dialect_of
+from instrument.devices.scpi_dialects import Dialect, ImplausibleAnswer, Scaling, Timing, dialect_of
 from instrument.devices.scpi_transport import Cancelled, ScpiTransport, Stalled
 from instrument.devices.source_options import assumed_rig
 from instrument.files.recording_error import one_line
 
 POLL_S = 0.02
-ARMING_S = 0.5  # for so long a "stopped" may still be that of the shot before
+ARMING_S = 0.5  # for this long after arming, "stopped" may still refer to the previous shot
 
 _ROLES: Mapping[int, Role] = {1: Role.REFERENCE, 2: Role.MEASUREMENT}
 
@@ -27,8 +27,8 @@ _ROLES: Mapping[int, Role] = {1: Role.REFERENCE, 2: Role.MEASUREMENT}
 class ScpiOscilloscope(Digitizer):
     """An oscilloscope of the dialect table over any transport.
 
-    ``roles`` says what its channels carry.  Ranges, coupling and, with ``trigger`` None, the trigger are taken as set
-    on the instrument.  The scales are read when it is opened, when it is armed, and with the shot.
+    ``roles`` are the roles of its channels.  Ranges, coupling and, with ``trigger`` None, the trigger are as set on the
+    instrument.  The scales are read at opening, at arming, and with the shot.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class ScpiOscilloscope(Digitizer):
         self._trigger = trigger or HardwareTrigger()
         self._cancel = threading.Event()
         self._lock = threading.Lock()
-        self._talk = threading.RLock()  # one exchange at a time: the fetching thread and whoever asks for settings
+        self._exchange = threading.RLock()  # one exchange at a time: the fetching thread also uses the link
         self._worker: threading.Thread | None = None
         self._blocks: queue.SimpleQueue[_Piece | DigitizerError | None] = queue.SimpleQueue()
         self._piece: _Piece | None = None
@@ -67,12 +67,12 @@ class ScpiOscilloscope(Digitizer):
         self._name = f"{self._dialect.name.split()[0]} {model}".strip()
         self._setup = setup or assumed_rig(self._dialect.bits)
         self._scales = {n: Scaling(1.0, 0.0) for n in self._roles}
-        with contextlib.suppress(Nonsense):  # zeros before the first shot; refused once one is wanted
-            self._read_scales_if_told()
+        with contextlib.suppress(ImplausibleAnswer):  # zeros before the first shot; ``arm`` refuses them
+            self._read_known_scales()
 
     @property
     def capabilities(self) -> Capabilities:
-        """Get what the instrument can do; scales are those read last."""
+        """Get what the instrument can do; the scales are those last read."""
         return Capabilities(
             name=self._name,
             channels=tuple(
@@ -88,22 +88,22 @@ class ScpiOscilloscope(Digitizer):
 
     @property
     def setup(self) -> Setup:
-        """Get the setup given; where none was, the paper's block is assumed and the setup says so."""
+        """Get the setup given; else the paper's block is assumed and the setup says so."""
         return self._setup
 
     @property
     def progress(self) -> tuple[int, int]:
-        """Get how many samples a channel have been fetched, of how many; (0, 0) while waiting for the trigger."""
+        """Get the samples per channel fetched and to fetch; (0, 0) before the trigger."""
         return self._fetched, self._wanted
 
     def default_settings(self) -> CaptureSettings:
-        """Return what is set on the instrument: taking it as it is."""
-        with self._talk:
+        """Return the settings of the instrument."""
+        with self._exchange:
             timing = self._dialect.set_now(self._link.query, next(iter(self._roles)))
         return CaptureSettings(timing.sample_rate_hz, timing.samples, timing.trigger_sample or 0)
 
     def arm(self, settings: CaptureSettings) -> None:
-        """Set time base and memory where they are not as asked, and wait for the trigger.  Raises DigitizerError."""
+        """Set time base and memory if they differ, and wait for the trigger.  Raises DigitizerError."""
         self.stop()
         if not 0 <= settings.pre_trigger_samples < settings.samples <= self._dialect.max_samples:
             raise DigitizerError(
@@ -111,10 +111,10 @@ class ScpiOscilloscope(Digitizer):
                 f"trigger",
                 f"at most {self._dialect.max_samples}",
             )
-        with self._talk:
+        with self._exchange:
             set_time(self._dialect, self._link.write, self.default_settings, settings, self._name)
             set_trigger(self._dialect, self._link.write, self._trigger)
-            self._read_scales_if_told()
+            self._read_known_scales()
             for command in self._dialect.single:
                 self._link.write(command)
         self._cancel.clear()
@@ -126,7 +126,7 @@ class ScpiOscilloscope(Digitizer):
         self._worker.start()
 
     def read_into(self, buffer: NDArray[np.int16], timeout_s: float) -> Block:
-        """Fill ``buffer`` with what was fetched; nothing comes before the trigger."""
+        """Fill ``buffer`` with fetched samples; nothing comes before the trigger."""
         if self._piece is None:
             if not self._armed:
                 return Block(0, ended=True)
@@ -163,7 +163,7 @@ class ScpiOscilloscope(Digitizer):
         return block
 
     def stop(self) -> None:
-        """Give up waiting or fetching; from any thread."""
+        """Stop waiting or fetching; from any thread."""
         self._cancel.set()
         with self._lock:
             worker, self._worker = self._worker, None
@@ -171,15 +171,15 @@ class ScpiOscilloscope(Digitizer):
                 worker.join(timeout=15.0)
 
     def close(self) -> None:
-        """Stop and let go of the instrument."""
+        """Stop and release the instrument."""
         self.stop()
         self._link.close()
 
-    def _read_scales_if_told(self) -> None:
-        """Read the scales; some tell them only of a finished shot.  Raises Nonsense where they cannot be."""
+    def _read_known_scales(self) -> None:
+        """Read the scales; some instruments know them only after a shot.  Raises ImplausibleAnswer."""
         try:
             self._read_scales()
-        except Nonsense:
+        except ImplausibleAnswer:
             raise
         except DigitizerError:
             return
@@ -191,7 +191,7 @@ class ScpiOscilloscope(Digitizer):
             self._scales[n] = self._dialect.scaling(self._link.query, n)
 
     def _work(self, settings: CaptureSettings, out: "queue.SimpleQueue[_Piece | DigitizerError | None]") -> None:
-        """Wait for the trigger and fetch, in a thread of its own so that ``read_into`` keeps its time."""
+        """Wait for the trigger and fetch, in a thread, so that ``read_into`` keeps its timeout."""
         try:
             self._wait_for_shot()
             self._fetch(settings, out)
@@ -203,7 +203,7 @@ class ScpiOscilloscope(Digitizer):
             out.put(None)
         except DigitizerError as error:
             out.put(error)
-        except Exception as error:  # whoever waits for samples must hear of it
+        except Exception as error:  # the reader must be told
             out.put(DigitizerError(f"{self._name}: unexpected: {one_line(repr(error))}", "re-arm; report this"))
 
     def _wait_for_shot(self) -> None:
@@ -212,21 +212,19 @@ class ScpiOscilloscope(Digitizer):
         while True:
             if self._cancel.wait(POLL_S):
                 raise Cancelled
-            with self._talk:
+            with self._exchange:
                 done = self._dialect.is_done(self._link.query(self._dialect.status))
             seen_waiting = seen_waiting or not done
             if done and (seen_waiting or self._clock() - armed_s > ARMING_S):
                 return
 
     def _fetch(self, settings: CaptureSettings, out: "queue.SimpleQueue[_Piece | DigitizerError | None]") -> None:
-        words = self._dialect
-        out.put(
-            _Piece(np.empty((0, len(self._roles)), np.int16), None, False)
-        )  # it fired: from here on samples are due
-        with self._talk:
-            with contextlib.suppress(Nonsense):  # those of the arming hold; the shot is worth more
+        dialect = self._dialect
+        out.put(_Piece(np.empty((0, len(self._roles)), np.int16), None, False))  # reports that the trigger fired
+        with self._exchange:
+            with contextlib.suppress(ImplausibleAnswer):  # then the scales read at arming are used
                 self._read_scales()
-            timing = words.timing(self._link.query, next(iter(self._roles)))
+            timing = dialect.timing(self._link.query, next(iter(self._roles)))
         if abs(timing.sample_rate_hz / settings.sample_rate_hz - 1) > RATE_TOLERANCE:
             raise DigitizerError(
                 f"{self._name} took {timing.sample_rate_hz:g} samples/s, not {settings.sample_rate_hz:g}", "re-arm"
@@ -234,36 +232,37 @@ class ScpiOscilloscope(Digitizer):
         first = max(0, (timing.trigger_sample or 0) - settings.pre_trigger_samples)
         end = min(timing.samples, first + settings.samples)
         self._wanted = end - first
-        step = words.points_a_read or self._wanted
+        step = dialect.points_a_read or self._wanted
         for at in range(first, end, step):
             count = min(step, end - at)
             trigger = None if timing.trigger_sample is None else timing.trigger_sample - at
             counts = np.empty((count, len(self._roles)), np.int16)
             for column, n in enumerate(self._roles):
                 try:
-                    with self._talk:
+                    with self._exchange:
                         counts[:, column] = self._points(n, at, count, timing)
                 except Stalled as error:
-                    if column == len(self._roles) - 1:  # of the rows before every channel is there: they are kept
-                        came = words.decode(error.received)[at if words.points_a_read is None else 0 :][:count]
-                        counts[: came.size, column] = came
-                        self._fetched += came.size
-                        out.put(_Piece(counts[: came.size], trigger, False))
+                    if column == len(self._roles) - 1:  # keep the rows of which every channel was received
+                        skipped = at if dialect.points_a_read is None else 0
+                        received = dialect.decode(error.received)[skipped:][:count]
+                        counts[: received.size, column] = received
+                        self._fetched += received.size
+                        out.put(_Piece(counts[: received.size], trigger, False))
                     raise
             self._fetched += count
             out.put(_Piece(counts, trigger, at + count == end))
 
     def _points(self, n: int, at: int, count: int, timing: Timing) -> NDArray[np.int16]:
-        words = self._dialect
-        whole = words.points_a_read is None
-        for command in words.select:
+        dialect = self._dialect
+        whole = dialect.points_a_read is None
+        for command in dialect.select:
             self._link.write(command.format(n=n))
-        fetch = [f.format(n=n, a=at + 1, b=at + count, count=count, skip=at) for f in words.fetch]
+        fetch = [f.format(n=n, a=at + 1, b=at + count, count=count, skip=at) for f in dialect.fetch]
         for command in fetch[:-1]:
             self._link.write(command)
         points = timing.samples if whole else count
-        block = self._link.query_block(fetch[-1], points * words.bytes_per_sample, self._cancel.is_set)
-        decoded = words.decode(block)
+        block = self._link.query_block(fetch[-1], points * dialect.bytes_per_sample, self._cancel.is_set)
+        decoded = dialect.decode(block)
         decoded = decoded[at:] if whole else decoded
         if decoded.size < count:
             raise DigitizerError(f"{self._name} sent {decoded.size} of {count} samples of channel {n}", "re-arm")
@@ -272,9 +271,9 @@ class ScpiOscilloscope(Digitizer):
 
 @dataclass(frozen=True, slots=True)
 class _Piece:
-    """Fetched counts (int16, shape (n, channels)) and where in them the trigger is (may lie outside).
+    """Fetched counts (int16, shape (n, channels)) and the trigger's index in them, which may lie outside.
 
-    One without counts says that the trigger fired.
+    A piece without counts reports that the trigger fired.
     """
 
     counts: NDArray[np.int16]

@@ -1,4 +1,4 @@
-"""From an address, typed or found, to an oscilloscope: ``usb[:VVVV:PPPP]``, ``HOST[:PORT]`` or a VISA resource name."""
+"""Opens an oscilloscope by its address: ``usb[:VVVV:PPPP]``, ``HOST[:PORT]`` or a VISA resource name."""
 
 import re
 from typing import TYPE_CHECKING, Any
@@ -18,9 +18,9 @@ _REMEDY = "type HOST or HOST:PORT, as 192.168.1.5 or scope.lab:5025, or a VISA n
 
 
 def network_source(typed: str) -> str:
-    """Return the source that a typed address means, for ``open_source``; connects to nothing.
+    """Return the source text of an address typed by the operator; connects to nothing.
 
-    Raises DigitizerError, in one line, for what can be no address.
+    Raises DigitizerError for text that is no address.
     """
     text = typed.strip()
     text = text[5:] if text.lower().startswith("scpi:") else text
@@ -37,12 +37,12 @@ def network_source(typed: str) -> str:
 
 
 def network_name(source: str) -> str:
-    """Return the words for such a source."""
+    """Return the name of such a source on the screen."""
     return f"Oscilloscope at {source.removeprefix('scpi:').partition('?')[0]}"
 
 
-def opened(address: str, options: "SourceOptions") -> "ScpiOscilloscope":
-    """Return the oscilloscope at an address."""
+def open_digitizer(address: str, options: "SourceOptions") -> "ScpiOscilloscope":
+    """Open the oscilloscope at an address."""
     from instrument.devices.scpi import EXTERNAL, HardwareTrigger, ScpiOscilloscope
 
     roles = options.assigned(options.wholes("channels", "1,2", "channel"))

@@ -1,4 +1,4 @@
-"""What is set on an oscilloscope before a shot: time base and memory depth, and what fires it."""
+"""Sets an oscilloscope's time base, memory depth and trigger before a shot."""
 
 import math
 from collections.abc import Callable
@@ -15,7 +15,7 @@ Write = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class HardwareTrigger:
-    """What starts a shot: ``source`` a channel, "external", or None for what is set on the instrument."""
+    """The hardware trigger: ``source`` is a channel, "external", or None for the instrument's own setting."""
 
     source: int | str | None = None
     slope: str = "rising"
@@ -23,25 +23,25 @@ class HardwareTrigger:
 
 
 def set_time(
-    words: Dialect, write: Write, set_now: Callable[[], CaptureSettings], wanted: CaptureSettings, name: str
+    dialect: Dialect, write: Write, set_now: Callable[[], CaptureSettings], wanted: CaptureSettings, name: str
 ) -> None:
-    """Set time base, memory depth and trigger delay where they are not as wanted.
+    """Set time base, memory depth and trigger delay if they differ from ``wanted``.
 
-    Raises DigitizerError where the instrument then takes another rate.
+    Raises DigitizerError if the instrument then has another rate.
     """
     if set_now() == wanted:
         return
     length_s = wanted.samples / wanted.sample_rate_hz
-    per_division = length_s / words.divisions
-    if words.depths:
+    per_division = length_s / dialect.divisions
+    if dialect.depths:
         per_division = _one_two_five(per_division)
-        needed = wanted.sample_rate_hz * per_division * words.divisions
-        depth = min(words.depths, key=lambda candidate: abs(math.log(candidate / needed)))
-        write(words.set_depth.format(samples=depth, short=_short(depth)))
-    write(words.set_time_per_division.format(seconds=per_division))
-    record_s = per_division * words.divisions
+        needed = wanted.sample_rate_hz * per_division * dialect.divisions
+        depth = min(dialect.depths, key=lambda candidate: abs(math.log(candidate / needed)))
+        write(dialect.set_depth.format(samples=depth, short=_short(depth)))
+    write(dialect.set_time_per_division.format(seconds=per_division))
+    record_s = per_division * dialect.divisions
     before_s = wanted.pre_trigger_samples / wanted.sample_rate_hz + (record_s - length_s) / 2
-    write(words.set_trigger_delay.format(seconds=record_s / 2 - before_s))
+    write(dialect.set_trigger_delay.format(seconds=record_s / 2 - before_s))
     now = set_now()
     if abs(now.sample_rate_hz / wanted.sample_rate_hz - 1) > RATE_TOLERANCE:
         raise DigitizerError(
@@ -50,15 +50,15 @@ def set_time(
         )
 
 
-def set_trigger(words: Dialect, write: Write, trigger: HardwareTrigger) -> None:
-    """Set what fires a shot; nothing where it is taken as set on the instrument."""
+def set_trigger(dialect: Dialect, write: Write, trigger: HardwareTrigger) -> None:
+    """Set the trigger, unless the instrument's own setting is used."""
     if trigger.source is None:
         return
     external = trigger.source == EXTERNAL
-    commands = list(words.trigger_external if external else words.trigger_channel)
-    commands.append(words.slope[trigger.slope])
+    commands = list(dialect.trigger_external if external else dialect.trigger_channel)
+    commands.append(dialect.slope[trigger.slope])
     if trigger.level_v is not None:
-        commands.append(words.level)
+        commands.append(dialect.level)
     for command in commands:
         source = "EX" if external else f"C{trigger.source}"
         write(command.format(n=trigger.source, source=source, volts=trigger.level_v))

@@ -1,4 +1,4 @@
-"""How each maker's oscilloscopes say the same things; the table that the one SCPI driver reads.
+"""The SCPI commands of each maker's oscilloscopes, as a table for the one SCPI driver.
 
 Sources: the programming guides of Rigol MSO1000Z/DS1000Z, Siglent SDS1000X-E and Keysight InfiniiVision.
 """
@@ -15,8 +15,8 @@ from instrument.devices.digitizer import DigitizerError
 Ask = Callable[[str], str]
 
 
-class Nonsense(DigitizerError):
-    """What an instrument told in numbers, and cannot be."""
+class ImplausibleAnswer(DigitizerError):
+    """An instrument's answer with impossible numbers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Timing:
 class Scaling:
     """volts = count * volts_per_count + offset_v, for counts as ``Dialect.decode`` returns them.
 
-    Raises Nonsense where no instrument could have them.
+    Raises ImplausibleAnswer for values that no instrument has.
     """
 
     volts_per_count: float
@@ -40,18 +40,18 @@ class Scaling:
 
     def __post_init__(self) -> None:
         if not (1e-12 < abs(self.volts_per_count) < 1e4 and abs(self.offset_v) < 1e6):
-            raise Nonsense(
-                f"the oscilloscope tells {self.volts_per_count:g} V a count and an offset of {self.offset_v:g} V",
+            raise ImplausibleAnswer(
+                f"the oscilloscope reports {self.volts_per_count:g} V per count and an offset of {self.offset_v:g} V",
                 "set the vertical scale anew, then re-arm",
             )
 
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """One maker's words.
+    """One maker's commands.
 
-    ``{n}`` stands for a channel, ``{a}`` and ``{b}`` for the first and last point (from 1), ``{count}`` and ``{skip}``
-    for a number of points and of those before them, ``{source}`` for the trigger's channel.
+    In them ``{n}`` is a channel, ``{a}`` and ``{b}`` the first and last point (from 1), ``{count}`` the number of
+    points and ``{skip}`` that of the points before them, ``{source}`` the trigger's channel.
     """
 
     name: str
@@ -68,22 +68,22 @@ class Dialect:
     status: str
     is_done: Callable[[str], bool]
     stop: str
-    depths: tuple[int, ...]  # memory depths a channel with two channels on; empty: set by the instrument
+    depths: tuple[int, ...]  # memory depths per channel with two channels on; empty: set by the instrument
     set_depth: str
     divisions: int
     set_time_per_division: str
     set_trigger_delay: str  # s from the trigger to the middle of the record
     max_samples: int
-    set_now: Callable[[Ask, int], Timing]  # what the next shot will be, as set on the instrument; channel number
+    set_now: Callable[[Ask, int], Timing]  # of the next shot, by the instrument's settings; channel number
     timing: Callable[[Ask, int], Timing]  # of the shot in memory
     select: tuple[str, ...]  # before reading a channel's points
     scaling: Callable[[Ask, int], Scaling]
-    fetch: tuple[str, ...]  # the last one answers the block
+    fetch: tuple[str, ...]  # the last one is answered with the block
     decode: Callable[[bytes], NDArray[np.int16]]
 
 
 def numbers(answer: str, count: int, what: str) -> list[float]:
-    """Return the numbers of an answer.  Raises DigitizerError where they are not ``count`` finite numbers."""
+    """Return the numbers of an answer.  Raises DigitizerError if they are fewer than ``count`` finite numbers."""
     try:
         found = [_number(part) for part in answer.split(",")]
     except ValueError:
@@ -105,14 +105,15 @@ def _number(text: str) -> float:
 
 def _timing(rate_hz: float, samples: float, trigger_sample: float) -> Timing:
     if not (1e-3 <= rate_hz <= 1e12 and 1 <= samples <= 1 << 31):
-        raise Nonsense(f"the oscilloscope tells {samples:g} samples at {rate_hz:g} a second", "set its time base anew")
+        what = f"the oscilloscope reports {samples:g} samples at {rate_hz:g} a second"
+        raise ImplausibleAnswer(what, "set its time base anew")
     return Timing(rate_hz, int(samples), round(trigger_sample) if 0 <= trigger_sample < samples - 0.5 else None)
 
 
 def _preamble_timing(ask: Ask, channel: int) -> Timing:
     _, _, points, _, step_s, origin_s, reference, *_ = numbers(ask(":WAV:PRE?"), 10, "the waveform's preamble")
     if not 1e-12 <= step_s <= 1e3:
-        raise Nonsense(f"the oscilloscope tells a sample every {step_s:g} s", "set its time base anew")
+        raise ImplausibleAnswer(f"the oscilloscope reports a sample every {step_s:g} s", "set its time base anew")
     return _timing(1 / step_s, points, reference - origin_s / step_s)
 
 

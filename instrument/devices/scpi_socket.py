@@ -18,7 +18,7 @@ from instrument.devices.scpi_transport import (
 PORTS = (5025, 5555)  # Keysight and Siglent; Rigol
 _REMEDY = "check its network address, and that no other program is connected"
 _PIECE = 1 << 18
-_LOOK_S = 0.1  # whether it was cancelled
+_LOOK_S = 0.1  # between two looks for a cancellation
 
 
 class SocketTransport:
@@ -52,7 +52,7 @@ class SocketTransport:
             raise DigitizerError(f"{self.name}: connection lost ({error})", _REMEDY) from error
 
     def query(self, command: str, timeout_s: float = 5.0) -> str:
-        """Send a command and return the line it answers; what an earlier block left before it is skipped."""
+        """Send a command and return the line of its answer; line ends left by an earlier block are skipped."""
         deadline = Deadline(timeout_s)
         self.write(command)
         while True:
@@ -70,7 +70,7 @@ class SocketTransport:
     def query_block(
         self, command: str, max_bytes: int, cancelled: Callable[[], bool] = never, timeout_s: float = 10.0
     ) -> bytes:
-        """Send a command and return the bytes of the block it answers."""
+        """Send a command and return the bytes of the block in its answer."""
         deadline = Deadline(timeout_s)
         self.write(command)
         start = None
@@ -82,11 +82,11 @@ class SocketTransport:
         deadline.allow_for(size)
         while len(self._received) < first + size:
             so_far = len(self._received)
-            came = self._received  # a lost connection forgets it
+            received = self._received  # a lost connection replaces it
             try:
                 self._receive_or_cancel(deadline, timeout_s, command, cancelled)
             except DigitizerError as error:
-                raise Stalled(error.what, error.remedy, bytes(came[first:so_far])) from None
+                raise Stalled(error.what, error.remedy, bytes(received[first:so_far])) from None
         block = bytes(memoryview(self._received)[first : first + size])
         del self._received[: first + size]
         return block
@@ -109,7 +109,7 @@ class SocketTransport:
             if start is not None:
                 check_size(start[1], max_bytes, self.name)
         except DigitizerError:
-            self.close()  # what still comes cannot be told from the next answer
+            self.close()  # the rest of this answer would be taken for the next one
             raise
         return start
 

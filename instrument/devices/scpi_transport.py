@@ -1,4 +1,4 @@
-"""What the SCPI driver asks of a link to an oscilloscope, whatever carries it."""
+"""The contract of a link that carries SCPI commands to an oscilloscope: socket, USB or VISA."""
 
 import time
 from collections.abc import Callable
@@ -13,7 +13,7 @@ REMEDY = "check its connection, and that no other program uses it; then re-arm"
 
 
 class Cancelled(Exception):
-    """The operator stopped a transfer under way; the link is clean again."""
+    """The operator stopped a transfer under way; the link can be used again."""
 
 
 class Stalled(DigitizerError):
@@ -25,7 +25,7 @@ class Stalled(DigitizerError):
 
 
 class Deadline:
-    """When one exchange must be over, however much or little comes in the meantime."""
+    """The time at which one exchange must be over."""
 
     def __init__(self, seconds: float) -> None:
         self._end_s = time.monotonic() + seconds
@@ -36,7 +36,7 @@ class Deadline:
         return max(0.0, self._end_s - time.monotonic())
 
     def allow_for(self, size_bytes: int) -> None:
-        """Move it for a block whose size is known now."""
+        """Extend the deadline by the time that a block of this size may take."""
         self._end_s += size_bytes / SLOWEST_BYTES_PER_S
 
     def check(self, name: str, command: str) -> None:
@@ -46,7 +46,7 @@ class Deadline:
 
 
 def never() -> bool:
-    """Say that nobody cancels."""
+    """Return False: an exchange that is never cancelled."""
     return False
 
 
@@ -62,19 +62,19 @@ class ScpiTransport(Protocol):
     def query_block(
         self, command: str, max_bytes: int, cancelled: Callable[[], bool] = never, timeout_s: float = 10.0
     ) -> bytes:
-        """Send a command and return the bytes of its IEEE 488.2 definite block, whatever stands before it.
+        """Send a command and return the bytes of the IEEE 488.2 definite block in its answer.
 
-        Refuses a block of more than ``max_bytes``; Cancelled when ``cancelled`` says so between two pieces.
-        ``timeout_s`` is for its beginning and for each pause, and the whole comes at SLOWEST_BYTES_PER_S at least:
-        else Stalled, with what came of it.
+        Refuses a block of more than ``max_bytes``; raises Cancelled once ``cancelled()`` is True.  Raises Stalled, with
+        the bytes received, if its beginning or a pause takes longer than ``timeout_s``, or if the whole block comes
+        more slowly than SLOWEST_BYTES_PER_S.
         """
 
     def close(self) -> None:
-        """Let go of the instrument; harmless when already closed."""
+        """Release the instrument; harmless when already closed."""
 
 
 def block_start(received: bytes | bytearray, name: str) -> tuple[int, int] | None:
-    """Return (where the bytes begin, how many there are) of a definite block; None while the head is not complete.
+    """Return (offset, number) of the bytes of a definite block; None while its head is incomplete.
 
     IEEE 488.2, 8.7.9: ``#``, a digit n > 0, n digits that give the number of bytes.
     """
@@ -97,6 +97,6 @@ def block_start(received: bytes | bytearray, name: str) -> tuple[int, int] | Non
 
 
 def check_size(size: int, max_bytes: int, name: str) -> None:
-    """Refuse a block larger than what was asked for: a damaged head must not take the memory."""
+    """Refuse a block larger than requested: a damaged head must not exhaust the memory."""
     if size > max_bytes:
         raise DigitizerError(f"{name} announced {size} bytes where at most {max_bytes} were asked for", "re-arm")

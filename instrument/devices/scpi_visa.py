@@ -34,7 +34,7 @@ class VisaTransport:
             manager = self._manager(pyvisa)
         try:
             self._session = manager.open_resource(resource)
-            # its default of 20 KiB makes deep memory slow; a socket has no end of message of its own
+            # the default chunk of 20 KiB is slow for deep memory; messages over a socket end with a line end
             self._session.chunk_size = _PIECE
             self._session.write_termination = "\n"
             self._session.read_termination = "\n" if resource.upper().endswith("::SOCKET") else None
@@ -57,7 +57,7 @@ class VisaTransport:
     def query_block(
         self, command: str, max_bytes: int, cancelled: Callable[[], bool] = never, timeout_s: float = 10.0
     ) -> bytes:
-        """Send a command and return the bytes of the block it answers."""
+        """Send a command and return the bytes of the block in its answer."""
         deadline = Deadline(timeout_s)
         self.write(command)
         self._session.timeout = round(1000 * timeout_s)
@@ -89,14 +89,14 @@ class VisaTransport:
     def _guard(self, call: Callable[[], Any]) -> Any:
         try:
             return call()
-        except Exception as error:  # as above
+        except Exception as error:
             raise DigitizerError(f"{self.name}: {_line(error)}", "check the link and re-arm") from error
 
     @staticmethod
     def _manager(pyvisa: Any) -> Any:
         try:
             return pyvisa.ResourceManager()
-        except Exception:  # no VISA of a maker: the one in Python
+        except Exception:  # no VISA library of a maker is installed: use the one in Python
             try:
                 return pyvisa.ResourceManager("@py")
             except Exception as error:

@@ -1,4 +1,4 @@
-"""What stands behind the question mark of a source: ``roles=switch,measurement&mass=0.0213``, read without trust."""
+"""The options of a source, as in ``scpi:ADDRESS?roles=switch,measurement&mass=0.0213``, each value checked."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -15,9 +15,9 @@ RIG = {"mass": "moving_mass_kg", "rest": "rest_frequency_hz", "wavelength": "wav
 
 @dataclass(frozen=True, slots=True)
 class SourceOptions:
-    """The options of one source by name; ``setup`` is the rig as the operator gave it.
+    """The options of one source by name; ``setup`` is the rig from the operator's settings.
 
-    Every method raises DigitizerError, in one line, for what it cannot read.
+    Every method raises DigitizerError for a value that it cannot read.
     """
 
     given: Mapping[str, str] = field(default_factory=dict)
@@ -25,7 +25,7 @@ class SourceOptions:
 
     @classmethod
     def read(cls, text: str, source: str, known: Sequence[str], setup: Setup | None) -> "SourceOptions":
-        """Return the options that ``text`` gives ("a=1&b=2")."""
+        """Read the options in ``text`` ("a=1&b=2")."""
         given = {}
         for item in filter(None, text.split("&")):
             name, equals, value = item.partition("=")
@@ -38,11 +38,11 @@ class SourceOptions:
         return name in self.given
 
     def text(self, name: str, default: str) -> str:
-        """Return an option as it is given."""
+        """Return an option as text."""
         return self.given.get(name, default)
 
     def number(self, name: str, default: str, what: str = "") -> float:
-        """Return a number; ``what`` says what it is where its name does not."""
+        """Return a number; ``what`` is its name in an error, if not ``name``."""
         text = self.text(name, default)
         if not re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,2})?", text.strip()):
             raise DigitizerError(f"{text[:40]!r} is no {what or name}")
@@ -50,20 +50,20 @@ class SourceOptions:
 
     def whole(self, name: str, default: str, what: str = "") -> int:
         """Return a whole number of at most four digits."""
-        (found,) = self.wholes(name, default, what, parted=False)
+        (found,) = self.wholes(name, default, what, several=False)
         return found
 
-    def wholes(self, name: str, default: str, what: str = "", *, parted: bool = True) -> tuple[int, ...]:
-        """Return whole numbers, parted by commas."""
+    def wholes(self, name: str, default: str, what: str = "", *, several: bool = True) -> tuple[int, ...]:
+        """Return whole numbers, separated by commas."""
         text = self.text(name, default)
-        parts = text.split(",") if parted else [text]
+        parts = text.split(",") if several else [text]
         for part in parts:
             if not re.fullmatch(r"\d{1,4}", part.strip()):
                 raise DigitizerError(f"{part[:40]!r} is no {what or name} number")
         return tuple(map(int, parts))
 
     def roles(self, default: str) -> tuple[Role, ...]:
-        """Return the roles that the channels have, in order."""
+        """Return the roles of the channels, in order."""
         text = self.text("roles", default)
         try:
             return tuple(Role(name.strip()) for name in text.split(","))
@@ -81,14 +81,14 @@ class SourceOptions:
         return dict(zip(channels, roles, strict=True))
 
     def slope(self) -> str:
-        """Return which step of the trigger starts a shot."""
+        """Return the slope of the trigger, "rising" or "falling"."""
         slope = self.text("slope", "rising")
         if slope not in ("rising", "falling"):
             raise DigitizerError(f"slope={slope[:40]} is neither rising nor falling")
         return slope
 
     def rig(self, bits: int | None) -> Setup | None:
-        """Return the rig with what the options say of it; None where nothing is known."""
+        """Return the rig with the values from the options; None if nothing is known of it."""
         given = {key: self.number(name, "") for name, key in RIG.items() if name in self}
         for name, key in RIG.items():
             if given.get(key, 1.0) <= 0:

@@ -1,11 +1,12 @@
-"""Where samples come from: each source is one row, and ``--source``, the window's list and the set-up follow from it.
+"""The sources of samples, one row each; ``--source``, the window's list and the guided set-up follow from the row.
 
 A source is named ``NAME``, or ``NAME:ADDRESS`` where it has an address; options follow a question mark, as in
 ``hantek6022?roles=switch,measurement&gains=1,5`` or ``scpi:192.168.1.5?channels=1,2&trigger=3&slope=falling``.
-``bench?effect=quadratic_drag`` is a simulated rig with what the base model lacks, ``seed`` another one,
-``bench?site=VC-D`` one in a building; ``bench?speed=0.45&added=0.05&first=3`` is pushed to this speed (m/s) with so
-much more on the block (kg), the first push being the fourth of its seed.  Devices take what is known of the rig:
-``mass`` (kg), ``rest`` (the rest frequency in Hz, needed where no channel carries PD0) and ``wavelength`` (in air, m).
+``bench?effect=quadratic_drag`` is a simulated rig with an effect that the base model lacks, ``seed`` sets its random
+numbers, ``bench?site=VC-D`` puts it in a building; ``bench?speed=0.45&added=0.05&first=3`` pushes it to this speed
+(m/s) with this mass added to the block (kg), the first push being the fourth of its seed.  Devices take what is known
+of the rig: ``mass`` (kg), ``rest`` (the rest frequency in Hz, needed if no channel carries PD0) and ``wavelength`` (in
+air, m).
 
 How to add one: docs/add-a-digitizer.md.
 """
@@ -26,36 +27,36 @@ PUSH = ("speed", "added", "first")
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A kind of digitizer; what opens and finds it is named "folder.module:function" and imported only then.
+    """A kind of digitizer.  ``opener`` and ``finder`` are names "folder.module:function", imported when needed.
 
-    ``opened`` takes the address and a ``SourceOptions`` and returns the digitizer; ``found`` takes a USB backend (None:
-    the system's) and returns what is plugged in.  ``listed`` are the texts that the window always offers, with their
-    words; one that ends with a colon is asked for.
+    ``opener`` takes the address and a ``SourceOptions`` and returns the digitizer; ``finder`` takes a USB backend
+    (None: the system's) and returns the devices plugged in.  ``listed`` are the sources that the window always offers,
+    with their names; for one that ends with a colon it asks for the address.
     """
 
     name: str
-    opened: str
-    address: str = ""  # what must follow the colon; "": nothing may
-    options: tuple[str, ...] = ()  # a source without any takes all that follows the colon for its address
-    found: str = ""
+    opener: str
+    address: str = ""  # name of the address that follows the colon; "": none
+    options: tuple[str, ...] = ()  # without any, everything after the colon is the address
+    finder: str = ""
     listed: dict[str, str] = field(default_factory=dict)
-    simulated: bool = False  # it waits for the processor alone, and is never late by itself
-    knows_its_rig: bool = False  # brings mass and wavelength along: the settings' are not asked
-    apart: bool = True  # opened in a process of its own
-    remembered: bool = True  # opened at the next start, too
+    simulated: bool = False  # only a busy computer can delay it
+    knows_its_rig: bool = False  # mass and wavelength come from the source, not from the settings
+    in_subprocess: bool = True
+    remembered: bool = True  # opened again at the next start
 
     @property
     def text(self) -> str:
-        """Get how it is written: "scpi:ADDRESS"."""
+        """Get the form of its text: "scpi:ADDRESS"."""
         return f"{self.name}:{self.address}" if self.address else self.name
 
 
 SOURCES = (
     Source(
         "bench",
-        "bench.digitizer:opened",
+        "bench.digitizer:open_digitizer",
         options=("effect", "seed", "site", *PUSH),
-        listed={  # the effect is not named on the screen: it is to be found
+        listed={  # the effect is not named on the screen, because the user is to find it
             "bench": "Simulated bench",
             "bench?effect=quadratic_drag:coefficient_n_s2_per_m2=2e-4": "Simulated bench with a flaw",
         },
@@ -64,57 +65,57 @@ SOURCES = (
     ),
     Source(
         "replay",
-        "devices.replay:opened",
+        "devices.replay:open_digitizer",
         "PATH",
         listed={"replay:": "Play a recording …"},
         knows_its_rig=True,
-        apart=False,  # it waits for its reader, so there is nothing to lose
+        in_subprocess=False,  # it waits for its reader and can lose nothing
         remembered=False,
     ),
     Source(
         "hantek6022",
-        "devices.hantek6022:opened",
+        "devices.hantek6022:open_digitizer",
         options=("roles", "gains", "firmware", *_RIG),
-        found="devices.found_devices:hantek6022",
+        finder="devices.found_devices:hantek6022",
     ),
     Source(
         "scpi",
-        "devices.scpi_address:opened",
+        "devices.scpi_address:open_digitizer",
         "ADDRESS",
         options=("channels", "roles", "trigger", "slope", "level", *_RIG),
-        found="devices.found_devices:oscilloscopes",
+        finder="devices.found_devices:oscilloscopes",
     ),
     Source(
         "niscope",
-        "devices.niscope_card:opened",
+        "devices.niscope_card:open_digitizer",
         "RESOURCE",
         options=("channels", "roles", "trigger", "slope", "level", "range", *_RIG),
-        found="devices.found_devices:ni_cards",
+        finder="devices.found_devices:ni_cards",
     ),
 )
 
 
 def source_of(text: str) -> Source:
-    """Return the kind of source that a text names; one without a name where it names none."""
+    """Return the row that a source's text names; a row without a name for an unknown source."""
     name = re.split("[:?]", text.strip(), maxsplit=1)[0].lower()
     return next((source for source in SOURCES if source.name == name), Source("", ""))
 
 
 def listed_sources() -> list[tuple[str, str]]:
-    """Return the sources that the window always offers, each as it is written and in words."""
+    """Return the text and the name on the screen of each source that the window always offers."""
     return [item for source in SOURCES for item in source.listed.items()]
 
 
 def source_words() -> str:
-    """Return all sources as they are written."""
+    """Return the forms of all sources as one line: "bench, replay:PATH, ..."."""
     texts = [source.text for source in SOURCES]
     return f"{', '.join(texts[:-1])} or {texts[-1]}"
 
 
 def open_source(text: str, *, setup: "Setup | None" = None) -> "Digitizer":
-    """Open the digitizer that ``text`` names.  ``setup`` is the rig as the operator gave it, handed to real devices.
+    """Open the digitizer that ``text`` names.  ``setup`` is the rig from the operator's settings, for real devices.
 
-    Raises DigitizerError, in one line, for an unknown source, a wrong option or a device that cannot be opened.
+    Raises DigitizerError for an unknown source, a wrong option or a device that cannot be opened.
     """
     from instrument.devices.digitizer import DigitizerError
     from instrument.devices.source_options import SourceOptions
@@ -129,12 +130,12 @@ def open_source(text: str, *, setup: "Setup | None" = None) -> "Digitizer":
         raise DigitizerError(f"source {source.name} takes no address, but got {rest[:80]!r}", remedy)
     address, _, given = rest.partition("?") if source.options else (rest, "", "")
     options = SourceOptions.read(given, source.name, source.options, setup)
-    digitizer: Digitizer = imported(source.opened)(address, options)
+    digitizer: Digitizer = imported(source.opener)(address, options)
     return digitizer
 
 
 def imported(name: str) -> Any:
-    """Return the function that "folder.module:function" names.  Raises DigitizerError where a package is missing."""
+    """Return the function that "folder.module:function" names.  Raises DigitizerError if a package is missing."""
     from instrument.devices.digitizer import DigitizerError
 
     module, _, function = name.partition(":")
@@ -150,9 +151,9 @@ def is_bench(source: str) -> bool:
 
 
 def pushed(source: str, speed_m_per_s: float, added_kg: float, first: int) -> str:
-    """Return the text of a simulated bench's source with its push set: speed, weights on the block, which push it is.
+    """Return the text of a simulated bench's source with another push: speed, mass added, number of the first push.
 
-    Nothing else of the bench changes, nothing of what is wrong with it is told.
+    Its other options stay as they are.
     """
     kind, _, rest = source.strip().partition("?")
     kept = [item for item in rest.split("&") if item and item.partition("=")[0] not in PUSH]
@@ -161,7 +162,7 @@ def pushed(source: str, speed_m_per_s: float, added_kg: float, first: int) -> st
 
 
 def at_site(source: str, site: str) -> str:
-    """Return the text of a source with its bench at ``site``; of another source, or one that says where, unchanged."""
+    """Return the text of a bench's source with ``site`` added; unchanged if it has one or is not the bench."""
     if not is_bench(source) or re.search("[?&]site=", source):
         return source
     return f"{source}{'&' if '?' in source else '?'}site={quote(site)}"

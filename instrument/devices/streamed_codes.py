@@ -1,4 +1,4 @@
-"""Bytes of a two-channel 8-bit streamer made into counts, cut where samples were lost."""
+"""Turns the bytes of a two-channel 8-bit streamer into counts, and cuts the stream where samples were lost."""
 
 import math
 from collections import deque
@@ -11,16 +11,16 @@ from instrument.devices.bulk_stream import Chunk
 from instrument.devices.digitizer import Block
 
 PACKET_BYTES = 512
-SETTLING_PACKETS = 8  # the first 2048 samples a channel are not to be trusted
-_HELD_PACKETS = 2  # whose continuity is told only by what follows
-_SAME_LOSS_S = 2.5  # the clock tells a loss up to so much later than the beat does
+SETTLING_PACKETS = 8  # the first 2048 samples per channel are discarded: the input is settling
+_UNDECIDED_PACKETS = 2  # the next ones decide whether these continue the stream
+_SAME_LOSS_S = 2.5  # the clock shows a loss up to this much later than the beat
 
 
 class StreamedCodes:
-    """Carries the stream from chunk to chunk: ``accept`` what came, ``deliver`` what is ready.
+    """The stream between chunks received (``accept``) and samples delivered (``deliver``).
 
-    ``reference_column`` is the channel (0 or 1) with the rest beat, whose phase tells lost packets; None: the byte
-    clock alone tells them, later and only when they are many.
+    ``reference_column`` is the channel (0 or 1) with the rest beat, whose phase shows lost packets; None: only the byte
+    clock shows them, later and only larger losses.
     """
 
     def __init__(self, bytes_per_s: float, reference_column: int | None) -> None:
@@ -28,19 +28,19 @@ class StreamedCodes:
         self._clock = ByteClock(bytes_per_s)
         self._seams = BeatSeams(PACKET_BYTES // 2)
         self._ready: deque[tuple[NDArray[np.uint8], bool]] = deque()
-        self._held = np.empty(0, np.uint8)
+        self._undecided = np.empty(0, np.uint8)
         self._part = np.empty(0, np.uint8)  # less than a packet
-        self._lost = False  # samples are missing before what is held
+        self._lost = False  # samples are missing before the undecided packets
         self._settling = SETTLING_PACKETS * PACKET_BYTES
         self._loss_seen_s = -math.inf
 
     @property
     def ready(self) -> bool:
-        """Get whether ``deliver`` has something."""
+        """Get whether ``deliver`` has samples."""
         return bool(self._ready)
 
     def accept(self, chunk: Chunk) -> None:
-        """Take the chunk's bytes and find where they do not continue."""
+        """Add a chunk's bytes and find the losses in them."""
         lost = chunk.lost_before
         behind = self._clock.count(chunk.codes.size, chunk.received_s)
         if behind and chunk.received_s - self._loss_seen_s > _SAME_LOSS_S:
@@ -59,9 +59,9 @@ class StreamedCodes:
         seams = [] if self._column is None else self._seams.find(codes[self._column :: 2])
         if seams:
             self._loss_seen_s = chunk.received_s
-        cuts = [seam * PACKET_BYTES + self._held.size for seam in seams]
-        joined = np.concatenate((self._held, codes)) if self._held.size else codes
-        settled = max(0, joined.size - _HELD_PACKETS * PACKET_BYTES)
+        cuts = [seam * PACKET_BYTES + self._undecided.size for seam in seams]
+        joined = np.concatenate((self._undecided, codes)) if self._undecided.size else codes
+        settled = max(0, joined.size - _UNDECIDED_PACKETS * PACKET_BYTES)
         start = 0
         for cut in (*cuts, settled):
             if start < cut <= settled:
@@ -69,16 +69,16 @@ class StreamedCodes:
                 self._lost = False
                 start = cut
             self._lost = self._lost or cut in cuts
-        self._held = joined[settled:]
+        self._undecided = joined[settled:]
 
     def flush(self) -> None:
-        """Make ready what was held back, whole samples only: nothing comes that continues it."""
-        rest = np.concatenate((self._held, self._part))
+        """Make the undecided packets ready, whole samples only: the stream does not continue after them."""
+        rest = np.concatenate((self._undecided, self._part))
         rest = rest[: rest.size // 2 * 2]
         if rest.size:
             self._ready.append((rest, self._lost))
             self._lost = False
-        self._held = self._part = np.empty(0, np.uint8)
+        self._undecided = self._part = np.empty(0, np.uint8)
         self._seams.forget()
 
     def deliver(self, buffer: NDArray[np.int16]) -> Block:
@@ -93,7 +93,7 @@ class StreamedCodes:
             count = min(codes.size // 2, buffer.shape[0] - filled)
             pairs = codes[: 2 * count].reshape(count, 2)
             np.subtract(pairs, 128, out=buffer[filled : filled + count], dtype=np.int16)
-            if pairs.min() == 0 or pairs.max() == 255:  # the rare case: looking costs a tenth of counting
+            if pairs.min() == 0 or pairs.max() == 255:  # rare; this check costs a tenth of counting
                 clipped += np.count_nonzero((pairs == 0) | (pairs == 255), axis=0)
             filled += count
             self._ready.popleft()
@@ -108,7 +108,7 @@ LASTING_S, LASTING_STEP_S = 2.0, 0.004
 
 
 class ByteClock:
-    """Compares bytes received with ``bytes_per_s`` times the time elapsed; state is carried from chunk to chunk."""
+    """Compares the bytes received with ``bytes_per_s`` times the time elapsed."""
 
     def __init__(self, bytes_per_s: float) -> None:
         self._rate = bytes_per_s
@@ -119,13 +119,13 @@ class ByteClock:
         self._judged_s = 0.0
 
     def count(self, received_bytes: int, now_s: float) -> int:
-        """Add a chunk that arrived at ``now_s``; return how many bytes the device is found to have lost, mostly 0.
+        """Count a chunk that arrived at ``now_s``; return the number of bytes found lost, mostly 0.
 
-        A loss of more than 30 ms of data is told 0.3 s after it, one of more than 4 ms 2 s after it.
+        A loss of more than 30 ms of data is found after 0.3 s, one of more than 4 ms after 2 s.
         """
         if self._start_s is None:
             self._start_s = self._judged_s = now_s
-            return 0  # the first chunk only starts the clock: how long it took to fill is not known
+            return 0  # the first chunk only starts the clock: the time it took to fill is unknown
         self._received += received_bytes
         self._recent.append((now_s, now_s - self._start_s - self._received / self._rate))
         while self._recent[0][0] < now_s - LASTING_S:

@@ -1,4 +1,4 @@
-"""The USB bus through pyusb: finding devices, opening them, and saying in one line why that failed."""
+"""The USB bus through pyusb: finds and claims devices, and turns its errors into DigitizerError."""
 
 import errno
 import importlib
@@ -26,7 +26,7 @@ _GONE = {errno.ENODEV, errno.ENOENT, errno.ESHUTDOWN, errno.ENXIO}
 
 @dataclass(frozen=True, slots=True)
 class UsbIdentity:
-    """What the bus tells about a device before it is opened."""
+    """The identity of a device that is not yet opened."""
 
     vendor: int
     product: int
@@ -39,7 +39,7 @@ class UsbIdentity:
 
 
 def find_backend() -> Any:
-    """Return pyusb's libusb 1.0 backend.  Raises DigitizerError where the library is missing."""
+    """Return pyusb's libusb 1.0 backend.  Raises DigitizerError if the library is missing."""
     backend = usb.backend.libusb1.get_backend()
     if backend is None:
         try:
@@ -63,17 +63,17 @@ def find_devices(ids: Iterable[tuple[int, int]], backend: Any = None) -> list[An
 
 
 def find_matching(matches: Any, backend: Any = None) -> list[Any]:
-    """Return the pyusb devices for which ``matches(device)`` holds, in bus order.  Raises DigitizerError."""
+    """Return the pyusb devices for which ``matches(device)`` is True, in bus order.  Raises DigitizerError."""
     backend = backend if backend is not None else find_backend()
     try:
         found = list(usb.core.find(find_all=True, backend=backend, custom_match=matches))
     except usb.core.USBError as error:
-        raise described(error, "the USB bus") from error
+        raise digitizer_error(error, "the USB bus") from error
     return sorted(found, key=lambda device: (device.bus or 0, device.address or 0))
 
 
 def is_permitted(device: Any) -> bool | None:
-    """Return whether this user may open the device; None where the bus does not tell without opening it."""
+    """Return whether this user may open the device; None if the bus cannot say without opening it."""
     try:
         usb.util.dispose_resources(device)
         device.get_active_configuration()
@@ -86,8 +86,8 @@ def is_permitted(device: Any) -> bool | None:
         usb.util.dispose_resources(device)
 
 
-def described(error: Exception, name: str) -> DigitizerError:
-    """Return what a pyusb error means for the operator, with the remedy."""
+def digitizer_error(error: Exception, name: str) -> DigitizerError:
+    """Return a pyusb error as a DigitizerError with the remedy."""
     number = getattr(error, "errno", None)
     if isinstance(error, NotImplementedError):
         return DigitizerError(f"{name} cannot be opened: its USB driver does not allow it", PERMISSION_REMEDY)
@@ -108,11 +108,11 @@ def usb_errors_of(name: str) -> Iterator[None]:
     try:
         yield
     except (usb.core.USBError, NotImplementedError) as error:
-        raise described(error, name) from error
+        raise digitizer_error(error, name) from error
 
 
 def claim(device: Any, interface: int, name: str) -> None:
-    """Take ``interface`` of the device for this program, from a kernel driver where one holds it."""
+    """Claim ``interface`` of the device for this program, detaching a kernel driver if one uses it."""
     with usb_errors_of(name):
         try:
             device.get_active_configuration()
@@ -121,16 +121,16 @@ def claim(device: Any, interface: int, name: str) -> None:
                 raise
             device.set_configuration()
         try:
-            held = device.is_kernel_driver_active(interface)
+            in_use = device.is_kernel_driver_active(interface)
         except NotImplementedError:
-            held = False
-        if held:
+            in_use = False
+        if in_use:
             device.detach_kernel_driver(interface)
         usb.util.claim_interface(device, interface)
 
 
 def release(device: Any) -> None:
-    """Give the device back; harmless when it is gone."""
+    """Release the device; harmless when it is gone."""
     try:
         usb.util.dispose_resources(device)
     except usb.core.USBError:

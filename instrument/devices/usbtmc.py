@@ -1,4 +1,4 @@
-"""SCPI over USB: the USB Test and Measurement Class (USBTMC 1.0, tables 1-9), message framing over pyusb.
+"""SCPI over USB: message framing of the USB Test and Measurement Class (USBTMC 1.0, tables 1-9) over pyusb.
 
 REN_CONTROL is never sent: oscilloscopes do not need it and some (Rigol, Siglent) hang on it.
 """
@@ -77,7 +77,7 @@ class UsbtmcTransport:
             self._device.write(self._out, message, timeout=3000)
 
     def query(self, command: str, timeout_s: float = 5.0) -> str:
-        """Send a command and return the message it answers, stripped."""
+        """Send a command and return the message of its answer, stripped."""
         deadline = Deadline(timeout_s)
         self.write(command)
         answer = bytearray()
@@ -93,7 +93,7 @@ class UsbtmcTransport:
     def query_block(
         self, command: str, max_bytes: int, cancelled: Callable[[], bool] = never, timeout_s: float = 10.0
     ) -> bytes:
-        """Send a command and return the bytes of the block it answers, fetched in requests of at most 1 MiB."""
+        """Send a command and return the bytes of the block in its answer, fetched in requests of at most 1 MiB."""
         deadline = Deadline(timeout_s)
         self.write(command)
         received = bytearray()
@@ -118,14 +118,14 @@ class UsbtmcTransport:
                     deadline.allow_for(start[1])
             if len(received) > max_bytes + 128:
                 self._abort()
-                raise DigitizerError(f"{self.name} sends more than it was asked for", "re-arm")
+                raise DigitizerError(f"{self.name} sends more than was requested", "re-arm")
         if start is None or len(received) < start[0] + start[1]:
-            came = bytes(received[start[0] :]) if start else b""
-            raise Stalled(f"{self.name} ended its answer to {command} early", "re-arm", came)
+            block = bytes(received[start[0] :]) if start else b""
+            raise Stalled(f"{self.name} ended its answer to {command} early", "re-arm", block)
         return bytes(memoryview(received)[start[0] : start[0] + start[1]])
 
     def close(self) -> None:
-        """Give the instrument back."""
+        """Release the instrument."""
         usb_bus.release(self._device)
 
     def _head(self, kind: int, size: int, attributes: int) -> bytes:
@@ -133,13 +133,13 @@ class UsbtmcTransport:
         return _HEADER.pack(kind, self._tag, self._tag ^ 0xFF, size, attributes, 0)
 
     def _request(self, size: int, timeout_s: float) -> tuple[bytes, bool]:
-        """Ask for up to ``size`` bytes of the answer; return them and whether the message ended."""
+        """Request up to ``size`` bytes of the answer; return them and whether the message ended."""
         try:
             with usb_bus.usb_errors_of(self.name):
                 self._device.write(self._out, self._head(_IN, size, 0), timeout=3000)
                 padded = (_HEADER.size + size + 3) // 4 * 4
                 answer = bytes(self._device.read(self._in, padded, timeout=max(1, round(1000 * timeout_s))))
-                if not answer:  # some begin with a packet of length zero
+                if not answer:  # some instruments begin with a packet of length zero
                     answer = bytes(self._device.read(self._in, padded, timeout=max(1, round(1000 * timeout_s))))
         except DigitizerError as error:
             if "unplugged" not in str(error):
@@ -169,11 +169,11 @@ class UsbtmcTransport:
                 status = self._class_request(_CHECK_ABORT_BULK_IN, 0, 8)
                 if status and status[0] == 1:
                     break
-                if status and len(status) > 1 and status[1] & 1:  # it holds bytes that must be taken first
+                if status and len(status) > 1 and status[1] & 1:  # bytes are left that must be read first
                     self._device.read(self._in, 1 << 16, timeout=200)
             self._device.clear_halt(self._in)
         except (usb.core.USBError, NotImplementedError):
-            return  # the error that led here is the one to tell
+            return  # the error that led here is reported
 
     def _class_request(self, request: int, value: int, length: int) -> bytes:
         return bytes(self._device.ctrl_transfer(0xA2, request, value, self._in, length, timeout=500))

@@ -1,1 +1,1 @@
-"""Files, read without trust and written safe from a crash: recordings, motion records, laws, foreign formats."""
+"""Files, checked when read and written safe from a crash: recordings, motion records, laws, foreign formats."""

@@ -1,4 +1,4 @@
-"""The values of a foreign file, read without trust: every one is checked where it is used."""
+"""Reads the values of a JSON or TOML file, checking type and range of each, so that an error names file and key."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -12,11 +12,11 @@ from instrument.files.recording_error import RecordingError, shown
 from levimass.setting import setting_of
 
 Built = TypeVar("Built")
-_LONGEST = 1e15  # the largest number of a dataclass that declares no bounds
+_LARGEST = 1e15  # of a number in a dataclass that declares no bounds
 
 
 class Checked:
-    """One JSON object or TOML table with its place in the file, so that every refusal names file and key."""
+    """One JSON object or TOML table and its place in the file.  Every method raises RecordingError."""
 
     __slots__ = ("path", "place", "used", "values")
 
@@ -27,22 +27,22 @@ class Checked:
         self.used: set[str] = set()
 
     def refuse(self, key: str, cause: str) -> RecordingError:
-        """Return the error that names ``key`` of this object."""
+        """Return the error for ``key`` of this object."""
         return RecordingError(self.path, cause, f"{self.place}.{key}" if self.place else key)
 
     def get(self, key: str) -> Any:
-        """Return the value or None, and count the key as read."""
+        """Return the value or None, and mark the key as read."""
         self.used.add(key)
         return self.values.get(key)
 
     def unread(self) -> dict[str, Any]:
-        """Return what nobody asked for, to be written back."""
+        """Return the values that were not read, to be written back."""
         return {key: value for key, value in self.values.items() if key not in self.used}
 
     def number(
         self, key: str, low: float, high: float, *, default: float | None = None, over: bool = False
     ) -> float | None:
-        """Return a finite number in [low, high] (``over``: above ``low``), ``default`` where the key is missing."""
+        """Return a finite number in [low, high] (``over``: above ``low``), ``default`` if the key is missing."""
         value = self.get(key)
         if value is None:
             return default
@@ -57,14 +57,14 @@ class Checked:
         return real
 
     def required(self, key: str, low: float, high: float, *, over: bool = False) -> float:
-        """Return a number as ``number`` does; a missing key is refused."""
+        """Return a number as ``number`` does; a missing key is an error."""
         value = self.number(key, low, high, over=over)
         if value is None:
             raise self.refuse(key, "missing")
         return value
 
     def whole(self, key: str, low: int, high: int) -> int | None:
-        """Return a whole number in [low, high], or None where the key is missing; 5.0 counts as 5."""
+        """Return a whole number in [low, high], None if the key is missing; 5.0 counts as 5."""
         value = self.get(key)
         if value is None:
             return None
@@ -77,7 +77,7 @@ class Checked:
         return value
 
     def text(self, key: str, longest: int = 1_000_000) -> str | None:
-        """Return a string, or None where the key is missing."""
+        """Return a string, None if the key is missing."""
         value = self.get(key)
         if value is None:
             return None
@@ -88,7 +88,7 @@ class Checked:
         return value
 
     def object(self, key: str) -> "Checked | None":
-        """Return the object under ``key``, or None where it is missing."""
+        """Return the object under ``key``, None if it is missing."""
         value = self.get(key)
         if value is None:
             return None
@@ -97,7 +97,7 @@ class Checked:
         return Checked(self.path, value, f"{self.place}.{key}" if self.place else key)
 
     def objects(self, key: str) -> "list[Checked] | None":
-        """Return the list of objects under ``key``, or None where it is missing."""
+        """Return the list of objects under ``key``, None if it is missing."""
         value = self.get(key)
         if value is None:
             return None
@@ -112,7 +112,7 @@ class Checked:
         return checked
 
     def names(self, key: str, kind: type = str) -> tuple[Any, ...]:
-        """Return the texts (or whole numbers) listed under ``key``; none where it is missing."""
+        """Return the texts (or whole numbers) listed under ``key``; empty if it is missing."""
         values = self.get(key)
         if values is None:
             return ()
@@ -121,9 +121,10 @@ class Checked:
         return tuple(values)
 
     def built(self, kind: type[Built], own: Mapping[str, Callable[["Checked"], Any]] | None = None) -> Built:
-        """Return a dataclass made of the fields that this object has, each checked by its type and its declaration.
+        """Return a dataclass with the values of this object, each checked by its field's type and declaration.
 
-        A field that is missing keeps its default and is refused where there is none; ``own`` reads some by their names.
+        A missing key keeps the field's default, and is an error if it has none; ``own`` are functions that read the
+        fields of these names.
         """
         types, own, values = get_type_hints(kind), own or {}, {}
         for field in fields(kind):  # type: ignore[arg-type]
@@ -145,8 +146,8 @@ class Checked:
         return kind(**values)
 
     def _typed(self, name: str, kind: Any) -> Any:
-        """Return the value under ``name`` as the type that a dataclass gives it."""
-        if get_origin(kind) is UnionType:  # with None, which a missing key stands for
+        """Return the value under ``name`` as the type of its field."""
+        if get_origin(kind) is UnionType:  # with None, for a missing key
             kind = next(part for part in get_args(kind) if part is not type(None))
         if get_origin(kind) is tuple:
             return self.names(name, get_args(kind)[0])
@@ -155,7 +156,7 @@ class Checked:
                 raise self.refuse(name, f"{shown(self.values[name])} is neither true nor false")
             return self.values[name]
         if kind is float:
-            return self.number(name, -_LONGEST, _LONGEST)
+            return self.number(name, -_LARGEST, _LARGEST)
         if kind is int:
             return self.whole(name, 1, 2**31)
         if isinstance(kind, type) and issubclass(kind, Enum):

@@ -1,4 +1,4 @@
-"""One instance of the program a folder: a lock that dies with its process."""
+"""A lock that lets one process at a time record into a folder; it ends with its process."""
 
 import contextlib
 import os
@@ -12,12 +12,12 @@ from instrument.files.recording_error import RecordingError
 LOCK_NAME = ".levimass.lock"
 
 
-class FolderHeld(RecordingError):
-    """Another process holds the folder."""
+class FolderLocked(RecordingError):
+    """Another process has locked the folder."""
 
 
 class FolderLock:
-    """Holds a folder for this process; a second process is refused, in words, and nothing is left to clean up.
+    """Locks a folder for this process.  Raises FolderLocked if another process has it, RecordingError if it cannot.
 
     The lock is the operating system's (``flock``, on Windows ``locking``), so a killed process releases it.
     """
@@ -39,15 +39,15 @@ class FolderLock:
             owner = file.read(20).strip()
             file.close()
             by = f" (process {owner})" if owner.isdecimal() else ""
-            raise FolderHeld(folder, f"another Levimass is recording into this folder{by}") from None
-        with contextlib.suppress(OSError):  # a full disk still lets a shot be kept in memory
+            raise FolderLocked(folder, f"another Levimass is recording into this folder{by}") from None
+        with contextlib.suppress(OSError):  # on a full disk a shot can still be kept in memory
             file.truncate(0)
             file.write(str(os.getpid()))
             file.flush()
         self._file = file
 
     def valid(self) -> bool:
-        """Return whether the folder is still the one that was locked: it may have been removed meanwhile."""
+        """Return whether the folder is still the one that was locked; it may have been removed since."""
         try:
             here, held = os.stat(self.folder / self._name), os.fstat(self._file.fileno())
         except (OSError, ValueError):
@@ -55,7 +55,7 @@ class FolderLock:
         return (here.st_ino, here.st_dev) == (held.st_ino, held.st_dev)
 
     def release(self) -> None:
-        """Give the folder free.  The file stays: removing it could take another's lock away."""
+        """Release the lock.  The file stays: another process may have locked it already."""
         with contextlib.suppress(OSError):
             self._file.close()
 
@@ -74,7 +74,7 @@ else:
 
 
 def disk_free_bytes(folder: Path) -> int | None:
-    """Return the room left on the folder's disk, None where that cannot be known."""
+    """Return the room left on the folder's disk, None if that is unknown."""
     try:
         return shutil.disk_usage(folder).free
     except OSError:

@@ -1,18 +1,18 @@
-"""A person's own laws as TOML files, one a law, in a folder of their own (docs/own-laws.md)."""
+"""The user's own laws as TOML files, one per law, in one folder (docs/own-laws.md)."""
 
 import json
 from pathlib import Path
 
 from analysis.collision.laws.own import LawError, OwnLaw, from_mapping
+from instrument.files.atomic_file import write_text_atomic
 from instrument.files.recording_error import RecordingError
-from instrument.files.recording_writer import write_text_beside
 from instrument.files.text_file import read_toml
 
 LARGEST_BYTES = 64 * 1024
 
 
 def read_law(path: Path) -> OwnLaw:
-    """Return the law in ``path``; RecordingError, one line, names the file, the key and what is wrong with it."""
+    """Read a law.  Raises RecordingError."""
     try:
         return from_mapping(read_toml(path, LARGEST_BYTES))
     except LawError as error:
@@ -20,14 +20,14 @@ def read_law(path: Path) -> OwnLaw:
 
 
 def read_laws(folder: Path) -> tuple[list[OwnLaw], list[str]]:
-    """Return the laws in ``folder`` by the names of their files, and one line for each file that holds none."""
+    """Return the laws in ``folder`` in the order of their files, and one line for each file that cannot be read."""
     laws: dict[str, OwnLaw] = {}
     problems: list[str] = []
     for path in sorted(folder.glob("*.toml")):
         try:
             law = read_law(path)
             if law.name in laws:
-                raise RecordingError(path, f"a law called {law.name!r} stands in another file of this folder")
+                raise RecordingError(path, f"another file of this folder has a law called {law.name!r}")
             laws[law.name] = law
         except RecordingError as error:
             problems.append(str(error))
@@ -35,9 +35,9 @@ def read_laws(folder: Path) -> tuple[list[OwnLaw], list[str]]:
 
 
 def write_law(law: OwnLaw, folder: Path) -> Path:
-    """Write a law as ``NAME.toml`` into ``folder`` and return its path; RecordingError where that cannot be.
+    """Write a law as ``NAME.toml`` into ``folder`` and return its path.  Raises RecordingError.
 
-    A file that is there already is no reason to lose it: another name must be chosen.
+    An existing file is never overwritten.
     """
     path = folder / f"{law.name}.toml"
     if path.exists():
@@ -46,7 +46,7 @@ def write_law(law: OwnLaw, folder: Path) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RecordingError(folder, error.strerror or str(error)) from None
-    write_text_beside(path, law_text(law), sync=True)
+    write_text_atomic(path, law_text(law), sync=True)
     return path
 
 

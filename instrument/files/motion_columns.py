@@ -1,6 +1,6 @@
-"""A displacement column of another program's table as a motion record: which column, and in which unit.
+"""Which column of another program's table is the displacement of a motion record, and in which unit.
 
-Kept in the motion record's .toml as the table ``[columns]``; without it the columns have the names of docs/formats.md.
+Saved in the motion record's .toml as the table ``[columns]``; without it the columns have the names of docs/formats.md.
 """
 
 import re
@@ -10,17 +10,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from instrument.files.atomic_file import write_text_atomic
 from instrument.files.checked import Checked
 from instrument.files.foreign import csv_table
 from instrument.files.foreign.contents import ForeignChannel
 from instrument.files.foreign.mapping import toml_value
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_metadata import RATES_HZ
-from instrument.files.recording_writer import write_text_beside
 from instrument.files.text_file import read_toml
 
 LENGTHS_M = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
-TABLE = ".csv"  # the ending of a table that can be read so
+TABLE = ".csv"  # the only ending of such a table
 MODELS = ("contact", "plate")  # of a motion record whose force was not measured
 _MICRO = str.maketrans("\u00b5\u03bc\ufffd", "uuu")  # the last: a micro sign of another encoding
 _SUFFIX = re.compile(r"_(m|mm|.m)$")
@@ -29,7 +29,7 @@ _LONGEST_NAME = 1000
 
 @dataclass(frozen=True, slots=True)
 class MotionColumns:
-    """Where the displacement stands in a table; ``sample_rate_hz`` where no column is the time."""
+    """The displacement column of a table; ``sample_rate_hz`` if no column is the time."""
 
     displacement: str
     unit: str
@@ -45,7 +45,7 @@ def length_unit(channel: ForeignChannel) -> str | None:
     return unit if unit in LENGTHS_M else None
 
 
-def read_mapped(table: Path, columns: Checked) -> dict[str, NDArray[np.float64]]:
+def read_mapped_columns(table: Path, columns: Checked) -> dict[str, NDArray[np.float64]]:
     """Return time_s and displacement_m, each of shape (n,), as ``[columns]`` says.  Raises RecordingError."""
     named = columns.object("displacement")
     name = named.text("name", _LONGEST_NAME) if named is not None else None
@@ -59,8 +59,8 @@ def read_mapped(table: Path, columns: Checked) -> dict[str, NDArray[np.float64]]
     return {"time_s": time_s, "displacement_m": values * LENGTHS_M[unit]}
 
 
-def motion_toml(table: Path) -> Path:
-    """Return where the columns of a table are kept; RecordingError where they cannot be, or another record's are."""
+def columns_path(table: Path) -> Path:
+    """Return the .toml in which a table's columns are saved.  Raises RecordingError if it must not be written."""
     if table.suffix.lower() != TABLE:
         raise RecordingError(table, f"only a {TABLE} can be read as a displacement")
     about = table.with_suffix(".toml")
@@ -80,4 +80,4 @@ def write_columns(columns: MotionColumns, about: Path) -> None:
         lines += ["", "[columns]", f"sample_rate_hz = {toml_value(rate)}"]
     lines += ["", "[columns.displacement]", f"name = {toml_value(columns.displacement)}"]
     lines.append(f"unit = {toml_value(columns.unit)}")
-    write_text_beside(about, "\n".join(lines) + "\n", sync=True)
+    write_text_atomic(about, "\n".join(lines) + "\n", sync=True)

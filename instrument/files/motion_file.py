@@ -1,4 +1,4 @@
-"""Motion records: a shot already demodulated, NAME.csv with NAME.toml beside it (docs/formats.md)."""
+"""Reads motion records: shots already demodulated, NAME.csv and NAME.toml in one folder (docs/formats.md)."""
 
 import csv
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from instrument.files.checked import Checked
-from instrument.files.motion_columns import MotionColumns, motion_toml, read_mapped, write_columns
+from instrument.files.motion_columns import MotionColumns, columns_path, read_mapped_columns, write_columns
 from instrument.files.recording_error import RecordingError, one_line
 from instrument.files.recording_metadata import MASSES_KG
 from instrument.files.recording_search import TABLES, motion_table
@@ -21,14 +21,14 @@ Floats = NDArray[np.float64]
 MODELS = ("plate", "contact", "driven")
 _COLUMNS = ("time_s", "displacement_m", "velocity_m_per_s", "force_n")
 _LARGEST_CSV_BYTES = 512 * 2**20
-_LARGEST = 1e12  # no time, length, speed or force of a rig is beyond this
+_LARGEST = 1e12  # SI: larger than any time, length, speed or force of a rig
 
 
 @dataclass(frozen=True, slots=True)
 class MotionRecord:
-    """The columns of a motion record, each of shape (n,), float64, read-only; a column not given is None.
+    """The columns of a motion record, each of shape (n,), float64, read-only; None: not given.
 
-    ``time_s`` rises strictly; the steps need not be equal.  ``extra`` holds the keys of the .toml not named here.
+    ``time_s`` rises strictly; its steps need not be equal.  ``extra`` are the other keys of the .toml.
     """
 
     name: str
@@ -44,7 +44,7 @@ class MotionRecord:
 
 
 def read_motion(path: Path | str) -> MotionRecord:
-    """Read a motion record; ``path`` names its table or its .toml.  RecordingError: one line, file and cause."""
+    """Read a motion record; ``path`` is its table or its .toml.  Raises RecordingError."""
     table = Path(path)
     if table.suffix.lower() == ".toml":
         table = motion_table(table)
@@ -59,19 +59,19 @@ def read_motion(path: Path | str) -> MotionRecord:
     mass = head.number("moving_mass_kg", *MASSES_KG)
     mass_u = head.number("moving_mass_u_kg", 0.0, 1e6)
     mapped = head.object("columns")
-    columns = _columns(table) if mapped is None else _checked(table, read_mapped(table, mapped), 1)
+    columns = _columns(table) if mapped is None else _checked(table, read_mapped_columns(table, mapped), 1)
     return MotionRecord(
         table.stem, str(table), model, columns["time_s"], columns.get("displacement_m"),
         columns.get("velocity_m_per_s"), columns.get("force_n"), mass, mass_u, head.unread(),
     )  # fmt: skip
 
 
-def keep_columns(table: Path, columns: MotionColumns) -> Path:
-    """Write the .toml that makes a table a motion record, unless it cannot be read so; return where it is.
+def save_columns(table: Path, columns: MotionColumns) -> Path:
+    """Write the .toml that makes a table a motion record and return its path.
 
-    Raises RecordingError.
+    Raises RecordingError, and writes nothing, if the table cannot be read that way.
     """
-    about = motion_toml(table)
+    about = columns_path(table)
     before = about.read_bytes() if about.exists() else None
     write_columns(columns, about)
     try:
@@ -113,7 +113,7 @@ def _columns(table: Path) -> dict[str, Floats]:
 
 
 def _checked(table: Path, columns: dict[str, Floats], first_row: int) -> dict[str, Floats]:
-    """Return the columns read-only; RecordingError, its rows counted from ``first_row``, where one spoils them."""
+    """Return the columns read-only.  Raises RecordingError for a bad row; rows are counted from ``first_row``."""
     for name, column in columns.items():
         with np.errstate(invalid="ignore"):
             bad = np.flatnonzero(~(np.abs(column) <= _LARGEST))
@@ -127,7 +127,7 @@ def _checked(table: Path, columns: dict[str, Floats], first_row: int) -> dict[st
 
 
 def _bad_cell(body: str, parted: str, wanted: Mapping[str, int]) -> str | None:
-    """Return where the first cell stands that is no number; the header is row 1, as a table program counts."""
+    """Return the place of the first cell that is not a number; the header is row 1, as in a spreadsheet."""
     for row, line in enumerate(body.splitlines(), 2):
         if not line.strip():
             continue

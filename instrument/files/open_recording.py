@@ -1,4 +1,4 @@
-"""One raw recording from wherever it lies: two SigMF files, or a foreign file whose mapping is remembered."""
+"""Opens a raw recording: two SigMF files, or a foreign file that has a mapping."""
 
 import threading
 from collections.abc import Callable
@@ -8,54 +8,53 @@ from pathlib import Path
 
 from analysis.shot.recording import Recording
 from analysis.shot.shot import Shot
-from instrument.files.foreign.mapping import format_of, read_mapping, remembered_mapping
+from instrument.files.foreign.mapping import find_mapping, format_of, read_mapping
 from instrument.files.recording_error import RecordingError
-from instrument.files.recording_file import ALTERED, has_hash, read_recording, read_unhashed
+from instrument.files.recording_file import ALTERED, hash_matches, read_recording, read_without_hash
 
 
 def open_recording(path: Path | str) -> Recording:
-    """Return the recording; RecordingError, one line, names file and cause, and how to give a mapping."""
+    """Open a recording.  Raises RecordingError, which says how to give a missing mapping."""
     path = Path(path)
     return _foreign(path) or read_recording(path)
 
 
-def open_unchecked(path: Path | str) -> Recording:
-    """Do as ``open_recording`` does, but for the hash of the data."""
+def open_without_hash(path: Path | str) -> Recording:
+    """Open a recording as ``open_recording`` does, without checking the hash of its data."""
     path = Path(path)
-    return _foreign(path) or read_unhashed(path)[0]
+    return _foreign(path) or read_without_hash(path)[0]
 
 
-def analysed_while_hashed(path: Path | str, analyse: Callable[[Recording], Shot]) -> Shot:
-    """Let ``analyse`` make a shot of the recording, and say "data_altered" where its data have another hash.
+def analyse_and_check_hash(path: Path | str, analyse: Callable[[Recording], Shot]) -> Shot:
+    """Analyse a recording while a second thread checks the hash of its data; flag "data_altered" if it differs.
 
-    The hash takes a third as long as the rest and runs in a thread beside it: free where a core is free.  Raises as
-    ``open_recording`` and ``analyse`` do.
+    The hash takes a third of the time of the rest.  Raises as ``open_recording`` and ``analyse`` do.
     """
     path = Path(path)
     recording = _foreign(path)
     if recording is not None:
         return analyse(recording)
-    recording, sha512 = read_unhashed(path)
+    recording, sha512 = read_without_hash(path)
     if sha512 is None:
         return analyse(recording)
-    given_up = threading.Event()
-    with ThreadPoolExecutor(1, "levimass hash") as beside:
-        true = beside.submit(has_hash, recording, sha512, given_up.is_set)
+    cancelled = threading.Event()
+    with ThreadPoolExecutor(1, "levimass hash") as executor:
+        unaltered = executor.submit(hash_matches, recording, sha512, cancelled.is_set)
         try:
             shot = analyse(recording)
         except BaseException:
-            given_up.set()
+            cancelled.set()
             raise
-        return shot if true.result() else replace(shot, flags=(*shot.flags, ALTERED))
+        return shot if unaltered.result() else replace(shot, flags=(*shot.flags, ALTERED))
 
 
 def _foreign(path: Path) -> Recording | None:
-    """Return what a foreign file holds, None where the path is that of a recording; raises as ``open_recording``."""
+    """Return the recording in a foreign file, None if the path is that of SigMF files.  Raises RecordingError."""
     if path.is_dir():
-        raise RecordingError(path, _in_vain(path))
+        raise RecordingError(path, _why_no_recording(path))
     if format_of(path) is None:
         return None
-    mapping = remembered_mapping(path)
+    mapping = find_mapping(path)
     if mapping is None:
         if not path.exists():
             raise RecordingError(path, "no such file")
@@ -65,7 +64,7 @@ def _foreign(path: Path) -> Recording | None:
     return read_foreign(path, read_mapping(mapping))
 
 
-def _in_vain(folder: Path) -> str:
+def _why_no_recording(folder: Path) -> str:
     try:
         foreign = next((p for p in sorted(folder.iterdir()) if format_of(p) is not None and p.is_file()), None)
     except OSError as error:

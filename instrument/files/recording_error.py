@@ -1,4 +1,4 @@
-"""Why a file could not be read or written, in one line that names the file and the key."""
+"""The errors of reading and writing files: one line that names the file, the key and the cause."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,18 +18,18 @@ class RecordingError(Exception):
 
 
 class FileNotReached(RecordingError):
-    """A file that is not there, may not be read or whose disk fails: says nothing of what it holds."""
+    """A file that does not exist, may not be read, or whose disk fails; its content is unknown."""
 
 
 class RecordingExists(RecordingError):
-    """A recording of that name is there already, and none is ever overwritten."""
+    """A recording of that name exists already; none is ever overwritten."""
 
     def __init__(self, path: Path | str) -> None:
         super().__init__(path, "exists already; a recording is never overwritten")
 
 
 class PartlySaved(RecordingError):
-    """The first of several shots that could not be saved; ``saved`` has the paths of those before it, by name."""
+    """The first of several shots that could not be saved; ``saved`` are the paths of those before it, by name."""
 
     def __init__(self, error: RecordingError, saved: Mapping[str, Path]) -> None:
         Exception.__init__(self, str(error))
@@ -43,7 +43,7 @@ def one_line(text: str, longest: int = 200) -> str:
 
 
 def shown(value: Any) -> str:
-    """Return a foreign value short enough for a message; never renders a large structure."""
+    """Return a value from a file, shortened for a message."""
     if isinstance(value, str):
         return one_line(repr(value[: _SHOWN + 1]), _SHOWN)
     if isinstance(value, dict):

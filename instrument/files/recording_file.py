@@ -1,10 +1,9 @@
-"""Recordings on disk: two SigMF files with one stem, as docs/formats.md says.
+"""Reads recordings: two SigMF files with one stem (docs/formats.md).
 
-Read with json rather than the ``sigmf`` package: every refusal must name file and key in one line, foreign metadata
-must not lead outside their folder (``core:dataset``) nor allocate without bound, and a capture has to be readable
-while it is still being written, none of which that package's checks are made for.  The tests read what is written
-here with the package, so that the two agree on the format.  The samples are read, not mapped: where another program
-cuts a mapped file short, the next look at it ends the process (SIGBUS).
+The ``sigmf`` package is not used, because every error must name file and key in one line, metadata of other writers
+must not refer outside their folder (``core:dataset``) nor allocate without bound, and a capture must be readable while
+it is being written.  The tests check with the package that both agree on the format.  The samples are read, not
+memory-mapped: if another program truncates a mapped file, the next access ends the process (SIGBUS).
 """
 
 import hashlib
@@ -30,9 +29,9 @@ __all__ = [
     "RecordingError",
     "RecordingWriter",
     "find_recordings",
-    "has_hash",
+    "hash_matches",
     "read_recording",
-    "read_unhashed",
+    "read_without_hash",
     "recording_stem",
     "rewrite_note",
     "verify",
@@ -40,30 +39,30 @@ __all__ = [
 ]
 
 ALTERED = "data_altered"
-ENDED_EARLY = "lmm:ended_early"  # global key: why a capture ended before all samples asked for came
+ENDED_EARLY = "lmm:ended_early"  # global key: why a capture ended before all requested samples came
 _PIECE_BYTES = 4 * 2**20
-_LOOKED_AT = 256, 256  # places in the file and samples at each: enough to see clipping, too little to wait for
+_CLIPPING_CHECK = 256, 256  # places in the file, and samples at each: enough to see clipping, and quick
 _CLIPPED_SHARE = 1e-3
 
 
 def read_recording(path: Path | str) -> Recording:
-    """Read a recording; its counts are int16, shape (samples, channels).
+    """Read a recording; its counts are int16, shape (samples, channels).  Raises RecordingError.
 
-    Flags: "interrupted" (never closed: no hash), "truncated" (fewer samples than the metadata say),
-    "longer_than_declared", "data_altered" (as many as they say, and not those of their hash), "gap", "cut_short"
-    (ended before all samples asked for came), "clipped" (seen in samples taken across the file).  RecordingError names
-    file and key in one line.  Cost, most of it the hash: 3 ms a MB.
+    Flags: "interrupted" (never closed: no hash), "truncated" (fewer samples than the metadata state),
+    "longer_than_declared", "data_altered" (the right number of samples, but another hash), "gap", "cut_short" (ended
+    before all requested samples came), "clipped" (in samples taken across the file).  Cost, most of it the hash: 3 ms
+    per MB.
     """
-    recording, sha512 = read_unhashed(path)
-    if sha512 is None or has_hash(recording, sha512):
+    recording, sha512 = read_without_hash(path)
+    if sha512 is None or hash_matches(recording, sha512):
         return recording
     return replace(recording, flags=(*recording.flags, ALTERED))
 
 
-def read_unhashed(path: Path | str) -> tuple[Recording, str | None]:
-    """Do as ``read_recording`` does but for the hash; return the one its counts must have too.
+def read_without_hash(path: Path | str) -> tuple[Recording, str | None]:
+    """Read a recording as ``read_recording`` does, without the hash; return also the SHA-512 that its counts must have.
 
-    That is None where nothing can be said: never closed, or not as many samples as the metadata say.
+    That is None if there is nothing to compare: never closed, or not as many samples as the metadata state.
     """
     stem = recording_stem(path)
     metadata = read_metadata(stem.with_name(stem.name + ".sigmf-meta"))
@@ -111,24 +110,24 @@ def read_unhashed(path: Path | str) -> tuple[Recording, str | None]:
     return recording, sha512
 
 
-def has_hash(recording: Recording, sha512: str, given_up: Callable[[], bool] = lambda: False) -> bool:
-    """Return whether the counts are those of ``sha512`` (hex); looks at ``given_up`` every few ms and then says True.
+def hash_matches(recording: Recording, sha512: str, cancelled: Callable[[], bool] = lambda: False) -> bool:
+    """Return whether the counts have the hash ``sha512`` (hex); True once ``cancelled()``, checked every few ms.
 
-    hashlib lets go of the interpreter, so that it may run beside other work.
+    hashlib releases the interpreter, so that other threads run meanwhile.
     """
     digest = hashlib.sha512()
     octets = recording.counts.reshape(-1).view(np.uint8)
     for start in range(0, octets.size, _PIECE_BYTES):
-        if given_up():
+        if cancelled():
             return True
         digest.update(octets[start : start + _PIECE_BYTES].data)
     return digest.hexdigest() == sha512.lower()
 
 
 def verify(path: Path | str) -> bool:
-    """Check the hash of a recording's samples; False where it differs.
+    """Return whether a recording's samples have the hash in its metadata.
 
-    RecordingError where the recording cannot be read or was never closed, so has no hash.
+    Raises RecordingError if it cannot be read or was never closed, and so has no hash.
     """
     stem = recording_stem(path)
     meta = stem.with_name(stem.name + ".sigmf-meta")
@@ -142,7 +141,7 @@ def verify(path: Path | str) -> bool:
 
 
 def _stay_inside(data: Path) -> None:
-    """Refuse a link that would make the program read outside the recording's folder."""
+    """Refuse a link that leads outside the recording's folder."""
     try:
         if data.is_symlink() and data.resolve().parent not in (data.parent.resolve(), _real_folder(data)):
             raise RecordingError(data, "a link to outside the recording's folder; copy the file here instead")
@@ -151,7 +150,7 @@ def _stay_inside(data: Path) -> None:
 
 
 def _real_folder(data: Path) -> Path:
-    # both files linked from one foreign folder are that folder's recording, not a way out of this one
+    # two links into one other folder are that folder's recording, which is allowed
     return data.with_name(data.name.removesuffix(".sigmf-data") + ".sigmf-meta").resolve().parent
 
 
@@ -160,45 +159,42 @@ def _samples(data: Path, channels: int) -> tuple[NDArray[np.int16], int]:
     _stay_inside(data)
     frame = 2 * channels
     with os.fdopen(open_regular(data), "rb", buffering=0) as file:
-        size = os.fstat(file.fileno()).st_size  # what a capture under way adds from now on is not waited for
+        size = os.fstat(file.fileno()).st_size  # samples that a running capture adds later are not read
         if size < frame:
             raise RecordingError(data, "holds no samples")
         try:
-            held = np.empty(size, np.uint8)
+            content = np.empty(size, np.uint8)
             filled = 0
-            while filled < size and (came := file.readinto(held[filled : filled + _PIECE_BYTES].data)):
-                filled += came
+            while filled < size and (count := file.readinto(content[filled : filled + _PIECE_BYTES].data)):
+                filled += count
         except OSError as error:
             raise FileNotReached(data, error.strerror or str(error)) from None
         except MemoryError:
             raise RecordingError(
                 data, f"{size / 2**30:.1f} GiB, more than this machine's memory has room for"
             ) from None
-    samples, left_over = divmod(filled, frame)  # fewer than the size said where it was cut short just now
+    samples, left_over = divmod(filled, frame)  # fewer than ``size`` if it was truncated meanwhile
     if samples == 0:
         raise RecordingError(data, "holds no samples")
-    counts = held[: samples * frame].view("<i2").reshape(samples, channels)
+    counts = content[: samples * frame].view("<i2").reshape(samples, channels)
     counts.flags.writeable = False
     return counts, left_over
 
 
 def _clipped(counts: NDArray[np.int16], metadata: Metadata) -> bool:
-    """Return whether a beat sits at the rails of the digitizer; the switch channel may sit there rightly."""
+    """Return whether a beat is at the rails of the digitizer; the switch channel may be."""
     beats = [i for i, channel in enumerate(metadata.channels) if channel.role is not Role.SWITCH]
-    places, length = _LOOKED_AT
+    places, length = _CLIPPING_CHECK
     starts = np.linspace(0, max(0, counts.shape[0] - length), places).astype(np.int64)
-    looked_at = np.concatenate([counts[start : start + length] for start in np.unique(starts)])[:, beats]
+    values = np.concatenate([counts[start : start + length] for start in np.unique(starts)])[:, beats]
     rail = 1 << (metadata.setup.digitizer_bits - 1)
-    at_rail = (looked_at >= rail - 1) | (looked_at <= -rail)
+    at_rail = (values >= rail - 1) | (values <= -rail)
     return bool(np.any(at_rail.mean(axis=0) > _CLIPPED_SHARE))
 
 
 @dataclass(frozen=True, slots=True)
 class DataHash:
-    """The data file's name, size and SHA-512 (hex) as it is now.
-
-    ``recorded`` is the hash its metadata hold (``core:sha512``), None where there is none.
-    """
+    """Name, size and SHA-512 (hex) of a data file; ``recorded`` is the hash in its metadata, None if there is none."""
 
     file: str
     size_bytes: int
@@ -207,14 +203,14 @@ class DataHash:
 
     @property
     def agrees(self) -> bool | None:
-        """Get whether the data are those that were taken; None where no hash was written then."""
+        """Get whether the data are unaltered; None if no hash was recorded."""
         return None if self.recorded is None else self.recorded.lower() == self.sha512
 
 
 def data_hash(path: Path | str) -> DataHash:
-    """Hash the data of a recording, a motion record or a foreign file: tens of ms for 10 M samples.
+    """Hash the data of a recording, a motion record or a foreign file; tens of ms for 10 M samples.
 
-    Raises RecordingError, one line, where they cannot be read.
+    Raises RecordingError.
     """
     path = Path(path)
     recorded = None

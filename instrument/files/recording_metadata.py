@@ -1,4 +1,4 @@
-"""SigMF metadata of a recording, between JSON and dataclasses; unknown keys of other writers travel along."""
+"""Reads and writes the SigMF metadata of a recording; unknown keys of other writers are preserved."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -11,7 +11,7 @@ from instrument.files.text_file import read_json
 
 SIGMF_VERSION = "1.2.5"
 _EXTENSION = {"name": "lmm", "version": "1.0.0", "optional": True}
-RATES_HZ = 1e-3, 1e12  # beyond what any rig has, within what every formula bears
+RATES_HZ = 1e-3, 1e12  # wider than any rig's, and safe in every formula
 MASSES_KG = 1e-9, 1e6
 _MOST_CHANNELS = 64
 _MOST_SAMPLES = 2**53
@@ -20,9 +20,9 @@ _PLATE = ("arm_length_m", "arm_width_m", "thickness_m", "disc_diameter_m", "dens
 
 @dataclass(frozen=True, slots=True)
 class Metadata:
-    """What a .sigmf-meta says, checked.  ``extra`` holds the foreign keys under "global", "captures", ...
+    """The checked content of a .sigmf-meta.  ``extra`` are the foreign keys under "global", "captures", ...
 
-    ``declared_samples`` is the length a channel that the writer states, ``at_least_samples`` what its indices imply.
+    ``declared_samples`` is the stated number of samples per channel, ``at_least_samples`` that implied by indices.
     """
 
     sample_rate_hz: float
@@ -39,7 +39,7 @@ class Metadata:
 
 
 def read_metadata(path: Path) -> Metadata:
-    """Read and check a .sigmf-meta file; RecordingError names file and key of what cannot be read."""
+    """Read and check a .sigmf-meta file.  Raises RecordingError."""
     whole = Checked(path, read_json(path))
     head = whole.object("global")
     if head is None:
@@ -116,7 +116,7 @@ def _setup(head: Checked) -> Setup:
 
 
 def setup_of(item: Checked) -> Setup:
-    """Return the rig that an object of ``lmm:setup``'s keys states; RecordingError names the key that is wrong."""
+    """Return the rig from an object with the keys of ``lmm:setup``.  Raises RecordingError."""
     extra: dict[str, Any] = {}
     air = None
     if (inside := item.object("air")) is not None:
@@ -193,7 +193,7 @@ def _annotations(whole: Checked) -> _Annotations:
 
 
 def metadata_json(metadata: Metadata) -> dict[str, Any]:
-    """Return the JSON object of a .sigmf-meta; foreign keys are written back, own keys win."""
+    """Return the JSON object of a .sigmf-meta; foreign keys are written back, this program's own take precedence."""
     extra = metadata.extra
     foreign_channels = list(extra.get("channels", ())) + [{}] * len(metadata.channels)
     extensions = [e for e in extra.get("extensions", ()) if not (isinstance(e, dict) and e.get("name") == "lmm")]

@@ -1,22 +1,22 @@
-"""Which recordings and motion records lie under the files and folders a person named."""
+"""Finds the recordings and motion records in files and folders."""
 
 import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from instrument.files.foreign.mapping import ENDING, OF_FOLDER, is_foreign
+from instrument.files.foreign.mapping import FOLDER_MAPPING, MAPPING_SUFFIX, is_foreign
 
-TABLES = {".csv": ",", ".tsv": "\t"}  # of motion records, and what parts their cells
+TABLES = {".csv": ",", ".tsv": "\t"}  # endings of motion records' tables, and their delimiters
 
 
 def motion_table(about: Path) -> Path:
-    """Return the table that a motion record's .toml stands beside."""
+    """Return the table that belongs to a motion record's .toml."""
     tables = [about.with_suffix(ending) for ending in TABLES]
     return next((table for table in tables if table.exists()), tables[0])
 
 
 def recording_stem(path: Path | str) -> Path:
-    """Return the common stem of a recording's two files; ``path`` may name either of them or the stem."""
+    """Return the common stem of a recording's two files; ``path`` is either of them or the stem."""
     text = str(path)
     for ending in (".sigmf-meta", ".sigmf-data"):
         if text.endswith(ending):
@@ -25,12 +25,12 @@ def recording_stem(path: Path | str) -> Path:
 
 
 def find_recordings(paths: Iterable[Path | str]) -> list[Path]:
-    """Return one path a shot: a ``.sigmf-meta`` for a recording, a ``.csv`` or ``.tsv`` for a motion record.
+    """Return one path per shot: a ``.sigmf-meta`` for a recording, a ``.csv`` or ``.tsv`` for a motion record.
 
-    A foreign file counts as a shot where its mapping is remembered (``instrument.files.foreign.mapping``).
-    Paths keep their order; within a folder names are in counting order (shot-2 before shot-10).  A folder that holds
-    no shot itself is searched downwards (links are not followed).  A path that names nothing is returned as it is:
-    reading it says why.  No shot appears twice.
+    A foreign file is a shot if it has a mapping (``instrument.files.foreign.mapping``).  Paths keep their order; within
+    a folder names are in counting order (shot-2 before shot-10).  The subfolders of a folder without shots are searched
+    (links are not followed).  A path without a shot is returned unchanged: reading it gives the error.  No shot appears
+    twice.
     """
     found: dict[Path, None] = {}
     for path in map(Path, paths):
@@ -43,13 +43,13 @@ def find_recordings(paths: Iterable[Path | str]) -> list[Path]:
 
 
 def is_motion_record(path: Path | str) -> bool:
-    """Return whether ``path`` names a motion record rather than a raw recording."""
+    """Return whether ``path`` is a motion record rather than a raw recording."""
     return Path(path).suffix.lower() in (*TABLES, ".toml") and not is_foreign(path)
 
 
 def _of_file(path: Path) -> Path:
-    if path.name.endswith(ENDING):
-        return path.with_name(path.name.removesuffix(ENDING))
+    if path.name.endswith(MAPPING_SUFFIX):
+        return path.with_name(path.name.removesuffix(MAPPING_SUFFIX))
     if path.suffix.lower() == ".toml":
         return motion_table(path)
     stem = recording_stem(path)
@@ -81,16 +81,13 @@ def _shots_among(entries: list[Path]) -> list[Path]:
     for entry in entries:
         if entry.name.startswith("."):
             continue
+        mapped = bool(names & {entry.name + MAPPING_SUFFIX, FOLDER_MAPPING}) and is_foreign(entry)
         if entry.suffix in (".sigmf-meta", ".sigmf-data"):
             stem = recording_stem(entry)
             shots[stem.with_name(stem.name + ".sigmf-meta")] = None
-        elif _is_motion_table(entry, names) or (names & {entry.name + ENDING, OF_FOLDER} and is_foreign(entry)):
+        elif mapped or (entry.suffix.lower() in TABLES and entry.stem + ".toml" in names):
             shots[entry] = None
     return sorted(shots, key=_counting_order)
-
-
-def _is_motion_table(entry: Path, names: set[str]) -> bool:
-    return entry.suffix.lower() in TABLES and entry.stem + ".toml" in names
 
 
 def _counting_order(path: Path) -> tuple[list[tuple[int, int, str]], str]:

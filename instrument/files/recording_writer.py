@@ -1,13 +1,11 @@
-"""Writing a recording while it is being taken, so that a crash at any moment leaves what came so far readable."""
+"""Writes a recording while it is being taken, so that after a crash the samples so far can be read."""
 
 import contextlib
 import hashlib
-import json
 import os
 import stat
-import threading
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot.recording import Channel, Gap, Recording, Setup
-from instrument.files.into_place import into_place, same_rights, sync_folder
+from instrument.files.atomic_file import as_recording_error, write_json_atomic
 from instrument.files.recording_error import RecordingError, RecordingExists
 from instrument.files.recording_metadata import Metadata, metadata_json, read_metadata
 
@@ -25,11 +23,11 @@ _CHUNK_BYTES = 4 * 2**20
 
 
 class RecordingWriter:
-    """One recording growing on disk.
+    """A recording being written.  Raises RecordingError for every OSError; not thread-safe.
 
-    From the first moment there are a data file and a metadata file without ``core:sha512``: a capture that is cut
-    off reopens as far as it got.  ``close`` hashes, fsyncs, and puts the final metadata in place with ``os.replace``.
-    An existing recording is never overwritten.  Every OSError comes as a RecordingError.  Not thread-safe.
+    From the start there are a data file and a metadata file without ``core:sha512``, so an interrupted capture can be
+    read as far as it got.  ``close`` hashes, fsyncs, and replaces the metadata.  An existing recording is never
+    overwritten.
     """
 
     def __init__(
@@ -54,7 +52,7 @@ class RecordingWriter:
         self._refreshed_at = 0.0
         if self.meta_path.exists():
             raise RecordingExists(self.meta_path)
-        with _as_recording_error(self.data_path):
+        with as_recording_error(self.data_path):
             self._file = open(self.data_path, "xb", buffering=0)  # noqa: SIM115 - held until close
         try:
             self._write_metadata(sync=False)
@@ -70,7 +68,7 @@ class RecordingWriter:
         if block.ndim != 2 or block.shape[1] != len(self._metadata.channels):
             raise RecordingError(self.data_path, f"samples of shape {block.shape} do not fit its channels")
         view = block.reshape(-1).view(np.uint8).data
-        with _as_recording_error(self.data_path):
+        with as_recording_error(self.data_path):
             written = 0
             while written < len(view):
                 written += self._file.write(view[written : written + _CHUNK_BYTES])
@@ -80,7 +78,7 @@ class RecordingWriter:
             self._write_metadata(sync=False)
 
     def gap(self, sample_start: int, samples_lost: int | None) -> None:
-        """Note that samples were lost before ``sample_start``; nothing is filled in."""
+        """Note that samples were lost before ``sample_start``."""
         self._metadata = replace(self._metadata, gaps=(*self._metadata.gaps, Gap(sample_start, samples_lost)))
         self._stale = True
 
@@ -95,16 +93,16 @@ class RecordingWriter:
         self._stale = True
 
     def more(self, extra: Mapping[str, Any]) -> None:
-        """Replace the foreign metadata given at the start."""
+        """Replace the extra metadata given at the start."""
         self._metadata = replace(self._metadata, extra=dict(extra))
         self._stale = True
 
     def close(self, *, interrupted: bool = False) -> Path:
-        """Bring samples and final metadata safely to disk and return the metadata's path.
+        """Write samples and final metadata to disk and return the metadata's path.
 
-        ``interrupted`` leaves the hash out: the recording is then one that was cut off.
+        ``interrupted``: leave the hash out, as in an interrupted capture.
         """
-        with _as_recording_error(self.data_path):
+        with as_recording_error(self.data_path):
             os.fsync(self._file.fileno())
             self._file.close()
         if not interrupted:
@@ -113,18 +111,18 @@ class RecordingWriter:
         return self.meta_path
 
     def abandon(self) -> None:
-        """Remove both files: nothing of this recording is wanted.  Never raises."""
+        """Remove both files.  Never raises."""
         for action in (self._file.close, self.data_path.unlink, self.meta_path.unlink):
             with contextlib.suppress(OSError):
                 action()
 
     def release(self) -> None:
-        """Close the file as it is, after an error; what was written stays.  Never raises."""
+        """Close the file after an error and keep it.  Never raises."""
         with contextlib.suppress(OSError):
             self._file.close()
 
     def _write_metadata(self, *, sync: bool) -> None:
-        write_json_beside(self.meta_path, metadata_json(self._metadata), sync=sync)
+        write_json_atomic(self.meta_path, metadata_json(self._metadata), sync=sync)
         self._stale = False
         self._refreshed_at = time.monotonic()
 
@@ -132,8 +130,7 @@ class RecordingWriter:
 def write_recording(recording: Recording, stem: Path | str) -> Path:
     """Write a whole recording to ``stem``.sigmf-data and .sigmf-meta and return the latter's path.
 
-    Raw first, metadata last; an existing recording is never overwritten.  RecordingError says why it failed, and
-    nothing is left behind then.
+    An existing recording is never overwritten.  Raises RecordingError, and then leaves no file behind.
     """
     writer = RecordingWriter(
         stem,
@@ -159,88 +156,12 @@ def write_recording(recording: Recording, stem: Path | str) -> Path:
 
 
 def rewrite_note(path: Path, note: str) -> None:
-    """Put another note into the metadata file ``path`` of a recording on disk; samples stay.
+    """Change the note in the metadata file ``path`` of a recording.
 
-    Raises RecordingError, also for a file that is marked read-only: replacing a file asks its folder alone, so that the
-    mark would otherwise protect nothing, least of all from an administrator.
+    Raises RecordingError, also for a file that is marked read-only, because replacing a file ignores that mark.
     """
-    with _as_recording_error(path):
+    with as_recording_error(path):
         mode = path.stat().st_mode
     if not mode & stat.S_IWUSR:
         raise RecordingError(path, "is read-only: the note stays in the session")
-    write_json_beside(path, metadata_json(replace(read_metadata(path), note=note)), sync=True)
-
-
-def write_json_beside(path: Path, value: Mapping[str, Any], *, sync: bool) -> None:
-    """Write JSON to a file beside ``path`` and move it into place, so that ``path`` is always whole."""
-    try:
-        text = json.dumps(value, indent=1, allow_nan=False)
-    except (TypeError, ValueError) as error:
-        raise RecordingError(path, f"cannot be written as JSON ({error})") from None
-    write_text_beside(path, text + "\n", sync=sync)
-
-
-def write_text_beside(path: Path, text: str | Iterable[str], *, sync: bool) -> None:
-    """Write text, whole or piece by piece, as ``write_beside`` does; a file's name in it may hold bytes no text has."""
-    pieces = (text,) if isinstance(text, str) else text
-    write_beside(path, (piece.encode("utf-8", errors="backslashreplace") for piece in pieces), sync=sync)
-
-
-def write_beside(path: Path, content: Iterable[bytes | memoryview], *, sync: bool) -> None:
-    """Write a file, in pieces, beside ``path``, fsync it, and ``os.replace`` it into place.  Raises RecordingError.
-
-    A link stays a link, to the new content; a device or a pipe is written into, as nothing may take its place.
-    """
-    check_writable(path)
-    with _as_recording_error(path):
-        if _is_device(path):
-            path.write_bytes(b"".join(content))
-            return
-        path = Path(os.path.realpath(path))
-        short = hashlib.sha256(os.fsencode(path.name)).hexdigest()[:12]  # a legal name plus anything may be none
-        beside = path.with_name(f".{short}.{os.getpid()}-{threading.get_ident()}.new")  # another window may too
-        try:
-            with open(beside, "wb") as file:
-                same_rights(beside, path)  # before anything stands in it
-                file.writelines(content)
-                if sync:
-                    file.flush()
-                    os.fsync(file.fileno())
-            into_place(beside, path)
-        except BaseException:
-            with contextlib.suppress(OSError):
-                beside.unlink()
-            raise
-        if sync:
-            sync_folder(path.parent)
-
-
-def check_writable(path: Path) -> None:
-    """Raise RecordingError where ``write_beside`` would fail: better said before hours of work than after."""
-    with _as_recording_error(path):
-        with contextlib.suppress(FileNotFoundError):
-            os.lstat(path)  # a name that is too long, or through a file, is no name
-        if os.path.isdir(path):
-            raise IsADirectoryError(0, "a folder, not a file")
-        place = path if _is_device(path) else Path(os.path.realpath(path)).parent
-        os.stat(place)
-        if place != path and not os.path.isdir(place):
-            raise NotADirectoryError(0, f"{place} is not a folder")
-        if not os.access(place, os.W_OK):
-            raise PermissionError(0, "no right to write there")
-
-
-def _is_device(path: Path) -> bool:
-    return os.path.exists(path) and not os.path.isfile(path)
-
-
-@contextlib.contextmanager
-def _as_recording_error(path: Path) -> Any:
-    try:
-        yield
-    except FileExistsError:
-        raise RecordingExists(path) from None
-    except FileNotFoundError:
-        raise RecordingError(path, "the folder does not exist") from None
-    except OSError as error:
-        raise RecordingError(path, error.strerror or str(error)) from error
+    write_json_atomic(path, metadata_json(replace(read_metadata(path), note=note)), sync=True)

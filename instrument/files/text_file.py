@@ -1,4 +1,4 @@
-"""The one reader of small text files: regular, bounded in size, depth and number of values, one line on error."""
+"""Reads JSON, TOML and text files: regular files only, bounded in size, depth and number of values."""
 
 import json
 import math
@@ -14,15 +14,15 @@ from instrument.files.recording_error import FileNotReached, RecordingError, one
 
 LARGEST_JSON_BYTES = 16 * 2**20
 LARGEST_TOML_BYTES = 2**20  # its parser is a thousand times slower
-MOST_VALUES = 400_000  # in one file: what they take once read is then below 0.3 GB
-_MOST_PARTS = 200  # of a dotted TOML name; the time to read one grows with their square
+MOST_VALUES = 400_000  # in one file: they take less than 0.3 GB of memory
+_MOST_PARTS = 200  # of a dotted TOML name; the time to read it grows with their square
 _BETWEEN_NAMES = re.compile(r"[,=\n\[\]{}#]")
 
 Value = TypeVar("Value")
 
 
 def open_regular(path: Path) -> int:
-    """Return a read-only file descriptor of a regular file; a pipe or a device is refused, so nothing can hang."""
+    """Return a read-only file descriptor of a regular file; a pipe or a device, which could hang, is refused."""
     try:
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     except FileNotFoundError:
@@ -38,7 +38,7 @@ def open_regular(path: Path) -> int:
 
 
 def read_text(path: Path, largest_bytes: int) -> str:
-    """Return a UTF-8 text file of at most ``largest_bytes``; RecordingError where it is none."""
+    """Return the text of a UTF-8 file of at most ``largest_bytes``.  Raises RecordingError."""
     with os.fdopen(open_regular(path), "rb") as file:
         try:
             raw = file.read(largest_bytes + 1)
@@ -53,7 +53,7 @@ def read_text(path: Path, largest_bytes: int) -> str:
 
 
 def read_json(path: Path, largest_bytes: int = LARGEST_JSON_BYTES) -> dict[str, Any]:
-    """Return the JSON object in ``path``; RecordingError where it is none, or says a key twice."""
+    """Return the JSON object in ``path``.  Raises RecordingError, also for a key that appears twice."""
 
     def parse(text: str) -> Any:
         return json.loads(
@@ -67,12 +67,12 @@ def read_json(path: Path, largest_bytes: int = LARGEST_JSON_BYTES) -> dict[str, 
 
 
 def read_toml(path: Path, largest_bytes: int = LARGEST_TOML_BYTES) -> dict[str, Any]:
-    """Return the TOML table in ``path``; RecordingError where it is none."""
+    """Return the TOML table in ``path``.  Raises RecordingError."""
     return _parsed(path, read_toml_text(path, largest_bytes), "TOML", tomllib.loads)
 
 
 def read_toml_text(path: Path, largest_bytes: int = LARGEST_TOML_BYTES) -> str:
-    """Return the text of a TOML file that can be parsed in bounded time; RecordingError where it cannot."""
+    """Return the text of a TOML file if it can be parsed in bounded time.  Raises RecordingError."""
     text = read_text(path, largest_bytes)
     if max(part.count(".") for part in _BETWEEN_NAMES.split(text)) > _MOST_PARTS:
         raise RecordingError(path, f"not TOML that can be read (a name of more than {_MOST_PARTS} parts)")

@@ -1,1 +1,1 @@
-"""What the screen sees of a running digitizer: snapshots, signals, and the checks of a set-up."""
+"""The running stream of a digitizer: its ring, the curves on the screen, the checks of a set-up."""

@@ -6,20 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signal.stream import LiveChunk
-from instrument.live.snapshot import MOST_BINS, LiveView
+from instrument.live.live_view import MOST_BINS, LiveView
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(slots=True)
 class LiveWindow:
-    """Keeps the newest ``length`` points of the live curves, in memory allocated once."""
+    """The newest ``length`` points of the live curves, in memory allocated once."""
 
     length: int
     bin_points: int = field(init=False)
     _values: Floats = field(init=False)  # (4, 2 length): the newest points, written twice as long as the window
     _end: int = field(init=False, default=0)
-    _dropped: int = field(init=False, default=0)  # points before the first kept, so that bins stay where they were
+    _dropped: int = field(init=False, default=0)  # points before the first one kept: bins keep their places
 
     def __post_init__(self) -> None:
         self.bin_points = -(-self.length // MOST_BINS)
@@ -46,7 +46,7 @@ class LiveWindow:
         self._end += new.shape[1]
 
     def curves(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return (time, beat frequency, velocity, force), each (2 k,): least and greatest of each whole bin in turn."""
+        """Return time, beat frequency, velocity and force, reduced as LiveView says."""
         begin = max(0, self._end - self.length)
         begin += -(begin + self._dropped) % self.bin_points
         bins = (self._end - begin) // self.bin_points

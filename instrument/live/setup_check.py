@@ -1,4 +1,4 @@
-"""The guided set-up's verdicts: is each beat there, strong, unclipped, and does the light switch toggle."""
+"""Checks of the guided set-up: is each beat there, strong and unclipped, and does the light switch toggle."""
 
 from collections.abc import Sequence
 
@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from analysis.reading.site import SiteFloor
 from analysis.shot.recording import Channel, Role
-from instrument.capture.trigger import LightSwitch, TriggerSettings
 from instrument.devices.doctor import Check, Grade
-from instrument.live.snapshot import ChannelSignal
+from instrument.live.live_view import ChannelSignal
+from instrument.trigger.light_switch import LightSwitch, TriggerSettings
 
 NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "light switch"}
 WEAK_SNR_DB = 15.0  # below, phase noise makes single cycles slip
@@ -28,9 +28,9 @@ def check_setup(
     toggles: int | None = None,
     rest_frequency_hz: float | None = None,
 ) -> tuple[Check, ...]:
-    """Return the verdicts on a block of counts, shape (n, channels) with n at least 64, of an armed rig at rest.
+    """Check a block of counts, shape (n, channels) with n at least 64, of an armed rig at rest.
 
-    ``toggles`` counts the light switch's changes since the check began; None counts those in ``counts``.
+    ``toggles`` is the number of the light switch's changes since the check began; None: those in ``counts``.
     """
     signals = check_signals(counts[-CHECKED_SAMPLES:], channels, sample_rate_hz, bits)
     if toggles is None:
@@ -46,7 +46,7 @@ def judge(
     toggles: int,
     rest_frequency_hz: float | None = None,
 ) -> tuple[Check, ...]:
-    """Return the verdicts on what the channels look like; ``ranges_v`` is each one's range to one side, in V."""
+    """Judge the channels' signals; ``ranges_v`` is the amplitude in V that fills each channel's range."""
     checks = []
     for signal, range_v in zip(signals, ranges_v, strict=True):
         if signal.role is Role.SWITCH:
@@ -58,7 +58,7 @@ def judge(
 
 
 def judge_site(floor: SiteFloor) -> Check:
-    """Return the verdict on the floor of the site: what the next restitution could be known to, and what costs most."""
+    """Judge the motion of the site: the expected uncertainty of the next COR, and the first advice to lower it."""
     meets = f"meets {floor.criterion}" if floor.criterion else "meets no vibration criterion"
     line = f"{meets}; expected u(COR) {floor.cor_std:.1g}"
     if floor.advice:
@@ -69,15 +69,15 @@ def judge_site(floor: SiteFloor) -> Check:
 def _beat(signal: ChannelSignal, range_v: float, sample_rate_hz: float) -> Check:
     name = NAMES[signal.role]
     if signal.frequency_hz is None or signal.snr_db is None:
-        return Check(name, Grade.FAIL, "no beat stands out of the noise: check laser, alignment and cable")
+        return Check(name, Grade.FAIL, "no beat above the noise: check laser, alignment and cable")
     share = signal.amplitude_v / range_v if range_v > 0 else 0.0
-    seen = (
+    found = (
         f"beat at {signal.frequency_hz / 1e6:.4f} MHz, {signal.amplitude_v:.3g} V ({100 * share:.0f} % of the range), "
         f"{signal.snr_db:.0f} dB"
     )
     if signal.clipped_fraction > CLIPPED_SHARE:
         clipped = f"clipped in {100 * signal.clipped_fraction:.1f} % of the samples"
-        return Check(name, Grade.FAIL, f"{seen}; {clipped}: lower the gain or the light")
+        return Check(name, Grade.FAIL, f"{found}; {clipped}: lower the gain or the light")
     problems = []
     if signal.clipped_fraction > 0:
         problems.append("clips now and then: lower the gain a step")
@@ -88,8 +88,8 @@ def _beat(signal: ChannelSignal, range_v: float, sample_rate_hz: float) -> Check
     if signal.frequency_hz > NYQUIST_SHARE * sample_rate_hz:
         problems.append("close to half the sample rate: sample faster")
     if problems:
-        return Check(name, Grade.WARN, "; ".join((seen, *problems)))
-    return Check(name, Grade.OK, seen)
+        return Check(name, Grade.WARN, "; ".join((found, *problems)))
+    return Check(name, Grade.OK, found)
 
 
 def _switch(signal: ChannelSignal, toggles: int) -> Check:
@@ -111,9 +111,9 @@ def _rest(signals: Sequence[ChannelSignal], rest_frequency_hz: float | None) -> 
     moving = beats.get(Role.MEASUREMENT)
     if rest is None or moving is None:
         return []
-    apart = moving - rest
-    line = f"PD1 is {apart / 1e3:+.1f} kHz from the rest frequency"
-    if abs(apart) > SAME_BEAT_HZ:
+    shift_hz = moving - rest
+    line = f"PD1 is {shift_hz / 1e3:+.1f} kHz from the rest frequency"
+    if abs(shift_hz) > SAME_BEAT_HZ:
         return [Check("rest frequency", Grade.WARN, f"{line}: is the block at rest, and is it PD1 on this channel?")]
     return [Check("rest frequency", Grade.OK, line)]
 
@@ -129,13 +129,13 @@ def _toggles(counts: NDArray[np.int16], channels: tuple[Channel, ...], bits: int
 
 CHECKED_SAMPLES = 8192
 _LINE_HALF_WIDTH = 4  # bins that one line of the Hann window takes
-_STANDS_OUT_DB = 3.0  # line against all noise together: in 4096 bins the greatest noise line is 20 dB below that
+_LINE_BELOW_NOISE_DB = 3.0  # least line, below all noise together: the greatest of 4096 noise lines is 20 dB lower
 
 
 def check_signals(
     counts: NDArray[np.int16], channels: tuple[Channel, ...], sample_rate_hz: float, bits: int
 ) -> tuple[ChannelSignal, ...]:
-    """Return how each channel looks in ``counts``, shape (n, channels), n at least 64; O(n log n)."""
+    """Measure each channel's signal in ``counts``, shape (n, channels), n at least 64; O(n log n)."""
     rail = 1 << (bits - 1)
     signals = []
     for column, channel in enumerate(channels):
@@ -153,7 +153,7 @@ def check_signals(
 
 
 def _strongest_line(values: NDArray[np.float64], sample_rate_hz: float) -> tuple[float | None, float | None]:
-    """Return (frequency in Hz, power against all the rest in dB) of the strongest line, None where none stands out."""
+    """Return frequency in Hz and power over all other power in dB of the strongest line, None if it is noise."""
     power = np.abs(np.fft.rfft(values * np.hanning(values.size))) ** 2
     power[:_LINE_HALF_WIDTH] = 0.0
     peak = int(np.argmax(power))
@@ -163,7 +163,7 @@ def _strongest_line(values: NDArray[np.float64], sample_rate_hz: float) -> tuple
     line = float(power[low:high].sum())
     rest = float(power.sum()) - line
     snr = 10 * np.log10(line / max(rest, 1e-12 * line))
-    if snr < -_STANDS_OUT_DB:
+    if snr < -_LINE_BELOW_NOISE_DB:
         return None, None
     offset = 0.0
     if 0 < peak < power.size - 1 and min(power[peak - 1], power[peak + 1]) > 0:

@@ -1,4 +1,4 @@
-"""A short look at a source's signals, for those who have no screen: what the set-up shows, in lines."""
+"""A short check of a source's signals without a screen: what the guided set-up shows, as lines of text."""
 
 import time
 from collections import deque
@@ -8,26 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot.recording import Role
-from instrument.capture.capture_options import usual_settings
-from instrument.capture.trigger import LightSwitch, TriggerSettings
-from instrument.devices.digitizer import Digitizer, DigitizerError
+from instrument.devices.digitizer import Digitizer, DigitizerError, usual_settings
 from instrument.devices.doctor import Check, Grade
 from instrument.live.setup_check import CHECKED_SAMPLES, check_setup
+from instrument.trigger.light_switch import LightSwitch, TriggerSettings
 
-LOOKS_S = 3.0  # time to pass the block through the light switch by hand
-TRIGGERS_S = 20.0
+WATCHED_S = 3.0  # time to pass the block through the light switch by hand
+TRIGGER_WAIT_S = 20.0
 _BLOCK = 1 << 17
 _TIMEOUT_S = 0.05
-_LOOKS = 4  # besides the newest
+_EARLIER_LOOKS = 4  # before the newest one
 
 
 def try_signals(
-    digitizer: Digitizer, seconds: float = LOOKS_S, clock: Callable[[], float] = time.monotonic
+    digitizer: Digitizer, seconds: float = WATCHED_S, clock: Callable[[], float] = time.monotonic
 ) -> tuple[Check, ...]:
-    """Return the verdicts on the signals of an opened digitizer, the block at rest.
+    """Check the signals of an opened digitizer, the block at rest.
 
-    A stream is watched for ``seconds``, the light switch's changes are counted over all of them.  A device that
-    triggers by itself is judged by one shot, and has TRIGGERS_S for it.  Raises DigitizerError; stops the digitizer.
+    A stream is watched for ``seconds``, over which the light switch's changes are counted.  A device with a hardware
+    trigger is checked by one shot, for which it has TRIGGER_WAIT_S.  Raises DigitizerError; stops the digitizer.
     """
     able = digitizer.capabilities
     settings = usual_settings(digitizer)
@@ -36,10 +35,10 @@ def try_signals(
     switch = LightSwitch(TriggerSettings(), column, bits) if column is not None else None
     buffer = np.empty((_BLOCK, len(channels)), np.int16)
     newest = np.empty((0, len(channels)), np.int16)
-    before: deque[NDArray[np.int16]] = deque(maxlen=_LOOKS)
+    before: deque[NDArray[np.int16]] = deque(maxlen=_EARLIER_LOOKS)
     digitizer.arm(settings)
     try:
-        end = clock() + (TRIGGERS_S if able.hardware_trigger else seconds)
+        end = clock() + (TRIGGER_WAIT_S if able.hardware_trigger else seconds)
         look_at = clock()
         ended = False
         while clock() < end and not ended:
@@ -51,7 +50,7 @@ def try_signals(
             newest = np.concatenate((newest, part))[-CHECKED_SAMPLES:]
             if clock() >= look_at and len(newest) == CHECKED_SAMPLES:
                 before.appendleft(newest)
-                look_at = clock() + seconds / (_LOOKS + 1)
+                look_at = clock() + seconds / (_EARLIER_LOOKS + 1)
     finally:
         digitizer.stop()
     if newest.shape[0] < CHECKED_SAMPLES // 16:
@@ -66,5 +65,5 @@ def try_signals(
     latest = next(judged)
     if all(check.grade is Grade.OK for check in latest) or any(check.grade is Grade.FAIL for check in latest):
         return latest
-    # A block that is just passing the switch is not at rest: it was, or will be, in another look.
+    # a block that is passing the switch is not at rest: use an earlier look in which it was
     return next((checks for checks in judged if all(check.grade is Grade.OK for check in checks)), latest)

@@ -1,1 +1,1 @@
-"""The digitizer and long work in processes of their own, and how they are talked to."""
+"""The digitizer and long computations in subprocesses, and the messages between the processes."""

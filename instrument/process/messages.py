@@ -1,4 +1,4 @@
-"""What the two processes tell each other; orders go one way, answers and blocks the other, each in its order."""
+"""The messages between the program and the device's process: orders one way, answers and blocks the other."""
 
 import os
 import sys
@@ -10,7 +10,7 @@ from instrument.devices.digitizer import Block, Capabilities, CaptureSettings
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """Something to be done; ``serial`` numbers the orders of one process."""
+    """A request to the device's process; ``serial`` numbers the orders of one process."""
 
     kind: str  # prepare, defaults, arm, stop, close
     serial: int
@@ -20,15 +20,15 @@ class Order:
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A DigitizerError on its way."""
+    """A DigitizerError as it is sent from one process to the other."""
 
     what: str
     remedy: str
 
 
 @dataclass(frozen=True, slots=True)
-class About:
-    """What the device says of itself; ``fault`` where it cannot say it (any more)."""
+class DeviceState:
+    """Capabilities and setup of the device; ``fault`` says why they cannot be read."""
 
     capabilities: Capabilities | None
     setup: Setup | None
@@ -37,10 +37,10 @@ class About:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """The end of the order ``serial``; ``first`` is the number of the next sample, after ``arm``."""
+    """The answer to the order ``serial``; after ``arm``, ``first`` is the number of the next sample."""
 
     serial: int
-    about: About | None
+    device: DeviceState | None
     fault: Fault | None = None
     settings: CaptureSettings | None = None
     first: int = 0
@@ -48,21 +48,21 @@ class Answer:
 
 
 @dataclass(frozen=True, slots=True)
-class Came:
-    """A block in the ring, or a fault in its place, of the stream that the order ``run`` began."""
+class BlockReady:
+    """A block in the ring, or a fault instead of one, of the stream that the order ``run`` began."""
 
     run: int
     first: int
     block: Block
     fault: Fault | None = None
-    about: About | None = None  # where the stream ended: another shot may be another thing
+    device: DeviceState | None = None  # when the stream ends: the next shot may have other capabilities
 
 
 _BELOW_NORMAL = 0x4000  # BELOW_NORMAL_PRIORITY_CLASS of SetPriorityClass
 
 
-def give_way(steps: int) -> None:
-    """Lower this process' priority by ``steps`` (Windows: below normal); on Linux it pushes no other off its core."""
+def lower_priority(steps: int) -> None:
+    """Lower this process' priority by ``steps`` (Windows: to below normal); on Linux also its scheduling class."""
     if sys.platform == "win32":
         import ctypes
 

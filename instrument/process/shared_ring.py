@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from instrument.devices.digitizer import DigitizerError
 
 _HEADER_BYTES = 64
-_TAKEN, _BLOCKS, _TURNS = range(3)
+_READ, _BLOCKS, _BEATS = range(3)
 _FILES = Path("/dev/shm")  # where Linux keeps such memory
 
 
 class SharedRing:
     """A ring of int16 counts, shape (capacity, channels), and three counters; samples are numbered from 0 on.
 
-    The writer gets views (``room``, ``view``), the reader copies out and gives free (``copy_into``, ``give_free``).
-    The blocks themselves are announced over a pipe, whose system calls also order what is written before them.
+    The writer fills views (``room``, ``view``), the reader copies out and marks as read (``copy_into``, ``mark_read``).
+    Blocks are announced over a pipe, whose system calls also order the memory accesses of the two processes.
     """
 
     def __init__(self, memory: SharedMemory, capacity: int, channels: int) -> None:
@@ -31,7 +31,7 @@ class SharedRing:
 
     @classmethod
     def create(cls, capacity: int, channels: int) -> "SharedRing":
-        """Return new memory.  Raises DigitizerError where the system has not that much."""
+        """Return a new ring.  Raises DigitizerError if the system has not enough shared memory."""
         size = _HEADER_BYTES + 2 * capacity * channels
         try:
             memory = SharedMemory(create=True, size=size)
@@ -50,21 +50,21 @@ class SharedRing:
 
     @classmethod
     def attach(cls, name: str, capacity: int, channels: int) -> "SharedRing":
-        """Return the memory that another process made."""
+        """Return the ring that another process created."""
         return cls(SharedMemory(name), capacity, channels)
 
     @property
     def name(self) -> str:
-        """Get the name another process attaches by."""
+        """Get the name by which another process attaches it."""
         return self._memory.name
 
     def unlink(self) -> None:
-        """Let the memory go as soon as both processes are done with it, however they end."""
+        """Free the memory as soon as both processes have closed it or ended."""
         with contextlib.suppress(FileNotFoundError):
             self._memory.unlink()
 
     def close(self) -> None:
-        """Let go of it in this process."""
+        """Detach the memory from this process."""
         del self._counters, self._counts
         self._memory.close()
 
@@ -74,36 +74,36 @@ class SharedRing:
         return self._counts[start : start + most]
 
     def room(self, at: int) -> int:
-        """Return how many samples may be written from ``at`` on before the reader's."""
-        return self.capacity - (at - int(self._counters[_TAKEN]))
+        """Return how many samples may be written from ``at`` on without replacing unread ones."""
+        return self.capacity - (at - int(self._counters[_READ]))
 
     def copy_into(self, at: int, out: NDArray[np.int16]) -> None:
         """Fill ``out``, shape (n, channels), with samples ``at`` ...; a block never wraps."""
         start = at % self.capacity
         out[:] = self._counts[start : start + out.shape[0]]
 
-    def give_free(self, up_to: int, blocks: int) -> None:
-        """Say that all samples before ``up_to``, and so many blocks, have been taken."""
-        self._counters[_TAKEN] = up_to
+    def mark_read(self, up_to: int, blocks: int) -> None:
+        """Mark all samples before ``up_to``, and ``blocks`` blocks in all, as read."""
+        self._counters[_READ] = up_to
         self._counters[_BLOCKS] = blocks
 
     @property
-    def blocks_taken(self) -> int:
-        """Get how many blocks have been taken."""
+    def blocks_read(self) -> int:
+        """Get how many blocks have been read."""
         return int(self._counters[_BLOCKS])
 
     @property
-    def turns(self) -> int:
-        """Get how often the writer has come round."""
-        return int(self._counters[_TURNS])
+    def beats(self) -> int:
+        """Get the writer's heartbeats so far."""
+        return int(self._counters[_BEATS])
 
-    def turn(self) -> None:
-        """Say that the writer is alive."""
-        self._counters[_TURNS] += 1
+    def beat(self) -> None:
+        """Count a heartbeat of the writer."""
+        self._counters[_BEATS] += 1
 
 
 def _reserve(name: str, size: int) -> None:
-    """Make sure that the memory is there: where it is not, Linux kills who touches it instead of refusing it."""
+    """Allocate the memory now: without this, Linux kills a process that touches memory the system does not have."""
     file = _FILES / name.lstrip("/")
     if not (hasattr(os, "posix_fallocate") and file.exists()):
         return

@@ -13,8 +13,8 @@ from PySide6.QtWidgets import QApplication, QWidget
 
 from app.window.layout import Layout
 from app.window.main_window import FRAMED_MS, MainWindow, open_window
-from instrument.bench.bench import Bench
 from instrument.bench.digitizer import BenchDigitizer
+from instrument.bench.rig import Bench
 from instrument.bench.simulate import simulate
 from instrument.bench.site import USUAL_SITE, site_named
 from instrument.devices.digitizer import Digitizer, DigitizerError

@@ -19,7 +19,7 @@ from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
 from app.window.theme import LIGHT, Theme
 from instrument.bench.simulate import simulate
-from instrument.files.foreign.mapping import ForeignMapping, MappedChannel, own_mapping, read_mapping, write_mapping
+from instrument.files.foreign.mapping import ForeignMapping, MappedChannel, mapping_path, read_mapping, write_mapping
 from instrument.files.foreign.reading import foreign_channels, read_foreign
 from instrument.files.open_recording import open_recording
 from instrument.files.recording_file import write_recording
@@ -27,7 +27,7 @@ from tests.app import synthetic
 
 
 def _shot(folder: Path, speed: float = 0.25):
-    return open_recording(simulate(folder, 1, speeds_m_per_s=[speed])[0])
+    return open_recording(simulate(folder, [speed])[0])
 
 
 def _scope_csv(path: Path, recording, order) -> None:
@@ -77,7 +77,7 @@ def test_swapped_beats_are_exchanged_for_good(qtbot, tmp_path):
     _scope_csv(path, recording, (0, 1, 2))
     wrong = {Role.MEASUREMENT: "CH1", Role.REFERENCE: "CH2", Role.SWITCH: "CH3"}
     mapping = ForeignMapping("csv", tuple(MappedChannel(r, n) for r, n in wrong.items()), recording.setup)
-    write_mapping(mapping, own_mapping(path))
+    write_mapping(mapping, mapping_path(path))
     panels = Layout(Theme("light"))
     qtbot.addWidget(panels)
     choices = Choices(tmp_path / "settings.json")
@@ -93,7 +93,7 @@ def test_swapped_beats_are_exchanged_for_good(qtbot, tmp_path):
         panels.work.notices._do.click()
         entries = bench.session
         qtbot.waitUntil(lambda: (session.refresh(), entries.read[0].shot.impact is not None)[1], timeout=60_000)
-        roles = {channel.role: channel.name for channel in read_mapping(own_mapping(path)).channels}
+        roles = {channel.role: channel.name for channel in read_mapping(mapping_path(path)).channels}
         assert roles[Role.MEASUREMENT] == "CH2" and len(bench.session.entries) == 1
     finally:
         bench.close()

@@ -6,7 +6,7 @@ import pytest
 from analysis.pipeline import analyse
 from analysis.shot.quantity import Quantity
 from app.report.export import motion_columns
-from instrument.bench.bench import Bench
+from instrument.bench.rig import Bench
 from instrument.bench.simulate import record_shot
 from instrument.bench.site import site_named
 

@@ -14,8 +14,8 @@ from app.window.panels.live import LivePanel
 from app.window.theme import LIGHT
 from instrument.bench.frame import frame_of
 from instrument.bench.site import Site
+from instrument.live.live_view import LiveView
 from instrument.live.live_window import LiveWindow
-from instrument.live.snapshot import LiveView
 
 RATE_HZ, PER_FRAME = 1e4, 350
 

@@ -13,7 +13,7 @@ from app.command_line.cli import main
 from app.report.export import MODEL_COLUMNS, MOTION_COLUMNS
 from app.report.export_hdf5 import export_hdf5
 from app.session.load import load_and_analyse
-from instrument.files.foreign.mapping import OF_FOLDER
+from instrument.files.foreign.mapping import FOLDER_MAPPING
 from instrument.files.recording_file import read_recording
 from tests.app.synthetic import shot
 
@@ -51,9 +51,9 @@ def test_the_listing_shows_what_to_say(tmp_path: Path, capsys: pytest.CaptureFix
     assert "'PD1': 100 samples" in said and "rate not stated" in said and "--rate HZ" in said
     asked = ["--map", str(table), "--channel", "measurement=PD1", "--mass", "0.02", "--rate", "1e6", "--rest", "2e5"]
     assert main([*asked, "--for-folder", "--volts", "measurement=-2"]) == 0
-    assert (tmp_path / OF_FOLDER).exists() and "100 samples at 1e+06" in capsys.readouterr().out
+    assert (tmp_path / FOLDER_MAPPING).exists() and "100 samples at 1e+06" in capsys.readouterr().out
     assert main(["--map", str(table)]) == 0
-    assert OF_FOLDER in capsys.readouterr().out
+    assert FOLDER_MAPPING in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

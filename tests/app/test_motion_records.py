@@ -9,10 +9,10 @@ import pytest
 
 from analysis.shot.shot import AnalysisError
 from app.command_line.cli import main
-from instrument.bench.noise import Noise, NoiseKind
 from tests.analysis.camera import Camera
 from tests.analysis.drive.slider import Drive
 from tests.bench.blind import drawn, records
+from tests.bench.displacement_noise import Noise, NoiseKind
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
 EXAMPLES = re.findall(r"```toml\n(model = .*?)```\n\n```text\n(.*?)\n```", PAGE.read_text(encoding="utf-8"), re.DOTALL)

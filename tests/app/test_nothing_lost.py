@@ -33,12 +33,12 @@ from app.window.presenters.session import SessionPresenter
 from app.window.theme import LIGHT, Theme
 from app.words.wording import DASH, local, typed_number
 from instrument.bench.simulate import simulate
-from instrument.capture.analyst import Analyst
+from instrument.capture.analysis_thread import AnalysisThread, ShotAnalysis
+from instrument.capture.snapshot import FinishedShot, WaitingShot
 from instrument.devices.digitizer import CaptureSettings
 from instrument.files.open_recording import open_recording
 from instrument.files.recording_file import write_recording
 from instrument.files.recording_writer import RecordingWriter
-from instrument.live.snapshot import FinishedShot, WaitingShot
 from tests.app import synthetic
 
 WAIT_MS = 30_000
@@ -261,7 +261,9 @@ def test_a_fit_that_abort_stopped_is_made_beside_the_rig(qtbot: QtBot, away: Awa
         raise Cancelled
 
     told: list[Shot | None] = []
-    analyst = Analyst(lambda *_: read_shot, lambda _, shot, __: told.append(shot), 1, interrupted)
+    analyst = AnalysisThread(
+        ShotAnalysis(lambda *_: read_shot, interrupted, 1), lambda _, shot, __: told.append(shot)
+    )
     analyst.start()
     analyst.submit(1, open_recording(Path(str(read_shot.path))))
     qtbot.waitUntil(lambda: len(told) == 2, timeout=WAIT_MS)

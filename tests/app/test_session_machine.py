@@ -25,7 +25,7 @@ from app.session.session import Session
 from app.session.shot_work import diagnose_shots
 from app.session.workbench import Workbench
 from app.words.verdict import verdict_words
-from instrument.files.recording_writer import write_json_beside
+from instrument.files.atomic_file import write_json_atomic
 from tests.app import synthetic
 from tests.app.stepped_work import LONGEST_S, SteppedWork
 
@@ -133,7 +133,7 @@ class Sessions(RuleBasedStateMachine):
         self.disk_full = False
         self.kept: dict[Path, Shown] = {}  # what each file must hold
         self.written: Path | None = None  # since the last look
-        self.patched = patch("app.session.session.write_json_beside", self._write)
+        self.patched = patch("app.session.session.write_json_atomic", self._write)
         self.patched.start()
         self.count = 0
         self.path = self.folder / "session-0.json"
@@ -155,7 +155,7 @@ class Sessions(RuleBasedStateMachine):
     def _write(self, path: Path, document: dict[str, Any], *, sync: bool = False) -> None:
         if self.disk_full:
             raise OSError(28, "No space left on device")
-        write_json_beside(path, document, sync=sync)
+        write_json_atomic(path, document, sync=sync)
         self.written = path
 
     def _to_the_end(self) -> None:

@@ -18,7 +18,7 @@ from instrument.devices.doctor import Check, Grade
 from instrument.devices.found_devices import FoundDevice, udev_instructions
 from instrument.devices.sources import open_source
 from tests.app import rigs
-from tests.instrument.drivers.scpi_emulator import EmulatedScope, TcpScope
+from tests.instrument.devices.scpi_emulator import EmulatedScope, TcpScope
 
 WAIT_MS = 30_000
 BARRED = FoundDevice("hantek6022", "Hantek 6022", "USB bus 1", "no permission to open it", "install the udev rule")

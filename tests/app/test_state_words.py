@@ -12,7 +12,8 @@ from app.session.session import Entry
 from app.window import state_words
 from app.window.theme import Tone
 from instrument.capture.acquisition import State
-from instrument.live.snapshot import ChannelSignal, SignalLine, Snapshot, empty_view
+from instrument.capture.snapshot import SignalLine, Snapshot
+from instrument.live.live_view import ChannelSignal, empty_view
 from tests.app import synthetic
 
 

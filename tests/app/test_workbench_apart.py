@@ -13,14 +13,14 @@ from app.session.load import load_and_analyse
 from app.session.session import Session
 from app.session.workbench import Workbench
 from instrument.bench.simulate import simulate
-from instrument.process.work import WorkApart
+from instrument.process.subprocess_worker import SubprocessWorker
 
 LONGEST_S = 120.0
 
 
 @pytest.fixture(scope="module")
 def child():
-    apart = WorkApart()
+    apart = SubprocessWorker()
     apart.start()
     yield apart
     apart.close()

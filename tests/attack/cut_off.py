@@ -22,7 +22,7 @@ from app.report.export import export
 from app.report.export_hdf5 import export_hdf5
 from app.report.page import report_of
 from app.session.load import load_and_analyse
-from instrument.files.recording_writer import write_text_beside
+from instrument.files.atomic_file import write_text_atomic
 
 shot, out = load_and_analyse(Path(sys.argv[1])), Path(sys.argv[2])
 assert shot.fit is not None, shot.problem or shot.fit_problem
@@ -34,7 +34,7 @@ texts = {
 print("ready", flush=True)
 while True:
     for name, text in texts.items():
-        write_text_beside(out / name, text, sync=True)
+        write_text_atomic(out / name, text, sync=True)
     export([shot], out)
     export_hdf5([shot], out)
 """

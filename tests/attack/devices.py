@@ -13,15 +13,15 @@ import usb.core
 
 from analysis.shot.recording import Role
 from instrument.capture.acquire import AcquireError, acquire
+from instrument.capture.snapshot import Snapshot
 from instrument.devices.bulk_stream import Chunk
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
 from instrument.devices.hantek6022 import Hantek6022
 from instrument.devices.niscope_card import NiscopeCard
 from instrument.files.recording_file import read_recording
-from instrument.live.snapshot import Snapshot
 from tests.attack.trial import REFUSED, SURVIVED, Attempt, refused_in_a_line
 from tests.instrument.capturing import Capturing, assert_true_samples, until
-from tests.instrument.drivers.scripted_usb import Plugged, ScriptedUsb
+from tests.instrument.devices.scripted_usb import Plugged, ScriptedUsb
 from tests.instrument.fake_digitizer import FakeDigitizer
 
 USB_ERRORS = (

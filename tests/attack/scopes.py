@@ -13,7 +13,7 @@ from instrument.devices.scpi import ScpiOscilloscope
 from instrument.devices.scpi_socket import SocketTransport
 from instrument.files.recording_file import find_recordings, read_recording
 from tests.attack.trial import SURVIVED, Attempt, refused_in_a_line
-from tests.instrument.drivers.scpi_emulator import EmulatedScope, TcpScope
+from tests.instrument.devices.scpi_emulator import EmulatedScope, TcpScope
 
 ANSWERS_S, BLOCK_S = 0.4, 0.6  # instead of 5 and 10 s, so that hundreds can be tried
 LONGEST_S = 15.0

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot.recording import DEFAULT_WAVELENGTH_AIR_M
-from instrument.bench.effects import Effects, complete, draw, for_shot, force_slots
+from instrument.bench.effects import Effects, complete, draw, effects_of_shot, force_slots
 from instrument.bench.frame import Frame, frame_of
 from instrument.bench.mechanics import Bodies, Trajectory, collide
-from instrument.bench.noise import Noise
+from instrument.bench.observation import observed, plate_support, with_leak
 from instrument.bench.optics import Optics
-from instrument.bench.sight import cyclic_m, lit, riding, seen
 from instrument.bench.site import QUIET, Site
+from tests.bench.displacement_noise import Noise, cyclic_m
 
 Floats = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ _USUAL = Take()
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """What a set was made of; ``effects`` as of the first shot, see ``for_shot`` for the others.
+    """What a set was made of; ``effects`` as of the first shot, see ``effects_of_shot`` for the others.
 
     ``takes`` say how the first shots were taken, the others are taken as usual.
     """
@@ -73,7 +73,7 @@ class Truth:
 
     def of_shot(self, shot: int) -> dict[str, dict[str, float]]:
         """Return the effects of one shot."""
-        return for_shot(self.effects, shot, self.seed)
+        return effects_of_shot(self.effects, shot, self.seed)
 
     def take(self, shot: int) -> Take:
         """Return how a shot is taken."""
@@ -116,7 +116,7 @@ def run(truth: Truth, shot: int, bodies: Bodies | None = None, speed_m_per_s: fl
         duration_s=take.duration_s,
         plate_at_touch=(motion.get("displacement_m", 0.0), motion.get("velocity_m_per_s", 0.0)),
         steps_s=_STEPS_S,
-        frame=riding(_frame(truth, shot), effects),
+        frame=plate_support(_frame(truth, shot), effects),
     )
 
 
@@ -143,8 +143,8 @@ def clean_m(
     effects = truth.of_shot(shot)
     time_s = times_s(truth.take(shot)) if time_s is None else time_s
     trajectory = run(truth, shot, bodies, speed_m_per_s)
-    x, v = seen(trajectory, effects, time_s)
-    optics = lit(Optics(wavelength_m=DEFAULT_WAVELENGTH_AIR_M), effects)
+    x, v = observed(trajectory, effects, time_s)
+    optics = with_leak(Optics(wavelength_m=DEFAULT_WAVELENGTH_AIR_M), effects)
     if optics.leak_m != 0.0:
         x = x + _passed(optics, v) * cyclic_m(optics, x)
     return x

@@ -8,12 +8,13 @@ from scipy.signal import butter, sosfiltfilt
 
 from analysis.shot.recording import Recording
 from instrument.bench import forces as slot
-from instrument.bench.bench import Bench
 from instrument.bench.frame import density_m2_per_hz
 from instrument.bench.mechanics import Bodies, Trajectory, collide
-from instrument.bench.noise import HIGHEST_HZ, LOWEST_HZ
 from instrument.bench.optics import Optics
-from instrument.bench.simulate import Played, play_shot, recording_of
+from instrument.bench.rig import Bench
+from instrument.bench.simulate import SimulatedShot, recording_of, simulate_shot
+from instrument.bench.sines import PATH_HIGHEST_HZ as HIGHEST_HZ
+from instrument.bench.sines import PATH_LOWEST_HZ as LOWEST_HZ
 from instrument.bench.site import LEVELS_M_PER_S, Knock, Line, Site, site_named
 from tests.bench.displacement_noise import displacement_noise_m
 
@@ -59,7 +60,7 @@ def draw(case: Case) -> Drawn:
     random = np.random.default_rng((case.seed, case.index, 0xC0))
     rig = Bench(_bodies(random), _optics(case.condition), {}, _site(case, random), seed=case.seed)
     speed = float(random.uniform(0.16, 0.40))
-    played = play_shot(rig, case.index, speed, DURATION_S)
+    played = simulate_shot(rig, case.index, speed, DURATION_S)
     recording = recording_of(rig, case.index, played, RATE_HZ, DURATION_S)
     if case.condition == "losses":
         recording = _lossy(recording, played, random)
@@ -96,7 +97,7 @@ def _site(case: Case, random: np.random.Generator) -> Site:
     return site
 
 
-def _lossy(recording: Recording, played: Played, random: np.random.Generator) -> Recording:
+def _lossy(recording: Recording, played: SimulatedShot, random: np.random.Generator) -> Recording:
     """Return the recording without 1 to 24 short runs of samples inside the contact, of which nobody knows."""
     events = [time for _, time in played.trajectory.events]
     first, last = (round(time * RATE_HZ) for time in (events[0], events[-1]))
@@ -108,7 +109,7 @@ def _lossy(recording: Recording, played: Played, random: np.random.Generator) ->
     return replace(recording, counts=np.delete(recording.counts, lost, axis=0), trigger_sample=trigger)
 
 
-def truth(played: Played, bodies: Bodies, speed_m_per_s: float) -> dict[str, float]:
+def truth(played: SimulatedShot, bodies: Bodies, speed_m_per_s: float) -> dict[str, float]:
     """Return what a shot's numbers were, by the names of the result.
 
     Velocities are the block's in space, where its flight is straight; the force is the one on the block; deflection
@@ -186,7 +187,7 @@ def _restitution_of_contact(bodies: Bodies, speed_m_per_s: float) -> float:
     return -after / before
 
 
-def bound(rig: Bench, played: Played, bent_m_per_s2: float = 0.0) -> dict[str, float]:
+def bound(rig: Bench, played: SimulatedShot, bent_m_per_s2: float = 0.0) -> dict[str, float]:
     """Return the least standard deviations of what the flights tell, given the true spectrum of all that shakes.
 
     ``bent_m_per_s2`` is how large an acceleration of its own each flight may have.

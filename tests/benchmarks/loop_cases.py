@@ -12,13 +12,12 @@ from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisSettings
 from analysis.signal.demodulate import demodulate
 from analysis.signal.record import motion_from_displacement
-from instrument.bench.bench import Bench
-from instrument.bench.effects import BEYOND, CATALOGUE
-from instrument.bench.noise import Noise, NoiseKind
+from instrument.bench.effects import CATALOGUE, OFF_CATALOGUE
 from instrument.bench.optics import Optics
+from instrument.bench.rig import Bench
 from instrument.bench.simulate import record_shot
 from tests.bench.blind import RATE_HZ, Record, Truth, drawn, records
-from tests.bench.displacement_noise import displacement_noise_m
+from tests.bench.displacement_noise import Noise, NoiseKind, displacement_noise_m
 from tests.bench.separation import separation
 from tests.bench.strength import Tangents, at_snr, base_tangents, cramer_rao, residual_snr
 
@@ -83,7 +82,7 @@ def cases(runs: dict[str, int], seed: int) -> list[Case]:
             add("natural", (name,), 0.0)
     for i in range(runs["pair"]):
         add("pair", [str(n) for n in random.choice(list(CATALOGUE), 2, replace=False)], (40.0, 100.0, 300.0)[i % 3])
-    for place, name in enumerate(BEYOND):
+    for place, name in enumerate(OFF_CATALOGUE):
         for i in range(runs["beyond"]):
             add("beyond", (name,), SNRS[(place + i) % len(SNRS)])
     for raw in RAW:

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 
-from instrument.bench.effects import BEYOND, CATALOGUE
+from instrument.bench.effects import CATALOGUE, OFF_CATALOGUE
 from tests.benchmarks.loop_cases import APART, LEAST_SNR, Outcome
 from tests.benchmarks.loop_score import exact, lines, named_alone, named_at_all, share, truth_reported
 
@@ -11,7 +11,7 @@ from tests.benchmarks.loop_score import exact, lines, named_alone, named_at_all,
 def confusion(outcomes: Sequence[Outcome]) -> tuple[list[str], list[str], list[list[int]]]:
     """Return rows (truth), columns (said) and counts; pairs and raw sets are left out."""
     columns = [*CATALOGUE, "several", "class", "unexplained", "adequate", "failed"]
-    rows = ["nothing", *CATALOGUE, *BEYOND]
+    rows = ["nothing", *CATALOGUE, *OFF_CATALOGUE]
     counts: dict[str, Counter[str]] = {row: Counter() for row in rows}
     for outcome in outcomes:
         if outcome.case.kind in ("clean", "single", "natural", "beyond"):

@@ -19,14 +19,15 @@ from statistics import median
 from analysis.pipeline import read
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisSettings, Progress, Shot
-from instrument.bench.bench import Bench
 from instrument.bench.digitizer import BenchDigitizer
+from instrument.bench.rig import Bench
 from instrument.capture.acquisition import State
-from instrument.capture.analyst import fit_here
-from instrument.capture.capture import Capture, CaptureOptions
+from instrument.capture.analysis_thread import ShotAnalysis, fit_here
+from instrument.capture.capture import Capture
+from instrument.capture.capture_options import CaptureOptions
 from instrument.devices.digitizer import CaptureSettings
-from instrument.process.digitizer import DigitizerApart
-from instrument.process.work import AnalysisApart
+from instrument.process.subprocess_digitizer import SubprocessDigitizer
+from instrument.process.subprocess_worker import SubprocessAnalysis
 from tests.benchmarks.streaming import resident_bytes, sweep
 
 RATE_HZ = 8e6
@@ -73,7 +74,7 @@ def soak(
 ) -> dict[str, tuple[float, float]]:
     """Take ``shots`` shots; return (after warm-up, at the end) of memory in bytes, threads and handles."""
     settings = AnalysisSettings(fit=fit)
-    analyst = AnalysisApart()
+    analyst = SubprocessAnalysis()
 
     def analysed(recording: Recording, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
         if apart:
@@ -89,9 +90,9 @@ def soak(
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         bench = partial(BenchDigitizer, Bench(seed=7), real_time=False, first_push_s=0.02, push_every_s=0.01)
-        digitizer = DigitizerApart(bench) if apart else bench()
+        digitizer = SubprocessDigitizer(bench) if apart else bench()
         options = CaptureOptions(folder, SHOT, watch=False)
-        with Capture(digitizer, options, analyse=analysed, fit=fitted, queue_length=8, say=problems.append) as capture:
+        with Capture(digitizer, options, analysis=ShotAnalysis(analysed, fitted, 8), say=problems.append) as capture:
             settled = asked = 0
             while settled < shots:
                 now = capture.latest()

@@ -19,11 +19,11 @@ from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisSettings
 from analysis.signal.demodulate import demodulate
 from analysis.signal.record import motion_from_displacement
-from instrument.bench.noise import Noise, NoiseKind
 from instrument.files.law_file import read_law
 from instrument.files.motion_file import read_motion
 from instrument.files.recording_file import read_recording
 from tests.bench.blind import drawn, records
+from tests.bench.displacement_noise import Noise, NoiseKind
 from tests.law_rigs import LawRig
 
 SHARED = Path(__file__).resolve().parents[3] / "shared"

@@ -20,10 +20,12 @@ from analysis.pipeline import analyse
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisSettings, Progress, Shot
 from instrument.bench.digitizer import BenchDigitizer
-from instrument.capture.capture import Capture, CaptureOptions
+from instrument.capture.analysis_thread import ShotAnalysis
+from instrument.capture.capture import Capture
+from instrument.capture.capture_options import CaptureOptions
+from instrument.capture.snapshot import Snapshot
 from instrument.devices.digitizer import CaptureSettings, Digitizer
-from instrument.live.snapshot import Snapshot
-from instrument.process.digitizer import DigitizerApart
+from instrument.process.subprocess_digitizer import SubprocessDigitizer
 
 RATE_HZ = 30e6
 SHOT = CaptureSettings(RATE_HZ, 5_000_000, 250_000)
@@ -87,7 +89,7 @@ class Seen:
 def digitizer_of(options: argparse.Namespace) -> Digitizer:
     """Return the bench as the command line asks for it: in a process of its own, or in this one."""
     opener = partial(BenchDigitizer, memory_s=options.memory, push_every_s=3.0)
-    return opener() if options.in_process else DigitizerApart(opener)
+    return opener() if options.in_process else SubprocessDigitizer(opener)
 
 
 def analyse_shot(recording: Recording, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
@@ -218,7 +220,7 @@ def main() -> None:
         if options.no_window:
             digitizer = digitizer_of(options)
             analysis = None if options.no_analysis else analyse_shot
-            with Capture(digitizer, CaptureOptions(folder, SHOT), analyse=analysis) as capture:
+            with Capture(digitizer, CaptureOptions(folder, SHOT), analysis=ShotAnalysis(analysis)) as capture:
                 while capture.latest().signal.switch_toggles < 2:  # kernels compiled, the first push seen
                     time.sleep(0.1)
                 capture.arm(automatic=True)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from instrument.bench.bench import Bench
-from instrument.bench.simulate import play_shot
+from instrument.bench.rig import Bench
+from instrument.bench.simulate import simulate_shot
 from instrument.bench.site import site_named
 from tests.benchmarks.coverage_shots import CONDITIONS, SITES, Case, bound, truth
 from tests.benchmarks.coverage_table import BEGIN, END, excused, faults, into_page, tables
@@ -12,7 +12,7 @@ from tests.benchmarks.coverage_table import BEGIN, END, excused, faults, into_pa
 
 def test_truth_is_the_reference_solution_where_nothing_shakes():
     rig = Bench()
-    true = truth(play_shot(rig, 0, 0.265, 0.06), rig.bodies, 0.265)
+    true = truth(simulate_shot(rig, 0, 0.265, 0.06), rig.bodies, 0.265)
     assert true["velocity_out_m_per_s"] == pytest.approx(0.261702343, abs=1e-9)
     assert true["contact_time_s"] == pytest.approx(28.70771255e-3, abs=1e-9)
     assert true["deflection_max_m"] == pytest.approx(2.388512e-3, abs=1e-9)
@@ -25,15 +25,14 @@ def test_truth_is_the_reference_solution_where_nothing_shakes():
 
 
 def test_the_bound_follows_the_site_and_is_reached_by_weighted_least_squares():
-    least = [
-        bound(Bench(site=site_named(name)), play_shot(Bench(), 0, 0.265, 0.06)) for name in ("VC-A", "VC-C", "quiet")
-    ]
+    sites = (site_named(name) for name in ("VC-A", "VC-C", "quiet"))
+    least = [bound(Bench(site=site), simulate_shot(Bench(), 0, 0.265, 0.06)) for site in sites]
     values = [b["cor_quasi_static"] for b in least]
     assert values[0] == pytest.approx(4 * values[1], rel=0.1) and values[2] < 1e-3 * values[1]
 
 
 def test_a_flight_that_may_be_bent_is_known_less_where_little_shakes():
-    rig, played = Bench(site=site_named("VC-G")), play_shot(Bench(), 0, 0.265, 0.06)
+    rig, played = Bench(site=site_named("VC-G")), simulate_shot(Bench(), 0, 0.265, 0.06)
     straight, hardly, bent = (bound(rig, played, bend)["velocity_in_m_per_s"] for bend in (0.0, 1e-9, 1e-3))
     assert hardly == pytest.approx(straight, rel=1e-6) and 1.2 * straight < bent < 3 * straight
     loud = Bench(site=site_named("VC-A"))
@@ -43,10 +42,10 @@ def test_a_flight_that_may_be_bent_is_known_less_where_little_shakes():
 
 def test_v_in_in_space_scatters_by_the_bound():
     rig = Bench(site=site_named("VC-C"), floor_m=0.0)
-    least = bound(rig, play_shot(rig, 0, 0.265, 0.06))["velocity_in_m_per_s"]
+    least = bound(rig, simulate_shot(rig, 0, 0.265, 0.06))["velocity_in_m_per_s"]
     off = []
     for index in range(60):  # a straight line is not the best estimator: no better than the bound, not ten times worse
-        run = play_shot(rig, index, 0.265, 0.06).trajectory
+        run = simulate_shot(rig, index, 0.265, 0.06).trajectory
         time_s = np.linspace(0.0, run.touch_time_s - 1e-5, 100)
         off.append(np.polyfit(time_s, run.block_m(time_s), 1)[0] + 0.265)
     assert 0.8 * least < np.std(off) < 3 * least

@@ -8,9 +8,10 @@ import numpy as np
 
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisSettings, Shot
-from instrument.capture.capture import Capture, CaptureOptions
+from instrument.capture.capture import Capture
+from instrument.capture.capture_options import CaptureOptions
+from instrument.capture.snapshot import Snapshot
 from instrument.devices.digitizer import CaptureSettings
-from instrument.live.snapshot import Snapshot
 from tests.instrument.fake_digitizer import FIRST, HIGH, PERIOD, RATE_HZ, FakeDigitizer, samples
 
 SETTINGS = CaptureSettings(RATE_HZ, 20_000, 4_000)

@@ -14,16 +14,17 @@ import pytest
 from analysis.shot.recording import Recording, Setup
 from analysis.shot.shot import Cancelled, Shot
 from instrument.capture.acquisition import Deadlines, State
-from instrument.capture.capture import CaptureOptions
-from instrument.capture.trigger import Level
+from instrument.capture.analysis_thread import ShotAnalysis
+from instrument.capture.capture_options import CaptureOptions
 from instrument.devices.digitizer import Block, CaptureSettings
 from instrument.files.recording_file import read_recording, verify
+from instrument.trigger.light_switch import Level
 from tests.instrument.capturing import SETTINGS, Capturing, analysed, assert_true_samples, until
 from tests.instrument.fake_digitizer import CHANNELS, FIRST, PERIOD, RATE_HZ, FakeDigitizer, samples
 
 
 def test_a_shot_from_arm_to_result(tmp_path: Path) -> None:
-    with Capturing(tmp_path, analyse=analysed) as rig:
+    with Capturing(tmp_path, analysis=ShotAnalysis(analysed)) as rig:
         idle = until(rig.capture, lambda s: s.state is State.IDLE and s.signal.channels != ())
         assert idle.shots == 0 and not list(tmp_path.iterdir())
         rig.capture.arm()
@@ -49,7 +50,7 @@ def test_automatic_goes_on_and_no_sample_is_lost_to_a_slow_analysis(tmp_path: Pa
         gate.wait(20)
         return analysed(*what)  # type: ignore[arg-type]
 
-    with Capturing(tmp_path, analyse=slow, queue_length=3, live=False) as rig:
+    with Capturing(tmp_path, analysis=ShotAnalysis(slow, queue_length=3), live=False) as rig:
         rig.capture.arm(automatic=True)
         piled = until(rig.capture, lambda s: s.shots >= 7)
         assert piled.automatic and piled.analysing == 4  # one under way, three waiting
@@ -119,7 +120,7 @@ def test_abort_while_armed_or_triggered(tmp_path: Path, fires: bool) -> None:
             return Block(0)
         return None
 
-    with Capturing(tmp_path, FakeDigitizer(before_block=slow), analyse=analysed, live=False) as rig:
+    with Capturing(tmp_path, FakeDigitizer(before_block=slow), analysis=ShotAnalysis(analysed), live=False) as rig:
         rig.capture.arm()
         until(rig.capture, lambda s: s.state is (State.TRIGGERED if fires else State.ARMED))
         rig.capture.abort()
@@ -169,7 +170,7 @@ def test_abort_stops_an_analysis(tmp_path: Path) -> None:
             time.sleep(0.001)
         raise Cancelled
 
-    with Capturing(tmp_path, analyse=endless, live=False) as rig:
+    with Capturing(tmp_path, analysis=ShotAnalysis(endless), live=False) as rig:
         rig.capture.arm()
         until(rig.capture, lambda s: s.state is State.ANALYSING and s.doing == "analysing")
         rig.capture.abort()
@@ -232,7 +233,7 @@ def test_an_analysis_that_goes_on_is_waited_for_and_one_that_hangs_is_not(tmp_pa
             raise Cancelled
         return analysed(recording, progress, cancelled)
 
-    with Capturing(tmp_path, analyse=slow, live=False, deadlines=Deadlines(analysing_s=0.3)) as rig:
+    with Capturing(tmp_path, analysis=ShotAnalysis(slow), live=False, deadlines=Deadlines(analysing_s=0.3)) as rig:
         rig.capture.arm()
         done = until(rig.capture, lambda s: bool(s.finished))
         assert done.finished[0].shot is not None and done.state is not State.FAULT

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from instrument.capture.acquisition import State
-from instrument.capture.capture import Capture, CaptureOptions
+from instrument.capture.analysis_thread import ShotAnalysis
+from instrument.capture.capture import Capture
+from instrument.capture.capture_options import CaptureOptions
 from instrument.files.recording_file import RecordingError, RecordingWriter, read_recording, verify
 from tests.instrument.capturing import SETTINGS, Capturing, analysed, assert_true_samples, until
 from tests.instrument.fake_digitizer import FakeDigitizer
@@ -31,7 +33,7 @@ def test_a_full_disk_keeps_the_shot_in_memory_savable_elsewhere(
     there, elsewhere = tmp_path / "a", tmp_path / "b"
     there.mkdir()
     elsewhere.mkdir()
-    with Capturing(there, analyse=analysed, live=False) as rig:
+    with Capturing(there, analysis=ShotAnalysis(analysed), live=False) as rig:
         rig.capture.arm(automatic=True)
         fault = until(rig.capture, lambda s: s.state is State.FAULT and bool(s.finished))
         assert "No space left" in fault.message and "memory" in fault.remedy and fault.unsaved == ("shot-0001",)
@@ -77,7 +79,7 @@ def test_shots_that_no_file_could_be_opened_for_are_all_kept(tmp_path: Path, mon
     there, elsewhere = tmp_path / "a", tmp_path / "b"
     for folder in (there, elsewhere):
         folder.mkdir()
-    with Capturing(there, analyse=analysed, live=False) as rig:
+    with Capturing(there, analysis=ShotAnalysis(analysed), live=False) as rig:
         for wanted in (1, 2):
             rig.capture.arm()
             until(rig.capture, lambda s, n=wanted: len(s.unsaved) == n)  # type: ignore[misc]

@@ -8,7 +8,9 @@ import pytest
 
 from analysis.shot.shot import AnalysisError, Cancelled, Shot
 from instrument.capture.acquisition import Deadlines, State
-from instrument.capture.capture import Capture, CaptureOptions
+from instrument.capture.analysis_thread import ShotAnalysis
+from instrument.capture.capture import Capture
+from instrument.capture.capture_options import CaptureOptions
 from instrument.devices.digitizer import Block, CaptureSettings, DigitizerError
 from instrument.files.recording_file import read_recording, verify
 from tests.instrument.capturing import SETTINGS, Capturing, analysed, until
@@ -129,7 +131,7 @@ def test_a_failing_analysis_costs_only_itself(tmp_path: Path, error: Exception) 
     def broken(*what: object) -> Shot:
         raise error
 
-    with Capturing(tmp_path, analyse=broken, live=False) as rig:
+    with Capturing(tmp_path, analysis=ShotAnalysis(broken), live=False) as rig:
         rig.capture.arm()
         shot = until(rig.capture, lambda s: bool(s.finished)).finished[0]
         assert shot.shot is None and shot.problem and shot.path is not None and "\n" not in shot.problem
@@ -139,7 +141,7 @@ def test_a_failing_analysis_costs_only_itself(tmp_path: Path, error: Exception) 
 def test_all_threads_end_and_nothing_stays_open(tmp_path: Path) -> None:
     before = set(threading.enumerate())
     for _ in range(2):
-        with Capturing(tmp_path, analyse=analysed) as rig:
+        with Capturing(tmp_path, analysis=ShotAnalysis(analysed)) as rig:
             rig.capture.arm(automatic=True)
             until(rig.capture, lambda s: s.shots >= 1)
     assert set(threading.enumerate()) == before

@@ -11,8 +11,8 @@ import pytest
 from analysis.pipeline import analyse
 from analysis.shot.recording import MOST_GAPS, Gap, Recording
 from analysis.shot.shot import Cancelled, Shot
-from instrument.files.open_recording import analysed_while_hashed
-from instrument.files.recording_file import RecordingError, has_hash, read_recording, write_recording
+from instrument.files.open_recording import analyse_and_check_hash
+from instrument.files.recording_file import RecordingError, hash_matches, read_recording, write_recording
 
 
 def test_gaps_longer_than_the_recording_are_of_unknown_length(shot: Recording) -> None:
@@ -47,10 +47,10 @@ def test_altered_data_are_said(shot: Recording, tmp_path: Path) -> None:
 
 def test_altered_data_are_said_of_the_shot_analysed_while_they_were_hashed(shot: Recording, tmp_path: Path) -> None:
     meta = write_recording(dataclasses.replace(shot, flags=()), tmp_path / "s")
-    assert "data_altered" not in analysed_while_hashed(meta, analyse).flags
+    assert "data_altered" not in analyse_and_check_hash(meta, analyse).flags
     data = tmp_path / "s.sigmf-data"
     data.write_bytes(bytes([data.read_bytes()[0] ^ 1]) + data.read_bytes()[1:])
-    said = analysed_while_hashed(meta, analyse)
+    said = analyse_and_check_hash(meta, analyse)
     assert said.flags.count("data_altered") == 1 and said.samples == shot.samples
 
 
@@ -62,15 +62,15 @@ def test_an_analysis_that_is_stopped_does_not_wait_for_the_hash(shot: Recording,
         looked.append(1)
         return len(looked) == 3
 
-    assert has_hash(big, "0" * 128, third_time)  # given up: nothing is said
-    assert len(looked) == 3 and not has_hash(big, "0" * 128)
+    assert hash_matches(big, "0" * 128, third_time)  # given up: nothing is said
+    assert len(looked) == 3 and not hash_matches(big, "0" * 128)
     meta = write_recording(shot, tmp_path / "s")
 
     def stop(_: Recording) -> Shot:
         raise Cancelled
 
     with pytest.raises(Cancelled):
-        analysed_while_hashed(meta, stop)
+        analyse_and_check_hash(meta, stop)
 
 
 def test_a_file_that_shrinks_after_it_was_opened_ends_nothing(shot: Recording, tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from analysis.signal.flag_meanings import MEANINGS
 from instrument.capture.acquisition import State
-from instrument.capture.source_run import DeliveredRate
+from instrument.capture.stream_reader import DeliveredRate
 from instrument.devices.digitizer import Block
 from instrument.files.recording_file import read_recording
 from tests.instrument.capturing import Capturing, until

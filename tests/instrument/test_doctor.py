@@ -9,7 +9,7 @@ import pytest
 from instrument.devices import doctor, found_devices, hantek6022_firmware, usb_bus
 from instrument.devices.digitizer import DigitizerError
 from instrument.devices.doctor import Grade, examine
-from tests.instrument.drivers.scripted_usb import Plugged, ScriptedUsb
+from tests.instrument.devices.scripted_usb import Plugged, ScriptedUsb
 
 TMC = {"interface_class": (0xFE, 3, 1), "endpoints": ((0x82, 2), (0x03, 2))}
 

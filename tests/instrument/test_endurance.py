@@ -10,7 +10,9 @@ import pytest
 
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisSettings, Progress, Shot
-from instrument.capture.capture import Capture, CaptureOptions
+from instrument.capture.analysis_thread import ShotAnalysis
+from instrument.capture.capture import Capture
+from instrument.capture.capture_options import CaptureOptions
 from instrument.devices.digitizer import CaptureSettings
 from tests.instrument.fake_digitizer import RATE_HZ, FakeDigitizer
 
@@ -35,7 +37,7 @@ def analysed(recording: Recording, progress: Progress, cancelled: Callable[[], b
 @pytest.mark.skipif(not (PROC / "statm").exists(), reason="memory and handles are read from /proc")
 def test_a_hundred_shots_leave_no_memory_threads_or_handles_behind(tmp_path: Path) -> None:
     settings = CaptureSettings(RATE_HZ, 200_000, 4_000)
-    with Capture(FakeDigitizer(), CaptureOptions(tmp_path, settings), analyse=analysed) as capture:
+    with Capture(FakeDigitizer(), CaptureOptions(tmp_path, settings), analysis=ShotAnalysis(analysed)) as capture:
         capture.arm(automatic=True)
         after = {}
         end = time.monotonic() + 60

@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 from analysis.shot.recording import Air, Plate, Recording, Role, Setup
 from instrument.files.foreign import contents, csv_table
 from instrument.files.foreign.mapping import (
-    OF_FOLDER,
+    FOLDER_MAPPING,
     ForeignMapping,
     MappedChannel,
+    find_mapping,
     is_foreign,
-    own_mapping,
+    mapping_path,
     read_mapping,
-    remembered_mapping,
     write_mapping,
 )
 from instrument.files.foreign.reading import NotFinite, foreign_channels, read_foreign, to_counts
@@ -183,13 +183,13 @@ def test_a_remembered_mapping_makes_a_file_a_shot(volts: Volts, tmp_path: Path) 
     with pytest.raises(RecordingError, match=r"levimass --map shot-2\.wav"):
         open_recording(first)
     mapping = mapping_for(first, names)
-    write_mapping(mapping, own_mapping(first))
+    write_mapping(mapping, mapping_path(first))
     assert find_recordings([tmp_path]) == [first]
-    assert find_recordings([own_mapping(first)]) == [first]
-    write_mapping(replace(mapping, sample_rate_hz=1e6), tmp_path / OF_FOLDER)
+    assert find_recordings([mapping_path(first)]) == [first]
+    write_mapping(replace(mapping, sample_rate_hz=1e6), tmp_path / FOLDER_MAPPING)
     assert find_recordings([tmp_path]) == [first, second]  # not the table: the folder's mapping is for WAV
     assert open_recording(first).sample_rate_hz == RATE and open_recording(second).sample_rate_hz == 1e6
-    assert remembered_mapping(second) == tmp_path / OF_FOLDER and not is_foreign(tmp_path / "notes.csv")
+    assert find_mapping(second) == tmp_path / FOLDER_MAPPING and not is_foreign(tmp_path / "notes.csv")
 
 
 def test_a_motion_record_stays_one(tmp_path: Path) -> None:
@@ -197,7 +197,7 @@ def test_a_motion_record_stays_one(tmp_path: Path) -> None:
     table.write_text("time_s,displacement_m\n0,0\n1,1\n")
     assert is_motion_record(table)
     (tmp_path / "m.toml").write_text('model = "plate"\n')
-    own_mapping(table).write_text('format = "csv"\n')
+    mapping_path(table).write_text('format = "csv"\n')
     assert is_motion_record(table) and not is_foreign(table)
     (tmp_path / "m.toml").unlink()
     assert not is_motion_record(table) and is_foreign(table)

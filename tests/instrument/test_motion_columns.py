@@ -7,7 +7,7 @@ import pytest
 
 from instrument.files.foreign import csv_table
 from instrument.files.motion_columns import LENGTHS_M, MotionColumns, length_unit
-from instrument.files.motion_file import keep_columns, read_motion
+from instrument.files.motion_file import read_motion, save_columns
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_search import find_recordings, is_motion_record
 
@@ -36,7 +36,7 @@ def test_the_unit_stands_in_the_header_and_the_numbers_come_out_in_metres(
     path = written(tmp_path / "a.csv", f"time (ms),{header}", TIME_MS, LENGTH_M / LENGTHS_M[chosen])
     (channel,) = csv_table.contents(path).channels
     assert length_unit(channel) == unit
-    assert keep_columns(path, MotionColumns(channel.name, chosen, "contact", 0.1)) == tmp_path / "a.toml"
+    assert save_columns(path, MotionColumns(channel.name, chosen, "contact", 0.1)) == tmp_path / "a.toml"
     record = read_motion(path)
     assert record.displacement_m is not None
     np.testing.assert_allclose(record.displacement_m, LENGTH_M, rtol=1e-12)
@@ -48,9 +48,9 @@ def test_the_unit_stands_in_the_header_and_the_numbers_come_out_in_metres(
 def test_a_table_with_decimal_commas_and_without_a_time(tmp_path: Path) -> None:
     path = written(tmp_path / "a.csv", "n;Weg (mm)", np.arange(4.0), 1e3 * LENGTH_M, parted=";", comma=True)
     with pytest.raises(RecordingError, match="no column is the time"):
-        keep_columns(path, MotionColumns("Weg", "mm"))
+        save_columns(path, MotionColumns("Weg", "mm"))
     assert list(tmp_path.iterdir()) == [path]  # what cannot be read is not remembered
-    keep_columns(path, MotionColumns("Weg", "mm", sample_rate_hz=2e3))
+    save_columns(path, MotionColumns("Weg", "mm", sample_rate_hz=2e3))
     record = read_motion(path)
     assert record.displacement_m is not None
     np.testing.assert_allclose(record.displacement_m, LENGTH_M, rtol=1e-12)
@@ -62,7 +62,7 @@ def test_the_description_of_a_motion_record_is_not_overwritten(tmp_path: Path) -
     about = tmp_path / "a.toml"
     about.write_text('model = "contact"\n')
     with pytest.raises(RecordingError, match="not overwritten"):
-        keep_columns(path, MotionColumns("x", "mm"))
+        save_columns(path, MotionColumns("x", "mm"))
     assert about.read_text() == 'model = "contact"\n'
     record = read_motion(path)  # without [columns] the numbers are in m, as ever
     assert record.displacement_m is not None and record.displacement_m[1] == LENGTH_M[1]

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from instrument.bench.bench import Bench
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.bench.optics import Optics
+from instrument.bench.rig import Bench
 from instrument.capture.acquire import acquire
-from instrument.capture.motion_trigger import WINDOW_S, MotionTrigger
 from instrument.devices.digitizer import CaptureSettings
 from instrument.files.recording_file import read_recording
+from instrument.trigger.motion_trigger import WINDOW_S, MotionTrigger
 
 RATE = 10e6
 LAMBDA = 632.8e-9

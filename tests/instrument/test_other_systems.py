@@ -18,7 +18,7 @@ from instrument.devices.hantek6022_firmware import firmware_folders, firmware_re
 from instrument.files import folder_lock
 from instrument.files.recording_error import RecordingError
 from instrument.process import child, messages
-from instrument.process.messages import Came
+from instrument.process.messages import BlockReady
 
 WINDOWS_PIPE_BYTES = 8192
 
@@ -93,7 +93,7 @@ def test_firmware_is_looked_for_where_each_system_keeps_it() -> None:
 
 def test_what_may_wait_in_a_pipe_fits_into_one_of_windows() -> None:
     """A child whose pipe is full waits in the middle of its talk, and its device is not read."""
-    message = Came(2**40, 2**50, Block(2**18, 2**30, (2**18,) * 4, True, 2**18, True))
+    message = BlockReady(2**40, 2**50, Block(2**18, 2**30, (2**18,) * 4, True, 2**18, True))
     assert child.most_blocks("win32") * (4 + len(pickle.dumps(message))) < 0.9 * WINDOWS_PIPE_BYTES
     assert child.most_blocks(sys.platform) == child.MOST_BLOCKS
 
@@ -106,7 +106,7 @@ def test_priority_is_lowered_by_class_on_windows(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("ctypes.windll", SimpleNamespace(kernel32=kernel), raising=False)
     monkeypatch.setattr(sys, "platform", "win32")
     monkeypatch.setattr(os, "nice", lambda steps: pytest.fail("there is none on Windows"))
-    messages.give_way(5)
+    messages.lower_priority(5)
     assert [how for _, how in asked] == [0x4000]
 
 

@@ -12,6 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from analysis.shot.recording import Recording
+from instrument.files.atomic_file import write_text_atomic
 from instrument.files.recording_file import (
     RecordingError,
     RecordingWriter,
@@ -21,7 +22,6 @@ from instrument.files.recording_file import (
     verify,
     write_recording,
 )
-from instrument.files.recording_writer import write_text_beside
 
 FIELDS = ("name", "sample_rate_hz", "channels", "setup", "trigger_sample", "gaps", "started_at", "note", "flags")
 
@@ -204,17 +204,17 @@ def test_nothing_is_overwritten_and_a_failure_leaves_nothing(shot: Recording, tm
 
 def test_a_link_stays_a_link_and_a_device_a_device(tmp_path: Path) -> None:
     (tmp_path / "link.json").symlink_to(tmp_path / "file.json")
-    write_text_beside(tmp_path / "link.json", "new\udcff", sync=True)
+    write_text_atomic(tmp_path / "link.json", "new\udcff", sync=True)
     assert (tmp_path / "link.json").is_symlink()
     assert (tmp_path / "file.json").read_text() == "new\\udcff"  # no text, and no reason to fail
     os.mkfifo(tmp_path / "pipe")
     reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
-    write_text_beside(tmp_path / "pipe", "through", sync=True)
+    write_text_atomic(tmp_path / "pipe", "through", sync=True)
     assert os.read(reader, 100) == b"through"
     os.close(reader)
     assert (tmp_path / "pipe").is_fifo()
     with pytest.raises(RecordingError, match="a folder, not a file"):
-        write_text_beside(tmp_path, "nothing", sync=True)
+        write_text_atomic(tmp_path, "nothing", sync=True)
 
 
 def test_a_capture_cut_off_reopens_as_far_as_it_got(shot: Recording, tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ import threading
 import numpy as np
 import pytest
 
-from instrument.capture.ring import Overwritten, Ring
+from instrument.live.ring import Overwritten, Ring
 
 
 def numbered(start: int, length: int, channels: int = 2) -> np.ndarray:

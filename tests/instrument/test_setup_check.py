@@ -40,7 +40,7 @@ def test_a_good_rig_is_ok_throughout() -> None:
 @pytest.mark.parametrize(
     ("values", "grade", "line"),
     [
-        (_beat(2.73e6, 0.0), "fail", "no beat stands out of the noise"),
+        (_beat(2.73e6, 0.0), "fail", "no beat above the noise"),
         (_beat(2.73e6, 1.5), "fail", "lower the gain or the light"),
         (_beat(2.73e6, 0.3, noise_v=0.15), "warn", "weak against the noise"),
         (_beat(2.73e6, 0.02, noise_v=0.0005), "warn", "small for this range"),

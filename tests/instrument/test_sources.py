@@ -7,7 +7,7 @@ import pytest
 from instrument.devices import usb_bus
 from instrument.devices.digitizer import DigitizerError
 from instrument.devices.sources import at_site, open_source, pushed
-from tests.instrument.drivers.scripted_usb import In, Plugged, ScriptedUsb
+from tests.instrument.devices.scripted_usb import In, Plugged, ScriptedUsb
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from instrument.capture.acquisition import State
-from instrument.capture.capture import CaptureOptions
+from instrument.capture.capture_options import CaptureOptions
 from instrument.devices.digitizer import Block
 from tests.instrument.capturing import SETTINGS, Capturing, until
 from tests.instrument.fake_digitizer import FakeDigitizer
@@ -45,7 +45,7 @@ class Fading(FakeDigitizer):
 def test_a_source_that_stops_says_what_came(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, samples: int, ends: bool, low_v: float | None, words: str
 ) -> None:
-    monkeypatch.setattr("instrument.capture.source_run.STALL_S", 0.2)
+    monkeypatch.setattr("instrument.capture.stream_reader.STALL_S", 0.2)
     high_v = None if low_v is None else low_v + 0.5
     options = CaptureOptions(tmp_path, SETTINGS, switch_low_v=low_v, switch_high_v=high_v, watch=False)
     with Capturing(tmp_path, Fading(samples, ends), live=False, options=options) as rig:

@@ -18,9 +18,9 @@ from app.command_line.options import known_model
 from app.command_line.outputs import Outputs, check_outputs, in_a_line
 from app.report.export import write_shots
 from app.session.load import complaint
+from instrument.files.atomic_file import write_text_atomic
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_search import find_recordings
-from instrument.files.recording_writer import write_text_beside
 
 AHEAD = 4  # shots handed out for each worker, so that none waits and none hoards
 
@@ -144,7 +144,7 @@ def _tell(
     if export_to is not None:
         write_shots((entry["row"] for entry in entries()), export_to / "shots.csv")
     if json_to and json_to != "-":
-        write_text_beside(Path(json_to), _result_text(entries()), sync=True)
+        write_text_atomic(Path(json_to), _result_text(entries()), sync=True)
     missed = sum(task.stamp not in journal for task in tasks)
     failures = sum(entry["shot"]["status"] == "failed" for entry in entries()) - missed
     if json_to == "-":

@@ -12,7 +12,7 @@ from analysis.shot.shot import AnalysisSettings
 from analysis.shot.version import program
 from app.report.export import motion_file_names, shot_row, write_motion
 from app.session.load import analysed, cause_of, unanalysed
-from instrument.files.foreign.mapping import remembered_mapping
+from instrument.files.foreign.mapping import find_mapping
 from instrument.files.recording_error import FileNotReached, RecordingError, one_line
 from instrument.files.recording_search import recording_stem
 
@@ -99,7 +99,7 @@ def failed_entry(task: Task, cause: str) -> Entry:
 def _state(path: Path) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Return sizes and dates of the files that make up a shot."""
     stem = recording_stem(path)
-    beside = (stem.with_name(stem.name + ".sigmf-data"), path.with_suffix(".toml"), remembered_mapping(path) or path)
+    beside = (stem.with_name(stem.name + ".sigmf-data"), path.with_suffix(".toml"), find_mapping(path) or path)
     sizes, dates = [], []
     for file in (path, *beside):
         try:

@@ -13,7 +13,7 @@ from app.window.plots.plot_view import PlotView, in_front
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours, sized
 from app.words.wording import DASH, local, number
-from instrument.live.snapshot import LiveView
+from instrument.live.live_view import LiveView
 
 WINDOW_MS = 2000.0  # fixed, so that the axis never moves; older parts (after lost samples) run out of it
 LEAST_RAW = 9  # lines of height: below it nothing of three signals is seen but their axis

@@ -15,7 +15,7 @@ from app.window.plots.curve import SampledCurve
 from app.window.plots.legend import Look, legend_height, paint_legend
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
-from instrument.files.recording_writer import write_text_beside
+from instrument.files.atomic_file import write_text_atomic
 
 
 def save_png(view: pg.GraphicsView, path: Path, scale: float = 2.0) -> None:
@@ -115,7 +115,7 @@ def _write(heads: list[str], columns: list[np.ndarray], path: Path) -> None:
         for index in range(longest):
             yield [f"{column[index]:.12g}" if index < len(column) else "" for column in columns]
 
-    write_text_beside(path, map(_line, rows()), sync=True)  # a disk that fills up spoils no file that was there
+    write_text_atomic(path, map(_line, rows()), sync=True)  # a disk that fills up spoils no file that was there
 
 
 def _line(cells: Sequence[str]) -> str:

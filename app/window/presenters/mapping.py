@@ -14,16 +14,16 @@ from app.window.layout import Layout
 from app.window.panels.mapping_sheet import Answer
 from instrument.files.foreign.contents import ForeignContents
 from instrument.files.foreign.mapping import (
-    OF_FOLDER,
+    FOLDER_MAPPING,
+    find_mapping,
     is_foreign,
-    own_mapping,
+    mapping_path,
     read_mapping,
-    remembered_mapping,
     write_mapping,
 )
 from instrument.files.foreign.reading import foreign_channels, read_foreign
 from instrument.files.motion_columns import MotionColumns
-from instrument.files.motion_file import keep_columns
+from instrument.files.motion_file import save_columns
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,7 @@ class MappingPresenter(QObject):
 
     def can_swap(self, path: Path) -> bool:
         """Return whether PD0 and PD1 of a file can be exchanged: one of another program, which has both."""
-        mapping = remembered_mapping(path)
+        mapping = find_mapping(path)
         if mapping is None:
             return False
         roles = {channel.role for channel in read_mapping(mapping).channels}
@@ -91,13 +91,13 @@ class MappingPresenter(QObject):
 
     def swap(self, path: Path, number: int) -> None:
         """Exchange PD0 and PD1 of a file of another program, for good, and analyse it again."""
-        mapping = remembered_mapping(path)
+        mapping = find_mapping(path)
         if mapping is None:
             return
         known = read_mapping(mapping)
         other = {Role.REFERENCE: Role.MEASUREMENT, Role.MEASUREMENT: Role.REFERENCE}
         channels = tuple(replace(channel, role=other.get(channel.role, channel.role)) for channel in known.channels)
-        write_mapping(replace(known, channels=channels), own_mapping(path))
+        write_mapping(replace(known, channels=channels), mapping_path(path))
         self._workbench.reanalyse([number])
 
     @Slot(object)
@@ -108,10 +108,10 @@ class MappingPresenter(QObject):
 
         def work(_: Report, __: Asked) -> Path:
             if isinstance(answer.mapping, MotionColumns):
-                keep_columns(path, answer.mapping)
+                save_columns(path, answer.mapping)
                 return path
             read_foreign(path, answer.mapping)  # a mapping that does not work is not remembered
-            write_mapping(answer.mapping, path.with_name(OF_FOLDER) if answer.for_folder else own_mapping(path))
+            write_mapping(answer.mapping, path.with_name(FOLDER_MAPPING) if answer.for_folder else mapping_path(path))
             return path
 
         self._job = self._workbench.errands.submit(path.name, work, "foreign")

@@ -17,8 +17,8 @@ from app.window.panels.side_sheet import SideSheet
 from app.window.theme import Tone
 from app.words.wording import duration
 from instrument.capture.acquisition import State
+from instrument.capture.snapshot import Snapshot
 from instrument.devices.sources import is_bench
-from instrument.live.snapshot import Snapshot
 from levimass.setting import Value
 
 RECORDINGS = "Recordings (*.sigmf-meta *.sigmf-data *.csv *.toml);;All files (*)"

@@ -17,8 +17,8 @@ from app.window.layout import Layout
 from app.window.presenters.rig import RECORDINGS
 from app.window.presenters.selection import SelectionPresenter
 from app.window.theme import Tone
+from instrument.capture.snapshot import FinishedShot, WaitingShot
 from instrument.files.foreign.mapping import FORMATS, format_of, is_foreign
-from instrument.live.snapshot import FinishedShot, WaitingShot
 
 ENDINGS = (".sigmf-meta", ".sigmf-data", ".csv", ".toml", *FORMATS)
 OPENED = f"{RECORDINGS};;Other programs' files ({' '.join(f'*{ending}' for ending in FORMATS)})"

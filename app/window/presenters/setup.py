@@ -11,12 +11,12 @@ from app.session.choices import Choices
 from app.session.jobs import Asked, Job, Jobs, Report
 from app.session.rig import Rig
 from app.window.layout import Layout
+from instrument.capture.snapshot import Snapshot
 from instrument.devices.digitizer import DigitizerError
 from instrument.devices.doctor import Check
 from instrument.devices.found_devices import FoundDevice, found_devices, udev_instructions
 from instrument.devices.scpi_address import network_name, network_source
 from instrument.live.setup_check import judge, judge_site
-from instrument.live.snapshot import Snapshot
 
 JUDGED_EVERY_S = 0.4  # words that change faster cannot be read
 Find = Callable[[], tuple[FoundDevice, ...]]

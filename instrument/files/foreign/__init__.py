@@ -1,1 +1,1 @@
-"""Raw beats that another program stored: TDMS, HDF5, WAV, CSV, read by a mapping that is asked for once."""
+"""Raw beats in files of other programs: TDMS, HDF5, WAV, CSV, read by a saved mapping of their channels."""

@@ -1,4 +1,4 @@
-"""What a foreign file holds, whatever its format."""
+"""The channels of a foreign file, for every format."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from instrument.files.recording_error import RecordingError, one_line
 
 Column: TypeAlias = NDArray[np.integer[Any]] | NDArray[np.floating[Any]]
-MOST_SAMPLES = 2**26  # a channel: two seconds at 30 MS/s; what claims more is no shot
+MOST_SAMPLES = 2**26  # per channel: two seconds at 30 MS/s; a longer file is no shot
 MOST_CHANNELS = 256
 LARGEST_FILE_BYTES = 4 * 2**30
 
 
 @dataclass(frozen=True, slots=True)
 class ForeignChannel:
-    """One channel as the file names it; ``unit`` and ``sample_rate_hz`` only where the file states them."""
+    """One channel as named in the file; ``unit`` and ``sample_rate_hz`` if the file states them."""
 
     name: str
     samples: int
@@ -29,7 +29,7 @@ class ForeignChannel:
 
 @dataclass(frozen=True, slots=True)
 class ForeignContents:
-    """A file's channels in its own order; ``flags`` as a recording's ("truncated")."""
+    """The channels of a file in its order; ``flags`` as in a recording ("truncated")."""
 
     path: Path
     format: str
@@ -38,7 +38,7 @@ class ForeignContents:
     flags: tuple[str, ...] = ()
 
     def channel(self, name: str) -> ForeignChannel:
-        """Return the channel of that name; RecordingError lists those there are."""
+        """Return the channel of that name.  Raises RecordingError, which lists the channels."""
         for channel in self.channels:
             if channel.name == name:
                 return channel
@@ -48,7 +48,7 @@ class ForeignContents:
 
 @dataclass(frozen=True, slots=True)
 class ForeignColumn:
-    """One channel's stored numbers, shape (n,), and what turns them into volts where the file says so."""
+    """One channel's stored numbers, shape (n,), and their scale in volts if the file states it."""
 
     values: Column
     volts_per_unit: float | None = None
@@ -56,8 +56,8 @@ class ForeignColumn:
     sample_rate_hz: float | None = None
 
 
-def bounded(path: Path, channels: Sequence[ForeignChannel]) -> tuple[ForeignChannel, ...]:
-    """Return the channels, at most ``MOST_CHANNELS``; RecordingError where one is too long or there is none."""
+def checked_channels(path: Path, channels: Sequence[ForeignChannel]) -> tuple[ForeignChannel, ...]:
+    """Return at most ``MOST_CHANNELS`` of the channels.  Raises RecordingError if one is too long or there is none."""
     if not channels:
         raise RecordingError(path, "holds no channel of numbers")
     for channel in channels:
@@ -67,6 +67,6 @@ def bounded(path: Path, channels: Sequence[ForeignChannel]) -> tuple[ForeignChan
     return tuple(channels[:MOST_CHANNELS])
 
 
-def needs(path: Path, package: str, extra: str) -> RecordingError:
-    """Return the refusal of a format whose reader is not installed."""
+def missing_package(path: Path, package: str, extra: str) -> RecordingError:
+    """Return the error for a format whose reader is not installed."""
     return RecordingError(path, f"reading it needs {package}: pip install 'levimass[{extra}]'")

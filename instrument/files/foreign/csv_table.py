@@ -1,4 +1,4 @@
-"""Text tables as oscilloscopes and data loggers export them: a few lines of header, then a row a sample."""
+"""Reads text tables of oscilloscopes and data loggers: a few lines of header, then one row per sample."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -10,12 +10,18 @@ from typing import TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.files.foreign.contents import MOST_SAMPLES, ForeignChannel, ForeignColumn, ForeignContents, bounded
+from instrument.files.foreign.contents import (
+    MOST_SAMPLES,
+    ForeignChannel,
+    ForeignColumn,
+    ForeignContents,
+    checked_channels,
+)
 from instrument.files.recording_error import RecordingError, one_line
 from instrument.files.text_file import open_regular
 
 _LARGEST_BYTES = 2 * 2**30
-_LOOKED_AT_BYTES, _LONGEST_HEADER = 2**18, 200  # of the beginning
+_HEADER_BYTES, _HEADER_LINES = 2**18, 200  # of the beginning, in which the first row must be
 _ROWS = 2**19  # read at once
 _TIME_NAME = re.compile(r"(time|zeit|t|seconds?)\b", re.IGNORECASE)
 _TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
@@ -27,7 +33,7 @@ _UNIT = re.compile(r"^(.*?)\s*[\[(]([^\])]{1,12})[\])]$")
 class _Layout:
     delimiter: str
     decimal_comma: bool
-    first_row: int  # lines before it are header
+    first_row: int  # number of header lines
     names: tuple[str, ...]
     units: tuple[str, ...]
     time_column: int | None
@@ -35,7 +41,7 @@ class _Layout:
 
 
 def contents(path: Path) -> ForeignContents:
-    """Return the columns beside the time; the rate is the mean step of the first thousand rows."""
+    """Return all columns except the time; the rate comes from the mean step of the first thousand rows."""
     layout = _layout(path)
     rows = _rows(path, layout)
     rate = 1.0 / layout.step_s if layout.step_s else None
@@ -49,13 +55,13 @@ def contents(path: Path) -> ForeignContents:
         for index, (name, unit) in enumerate(zip(layout.names, layout.units, strict=True))
         if index != layout.time_column
     ]
-    return ForeignContents(path, "csv", bounded(path, found))
+    return ForeignContents(path, "csv", checked_channels(path, found))
 
 
 def columns(path: Path, names: Sequence[str], timed: bool = True) -> list[ForeignColumn]:
-    """Return the named columns; ``timed``: with the rate of the time column, whose steps must then be equal.
+    """Return the named columns; ``timed``: with the rate from the time column, whose steps must be equal.
 
-    Raises RecordingError where a row is no row of numbers, or the steps of the time are not equal.
+    Raises RecordingError for a row that holds no numbers and for unequal steps of the time.
     """
     layout = _layout(path)
     wanted = [layout.names.index(name) for name in names]
@@ -80,8 +86,8 @@ def columns(path: Path, names: Sequence[str], timed: bool = True) -> list[Foreig
 def timed_column(path: Path, name: str, rate_hz: float | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the time in s and the numbers of one column, each of shape (n,).
 
-    Without ``rate_hz`` the time is the table's own column, whose steps need not be equal, else the step its header
-    states.  Raises RecordingError.
+    Without ``rate_hz`` the time is the table's time column, whose steps need not be equal, else it follows from the
+    step in the header.  Raises RecordingError.
     """
     layout = _layout(path)
     if rate_hz is None and layout.time_column is not None:
@@ -102,7 +108,7 @@ def _even_rate(path: Path, layout: _Layout, time: NDArray[np.float64]) -> float:
     worst = int(np.argmax(off))
     if not off[worst] < 0.4 * step:
         row = layout.first_row + worst + 1
-        cause = f"time steps are not equal (line {row}); give the rate in the mapping (--rate) if they are in truth"
+        cause = f"time steps are not equal (line {row}); if the true steps are, give the rate in the mapping (--rate)"
         raise RecordingError(path, cause)
     return 1.0 / (step * _seconds(layout))
 
@@ -150,7 +156,7 @@ def _layout(path: Path) -> _Layout:
 
 
 def _stated_step(header: Sequence[Sequence[str]]) -> float | None:
-    """Return the step of the time that stands under "Increment" in an oscilloscope's header, in s."""
+    """Return the time step under "Increment" in an oscilloscope's header, in s."""
     for names, values in pairwise(header):
         for name, value in zip(names, values, strict=False):
             if name.lower() == "increment" and _is_number(value, True) and float(value.replace(",", ".")) > 0.0:
@@ -164,17 +170,17 @@ def _beginning(path: Path) -> list[str]:
         if size > _LARGEST_BYTES:
             raise RecordingError(path, f"larger than {_LARGEST_BYTES // 2**20} MiB")
         file.seek(0)
-        raw = file.read(_LOOKED_AT_BYTES)
+        raw = file.read(_HEADER_BYTES)
     if b"\x00" in raw:
         raise RecordingError(path, "not a text table")
     lines = raw.decode("utf-8-sig", "replace").splitlines()
-    return lines[: -1 if size > len(raw) else None][:_LONGEST_HEADER]
+    return lines[: -1 if size > len(raw) else None][:_HEADER_LINES]
 
 
 def _cells(line: str, delimiter: str) -> list[str]:
     cells = [cell.strip().strip('"') for cell in (line.split() if delimiter == " " else line.split(delimiter))]
     while cells and not cells[-1]:
-        cells.pop()  # many exports end their lines with a delimiter
+        cells.pop()  # many programs end their lines with a delimiter
     return cells
 
 
@@ -193,7 +199,7 @@ def _text(path: Path) -> TextIO:
 def _blocks(
     path: Path, file: TextIO, layout: _Layout, wanted: Sequence[int], rows: int
 ) -> Iterator[NDArray[np.float64]]:
-    """Give the wanted columns, ``rows`` at a time, shape (n, len(wanted)); a block too short ends it."""
+    """Yield the wanted columns, ``rows`` at a time, shape (n, len(wanted))."""
     lines: Iterator[str] = islice(file, layout.first_row, None)
     if layout.decimal_comma:
         lines = (line.replace(",", ".") for line in lines)
@@ -207,7 +213,7 @@ def _blocks(
                 block, delimiter=delimiter, usecols=list(wanted), ndmin=2, dtype=np.float64, comments=None
             )
         except (ValueError, IndexError, OverflowError) as error:
-            # loadtxt counts from 1 where a width is wrong and from 0 elsewhere: only the block's own place is sure
+            # loadtxt counts rows from 1 in some errors and from 0 in others: only the start of the block is certain
             cause = one_line(str(error).split(";")[0], 100)
             raise RecordingError(path, f"{cause}, counted from line {at + 1}") from None
         if values.size:

@@ -1,4 +1,4 @@
-"""HDF5 (and MATLAB's files since v7.3): every data set of numbers, a table's columns one by one."""
+"""Reads HDF5 files (and MATLAB's since v7.3): every data set of numbers, a table column by column."""
 
 import math
 from collections.abc import Sequence
@@ -12,20 +12,20 @@ from instrument.files.foreign.contents import (
     ForeignChannel,
     ForeignColumn,
     ForeignContents,
-    bounded,
-    needs,
+    checked_channels,
+    missing_package,
 )
 from instrument.files.recording_error import RecordingError, one_line
 
 _RATES = ("sample_rate_hz", "sample_rate", "samplerate", "sampling_rate", "sampling_frequency", "fs", "rate_hz", "rate")
 _STEPS = ("dt", "wf_increment", "time_step", "sample_interval", "increment", "delta_t")
-_LARGEST_PIECE = 256 * 2**20  # bytes that the library unpacks at once
-_MOST_PACKED = 4000  # times smaller on disk: zlib reaches 1032 on zeros
+_LARGEST_CHUNK_BYTES = 256 * 2**20  # that the library decompresses at once
+_MOST_COMPRESSED = 4000  # times smaller on disk: zlib reaches 1032 on zeros
 _WIDEST = 64  # columns of a table
 
 
 def contents(path: Path) -> ForeignContents:
-    """Return every data set of whole numbers or floats; of a table "name[0]", "name[1]" and so on."""
+    """Return every data set of integers or floats; the columns of a table are "name[0]", "name[1]", ..."""
     with _opened(path) as file:
         found: list[ForeignChannel] = []
 
@@ -46,11 +46,11 @@ def contents(path: Path) -> ForeignContents:
             file.visititems(look)
         except Exception as error:
             raise _unreadable(path, error) from None
-    return ForeignContents(path, "hdf5", bounded(path, found))
+    return ForeignContents(path, "hdf5", checked_channels(path, found))
 
 
 def columns(path: Path, names: Sequence[str]) -> list[ForeignColumn]:
-    """Return the named channels as ``contents`` names them."""
+    """Return the channels of these names."""
     with _opened(path) as file:
         return [_column(path, file, name) for name in names]
 
@@ -64,9 +64,9 @@ def _column(path: Path, file: Any, name: str) -> ForeignColumn:
     if item.external or item.is_virtual:
         raise RecordingError(path, "its samples lie in other files; only what is inside is read", one_line(name, 60))
     claimed = math.prod(item.shape) * item.dtype.itemsize
-    if claimed > _MOST_PACKED * item.id.get_storage_size():
+    if claimed > _MOST_COMPRESSED * item.id.get_storage_size():
         raise RecordingError(path, "claims more samples than the file holds", one_line(name, 60))
-    if item.chunks is not None and math.prod(item.chunks) * item.dtype.itemsize > _LARGEST_PIECE:
+    if item.chunks is not None and math.prod(item.chunks) * item.dtype.itemsize > _LARGEST_CHUNK_BYTES:
         raise RecordingError(path, "stored in pieces too large to unpack", one_line(name, 60))
     try:
         upright = index is None or item.shape[0] >= item.shape[1]
@@ -78,7 +78,7 @@ def _column(path: Path, file: Any, name: str) -> ForeignColumn:
 
 
 def _rate(file: Any, item: Any) -> float | None:
-    """Return the sample rate that a data set, one of its groups or the file states in an attribute."""
+    """Return the sample rate in an attribute of a data set, of its groups or of the file."""
     while True:
         for names, inverse in ((_RATES, False), (_STEPS, True)):
             for key in item.attrs:
@@ -101,7 +101,7 @@ def _number(item: Any, key: str) -> float | None:
 
 
 def _text(item: Any, names: Sequence[str]) -> str:
-    """Return a text attribute of fixed length; a free one may claim gigabytes, and a unit is not worth them."""
+    """Return a text attribute of fixed length; one of variable length may claim gigabytes."""
     for key in item.attrs:
         about = item.attrs.get_id(key)
         if key.lower() in names and not about.shape and about.dtype.kind == "S" and about.dtype.itemsize <= 1000:
@@ -114,7 +114,7 @@ def _opened(path: Path) -> Any:
     try:
         import h5py
     except ImportError:
-        raise needs(path, "h5py", "hdf5") from None
+        raise missing_package(path, "h5py", "hdf5") from None
     try:
         with path.open("rb") as file:
             if file.read(10) == b"MATLAB 5.0":

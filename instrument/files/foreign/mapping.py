@@ -1,4 +1,4 @@
-"""Which channel of a foreign file is which, and the rig it was taken with: asked for once, remembered as TOML."""
+"""The mapping of a foreign file, saved as TOML: the roles of its channels, and the rig it was taken with."""
 
 import json
 from collections.abc import Mapping
@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from analysis.shot.recording import Role, Setup
+from instrument.files.atomic_file import write_text_atomic
 from instrument.files.checked import Checked
 from instrument.files.recording_error import RecordingError, one_line
 from instrument.files.recording_metadata import RATES_HZ, setup_json, setup_of
-from instrument.files.recording_writer import write_text_beside
 from instrument.files.text_file import read_toml
 
 _HEAD = "# How Levimass reads this file, or every file of this format in this folder. Numbers are SI."
@@ -20,7 +20,7 @@ _HEAD = "# How Levimass reads this file, or every file of this format in this fo
 class MappedChannel:
     """A channel by its name in the file; volts = stored number * volts_per_unit + offset_v.
 
-    ``volts_per_unit`` None: as the file says, else a float is in volts and a whole number's full scale is 1 V.
+    ``volts_per_unit`` None: as the file states, else floats are volts and the full scale of integers is 1 V.
     """
 
     role: Role
@@ -31,7 +31,7 @@ class MappedChannel:
 
 @dataclass(frozen=True, slots=True)
 class ForeignMapping:
-    """How one kind of foreign file becomes a recording.  ``sample_rate_hz`` None: as the file says."""
+    """How a foreign file is read as a recording.  ``sample_rate_hz`` None: as the file states."""
 
     format: str
     channels: tuple[MappedChannel, ...]
@@ -41,7 +41,7 @@ class ForeignMapping:
 
 
 def read_mapping(path: Path) -> ForeignMapping:
-    """Read a mapping; RecordingError names file and key of what is wrong."""
+    """Read a mapping.  Raises RecordingError."""
     whole = Checked(path, read_toml(path))
     kind = whole.text("format", 100)
     if kind is None:
@@ -94,7 +94,7 @@ def write_mapping(mapping: ForeignMapping, path: Path) -> None:
     lines += ["", "[setup]", *(f"{_key(k)} = {toml_value(v)}" for k, v in rig.items() if k not in inner)]
     for name, values in inner.items():
         lines += ["", f"[setup.{_key(name)}]", *(f"{_key(k)} = {toml_value(v)}" for k, v in values.items())]
-    write_text_beside(path, "\n".join(lines) + "\n", sync=True)
+    write_text_atomic(path, "\n".join(lines) + "\n", sync=True)
 
 
 def _key(name: str) -> str:
@@ -102,14 +102,14 @@ def _key(name: str) -> str:
 
 
 def toml_value(value: Any) -> str:
-    """Return a value as TOML writes it."""
+    """Return a value in TOML's notation."""
     if isinstance(value, float):
         return repr(value)
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{_key(str(k))} = {toml_value(v)}" for k, v in value.items()) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(toml_value(v) for v in value) + "]"
-    return json.dumps(value)  # a string, a whole number or a truth value reads the same in TOML, \u escapes included
+    return json.dumps(value)  # strings, integers and booleans are written alike in JSON and TOML
 
 
 FORMATS = {
@@ -122,8 +122,8 @@ FORMATS = {
     ".csv": "csv",
     ".txt": "csv",
 }
-ENDING = ".levimass.toml"
-OF_FOLDER = "levimass-mapping.toml"
+MAPPING_SUFFIX = ".levimass.toml"
+FOLDER_MAPPING = "levimass-mapping.toml"
 
 
 def format_of(path: Path | str) -> str | None:
@@ -131,20 +131,20 @@ def format_of(path: Path | str) -> str | None:
     return FORMATS.get(Path(path).suffix.lower())
 
 
-def own_mapping(path: Path | str) -> Path:
-    """Return where a file's own mapping is kept."""
+def mapping_path(path: Path | str) -> Path:
+    """Return the path of a file's own mapping."""
     path = Path(path)
-    return path.with_name(path.name + ENDING)
+    return path.with_name(path.name + MAPPING_SUFFIX)
 
 
-def remembered_mapping(path: Path | str) -> Path | None:
-    """Return the mapping that says how to read ``path``: its own, else its folder's where that is of its format."""
+def find_mapping(path: Path | str) -> Path | None:
+    """Return the path of the mapping for ``path``: its own, else its folder's if that is for its format."""
     kind = format_of(path)
     if kind is None:
         return None
-    if (own := own_mapping(path)).is_file():
+    if (own := mapping_path(path)).is_file():
         return own
-    shared = Path(path).with_name(OF_FOLDER)
+    shared = Path(path).with_name(FOLDER_MAPPING)
     try:
         wanted = read_toml(shared).get("format")
     except RecordingError:
@@ -153,8 +153,8 @@ def remembered_mapping(path: Path | str) -> Path | None:
 
 
 def is_foreign(path: Path | str) -> bool:
-    """Return whether a mapping makes ``path`` a raw recording; a motion record (its .toml beside it) is none."""
+    """Return whether ``path`` is a raw recording by its mapping; a table with a .toml is a motion record."""
     path = Path(path)
     if path.suffix.lower() == ".csv" and path.with_suffix(".toml").exists():
         return False
-    return remembered_mapping(path) is not None
+    return find_mapping(path) is not None

@@ -1,4 +1,4 @@
-"""Foreign files as recordings: what is in one, and one read by its mapping."""
+"""Reads a foreign file as a recording by its mapping, and lists its channels."""
 
 import os
 from collections.abc import Callable
@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot.recording import Channel, Recording, Role
-from instrument.capture.trigger import LightSwitch, TriggerSettings
 from instrument.files.foreign import csv_table, hdf5, tdms, wav
 from instrument.files.foreign.contents import LARGEST_FILE_BYTES, MOST_SAMPLES, Column, ForeignColumn, ForeignContents
 from instrument.files.foreign.mapping import FORMATS, ForeignMapping, MappedChannel, format_of
 from instrument.files.recording_error import RecordingError, one_line
 from instrument.files.text_file import open_regular
+from instrument.trigger.light_switch import LightSwitch, TriggerSettings
 
-Answer = TypeVar("Answer")
+Result = TypeVar("Result")
 _CONTENTS: dict[str, Callable[[Path], ForeignContents]] = {
     "tdms": tdms.contents,
     "hdf5": hdf5.contents,
@@ -27,28 +27,28 @@ _CONTENTS: dict[str, Callable[[Path], ForeignContents]] = {
 
 
 def foreign_channels(path: Path | str) -> ForeignContents:
-    """Return what a foreign file holds; its samples are not kept.  Raises RecordingError: one line, file and cause."""
+    """Return the channels of a foreign file, without samples.  Raises RecordingError."""
     path = Path(path)
-    return _asked(path, _CONTENTS[_format(path)], path)
+    return _call_reader(path, _CONTENTS[_format(path)], path)
 
 
 def read_foreign(path: Path | str, mapping: ForeignMapping) -> Recording:
     """Return a foreign file as a recording, its channels in the mapping's order.
 
-    Numbers of 8 and 16 bits stay the counts they are; wider ones are rounded to 16 bits of the range they use.  With a
-    switch channel and no ``trigger_sample`` the first step of the light switch is looked for.  Flags: "unequal" where
-    channels differ in length (the shortest counts).  Raises RecordingError: one line, file and cause.
+    Integers of 8 and 16 bits are kept as counts; wider numbers are rounded to 16 bits of the range they use.  With a
+    switch channel and no ``trigger_sample`` the trigger is the first step of the light switch.  Flag "unequal": the
+    channels differ in length, and are cut to the shortest.  Raises RecordingError.
     """
     path = Path(path)
     kind = _format(path)
     if mapping.format != kind:
         raise RecordingError(path, f"its mapping is for {one_line(mapping.format, 20)}, this is {kind}")
-    held = foreign_channels(path)
-    names = [held.channel(channel.name).name for channel in mapping.channels]
+    contents = foreign_channels(path)
+    names = [contents.channel(channel.name).name for channel in mapping.channels]
     if kind == "csv":
-        columns = _asked(path, csv_table.columns, path, names, mapping.sample_rate_hz is None)
+        columns = _call_reader(path, csv_table.columns, path, names, mapping.sample_rate_hz is None)
     else:
-        columns = _asked(path, {"tdms": tdms, "hdf5": hdf5, "wav": wav}[kind].columns, path, names)
+        columns = _call_reader(path, {"tdms": tdms, "hdf5": hdf5, "wav": wav}[kind].columns, path, names)
     samples = min(column.values.size for column in columns)
     if not 2 <= samples <= MOST_SAMPLES:
         raise RecordingError(path, f"{samples} samples, at least 2 are needed" if samples < 2 else "too many samples")
@@ -66,17 +66,17 @@ def read_foreign(path: Path | str, mapping: ForeignMapping) -> Recording:
         channels=tuple(channels),
         setup=replace(mapping.setup, digitizer_bits=_bits(mapping, columns)),
         trigger_sample=mapping.trigger_sample,
-        started_at=held.started_at,
-        flags=(*held.flags, *(("unequal",) if unequal else ())),
+        started_at=contents.started_at,
+        flags=(*contents.flags, *(("unequal",) if unequal else ())),
         path=str(path),
     )
     return _triggered(path, recording)
 
 
-def _asked(path: Path, read: Callable[..., Answer], *asked: object) -> Answer:
-    """Return what a format's reader answers; whatever its library raises on a spoiled file is a refusal."""
+def _call_reader(path: Path, read: Callable[..., Result], *arguments: object) -> Result:
+    """Call a format's reader; any exception of its library on a damaged file becomes a RecordingError."""
     try:
-        return read(*asked)
+        return read(*arguments)
     except RecordingError:
         raise
     except Exception as error:
@@ -99,7 +99,7 @@ def _format(path: Path) -> str:
 
 
 def _channel(path: Path, mapped: MappedChannel, column: ForeignColumn, into: np.ndarray) -> Channel:
-    """Fill ``into``, shape (n,), with the channel's counts and return what they mean in volts."""
+    """Fill ``into``, shape (n,), with the channel's counts and return the channel with their scale."""
     values = column.values[: into.size]
     try:
         counts, unit_per_count, offset = to_counts(values)
@@ -117,7 +117,7 @@ def _channel(path: Path, mapped: MappedChannel, column: ForeignColumn, into: np.
 
 
 def _bits(mapping: ForeignMapping, columns: list[ForeignColumn]) -> int:
-    """Return the bits whose rails mean clipping: the digitizer's for counts kept as they are, else 16."""
+    """Return the bits at whose rails a beat is clipped: the digitizer's for counts that were kept, else 16."""
     kept = all(column.values.dtype.kind in "iu" and column.values.dtype.itemsize <= 2 for column in columns)
     widest = max(8 * column.values.dtype.itemsize for column in columns)
     return min(mapping.setup.digitizer_bits, widest) if kept else 16
@@ -142,28 +142,27 @@ def _triggered(path: Path, recording: Recording) -> Recording:
     column = recording.column(Role.SWITCH)
     if trigger is not None or column is None:
         return recording
-    reach = int(np.ptp(recording.counts[:, column].astype(np.int32)))  # few files tell the digitizer's own bits
+    reach = int(np.ptp(recording.counts[:, column].astype(np.int32)))  # few files state the digitizer's bits
     bits = min(recording.setup.digitizer_bits, reach.bit_length())
     step = LightSwitch(TriggerSettings(), column, bits).first_step(recording.counts)
     return replace(recording, trigger_sample=step)
 
 
-_TOP = 32000  # counts of the largest deviation: short of the rail, which means clipped
+_TOP = 32000  # counts of the largest deviation: below the rail, which would mean clipped
 _RAIL = 32767
-_PILED_SHARE = 1e-3  # of the samples at the extreme ...
-_PILED_UP = 4.0  # ... and so many times those one level below: no beat spends its time like that unless it is cut off
+_CLIPPED_SHARE = 1e-3  # of the samples are at the extreme of a clipped beat ...
+_CLIPPED_RATIO = 4.0  # ... and this many times as many as at the level next to it
 
 
 class NotFinite(ValueError):
-    """A sample that is no number; ``args[0]`` is its index."""
+    """A sample that is not a finite number; ``args[0]`` is its index."""
 
 
 def to_counts(values: Column) -> tuple[NDArray[np.int16], float, float]:
     """Return (counts, unit_per_count, offset) with value = counts * unit_per_count + offset; shape (n,) as given.
 
-    Wider numbers are rounded to at most 1/64000 of the range they span, 16 bits: below the noise of any digitizer of
-    12 bits.  Where they pile up at an extreme as a clipped signal does, that extreme becomes the rail of the counts.
-    Raises NotFinite.
+    Wider numbers are rounded to 1/64000 of the range they span, which is below the noise of any digitizer of 12 bits.
+    If they are clipped at an extreme, that extreme becomes the rail of the counts.  Raises NotFinite.
     """
     kind = values.dtype
     if kind == np.int16 or kind == np.int8:
@@ -179,21 +178,21 @@ def to_counts(values: Column) -> tuple[NDArray[np.int16], float, float]:
     offset, half = 0.5 * low + 0.5 * high, 0.5 * high - 0.5 * low
     if half <= 0.0:
         return np.zeros(values.size, np.int16), 1.0, offset
-    unit = half / (_RAIL if _piled_up(values, high, -1) or _piled_up(values, low, 1) else _TOP)
+    unit = half / (_RAIL if _is_clipped(values, high, -1) or _is_clipped(values, low, 1) else _TOP)
     counts = np.empty(values.size, np.int16)
     step = 2**20
-    for start in range(0, values.size, step):  # block by block: no second copy of a long shot in floats
+    for start in range(0, values.size, step):  # block by block, to save the memory of a copy in floats
         block = values[start : start + step].astype(np.float64)
         counts[start : start + step] = np.clip(np.rint((block - offset) / unit), -_RAIL, _RAIL)
     return counts, unit, offset
 
 
-def _piled_up(values: Column, extreme: float, inward: int) -> bool:
+def _is_clipped(values: Column, extreme: float, inward: int) -> bool:
     at = int(np.count_nonzero(values == extreme))
-    if at <= _PILED_SHARE * values.size or at < 8:
+    if at <= _CLIPPED_SHARE * values.size or at < 8:
         return False
     rest = values[values != extreme]
     if rest.size == 0:
         return False
     following = rest.max() if inward < 0 else rest.min()
-    return bool(at > _PILED_UP * np.count_nonzero(rest == following))
+    return bool(at > _CLIPPED_RATIO * np.count_nonzero(rest == following))

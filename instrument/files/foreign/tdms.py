@@ -1,4 +1,4 @@
-"""TDMS, the file of LabVIEW and DIAdem: channels as "group/channel", volts by the file's own scaling."""
+"""Reads TDMS files (LabVIEW, DIAdem): channels named "group/channel", volts by the scaling in the file."""
 
 import logging
 import os
@@ -9,27 +9,33 @@ from typing import Any
 
 import numpy as np
 
-from instrument.files.foreign.contents import ForeignChannel, ForeignColumn, ForeignContents, bounded, needs
+from instrument.files.foreign.contents import (
+    ForeignChannel,
+    ForeignColumn,
+    ForeignContents,
+    checked_channels,
+    missing_package,
+)
 from instrument.files.recording_error import RecordingError, one_line
 
-_MOST_SCALES = 64  # the library makes a list as long as the file says
-_OF_LENGTH = ("nptdms.reader", "nptdms.tdms_segment")  # they tell of segments cut short
+_MOST_SCALES = 64  # the library allocates a list of the length that the file states
+_TRUNCATION_LOGGERS = ("nptdms.reader", "nptdms.tdms_segment")  # they report truncated segments
 
 
 def contents(path: Path) -> ForeignContents:
-    """Return every channel of numbers with rate and unit of its waveform properties."""
-    with _heeded() as complaints, _opened(path) as file:
+    """Return every channel of numbers, with rate and unit from its waveform properties."""
+    with _library_warnings() as warnings, _opened(path) as file:
         found = [
             ForeignChannel(name, len(channel), str(channel.dtype), _unit(channel), _rate(channel))
             for name, channel in _channels(path, file).items()
         ]
         started = next((s for c in _channels(path, file).values() if (s := _started(c)) is not None), None)
-    return ForeignContents(path, "tdms", bounded(path, found), started, ("truncated",) if complaints else ())
+    return ForeignContents(path, "tdms", checked_channels(path, found), started, ("truncated",) if warnings else ())
 
 
 def columns(path: Path, names: Sequence[str]) -> list[ForeignColumn]:
-    """Return the named channels; counts with one linear scale stay counts, all else comes scaled by the file."""
-    with _heeded(), _opened(path) as file:
+    """Return the named channels; counts with one linear scale stay counts, all others are scaled as the file states."""
+    with _library_warnings(), _opened(path) as file:
         channels = _channels(path, file)
         return [_column(path, channels[name]) for name in names]
 
@@ -70,7 +76,7 @@ def _channels(path: Path, file: Any) -> dict[str, Any]:
             if dtype is None or dtype.kind not in "iuf" or len(channel) < 2:
                 continue
             stored = getattr(channel.data_type, "size", None) or 1
-            if len(channel) * stored > size:  # nothing is compressed in it: such a length is a lie
+            if len(channel) * stored > size:  # TDMS is not compressed, so the length must be false
                 raise RecordingError(path, "claims more samples than the file holds", one_line(channel.name, 60))
             found[f"{group.name}/{channel.name}"] = channel
     return found
@@ -101,32 +107,32 @@ def _started(channel: Any) -> str | None:
 
 
 @contextmanager
-def _heeded() -> Iterator[list[str]]:
-    """Collect what the library says about an incomplete file, and keep it from printing anything at all."""
-    complaints: list[str] = []
+def _library_warnings() -> Iterator[list[str]]:
+    """Collect the library's warnings about truncated files, and suppress all that it logs."""
+    warnings: list[str] = []
 
-    def heed(record: logging.LogRecord) -> bool:
-        if record.name in _OF_LENGTH:
-            complaints.append(one_line(record.getMessage()))
+    def collect(record: logging.LogRecord) -> bool:
+        if record.name in _TRUNCATION_LOGGERS:
+            warnings.append(one_line(record.getMessage()))
         return False
 
     with suppress(ImportError):
-        import nptdms  # noqa: F401 - its loggers are there from here on
+        import nptdms  # noqa: F401 - creates its loggers
     loggers = [logging.getLogger(name) for name in list(logging.root.manager.loggerDict) if name.startswith("nptdms")]
     for logger in loggers:
-        logger.addFilter(heed)
+        logger.addFilter(collect)
     try:
-        yield complaints
+        yield warnings
     finally:
         for logger in loggers:
-            logger.removeFilter(heed)
+            logger.removeFilter(collect)
 
 
 def _opened(path: Path) -> Any:
     try:
         from nptdms import TdmsFile
     except ImportError:
-        raise needs(path, "npTDMS", "tdms") from None
+        raise missing_package(path, "npTDMS", "tdms") from None
     try:
         return TdmsFile.open(path)
     except Exception as error:

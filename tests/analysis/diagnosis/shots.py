@@ -15,8 +15,8 @@ from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisSettings
 from analysis.signal.record import motion_from_displacement
 from instrument.bench.effects import Effects
-from instrument.bench.noise import Noise, NoiseKind
 from tests.bench.blind import Truth, drawn, records
+from tests.bench.displacement_noise import Noise, NoiseKind
 
 WHITE_M = 1e-10
 KINDS = {kind.name: kind for kind in trial_effects()}

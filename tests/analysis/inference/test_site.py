@@ -22,10 +22,10 @@ from analysis.inference.noise.site import Site, Sway, site_of
 from analysis.shot.disturbance import Shaking
 from analysis.shot.quantity import Quantity
 from instrument.bench.effects import Effects
-from instrument.bench.noise import Noise, NoiseKind
 from instrument.bench.site import site_named
 from tests.analysis.diagnosis.shots import KINDS, WHITE_M, motions_of
 from tests.bench.blind import drawn
+from tests.bench.displacement_noise import Noise, NoiseKind
 
 
 def shots_at(site: str, seed: int, effects: Effects | None = None):

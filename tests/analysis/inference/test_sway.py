@@ -15,9 +15,9 @@ from analysis.shot.disturbance import Shaking, VibrationLine
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import Shot
 from instrument.bench import forces as slot
-from instrument.bench.bench import Bench
 from instrument.bench.frame import Frame, frame_of
 from instrument.bench.mechanics import Bodies, collide
+from instrument.bench.rig import Bench
 from instrument.bench.simulate import record_shot
 from instrument.bench.sines import Sines
 from instrument.bench.site import QUIET, Knock, Line, Site, site_named

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 from analysis.planning.next_shot import NextShot
 from instrument.bench.effects import Effects
-from instrument.bench.noise import Noise, NoiseKind
 from tests.analysis.diagnosis.shots import WHITE_M
 from tests.bench.blind import Take, Truth, drawn
+from tests.bench.displacement_noise import Noise, NoiseKind
 
 
 def rig(effects: Effects) -> Truth:

@@ -7,9 +7,9 @@ import pytest
 
 from analysis.diagnosis.diagnose import diagnose
 from analysis.inference.fit.shot_fit import fit_shots
-from instrument.bench.noise import Noise, NoiseKind
 from tests.analysis.diagnosis.shots import WHITE_M, motions_of
 from tests.bench.blind import Take, Truth, drawn
+from tests.bench.displacement_noise import Noise, NoiseKind
 
 LADEN = Take(added_kg=0.05, before_touch_s=0.02, duration_s=0.13)
 

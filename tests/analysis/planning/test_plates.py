@@ -26,9 +26,9 @@ from analysis.shot.plates_of_set import plate_numbers, plates_words
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Plate
 from instrument.bench.mechanics import Bodies
-from instrument.bench.noise import Noise, NoiseKind
 from tests.analysis.diagnosis.shots import WHITE_M, calm, motions_of
 from tests.bench.blind import drawn
+from tests.bench.displacement_noise import Noise, NoiseKind
 
 THIN = Plate(15e-3, 2e-3, 0.3e-3, 10e-3, 8.51e3, 131e9)
 THICK = replace(THIN, thickness_m=0.4e-3)

@@ -6,8 +6,8 @@ import pytest
 
 from analysis.pipeline import analyse
 from analysis.shot.quantity import Quantity
-from instrument.bench.bench import Bench
 from instrument.bench.mechanics import Bodies, collide
+from instrument.bench.rig import Bench
 from instrument.bench.simulate import record_shot
 
 USUAL = Bodies()

@@ -9,11 +9,10 @@ from analysis.inference.fit.shot_fit import fit_shots
 from analysis.shot.shot import AnalysisSettings
 from analysis.signal.demodulate import demodulate
 from analysis.signal.record import motion_from_displacement
-from instrument.bench.bench import Bench
-from instrument.bench.noise import Noise, NoiseKind
+from instrument.bench.rig import Bench
 from instrument.bench.simulate import record_shot
 from tests.bench.blind import RATE_HZ, Record, clean_m, drawn, records
-from tests.bench.displacement_noise import displacement_noise_m
+from tests.bench.displacement_noise import Noise, NoiseKind, displacement_noise_m
 from tests.bench.separation import separation
 from tests.bench.strength import at_snr, base_tangents, cramer_rao, residual_snr
 

@@ -6,9 +6,9 @@ import time
 import numpy as np
 import pytest
 
-from instrument.bench.bench import Bench
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.bench.optics import Optics
+from instrument.bench.rig import Bench
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
 
 RATE = 10e6

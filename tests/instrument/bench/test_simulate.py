@@ -6,13 +6,14 @@ import json
 import numpy as np
 import pytest
 
-from instrument.bench.effects import BEYOND, CATALOGUE, draw, for_shot, parse, scaled
+from instrument.bench.effects import CATALOGUE, OFF_CATALOGUE, draw, effects_of_shot, parse, scaled
 from instrument.bench.mechanics import Bodies
+from instrument.bench.observation import observed, run_shot, with_leak
 from instrument.bench.optics import Optics
-from instrument.bench.sight import cyclic_m, lit, seen, shoot
 from instrument.bench.simulate import draw_undeclared, simulate, speeds_of_set
 from instrument.bench.site import site_named
 from instrument.files.recording_file import find_recordings, read_recording, verify
+from tests.bench.displacement_noise import cyclic_m
 
 SPEED = 0.265
 TIME = np.arange(0.0, 0.06, 1e-5)
@@ -20,7 +21,7 @@ TIME = np.arange(0.0, 0.06, 1e-5)
 
 def _run(text="", speed=SPEED, distance=3e-3):
     effects = parse(text) if text else {}
-    return shoot(-speed, effects, Bodies(), distance, 0.0601), effects
+    return run_shot(-speed, effects, Bodies(), distance, 0.0601), effects
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +68,7 @@ def test_undeclared_draws_all_kinds():
     drawn = [draw_undeclared(seed) for seed in range(400)]
     kinds = [len(d) for d in drawn]
     assert {0, 1, 2} == set(kinds)
-    assert {name for d in drawn for name in d} == set(CATALOGUE) | set(BEYOND)
+    assert {name for d in drawn for name in d} == set(CATALOGUE) | set(OFF_CATALOGUE)
     with pytest.raises(ValueError, match="drawn from the seed"):
         simulate("nowhere", 1, 1, {"tilt": {}}, True)
 
@@ -97,15 +98,15 @@ def test_effects_are_read_as_written():
     assert effects["block_mode"] == {"mass_kg": 1e-3, "frequency_hz": 800.0, "damping_ratio": 0.01}
 
 
-@pytest.mark.parametrize("name", [*CATALOGUE, *BEYOND])
+@pytest.mark.parametrize("name", [*CATALOGUE, *OFF_CATALOGUE])
 def test_every_effect_moves_what_is_seen_and_vanishes_with_its_strength(name, base):
     effects = {name: draw(name, np.random.default_rng(1))}
     optics = Optics()
 
     def change(strength):
         now = scaled(effects, strength)
-        x, _ = seen(shoot(-SPEED, now, Bodies(), 3e-3, 0.0601), now, TIME)
-        x = x + cyclic_m(lit(optics, now), x)
+        x, _ = observed(run_shot(-SPEED, now, Bodies(), 3e-3, 0.0601), now, TIME)
+        x = x + cyclic_m(with_leak(optics, now), x)
         return np.sqrt(np.mean((x - base.block_m(TIME)) ** 2))
 
     full, tenth = change(1.0), change(1e-2)
@@ -171,14 +172,14 @@ def test_adhesion_holds_the_block_back_and_is_paid_back_on_the_way_in():
 
 def test_what_only_the_optics_see_leaves_the_block_alone(base):
     drift = parse("sensor_drift:ramp_m_per_s2=1e-3")
-    x, v = seen(base, drift, TIME)
+    x, v = observed(base, drift, TIME)
     assert v - base.block_velocity_m_per_s(TIME) == pytest.approx(1e-3 * TIME, abs=1e-12)
     lag = parse("demodulation_lag:time_s=1e-5")
-    x, _ = seen(base, lag, TIME)
+    x, _ = observed(base, lag, TIME)
     flight = (TIME > 1e-3) & (base.touch_time_s > TIME)
     assert x[flight] - base.block_m(TIME[flight]) == pytest.approx(SPEED * 1e-5, rel=1e-6)  # it lags behind
     shake = parse("frame_vibration:amplitude_m_per_s=1e-4,frequency_hz=100,phase_rad=1.0")
-    x, v = seen(base, shake, TIME)
+    x, v = observed(base, shake, TIME)
     extra = v - base.block_velocity_m_per_s(TIME)
     assert extra == pytest.approx(1e-4 * np.sin(2 * np.pi * 100 * TIME + 1.0), abs=1e-12)
     assert np.gradient(x - base.block_m(TIME), 1e-5)[1:-1] == pytest.approx(extra[1:-1], abs=1e-8)
@@ -186,7 +187,7 @@ def test_what_only_the_optics_see_leaves_the_block_alone(base):
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_cyclic_error_repeats_with_the_way(order):
-    optics = lit(Optics(), parse(f"cyclic_error:amplitude_m=2e-9,order={order}"))
+    optics = with_leak(Optics(), parse(f"cyclic_error:amplitude_m=2e-9,order={order}"))
     x = np.linspace(0.0, 2 * optics.wavelength_m, 4001)
     error = cyclic_m(optics, x)
     assert np.abs(error).max() == pytest.approx(2e-9, rel=1e-2)
@@ -196,7 +197,7 @@ def test_cyclic_error_repeats_with_the_way(order):
 
 def test_what_differs_from_shot_to_shot_does():
     effects = parse("plate_motion:velocity_m_per_s=1e-3,displacement_m=1e-6;tilt:angle_rad=1e-4")
-    first, second, again = (for_shot(effects, shot, 5) for shot in (0, 1, 1))
+    first, second, again = (effects_of_shot(effects, shot, 5) for shot in (0, 1, 1))
     assert first == effects and second == again
     assert second["plate_motion"] != first["plate_motion"] and second["tilt"] == first["tilt"]
 

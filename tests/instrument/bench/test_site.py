@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from instrument.bench import forces as slot
-from instrument.bench.bench import Bench, Stage
 from instrument.bench.frame import frame_of
 from instrument.bench.mechanics import Bodies, collide
+from instrument.bench.rig import Bench, SimulatedStream
 from instrument.bench.site import LEVELS_M_PER_S, QUIET, Knock, Line, Site, site_named
 
 RATE = 2e3
@@ -113,7 +113,7 @@ def test_a_knock_begins_gently_rings_and_dies():
 
 
 def test_the_stream_is_one_whatever_the_stretch_asked_for_and_runs_smoothly_through_the_hand():
-    stage = Stage(Bench(site=site_named("VC-A"), floor_m=0.0), 10e6)
+    stage = SimulatedStream(Bench(site=site_named("VC-A"), floor_m=0.0), 10e6)
     scene = stage.push(0.1)
     around = scene.release_s + np.arange(-4000, 4000) * 5e-6
     path = stage.path(around)

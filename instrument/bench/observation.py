@@ -1,0 +1,116 @@
+"""The path that the optics measure, from the motion of the block: drift, lag, vibration, light in the wrong arm."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from instrument.bench.effects import Effects, force_slots
+from instrument.bench.frame import Frame
+from instrument.bench.mechanics import Bodies, Trajectory, collide
+from instrument.bench.optics import Optics
+from instrument.bench.sines import Sines, interpolate
+from instrument.bench.site import QUIET
+
+Floats = NDArray[np.float64]
+_LAG_GRID_S = 1e-6
+_NONE: Mapping[str, float] = {}
+
+
+def run_shot(
+    velocity_m_per_s: float,
+    effects: Effects,
+    bodies: Bodies,
+    distance_m: float,
+    duration_s: float,
+    frame: Frame | None = None,
+) -> Trajectory:
+    """Simulate the collision with the effects of one shot, in a frame whose time zero is the release."""
+    motion = effects.get("plate_motion", _NONE)
+    return collide(
+        velocity_m_per_s,
+        bodies=bodies,
+        extra=force_slots(effects),
+        distance_m=distance_m,
+        duration_s=duration_s,
+        plate_at_touch=(motion.get("displacement_m", 0.0), motion.get("velocity_m_per_s", 0.0)),
+        frame=plate_support(frame, effects),
+    )
+
+
+def observed(trajectory: Trajectory, effects: Effects, time_s: Floats) -> tuple[Floats, Floats]:
+    """Return the displacement (m) and velocity (m/s) that the optics measure at ascending ``time_s``.
+
+    Sensor drift b: + b t^2 / 2.  Frame vibration: velocity + A sin(omega t + phi).  Demodulation lag tau: the optics
+    follow with tau dx_m/dt = x - x_m.  The cyclic error is in the light, see ``with_leak``.
+    """
+    tau = effects.get("demodulation_lag", _NONE).get("time_s", 0.0)
+    if tau > 0.0:
+        fine = np.arange(0.0, time_s[-1] + 2 * _LAG_GRID_S, _LAG_GRID_S)
+        lagged = _first_order(trajectory.block_m(fine), trajectory.block_velocity_m_per_s(fine), _LAG_GRID_S, tau)
+        slope = (trajectory.block_m(fine) - lagged) / tau
+        x = interpolate(fine, lagged, slope, time_s)
+        v = (trajectory.block_m(time_s) - x) / tau
+    else:
+        x, v = trajectory.block_m(time_s), trajectory.block_velocity_m_per_s(time_s)
+    ramp = effects.get("sensor_drift", _NONE).get("ramp_m_per_s2", 0.0)
+    if ramp:
+        x, v = x + 0.5 * ramp * time_s**2, v + ramp * time_s
+    for shake in (effects.get("frame_vibration", _NONE), _optics_alone(effects)):
+        if not shake:
+            continue
+        omega, phase, amplitude = 2 * math.pi * shake["frequency_hz"], shake["phase_rad"], shake["amplitude_m_per_s"]
+        x = x - amplitude / omega * (np.cos(omega * time_s + phase) - math.cos(phase))
+        v = v + amplitude * np.sin(omega * time_s + phase)
+    return x, v
+
+
+def plate_support(frame: Frame | None, effects: Effects) -> Frame | None:
+    """Return the motion of the plate's clamp: that of the frame, plus its share of a vibration that moves the plate.
+
+    The equations of motion are in the clamp's coordinates.
+    """
+    shake = effects.get("frame_vibration_with_plate", _NONE)
+    if not shake or shake["plate_factor"] == 0.0:
+        return frame
+    omega = 2 * math.pi * shake["frequency_hz"]
+    size = shake["plate_factor"] * shake["amplitude_m_per_s"] / omega
+    turned = shake["phase_rad"] + 0.5 * math.pi  # a cosine
+    line = Sines(np.array([omega]), np.array([size]), np.array([turned]))
+    return Frame(QUIET, 0, line) if frame is None else replace(frame, sines=frame.sines.plus(line))
+
+
+def _optics_alone(effects: Effects) -> Mapping[str, float]:
+    """Return the motion of the optics relative to the plate's clamp, as a frame vibration."""
+    shake = effects.get("frame_vibration_with_plate", _NONE)
+    if not shake:
+        return _NONE
+    return {**shake, "amplitude_m_per_s": shake["amplitude_m_per_s"] * (1.0 - shake["plate_factor"])}
+
+
+def with_leak(optics: Optics, effects: Effects) -> Optics:
+    """Return the optics with the light in the wrong arm that makes the cyclic error."""
+    cyclic = effects.get("cyclic_error", _NONE)
+    if not cyclic:
+        return optics
+    return replace(optics, leak_m=cyclic["amplitude_m"], leak_order=int(cyclic["order"]), leak_turns=0.15)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _first_order(x: Floats, v: Floats, h: float, tau: float) -> Floats:
+    """Return the exact response of a first-order lag to a path that is quadratic between samples."""
+    result = np.empty(x.shape[0])
+    e = math.exp(-h / tau)
+    y = x[0] - tau * v[0]
+    result[0] = y
+    for i in range(x.shape[0] - 1):
+        a = (v[i + 1] - v[i]) / h
+        # particular solution of tau y' + y = x_i + v u + a u^2 / 2
+        start = x[i] - tau * v[i] + tau * tau * a
+        end = x[i + 1] - tau * v[i + 1] + tau * tau * a
+        y = end + (y - start) * e
+        result[i + 1] = y
+    return result

@@ -1,0 +1,115 @@
+"""The simulated rig as a whole, and its endless stream of counts, which follows from one seed."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.shot.recording import Setup
+from instrument.bench.effects import Effects, complete, effects_of_shot
+from instrument.bench.frame import Frame, frame_of
+from instrument.bench.mechanics import Bodies, Trajectory
+from instrument.bench.observation import run_shot, with_leak
+from instrument.bench.optics import Optics, Path, fill, node_times_s
+from instrument.bench.push import PushedShot, hand_motion, next_push_time_s, push_block, push_duration_s
+from instrument.bench.sines import PathVibration
+from instrument.bench.site import QUIET, Site
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """The simulated rig: bodies, optics, effects, site and pushes."""
+
+    bodies: Bodies = field(default_factory=Bodies)
+    optics: Optics = field(default_factory=Optics)
+    effects: Effects = field(default_factory=dict)
+    site: Site = QUIET  # the vibration of the frame
+    floor_m: float = 3e-10  # rms of the vibration of the optical path
+    velocity_m_per_s: float = 0.265  # towards the plate
+    velocity_spread: float = 0.15  # largest relative deviation of a push
+    added_kg: float = 0.0  # weights on the block
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        complete(self.effects)
+        if not 0.02 <= self.velocity_m_per_s <= 1.0 or not 0 <= self.velocity_spread < 1:
+            raise ValueError(f"a push to {self.velocity_m_per_s} m/s: 0.02 to 1 m/s can be simulated")
+        if not 0 <= self.added_kg <= 1:
+            raise ValueError(f"weights of {self.added_kg} kg on the block: 0 to 1 kg can be simulated")
+
+    @property
+    def loaded_bodies(self) -> Bodies:
+        """Get the bodies, the block with its weights."""
+        return replace(self.bodies, block_mass_kg=self.bodies.block_mass_kg + self.added_kg)
+
+    @property
+    def setup(self) -> Setup:
+        """Get the setup as an operator knows it: without the effects."""
+        return Setup(
+            moving_mass_kg=self.loaded_bodies.block_mass_kg,
+            moving_mass_u_kg=1e-6,
+            wavelength_air_m=self.optics.wavelength_m,
+            rest_frequency_hz=None if self.optics.with_reference else self.optics.rest_frequency_hz,
+            digitizer_bits=self.optics.bits,
+        )
+
+
+class SimulatedStream:
+    """The stream of a rig, with its pushes: position at any time, counts of any samples."""
+
+    def __init__(self, rig: Bench, sample_rate_hz: float, first_shot: int = 0) -> None:
+        """Begin the stream; its first push is number ``first_shot`` of the seed's sequence."""
+        self._rig = rig
+        self._rate_hz = sample_rate_hz
+        self._optics = with_leak(rig.optics, rig.effects)
+        self._effects = complete(rig.effects)
+        self._floor = PathVibration(rig.floor_m, rig.seed)
+        self._frame = frame_of(rig.site, rig.seed)
+        self._shot = first_shot
+        self._pushed: list[PushedShot] = []
+
+    @property
+    def shots(self) -> int:
+        """Get the number of the next push."""
+        return self._shot
+
+    @property
+    def free_from_s(self) -> float:
+        """Get the time from which the hand is free."""
+        return self._pushed[-1].end_s if self._pushed else 0.0
+
+    def push(self, time_s: float) -> PushedShot:
+        """Push the block at ``time_s``, or as soon as the hand is free; return the shot."""
+        rig = self._rig
+        random = np.random.default_rng((rig.seed, self._shot, 0x5))
+        speed = rig.velocity_m_per_s * (1 + rig.velocity_spread * float(random.uniform(-1, 1)))
+        effects = effects_of_shot(self._effects, self._shot, rig.seed)
+
+        def collide(velocity: float, distance: float, duration: float, frame: Frame) -> Trajectory:
+            return run_shot(velocity, effects, rig.loaded_bodies, distance, duration, frame)
+
+        start_s = next_push_time_s(max(time_s, self.free_from_s))
+        self._frame = self._frame.knocked(start_s + push_duration_s(speed), self._shot)
+        pushed = push_block(start_s, -speed, collide, effects, self._frame)
+        self._shot += 1
+        self._pushed = [*self._pushed[-1:], pushed]  # older ones are over: the stream only goes forward
+        return pushed
+
+    def path(self, time_s: Floats) -> Path:
+        """Return the path, relative to the frame, at ascending times of equal spacing (s)."""
+        x, v = hand_motion(time_s)
+        block = x.copy()
+        for pushed in self._pushed:
+            a, b = np.searchsorted(time_s, (pushed.start_s, pushed.end_s))
+            if b > a:
+                x[a:b], v[a:b], block[a:b] = pushed.at(time_s[a:b])
+        shake_x, shake_v = self._floor.at(float(time_s[0]), float(time_s[1] - time_s[0]), time_s.size)
+        frame_x, frame_v = self._frame.motion(time_s)
+        return Path(x + shake_x - frame_x, v + shake_v - frame_v, block - frame_x)
+
+    def fill(self, first_sample: int, out: NDArray[np.int16]) -> tuple[int, ...]:
+        """Fill ``out`` (n, channels) with samples from ``first_sample`` on; return the clipped samples per channel."""
+        path = self.path(node_times_s(first_sample, out.shape[0], self._rate_hz))
+        return fill(self._optics, path, first_sample, self._rate_hz, self._rig.seed, out)

@@ -1,0 +1,74 @@
+"""The immutable snapshot of the running instrument that the screen polls."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from analysis.shot.shot import Shot
+from instrument.capture.acquisition import State
+from instrument.devices.digitizer import CaptureSettings
+from instrument.live.live_view import ChannelSignal, LiveView
+from instrument.trigger.light_switch import Level
+
+KEPT_IN_MEMORY = "the shot is kept in memory: save it to another folder"  # the remedy for a shot that was not saved
+
+
+@dataclass(frozen=True, slots=True)
+class SignalLine:
+    """The checks before arming: beats there and unclipped, switch toggling, room on the disk."""
+
+    channels: tuple[ChannelSignal, ...] = ()
+    switch_level: Level = Level.UNKNOWN
+    switch_toggles: int = 0
+    disk_free_bytes: int | None = None
+    folder: Path | None = None
+    folder_problem: str | None = None
+    samples_lost: int = 0  # since the last arm; the device's own count
+    losses: int = 0  # how many times
+    samples_read: int = 0  # a channel, of the running stream
+
+
+@dataclass(frozen=True, slots=True)
+class FinishedShot:
+    """One captured shot and the settings it was taken with; ``shot`` is None if it was not analysed.
+
+    A shot may first appear with its readings and later, under the same index, with its fit.
+    """
+
+    index: int  # rises by one a shot, from 1
+    name: str
+    path: Path | None  # of the .sigmf-meta; None while it is only in memory
+    settings: CaptureSettings
+    shot: Shot | None
+    problem: str | None = None  # why it was not saved or not analysed
+    fitted_later: bool = False  # True: the shot appeared before, without its fit
+
+
+@dataclass(frozen=True, slots=True)
+class WaitingShot:
+    """A shot that was captured and is not analysed yet; ``number`` rises by one a capture, from 1."""
+
+    number: int
+    name: str
+    path: Path | None  # of the .sigmf-meta; None where it is only in memory
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """The instrument at one moment.  Times are those of the monotonic clock, in s."""
+
+    state: State
+    since_s: float
+    deadline_s: float | None
+    automatic: bool
+    message: str
+    remedy: str
+    source: str
+    signal: SignalLine
+    live: LiveView
+    doing: str | None = None  # what is in progress
+    progress: float | None = None  # of it, 0 to 1
+    analysing: int = 0  # shots captured and not analysed yet
+    waiting: tuple[WaitingShot, ...] = ()  # those shots, oldest first
+    shots: int = 0  # captured since the start
+    finished: tuple[FinishedShot, ...] = ()  # the newest ones, by rising index
+    unsaved: tuple[str, ...] = field(default=())  # names of shots that are only in memory: save_pending

@@ -1,0 +1,254 @@
+"""Reads a digitizer into the ring block by block: counts losses, finds the trigger, checks the sample rate."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.shot.recording import DEFAULT_WAVELENGTH_AIR_M, Role, Setup
+from instrument.capture.capture_options import CaptureOptions, check_channels, check_settings
+from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
+from instrument.live.ring import Ring, Stream
+from instrument.trigger.light_switch import Level, LightSwitch, TriggerSettings
+from instrument.trigger.motion_trigger import MotionTrigger
+
+READ_TIMEOUT_S = 0.05
+STALL_S = 3.0  # without a sample from a running stream: the device has stopped
+_BLOCK_S = 0.01
+_BLOCK_SAMPLES = 256, 1 << 18  # least and most a read
+_RING_S = 0.5  # of the stream, for readers that lag
+_MOST_RING_BYTES = 512 * 2**20
+
+
+@dataclass(frozen=True, slots=True)
+class ReadBlock:
+    """One block in the ring; ``counts`` is valid until the next read.  ``step`` is the trigger's index in it."""
+
+    counts: NDArray[np.int16]
+    first: int  # ring number of its first sample
+    lost_before: int | None
+    step: int | None
+    ended: bool
+    fired: bool = False  # the device's own trigger fired; its samples follow
+
+
+class StreamReader:
+    """Reads one digitizer, from the capture thread; ``stream``, ``switch_level`` and ``toggles`` from any thread."""
+
+    def __init__(self, digitizer: Digitizer, clock: Callable[[], float] = time.monotonic) -> None:
+        self._digitizer = digitizer
+        self._clock = clock
+        self._ring: Ring | None = None
+        self._switch: LightSwitch | None = None
+        self._motion: MotionTrigger | None = None
+        self._received_s = 0.0  # when the last samples came
+        self._delivered: DeliveredRate | None = None  # of a stream in real time
+        self._block = 0
+        self._options: tuple[object, ...] = ()
+        self.stream: Stream | None = None
+        self.running = False
+        self.starting = False  # the device is being armed, which may take a while
+        self.simulated = False
+        self.hardware_trigger = False
+        self.endless = False  # the stream goes on after a shot
+
+    @property
+    def switch_level(self) -> Level:
+        """Get the side the light switch is on."""
+        return self._switch.level if self._switch is not None else Level.UNKNOWN
+
+    @property
+    def toggles(self) -> int:
+        """Get how often the light switch changed since the stream began."""
+        return self._switch.toggles if self._switch is not None else 0
+
+    def continues(self, settings: CaptureSettings, options: CaptureOptions) -> bool:
+        """Return whether the running stream serves these settings too, so that it need not be restarted."""
+        stream = self.stream
+        return (
+            self.running
+            and stream is not None
+            and self.endless
+            and _stream_options(options) == self._options
+            and stream.settings.sample_rate_hz == settings.sample_rate_hz
+            and self._ring is not None
+            and settings.pre_trigger_samples + 2 * self._block <= self._ring.capacity
+        )
+
+    def start(self, settings: CaptureSettings, options: CaptureOptions) -> None:
+        """Arm the digitizer and begin a new stream.  Raises DigitizerError."""
+        self.stop()
+        able = self._digitizer.capabilities
+        check_settings(settings, len(able.channels))
+        check_channels(able)
+        own = self._digitizer.setup
+        self._block = int(np.clip(_BLOCK_S * settings.sample_rate_hz, *_BLOCK_SAMPLES))
+        self._make_ring(settings, len(able.channels))
+        assert self._ring is not None
+        self._switch = None
+        self._motion = None if able.hardware_trigger else _motion_trigger(able, settings, options, options.setup or own)
+        for column, channel in enumerate(able.channels):
+            if channel.role is Role.SWITCH:
+                try:
+                    trigger = TriggerSettings.in_volts(
+                        options.edge, options.switch_low_v, options.switch_high_v, channel
+                    )
+                except ValueError as error:
+                    raise DigitizerError(str(error), "correct the trigger settings") from None
+                self._switch, self._motion = LightSwitch(trigger, column, able.bits), None
+        self._options = _stream_options(options)
+        self.simulated = able.simulated
+        self.starting = True
+        try:
+            self._digitizer.arm(settings)
+        finally:
+            self.starting = False
+        setup = _with_bits(options.setup or own, able.bits)
+        self.stream = Stream(
+            self._ring, self._ring.total, settings, able.channels, setup, able.name, able.unseen_loss_s
+        )
+        self.hardware_trigger = able.hardware_trigger
+        self.endless = able.max_samples is None and not able.hardware_trigger
+        self._delivered = (
+            DeliveredRate(settings.sample_rate_hz) if able.real_time and self.endless and not able.simulated else None
+        )
+        self.running = True
+        self._received_s = self._clock()
+
+    def read(self) -> ReadBlock | None:
+        """Return the next block, None where nothing came in time.  Raises DigitizerError."""
+        ring, stream = self._ring, self.stream
+        assert ring is not None and stream is not None
+        view = ring.space(self._block)
+        block = self._digitizer.read_into(view, READ_TIMEOUT_S)
+        _check_block(block, view.shape[0])
+        now = self._clock()
+        if block.fired and block.samples == 0:
+            ring.commit(0)
+            return ReadBlock(view[:0], ring.total, 0, None, block.ended, fired=True)
+        if block.samples == 0 and not block.ended:
+            ring.commit(0)
+            if now < self._received_s:
+                self._received_s = now  # a clock that ran backwards must not hide a stall for long
+            if not self.hardware_trigger and not self.simulated and now - self._received_s > STALL_S:
+                raise self._stalled()
+            return None
+        self._received_s = now
+        first = ring.total
+        if block.lost_before != 0 and block.samples > 0:
+            stream.note_loss(first, block.lost_before)
+        ring.commit(block.samples)
+        if self._delivered is not None:
+            self._delivered.add(block.samples, block.lost_before, now, waits=block.samples == len(view))
+            stream.doubtful_rate_hz = self._delivered.doubtful_hz
+        counts = view[: block.samples]
+        trigger = self._switch or self._motion
+        step = trigger.first_step(counts) if trigger is not None else None
+        if block.trigger_sample is not None or self.hardware_trigger:
+            step = block.trigger_sample
+        if block.ended:
+            self.running = False
+        return ReadBlock(counts, first, block.lost_before, step, block.ended)
+
+    def why_no_step(self) -> str:
+        """Return why the light switch has not stepped so far; "" if it has, or if there is none."""
+        switch = self._switch
+        if switch is None or switch.toggles:
+            return ""
+        if switch.moved_counts is None:
+            return "the light switch never crossed its thresholds"
+        return f"the light switch moved by {switch.moved_counts:.0f} counts, a step takes {switch.needed_counts:.0f}"
+
+    def _stalled(self) -> DigitizerError:
+        assert self.stream is not None and self._ring is not None
+        came = self._ring.total - self.stream.start
+        if not came:
+            return DigitizerError(f"no samples came for {STALL_S:g} s", "check the device and its cable")
+        switch = self.why_no_step()
+        what = f"{came} samples came, then none for {STALL_S:g} s" + (f"; {switch}" if switch else "")
+        part = "light switch, its channel and its thresholds" if switch else "device and its cable"
+        return DigitizerError(what, f"check the {part}")
+
+    def stop(self) -> None:
+        """Stop the digitizer; the last stream stays readable."""
+        self.running = False
+        self._digitizer.stop()
+
+    def _make_ring(self, settings: CaptureSettings, channels: int) -> None:
+        lag = max(round(_RING_S * settings.sample_rate_hz), 16 * self._block)
+        most = max(_MOST_RING_BYTES // (2 * channels), settings.pre_trigger_samples + 8 * self._block)
+        blocks = -(-min(settings.pre_trigger_samples + lag, most) // self._block)
+        capacity = blocks * self._block
+        ring = self._ring
+        if ring is None or ring.channels != channels or ring.capacity < capacity or ring.capacity > 4 * capacity:
+            self._ring = Ring(capacity, channels)
+
+
+def _stream_options(options: CaptureOptions) -> tuple[object, ...]:
+    """Return the options that take effect when a stream starts."""
+    return (
+        options.setup, options.edge, options.switch_low_v, options.switch_high_v, options.trigger_speed_m_per_s,
+    )  # fmt: skip
+
+
+def _motion_trigger(
+    able: Capabilities, settings: CaptureSettings, options: CaptureOptions, setup: Setup
+) -> MotionTrigger | None:
+    columns = {channel.role: column for column, channel in enumerate(able.channels)}
+    speed = options.trigger_speed_m_per_s
+    if speed is None or Role.MEASUREMENT not in columns:
+        return None
+    if not 0 < speed < 100:
+        raise DigitizerError(f"a trigger speed of {speed:g} m/s", "choose one the block can reach")
+    wavelength_m = setup.wavelength_air_m or setup.wavelength_vacuum_m or DEFAULT_WAVELENGTH_AIR_M
+    return MotionTrigger(
+        columns[Role.MEASUREMENT], columns.get(Role.REFERENCE), settings.sample_rate_hz, wavelength_m, speed,
+        setup.rest_frequency_hz,
+    )  # fmt: skip
+
+
+def _check_block(block: Block, room: int) -> None:
+    wrong = not 0 <= block.samples <= room
+    wrong |= block.lost_before is not None and block.lost_before < 0
+    wrong |= block.trigger_sample is not None and not 0 <= block.trigger_sample < max(1, block.samples)
+    if wrong:
+        raise DigitizerError("the digitizer sent nonsense", "stop it, re-plug it, and report this if it happens again")
+
+
+def _with_bits(setup: Setup, bits: int) -> Setup:
+    return setup if setup.digitizer_bits == bits else replace(setup, digitizer_bits=bits)
+
+
+LEAST_S = 1.0  # of stream before the rate is judged
+LATE_S = 0.3  # by which a device and its driver may be late or early
+RATE_TOLERANCE = 5e-4  # beyond the errors of any crystal and of the computer's clock
+
+
+@dataclass(slots=True)
+class DeliveredRate:
+    """Compares a stream's sample rate with the computer's clock.
+
+    ``doubtful_hz`` is the measured rate where it contradicts ``stated_hz``, else None.
+    """
+
+    stated_hz: float
+    doubtful_hz: float | None = None
+    _begun_s: float | None = None
+    _samples: int = 0
+
+    def add(self, samples: int, lost: int | None, now_s: float, *, waits: bool) -> None:
+        """Count a block that came at ``now_s`` with ``lost`` samples missing before it (None: unknown; start again).
+
+        ``waits``: more samples wait to be fetched, so the computer is late, not the device, and the rate is not judged.
+        """
+        if lost is None or self._begun_s is None or now_s < self._begun_s:
+            self._begun_s, self._samples = now_s, 0
+            return
+        self._samples += samples + lost
+        passed_s = now_s - self._begun_s
+        if waits or passed_s < LEAST_S:
+            return
+        off_s = abs(self._samples / self.stated_hz - passed_s)
+        self.doubtful_hz = self._samples / passed_s if off_s > LATE_S + RATE_TOLERANCE * passed_s else None

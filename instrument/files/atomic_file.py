@@ -1,0 +1,143 @@
+"""Writing a file so that it is always whole: a new file is written in its folder and then moved to its name."""
+
+import contextlib
+import hashlib
+import json
+import os
+import stat
+import threading
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from instrument.files.recording_error import RecordingError, RecordingExists
+
+PATIENCE_S = 2.0
+_LOOK_S = 0.05
+
+
+def write_json_atomic(path: Path, value: Mapping[str, Any], *, sync: bool) -> None:
+    """Write a JSON file as ``write_atomic`` does."""
+    try:
+        text = json.dumps(value, indent=1, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise RecordingError(path, f"cannot be written as JSON ({error})") from None
+    write_text_atomic(path, text + "\n", sync=sync)
+
+
+def write_text_atomic(path: Path, text: str | Iterable[str], *, sync: bool) -> None:
+    """Write text, whole or in pieces, as ``write_atomic`` does; bytes of a file name that are no text are escaped."""
+    pieces = (text,) if isinstance(text, str) else text
+    write_atomic(path, (piece.encode("utf-8", errors="backslashreplace") for piece in pieces), sync=sync)
+
+
+def write_atomic(path: Path, content: Iterable[bytes | memoryview], *, sync: bool) -> None:
+    """Write a new file in the folder of ``path``, fsync it, and move it to ``path``.  Raises RecordingError.
+
+    A link stays a link, to the new content; a device or a pipe is written to directly.
+    """
+    check_writable(path)
+    with as_recording_error(path):
+        if _is_device(path):
+            path.write_bytes(b"".join(content))
+            return
+        path = Path(os.path.realpath(path))
+        short = hashlib.sha256(os.fsencode(path.name)).hexdigest()[:12]  # a long name must not become too long
+        new = path.with_name(f".{short}.{os.getpid()}-{threading.get_ident()}.new")  # other threads may write it too
+        try:
+            with open(new, "wb") as file:
+                copy_permissions(new, path)  # before there is content to protect
+                file.writelines(content)
+                if sync:
+                    file.flush()
+                    os.fsync(file.fileno())
+            replace_file(new, path)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                new.unlink()
+            raise
+        if sync:
+            sync_folder(path.parent)
+
+
+def check_writable(path: Path) -> None:
+    """Raise RecordingError if ``write_atomic`` would fail, to be called before a long computation."""
+    with as_recording_error(path):
+        with contextlib.suppress(FileNotFoundError):
+            os.lstat(path)  # raises for a name that is too long or leads through a file
+        if os.path.isdir(path):
+            raise IsADirectoryError(0, "a folder, not a file")
+        place = path if _is_device(path) else Path(os.path.realpath(path)).parent
+        os.stat(place)
+        if place != path and not os.path.isdir(place):
+            raise NotADirectoryError(0, f"{place} is not a folder")
+        if not os.access(place, os.W_OK):
+            raise PermissionError(0, "no right to write there")
+
+
+def _is_device(path: Path) -> bool:
+    return os.path.exists(path) and not os.path.isfile(path)
+
+
+@contextlib.contextmanager
+def as_recording_error(path: Path) -> Iterator[None]:
+    """Turn an OSError inside the block into a RecordingError that names ``path``."""
+    try:
+        yield
+    except FileExistsError:
+        raise RecordingExists(path) from None
+    except FileNotFoundError:
+        raise RecordingError(path, "the folder does not exist") from None
+    except OSError as error:
+        raise RecordingError(path, error.strerror or str(error)) from error
+
+
+def replace_file(source: Path, target: Path) -> None:
+    """Move ``source`` to ``target`` as ``os.replace`` does, trying for two seconds while another program has it open.
+
+    The new file gets mode and owner of the file it replaces.  Raises OSError that names ``target``; ``source`` then is
+    still there.
+    """
+    copy_permissions(source, target)
+    end = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            os.replace(source, target)
+            return
+        except PermissionError as error:
+            if time.monotonic() > end or not _may_be_held(target):
+                raise PermissionError(error.errno, _in_words(error), str(target)) from error
+        time.sleep(_LOOK_S)
+
+
+def copy_permissions(path: Path, like: Path) -> None:
+    """Give ``path`` mode and owner of the file ``like``, if it exists and as far as this user may."""
+    try:
+        wanted, now = like.stat(), path.stat()
+        if stat.S_ISREG(wanted.st_mode) and hasattr(os, "chown"):
+            if (wanted.st_uid, wanted.st_gid) != (now.st_uid, now.st_gid):
+                with contextlib.suppress(PermissionError):  # another user's file: the new one is this user's
+                    os.chown(path, wanted.st_uid, wanted.st_gid)
+            os.chmod(path, stat.S_IMODE(wanted.st_mode) & 0o777)
+    except OSError:
+        return
+
+
+def sync_folder(folder: Path) -> None:
+    """Write a folder's names to disk; only then is a file safe that was moved into it.  Raises OSError."""
+    if os.name == "posix":  # Windows has no such call and needs none
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
+def _may_be_held(target: Path) -> bool:
+    return os.name == "nt" or os.access(target.parent, os.W_OK)  # else this user may not write there
+
+
+def _in_words(error: OSError) -> str:
+    in_use = getattr(error, "winerror", None) in (5, 32)
+    return "held by another program (a virus scanner, a synchronised folder?)" if in_use else str(error.strerror)

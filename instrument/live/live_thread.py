@@ -1,0 +1,191 @@
+"""The thread that demodulates the running stream for the screen, checks its signals and the room on the disk."""
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from analysis.shot.recording import Role, Setup
+from analysis.shot.shot import AnalysisError
+from analysis.signal.stream import LiveDemodulator
+from instrument.files.folder_lock import disk_free_bytes
+from instrument.files.recording_error import one_line
+from instrument.live.live_view import ChannelSignal, empty_view
+from instrument.live.live_window import LiveWindow
+from instrument.live.rest_watch import RestWatch, planned_shot
+from instrument.live.ring import Overwritten, Stream
+from instrument.live.setup_check import CHECKED_SAMPLES, check_signals
+from instrument.trigger.light_switch import LightSwitch, TriggerSettings
+from instrument.trigger.motion_trigger import MotionTrigger
+
+OUTPUT_HZ = 10e3
+WINDOW_S = 2.0
+RAW_SAMPLES = 2000
+_CHUNK = 1 << 17
+_EVERY_S = 0.03
+_CHECK_EVERY_S = 0.1
+_DISK_EVERY_S = 1.0
+
+
+class LiveThread:
+    """Follows the newest stream; if it cannot keep up it skips samples and counts them."""
+
+    def __init__(self, stream: Callable[[], Stream | None], folder: Callable[[], Path]) -> None:
+        self._newest = stream
+        self._folder = folder
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="levimass live", daemon=True)
+        self.start = self._thread.start
+        self._window = LiveWindow(round(WINDOW_S * OUTPUT_HZ))
+        self._stream: Stream | None = None
+        self._demodulator: LiveDemodulator | None = None
+        self._rest: RestWatch | None = None
+        self._at = 0
+        self._gaps_seen = 0
+        self._problem: str | None = None
+        self._rest_hz: float | None = None
+        self._chunk = np.empty((0, 0), np.int16)
+        self._checked_s = self._disk_s = -np.inf
+        self.skipped = 0
+        self.view = empty_view()
+        self.channels: tuple[ChannelSignal, ...] = ()
+        self.disk_free_bytes: int | None = None
+
+    def close(self, timeout_s: float = 10.0) -> bool:
+        """End the thread.  Returns whether it ended."""
+        self._ending.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        while not self._ending.is_set():
+            begun = time.monotonic()
+            try:
+                self._look(begun)
+            except Exception as error:  # a failing picture must not end the capture
+                self._problem = f"the live picture failed: {one_line(repr(error))}"
+                self._demodulator = None
+                self.view = self._window.view(np.empty(0), np.empty((0, 0), np.float32), None, self._problem, 0)
+            self._ending.wait(max(0.002, _EVERY_S - (time.monotonic() - begun)))
+
+    def _look(self, now: float) -> None:
+        if now - self._disk_s > _DISK_EVERY_S:
+            self._disk_s = now
+            self.disk_free_bytes = disk_free_bytes(self._folder())
+        newest = self._newest()
+        if newest is None:
+            return
+        if newest is not self._stream:
+            self._begin(newest)
+        if self._follow(newest):
+            self._draw(newest)
+        if now - self._checked_s > _CHECK_EVERY_S and newest.ring.total - newest.start >= 64:
+            self._checked_s = now
+            length = min(CHECKED_SAMPLES, newest.ring.total - newest.start)
+            counts = np.empty((length, newest.ring.channels), np.int16)
+            try:
+                newest.ring.copy_into(newest.ring.total - length, counts)
+            except Overwritten:
+                return
+            self.channels = check_signals(
+                counts, newest.channels, newest.settings.sample_rate_hz, newest.setup.digitizer_bits
+            )
+
+    def _begin(self, stream: Stream) -> None:
+        self._stream = stream
+        self._at = stream.start
+        self._gaps_seen = stream.start
+        self._window.clear()
+        self._problem = self._rest_hz = self._demodulator = None
+        self.skipped = 0
+        length = max(256, min(_CHUNK, int(0.25 * stream.ring.capacity)))
+        self._chunk = np.empty((length, stream.ring.channels), np.int16)
+        self._rest = RestWatch(OUTPUT_HZ, planned_shot(stream.settings))
+        measurement = stream.column(Role.MEASUREMENT)
+        try:
+            if measurement is None:
+                raise AnalysisError("no measurement channel (PD1)")
+            self._demodulator = LiveDemodulator(
+                stream.settings.sample_rate_hz, measurement, stream.column(Role.REFERENCE), stream.setup, OUTPUT_HZ
+            )
+        except AnalysisError as error:
+            self._problem = str(error)
+
+    def _follow(self, stream: Stream) -> bool:
+        """Demodulate the new samples; return whether there were any."""
+        ring = stream.ring
+        moved = False
+        while (waiting := ring.total - self._at) > 0 and not self._ending.is_set():
+            if self._demodulator is None:
+                self._at = ring.total
+                return True
+            if waiting > ring.capacity // 2:
+                self._skip_to(ring.total - self._chunk.shape[0])
+            stop = min(ring.total, self._at + self._chunk.shape[0])
+            gap = next((g for g in stream.gaps if self._gaps_seen < g[0] <= stop), None)
+            if gap is not None:
+                stop = max(gap[0], self._at)
+            part = self._chunk[: stop - self._at]
+            try:
+                ring.copy_into(self._at, part)
+            except Overwritten:
+                self._skip_to(ring.total - self._chunk.shape[0] // 4)
+                continue
+            moved = True
+            self._at = stop
+            self._feed(part)
+            if gap is not None:
+                self._gaps_seen = gap[0]
+                self._demodulator.gap(gap[1])
+        return moved
+
+    def _feed(self, part: np.ndarray) -> None:  # type: ignore[type-arg]
+        assert self._demodulator is not None
+        if part.shape[0] == 0:
+            return
+        chunk = self._demodulator.feed(part)
+        self._problem = chunk.problem
+        self._rest_hz = chunk.rest_frequency_hz
+        self._window.add(chunk)
+        if self._rest is not None:
+            self._rest.add(chunk)
+
+    def _skip_to(self, sample: int) -> None:
+        skipped = max(0, sample - self._at)
+        self.skipped += skipped
+        self._at += skipped
+        self._gaps_seen = max(self._gaps_seen, self._at)
+        if self._demodulator is not None and skipped:
+            self._demodulator.gap(skipped)
+
+    def _draw(self, stream: Stream) -> None:
+        ring = stream.ring
+        length = min(RAW_SAMPLES, ring.total - stream.start)
+        counts = np.empty((length, ring.channels), np.int16)
+        first = ring.total - length
+        try:
+            ring.copy_into(first, counts)
+        except Overwritten:
+            return
+        scale = np.array([c.volts_per_count for c in stream.channels], np.float32)
+        offset = np.array([c.offset_v for c in stream.channels], np.float32)
+        time_s = (first - stream.start + np.arange(length)) / stream.settings.sample_rate_hz
+        view = self._window.view(time_s, counts * scale + offset, self._rest_hz, self._problem, self.skipped)
+        self.view = replace(view, floor=self._rest.floor if self._rest is not None else None)
+
+
+def warm() -> None:
+    """Compile or load the kernels that a running stream needs, before its first samples come."""
+    rate = 1e6
+    t = np.arange(8192) / rate
+    counts = np.empty((t.size, 2), np.int16)
+    counts[:] = np.rint(1000 * np.sin(2 * np.pi * 0.2 * rate * t))[:, None]
+    LightSwitch(TriggerSettings(), 0, 12).first_step(counts)
+    MotionTrigger(0, 1, rate, 632.8e-9, 0.05).first_step(counts)
+    live = LiveDemodulator(rate, 0, 1, Setup(0.01), OUTPUT_HZ)
+    live.feed(counts)
+    live.feed(counts)

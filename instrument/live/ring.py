@@ -1,0 +1,121 @@
+"""The ring that holds the newest samples of a running digitizer, in memory allocated once."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.shot.recording import Channel, Role, Setup
+from instrument.devices.digitizer import CaptureSettings
+
+
+class Overwritten(Exception):
+    """The requested samples have been replaced by newer ones."""
+
+
+class Ring:
+    """A ring of int16 counts, shape (capacity, channels): one thread writes, any thread copies out.
+
+    Samples are numbered from 0 over the life of the ring.  The writer lets a digitizer fill the ring in place
+    (``space``, then ``commit``); readers get copies, and never a sample that is being replaced.
+    """
+
+    def __init__(self, capacity: int, channels: int) -> None:
+        if capacity < 1 or channels < 1:
+            raise ValueError(f"a ring of {capacity} samples and {channels} channels holds nothing")
+        self._counts = np.zeros((capacity, channels), np.int16)
+        self._total = 0
+        self._claimed = 0  # end of the part that the writer may be changing now
+
+    @property
+    def capacity(self) -> int:
+        """Get how many samples a channel the ring holds."""
+        return int(self._counts.shape[0])
+
+    @property
+    def channels(self) -> int:
+        """Get the number of channels."""
+        return int(self._counts.shape[1])
+
+    @property
+    def total(self) -> int:
+        """Get the number of samples ever written, which is one more than the newest one's number."""
+        return self._total
+
+    @property
+    def oldest(self) -> int:
+        """Get the number of the oldest sample that can still be copied."""
+        return max(0, self._claimed - self.capacity)
+
+    def space(self, most: int) -> NDArray[np.int16]:
+        """Return a contiguous view of at most ``most`` samples to be filled next; the samples in it are lost."""
+        start = self._total % self.capacity
+        length = min(most, self.capacity - start)
+        self._claimed = self._total + length
+        return self._counts[start : start + length]
+
+    def commit(self, samples: int) -> None:
+        """Count the first ``samples`` of the last ``space`` as written."""
+        if not 0 <= samples <= self._claimed - self._total:
+            raise ValueError(f"{samples} samples do not fit the {self._claimed - self._total} that were claimed")
+        self._total += samples
+        self._claimed = self._total
+
+    def append(self, counts: NDArray[np.int16]) -> None:
+        """Write samples of shape (n, channels), whatever their number."""
+        done = 0
+        while done < counts.shape[0]:
+            view = self.space(counts.shape[0] - done)
+            view[:] = counts[done : done + view.shape[0]]
+            self.commit(view.shape[0])
+            done += view.shape[0]
+
+    def copy_into(self, start: int, out: NDArray[np.int16]) -> None:
+        """Fill ``out``, shape (n, channels), with samples ``start`` ... ``start + n - 1``.
+
+        Raises Overwritten if the writer has replaced some of them, ValueError for samples not written yet.
+        """
+        length = out.shape[0]
+        if start < 0 or start + length > self._total:
+            raise ValueError(f"samples {start} to {start + length} of {self._total}")
+        if start < self.oldest:
+            raise Overwritten
+        at = start % self.capacity
+        first = min(length, self.capacity - at)
+        out[:first] = self._counts[at : at + first]
+        out[first:] = self._counts[: length - first]
+        if start < self.oldest:  # the writer replaced some during the copy
+            raise Overwritten
+
+
+@dataclass(slots=True)
+class Stream:
+    """The samples of one run of a digitizer: their place in the ring, settings, channels and losses."""
+
+    ring: Ring
+    start: int  # ring number of its first sample
+    settings: CaptureSettings
+    channels: tuple[Channel, ...]
+    setup: Setup
+    source: str
+    unseen_loss_s: float = 0.0
+    gaps: list[tuple[int, int | None]] = field(default_factory=list)  # (ring number, samples lost before it)
+    lost: int = 0
+    losses: int = 0
+    doubtful_rate_hz: float | None = None  # the rate by the computer's clock, where it contradicts the stated one
+
+    def column(self, role: Role) -> int | None:
+        """Return the channel index that carries ``role``, or None."""
+        for index, channel in enumerate(self.channels):
+            if channel.role is role:
+                return index
+        return None
+
+    def note_loss(self, at: int, samples: int | None) -> None:
+        """Note that samples were lost before ring number ``at``."""
+        self.gaps.append((at, samples))
+        self.lost += samples or 0
+        self.losses += 1
+        oldest = self.ring.oldest
+        if len(self.gaps) > 64 and self.gaps[0][0] < oldest:
+            self.gaps = [gap for gap in self.gaps if gap[0] >= oldest]

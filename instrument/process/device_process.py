@@ -1,0 +1,152 @@
+"""The parent's end of a device's process: starts it, sends orders, receives answers and blocks, notices its end."""
+
+import multiprocessing
+import threading
+import time
+from collections.abc import Callable
+
+from instrument.devices.digitizer import CaptureSettings, DigitizerError
+from instrument.process.child import OPENED, STARTED, Opener, serve
+from instrument.process.messages import Answer, BlockReady, DeviceState, Fault, Order
+
+START_S = 60.0  # to start the process on a busy machine
+_LOOK_S = 0.1
+END_S = 5.0  # to close the device; a driver allows 1 s for a request
+_REMEDY = "arm again: it is started anew"
+
+
+class DeviceProcess:
+    """One child process, from its start to its end.
+
+    Used from one thread at a time, except ``send``.  A child that dies or does not answer raises a DigitizerError, and
+    ``over`` is True from then on.
+    """
+
+    def __init__(self, opener: Opener, give_up: Callable[[], bool], open_s: float) -> None:
+        """Start the child and wait up to ``open_s`` until it has opened the digitizer.
+
+        ``give_up`` as in ``request``.  Raises DigitizerError.
+        """
+        context = multiprocessing.get_context("spawn")
+        child_orders, self._orders = context.Pipe(duplex=False)
+        self._answers, child_answers = context.Pipe(duplex=False)
+        ends = opener, child_orders, child_answers
+        self._process = context.Process(target=serve, args=ends, name="levimass digitizer")
+        self._process.daemon = True
+        self._sending = threading.Lock()
+        self._serial = OPENED
+        self._device: DeviceState | None = None
+        self.over = False
+        try:
+            self._process.start()
+        except (OSError, ValueError) as error:
+            raise DigitizerError(f"the digitizer's process did not start: {error}", "close other programs") from error
+        child_orders.close()  # only the child holds them now, so that its end closes the pipe
+        child_answers.close()
+        self.child_id = self._process.pid
+        try:
+            self._wait_for(STARTED, START_S, give_up, None)
+            self._wait_for(OPENED, open_s, give_up, None)
+        except DigitizerError:
+            self.end()
+            raise
+
+    @property
+    def device(self) -> DeviceState:
+        """Get the state that the device last reported.  Raises DigitizerError if it could not be read."""
+        device = self._device
+        assert device is not None
+        if device.fault is not None:
+            raise error_of(device.fault)
+        return device
+
+    def send(self, kind: str, settings: CaptureSettings | None = None, ring: tuple[str, int, int] | None = None) -> int:
+        """Send an order and return its number; from any thread."""
+        with self._sending:
+            if self.over:
+                raise DigitizerError("the digitizer's process is gone", _REMEDY)
+            self._serial += 1
+            try:
+                self._orders.send(Order(kind, self._serial, settings, ring))
+            except OSError as error:
+                raise DigitizerError("the digitizer's process is gone", _REMEDY) from error
+            return self._serial
+
+    def request(
+        self,
+        kind: str,
+        limit_s: float,
+        settings: CaptureSettings | None = None,
+        ring: tuple[str, int, int] | None = None,
+        *,
+        give_up: Callable[[], bool] = lambda: False,
+        patience_s: float | None = None,
+    ) -> Answer | None:
+        """Send an order and return its answer.  Raises DigitizerError for a fault of the device or for no answer.
+
+        Returns None once ``give_up()`` is True; with ``patience_s`` the child then has that long before it is ended.
+        """
+        return self._wait_for(self.send(kind, settings, ring), limit_s, give_up, patience_s)
+
+    def receive(self, timeout_s: float) -> Answer | BlockReady | None:
+        """Return the next message, None if none comes in time.  Raises DigitizerError if the child is gone."""
+        if self.over:
+            raise DigitizerError("the digitizer's process is gone", _REMEDY)
+        try:
+            if not self._answers.poll(timeout_s):
+                return None
+            message: Answer | BlockReady = self._answers.recv()
+        except (EOFError, OSError):
+            code = self.end(1.0)
+            how = f"killed by signal {-code}" if code is not None and code < 0 else f"status {code}"
+            raise DigitizerError(f"the digitizer's process ended by itself ({how})", _REMEDY) from None
+        self._device = message.device or self._device
+        return message
+
+    def end(self, patience_s: float | None = None) -> int | None:
+        """End the child, by force after ``patience_s``, and return its exit code; harmless when it has ended."""
+        if self.over:
+            return None
+        patience_s = END_S if patience_s is None else patience_s
+        with self._sending:
+            self.over = True
+        self._process.join(patience_s)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join(END_S)
+        code = self._process.exitcode
+        self._process.close()
+        self._orders.close()
+        self._answers.close()
+        return code
+
+    def end_silent(self) -> DigitizerError:
+        """End a child that does not answer, and return the error to raise."""
+        self.end(0.0)
+        return DigitizerError("the digitizer does not answer", "arm again; if it stays silent, re-plug it first")
+
+    def _wait_for(
+        self, serial: int, limit_s: float, give_up: Callable[[], bool], patience_s: float | None
+    ) -> Answer | None:
+        end = time.monotonic() + limit_s
+        given_up = False
+        while True:
+            if not given_up and give_up():
+                if patience_s is None:
+                    return None
+                given_up, end = True, min(end, time.monotonic() + patience_s)
+            message = self.receive(min(_LOOK_S, limit_s))
+            if isinstance(message, Answer) and message.serial == serial:
+                if message.fault is not None:
+                    raise error_of(message.fault)
+                return message
+            if message is None and time.monotonic() > end:
+                if not given_up:
+                    raise self.end_silent()
+                self.end(0.0)
+                raise DigitizerError("the arming was given up", _REMEDY)
+
+
+def error_of(fault: Fault) -> DigitizerError:
+    """Return the error that a received fault stands for."""
+    return DigitizerError(fault.what, fault.remedy)

@@ -1,0 +1,275 @@
+"""Long computations in a subprocess, so that they delay neither the screen nor a capture."""
+
+import contextlib
+import gc
+import multiprocessing
+import os
+import queue
+import signal
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from functools import partial
+from multiprocessing.connection import _ConnectionBase as Connection  # a pipe's end is another class on Windows
+from multiprocessing.context import SpawnProcess
+from multiprocessing.reduction import ForkingPickler
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from analysis.pipeline import fitted, read
+from analysis.shot.recording import Recording
+from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
+from instrument.files.open_recording import analyse_and_check_hash
+from instrument.files.recording_error import RecordingError, one_line
+from instrument.process.messages import lower_priority
+
+CANCEL_S = 5.0  # a child that has not reacted to a cancellation by then is killed
+_LOOK_S = 0.02
+_REPORT_EVERY_S = 0.05
+_END_S = 5.0
+_READY = 0  # task numbers begin at 1
+
+ForkingPickler.register(MappingProxyType, lambda view: (MappingProxyType, (dict(view),)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Task:
+    number: int
+    work: Callable[..., Any]
+
+
+@dataclass(frozen=True, slots=True)
+class _Report:
+    """The progress of the task ``number``, or its end."""
+
+    number: int
+    progress: tuple[str, float] | None = None
+    result: Any = None
+    problem: str | None = None
+    cancelled: bool = False
+
+
+class SubprocessWorker:
+    """Runs one task after another in a child process; ``warm`` (picklable) is called there once, before the first.
+
+    If the child dies, the running task fails and the next task starts a new child.
+    """
+
+    def __init__(self, warm: Callable[[], object] | None = None) -> None:
+        self._warm = warm
+        self._lock = threading.Lock()
+        self._process: SpawnProcess | None = None
+        self._tasks: Connection | None = None
+        self._reports: Connection | None = None
+        self._number = 0
+        self._closed = False
+
+    @property
+    def child_id(self) -> int | None:
+        """Get the child's process number, None where there is none."""
+        return self._process.pid if self._process is not None else None
+
+    def start(self) -> None:
+        """Start the child if there is none, so that the first task does not wait for it; returns at once."""
+        with self._lock:
+            if self._process is not None or self._closed:
+                return
+            context = multiprocessing.get_context("spawn")
+            child_tasks, tasks = context.Pipe(duplex=False)
+            reports, child_reports = context.Pipe(duplex=False)
+            ends = self._warm, child_tasks, child_reports
+            process = context.Process(target=_serve, args=ends, name="levimass work")
+            process.daemon = True
+            process.start()
+            child_tasks.close()
+            child_reports.close()
+            self._process, self._tasks, self._reports = process, tasks, reports
+
+    def run(self, work: Callable[..., Any], progress: Progress, cancelled: Callable[[], bool]) -> Any:
+        """Return the result of ``work(progress=..., cancelled=...)``; from one thread at a time.
+
+        Work and result are pickled; arrays of the result are read-only.  After ``close`` the work runs in this process.
+        Raises Cancelled, and AnalysisError for any other exception of the work.
+        """
+        if self._closed:
+            return work(progress=progress, cancelled=cancelled)
+        self.start()
+        self._number += 1
+        try:
+            return self._await(_Task(self._number, work), progress, cancelled)
+        except (EOFError, OSError) as error:
+            self._end(0.0)
+            if cancelled():
+                raise Cancelled from error
+            what = "the process of the analysis ended by itself: start it again; a shot's recording is saved"
+            raise AnalysisError(what) from error
+
+    def await_ready(self, cancelled: Callable[[], bool]) -> None:
+        """Wait until a child that was just started has finished ``warm``, or has ended; before its first task.
+
+        Raises Cancelled.
+        """
+        with contextlib.suppress(EOFError, OSError):
+            while self._reports is not None and not self._reports.poll(_LOOK_S):
+                if cancelled():
+                    raise Cancelled
+
+    def close(self) -> None:
+        """End the child; harmless when there is none."""
+        self._closed = True
+        self._end(_END_S)
+
+    def _await(self, task: _Task, progress: Progress, cancelled: Callable[[], bool]) -> Any:
+        tasks, reports = self._tasks, self._reports
+        if tasks is None or reports is None:
+            raise EOFError
+        tasks.send(task)
+        cancelled_s: float | None = None
+        while True:
+            if cancelled_s is None and cancelled():
+                cancelled_s = time.monotonic()
+                tasks.send(task.number)
+            if not reports.poll(_LOOK_S):
+                if cancelled_s is not None and time.monotonic() - cancelled_s > CANCEL_S:
+                    self._end(0.0)
+                    raise Cancelled
+                continue
+            report: _Report = reports.recv()
+            if report.number != task.number:
+                continue
+            if report.progress is not None:
+                progress(*report.progress)
+            elif report.cancelled:
+                raise Cancelled
+            elif report.problem is not None:
+                raise AnalysisError(report.problem)
+            else:
+                _seal(report.result)
+                return report.result
+
+    def _end(self, patience_s: float) -> None:
+        with self._lock:
+            process, self._process = self._process, None
+            tasks, self._tasks = self._tasks, None
+            if tasks is not None:
+                tasks.close()  # on which the child ends
+            if process is not None:
+                process.join(patience_s)
+                if process.is_alive():
+                    process.kill()
+                    process.join(_END_S)
+                process.close()
+            reports, self._reports = self._reports, None
+            if reports is not None:
+                reports.close()
+
+
+def _serve(warm: Callable[[], object] | None, tasks: Connection, reports: Connection) -> None:
+    """Run tasks until the parent is gone; the main function of the process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C reaches all processes of the group: the parent handles it
+    lower_priority(10)  # samples and screen come first
+    waiting: queue.SimpleQueue[_Task] = queue.SimpleQueue()
+    dropped: set[int] = set()
+
+    def receive() -> None:
+        with contextlib.suppress(EOFError, OSError):
+            while True:
+                order: _Task | int = tasks.recv()
+                if isinstance(order, int):
+                    dropped.add(order)
+                else:
+                    _seal(order.work)  # kernels are compiled for read-only arrays
+                    waiting.put(order)
+        os._exit(0)  # the parent is gone
+
+    threading.Thread(target=receive, name="tasks", daemon=True).start()
+    if warm is not None:
+        with contextlib.suppress(Exception):  # kernels are then compiled at their first call
+            warm()
+    gc.freeze()  # what is loaded by now is never freed
+    with contextlib.suppress(OSError):
+        reports.send(_Report(_READY))
+    while True:
+        task = waiting.get()
+        report = _run(task, reports, dropped)
+        try:
+            reports.send(report)
+        except OSError:
+            return
+        except Exception as error:  # a result that cannot be pickled must be reported
+            reports.send(_Report(task.number, problem=f"the result could not be sent: {one_line(repr(error))}"))
+        del task, report
+        gc.collect()  # now, when nobody waits for it
+
+
+def _run(task: _Task, reports: Connection, dropped: set[int]) -> _Report:
+    reported_s = 0.0
+
+    def progress(what: str, share: float) -> None:
+        nonlocal reported_s
+        now = time.monotonic()
+        if now - reported_s > _REPORT_EVERY_S:
+            reported_s = now
+            with contextlib.suppress(OSError):  # the parent is gone: the receiving thread ends the process
+                reports.send(_Report(task.number, progress=(what, share)))
+
+    def cancelled() -> bool:
+        return task.number in dropped
+
+    try:
+        return _Report(task.number, result=task.work(progress=progress, cancelled=cancelled))
+    except Cancelled:
+        return _Report(task.number, cancelled=True)
+    except (AnalysisError, RecordingError, OSError) as error:
+        return _Report(task.number, problem=one_line(str(error)))
+    except Exception as error:
+        return _Report(task.number, problem=f"a fault of the program: {one_line(repr(error))}")
+    finally:
+        dropped.discard(task.number)
+
+
+def _seal(value: object) -> None:
+    """Make the arrays of a task or result read-only again; pickling loses that."""
+    if isinstance(value, np.ndarray):
+        value.flags.writeable = False
+    elif isinstance(value, partial):
+        _seal(value.args)
+        _seal(value.keywords)
+    elif is_dataclass(value):
+        for field in fields(value):
+            _seal(getattr(value, field.name))
+    elif isinstance(value, tuple | list):
+        for part in value:
+            _seal(part)
+    elif isinstance(value, Mapping):
+        for part in value.values():
+            _seal(part)
+
+
+class SubprocessAnalysis(SubprocessWorker):
+    """Analyses recordings in a child process, one at a time: first the readings, then the fit."""
+
+    def read(
+        self, recording: Recording, settings: AnalysisSettings, progress: Progress, cancelled: Callable[[], bool]
+    ) -> Shot:
+        """Read a recording as ``analysis.pipeline.read`` does; from one thread at a time.
+
+        A recording that is only in memory is read in this process, because sending it takes long.  Raises
+        AnalysisError, Cancelled.
+        """
+        if recording.path is None:
+            return read(recording, settings, progress=progress, cancelled=cancelled)
+        shot: Shot = self.run(partial(_read, recording.path, settings), progress, cancelled)
+        return shot
+
+    def fit(self, shot: Shot, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
+        """Fit a shot as ``analysis.pipeline.fitted`` does; from one thread at a time.  Raises as ``read``."""
+        whole: Shot = self.run(partial(fitted, shot), progress, cancelled)
+        return whole
+
+
+def _read(path: str, settings: AnalysisSettings, *, progress: Progress, cancelled: Callable[[], bool]) -> Shot:
+    return analyse_and_check_hash(path, partial(read, settings=settings, progress=progress, cancelled=cancelled))

@@ -1,0 +1,236 @@
+"""The Hantek 6022 driver's requests, byte by byte, on a scripted bus."""
+
+import errno
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import usb.core
+
+from analysis.shot.recording import Role
+from instrument.devices import hantek6022_firmware
+from instrument.devices.bulk_stream import Chunk
+from instrument.devices.digitizer import CaptureSettings, DigitizerError
+from instrument.devices.hantek6022 import Hantek6022
+from tests.instrument.devices.scripted_usb import In, Out, Plugged, ScriptedUsb
+
+EEPROM = In(0xA2, 8, 80, usb.core.USBError("Pipe error", -9, errno.EPIPE))
+GONE = usb.core.USBError("No such device", -4, errno.ENODEV)
+
+
+class GivenStream:
+    """A stream whose chunks are given beforehand, with an error at its end if there is one."""
+
+    def __init__(self, chunks: list[Chunk], error: DigitizerError | None = None) -> None:
+        self.chunks, self.error = deque(chunks), error
+        self.started = self.stopped = False
+
+    def __call__(self, device: Any, endpoint: int, bytes_per_s: float, name: str) -> "GivenStream":
+        self.asked_for = (endpoint, bytes_per_s)
+        return self
+
+    def start(self) -> None:
+        self.started = True
+
+    def take(self, timeout_s: float) -> Chunk | None:
+        if self.chunks:
+            return self.chunks.popleft()
+        if self.error:
+            raise self.error
+        return None
+
+    def wake(self) -> None:
+        pass
+
+    def stop(self) -> None:
+        self.stopped = True
+
+
+def _arming(rate_code: int, gains: tuple[int, int] = (2, 2)) -> list[Out]:
+    return [
+        Out(0xE3, 0, b"\x00"),
+        Out(0xE0, 0, bytes([gains[0]])),
+        Out(0xE1, 0, bytes([gains[1]])),
+        Out(0xE2, 0, bytes([rate_code])),
+        Out(0xE4, 0, b"\x02"),
+        Out(0xE3, 0, b"\x01"),
+    ]
+
+
+def _codes(packets: int, seed: int = 1) -> np.ndarray:
+    return np.random.default_rng(seed).integers(0, 256, packets * 512).astype(np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("vendor", "product", "rate_hz", "code"),
+    [
+        (0x04B5, 0x6022, 10e6, 10),
+        (0x04B5, 0x602A, 15e6, 15),
+        (0x04B5, 0x6022, 100e3, 110),
+        (0x1D50, 0x608E, 12e6, 12),
+        (0x1D50, 0x608E, 100e3, 10),
+    ],
+)
+def test_arming_sends_the_firmwares_own_rate_code(vendor: int, product: int, rate_hz: float, code: int) -> None:
+    bus = ScriptedUsb([Plugged(vendor, product)], [EEPROM, *_arming(code, (1, 10)), Out(0xE3, 0, b"\x00")])
+    stream = GivenStream([])
+    scope = Hantek6022(gains=(1, 10), backend=bus, make_stream=stream)
+    scope.arm(CaptureSettings(rate_hz, 1000, 0))
+    assert stream.started
+    assert stream.asked_for == (0x86, 2 * rate_hz)
+    scope.close()
+    assert stream.stopped
+    bus.finish()
+    assert bus.opened == 0
+
+
+@pytest.mark.parametrize(("ids", "rate"), [((0x1D50, 0x608E), 10e6), ((0x04B5, 0x6022), 30e6)])
+def test_a_rate_the_firmware_lacks_is_refused_before_anything_is_sent(ids: tuple[int, int], rate: float) -> None:
+    bus = ScriptedUsb([Plugged(*ids)], [EEPROM])
+    scope = Hantek6022(backend=bus, make_stream=GivenStream([]))
+    with pytest.raises(DigitizerError, match=r"cannot sample at .*: take one of .*12.* MS/s"):
+        scope.arm(CaptureSettings(rate, 1000, 0))
+    bus.finish()
+
+
+def test_the_firmware_is_loaded_and_the_device_found_again(tmp_path: Path) -> None:
+    image = bytes(range(256)) * 20
+    path = tmp_path / "scope.fw"
+    path.write_bytes(image)
+    cold, warm = Plugged(0x04B4, 0x6022), Plugged(0x1D50, 0x608E, address=2)
+    bus = ScriptedUsb([cold])
+    bus.script = [
+        Out(0xA0, 0xE600, b"\x01"),
+        Out(0xA0, 0x0000, image[:4096]),
+        Out(0xA0, 0x1000, image[4096:]),
+        lambda: bus.devices.__setitem__(0, warm),
+        Out(0xA0, 0xE600, b"\x00", answer=GONE),
+        EEPROM,
+    ]
+    scope = Hantek6022(firmware=path, backend=bus, make_stream=GivenStream([]))
+    assert scope.capabilities.rates_hz[:3] == (12e6, 8e6, 4e6)  # the sigrok firmware's
+    assert scope.default_settings() == CaptureSettings(12e6, 2_000_000, 300_000)
+    scope.close()
+    bus.finish()
+
+
+def test_intel_hex_goes_where_its_records_say(tmp_path: Path) -> None:
+    path = tmp_path / "scope.hex"
+    path.write_text(":03001000010203E7\n:0100200055" + f"{(-(1 + 0x20 + 0x55)) & 255:02X}\n:00000001FF\n")
+    assert hantek6022_firmware.read_firmware(path) == (
+        hantek6022_firmware.Segment(0x10, b"\x01\x02\x03"),
+        hantek6022_firmware.Segment(0x20, b"\x55"),
+    )
+    for broken in (":03001000010203E8\n", ":0300100001\n", ":zz\n", ":03001000010203E7\n", ":02000004FFFFFC\n"):
+        path.write_text(broken)
+        with pytest.raises(DigitizerError, match=r"scope\.hex"):
+            hantek6022_firmware.read_firmware(path)
+
+
+def test_missing_firmware_is_one_line_with_a_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hantek6022_firmware, "FOLDERS", ())
+    bus = ScriptedUsb([Plugged(0x04B4, 0x602A)])
+    with pytest.raises(DigitizerError, match=r"6022bl\.fw.*apt install sigrok-firmware-fx2lafw") as caught:
+        Hantek6022(backend=bus, make_stream=GivenStream([]))
+    assert "\n" not in str(caught.value)
+
+
+def test_it_says_when_it_did_not_come_back() -> None:
+    now = [0.0]
+    with pytest.raises(DigitizerError, match="did not come back within 3 s"):
+        hantek6022_firmware.wait_for_warm(
+            frozenset(), ScriptedUsb([]), clock=lambda: now[0], sleep=lambda s: now.__setitem__(0, now[0] + s)
+        )
+    assert 3.0 <= now[0] < 3.2
+
+
+@pytest.mark.parametrize(
+    ("device", "line"),
+    [
+        (None, "no Hantek 6022 is plugged in"),
+        (Plugged(0x04B5, 0x6022, forbidden=True), "no permission to open Hantek 6022: .*udev"),
+        (Plugged(0x04B5, 0x6022, busy=True), "in use by another program"),
+    ],
+)
+def test_what_keeps_it_from_opening_is_said(device: Plugged | None, line: str) -> None:
+    bus = ScriptedUsb([device] if device else [])
+    with pytest.raises(DigitizerError, match=line):
+        Hantek6022(backend=bus, make_stream=GivenStream([]))
+
+
+def test_eeprom_scales_the_channels() -> None:
+    eeprom = bytearray([0x80] * 32 + [0xFF] * 48)
+    eeprom[8] = 0x80 + 3  # CH1, gain 2: three codes
+    eeprom[32 + 8] = 128 + 50  # and a tenth more volts
+    eeprom[48 + 8] = 128 - 25  # and a tenth of a code less
+    eeprom[7] = 0x80 - 2  # CH2, gain 5
+    bus = ScriptedUsb([Plugged(0x04B5, 0x6022)], [In(0xA2, 8, 80, bytes(eeprom))])
+    scope = Hantek6022((Role.SWITCH, Role.MEASUREMENT), (2, 5), backend=bus, make_stream=GivenStream([]))
+    first, second = scope.capabilities.channels
+    assert first.role is Role.SWITCH
+    assert first.volts_per_count == pytest.approx(1.1 * 5.12 / 256)
+    assert first.offset_v == pytest.approx(-2.9 * first.volts_per_count)
+    assert second.volts_per_count == pytest.approx(5.12 / 640)
+    assert second.offset_v == pytest.approx(2 * second.volts_per_count)
+
+
+def test_counts_are_the_codes_less_128_whatever_the_blocks() -> None:
+    codes = _codes(40)
+    codes[4096 + 2 * 100] = 0
+    pieces = np.split(codes, [700, 5000, 5001, 12288])
+    bus = ScriptedUsb([Plugged(0x04B5, 0x6022)], [EEPROM, *_arming(1), Out(0xE3, 0, b"\x00")])
+    stream = GivenStream(
+        [Chunk(piece, 0.001 * i) for i, piece in enumerate(pieces)], DigitizerError("Hantek 6022 was unplugged")
+    )
+    scope = Hantek6022((Role.SWITCH, Role.MEASUREMENT), backend=bus, make_stream=stream)
+    scope.arm(CaptureSettings(1e6, 1000, 0))
+    got, clipped = [], np.zeros(2, int)
+    with pytest.raises(DigitizerError, match="unplugged"):
+        while True:
+            buffer = np.full((333, 2), 999, np.int16)
+            block = scope.read_into(buffer, 0.1)
+            assert block.lost_before == 0
+            got.append(buffer[: block.samples].copy())
+            clipped += block.clipped
+    expected = codes[4096:].astype(np.int16).reshape(-1, 2) - 128
+    np.testing.assert_array_equal(np.concatenate(got), expected)
+    np.testing.assert_array_equal(clipped, np.count_nonzero((expected == -128) | (expected == 127), axis=0))
+    bus.finish()
+    assert bus.opened == 0  # released, so that a re-plugged one is opened afresh
+
+
+def test_after_an_unplugging_the_next_arm_opens_it_again() -> None:
+    bus = ScriptedUsb([Plugged(0x04B5, 0x6022)], [EEPROM, *_arming(10), Out(0xE3, 0, b"\x00", answer=GONE)])
+    stream = GivenStream([], DigitizerError("Hantek 6022 was unplugged"))
+    scope = Hantek6022(backend=bus, make_stream=stream)
+    settings = CaptureSettings(10e6, 1000, 0)
+    scope.arm(settings)
+    with pytest.raises(DigitizerError, match="unplugged"):
+        scope.read_into(np.empty((10, 2), np.int16), 0.1)
+    bus.devices.clear()
+    with pytest.raises(DigitizerError, match="no Hantek 6022 is plugged in"):
+        scope.arm(settings)
+    bus.devices.append(Plugged(0x1D50, 0x608E, address=9))  # back, with the other firmware: 10 MS/s is not its own
+    bus.script = [EEPROM]
+    with pytest.raises(DigitizerError, match="cannot sample"):
+        scope.arm(settings)
+    bus.script = [*_arming(8), Out(0xE3, 0, b"\x00")]
+    stream.error = None
+    scope.arm(CaptureSettings(8e6, 1000, 0))
+    scope.stop()
+    assert scope.read_into(np.empty((10, 2), np.int16), 0.1).ended
+    bus.finish()
+
+
+def test_a_device_that_falls_silent_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("instrument.devices.hantek6022.SILENCE_S", 0.02)
+    bus = ScriptedUsb([Plugged(0x04B5, 0x6022)], [EEPROM, *_arming(10), Out(0xE3, 0, b"\x00")])
+    scope = Hantek6022(backend=bus, make_stream=GivenStream([]))
+    scope.arm(CaptureSettings(10e6, 1000, 0))
+    buffer = np.empty((10, 2), np.int16)
+    assert scope.read_into(buffer, 0.0).samples == 0
+    with pytest.raises(DigitizerError, match="sends nothing"):
+        scope.read_into(buffer, 1.0)
+    bus.finish()

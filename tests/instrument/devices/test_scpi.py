@@ -1,0 +1,222 @@
+"""The SCPI driver against emulated oscilloscopes on a loopback socket."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from analysis.shot.recording import Role
+from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
+from instrument.devices.scpi import HardwareTrigger, ScpiOscilloscope
+from instrument.devices.scpi_dialects import DIALECTS, dialect_of, numbers
+from instrument.devices.scpi_socket import SocketTransport
+from instrument.devices.sources import open_source
+from tests.instrument.devices.scpi_emulator import EmulatedScope, TcpScope
+
+MAKERS = ("rigol", "siglent", "keysight")
+
+
+def take(digitizer: Digitizer, block_samples: int = 7_001, timeout_s: float = 5.0) -> tuple[np.ndarray, int | None]:
+    """Return a whole shot and its trigger sample."""
+    got, trigger, at = [], None, 0
+    end = time.monotonic() + timeout_s
+    while time.monotonic() < end:
+        buffer = np.full((block_samples, len(digitizer.capabilities.channels)), 9, np.int16)
+        block = digitizer.read_into(buffer, 0.1)
+        got.append(buffer[: block.samples].copy())
+        if block.trigger_sample is not None:
+            assert trigger is None
+            trigger = at + block.trigger_sample
+        at += block.samples
+        if block.ended:
+            return np.concatenate(got), trigger
+    raise AssertionError("no end")
+
+
+@pytest.mark.parametrize("maker", MAKERS)
+def test_a_shot_as_set_on_the_instrument(maker: str) -> None:
+    scope = EmulatedScope(maker)
+    with TcpScope(scope) as server:
+        digitizer = ScpiOscilloscope(SocketTransport("127.0.0.1", server.port))
+        settings = digitizer.default_settings()
+        assert settings == CaptureSettings(1e7, 60_000, 6_000)
+        digitizer.arm(settings)
+        counts, trigger = take(digitizer)
+        assert trigger == 6_000
+        assert digitizer.progress == (60_000, 60_000)
+        for column, channel in enumerate(digitizer.capabilities.channels):
+            volts = counts[:, column] * channel.volts_per_count + channel.offset_v
+            np.testing.assert_allclose(volts, scope.volts(column + 1), atol=1e-12)
+        set_words = ("MDEP ", "SCAL ", "OFFS ", "TDIV ", "TRDL ", "MSIZ ", ":TIM:POS ")
+        assert not [line for line in scope.log if any(word in line for word in set_words)]
+        assert digitizer.read_into(np.empty((5, 2), np.int16), 0.01).ended
+        digitizer.arm(settings)  # and once more: the stop of the first shot must not be taken for the second's
+        scope.samples = 60_000
+        assert take(digitizer)[0].shape == (60_000, 2)
+        digitizer.close()
+
+
+def test_the_rigols_words_in_their_order() -> None:
+    scope = EmulatedScope("rigol", samples=600_000, trigger_at=60_000, polls_until_trigger=1)
+    with TcpScope(scope) as server:
+        trigger = HardwareTrigger(3, "falling", 1.25)
+        digitizer = ScpiOscilloscope(SocketTransport("127.0.0.1", server.port), {2: Role.MEASUREMENT}, trigger)
+        digitizer.arm(CaptureSettings(1e7, 600_000, 60_000))
+        take(digitizer)
+        digitizer.close()
+    fetch = [":WAV:SOUR CHAN2"]
+    asked = [":ACQ:SRAT?", ":TIM:MAIN:OFFS?", ":ACQ:MDEP?"]
+    assert scope.log == [
+        *("*IDN?", ":WAV:MODE RAW", ":WAV:FORM BYTE", *fetch, ":WAV:PRE?"),
+        *asked,
+        *(":TRIG:MODE EDGE", ":TRIG:EDG:SOUR CHAN3", ":TRIG:EDG:SLOP NEG", ":TRIG:EDG:LEV 1.25", *fetch, ":WAV:PRE?"),
+        *(":SING", ":TRIG:STAT?", ":TRIG:STAT?"),
+        *fetch,
+        ":WAV:PRE?",
+        *asked,
+        *(*fetch, ":WAV:STAR 1", ":WAV:STOP 250000", ":WAV:DATA?"),
+        *(*fetch, ":WAV:STAR 250001", ":WAV:STOP 500000", ":WAV:DATA?"),
+        *(*fetch, ":WAV:STAR 500001", ":WAV:STOP 600000", ":WAV:DATA?"),
+    ]
+
+
+def test_time_base_and_depth_are_set_where_they_differ() -> None:
+    scope = EmulatedScope("rigol", samples=12_000_000, rate_hz=2.5e8)
+    with TcpScope(scope) as server:
+        digitizer = ScpiOscilloscope(SocketTransport("127.0.0.1", server.port))
+        digitizer.arm(CaptureSettings(1e6, 50_000, 10_000))
+        assert [scope.samples, scope.rate_hz] == [60_000, 1e6]
+        counts, trigger = take(digitizer)
+        assert (counts.shape[0], trigger) == (50_000, 10_000)
+        with pytest.raises(
+            DigitizerError, match=r"takes 1e\+06 samples/s at this length, not 1.37e\+06: ask for 1e\+06"
+        ):
+            digitizer.arm(CaptureSettings(1.37e6, 50_000, 0))
+        with pytest.raises(DigitizerError, match="at most 12000000"):
+            digitizer.arm(CaptureSettings(1e6, 20_000_000, 0))
+        digitizer.close()
+
+
+@pytest.mark.parametrize("maker", MAKERS)
+def test_waiting_is_stopped_from_another_thread(maker: str) -> None:
+    scope = EmulatedScope(maker, polls_until_trigger=10**9)
+    with TcpScope(scope) as server:
+        digitizer = ScpiOscilloscope(SocketTransport("127.0.0.1", server.port))
+        digitizer.arm(digitizer.default_settings())
+        buffer = np.empty((100, 2), np.int16)
+        begun = time.monotonic()
+        assert digitizer.read_into(buffer, 0.05).samples == 0
+        assert time.monotonic() - begun < 0.5
+        thread = threading.Timer(0.1, digitizer.stop)
+        thread.start()
+        block = digitizer.read_into(buffer, 10.0)
+        thread.join()
+        assert (block.samples, block.ended) == (0, True)
+        end = time.monotonic() + 2.0
+        while not scope.stopped and time.monotonic() < end:
+            time.sleep(0.01)
+        assert scope.stopped  # the instrument was told
+        digitizer.close()
+
+
+@pytest.mark.parametrize("maker", MAKERS)
+def test_a_transfer_is_cancelled_and_the_next_shot_is_whole(maker: str) -> None:
+    scope = EmulatedScope(maker, samples=600_000)
+    with TcpScope(scope, pieces=(4096, 0.02)) as server:
+        digitizer = ScpiOscilloscope(SocketTransport("127.0.0.1", server.port))
+        settings = digitizer.default_settings()
+        digitizer.arm(settings)
+        time.sleep(0.4)
+        begun = time.monotonic()
+        digitizer.stop()
+        assert time.monotonic() - begun < 2.0
+        server.pieces = None
+        digitizer.arm(settings)
+        counts, trigger = take(digitizer)
+        assert (counts.shape[0], trigger) == (600_000, 6_000)
+        assert server.connections == 2
+        digitizer.close()
+
+
+@pytest.mark.parametrize(
+    ("command", "answer", "line"),
+    [
+        (":WAV:PRE?", b"nonsense\n", "answered 'nonsense' where the waveform's preamble is due"),
+        (":WAV:PRE?", b"0,2,6,1,nan,0,0,nan,nan,nan\n", "where the waveform's preamble is due"),
+        (":WAV:DATA?", b"#9999999999" + bytes(100), "announced 999999999 bytes where at most 60000 were asked for"),
+        (":WAV:DATA?", b"#9000000010" + bytes(10) + b"\n", "sent 10 of 60000 samples of channel 1"),
+        (":WAV:DATA?", bytes(100), "answered no data block"),
+        (":WAV:DATA?", b"#x123", "damaged data block head"),
+        (":ACQ:SRAT?", b"-1\n", "samples at -1 a second"),
+        (":ACQ:MDEP?", b"1e300\n", "samples at"),
+    ],
+)
+def test_garbage_is_one_clear_line(command: str, answer: bytes, line: str) -> None:
+    scope = EmulatedScope("rigol", polls_until_trigger=1)
+    with TcpScope(scope) as server:
+        digitizer = ScpiOscilloscope(SocketTransport("127.0.0.1", server.port))
+        settings = digitizer.default_settings()
+        scope.garbage[command] = answer
+        with pytest.raises(DigitizerError, match=line) as caught:
+            digitizer.arm(settings)
+            take(digitizer)
+        assert "\n" not in str(caught.value)
+        scope.garbage.clear()
+        digitizer.arm(settings)
+        assert take(digitizer)[0].shape == (60_000, 2)
+        digitizer.close()
+
+
+def test_a_lost_connection_is_a_fault_and_the_next_arm_connects_again() -> None:
+    scope = EmulatedScope("rigol", polls_until_trigger=1)
+    with TcpScope(scope) as server:
+        digitizer = ScpiOscilloscope(SocketTransport("127.0.0.1", server.port))
+        settings = digitizer.default_settings()
+        server.drop_at = ":WAV:DATA?"
+        digitizer.arm(settings)
+        with pytest.raises(DigitizerError, match="closed the connection: check its network address"):
+            take(digitizer)
+        server.drop_at = None
+        digitizer.arm(settings)
+        assert take(digitizer)[0].shape == (60_000, 2)
+        digitizer.close()
+
+
+def test_no_answer_is_a_fault() -> None:
+    scope = EmulatedScope("rigol")
+    with TcpScope(scope) as server:
+        link = SocketTransport("127.0.0.1", server.port)
+        with pytest.raises(DigitizerError, match=r"does not answer :NOTHING\?"):
+            link.query(":NOTHING?", timeout_s=0.2)
+        assert link.query("*IDN?").startswith("RIGOL")
+
+
+def test_the_source_text_reaches_the_driver() -> None:
+    scope = EmulatedScope("siglent", polls_until_trigger=1)
+    with TcpScope(scope) as server:
+        digitizer = open_source(f"scpi:127.0.0.1:{server.port}?channels=2,1&trigger=external&slope=falling&level=0.5")
+        assert [c.role for c in digitizer.capabilities.channels] == ["measurement", "reference"]
+        assert digitizer.capabilities.name == "Siglent SDS1104X-E"
+        digitizer.arm(digitizer.default_settings())
+        counts, _ = take(digitizer)
+        np.testing.assert_array_equal(counts[:, 1], scope.codes(2))
+        told = [line for line in scope.log if line.startswith(("TRSE", "EX:"))]
+        assert told == ["TRSE EDGE,SR,EX,HT,OFF", "EX:TRSL NEG", "EX:TRLV 0.5V"]
+        digitizer.close()
+
+
+def test_dialects_are_told_by_the_maker() -> None:
+    assert [dialect_of(EmulatedScope.IDENTITY[maker]).name.split()[0].lower() for maker in MAKERS] == list(MAKERS)
+    assert dialect_of("AGILENT TECHNOLOGIES,MSO-X 3054A,,").name == "Keysight InfiniiVision"
+    with pytest.raises(DigitizerError, match="no dialect for the instrument 'TEKTRONIX,TDS1002': known are"):
+        dialect_of("TEKTRONIX,TDS1002")
+    assert len(DIALECTS) == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("1.00E+09", 1e9), ("500MSa/s", 5e8), ("7Mpts", 7e6), ("2.00mV", 2e-3), ("-1.5", -1.5), ("700kpts", 7e5)],
+)
+def test_numbers_with_units(text: str, value: float) -> None:
+    assert numbers(text, 1, "a number") == [pytest.approx(value)]

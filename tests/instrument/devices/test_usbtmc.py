@@ -1,0 +1,194 @@
+"""USBTMC, byte by byte on a scripted bus, and the SCPI driver over it."""
+
+import errno
+import struct
+from typing import Any
+
+import pytest
+import usb.core
+
+from instrument.devices.digitizer import CaptureSettings, DigitizerError
+from instrument.devices.scpi import ScpiOscilloscope
+from instrument.devices.scpi_transport import Cancelled
+from instrument.devices.usbtmc import MAX_REQUEST_BYTES, UsbtmcTransport, find_instruments
+from tests.instrument.devices.scpi_emulator import EmulatedScope
+from tests.instrument.devices.scripted_usb import BulkIn, BulkOut, ClearHalt, In, Plugged, ScriptedUsb
+from tests.instrument.devices.test_scpi import take
+
+IN, OUT = 0x82, 0x03
+TIMED_OUT = usb.core.USBTimeoutError("Operation timed out", -7, errno.ETIMEDOUT)
+
+
+def _plugged(vendor: int = 0x1AB1, product: int = 0x04CE) -> Plugged:
+    return Plugged(vendor, product, interface_class=(0xFE, 3, 1), endpoints=((IN, 2), (OUT, 2), (0x81, 3)))
+
+
+def _link(script: list[Any]) -> tuple[ScriptedUsb, UsbtmcTransport]:
+    bus = ScriptedUsb([_plugged()])
+    (device,) = find_instruments(bus)
+    link = UsbtmcTransport(device)
+    bus.script = script
+    return bus, link
+
+
+def _command(tag: int, text: bytes) -> BulkOut:
+    message = struct.pack("<BBBBIBBBB", 1, tag, 255 - tag, 0, len(text), 1, 0, 0, 0) + text
+    return BulkOut(OUT, message + bytes(-len(message) % 4))
+
+
+def _ask(tag: int, size: int) -> BulkOut:
+    return BulkOut(OUT, struct.pack("<BBBBIBBBB", 2, tag, 255 - tag, 0, size, 0, 0, 0, 0))
+
+
+def _answer(tag: int, text: bytes, *, end: bool = True, size: int = 1 << 16, told: int | None = None) -> BulkIn:
+    head = struct.pack("<BBBBIBBBB", 2, tag, 255 - tag, 0, len(text) if told is None else told, end, 0, 0, 0)
+    message = head + text
+    return BulkIn(IN, (12 + size + 3) // 4 * 4, message + bytes(-len(message) % 4))
+
+
+def test_a_question_and_its_answer() -> None:
+    bus, link = _link([_command(1, b"*IDN?\n"), _ask(2, 1 << 16), _answer(2, b"RIGOL,DS1\n")])
+    assert link.query("*IDN?") == "RIGOL,DS1"
+    bus.finish()
+    link.close()
+    assert (bus.opened, bus.claimed) == (0, [])
+
+
+def test_an_answer_in_parts_after_an_empty_packet() -> None:
+    bus, link = _link(
+        [
+            *(_command(1, b"A?\n"), _ask(2, 1 << 16), BulkIn(IN, 65548, b""), _answer(2, b"ab", end=False)),
+            *(_ask(3, 1 << 16), _answer(3, b"cde\n")),
+        ]
+    )
+    assert link.query("A?") == "abcde"
+    bus.finish()
+
+
+def test_tags_count_to_255_and_begin_again_at_1() -> None:
+    bus, link = _link([_command(tag, b"X\n") for tag in (*range(1, 256), 1, 2)])
+    for _ in range(257):
+        link.write("X")
+    bus.finish()
+
+
+def test_a_block_is_fetched_in_requests_of_at_most_a_mebibyte() -> None:
+    content = bytes(range(256)) * 6144  # 1.5 MiB
+    message = b"#9%09d" % len(content) + content + b"\n"
+    first = MAX_REQUEST_BYTES
+    second = len(message) - 1 - first + 64
+    bus, link = _link(
+        [
+            *(_command(1, b"D?\n"), _ask(2, first), _answer(2, message[:first], end=False, size=first)),
+            *(_ask(3, second), _answer(3, message[first:-6], end=False, size=second)),
+            *(_ask(4, 5 + 64), _answer(4, message[-6:], size=5 + 64)),
+        ]
+    )
+    assert 12 + first == 1 << 20
+    assert link.query_block("D?", len(content)) == content
+    bus.finish()
+
+
+def test_after_a_timeout_the_answer_is_aborted_and_the_link_is_clean() -> None:
+    bus, link = _link(
+        [
+            *(_command(1, b"D?\n"), _ask(2, 1 << 16), BulkIn(IN, 65548, TIMED_OUT)),
+            In(3, 2, 2, b"\x01\x02", request_type=0xA2, index=IN),  # INITIATE_ABORT_BULK_IN of tag 2
+            In(4, 0, 8, b"\x02\x01\0\0\0\0\0\0", request_type=0xA2, index=IN),  # pending, bytes to be taken
+            BulkIn(IN, 1 << 16, b"rest"),
+            In(4, 0, 8, b"\x01\0\0\0\4\0\0\0", request_type=0xA2, index=IN),
+            ClearHalt(IN),
+            *(_command(3, b"*IDN?\n"), _ask(4, 1 << 16), _answer(4, b"RIGOL\n")),
+        ]
+    )
+    with pytest.raises(DigitizerError, match="does not answer"):
+        link.query("D?")
+    assert link.query("*IDN?") == "RIGOL"
+    bus.finish()
+
+
+@pytest.mark.parametrize(
+    ("reply", "line"),
+    [
+        (_answer(9, b"x\n"), "answers no request"),
+        (BulkIn(IN, 65548, b"\x02\x02\xfd"), "sent 3 bytes where a message head is due"),
+        (_answer(2, b"x\n", told=1000), "announced 1000 bytes and sent 4"),
+    ],
+)
+def test_a_wrong_head_is_refused_and_aborted(reply: BulkIn, line: str) -> None:
+    abort = [
+        In(3, 2, 2, b"\x01\x02", request_type=0xA2, index=IN),
+        In(4, 0, 8, b"\x01\0\0\0\0\0\0\0", request_type=0xA2, index=IN),
+        ClearHalt(IN),
+    ]
+    bus, link = _link([_command(1, b"D?\n"), _ask(2, 1 << 16), reply, *abort])
+    with pytest.raises(DigitizerError, match=line):
+        link.query("D?")
+    bus.finish()
+
+
+def test_a_cancelled_block_is_aborted() -> None:
+    said = iter((False, True))
+    size = (1 << 20) - 12
+    bus, link = _link(
+        [
+            *(_command(1, b"D?\n"), _ask(2, size), _answer(2, b"#9009000000" + bytes(size - 11), end=False, size=size)),
+            In(3, 2, 2, b"\x81\x00", request_type=0xA2, index=IN),  # nothing to abort
+        ]
+    )
+    with pytest.raises(Cancelled):
+        link.query_block("D?", 9_000_000, lambda: next(said))
+    bus.finish()
+
+
+def test_unplugging_is_said() -> None:
+    bus, link = _link([_command(1, b"D?\n"), BulkOut(OUT, _ask(2, 1 << 16).content, usb.core.USBError("gone", -4, 19))])
+    with pytest.raises(DigitizerError, match=r"Rigol oscilloscope \(1ab1:04ce\) was unplugged"):
+        link.query("D?")
+    bus.finish()
+
+
+class TmcScope(ScriptedUsb):
+    """An EmulatedScope behind USBTMC's messages."""
+
+    def __init__(self, scope: EmulatedScope, device: Plugged) -> None:
+        super().__init__([device])
+        self.scope = scope
+        self.waiting = b""
+        self.asked: tuple[int, int] = (0, 0)
+
+    def bulk_write(self, handle: Plugged, endpoint: int, interface: int, data: Any, timeout: int) -> int:
+        kind, tag, inverse, _, size = struct.unpack_from("<BBBBI", bytes(data))
+        assert (tag ^ inverse, endpoint, len(data) % 4) == (255, OUT, 0)
+        if kind == 1:
+            text = bytes(data)[12 : 12 + size].decode()
+            assert text.endswith("\n")
+            self.waiting = self.scope.answer(text[:-1]) or self.waiting
+        else:
+            self.asked = (tag, size)
+        return len(data)
+
+    def bulk_read(self, handle: Plugged, endpoint: int, interface: int, buffer: Any, timeout: int) -> int:
+        tag, size = self.asked
+        assert size <= 1 << 20
+        part, self.waiting = self.waiting[:size], self.waiting[size:]
+        message = struct.pack("<BBBBIBBBB", 2, tag, 255 - tag, 0, len(part), not self.waiting, 0, 0, 0) + part
+        message += bytes(-len(message) % 4)
+        assert len(buffer) >= len(message)
+        buffer[: len(message)] = type(buffer)("B", message)
+        return len(message)
+
+
+@pytest.mark.parametrize(("maker", "vendor"), [("rigol", 0x1AB1), ("siglent", 0xF4EC), ("keysight", 0x2A8D)])
+def test_a_shot_over_usb(maker: str, vendor: int) -> None:
+    scope = EmulatedScope(maker, samples=600_000, polls_until_trigger=1)
+    bus = TmcScope(scope, _plugged(vendor))
+    digitizer = ScpiOscilloscope(UsbtmcTransport(find_instruments(bus)[0]))
+    digitizer.arm(CaptureSettings(1e7, 600_000, 6_000))
+    counts, trigger = take(digitizer, 100_000)
+    assert (counts.shape[0], trigger) == (600_000, 6_000)
+    for column, channel in enumerate(digitizer.capabilities.channels):
+        volts = counts[:, column] * channel.volts_per_count + channel.offset_v
+        assert abs(volts - scope.volts(column + 1)).max() < 1e-12
+    digitizer.close()
+    assert bus.opened == 0

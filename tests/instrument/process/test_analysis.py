@@ -1,0 +1,124 @@
+"""Shots analysed in a process of their own come out the same; its end costs one shot and is said."""
+
+import os
+import signal
+from collections.abc import Iterator
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.fitted.fitted_shot import awaits_fit
+from analysis.pipeline import analyse, read
+from analysis.shot.motion import ARRAYS
+from analysis.shot.recording import Recording
+from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Shot
+from instrument.bench.simulate import simulate
+from instrument.files.open_recording import open_recording
+from instrument.files.recording_file import read_recording, write_recording
+from instrument.process import subprocess_worker
+from instrument.process.subprocess_worker import SubprocessAnalysis
+
+PLAIN = AnalysisSettings()
+
+
+def quiet(what: str, share: float) -> None:
+    """Take progress and tell nobody."""
+
+
+def never() -> bool:
+    """Let the analysis go on."""
+    return False
+
+
+@pytest.fixture(scope="module")
+def apart() -> Iterator[SubprocessAnalysis]:
+    """Return one child for all tests."""
+    child = SubprocessAnalysis()
+    yield child
+    child.close()
+    assert child.child_id is None
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    """Return a shot on disk."""
+    return open_recording(simulate(tmp_path_factory.mktemp("shots"), 1, duration_s=0.05)[0])
+
+
+def same(one: object, other: object) -> bool:
+    """Return whether two shots' numbers are equal to the last bit."""
+    return repr(one) == repr(other)
+
+
+def test_a_shot_comes_out_as_it_would_here(apart: SubprocessAnalysis, simulated: Recording) -> None:
+    told: list[tuple[str, float]] = []
+    there = apart.read(simulated, PLAIN, lambda *news: told.append(news), never)
+    assert there.impact is not None and there.fit is None and awaits_fit(there)
+    assert same(there.impact, read(simulated, PLAIN).impact)
+    there = apart.fit(there, lambda *news: told.append(news), never)
+    assert not awaits_fit(there)
+    here = analyse(simulated, PLAIN)
+    assert here.impact is not None
+    assert there.motion is not None
+    assert there.fit is not None and here.fit is not None
+    there, here = (replace(s, fit=replace(s.fit, seconds=0.0)) for s in (there, here))
+    for name in ARRAYS:
+        assert np.array_equal(getattr(there.motion, name), getattr(here.motion, name), equal_nan=True)
+        assert not getattr(there.motion, name).flags.writeable
+    for field in fields(Shot):
+        if field.name not in ("motion", "seconds", "setup"):
+            assert same(getattr(there, field.name), getattr(here, field.name)), field.name
+    assert here.setup is not None
+    assert there.setup == replace(here.setup, extra=dict(here.setup.extra))
+    assert told
+
+
+def test_altered_data_are_flagged_there_too(apart: SubprocessAnalysis, simulated: Recording, tmp_path: Path) -> None:
+    short = replace(simulated, counts=simulated.counts[:3000], trigger_sample=None)
+    shot = read_recording(write_recording(short, tmp_path / "s"))
+    data = tmp_path / "s.sigmf-data"
+    data.write_bytes(bytes([data.read_bytes()[0] ^ 1]) + data.read_bytes()[1:])
+    assert "data_altered" in apart.read(shot, PLAIN, quiet, never).flags
+
+
+def test_an_analysis_is_cancelled_there_too(apart: SubprocessAnalysis, simulated: Recording) -> None:
+    with pytest.raises(Cancelled):
+        apart.read(simulated, PLAIN, quiet, lambda: True)
+
+
+def test_what_is_wrong_with_a_recording_is_its_own_sentence(apart: SubprocessAnalysis, shot: Recording) -> None:
+    with pytest.raises(AnalysisError, match="gone"):
+        apart.read(replace(shot, path="/no/such/gone.sigmf-meta"), PLAIN, quiet, never)
+
+
+def test_a_shot_that_is_only_in_memory_is_read_here(apart: SubprocessAnalysis, shot: Recording) -> None:
+    assert same(apart.read(shot, PLAIN, quiet, never).problem, analyse(shot, PLAIN).problem)
+
+
+def test_a_child_that_dies_costs_a_shot_and_the_next_has_another(
+    apart: SubprocessAnalysis, shot: Recording, tmp_path: Path
+) -> None:
+    saved = open_recording(write_recording(shot, tmp_path / "shot"))
+    apart.start()
+    child = apart.child_id
+    assert child is not None
+    os.kill(child, signal.SIGKILL)
+    with pytest.raises(AnalysisError, match="process ended by itself"):
+        apart.read(saved, PLAIN, quiet, never)
+    assert apart.read(saved, PLAIN, quiet, never).problem == analyse(saved, PLAIN).problem
+
+
+def test_a_child_that_heeds_no_cancelling_is_ended_and_the_next_shot_has_another(
+    apart: SubprocessAnalysis, simulated: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(subprocess_worker, "CANCEL_S", 0.2)
+    apart.start()
+    child = apart.child_id
+    assert child is not None
+    os.kill(child, signal.SIGSTOP)  # as good as starved by other programs
+    with pytest.raises(Cancelled):
+        apart.read(simulated, PLAIN, quiet, lambda: True)
+    assert apart.child_id is None
+    assert apart.read(simulated, PLAIN, quiet, never).motion is not None

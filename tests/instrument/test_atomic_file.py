@@ -1,0 +1,90 @@
+"""A file that another program holds for a moment (a virus scanner, a synchronised folder) is replaced all the same."""
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from app.session.settings import Settings
+from app.session.settings_file import save
+from instrument.files import atomic_file
+from instrument.files.atomic_file import replace_file, write_text_atomic
+from instrument.files.recording_error import RecordingError
+
+
+class Held:
+    """Stands for ``os.replace`` while another program holds the file, ``times`` times."""
+
+    def __init__(self, times: int) -> None:
+        self.asked, self._times, self._replace = 0, times, os.replace
+
+    def __call__(self, source: Path, target: Path) -> None:
+        self.asked += 1
+        if self.asked <= self._times:
+            error = PermissionError(13, "Access is denied", str(source))
+            error.winerror = 32  # type: ignore[attr-defined]
+            raise error
+        self._replace(source, target)
+
+
+def test_it_is_tried_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    held = Held(3)
+    monkeypatch.setattr(os, "replace", held)
+    (tmp_path / "old").write_text("old")
+    write_text_atomic(tmp_path / "old", "new", sync=True)
+    assert held.asked == 4
+    assert (tmp_path / "old").read_text() == "new"
+    assert [path.name for path in tmp_path.iterdir()] == ["old"]
+
+
+def test_who_holds_on_is_told_and_nothing_is_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(atomic_file, "PATIENCE_S", 0.1)
+    monkeypatch.setattr(os, "replace", Held(10**9))
+    (tmp_path / "old").write_text("old")
+    (tmp_path / "new").write_text("new")
+    with pytest.raises(PermissionError, match="held by another program") as raised:
+        replace_file(tmp_path / "new", tmp_path / "old")
+    assert raised.value.filename == str(tmp_path / "old")
+    assert (tmp_path / "new").read_text() == "new"
+    with pytest.raises(RecordingError, match="held by another program"):
+        write_text_atomic(tmp_path / "old", "newer", sync=True)
+    assert (tmp_path / "old").read_text() == "old"
+
+
+def test_where_nobody_holds_it_nobody_waits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "replace", Held(10**9))
+    monkeypatch.setattr(atomic_file, "_may_be_held", lambda target: False)
+    began = time.monotonic()
+    with pytest.raises(PermissionError):
+        replace_file(tmp_path / "new", tmp_path / "old")
+    assert time.monotonic() - began < 1.0
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no modes here")
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o664, 0o444])
+def test_what_was_closed_to_others_stays_so(tmp_path: Path, mode: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "result.json"
+    path.write_text("old")
+    path.chmod(mode)
+    seen: list[int] = []
+    replace = os.replace
+
+    def looked_at(source: Path, target: Path) -> None:
+        seen.append(os.stat(source).st_mode & 0o777)
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", looked_at)
+    write_text_atomic(path, "new", sync=True)
+    assert path.read_text() == "new" and path.stat().st_mode & 0o777 == mode and seen == [mode]
+    assert [left.name for left in tmp_path.iterdir()] == ["result.json"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no modes here")
+def test_settings_keep_their_rights_too(tmp_path: Path) -> None:
+    path = tmp_path / "settings.json"
+    assert save(path, Settings()) is None
+    path.chmod(0o600)
+    for _ in range(2):
+        assert save(path, Settings()) is None
+        assert path.stat().st_mode & 0o777 == 0o600

@@ -1,0 +1,118 @@
+"""The light switch: one answer however the stream is cut, no answer from noise."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from analysis.shot.recording import Role
+from instrument.files.recording_file import find_recordings, read_recording
+from instrument.trigger.light_switch import LEARNED_FROM, Edge, Level, LightSwitch, TriggerSettings, middle_of_step
+
+STEP = LEARNED_FROM + 900
+
+
+def stream(noise: float = 20.0, high: int = 1800, falling_at: int = STEP + 700) -> np.ndarray:
+    """Return two channels; the second steps up at STEP over 12 samples and down again at ``falling_at``."""
+    rng = np.random.default_rng(3)
+    t = np.arange(STEP + 1_500)
+    rise = np.clip((t - STEP) / 12, 0, 1) - np.clip((t - falling_at) / 12, 0, 1)
+    counts = np.zeros((t.size, 2), np.int16)
+    counts[:, 1] = np.rint(100 + (high - 100) * rise + rng.normal(0, noise, t.size))
+    return counts
+
+
+def steps(counts: np.ndarray, cuts: list[int], settings: TriggerSettings) -> tuple[list[int], int, Level]:
+    """Return the first step of each block as an index of the stream, toggles, and the level at the end."""
+    switch = LightSwitch(settings, 1, 12)
+    found = []
+    for a, b in zip([0, *cuts], [*cuts, len(counts)], strict=True):
+        step = switch.first_step(counts[a:b])
+        if step is not None:
+            found.append(a + step)
+    return found, switch.toggles, switch.level
+
+
+LEARNED = TriggerSettings()
+GIVEN = TriggerSettings(low_counts=700, high_counts=1200)
+
+
+@pytest.mark.parametrize("how", [LEARNED, GIVEN], ids=["learned", "given"])
+def test_every_place_to_cut_gives_the_same_steps(how: TriggerSettings) -> None:
+    counts = stream()
+    tail = counts[STEP - LEARNED_FROM - 60 :]  # learning ends shortly before the step
+    whole, toggles, level = steps(tail, [len(tail) - 400], how)
+    assert toggles == 2 and level is Level.LOW and len(whole) == 1
+    for cut in range(len(tail)):
+        found, t, lv = steps(tail, [cut], how)
+        assert found[0] == whole[0] and (t, lv) == (toggles, level), cut
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.integers(0, STEP + 1_500), max_size=12), st.sampled_from(list(Edge)))
+def test_any_cutting_gives_the_same_steps(cuts: list[int], edge: Edge) -> None:
+    counts = stream()
+    once = steps(counts, [], TriggerSettings(edge))
+    many = steps(counts, sorted(cuts), TriggerSettings(edge))
+    assert many[0][0] == once[0][0] and many[1:] == once[1:]
+    assert once[0][0] >= (STEP + 600 if edge is Edge.FALLING else STEP)
+
+
+def test_polarity_and_start_choose_the_step() -> None:
+    counts = stream()
+    for how in (LEARNED, GIVEN):
+        rising = LightSwitch(TriggerSettings(Edge.RISING, how.low_counts, how.high_counts), 1, 12).first_step(counts)
+        falling = LightSwitch(TriggerSettings(Edge.FALLING, how.low_counts, how.high_counts), 1, 12).first_step(counts)
+        assert rising is not None and falling is not None
+        assert STEP <= rising <= STEP + 12 and STEP + 700 <= falling <= STEP + 712
+        late = LightSwitch(TriggerSettings(Edge.RISING, how.low_counts, how.high_counts), 1, 12)
+        assert late.first_step(counts, rising + 1) is None
+
+
+def test_noise_alone_is_no_step() -> None:
+    rng = np.random.default_rng(5)
+    switch = LightSwitch(LEARNED, 0, 12)
+    for _ in range(20):
+        block = np.rint(rng.normal(100, 60, (200_000, 1))).astype(np.int16)
+        assert switch.first_step(block) is None
+    assert switch.toggles == 0 and switch.level is Level.UNKNOWN
+
+
+def test_hysteresis_holds_against_noise_on_the_way() -> None:
+    t = np.arange(100_000)
+    rng = np.random.default_rng(6)
+    slow = np.rint(100 + 1_700 * np.clip((t - 30_000) / 40_000, 0, 1) + rng.normal(0, 60, t.size))
+    switch = LightSwitch(TriggerSettings(low_counts=600, high_counts=1_200), 0, 12)
+    switch.first_step(slow.astype(np.int16)[:, None])
+    assert switch.toggles == 1
+
+
+def test_reset_forgets() -> None:
+    switch = LightSwitch(LEARNED, 1, 12)
+    first = switch.first_step(stream())
+    switch.reset()
+    assert switch.toggles == 0 and switch.first_step(stream()) == first
+
+
+@pytest.mark.parametrize("wrong", [{"low_counts": 1.0}, {"low_counts": 5.0, "high_counts": 5.0}, {"swing_counts": 0.0}])
+def test_settings_that_make_no_sense_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="light switch"):
+        TriggerSettings(**wrong)
+
+
+def test_the_middle_of_the_step_is_where_independent_recordings_say_it_fired(recordings) -> None:
+    for path in find_recordings(sorted(recordings.iterdir())):
+        shot = read_recording(path)
+        column = shot.column(Role.SWITCH)
+        if column is None:
+            continue
+        found = LightSwitch(LEARNED, column, shot.setup.digitizer_bits).first_step(shot.counts)
+        assert found is not None and shot.trigger_sample is not None
+        middle = middle_of_step(shot.counts[:, column], found, 1_000)
+        assert abs(middle - shot.trigger_sample) * 1.0 / shot.sample_rate_hz < 1e-6, path
+
+
+def test_a_middle_that_is_not_there_leaves_the_sample_as_it_is() -> None:
+    flat = np.full(5_000, 100, np.int16)
+    assert middle_of_step(flat, 2_000, 500) == 2_000
+    assert middle_of_step(flat, 4_990, 500) == 4_990

@@ -1,11 +1,11 @@
-"""Whether a window can open on this machine, and what it lacks where none can."""
+"""Check whether Qt can open a window on this machine, and say what is missing."""
 
 import importlib.util
 import os
 import subprocess
 import sys
 
-TRY_WINDOW = "--try-window"  # the frozen application's own argument
+TRY_WINDOW = "--try-window"  # an argument of the frozen application alone
 QT_LIBRARIES = (
     "libglib2.0-0 libegl1 libgl1 libdbus-1-3 libfontconfig1 libxkbcommon0 libxkbcommon-x11-0 libxcb-cursor0 "
     "libxcb-icccm4 libxcb-image0 libxcb-keysyms1 libxcb-randr0 libxcb-render-util0 libxcb-shape0 libxcb-xkb1"
@@ -20,7 +20,7 @@ def why_no_window() -> str | None:
         return "no display"
     if importlib.util.find_spec("PySide6") is None:
         return "PySide6 is not installed"
-    # Qt ends the process when its platform cannot start: let another process try first
+    # Qt aborts the process where it cannot start, so another process tries first
     tried = subprocess.run(_probe(), capture_output=True, text=True, timeout=60, check=False)
     if tried.returncode == 0:
         return None
@@ -30,14 +30,14 @@ def why_no_window() -> str | None:
 
 
 def _probe() -> list[str]:
-    """Return the command that ends well where Qt can start; the frozen application is no Python, it asks itself."""
+    """Return the command that succeeds where Qt can start; the frozen application calls itself."""
     if getattr(sys, "frozen", False):
         return [sys.executable, TRY_WINDOW]
     return [sys.executable, "-c", "from PySide6.QtWidgets import QApplication; QApplication([])"]
 
 
 def try_window() -> None:
-    """Start Qt; where its platform cannot start this process ends."""
+    """Start Qt; the process ends where Qt cannot start."""
     from PySide6.QtWidgets import QApplication
 
     QApplication([])

@@ -1,7 +1,9 @@
 """The model that the shots of a session are fitted with: saving, loading, what has drifted, a person's own laws."""
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Sequence
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from analysis.collision.effects import findings
@@ -11,8 +13,8 @@ from analysis.diagnosis.result import Diagnosis
 from analysis.fitted.fitted_shot import fit_jointly, shaking_of
 from analysis.shot.fit import Fit
 from analysis.shot.plates_of_set import why_not_together
-from analysis.shot.shot import AnalysisError, Shot
-from app.session.combined_in_model import with_combined
+from analysis.shot.shot import AnalysisError, Shot, Stop
+from analysis.uncertainty.budget import budget
 from app.session.verdict_of import ModelEffects
 from app.words.wording import effect_words, local, model_in_words, parameter_parts
 from instrument.files.law_file import read_laws, write_law
@@ -21,11 +23,12 @@ from instrument.files.recording_writer import write_text_beside
 from instrument.files.text_file import read_toml_text
 
 DRIFT_SIGMAS = 4.0  # of the joint standard uncertainty
-Asked = Callable[[], bool]
+NOISE_ALONE = "value, and standard uncertainty from noise alone, SI units"
+COMBINED = "combined standard uncertainties: noise, and mass, wavelength, air and clock"
 
 
 def save_model(
-    path: Path, shots: Sequence[Shot], accepted: ModelEffects, diagnosis: Diagnosis | None, cancelled: Asked
+    path: Path, shots: Sequence[Shot], accepted: ModelEffects, diagnosis: Diagnosis | None, cancelled: Stop
 ) -> str:
     """Write the model as these shots show it, jointly, and return what was done in words.
 
@@ -51,6 +54,24 @@ def save_model(
     model = saved(fit, [shot.path or shot.name for shot in fitted], diagnosis, set(accepted.tried) - named)
     write_text_beside(path, with_combined(to_text(model), fit, fitted), sync=True)
     return f"Model {model_words(model)} saved as {path}"
+
+
+def with_combined(text: str, fit: Fit, shots: Sequence[Shot]) -> str:
+    """Return a model file's text that says which uncertainty is which, with the combined ones of what has a budget."""
+    shared: dict[str, list[float]] = {}
+    for shot in shots:
+        for q in budget(shot).quantities if shot.impact is not None else ():
+            shared.setdefault(q.key, []).append(q.std_b)
+    combined = {
+        name: math.hypot(quantity.std, float(median(shared[name])))
+        for name, quantity in fit.parameters.items()
+        if name in shared
+    }
+    text = text.replace("# value and standard uncertainty, SI units", f"# {NOISE_ALONE}")
+    if not combined:
+        return text
+    lines = [f"{name} = {std!r}" for name, std in combined.items()]
+    return "\n".join([text.rstrip("\n"), "", f"[combined_std]  # {COMBINED}", *lines, ""])
 
 
 def load_model(path: Path) -> SavedModel:

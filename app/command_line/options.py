@@ -171,7 +171,7 @@ GROUPS = (
         Option("--hdf5", "with --export: a motion file a shot in HDF5 too"),
         Option("--report", "write a report that prints: one HTML file", "FILE", _path),
         Option("--no-diagnose", "stop after the base model's fit"),
-        Option("--plan", "which shots to take next: those that decide, or that halve the uncertainty of a parameter",
+        Option("--plan", "which shots to take next: those that decide, or that halve the ± of a parameter (or of all)",
                "PARAMETER", str, _OPTIONAL),
         Option("--unchecked", "leave out the comparison of data and SHA-512 (faster)"),
         *map(_of_setting, CHOSEN),

@@ -1,4 +1,4 @@
-"""The figures of one shot: beat, velocity and force over time, what the model leaves over, first contact, loop, gap."""
+"""Figures of one shot: beat, velocity and force over time, residual, first contact, force against deflection, gap."""
 
 import math
 from dataclasses import dataclass
@@ -19,8 +19,8 @@ RESIDUAL, NOISE = ("residual", "measured \u2212 simulated"), ("band", "noise and
 
 
 @dataclass(frozen=True, slots=True)
-class _Course:
-    """A shot on the time axis of its figures, in ms from ``time_zero``."""
+class _TimeAxis:
+    """A shot with the time axis of its figures, in ms from ``time_zero``."""
 
     shot: Shot
     time_ms: Floats
@@ -39,22 +39,22 @@ class _Course:
 
 
 def figures(shot: Shot) -> list[Markup]:
-    """Return the figures that this shot's data allow, as HTML; none where it has no motion."""
+    """Return the figures of a shot as HTML, as far as its data allow; none without a motion."""
     motion = shot.motion
     if motion is None:
         return []
     zero, label = time_zero(shot)
     overlay = shot.fit.shots[0].overlay if shot.fit is not None and shot.fit.converged and shot.fit.shots else None
     overlay_ms = 1e3 * (overlay.time_s - zero) if overlay is not None else np.empty(0)
-    course = _Course(shot, 1e3 * (motion.time_s - zero), label, overlay, overlay_ms)
-    made = [_whole(course), _residuals(course)]
+    axis = _TimeAxis(shot, 1e3 * (motion.time_s - zero), label, overlay, overlay_ms)
+    made = [_whole(axis), _residuals(axis)]
     if shot.impact is not None:
-        made += [_first_contact(course), _deflection(course), _gap(course)]
+        made += [_first_contact(axis), _deflection(axis), _gap(axis)]
     return [figure for figure in made if figure is not None]
 
 
 def figure(title: str, words: str, plots: list[Plot], legend: list[tuple[str, str]], height: int) -> Markup:
-    """Return plots under one another with a caption that says what is drawn how."""
+    """Return plots below each other, with caption and legend."""
     keys = [tag("span", text, class_=f"key {kind}") for kind, text in legend]
     drawn = [draw(plot, width=WIDTH, height=height) for plot in plots]
     return tag("figure", drawn, tag("figcaption", tag("b", title), f" {words} ", keys))
@@ -65,8 +65,8 @@ def beat_hz(velocity_m_per_s: Floats, rest_hz: float, wavelength_m: float) -> Fl
     return rest_hz - 2.0 * velocity_m_per_s / wavelength_m
 
 
-def _whole(course: _Course) -> Markup:
-    motion, over = course.shot.motion, course.overlay
+def _whole(axis: _TimeAxis) -> Markup:
+    motion, over = axis.shot.motion, axis.overlay
     assert motion is not None
     rest = motion.rest_frequency_hz
     plots = []
@@ -76,17 +76,17 @@ def _whole(course: _Course) -> Markup:
         velocities = (motion.velocity_m_per_s, over.velocity_m_per_s if over else None)
         seen, drawn = (None if v is None else 1e-6 * beat_hz(v, rest.value, motion.wavelength_m) for v in velocities)
         assert seen is not None
-        plots.append(_over_time(course, "beat (MHz)", seen, drawn))
+        plots.append(_over_time(axis, "beat (MHz)", seen, drawn))
     plots += [
-        _over_time(course, "velocity (m/s)", motion.velocity_m_per_s, over.velocity_m_per_s if over else None),
-        _over_time(course, "force (N)", motion.force_n, over.force_n if over else None),
+        _over_time(axis, "velocity (m/s)", motion.velocity_m_per_s, over.velocity_m_per_s if over else None),
+        _over_time(axis, "force (N)", motion.force_n, over.force_n if over else None),
     ]
-    words += " Upright lines: first touch and release." if course.marks else ""
-    return figure("The shot.", words, plots, _legend(course), 178)
+    words += " Upright lines: first touch and release." if axis.marks else ""
+    return figure("The shot.", words, plots, _legend(axis), 178)
 
 
-def _residuals(course: _Course) -> Markup | None:
-    shot, over, motion = course.shot, course.overlay, course.shot.motion
+def _residuals(axis: _TimeAxis) -> Markup | None:
+    shot, over, motion = axis.shot, axis.overlay, axis.shot.motion
     if over is None or shot.fit is None or motion is None:
         return None
     noise = band_of(shot)
@@ -96,26 +96,26 @@ def _residuals(course: _Course) -> Markup | None:
         ("force (mN)", 1e3, motion.force_n - over.force_n, noise.force_n),
     )
     plots = []
-    for label, scale, rest, std in rows:
-        line = Line(course.time_ms, scale * rest, RESIDUAL[0])
-        band = Band(course.time_ms, 2.0 * scale * std)
-        plots.append(Plot(course.time_label, label, (line,), (band,), (), course.marks, zero_line=True))
-    words = "Within the band the residual is noise and vibration; outside it the model lacks something."
+    for label, scale, residual, std in rows:
+        line = Line(axis.time_ms, scale * residual, RESIDUAL[0])
+        band = Band(axis.time_ms, 2.0 * scale * std)
+        plots.append(Plot(axis.time_label, label, (line,), (band,), (), axis.marks, zero_line=True))
+    words = "Within the band the residual is noise and vibration; outside it the model is incomplete."
     return figure("Residual.", words, plots, [RESIDUAL, NOISE], 165)
 
 
-def _first_contact(course: _Course) -> Markup:
-    motion, over, span = course.shot.motion, course.overlay, contact_span_ms(course.shot)
+def _first_contact(axis: _TimeAxis) -> Markup:
+    motion, over, span = axis.shot.motion, axis.overlay, contact_span_ms(axis.shot)
     assert motion is not None
     plots = [
-        _over_time(course, "velocity (m/s)", motion.velocity_m_per_s, over.velocity_m_per_s if over else None, span),
-        _over_time(course, "force (N)", motion.force_n, over.force_n if over else None, span),
+        _over_time(axis, "velocity (m/s)", motion.velocity_m_per_s, over.velocity_m_per_s if over else None, span),
+        _over_time(axis, "force (N)", motion.force_n, over.force_n if over else None, span),
     ]
-    return figure("First contact.", "The bounces with which the contact begins.", plots, _legend(course), 190)
+    return figure("First contact.", "The bounces with which the contact begins.", plots, _legend(axis), 190)
 
 
-def _deflection(course: _Course) -> Markup | None:
-    shot, motion, over = course.shot, course.shot.motion, course.overlay
+def _deflection(axis: _TimeAxis) -> Markup | None:
+    shot, motion, over = axis.shot, axis.shot.motion, axis.overlay
     assert shot.impact is not None and motion is not None
     touch, release = shot.impact.touch_time_s, shot.impact.release_time_s
     if not isinstance(touch, Quantity):
@@ -126,7 +126,7 @@ def _deflection(course: _Course) -> Markup | None:
         return None
     at_touch = float(np.interp(touch.value, motion.time_s, motion.displacement_m))
     lines = [Line(1e3 * (at_touch - motion.displacement_m[chosen]), motion.force_n[chosen], MEASURED[0])]
-    legend = _legend(course)
+    legend = _legend(axis)
     if over is not None:
         among = (over.time_s > touch.value - 1e-3) & (over.time_s < until + 1e-3)
         lines.insert(0, Line(1e3 * (at_touch - over.displacement_m[among]), over.force_n[among], SIMULATED[0]))
@@ -139,34 +139,34 @@ def _deflection(course: _Course) -> Markup | None:
         lines.append(Line(ends, middle, "slope"))
         legend.append(("slope", f"slope, {slope} N/m"))
     plot = Plot("deflection of the plate from first touch (mm)", "force (N)", tuple(lines))
-    return figure("Force against deflection.", "Its slope is near the stiffness.", [plot], legend, 300)
+    return figure("Force against deflection.", "Its slope is close to the stiffness.", [plot], legend, 300)
 
 
-def _gap(course: _Course) -> Markup | None:
-    if course.overlay is None:
+def _gap(axis: _TimeAxis) -> Markup | None:
+    if axis.overlay is None:
         return None
-    lines = (Line(course.overlay_ms, 1e6 * course.overlay.gap_m, SIMULATED[0]),)
-    span = contact_span_ms(course.shot)
-    plot = Plot(course.time_label, "gap (µm)", lines, (), (), (), span, zero_line=True)
-    words = "Distance between block and plate as the fitted model has it; below zero the two overlap."
+    lines = (Line(axis.overlay_ms, 1e6 * axis.overlay.gap_m, SIMULATED[0]),)
+    span = contact_span_ms(axis.shot)
+    plot = Plot(axis.time_label, "gap (µm)", lines, (), (), (), span, zero_line=True)
+    words = "Distance between block and plate in the fitted model; below zero they overlap."
     return figure("Gap.", words, [plot], [SIMULATED], 190)
 
 
 def _over_time(
-    course: _Course, label: str, measured: Floats, simulated: Floats | None, span: tuple[float, float] | None = None
+    axis: _TimeAxis, label: str, measured: Floats, simulated: Floats | None, span: tuple[float, float] | None = None
 ) -> Plot:
-    lines = [Line(course.time_ms, measured, MEASURED[0])]
+    lines = [Line(axis.time_ms, measured, MEASURED[0])]
     if simulated is not None:
-        lines.insert(0, Line(course.overlay_ms, simulated, SIMULATED[0]))
-    return Plot(course.time_label, label, tuple(lines), (), (), course.marks, span)
+        lines.insert(0, Line(axis.overlay_ms, simulated, SIMULATED[0]))
+    return Plot(axis.time_label, label, tuple(lines), (), (), axis.marks, span)
 
 
-def _legend(course: _Course) -> list[tuple[str, str]]:
-    return [MEASURED, SIMULATED] if course.overlay is not None else [MEASURED]
+def _legend(axis: _TimeAxis) -> list[tuple[str, str]]:
+    return [MEASURED, SIMULATED] if axis.overlay is not None else [MEASURED]
 
 
 def time_zero(shot: Shot) -> tuple[float, str]:
-    """Return the time in s that the plots count from, and its name: first touch, else the trigger, else the start."""
+    """Return the time in s at the plots' zero, and its name: first touch, else the trigger, else the first sample."""
     touch = shot.impact.touch_time_s if shot.impact is not None else None
     if isinstance(touch, Quantity) and math.isfinite(touch.value):
         return touch.value, "time from first touch (ms)"
@@ -176,7 +176,7 @@ def time_zero(shot: Shot) -> tuple[float, str]:
 
 
 def contact_span_ms(shot: Shot) -> tuple[float, float]:
-    """Return the stretch of the first bounces in ms from ``time_zero``, with room around it."""
+    """Return begin and end of the first bounces in ms from ``time_zero``, with a margin."""
     zero, _ = time_zero(shot)
     if shot.impact is None or not shot.impact.bounce_peaks_s:
         return -1.0, 8.0

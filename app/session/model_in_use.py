@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 from analysis.collision.effects import findings
@@ -14,7 +13,7 @@ from analysis.fitted.fitted_shot import fit_jointly, shaking_of
 from analysis.shot.fit import Fit
 from analysis.shot.plates_of_set import why_not_together
 from analysis.shot.shot import AnalysisError, Shot, Stop
-from analysis.uncertainty.budget import budget
+from app.report.session_section import shared_stds
 from app.session.verdict_of import ModelEffects
 from app.words.wording import effect_words, local, model_in_words, parameter_parts
 from instrument.files.law_file import read_laws, write_law
@@ -58,15 +57,8 @@ def save_model(
 
 def with_combined(text: str, fit: Fit, shots: Sequence[Shot]) -> str:
     """Return a model file's text that says which uncertainty is which, with the combined ones of what has a budget."""
-    shared: dict[str, list[float]] = {}
-    for shot in shots:
-        for q in budget(shot).quantities if shot.impact is not None else ():
-            shared.setdefault(q.key, []).append(q.std_b)
-    combined = {
-        name: math.hypot(quantity.std, float(median(shared[name])))
-        for name, quantity in fit.parameters.items()
-        if name in shared
-    }
+    shared = shared_stds(shots)
+    combined = {name: math.hypot(q.std, shared[name]) for name, q in fit.parameters.items() if name in shared}
     text = text.replace("# value and standard uncertainty, SI units", f"# {NOISE_ALONE}")
     if not combined:
         return text

@@ -4,7 +4,7 @@ from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 
 from analysis.paper.paper import Reproduction, Status
 from analysis.shot.quantity import Quantity
-from app.report.paper_rows import SECTIONS, cells, scale_of
+from app.report.paper_rows import SECTIONS, cells, readable_unit
 from app.window.panels.tree_table import Line, TreeTable
 from app.window.theme import Colours, Tone
 from app.words.wording import concise_text, local
@@ -61,7 +61,7 @@ class PaperPanel(QWidget):
                 texts = cells(row)
                 told = [local(text) if "." in text and not text.isalpha() else text for text in texts[1:]]
                 if isinstance(row.recorded, Quantity):
-                    told[RECORDED] = concise_text(row.recorded, scale_of(row))
+                    told[RECORDED] = concise_text(row.recorded, readable_unit(row)[0])
                 trace = (Line((row.traced_to, *[""] * 6)),) if row.traced_to else ()
                 tone = _TONES.get(row.status)
                 colour = self._colours.signs[tone] if tone is not None else None

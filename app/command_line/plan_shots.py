@@ -13,6 +13,7 @@ from analysis.planning.words import shots as shots_words
 from analysis.planning.words import told, with_words
 from analysis.shot.shot import AnalysisError, Shot
 from app.command_line.outputs import own_fault, say
+from levimass.analysis_settings import is_drive
 
 NOTHING_OPEN = "the diagnosis leaves nothing open that another shot would have to decide"
 
@@ -37,7 +38,7 @@ def plan_shots(
     if diagnosis is None:
         say("nothing planned: there is no diagnosis to plan from")
         return None
-    if diagnosis.fit_after.model == "driven":
+    if is_drive(diagnosis.fit_after.model):
         say("nothing planned: a drive strikes no plate, so there is no collision to plan")
         return None
     try:

@@ -38,6 +38,7 @@ from instrument.files.law_file import read_law
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_search import find_recordings
 from instrument.files.recording_writer import write_text_beside
+from levimass.analysis_settings import is_drive
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +96,7 @@ def replay(
         say_problem(shot)
         shots.append(shot)
     diagnosis, failed = _diagnosis(shots, laws, settings.diagnosis_seconds) if request.diagnosis else (None, False)
-    if diagnosis is not None and diagnosis.fit_after.model == "driven":  # its records have no overlay to compare
+    if diagnosis is not None and is_drive(diagnosis.fit_after.model):  # its records have no overlay to compare
         shots = [fit_again(shot, diagnosis.fit_after.effects) for shot in shots]
     elif diagnosis is not None and diagnosis.verdict is Verdict.EFFECT_FOUND:
         shots = read_together(shots, diagnosis.fit_after)

@@ -19,7 +19,7 @@ RESIDUAL, NOISE = ("residual", "measured \u2212 simulated"), ("band", "noise and
 
 
 @dataclass(frozen=True, slots=True)
-class _TimeAxis:
+class _Course:
     """A shot with the time axis of its figures, in ms from ``time_zero``."""
 
     shot: Shot
@@ -46,10 +46,10 @@ def figures(shot: Shot) -> list[Markup]:
     zero, label = time_zero(shot)
     overlay = shot.fit.shots[0].overlay if shot.fit is not None and shot.fit.converged and shot.fit.shots else None
     overlay_ms = 1e3 * (overlay.time_s - zero) if overlay is not None else np.empty(0)
-    axis = _TimeAxis(shot, 1e3 * (motion.time_s - zero), label, overlay, overlay_ms)
-    made = [_whole(axis), _residuals(axis)]
+    course = _Course(shot, 1e3 * (motion.time_s - zero), label, overlay, overlay_ms)
+    made = [_whole(course), _residuals(course)]
     if shot.impact is not None:
-        made += [_first_contact(axis), _deflection(axis), _gap(axis)]
+        made += [_first_contact(course), _deflection(course), _gap(course)]
     return [figure for figure in made if figure is not None]
 
 
@@ -65,8 +65,8 @@ def beat_hz(velocity_m_per_s: Floats, rest_hz: float, wavelength_m: float) -> Fl
     return rest_hz - 2.0 * velocity_m_per_s / wavelength_m
 
 
-def _whole(axis: _TimeAxis) -> Markup:
-    motion, over = axis.shot.motion, axis.overlay
+def _whole(course: _Course) -> Markup:
+    motion, over = course.shot.motion, course.overlay
     assert motion is not None
     rest = motion.rest_frequency_hz
     plots = []
@@ -76,17 +76,17 @@ def _whole(axis: _TimeAxis) -> Markup:
         velocities = (motion.velocity_m_per_s, over.velocity_m_per_s if over else None)
         seen, drawn = (None if v is None else 1e-6 * beat_hz(v, rest.value, motion.wavelength_m) for v in velocities)
         assert seen is not None
-        plots.append(_over_time(axis, "beat (MHz)", seen, drawn))
+        plots.append(_over_time(course, "beat (MHz)", seen, drawn))
     plots += [
-        _over_time(axis, "velocity (m/s)", motion.velocity_m_per_s, over.velocity_m_per_s if over else None),
-        _over_time(axis, "force (N)", motion.force_n, over.force_n if over else None),
+        _over_time(course, "velocity (m/s)", motion.velocity_m_per_s, over.velocity_m_per_s if over else None),
+        _over_time(course, "force (N)", motion.force_n, over.force_n if over else None),
     ]
-    words += " Upright lines: first touch and release." if axis.marks else ""
-    return figure("The shot.", words, plots, _legend(axis), 178)
+    words += " Upright lines: first touch and release." if course.marks else ""
+    return figure("The shot.", words, plots, _legend(course), 178)
 
 
-def _residuals(axis: _TimeAxis) -> Markup | None:
-    shot, over, motion = axis.shot, axis.overlay, axis.shot.motion
+def _residuals(course: _Course) -> Markup | None:
+    shot, over, motion = course.shot, course.overlay, course.shot.motion
     if over is None or shot.fit is None or motion is None:
         return None
     noise = band_of(shot)
@@ -97,25 +97,25 @@ def _residuals(axis: _TimeAxis) -> Markup | None:
     )
     plots = []
     for label, scale, residual, std in rows:
-        line = Line(axis.time_ms, scale * residual, RESIDUAL[0])
-        band = Band(axis.time_ms, 2.0 * scale * std)
-        plots.append(Plot(axis.time_label, label, (line,), (band,), (), axis.marks, zero_line=True))
+        line = Line(course.time_ms, scale * residual, RESIDUAL[0])
+        band = Band(course.time_ms, 2.0 * scale * std)
+        plots.append(Plot(course.time_label, label, (line,), (band,), (), course.marks, zero_line=True))
     words = "Within the band the residual is noise and vibration; outside it the model is incomplete."
     return figure("Residual.", words, plots, [RESIDUAL, NOISE], 165)
 
 
-def _first_contact(axis: _TimeAxis) -> Markup:
-    motion, over, span = axis.shot.motion, axis.overlay, contact_span_ms(axis.shot)
+def _first_contact(course: _Course) -> Markup:
+    motion, over, span = course.shot.motion, course.overlay, contact_span_ms(course.shot)
     assert motion is not None
     plots = [
-        _over_time(axis, "velocity (m/s)", motion.velocity_m_per_s, over.velocity_m_per_s if over else None, span),
-        _over_time(axis, "force (N)", motion.force_n, over.force_n if over else None, span),
+        _over_time(course, "velocity (m/s)", motion.velocity_m_per_s, over.velocity_m_per_s if over else None, span),
+        _over_time(course, "force (N)", motion.force_n, over.force_n if over else None, span),
     ]
-    return figure("First contact.", "The bounces with which the contact begins.", plots, _legend(axis), 190)
+    return figure("First contact.", "The bounces with which the contact begins.", plots, _legend(course), 190)
 
 
-def _deflection(axis: _TimeAxis) -> Markup | None:
-    shot, motion, over = axis.shot, axis.shot.motion, axis.overlay
+def _deflection(course: _Course) -> Markup | None:
+    shot, motion, over = course.shot, course.shot.motion, course.overlay
     assert shot.impact is not None and motion is not None
     touch, release = shot.impact.touch_time_s, shot.impact.release_time_s
     if not isinstance(touch, Quantity):
@@ -126,7 +126,7 @@ def _deflection(axis: _TimeAxis) -> Markup | None:
         return None
     at_touch = float(np.interp(touch.value, motion.time_s, motion.displacement_m))
     lines = [Line(1e3 * (at_touch - motion.displacement_m[chosen]), motion.force_n[chosen], MEASURED[0])]
-    legend = _legend(axis)
+    legend = _legend(course)
     if over is not None:
         among = (over.time_s > touch.value - 1e-3) & (over.time_s < until + 1e-3)
         lines.insert(0, Line(1e3 * (at_touch - over.displacement_m[among]), over.force_n[among], SIMULATED[0]))
@@ -142,27 +142,27 @@ def _deflection(axis: _TimeAxis) -> Markup | None:
     return figure("Force against deflection.", "Its slope is close to the stiffness.", [plot], legend, 300)
 
 
-def _gap(axis: _TimeAxis) -> Markup | None:
-    if axis.overlay is None:
+def _gap(course: _Course) -> Markup | None:
+    if course.overlay is None:
         return None
-    lines = (Line(axis.overlay_ms, 1e6 * axis.overlay.gap_m, SIMULATED[0]),)
-    span = contact_span_ms(axis.shot)
-    plot = Plot(axis.time_label, "gap (µm)", lines, (), (), (), span, zero_line=True)
+    lines = (Line(course.overlay_ms, 1e6 * course.overlay.gap_m, SIMULATED[0]),)
+    span = contact_span_ms(course.shot)
+    plot = Plot(course.time_label, "gap (µm)", lines, (), (), (), span, zero_line=True)
     words = "Distance between block and plate in the fitted model; below zero they overlap."
     return figure("Gap.", words, [plot], [SIMULATED], 190)
 
 
 def _over_time(
-    axis: _TimeAxis, label: str, measured: Floats, simulated: Floats | None, span: tuple[float, float] | None = None
+    course: _Course, label: str, measured: Floats, simulated: Floats | None, span: tuple[float, float] | None = None
 ) -> Plot:
-    lines = [Line(axis.time_ms, measured, MEASURED[0])]
+    lines = [Line(course.time_ms, measured, MEASURED[0])]
     if simulated is not None:
-        lines.insert(0, Line(axis.overlay_ms, simulated, SIMULATED[0]))
-    return Plot(axis.time_label, label, tuple(lines), (), (), axis.marks, span)
+        lines.insert(0, Line(course.overlay_ms, simulated, SIMULATED[0]))
+    return Plot(course.time_label, label, tuple(lines), (), (), course.marks, span)
 
 
-def _legend(axis: _TimeAxis) -> list[tuple[str, str]]:
-    return [MEASURED, SIMULATED] if axis.overlay is not None else [MEASURED]
+def _legend(course: _Course) -> list[tuple[str, str]]:
+    return [MEASURED, SIMULATED] if course.overlay is not None else [MEASURED]
 
 
 def time_zero(shot: Shot) -> tuple[float, str]:

@@ -17,8 +17,8 @@ from app.session.log import ProgramLog, note
 from app.session.model_in_use import OwnLaws
 from app.session.next_shots import PLAN, NextShots
 from app.session.own_session import last_session
-from app.session.prepare import complete, rehearse
-from app.session.results import Results
+from app.session.prepare import complete, warm_up_analysis
+from app.session.result_cache import ResultCache
 from app.session.rig import Open, Rig
 from app.session.session import Entry
 from app.session.warm import Kernels
@@ -87,7 +87,7 @@ class MainWindow(QMainWindow):
         self.files_presenter.recordings_wanted.connect(self.session_presenter.open_paths)
         self.laws_presenter = LawsPresenter(workbench.own_laws, self.panels, self)
         self.laws_presenter.diagnose_wanted.connect(self.diagnosis_presenter.diagnose)
-        self.setup_presenter = SetupPresenter(rig, choices, workbench.errands, self.panels, self)
+        self.setup_presenter = SetupPresenter(rig, choices, workbench.short_jobs, self.panels, self)
         self.setup_presenter.source_wanted.connect(self.rig_presenter.use_source)
         self.setup_presenter.arm_wanted.connect(self.rig_presenter.arm)
         self.tour_presenter = TourPresenter(choices, self.panels, self)
@@ -132,7 +132,7 @@ class MainWindow(QMainWindow):
             self.say(words, Tone.WARNING)
         workbench.jobs.submit("loading" if complete() else "first start", kernels.work, "warm")
         workbench.read_unread()
-        workbench.look_for_unlisted(choices.settings.data_folder, choices.sessions)
+        workbench.find_unlisted(choices.settings.data_folder, choices.sessions)
         self.session_presenter.refresh()
         if workbench.session.entries:  # a session reopens where it was: at its last shot
             self.panels.table.select([workbench.session.entries[-1].number])
@@ -186,7 +186,7 @@ class MainWindow(QMainWindow):
 
     @Slot(object)
     def _save_elsewhere(self, folder: Path) -> None:
-        self.workbench.elsewhere.save(self.rig.save_pending, folder)
+        self.workbench.unsaved.save(self.rig.save_pending, folder)
 
     @Slot(object)
     def _arrived(self, entry: Entry) -> None:
@@ -268,7 +268,7 @@ def open_window(
     sys.setswitchinterval(SWITCH_S)
     choices = Choices(folder / "settings.json")
     theme = Theme(choices.settings.appearance)
-    analyst, helper = (AnalysisApart(rehearse), WorkApart(rehearse)) if apart else (None, None)
+    analyst, helper = (AnalysisApart(warm_up_analysis), WorkApart(warm_up_analysis)) if apart else (None, None)
     kernels = Kernels(analyst, helper)
 
     def opened(source: str) -> Digitizer:
@@ -288,7 +288,7 @@ def open_window(
         open_digitizer=open_digitizer or opened,
         analyst=analyst,
     )
-    kept, laws = Results(folder / "kept"), OwnLaws(folder / "laws")
+    kept, laws = ResultCache(folder / "kept"), OwnLaws(folder / "laws")
     workbench = Workbench(session, choices.analysis, Saver(), helper, choices.analysis_again, kept, laws)
     window = MainWindow(rig, workbench, theme, choices, kernels, log or ProgramLog(folder))
     theme.setParent(window)

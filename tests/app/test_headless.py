@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from analysis.shot.shot import Progress
 from app.command_line import display, start
 from app.command_line.cli import main
 from app.session import prepare
-from app.session.jobs import Report
 
 
 def test_simulated_shots_are_replayed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -24,7 +24,7 @@ def test_simulated_shots_are_replayed(tmp_path: Path, capsys: pytest.CaptureFixt
 def test_without_a_screen_one_shot_is_told_and_named_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def ready_at_once(report: Report, ready: Callable[[prepare.Stage], None]) -> None:
+    def ready_at_once(report: Progress, ready: Callable[[prepare.Stage], None]) -> None:
         for stage in prepare.Stage:
             ready(stage)
 

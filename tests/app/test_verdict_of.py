@@ -12,7 +12,7 @@ from app.report.diagnosis_section import diagnosis_section
 from app.session.choices import Choices
 from app.session.event import Diagnosed
 from app.session.session import Session
-from app.session.verdict_of import VerdictOf, verdict_of
+from app.session.verdict_of import VerdictBasis, verdict_of
 from app.session.workbench import Workbench
 from app.window.layout import Layout
 from app.window.panels.session_model import VERDICT, SessionModel
@@ -103,7 +103,7 @@ def test_taken_out_of_the_model_an_effect_takes_its_verdict_with_it_here_and_aft
 def _entry(conclusion, found=(), words="in words of which nobody reads anything back"):
     session = Session()
     session.add(synthetic.shot())
-    session.set_verdict(1, words, VerdictOf((), found, (1,), conclusion))
+    session.set_verdict(1, words, VerdictBasis((), found, (1,), conclusion))
     return session.entries[0]
 
 

@@ -16,7 +16,7 @@ from PySide6.QtWidgets import (
 )
 
 from analysis.shot.recording import Role, Setup
-from app.session.channel_looks import ChannelLook, Kind, proposed
+from app.session.channel_looks import ChannelKind, ChannelLook, proposed
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone
 from app.words.wording import local, number, typed_number
@@ -62,7 +62,7 @@ def _look_words(look: ChannelLook) -> str:
     parts = [str(look.kind), f"amplitude {number(look.amplitude, 3)}"]
     if look.low is not None and look.high is not None and look.in_hz:
         span = number(1e-6 * look.low, 4)
-        if look.kind is Kind.MOVING:
+        if look.kind is ChannelKind.MOVING:
             span = f"{span} to {number(1e-6 * look.high, 4)}"
         parts.insert(1, f"{span} MHz")
     return f"<b>{escape(look.name)}</b>: {', '.join(parts)}"

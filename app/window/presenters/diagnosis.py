@@ -6,12 +6,11 @@ from PySide6.QtCore import QObject, Slot
 
 from analysis.diagnosis.result import Diagnosis
 from analysis.drive.curves import DriveCurves, drive_curves
-from analysis.shot.shot import Shot
-from app.session.asked_work import AskedWork
+from analysis.shot.shot import Progress, Shot, Stop
 from app.session.event import Diagnosed
-from app.session.jobs import Asked, Report
 from app.session.next_shots import PLAN
 from app.session.session import Entry
+from app.session.shot_job import ShotJob
 from app.session.verdict_of import verdict_of
 from app.session.workbench import Workbench
 from app.window.layout import Layout
@@ -31,7 +30,7 @@ class _Forces:
     after: DriveCurves
 
 
-def _forces_of(_: Entry, wanted: _Wanted, __: Report, ___: Asked) -> _Forces:
+def _forces_of(_: Entry, wanted: _Wanted, __: Progress, ___: Stop) -> _Forces:
     motion = wanted.shot.motion
     assert motion is not None
     before, after = (drive_curves(motion, fit) for fit in (wanted.diagnosis.fit_before, wanted.diagnosis.fit_after))
@@ -46,7 +45,7 @@ class DiagnosisPresenter(QObject):
         self._workbench, self._panels = workbench, panels
         # diagnosis and effects on the screen, and whether the one holds for the other
         self._shown: tuple[object, tuple[str, ...], bool] = (None, (), True)
-        self._forces = AskedWork[_Wanted, _Forces](workbench.errands, "residual of the force", _forces_of)
+        self._forces = ShotJob[_Wanted, _Forces](workbench.short_jobs, "residual of the force", _forces_of)
         p = panels
         p.model.diagnose_wanted.connect(self.diagnose)
         p.diagnosis.diagnose_wanted.connect(self.diagnose)

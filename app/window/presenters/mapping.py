@@ -6,9 +6,10 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Slot
 
 from analysis.shot.recording import Role
+from analysis.shot.shot import Progress, Stop
 from app.session.channel_looks import ChannelLook, looks_of
 from app.session.choices import Choices
-from app.session.jobs import Asked, Job, Report
+from app.session.jobs import Job
 from app.session.workbench import Workbench
 from app.window.layout import Layout
 from app.window.panels.mapping_sheet import Answer
@@ -35,7 +36,7 @@ class _Seen:
 
 
 class MappingPresenter(QObject):
-    """Asks for one file after another; files are read in the errands' thread."""
+    """Asks for one file after another; files are read in the short_jobs' thread."""
 
     def __init__(self, workbench: Workbench, choices: Choices, panels: Layout, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -51,7 +52,7 @@ class MappingPresenter(QObject):
         self._waiting += paths
 
     def refresh(self) -> None:
-        """Take what the errands' thread read, and go on with the next file."""
+        """Take what the short_jobs' thread read, and go on with the next file."""
         job = self._job
         if job is not None and job.done.is_set():
             self._job = None
@@ -70,7 +71,7 @@ class MappingPresenter(QObject):
     def _read(self, path: Path) -> None:
         self._path = path
 
-        def work(_: Report, __: Asked) -> _Seen | Path:
+        def work(_: Progress, __: Stop) -> _Seen | Path:
             if is_foreign(path):  # the folder's mapping may be there by now
                 return path
             held = foreign_channels(path)
@@ -79,7 +80,7 @@ class MappingPresenter(QObject):
             except Exception:  # whatever a format's library raises: the channels can be told without a look at them
                 return _Seen(held, ())
 
-        self._job = self._workbench.errands.submit(path.name, work, "foreign")
+        self._job = self._workbench.short_jobs.submit(path.name, work, "foreign")
 
     def can_swap(self, path: Path) -> bool:
         """Return whether PD0 and PD1 of a file can be exchanged: one of another program, which has both."""
@@ -106,7 +107,7 @@ class MappingPresenter(QObject):
         if path is None or self._job is not None:
             return
 
-        def work(_: Report, __: Asked) -> Path:
+        def work(_: Progress, __: Stop) -> Path:
             if isinstance(answer.mapping, MotionColumns):
                 keep_columns(path, answer.mapping)
                 return path
@@ -114,4 +115,4 @@ class MappingPresenter(QObject):
             write_mapping(answer.mapping, path.with_name(OF_FOLDER) if answer.for_folder else own_mapping(path))
             return path
 
-        self._job = self._workbench.errands.submit(path.name, work, "foreign")
+        self._job = self._workbench.short_jobs.submit(path.name, work, "foreign")

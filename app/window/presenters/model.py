@@ -70,7 +70,7 @@ class ModelPresenter(QObject):
 
     def _save_asked(self, paths: list[Path]) -> None:
         self._chosen = paths[0].parent
-        self._workbench.papers.save_model(self._panels.table.numbers, paths[0])
+        self._workbench.exports.save_model(self._panels.table.numbers, paths[0])
 
     @Slot()
     def load_model(self) -> None:
@@ -84,7 +84,7 @@ class ModelPresenter(QObject):
 
     def _foretell_asked(self, paths: list[Path]) -> None:
         self._chosen = paths[0].parent
-        self._workbench.papers.foretell(self._panels.table.numbers, paths[0])
+        self._workbench.exports.foretell(self._panels.table.numbers, paths[0])
 
     def _load_asked(self, paths: list[Path]) -> None:
         self._chosen = paths[0].parent

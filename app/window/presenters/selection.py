@@ -5,11 +5,10 @@ from PySide6.QtCore import QObject, Slot
 from analysis.diagnosis.result import Diagnosis
 from analysis.drive.curves import DriveCurves, drive_curves
 from analysis.shot.recording import Recording
-from analysis.shot.shot import Shot
+from analysis.shot.shot import Progress, Shot, Stop
 from app.report.shot_figures import time_zero
-from app.session.asked_work import AskedWork, raw_of
-from app.session.jobs import Asked, Report
 from app.session.session import Entry
+from app.session.shot_job import ShotJob, raw_of
 from app.session.spectra import Spectra, spectra_of
 from app.session.workbench import Workbench
 from app.window.layout import Layout
@@ -18,16 +17,16 @@ from app.window.verdict import told
 from app.window.waiting import waits_for
 
 
-def _spectra_of(entry: Entry, recording: Recording, report: Report, cancelled: Asked) -> Spectra:
+def _spectra_of(entry: Entry, recording: Recording, report: Progress, cancelled: Stop) -> Spectra:
     zero = time_zero(entry.shot)[0] if entry.shot is not None else 0.0
     return spectra_of(recording, zero, report, cancelled)
 
 
-def _raw_curves_of(_: Entry, recording: Recording, __: Report, ___: Asked) -> RawCurves:
+def _raw_curves_of(_: Entry, recording: Recording, __: Progress, ___: Stop) -> RawCurves:
     return curves_of(recording)
 
 
-def _drive_curves_of(_: Entry, shot: Shot, __: Report, ___: Asked) -> tuple[Shot, DriveCurves] | None:
+def _drive_curves_of(_: Entry, shot: Shot, __: Progress, ___: Stop) -> tuple[Shot, DriveCurves] | None:
     if shot.motion is None or shot.fit is None:
         return None
     return shot, drive_curves(shot.motion, shot.fit)
@@ -43,9 +42,9 @@ class SelectionPresenter(QObject):
     def __init__(self, workbench: Workbench, panels: Layout, parent: QObject) -> None:
         super().__init__(parent)
         self._workbench, self._panels = workbench, panels
-        self._spectra = AskedWork[Recording, Spectra](workbench.jobs, "spectrum", _spectra_of)
-        self._raw_view = AskedWork[Recording, RawCurves](workbench.errands, "raw signals", _raw_curves_of)
-        self._drive = AskedWork[Shot, tuple[Shot, DriveCurves] | None](workbench.errands, "force", _drive_curves_of)
+        self._spectra = ShotJob[Recording, Spectra](workbench.jobs, "spectrum", _spectra_of)
+        self._raw_view = ShotJob[Recording, RawCurves](workbench.short_jobs, "raw signals", _raw_curves_of)
+        self._drive = ShotJob[Shot, tuple[Shot, DriveCurves] | None](workbench.short_jobs, "force", _drive_curves_of)
         self._shown: tuple[int, object, object] | None = None
         self._undrawn: set[int] = set()  # pages whose selection changed while another one was in front
         self._raw: tuple[int, Recording | None] | None = None

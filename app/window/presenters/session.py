@@ -10,7 +10,7 @@ from PySide6.QtPrintSupport import QPrintDialog, QPrinter
 from app.report.pdf import document_of
 from app.session.channel_looks import is_swapped
 from app.session.choices import Choices
-from app.session.event import Event, Kind
+from app.session.event import Event, EventKind
 from app.session.workbench import Workbench
 from app.window.file_question import Want, ask
 from app.window.layout import Layout
@@ -84,27 +84,27 @@ class SessionPresenter(QObject):
 
     def _happened(self, event: Event) -> None:
         self._show_table()
-        if event.kind in (Kind.SHOT, Kind.CHANGED):
+        if event.kind in (EventKind.SHOT, EventKind.CHANGED):
             self._look_for_swapped(event.numbers)
-        if event.kind is Kind.SHOT:
+        if event.kind is EventKind.SHOT:
             if not self._choose_next:  # of a folder's shots the first: no other selection is spoilt
                 return
             self._choose_next = False
             self._panels.table.select(list(event.numbers))
             if self._panels.tabs.currentIndex() == Layout.LIVE:
                 self._panels.tabs.setCurrentIndex(Layout.SHOT)
-        elif event.kind in (Kind.CHANGED, Kind.DIAGNOSED):
+        elif event.kind in (EventKind.CHANGED, EventKind.DIAGNOSED):
             self._selection.show_again()
-        elif event.kind is Kind.PRINT:
+        elif event.kind is EventKind.PRINT:
             self._print(event.words)
-        elif event.kind is Kind.UNLISTED:
+        elif event.kind is EventKind.UNLISTED:
             paths = list(event.paths)
             declined = partial(self._workbench.session.leave_out, [str(path) for path in paths])
             self._panels.work.notices.offer(event.words, "Open", partial(self.open_paths, paths), declined)
-        elif event.kind is Kind.MODEL:
+        elif event.kind is EventKind.MODEL:
             self.said.emit(event.words, Tone.GOOD)
         else:
-            self.said.emit(event.words, Tone.BAD if event.kind is Kind.PROBLEM else Tone.GOOD)
+            self.said.emit(event.words, Tone.BAD if event.kind is EventKind.PROBLEM else Tone.GOOD)
 
     def _look_for_swapped(self, numbers: tuple[int, ...]) -> None:
         """Offer to exchange PD0 and PD1 of a shot whose analysis says that they are."""
@@ -128,7 +128,7 @@ class SessionPresenter(QObject):
         if shot is not None and finished.fitted_later:
             entry = self._workbench.take_fit(shot)
             if entry is not None:
-                self._happened(Event(Kind.CHANGED, "", (entry.number,)))
+                self._happened(Event(EventKind.CHANGED, "", (entry.number,)))
                 self.arrived.emit(entry)
             return
         if shot is None:
@@ -193,7 +193,7 @@ class SessionPresenter(QObject):
 
     def _hdf5_asked(self, paths: list[Path]) -> None:
         self._chosen = paths[0]
-        self._workbench.papers.export_hdf5(self._panels.table.numbers, paths[0])
+        self._workbench.exports.export_hdf5(self._panels.table.numbers, paths[0])
 
     def _export_asked(self, paths: list[Path]) -> None:
         self.export_to(paths[0])
@@ -201,7 +201,7 @@ class SessionPresenter(QObject):
     def export_to(self, folder: Path) -> None:
         """Export the selected shots, or all, to a folder."""
         self._chosen = folder
-        self._workbench.papers.export(self._panels.table.numbers, folder)
+        self._workbench.exports.export(self._panels.table.numbers, folder)
 
     @Slot(list)
     def _report_pressed(self, _: list[int]) -> None:
@@ -215,12 +215,12 @@ class SessionPresenter(QObject):
 
     def _report_asked(self, paths: list[Path]) -> None:
         self._chosen = paths[0].parent
-        self._workbench.papers.report(self._panels.table.numbers, paths[0])
+        self._workbench.exports.report(self._panels.table.numbers, paths[0])
 
     @Slot()
     def print_report(self) -> None:
         """Make the report of the selected shots, or of all, and ask for a printer."""
-        self._workbench.papers.report_to_print(self._panels.table.numbers)
+        self._workbench.exports.report_to_print(self._panels.table.numbers)
         self.said.emit("Preparing the report; the printer dialogue follows", Tone.NEUTRAL)
 
     def _print(self, html: str) -> None:
@@ -265,9 +265,9 @@ class SessionPresenter(QObject):
         """Analyse the selected shots again, as copies."""
         count = self._workbench.reanalyse(self._panels.table.numbers)
         self._choose_next = count > 0
-        put_right = self._workbench.put_right()
+        corrections = self._workbench.corrections_in_words()
         words = f"Re-analysing {count} shots as copies with the present settings"
-        words += f" and {put_right} in place of the recordings' own" if put_right else ""
+        words += f" and {corrections} instead of the recordings' own" if corrections else ""
         self.said.emit(words if count else "Select shots that have a recording", Tone.NEUTRAL)
 
     @Slot()

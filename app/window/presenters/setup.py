@@ -7,8 +7,9 @@ from collections.abc import Callable
 from PySide6.QtCore import QObject, Signal, Slot
 
 from analysis.shot.recording import Role
+from analysis.shot.shot import Progress, Stop
 from app.session.choices import Choices
-from app.session.jobs import Asked, Job, Jobs, Report
+from app.session.jobs import Job, Jobs
 from app.session.rig import Rig
 from app.window.layout import Layout
 from instrument.devices.digitizer import DigitizerError
@@ -32,13 +33,13 @@ class SetupPresenter(QObject):
         self,
         rig: Rig,
         choices: Choices,
-        errands: Jobs,
+        short_jobs: Jobs,
         panels: Layout,
         parent: QObject | None = None,
         find: Find = found_devices,
     ) -> None:
         super().__init__(parent)
-        self._rig, self._choices, self._errands, self._sheet = rig, choices, errands, panels.setup
+        self._rig, self._choices, self._short_jobs, self._sheet = rig, choices, short_jobs, panels.setup
         self._find = find
         self._job: Job | None = None
         self._found: tuple[FoundDevice, ...] = ()
@@ -65,18 +66,18 @@ class SetupPresenter(QObject):
 
     @Slot()
     def look(self) -> None:
-        """Look for devices in the errands' thread."""
+        """Look for devices in the short_jobs' thread."""
         if self._job is not None:
             return
 
-        def work(_: Report, __: Asked) -> tuple[FoundDevice, ...] | str:
+        def work(_: Progress, __: Stop) -> tuple[FoundDevice, ...] | str:
             try:
                 return self._find()
             except DigitizerError as error:
                 return f"{error.what}; {error.remedy}"
 
         self._sheet.show_looking()
-        self._job = self._errands.submit("looking for devices", work, "devices")
+        self._job = self._short_jobs.submit("looking for devices", work, "devices")
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Bring the sheet up to date while it is open."""

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from PySide6.QtCore import QObject
 
 from analysis.paper.paper import Reproduction, reproduce
-from analysis.shot.shot import Shot
-from app.session.jobs import Asked, Job, Report
+from analysis.shot.shot import Progress, Shot, Stop
+from app.session.jobs import Job
 from app.session.session import Entry
 from app.session.workbench import Workbench
 from app.window.layout import Layout
@@ -55,7 +55,7 @@ class TablesPresenter(QObject):
             return
         self._paper_of = (shot,)
 
-        def work(report: Report, _: Asked) -> Reproduction:
+        def work(report: Progress, _: Stop) -> Reproduction:
             report("the paper's simulation", 0.2)
             return reproduce(shot)
 

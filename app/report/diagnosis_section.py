@@ -14,8 +14,7 @@ from app.report.markup import Markup, joined, table, tag
 from app.report.number_tables import fitted
 from app.report.shot_figures import NOISE, figure
 from app.report.svg_plot import Band, Line, Plot
-from app.words.physics_words import effect_words, parameter_parts
-from app.words.prefixes import prefix_for
+from app.words.physics_words import effect_words, parameter_parts, prefix_for
 from app.words.verdict import VERDICTS
 from instrument.files.recording_error import one_line
 

@@ -82,6 +82,13 @@ class Jobs:
             jobs = [*self._waiting, *([self._current] if self._current is not None else [])]
         return sum(job.kind in kinds and not job.cancelled for job in jobs)
 
+    def waiting_words(self, job: Job, what: str) -> str:
+        """Return "computing ..." for a job about ``what``, or which job comes first."""
+        current = self.current
+        if current is None or current is job:
+            return f"computing {what} …"
+        return f"waiting for {current.name} to end; then {what} will be computed"
+
     def finished(self) -> list[Job]:
         """Return the jobs that ended since the last call, cancelled ones included."""
         ended = []

@@ -1,4 +1,4 @@
-"""What ± says on the screen, and the combined standard uncertainties of the shots listed, made once a shot."""
+"""The combined standard uncertainties of the listed shots, computed once per shot; and what ± means on the screen."""
 
 from collections.abc import Iterable, Mapping
 
@@ -9,11 +9,11 @@ COMBINED = "± is the combined standard uncertainty, from all sources in the bud
 NOISE_ONLY = "± is the standard uncertainty from this shot's noise alone."
 
 
-class CombinedOnce:
-    """Keeps what was made for as long as its shot is listed."""
+class CombinedCache:
+    """Combined standard uncertainties by shot."""
 
     def __init__(self) -> None:
-        self._made: dict[int, tuple[Shot, Mapping[str, float]]] = {}  # by the shot's identity, which it keeps alive
+        self._made: dict[int, tuple[Shot, Mapping[str, float]]] = {}  # by the id of the shot, which is kept alive
 
     def of(self, shot: Shot) -> Mapping[str, float]:
         """Return the combined standard uncertainties of a shot."""
@@ -22,6 +22,6 @@ class CombinedOnce:
         return self._made[id(shot)][1]
 
     def keep(self, shots: Iterable[Shot]) -> None:
-        """Forget all shots but these."""
+        """Drop all shots but these."""
         listed = {id(shot) for shot in shots}
         self._made = {key: made for key, made in self._made.items() if key in listed}

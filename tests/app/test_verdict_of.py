@@ -20,7 +20,7 @@ from app.window.presenters.diagnosis import DiagnosisPresenter
 from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
 from app.window.theme import Theme, Tone
-from app.window.verdict import told
+from app.window.tones import verdict_line
 from app.words.verdict import VERDICTS, verdict_words
 from tests.app import synthetic
 from tests.app.stepped_work import SteppedWork
@@ -120,8 +120,8 @@ def _entry(conclusion, found=(), words="in words of which nobody reads anything 
 )
 def test_a_verdicts_tone_comes_from_what_was_concluded_and_not_from_its_words(conclusion, found, model, tone, more):
     entry = _entry(conclusion, found)
-    assert told(entry, model) == (entry.verdict + more, tone)
-    assert told(entry, model, holds=False) == (f"<s>{entry.verdict}</s> outdated: diagnose again", Tone.NEUTRAL)
+    assert verdict_line(entry, model) == (entry.verdict + more, tone)
+    assert verdict_line(entry, model, holds=False) == (f"<s>{entry.verdict}</s> outdated: diagnose again", Tone.NEUTRAL)
 
 
 def test_every_conclusion_is_worded_in_one_place(qtbot):

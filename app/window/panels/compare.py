@@ -1,4 +1,4 @@
-"""COMPARE: several shots over one another from first touch on, and any number's trend against impact velocity."""
+"""COMPARE: several shots overlaid from first touch on, and the trend of a number against impact speed."""
 
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QSplitter, QVBoxLayout, QWidget
@@ -102,7 +102,7 @@ class ComparePanel(QWidget):
         self.stack.legend = entries
 
     def show_entries(self, entries: list[Entry]) -> None:
-        """Overlay the last eight of these and show the trend of all."""
+        """Overlay the last eight of these entries and show the trend of all."""
         self._entries = [entry for entry in entries if entry.shot is not None and entry.shot.motion is not None]
         shown = self._entries[-MOST:]
         for index in range(MOST):
@@ -141,7 +141,7 @@ class ComparePanel(QWidget):
 
     @property
     def repeatability(self) -> str:
-        """Get what is said of the trend."""
+        """Get the words below the trend."""
         return self._repeatability.text()
 
     @Slot()
@@ -166,5 +166,5 @@ class ComparePanel(QWidget):
         self._repeatability.setText(self.trend.show_trend(self._numbers_followed[self._which.currentIndex()], shots))
 
     def plot_in_front(self) -> PlotView:
-        """Return the trend where it has the keyboard, else the overlaid shots."""
+        """Return the trend where it has the focus, else the overlaid shots."""
         return in_front((self.stack, self.trend))

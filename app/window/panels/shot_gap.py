@@ -11,7 +11,7 @@ from app.window.theme import Colours
 
 
 class GapView:
-    """The gap as the fitted model has it (no instrument sees the plate), and the force that goes with it."""
+    """The gap in the fitted model, as the plate is not measured, and the force."""
 
     def __init__(self, colours: Colours, parent: QWidget) -> None:
         self.stack = TimeStack("Gap between block and plate", colours, parent)

@@ -1,6 +1,6 @@
-"""Why this effect: the residuals of all shots, before and after, and what the candidate pointed at would explain.
+"""The residuals of all shots before and after, and what the hovered candidate would explain.
 
-The remainders of the best candidate and of its neighbour stand side by side on request.
+A button shows the residuals under the best two candidates side by side.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""A number on each of several overlaid curves, so that colour alone never tells which is which."""
+"""Numbers on overlaid curves, so that they differ not only in colour."""
 
 import pyqtgraph as pg
 from PySide6.QtCore import QObject, Slot
@@ -10,7 +10,7 @@ from app.window.theme import Colours
 
 
 class CurveNumbers(QObject):
-    """The numbers stand on their curves at different times, side by side, and stay in view."""
+    """The numbers are on their curves, spread over the view."""
 
     def __init__(self, plot: TimePlot, parent: QObject) -> None:
         super().__init__(parent)
@@ -36,7 +36,7 @@ class CurveNumbers(QObject):
 
     @Slot()
     def place(self) -> None:
-        """Spread the numbers over the stretch in view."""
+        """Spread the numbers over the view."""
         (left, right), _ = self._plot.view.viewRange()
         for index, curve in enumerate(self._curves):
             at = left + (index + 1) / (len(self._curves) + 1) * (right - left)

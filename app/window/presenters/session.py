@@ -1,4 +1,4 @@
-"""What an operator does with the session's shots: open, export, report, note, remove, analyse again."""
+"""Commands on the session's shots: open, export, report, note, remove, analyse again."""
 
 from functools import partial
 from pathlib import Path
@@ -25,13 +25,13 @@ OPENED = f"{RECORDINGS};;Other programs' files ({' '.join(f'*{ending}' for endin
 
 
 def is_unmapped(path: Path) -> bool:
-    """Return whether this is another program's file and nobody said yet which of its channels is which."""
+    """Return whether this is a foreign file whose channels are not assigned yet."""
     motion = path.suffix.lower() == ".csv" and path.with_suffix(".toml").exists()
     return format_of(path) is not None and not motion and not is_foreign(path)
 
 
 class SessionPresenter(QObject):
-    """Between the workbench and its panels."""
+    """Connects the workbench with the table and the status line."""
 
     said = Signal(str, Tone)
     arrived = Signal(object)
@@ -49,27 +49,27 @@ class SessionPresenter(QObject):
         super().__init__(parent)
         self._workbench, self._panels, self._selection = workbench, panels, selection
         self._seen = -1
-        self._choose_next = False  # whether the next shot that was opened comes to the front
+        self._choose_next = False  # whether to select the next opened shot
         self._choices = choices
-        self._chosen: Path | None = None  # the folder of the last question
-        self.rig_doing: str | None = None  # what the rig's own analysis is at, for the line of work
+        self._chosen: Path | None = None  # the folder chosen last
+        self.rig_doing: str | None = None  # progress of the rig's analysis, for the status line
         self.rig_share: float | None = None
         table = panels.table
-        table.export_wanted.connect(self._export_pressed)
-        table.report_wanted.connect(self._report_pressed)
-        table.remove_wanted.connect(self._remove_pressed)
-        table.reanalyse_wanted.connect(self._reanalyse_pressed)
+        table.export_wanted.connect(self.export_selected)
+        table.report_wanted.connect(self.report_selected)
+        table.remove_wanted.connect(self.remove_selected)
+        table.reanalyse_wanted.connect(self.reanalyse_selected)
         table.note_edited.connect(self._note_edited)
         table.undo_wanted.connect(self.undo)
         table.open_wanted.connect(self.open_recordings)
         panels.work.cancel_wanted.connect(self._cancel_work)
 
-    # what ended -------------------------------------------------------------------------------------------------
+    # results ----------------------------------------------------------------------------------------------------
 
     def refresh(self) -> None:
-        """Bring table, progress and finished work to the screen."""
+        """Show table, progress and finished work."""
         for event in self._workbench.poll():
-            self._happened(event)
+            self._show_event(event)
         self._panels.work.show_work(self._workbench.jobs, self.rig_doing, self.rig_share)
         self._show_table()
 
@@ -82,12 +82,12 @@ class SessionPresenter(QObject):
             if session.problem:
                 self.said.emit(session.problem, Tone.BAD)
 
-    def _happened(self, event: Event) -> None:
+    def _show_event(self, event: Event) -> None:
         self._show_table()
         if event.kind in (EventKind.SHOT, EventKind.CHANGED):
-            self._look_for_swapped(event.numbers)
+            self._offer_swap(event.numbers)
         if event.kind is EventKind.SHOT:
-            if not self._choose_next:  # of a folder's shots the first: no other selection is spoilt
+            if not self._choose_next:  # only the first shot of a folder is selected
                 return
             self._choose_next = False
             self._panels.table.select(list(event.numbers))
@@ -106,8 +106,8 @@ class SessionPresenter(QObject):
         else:
             self.said.emit(event.words, Tone.BAD if event.kind is EventKind.PROBLEM else Tone.GOOD)
 
-    def _look_for_swapped(self, numbers: tuple[int, ...]) -> None:
-        """Offer to exchange PD0 and PD1 of a shot whose analysis says that they are."""
+    def _offer_swap(self, numbers: tuple[int, ...]) -> None:
+        """Offer to exchange PD0 and PD1 of shots whose analysis found them swapped."""
         for number in numbers:
             entry = self._workbench.session.entry(number)
             if entry is None or entry.path is None or not is_swapped(entry.shot):
@@ -118,17 +118,17 @@ class SessionPresenter(QObject):
                 self._panels.work.notices.offer(words, "Swap them", partial(self.swap_wanted.emit, path, number))
 
     def take_captured(self, captured: WaitingShot) -> None:
-        """List a shot whose analysis is to come."""
+        """Add a captured shot before its analysis."""
         self._workbench.add_captured(captured.name, captured.path)
         self._show_table()
 
     def take(self, finished: FinishedShot, stay: bool) -> None:
-        """Take a shot of the rig, or the fit that it awaited; ``stay``: leave the page that is in front."""
+        """Add a shot of the rig, or its fit; ``stay``: do not change the page."""
         shot = finished.shot
         if shot is not None and finished.fitted_later:
             entry = self._workbench.take_fit(shot)
             if entry is not None:
-                self._happened(Event(EventKind.CHANGED, "", (entry.number,)))
+                self._show_event(Event(EventKind.CHANGED, "", (entry.number,)))
                 self.arrived.emit(entry)
             return
         if shot is None:
@@ -138,20 +138,20 @@ class SessionPresenter(QObject):
         self._show_table()
         if finished.problem:
             self.said.emit(f"{finished.name}: {finished.problem}", Tone.BAD)
-        if entry is None:  # taken off the list before its analysis came
+        if entry is None:  # removed before its analysis ended
             return
         self.arrived.emit(entry)
         tabs, chosen = self._panels.tabs, self._panels.table.numbers
-        if len(chosen) < 2:  # a selection of several is at work: it is not spoilt
+        if len(chosen) < 2:  # keep a selection of several
             self._panels.table.select([entry.number])
-        if tabs.currentIndex() == Layout.LIVE and not stay:  # whoever reads another page is not torn from it
+        if tabs.currentIndex() == Layout.LIVE and not stay:  # stay on any other page
             tabs.setCurrentIndex(Layout.SHOT)
 
     @property
     def _folder(self) -> Path:
         return self._chosen or self._choices.start_folder
 
-    # what is pressed --------------------------------------------------------------------------------------------
+    # commands --------------------------------------------------------------------------------------------------
 
     @Slot()
     def open_recordings(self) -> None:
@@ -177,10 +177,6 @@ class SessionPresenter(QObject):
         """Ask for a folder and open every recording in it."""
         ask(self._panels, "Open a folder of recordings", Want.FOLDER, self.open_paths, self._folder)
 
-    @Slot(list)
-    def _export_pressed(self, _: list[int]) -> None:
-        self.export_selected()
-
     @Slot()
     def export_selected(self) -> None:
         """Ask for a folder and export the selected shots, or all."""
@@ -203,10 +199,6 @@ class SessionPresenter(QObject):
         self._chosen = folder
         self._workbench.exports.export(self._panels.table.numbers, folder)
 
-    @Slot(list)
-    def _report_pressed(self, _: list[int]) -> None:
-        self.report_selected()
-
     @Slot()
     def report_selected(self) -> None:
         """Ask for a file and write the report of the selected shots, or of all."""
@@ -219,7 +211,7 @@ class SessionPresenter(QObject):
 
     @Slot()
     def print_report(self) -> None:
-        """Make the report of the selected shots, or of all, and ask for a printer."""
+        """Make the report of the selected shots, or of all, and show the printer dialogue."""
         self._workbench.exports.report_to_print(self._panels.table.numbers)
         self.said.emit("Preparing the report; the printer dialogue follows", Tone.NEUTRAL)
 
@@ -237,14 +229,10 @@ class SessionPresenter(QObject):
 
     @Slot()
     def copy_shots(self) -> None:
-        """Put the selected lines, or all, on the clipboard as a table: cells parted by tabs, "." in numbers."""
+        """Copy the selected rows, or all, as a table with tabs between cells."""
         text = self._panels.table.as_text()
         QGuiApplication.clipboard().setText(text)
         self.said.emit(f"{max(0, text.count(chr(10)) - 1)} lines are on the clipboard", Tone.NEUTRAL)
-
-    @Slot(list)
-    def _remove_pressed(self, _: list[int]) -> None:
-        self.remove_selected()
 
     @Slot()
     def remove_selected(self) -> None:
@@ -255,10 +243,6 @@ class SessionPresenter(QObject):
             self._show_table()
             self._selection.show_again()
             self.said.emit(f"{len(numbers)} shots removed from the list; Undo (Ctrl+Z) restores them", Tone.NEUTRAL)
-
-    @Slot(list)
-    def _reanalyse_pressed(self, _: list[int]) -> None:
-        self.reanalyse_selected()
 
     @Slot()
     def reanalyse_selected(self) -> None:
@@ -272,17 +256,17 @@ class SessionPresenter(QObject):
 
     @Slot()
     def undo(self) -> None:
-        """Take back the last note, removal or change of the model."""
+        """Undo the last note, removal or change of the model."""
         what = self._workbench.undo()
         self._show_table()
         self.said.emit(f"Undone: {what}" if what else "Nothing to undo", Tone.NEUTRAL)
 
     @Slot()
     def redo(self) -> None:
-        """Do again what was undone last."""
+        """Redo the last undone change."""
         what = self._workbench.redo()
         self._show_table()
-        self.said.emit(f"Done again: {what}" if what else "Nothing to redo", Tone.NEUTRAL)
+        self.said.emit(f"Redone: {what}" if what else "Nothing to redo", Tone.NEUTRAL)
 
     @Slot(int, str)
     def _note_edited(self, number: int, note: str) -> None:
@@ -291,12 +275,12 @@ class SessionPresenter(QObject):
 
     @Slot()
     def edit_note(self) -> None:
-        """Write a note on the shot in front."""
+        """Edit the note of the selected shot."""
         self._panels.table.edit_note()
 
     @Slot()
     def filter_shots(self) -> None:
-        """Bring the keyboard to the words that sort shots out."""
+        """Focus the filter."""
         self._panels.table.filter.setFocus()
         self._panels.table.filter.selectAll()
 

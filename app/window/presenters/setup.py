@@ -1,4 +1,4 @@
-"""Between the guided set-up's sheet, the rig and the buses; the buses are looked at beside the screen."""
+"""The guided set-up: find devices, open a source, judge its signals."""
 
 import sys
 import time
@@ -19,12 +19,12 @@ from instrument.devices.scpi_address import network_name, network_source
 from instrument.live.setup_check import judge, judge_site
 from instrument.live.snapshot import Snapshot
 
-JUDGED_EVERY_S = 0.4  # words that change faster cannot be read
+JUDGED_EVERY_S = 0.4  # so that the words can be read
 Find = Callable[[], tuple[FoundDevice, ...]]
 
 
 class SetupPresenter(QObject):
-    """Opens the sheet, looks for devices, judges the signals while the sheet is open."""
+    """Connects the set-up sheet with the rig; searches devices in the thread of short jobs."""
 
     source_wanted = Signal(str)
     arm_wanted = Signal()
@@ -48,7 +48,7 @@ class SetupPresenter(QObject):
         self._present = ""
         self._judged_s = 0.0
         self._sheet.look_wanted.connect(self.look)
-        self._sheet.source_wanted.connect(self._use)
+        self._sheet.source_wanted.connect(self.source_wanted)
         self._sheet.address_wanted.connect(self._use_address)
         self._sheet.arm_wanted.connect(self._arm)
         rig.remember_network(choices.settings.network_sources)
@@ -66,7 +66,7 @@ class SetupPresenter(QObject):
 
     @Slot()
     def look(self) -> None:
-        """Look for devices in the short_jobs' thread."""
+        """Search for devices, as a short job."""
         if self._job is not None:
             return
 
@@ -80,7 +80,7 @@ class SetupPresenter(QObject):
         self._job = self._short_jobs.submit("looking for devices", work, "devices")
 
     def refresh(self, snapshot: Snapshot) -> None:
-        """Bring the sheet up to date while it is open."""
+        """Update the sheet while it is open."""
         self._take_found()
         self._take_address()
         if not self._sheet.isVisible():
@@ -127,10 +127,6 @@ class SetupPresenter(QObject):
         return (*checks, judge_site(floor)) if floor is not None else checks, ""
 
     @Slot(str)
-    def _use(self, source: str) -> None:
-        self.source_wanted.emit(source)
-
-    @Slot(str)
     def _use_address(self, typed: str) -> None:
         try:
             self._typed = network_source(typed)
@@ -141,7 +137,7 @@ class SetupPresenter(QObject):
         self.source_wanted.emit(self._typed)
 
     def _take_address(self) -> None:
-        """Remember the address that was typed, once the oscilloscope there has answered."""
+        """Remember the typed address once the oscilloscope there has answered."""
         if self._typed and self._rig.opened == self._typed:
             self._choices.remember_network(self._typed)
             self._rig.remember_network(self._choices.settings.network_sources)

@@ -96,7 +96,6 @@ def _main(argv: Sequence[str] | None = None) -> int:
 
 
 def _window(argv: Sequence[str] | None = None) -> int:
-    """Open the window."""
     from app.command_line.modes import window
 
     return window(argv)

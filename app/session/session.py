@@ -96,7 +96,6 @@ class Session:
         return bool(self._undo)
 
     def entry(self, number: int) -> Entry | None:
-        """Return the entry with this number."""
         return next((entry for entry in self._entries if entry.number == number), None)
 
     def add(self, shot: Shot, note: str | None = None, copy_of: int | None = None) -> Entry:

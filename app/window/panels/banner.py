@@ -80,7 +80,6 @@ class Banner(QFrame):
         return self._tone
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         background, text = colours.tones[self._tone]
         if self._flashing.isActive():

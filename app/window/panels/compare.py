@@ -83,7 +83,6 @@ class ComparePanel(QWidget):
         return [plot.add_curve("", series_pen(self._colours, index)) for index in range(MOST)]  # type: ignore[attr-defined]
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self.stack.dress(colours)
         self.trend.dress(colours)

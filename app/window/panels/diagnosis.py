@@ -183,7 +183,6 @@ class DiagnosisPanel(QWidget):
         return self._sentence.text()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self.residuals.dress(colours)
         self.why.dress(colours)

@@ -76,7 +76,6 @@ class LargePanel(QWidget):
         return next(value.text() for label, value, _ in self._cells if label.text() == name)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self._title.setStyleSheet(f"color: {colours.signs[Tone.WARNING]}" if self._doubtful else "")
         for _, _, unit in self._cells:

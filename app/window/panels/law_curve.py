@@ -70,7 +70,6 @@ class LawCurve(QWidget):
         return button
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self.plot.dress(colours)
         for curve in self._band:

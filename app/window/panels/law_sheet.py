@@ -175,7 +175,6 @@ class LawSheet(SideSheet):
         return self._said.text()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self._check()
 

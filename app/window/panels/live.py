@@ -148,7 +148,6 @@ class LivePanel(QWidget):
         return self._numbers[name].text()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self.stack.dress(colours)
         self.raw.dress(colours)

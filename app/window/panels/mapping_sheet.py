@@ -153,7 +153,6 @@ class MappingSheet(SideSheet):
         return self._problem.text()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self._problem.setStyleSheet(f"color: {colours.signs[Tone.BAD]}; font-weight: bold")
 

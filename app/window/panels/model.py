@@ -79,7 +79,6 @@ class ModelPanel(QFrame):
         self.show_known("", Tone.NEUTRAL)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self.show_shot(self._shot, self._tried)
         self.show_verdict(*self._verdict_shown)

@@ -123,7 +123,6 @@ class NoticeLine(QFrame):
             notice.do()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self._refresh()
 
@@ -191,7 +190,6 @@ class NoticeList(SideSheet):
         self.open_at(self.list)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self._refresh()
 

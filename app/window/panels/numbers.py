@@ -220,7 +220,6 @@ class NumbersPanel(QScrollArea):
         return self._values[name].toolTip()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self.show_shot(self._shot, self._title, self._version)
 

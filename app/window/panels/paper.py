@@ -31,7 +31,6 @@ class PaperPanel(QWidget):
         column.addWidget(self.table, 1)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         if self._result is not None:
             self.show_reproduction(self._result)

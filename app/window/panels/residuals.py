@@ -57,7 +57,6 @@ class Residuals(QWidget):
         column.addWidget(self._errors)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self.stack.dress(colours)
         for curve in self._curves:
             curve.setPen(thin(colours.residual))
@@ -145,7 +144,6 @@ class ForceResiduals(QObject):
         self.stack.hide()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self.stack.dress(colours)
         for curve in self._curves:
             curve.setPen(thin(colours.residual))
@@ -168,7 +166,6 @@ class ForceResiduals(QObject):
 
     @Slot()
     def reset(self) -> None:
-        """Show the whole record."""
         self.stack.zoom(*self._span)
 
 

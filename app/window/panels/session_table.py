@@ -236,7 +236,6 @@ class SessionTable(QFrame):
         menu.popup(self.columns.mapToGlobal(self.columns.rect().bottomLeft()))
 
     def show_column(self, column: int, shown: bool) -> None:
-        """Show or hide a column."""
         self.table.setColumnHidden(column, not shown)
 
     @property

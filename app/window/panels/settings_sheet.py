@@ -214,7 +214,6 @@ class SettingsSheet(SideSheet):
         return self._problem.text()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self._problem.setStyleSheet(f"color: {colours.signs[self._tone]}; font-weight: bold")
 

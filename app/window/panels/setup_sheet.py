@@ -220,7 +220,6 @@ class SetupSheet(SideSheet):
     # the sheet --------------------------------------------------------------------------------------------------
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         for line in (*self._lines, self._verdict):
             line.setText("")

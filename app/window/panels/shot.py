@@ -148,7 +148,6 @@ class ShotPanel(QWidget):
             column.addWidget(CursorReadout(plot, self))
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         for view in (self.motion, self.deflection, self.gap, self.raw, self.drive):
             view.dress(colours)
@@ -293,7 +292,6 @@ class ShotPanel(QWidget):
         self.motion.kind.setSizePolicy(policy)
 
     def show_raw(self, curves: RawCurves) -> None:
-        """Show the raw curves."""
         if self.raw.show_curves(curves) and self._shot is not None:
             self.raw.stack.tell((self._shot,), self._of)
         self._label_lines()

@@ -36,7 +36,6 @@ class DeflectionView(PlainPlot):
         self.dress(colours)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         super().dress(colours)
         for curve in self._measured:
             curve.setPen(thin(colours.measured))

@@ -73,7 +73,6 @@ class DriveView(QObject):
         ]
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self.stack.dress(colours)
         for curve in (self._velocity, self._measured):
             curve.setPen(thin(colours.measured))
@@ -147,7 +146,6 @@ class ForceAgainst(QSplitter):
         return self._force, self._residual_plot
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         for plot in self.plots:
             plot.dress(colours)
         self._band.dress(colours.band, colours.band_edge)

@@ -24,7 +24,6 @@ class GapView:
         self._span = (-1.0, 8.0)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self.stack.dress(colours)
         self._gap.setPen(under(colours.simulated))
         self._measured.setPen(thin(colours.measured))

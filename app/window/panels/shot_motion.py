@@ -55,7 +55,6 @@ class MotionView(QObject):
         self.stack.clicked.connect(self._zoom_on_bounce)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self.stack.dress(colours)
         for curve in self._measured:

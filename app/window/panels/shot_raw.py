@@ -59,7 +59,6 @@ class RawView:
         self.has_samples = False
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self.stack.dress(colours)
         for curve in self._curves.values():
             curve.setPen(thin(colours.measured))
@@ -93,7 +92,6 @@ class RawView:
         return True
 
     def reset(self) -> None:
-        """Show the whole record."""
         recording = self._recording
         if recording is not None and recording.samples > 0:
             left = -1e3 * self._zero

@@ -66,7 +66,6 @@ class SignalLine(QFrame):
         return self._values[name].text()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         for name, sign in self._signs.items():
             self._marks[name].setStyleSheet(f"color: {colours.signs[sign.tone]}; font-weight: bold")

@@ -76,7 +76,6 @@ class SiteFloorPanel(QWidget):
         self.dress(colours)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self.plot.dress(colours)
         self._curve.setPen(under(colours.measured))
         for curve in self._criteria:

@@ -50,7 +50,6 @@ class SpectrumPanel(QWidget):
         self.show_spectra(None)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         pens = {Role.REFERENCE: under(colours.residual), Role.MEASUREMENT: thin(colours.measured)}
         for role, curve in self._curves.items():

@@ -67,7 +67,6 @@ class Tour(QFrame):
         return self._title.text()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self.setStyleSheet(
             f"#tour {{ background: {colours.panel}; border: 2px solid {colours.accent}; border-radius: 8px; }}"
         )

@@ -37,7 +37,6 @@ class TrendPlot(PlainPlot):
         self.dress(colours)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         super().dress(colours)
         self._colours = colours
         self._points.setBrush(pg.mkBrush(colours.measured))

@@ -62,7 +62,6 @@ class WhyCanvas(QWidget):
         return self._say.text()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self.grid.dress(colours)
         self._draw()

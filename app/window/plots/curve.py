@@ -41,7 +41,6 @@ class SampledCurve(ColumnCurve):
         self.redraw()
 
     def clear_samples(self) -> None:
-        """Show nothing."""
         self.show_samples(0.0, 1.0, np.empty(0))
 
     def index_range(self, left: float, right: float) -> tuple[int, int]:
@@ -149,7 +148,6 @@ class Band(pg.FillBetweenItem):
         self.dress(colour, edge)
 
     def dress(self, colour: str, edge: str) -> None:
-        """Set the colours."""
         self.setBrush(pg.mkBrush(colour))
         for line in self.edges:
             line.setPen(pg.mkPen(edge, width=1, style=Qt.PenStyle.DashLine))

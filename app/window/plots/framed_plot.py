@@ -81,7 +81,6 @@ class Caption(pg.TextItem):
         self._fit()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self.setColor(colours.text)
         self.fill = pg.mkBrush(f"{colours.plot}a0")  # half transparent
 

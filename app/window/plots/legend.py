@@ -89,7 +89,6 @@ class Legend(QWidget):
 
     @property
     def entries(self) -> list[tuple[str, Look]]:
-        """Get the entries."""
         return list(self._entries)
 
     def show_entries(self, entries: Sequence[tuple[str, Look]]) -> None:

@@ -36,7 +36,6 @@ class PlainAxis(pg.AxisItem):
         self._grid_pen = pg.mkPen("#e4e8ed")
 
     def dress(self, line: str, text: str, grid: str) -> None:
-        """Set the colours."""
         self._grid_pen = straight(grid)
         self.setPen(straight(line))
         self.setTextPen(pg.mkPen(text))
@@ -79,7 +78,6 @@ class PlainAxis(pg.AxisItem):
         self._group = others
 
     def setLabel(self, text: str | None = None, *args: Any, **kwargs: Any) -> None:
-        """Set the label."""
         self._whole = self._label_shown = text or ""
         super().setLabel(text, *args, **kwargs)
         self._fit_label()  # at once, so that it is never drawn cut

@@ -108,7 +108,6 @@ class PlainPlot(PlotView):
         return curve
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         for side in ("left", "bottom"):
             self.plot.getAxis(side).dress(colours.edge, colours.text, colours.grid)
         self.plot.caption.dress(colours)

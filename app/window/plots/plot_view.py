@@ -64,7 +64,6 @@ class PlotView(pg.GraphicsLayoutWidget):
         self.setAccessibleDescription(words)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self.setBackground(colours.plot)
         self.cursors.dress(colours)
 
@@ -102,7 +101,6 @@ class PlotView(pg.GraphicsLayoutWidget):
 
     @Slot(bool)
     def show_cursors(self, shown: bool) -> None:
-        """Show or hide the cursors."""
         self.cursors.show(shown, *self.span)
 
     @Slot()

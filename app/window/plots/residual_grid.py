@@ -55,7 +55,6 @@ class ResidualGrid(QWidget):
         self.setAccessibleName("Residuals of all shots, before and after")
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self.update()
 

@@ -191,7 +191,6 @@ class TimePlot(FramedPlot):
         return self._caption.shown
 
     def call(self, title: str) -> None:
-        """Set the title."""
         self.title = title
         self.count_in(self.unit)
 

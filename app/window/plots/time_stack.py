@@ -48,7 +48,6 @@ class TimeStack(PlotView):
         self.plots[-1].setLabel("bottom", text)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self.colours = colours
         for plot in self.plots:
             plot.dress(colours)

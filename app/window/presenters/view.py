@@ -51,7 +51,6 @@ class ViewPresenter(QObject):
 
     @Slot()
     def show_shot_page(self) -> None:
-        """Show the page SHOT."""
         self._panels.tabs.setCurrentIndex(Layout.SHOT)
 
     @Slot()
@@ -107,7 +106,6 @@ class ViewPresenter(QObject):
 
     @Slot()
     def view_gap(self) -> None:
-        """Show the gap."""
         self._view("gap")
 
     @Slot()
@@ -175,7 +173,6 @@ class ViewPresenter(QObject):
 
     @Slot()
     def plot_menu(self) -> None:
-        """Open the menu of the plot."""
         plot = self._plot()
         if plot is not None:
             plot.open_menu()

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from platformdirs import user_config_path, user_log_path
 
-from app.command_line.version import version_text
+from app.command_line.machine import version_text
 from app.session.log import NAME
 from instrument.devices.doctor import Check
 from instrument.files.recording_error import RecordingError

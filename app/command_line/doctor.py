@@ -9,9 +9,8 @@ from platformdirs import user_log_path
 from analysis.compiled import kernel_cache
 from analysis.shot.shot import Progress
 from app.command_line.bundle import write_bundle
-from app.command_line.display import why_no_window
+from app.command_line.machine import installed, why_no_window
 from app.command_line.outputs import say
-from app.command_line.version import installed
 from app.session.log import NAME
 from app.session.prepare import complete
 from app.session.prepare import prepare as compile_all

@@ -73,7 +73,7 @@ class Version(argparse.Action):
     """Print the version."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        from app.command_line.version import version_text
+        from app.command_line.machine import version_text
 
         print(version_text())
         parser.exit()

@@ -6,7 +6,7 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from app.command_line.display import why_no_window
+from app.command_line.machine import why_no_window
 from app.command_line.modes import window
 from instrument.bench.site import USUAL_SITE, site_named
 

@@ -16,6 +16,8 @@ from app.words.physics_words import prefix_for
 from app.words.physics_words import repeatability_words as repeatability_words
 
 DASH = "–"
+COMBINED = "± is the combined standard uncertainty, from all sources in the budget."
+NOISE_ONLY = "± is the standard uncertainty from this shot's noise alone."
 LONGEST_NAME = 24  # characters of a shot's name beside others
 
 

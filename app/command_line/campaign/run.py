@@ -165,7 +165,7 @@ class Progress:
     """A counter of shots on a terminal; nothing where standard error is a file."""
 
     def __init__(self, total: int, already: int) -> None:
-        self._total, self._already, self._done = total, already, 0
+        self._total, self._done = total, 0
         self._shown = sys.stderr.isatty()
         self._bare = getattr(sys.stderr, "bare", sys.stderr)  # this line alone moves the cursor
         self._started = time.monotonic()

@@ -23,11 +23,12 @@ from analysis.shot.quantity import Quantity, Reading
 from analysis.shot.shot import Shot
 from analysis.uncertainty.budget import combined_of, stated
 from analysis.uncertainty.numbers import Group, ResultNumber, shown_numbers
-from app.window.combined import COMBINED, NOISE_ONLY
 from app.window.theme import MARKS, Colours, Tone, sized
 from app.window.tones import flag_line, flag_tone
 from app.words.flag_words import by_weight, flag_words
 from app.words.wording import (
+    COMBINED,
+    NOISE_ONLY,
     concise_text,
     effect_numbers,
     effect_words,

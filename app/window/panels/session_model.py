@@ -1,6 +1,6 @@
 """The Qt model of the table of shots: a row per shot, a hover per cell, editable notes."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,15 +8,15 @@ from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, Qt, Signal
 from PySide6.QtGui import QFont
 
 from analysis.shot.quantity import Quantity, Reading
-from analysis.uncertainty.budget import stated
+from analysis.shot.shot import Shot
+from analysis.uncertainty.budget import combined_of, stated
 from analysis.uncertainty.numbers import Kind, ResultNumber, of_collision
 from app.session.session import Entry
-from app.window.combined import COMBINED, NOISE_ONLY, CombinedCache
 from app.window.panels.session_order import Order, ordered
 from app.window.tones import flag_line
 from app.words.flag_words import by_weight, flag_name, flag_words, flags_in_short
 from app.words.verdict import OUTDATED, verdict_words
-from app.words.wording import DASH, concise_text, how_text, value_text
+from app.words.wording import COMBINED, DASH, NOISE_ONLY, concise_text, how_text, value_text
 
 LETTERS = 15  # width of a number in digits, for 0.98729985(50)
 
@@ -99,6 +99,24 @@ def _heading(words: str, column: int, role: int) -> Any:
     return None
 
 
+class _CombinedCache:
+    """Combined standard uncertainties by shot."""
+
+    def __init__(self) -> None:
+        self._made: dict[int, tuple[Shot, Mapping[str, float]]] = {}  # by the id of the shot, which is kept alive
+
+    def of(self, shot: Shot) -> Mapping[str, float]:
+        """Return the combined standard uncertainties of a shot."""
+        if id(shot) not in self._made:
+            self._made[id(shot)] = (shot, combined_of(shot))
+        return self._made[id(shot)][1]
+
+    def keep(self, shots: Iterable[Shot]) -> None:
+        """Drop all shots but these."""
+        listed = {id(shot) for shot in shots}
+        self._made = {key: made for key, made in self._made.items() if key in listed}
+
+
 class SessionModel(QAbstractTableModel):
     """The model; an edited note is emitted as ``note_edited``."""
 
@@ -111,7 +129,7 @@ class SessionModel(QAbstractTableModel):
         self.rows: tuple[Entry | str, ...] = ()  # as shown, a heading before each group
         self.order = Order()
         self._struck: frozenset[int] = frozenset()
-        self._combined = CombinedCache()
+        self._combined = _CombinedCache()
 
     @property
     def identities(self) -> list[int | str]:

@@ -1,10 +1,13 @@
-"""Check whether Qt can open a window on this machine, and say what is missing."""
+"""What this machine has: versions of the installed packages, and whether Qt can open a window."""
 
 import importlib.util
 import os
+import platform
 import subprocess
 import sys
+from importlib.metadata import PackageNotFoundError, version
 
+_LISTED = ("numpy", "scipy", "numba", "llvmlite", "PySide6-Essentials", "pyqtgraph")
 TRY_WINDOW = "--try-window"  # an argument of the frozen application alone
 QT_LIBRARIES = (
     "libglib2.0-0 libegl1 libgl1 libdbus-1-3 libfontconfig1 libxkbcommon0 libxkbcommon-x11-0 libxcb-cursor0 "
@@ -12,11 +15,25 @@ QT_LIBRARIES = (
 )
 
 
+def version_text() -> str:
+    """Return version and licence, and in a second line the versions of Python and of the main dependencies."""
+    others = ", ".join(f"{name} {installed(name)}" for name in _LISTED)
+    return f"levimass {installed('levimass')}, MIT licence\nPython {platform.python_version()}, {others}"
+
+
+def installed(package: str) -> str:
+    """Return the installed version of a package, or "unknown"."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "unknown"
+
+
 def why_no_window() -> str | None:
     """Return why Qt cannot open a window on this machine, or None."""
-    platform = os.environ.get("QT_QPA_PLATFORM", "")
+    chosen = os.environ.get("QT_QPA_PLATFORM", "")
     unix = os.name == "posix" and sys.platform != "darwin"
-    if unix and not platform and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+    if unix and not chosen and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         return "no display"
     if importlib.util.find_spec("PySide6") is None:
         return "PySide6 is not installed"

@@ -1,8 +1,7 @@
 """Levimass from a script or a notebook: ``read``, ``analyse``, ``diagnose``, ``simulate``.
 
-Each is one line over what the window and the command line use themselves; what they return is frozen, and its arrays
-are read-only.  Importing this is quick: the first call loads the numerics, and the first ever compiles them
-(``levimass --prepare`` does that beforehand).
+Results are frozen dataclasses with read-only arrays.  The import is quick; the first call loads the numerics, and the
+very first one compiles them (``levimass --prepare`` does that beforehand).
 """
 
 from __future__ import annotations
@@ -21,9 +20,9 @@ __all__ = ["analyse", "diagnose", "read", "simulate"]
 
 
 def read(path: Path | str) -> Recording | MotionRecord:
-    """Return what lies at ``path``: a raw recording (counts), or a motion record (displacement, velocity, force).
+    """Return the raw recording (counts) or motion record (displacement, velocity, force) at ``path``.
 
-    Raises RecordingError, whose one line names file and cause.
+    Raises RecordingError, one line with file and cause.
     """
     from instrument.files.motion_file import read_motion
     from instrument.files.open_recording import open_recording
@@ -35,12 +34,12 @@ def read(path: Path | str) -> Recording | MotionRecord:
 def analyse(
     what: Recording | Path | str, *, model: str | None = None, settings: AnalysisSettings | None = None
 ) -> Shot:
-    """Return the analysed shot of a raw recording, or of a recording or motion record that lies at a path.
+    """Analyse a raw recording, or the recording or motion record at a path.
 
     ``model`` names the base model ("paper" unless the settings or a motion record say otherwise).  Velocities in m/s,
     force in N, displacement in m, each with its standard deviation: ``shot.motion``; velocities and restitutions:
-    ``shot.impact``; the model: ``shot.fit``.  Where a part could not be had ``shot.problem`` says why.  Raises
-    RecordingError and AnalysisError where there is nothing to analyse.
+    ``shot.impact``; the model: ``shot.fit``.  Where a part is missing ``shot.problem`` says why.  Raises
+    RecordingError and AnalysisError where nothing can be analysed.
     """
     from dataclasses import replace
 
@@ -55,9 +54,9 @@ def analyse(
 
 
 def diagnose(shots: Shot | Sequence[Shot], *, accepted: Sequence[str] = ()) -> Diagnosis:
-    """Return what the model of the shots lacks; several shots of one rig are judged together, and tell more.
+    """Diagnose which effects the model of the shots lacks; several shots of one rig are diagnosed jointly.
 
-    ``accepted`` names effects that are in the model already.  Raises AnalysisError where a shot has no motion, and
+    ``accepted`` are effects that are in the model already.  Raises AnalysisError where a shot has no motion, and
     ValueError for an unknown effect or shots of different models.
     """
     from analysis.diagnosis.diagnose import diagnose as diagnose_shots
@@ -71,13 +70,13 @@ def simulate(
 ) -> list[Path]:
     """Write recordings of ``shots`` shots on the simulated bench into ``folder``; return their paths.
 
-    ``effects`` are what is wrong with the rig, as in ``{"sensor_lag": {"lag_s": 1e-6}}``.  The same seed gives the
-    same counts.  Raises ValueError on an effect that does not exist, RecordingError where nothing can be written.
+    ``effects`` are those of the rig, such as ``{"sensor_lag": {"lag_s": 1e-6}}``.  The same seed gives the same
+    counts.  Raises ValueError for an unknown effect, RecordingError where nothing can be written.
     """
     from instrument.bench.simulate import simulate as write_simulated
 
-    told = {name: dict(parameters) for name, parameters in effects.items()} if effects else None
-    return write_simulated(folder, shots, seed, told)
+    parameters_of = {name: dict(parameters) for name, parameters in effects.items()} if effects else None
+    return write_simulated(folder, shots, seed, parameters_of)
 
 
 def _main(argv: Sequence[str] | None = None) -> int:
@@ -88,7 +87,6 @@ def _main(argv: Sequence[str] | None = None) -> int:
 
 
 def _window(argv: Sequence[str] | None = None) -> int:
-    """Open the window."""
     from app.command_line.modes import window
 
     return window(argv)

@@ -1,17 +1,19 @@
-"""How a shot is analysed: each choice declared once, for files, the window's sheet and the command line."""
+"""The settings of an analysis, each declared once for files, the window's sheet and the command line."""
 
 from dataclasses import dataclass
 
 from levimass.setting import choice, number
 
+_DRIVE = "driven"
+
 
 @dataclass(frozen=True, slots=True)
 class AnalysisChoices:
-    """What a person may choose about an analysis."""
+    """The settings that the operator may choose."""
 
     bandwidth_hz: float = number(
         *(10e3, "Analysis", "Bandwidth", "kHz", 1e-3, 10.0, 1e6),
-        "Of velocity and force; noise of force grows with its power 2.5",
+        "Of velocity and force; the noise of the force grows with its power 2.5",
     )
     model: str = choice(
         *("paper", "Analysis", "Base model"),
@@ -20,10 +22,11 @@ class AnalysisChoices:
             ("clamped", "damping clamped"),
             ("no_tension", "no tension"),
             ("contact", "one body on a spring"),
-            ("driven", "driven slider"),
+            (_DRIVE, "driven slider"),
         ),
-        "What is simulated and fitted. Paper: block and plate, damped both ways, pulling until the overlap is "
-        "gone; damping clamped: none while they part, as Eq. 10 is printed; no tension: the contact never pulls",
+        "The model that is fitted. Paper: block and plate, damped in both directions, with tension until the "
+        "overlap ends; damping clamped: none while they separate, as Eq. 10 is printed; "
+        "no tension: the contact never pulls",
     )
     rest: str = choice(
         *("smoothed", "Analysis", "Rest beat"),
@@ -32,13 +35,13 @@ class AnalysisChoices:
     )
     fit_seconds: float = number(
         *(20.0, "Analysis", "Longest fit", "s", 1.0, 1e-3, 1e6),
-        "Longest that the fit of one shot may take; a usual fit takes one second",
+        "Longest time for the fit of one shot; usually it takes less than a second",
         flag="--fit-seconds",
         metavar="S",
     )
     diagnosis_seconds: float = number(
         *(60.0, "Analysis", "Longest diagnosis", "s", 1.0, 1e-3, 1e6),
-        "Time after which a diagnosis leaves out other ways and laws, and says so",
+        "Time after which a diagnosis leaves out further searches and laws, and says so",
         flag="--diagnosis-seconds",
         metavar="S",
     )
@@ -46,9 +49,14 @@ class AnalysisChoices:
 
 @dataclass(frozen=True, slots=True)
 class AnalysisSettings(AnalysisChoices):
-    """How a shot is analysed; kept with the shot it was used for."""
+    """All settings of an analysis; kept with the shot."""
 
     motion_rate_hz: float = number(100e3, "", "Rate of the motion", "Hz", 1.0, 1.0, 1e9)
     fit: bool = True
-    effects: tuple[str, ...] = ()  # of the catalogue, accepted into the model
-    corrections: tuple[tuple[str, float | None], ...] = ()  # values of the rig put right afterwards: ``corrected``
+    effects: tuple[str, ...] = ()  # in the model
+    corrections: tuple[tuple[str, float | None], ...] = ()  # of the rig's values after the shot: ``corrected``
+
+
+def is_drive(model: str) -> bool:
+    """Return whether a base model is that of a slider driven by a measured force, which strikes no plate."""
+    return model == _DRIVE

@@ -1,37 +1,37 @@
-"""A setting, declared once at its dataclass field: bounds, unit and words; file, sheet and command line follow."""
+"""Declare settings at dataclass fields, with bounds, unit and words for files, sheet and command line."""
 
 from collections.abc import Sequence
 from dataclasses import Field, dataclass, field, fields, replace
 from typing import Any
 
 Value = float | str | bool | None
-MOST_LISTED = 12  # numbers of a list: each is foretold by every model that competes
+MOST_LISTED = 12  # numbers in a list: a plan predicts each with every candidate
 _DECLARED = "setting"
 
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """One setting; ``scale`` turns the stored value (SI) into the shown one, in ``unit``.
+    """One setting; the stored value (SI) times ``scale`` is shown in ``unit``.
 
-    Without a ``group`` the window does not offer it; without a ``flag`` the command line does not.
+    Without a ``group`` it is not in the window, without a ``flag`` not on the command line.
     """
 
     group: str
     words: str
-    kind: str  # "number" | "numbers" (SI, parted by blanks) | "choice" | "folder" | "flag"
+    kind: str  # "number" | "numbers" (SI, separated by blanks) | "choice" | "folder" | "flag"
     unit: str = ""
     scale: float = 1.0
     low: float = float("-inf")
     high: float = float("inf")
     hover: str = ""
     choices: tuple[tuple[str, str], ...] = ()  # (stored, words)
-    optional: bool = False  # an empty field means: not given
+    optional: bool = False  # may be empty
     flag: str = ""  # of the command line
     metavar: str = ""  # its unit or what it names
     key: str = ""  # the name of the dataclass field
 
     def check(self, value: Value) -> None:
-        """Raise ValueError, with words that name the setting, for a value that it cannot have."""
+        """Raise ValueError, which names the setting, for a value that is not allowed."""
         if self.kind == "number":
             if value is None and self.optional:
                 return
@@ -41,7 +41,7 @@ class Setting:
             self._check_list(value)
         elif self.kind == "choice":
             if value not in {stored for stored, _ in self.choices}:
-                raise self.refused(value, "is none of the choices")
+                raise self.refused(value, "is not one of the choices")
         elif self.kind == "flag":
             if not isinstance(value, bool):
                 raise self.refused(value, "is neither true nor false")
@@ -49,9 +49,9 @@ class Setting:
             raise self.refused(value, "is not a text")
 
     def refused(self, value: object, why: str) -> ValueError:
-        """Return the error that names this setting and a value, cut where that is long."""
-        told = "a huge number" if isinstance(value, int) and abs(value) > 10**18 else repr(value)
-        return ValueError(f"{self.words or self.key}: {told if len(told) < 60 else told[:57] + '...'} {why}")
+        """Return the error for a value of this setting; a long value is shortened."""
+        shown = "a huge number" if isinstance(value, int) and abs(value) > 10**18 else repr(value)
+        return ValueError(f"{self.words or self.key}: {shown if len(shown) < 60 else shown[:57] + '...'} {why}")
 
     def _check_list(self, value: Value) -> None:
         try:
@@ -59,11 +59,11 @@ class Setting:
         except ValueError:
             numbers = None
         if numbers is None:
-            raise self.refused(value, "is no list of numbers")
+            raise self.refused(value, "is not a list of numbers")
         if not numbers and not self.optional:
             raise ValueError(f"{self.words}: a number is missing")
         if len(numbers) > MOST_LISTED:
-            raise ValueError(f"{self.words}: {len(numbers)} numbers, of which a plan can weigh {MOST_LISTED}")
+            raise ValueError(f"{self.words}: {len(numbers)} numbers, a plan can compare at most {MOST_LISTED}")
         for number in numbers:
             if not self.low <= number <= self.high:
                 raise ValueError(f"{self.words}: {number:g} is outside {self.low:g} to {self.high:g}")
@@ -98,16 +98,16 @@ def flag(default: bool, group: str, words: str, hover: str = "") -> Any:
 
 
 def declared(default: Value, setting: Setting) -> Any:
-    """Return a dataclass field that carries its declaration."""
+    """Return a dataclass field with a declaration."""
     return field(default=default, metadata={_DECLARED: setting})
 
 
 def setting_of(of: "Field[Any]") -> Setting | None:
-    """Return what a dataclass field declares, its own name as the key."""
+    """Return the declaration of a dataclass field, or None."""
     setting: Setting | None = of.metadata.get(_DECLARED)
     return None if setting is None else replace(setting, key=of.name)
 
 
 def settings_of(kind: Any) -> tuple[Setting, ...]:
-    """Return all declarations of a dataclass, in the order of its fields."""
+    """Return the declared settings of a dataclass, in the order of its fields."""
     return tuple(found for of in fields(kind) if (found := setting_of(of)) is not None)

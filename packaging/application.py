@@ -4,7 +4,7 @@ import multiprocessing
 import sys
 from pathlib import Path
 
-from app.command_line.display import TRY_WINDOW, try_window
+from app.command_line.machine import TRY_WINDOW, try_window
 from levimass import _main, _window
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from app.command_line.display import QT_LIBRARIES
+from app.command_line.machine import QT_LIBRARIES
 
 HOUSE = Path(__file__).resolve().parents[1]
 

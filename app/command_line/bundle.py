@@ -1,4 +1,4 @@
-"""``levimass --doctor --bundle FILE``: what who helps wants to see, in one ZIP file; no recording and no result."""
+"""``levimass --doctor --bundle FILE``: checks, versions, settings and log in one ZIP file for support."""
 
 import getpass
 import io
@@ -12,7 +12,7 @@ from pathlib import Path
 
 from platformdirs import user_config_path, user_log_path
 
-from app.command_line.version import version_text
+from app.command_line.machine import version_text
 from app.session.log import NAME
 from instrument.devices.doctor import Check
 from instrument.files.atomic_file import write_atomic
@@ -23,9 +23,9 @@ _MOST_OF_A_FILE = 4 << 20
 
 
 def write_bundle(path: Path, checks: Sequence[Check]) -> None:
-    """Write checks, versions, settings and log.  Raises RecordingError where the file cannot be written.
+    """Write checks, versions, settings and log, without the user's name and home folder; no recording, no result.
 
-    The user's name and home folder are taken out of the texts.
+    Raises RecordingError where the file cannot be written.
     """
     packages = sorted({f"{each.name} {each.version}" for each in distributions()})
     texts = {
@@ -46,14 +46,14 @@ def write_bundle(path: Path, checks: Sequence[Check]) -> None:
 
 
 def _end_of(file: Path) -> str:
-    """Return the end of a text file; a pipe that somebody laid there is not waited for.  Raises RecordingError."""
+    """Return the end of a text file.  Raises RecordingError, also for a pipe, which could block without end."""
     with os.fdopen(open_regular(file), "rb") as opened:
         opened.seek(max(0, os.fstat(opened.fileno()).st_size - _MOST_OF_A_FILE))
         return opened.read(_MOST_OF_A_FILE).decode(errors="replace")
 
 
 def _anonymous(text: str) -> str:
-    """Take out the home folder, however it is spelled (JSON escapes, links followed), and the user's name in a path."""
+    """Return the text without home folder (also JSON-escaped, links followed) and without the user's name in paths."""
     homes = {str(Path.home()), os.path.realpath(Path.home())}
     for home in sorted(homes, key=len, reverse=True):
         escaped = json.dumps(home)[1:-1]

@@ -1,4 +1,4 @@
-"""The command ``levimass``: the window where nothing else is asked for, and every mode that needs no screen."""
+"""The command ``levimass``: run the window or a mode without screen; exit status, Ctrl-C and broken pipes."""
 
 import contextlib
 import io
@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 from app.command_line.modes import run_of
 from app.command_line.parser import parse
@@ -18,7 +18,7 @@ OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status (0 analysed, 1 something failed, 2 wrong usage)."""
     arguments = list(sys.argv[1:] if argv is None else argv)
-    if isinstance(sys.stdout, io.TextIOWrapper):  # "±", or a name that is no text, must not cost a script its result
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a character that the terminal lacks must not end a script
         sys.stdout.reconfigure(errors="backslashreplace")
     with _plain_streams():
         return _status(arguments)
@@ -27,8 +27,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _status(arguments: Sequence[str]) -> int:
     try:
         with _ended_by_ctrl_c():
-            work = _work(arguments)
-        status = work()
+            run = run_of(parse(list(arguments)), arguments)
+        status = run()
         if sys.stdout is not None:
             sys.stdout.flush()
         return status
@@ -50,7 +50,7 @@ def _status(arguments: Sequence[str]) -> int:
 
 @contextlib.contextmanager
 def _plain_streams() -> Iterator[None]:
-    """Let nothing that stands in a file's name or note be obeyed by the terminal it is shown on."""
+    """Escape control characters of file names and notes before they reach a terminal."""
     with contextlib.ExitStack() as undo:
         for stream, redirect in (
             (sys.stdout, contextlib.redirect_stdout),
@@ -63,7 +63,7 @@ def _plain_streams() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _ended_by_ctrl_c() -> Iterator[None]:
-    """Let Ctrl-C end the process at once: nothing is under way yet, and an import cut short raises what it likes."""
+    """Let Ctrl-C end the process at once while modules are imported: an interrupted import may raise anything."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -75,14 +75,9 @@ def _ended_by_ctrl_c() -> Iterator[None]:
 
 
 def _drop_output() -> None:
-    """Keep the interpreter from trying once more, at its end, to write what could not be written."""
+    """Keep the interpreter from writing its buffer once more at exit."""
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def _work(arguments: Sequence[str]) -> Callable[[], int]:
-    """Return what the arguments ask for, its modules imported.  Raises SystemExit on wrong usage."""
-    return run_of(parse(list(arguments)), arguments)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""``levimass doctor``: what this machine has and lacks; ``levimass prepare``: compile what a first start needs."""
+"""``levimass doctor``: check this machine; ``levimass prepare``: compile everything before the first start."""
 
 import sys
 import time
@@ -7,10 +7,10 @@ from pathlib import Path
 from platformdirs import user_log_path
 
 from analysis.compiled import kernel_cache
+from analysis.shot.shot import Progress
 from app.command_line.bundle import write_bundle
-from app.command_line.display import why_no_window
-from app.command_line.version import installed
-from app.session.jobs import Report
+from app.command_line.machine import installed, why_no_window
+from app.command_line.outputs import say
 from app.session.log import NAME
 from app.session.prepare import complete
 from app.session.prepare import prepare as compile_all
@@ -22,9 +22,9 @@ from instrument.process.subprocess_digitizer import open_in_subprocess
 
 
 def doctor(folder: Path | None = None, source: str | None = None, bundle: Path | None = None) -> int:
-    """Print the checks, with a ``source`` those of its signals too; return 1 when one of them failed outright.
+    """Print the checks of this machine, and of the signals of a ``source``; return 1 where one failed.
 
-    ``bundle`` is where to write what who helps wants to see.
+    ``bundle`` is the ZIP file to write for support.
     """
     checks = [_program(), *examine(folder or Path.cwd()), _qt(), _kernels(), _log()]
     if source is not None:
@@ -36,7 +36,7 @@ def doctor(folder: Path | None = None, source: str | None = None, bundle: Path |
         try:
             write_bundle(bundle, checks)
         except RecordingError as error:
-            print(f"levimass: {error}", file=sys.stderr)
+            say(error)
             return 1
         print(f"levimass: written to {bundle}: these checks, versions, settings and log; no recordings")
     return 1 if any(check.grade is Grade.FAIL for check in checks) else 0
@@ -77,20 +77,20 @@ def _qt() -> Check:
 
 
 def prepare(jobs: int | None = None) -> int:
-    """Compile what is not compiled yet, over ``jobs`` processes, telling how far it is; return the exit status."""
+    """Compile what is not compiled yet in ``jobs`` processes, with progress; return the exit status."""
     if complete():
         print(f"levimass: everything is compiled already, in {kernel_cache.root()}")
         return 0
     began = time.monotonic()
     if not compile_all(progress_lines(), lambda: False, at_once=jobs):
-        print("levimass: not everything could be compiled; it will be when it is needed", file=sys.stderr)
+        say("not everything could be compiled; the rest is compiled when it is needed")
         return 1
     print(f"levimass: compiled in {time.monotonic() - began:.0f} s, kept in {kernel_cache.root()}")
     return 0
 
 
-def progress_lines() -> Report:
-    """Return what tells progress on standard error, a line for each step of it."""
+def progress_lines() -> Progress:
+    """Return a function that prints progress on standard error, a line for each step."""
     last = ""
 
     def report(words: str, share: float) -> None:

@@ -1,6 +1,6 @@
 """Figures 4 to 7 of the paper as PNG and SVG: measured left, simulated right, drawn by the window's own plots.
 
-Qt draws them because the window needs it anyway: another plotting library would be one more thing to install.
+Qt draws them because the window needs it anyway; no other plotting library is installed.
 """
 
 from pathlib import Path

@@ -1,7 +1,6 @@
-"""``levimass --map``: what a foreign file holds, and the mapping that makes it a recording, remembered beside it."""
+"""``levimass --map``: list the channels of a foreign file, or save which of them make it a recording."""
 
 import shlex
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.shot.recording import Role, Setup
+from app.command_line.outputs import say
 from instrument.files.foreign.contents import ForeignContents
 from instrument.files.foreign.mapping import (
     FOLDER_MAPPING,
@@ -26,8 +26,8 @@ from instrument.files.recording_error import RecordingError
 
 
 @dataclass(frozen=True, slots=True)
-class Given:
-    """What the call says of the rig and the record, None where it says nothing."""
+class MapOptions:
+    """Options on the rig and the record; None where not given."""
 
     mass_kg: float | None = None
     rate_hz: float | None = None
@@ -35,7 +35,7 @@ class Given:
     wavelength_m: float | None = None
     bits: int | None = None
     unit: str | None = None  # of a displacement
-    model: str | None = None  # of the program; only with a displacement
+    model: str | None = None  # base model, only with a displacement
 
 
 DISPLACEMENT = "displacement"
@@ -46,13 +46,13 @@ def map_foreign(
     path: Path,
     channels: Sequence[str] | None,
     volts: Sequence[str] | None,
-    given: Given,
+    given: MapOptions,
     *,
     for_folder: bool,
 ) -> int:
     """List a file's channels; with ``channels`` ("measurement=NAME") write its mapping and try it.
 
-    Returns the exit status: 1 where the file cannot be read so, 2 where an option says nothing that can be understood.
+    Returns the exit status: 1 where the file cannot be read with this mapping, 2 where an option is wrong.
     """
     if any(item.startswith(f"{DISPLACEMENT}=") for item in channels or ()):
         return _map_displacement(path, channels or (), bool(volts) or for_folder, given)
@@ -65,21 +65,21 @@ def map_foreign(
             raise ValueError("--unit and --model go with --channel displacement=NAME")
         if given.bits is not None and given.bits > 16:
             raise ValueError(f"--bits {given.bits}: not from 1 to 16")
-        if channels is None and (factors or for_folder or replace(given, rate_hz=None) != Given()):
+        if channels is None and (factors or for_folder or replace(given, rate_hz=None) != MapOptions()):
             raise ValueError("which channel is which? --channel measurement=NAME")
         if unmapped := sorted(set(factors) - set(roles)):
             raise ValueError(f"--volts {unmapped[0]}: no --channel has this role")
     except ValueError as error:
-        print(f"levimass: --map: {error}", file=sys.stderr)
+        say(f"--map: {error}")
         return 2
     try:
-        held = foreign_channels(path)
+        contents = foreign_channels(path)
         if channels is None:
-            print(_listing(held))
+            print(_listing(contents))
             return 0
         assert given.mass_kg is not None
         mapping = ForeignMapping(
-            held.format,
+            contents.format,
             tuple(MappedChannel(role, name, factors.get(role)) for role, name in roles.items()),
             Setup(
                 given.mass_kg,
@@ -89,47 +89,47 @@ def map_foreign(
             ),
             given.rate_hz,
         )
-        shot = read_foreign(path, mapping)  # a mapping that does not work is not remembered
-        kept = path.with_name(FOLDER_MAPPING) if for_folder else mapping_path(path)
-        write_mapping(mapping, kept)
+        shot = read_foreign(path, mapping)  # a mapping that does not work is not saved
+        mapping_file = path.with_name(FOLDER_MAPPING) if for_folder else mapping_path(path)
+        write_mapping(mapping, mapping_file)
     except RecordingError as error:
-        print(f"levimass: {error}", file=sys.stderr)
+        say(error)
         return 1
     trigger = "" if shot.trigger_sample is None else f", light switch at sample {shot.trigger_sample}"
     print(f"{path}: {shot.samples} samples at {shot.sample_rate_hz:g} samples/s{trigger}")
-    print(f"remembered in {kept}")
+    print(f"remembered in {mapping_file}")
     return 0
 
 
-def _map_displacement(path: Path, channels: Sequence[str], of_beats: bool, given: Given) -> int:
-    """Write which column of a table is the displacement and in which unit, and try it; the exit status as above."""
+def _map_displacement(path: Path, channels: Sequence[str], of_beats: bool, given: MapOptions) -> int:
+    """Save which column of a table is the displacement, and its unit; return the exit status."""
     own = replace(given, mass_kg=None, rate_hz=None, unit=None, model=None)
     try:
-        if len(channels) > 1 or of_beats or own != Given():
+        if len(channels) > 1 or of_beats or own != MapOptions():
             raise ValueError("a displacement goes with --unit, --model, --mass and --rate alone")
         if given.model is not None and given.model not in _MODELS:
             raise ValueError(f"--model: a displacement without a force has {' or '.join(_MODELS)}")
         if given.unit is not None and given.unit not in LENGTHS_M:
             raise ValueError(f"--unit {given.unit}: none of {', '.join(LENGTHS_M)}")
     except ValueError as error:
-        print(f"levimass: --map: {error}", file=sys.stderr)
+        say(f"--map: {error}")
         return 2
     try:
         channel = foreign_channels(path).channel(channels[0].partition("=")[2])
         unit = given.unit or length_unit(channel)
         if unit is None:
-            print("levimass: --map: the header states no unit of the displacement: --unit mm", file=sys.stderr)
+            say("--map: the header states no unit of the displacement: --unit mm")
             return 2
         model = _MODELS[given.model or "contact"]
-        kept = save_columns(path, MotionColumns(channel.name, unit, model, given.mass_kg, given.rate_hz))
+        mapping_file = save_columns(path, MotionColumns(channel.name, unit, model, given.mass_kg, given.rate_hz))
         record = read_motion(path)
     except RecordingError as error:
-        print(f"levimass: {error}", file=sys.stderr)
+        say(error)
         return 1
     assert record.displacement_m is not None
     span = float(np.ptp(record.displacement_m))
     print(f"{path}: {record.time_s.size} rows, displacement in {unit} over {span:.6g} m")
-    print(f"remembered in {kept}")
+    print(f"remembered in {mapping_file}")
     return 0
 
 
@@ -155,37 +155,37 @@ def _number(role: str, text: str) -> float:
     return value
 
 
-def _listing(held: ForeignContents) -> str:
-    lines = [f"{held.path} ({held.format})"]
-    for channel in held.channels:
+def _listing(contents: ForeignContents) -> str:
+    lines = [f"{contents.path} ({contents.format})"]
+    for channel in contents.channels:
         rate = f"{channel.sample_rate_hz:.9g} samples/s" if channel.sample_rate_hz else "rate not stated"
         unit = f", {channel.unit}" if channel.unit else ""
         lines.append(f"  {channel.name!r}: {channel.samples} samples, {channel.kind}{unit}, {rate}")
-    kept = find_mapping(held.path)
-    if kept is not None:
-        lines.append(f"its mapping is in {kept}:")
+    mapping_file = find_mapping(contents.path)
+    if mapping_file is not None:
+        lines.append(f"its mapping is in {mapping_file}:")
         try:
-            mapping = read_mapping(kept)
+            mapping = read_mapping(mapping_file)
         except RecordingError as error:
             lines.append(f"  {error}")
         else:
             lines += [f"  {channel.role}: {channel.name!r}" for channel in mapping.channels]
     else:
-        name = shlex.quote(held.channels[0].name)
-        more = "" if held.channels[0].sample_rate_hz else " --rate HZ"
+        name = shlex.quote(contents.channels[0].name)
+        more = "" if contents.channels[0].sample_rate_hz else " --rate HZ"
         lines.append("no mapping is remembered; say which channel is which, for example")
-        path = shlex.quote(str(held.path))
+        path = shlex.quote(str(contents.path))
         lines.append(f"  levimass --map {path} --channel measurement={name} --mass 0.01785 --rest 2.73e6{more}")
-        lines += _positions(held)
+        lines += _positions(contents)
     return "\n".join(lines)
 
 
-def _positions(held: ForeignContents) -> list[str]:
-    """Return the way in for someone whose table holds positions, not beats."""
-    if held.format != "csv":
+def _positions(contents: ForeignContents) -> list[str]:
+    """Return how to use a table that holds positions, not beats."""
+    if contents.format != "csv":
         return []
-    table = Path(held.path)
-    channel = next((c for c in held.channels if length_unit(c)), held.channels[0])
+    table = Path(contents.path)
+    channel = next((c for c in contents.channels if length_unit(c)), contents.channels[0])
     name, unit = shlex.quote(channel.name), "" if length_unit(channel) else " --unit mm"
     return [
         "are these positions, not beats? Then say which column is the displacement (and its unit: m, mm, um or nm)",

@@ -1,4 +1,4 @@
-"""What each command does with its options; what it needs is imported when it is asked for."""
+"""Run each command with its options; what a command needs is imported only for it."""
 
 import argparse
 import sys
@@ -16,23 +16,23 @@ Run = Callable[[], int]
 
 
 def run_of(options: argparse.Namespace, arguments: Sequence[str]) -> Run:
-    """Return what is asked for, its modules imported; it returns the exit status."""
+    """Return the function that runs the command, its modules imported; that returns the exit status."""
     if (command := command_of(options)) == WINDOW:
         return partial(window, arguments, site=options.site)
     return _MODES[command](options)
 
 
 def window(argv: Sequence[str] | None = None, *, site: str | None = None) -> int:
-    """Open the desktop application; its simulated bench stands at ``site``, else where the settings say."""
+    """Open the desktop application; its simulated bench stands at ``site``, else as in the settings."""
     from app.window.main_window import run
 
     return run(list(sys.argv[1:] if argv is None else argv), site)
 
 
 def reach_of(options: argparse.Namespace) -> "Reach":
-    """Return what the rig can do as the options say, else as the planning takes it.
+    """Return what the rig can do: from the options, else the planning's defaults.
 
-    A call gives the same answer to everybody: it takes none of this from a person's settings, which are the window's.
+    The settings of the window do not count here, so that a command gives everybody the same answer.
     """
     from analysis.planning.next_shot import Reach
 
@@ -49,9 +49,9 @@ def _replay(options: argparse.Namespace) -> Run:
 
     outputs = Outputs(options.json, options.export, options.hdf5, options.report, options.save_model)
     if options.jobs is not None or options.scheduler is not None:
-        from app.command_line.campaign.run import Workers, campaign
+        from app.command_line.campaign.run import WorkerChoice, campaign
 
-        workers = Workers(options.jobs, options.scheduler, options.insecure)
+        workers = WorkerChoice(options.jobs, options.scheduler, options.insecure)
         return partial(
             campaign,
             options.replay,
@@ -61,20 +61,19 @@ def _replay(options: argparse.Namespace) -> Run:
             settings=settings_from(options),
             checked=not options.unchecked,
         )
-    from app.command_line.replay import Asked, replay
+    from app.command_line.replay import ReplayRequest, replay
 
-    planned = options.plan is not None
-    asked = Asked(
+    request = ReplayRequest(
         diagnosis=not options.no_diagnose,
         laws=tuple(options.law or ()),
         foretell=options.foretell,
         plan=options.plan,
-        reach=reach_of(options) if planned else None,
+        reach=reach_of(options) if options.plan is not None else None,
     )
     return partial(
         replay,
         options.replay,
-        asked,
+        request,
         outputs,
         model=options.model,
         settings=settings_from(options),
@@ -83,16 +82,16 @@ def _replay(options: argparse.Namespace) -> Run:
 
 
 def _acquire(options: argparse.Namespace) -> Run:
-    from app.command_line.acquire import Taking, acquire
+    from app.command_line.acquire import CaptureRequest, acquire
     from instrument.devices.sources import at_site
 
     source = options.source if options.site is None else at_site(options.source, options.site)
-    taking = Taking(source, options.out, options.rate, options.samples, options.timeout)
+    request = CaptureRequest(source, options.out, options.rate, options.samples, options.timeout)
     if options.resolve is None:
-        return partial(acquire, options.acquire, taking)
+        return partial(acquire, options.acquire, request)
     from app.command_line.resolve import resolve
 
-    return partial(resolve, options.acquire, options.resolve, taking, options.json, reach_of(options))
+    return partial(resolve, options.acquire, options.resolve, request, options.json, reach_of(options))
 
 
 def _simulate(options: argparse.Namespace) -> Run:
@@ -110,12 +109,12 @@ def _simulate(options: argparse.Namespace) -> Run:
 
 
 def _map(options: argparse.Namespace) -> Run:
-    from app.command_line.map_foreign import Given, map_foreign
+    from app.command_line.map_foreign import MapOptions, map_foreign
 
-    given = Given(
+    mapping = MapOptions(
         options.mass, options.rate, options.rest, options.wavelength, options.bits, options.unit, options.model
     )
-    return partial(map_foreign, options.map, options.channel, options.volts, given, for_folder=options.for_folder)
+    return partial(map_foreign, options.map, options.channel, options.volts, mapping, for_folder=options.for_folder)
 
 
 def _paper(options: argparse.Namespace) -> Run:

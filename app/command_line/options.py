@@ -1,6 +1,6 @@
-"""The commands and options of ``levimass``, each declared once: parsers, help and what goes with what are made of them.
+"""The commands and options of ``levimass``, each declared once; parsers, help and checks are made from them.
 
-Nothing that computes is imported here: a wrong word is answered at once.
+Nothing slow is imported here, so that a wrong option is reported at once.
 """
 
 import argparse
@@ -21,7 +21,7 @@ Parsed = Callable[[str], Any]
 
 def _name(text: str) -> str:
     if not text or "\0" in text:
-        raise argparse.ArgumentTypeError(f"{text!r} names no file or folder")  # a script's variable that was never set
+        raise argparse.ArgumentTypeError(f"{text!r} names no file or folder")  # an unset variable of a script
     return text
 
 
@@ -30,7 +30,7 @@ def _path(text: str) -> Path:
 
 
 def _from(least: float, kind: type[int] | type[float], words: str) -> Parsed:
-    """Return what reads a number that is not below ``least``; ``words`` say what another is."""
+    """Return a parser of numbers not below ``least``; ``words`` say why another is refused."""
 
     def number(text: str) -> float:
         value = kind(text)
@@ -65,15 +65,15 @@ def _numbers(text: str) -> tuple[float, ...]:
 def _speeds(text: str) -> tuple[float, ...]:
     found = _numbers(text)
     if found[0] == 0.0:
-        raise argparse.ArgumentTypeError("a block that stands strikes nothing")
+        raise argparse.ArgumentTypeError("a block at rest does not strike the plate")
     return found
 
 
 class Version(argparse.Action):
-    """Print the version; what knows it is imported only then, and nothing that compiles."""
+    """Print the version."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        from app.command_line.version import version_text
+        from app.command_line.machine import version_text
 
         print(version_text())
         parser.exit()
@@ -81,7 +81,7 @@ class Version(argparse.Action):
 
 @dataclass(frozen=True, slots=True)
 class _Later:
-    """Words that argparse puts into a help text when it writes one."""
+    """Part of a help text that is made when argparse prints the help."""
 
     words: Callable[[], str] | None
 
@@ -91,18 +91,18 @@ class _Later:
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """An option or the argument of a command; ``parse`` None: a switch without a value.  ``more`` is for argparse."""
+    """An option, or the argument of a command.  ``parse`` None: a switch without a value; ``more`` goes to argparse."""
 
     flag: str
     help: str
     metavar: str = ""
     parse: Parsed | None = None
     more: Mapping[str, Any] = field(default_factory=dict)
-    later: Callable[[], str] | None = None  # what stands for "%(later)s" in the help, made when that is asked for
+    later: Callable[[], str] | None = None  # replaces "%(later)s" when the help is printed
 
     @property
     def key(self) -> str:
-        """Get its name among the parsed options."""
+        """Get the attribute's name among the parsed options."""
         return self.flag.lstrip("-").replace("-", "_")
 
     def add(self, to: Any, *names: str) -> None:
@@ -117,27 +117,27 @@ class Option:
 
 _OPTIONAL = {"nargs": "?", "const": ""}
 _EACH = {"action": "append"}
-COMMANDS = (  # each a word of its own and, as before, an option
+COMMANDS = (  # each is a command and, as in earlier versions, an option
     Option("--replay", "analyse recordings (files or folders)", "PATH", _path, {"nargs": "+"}),
     Option("--acquire", "arm, wait for the light switch, record N shots", "N", _positive_int),
     Option("--simulate", "write recordings from the simulated bench", "DIR", _path),
     Option(
         "--paper",
-        "print the paper's numbers beside this program's (and beside a recording's)",
+        "compare the paper's numbers with this program's (and with a recording's)",
         "RECORDING",
         _path,
         {"nargs": "?", "const": False},
     ),
-    Option("--map", "what a TDMS, HDF5, WAV or CSV file holds, and its use", "FILE", _path),
+    Option("--map", "list the channels of a TDMS, HDF5, WAV or CSV file, and map them", "FILE", _path),
     Option("--prepare", "compile everything now, for the first start (--jobs N)"),
     Option("--doctor", "check this machine, with --source its signals too"),
 )
-WINDOW, PLAN = "window", "plan"  # commands that are no option of their own
+WINDOW, PLAN = "window", "plan"  # commands without an option of the same name
 
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Options that stand together in the help, and the commands that they go with."""
+    """Options under one heading of the help, and the commands that accept them."""
 
     heading: str
     commands: tuple[str, ...]
@@ -171,17 +171,17 @@ GROUPS = (
         Option("--hdf5", "with --export: a motion file a shot in HDF5 too"),
         Option("--report", "write a report that prints: one HTML file", "FILE", _path),
         Option("--no-diagnose", "stop after the base model's fit"),
-        Option("--plan", "which shots to take next: those that decide, or that make a parameter (or all) twice as sure",
+        Option("--plan", "which shots to take next: those that decide, or that halve the ± of a parameter (or of all)",
                "PARAMETER", str, _OPTIONAL),
         Option("--unchecked", "leave out the comparison of data and SHA-512 (faster)"),
         *map(_of_setting, CHOSEN),
         Option("--model", f"base model: {', '.join(MODELS)} (default: paper), or a model file (.toml)", "NAME", str),
-        Option("--foretell", "put the model file to the test: unchanged, on these shots"),
-        Option("--law", "a law of one's own (TOML) that the diagnosis asks, too", "FILE", _path, _EACH),
-        Option("--save-model", "write the model that the diagnosis arrived at", "FILE", _path),
+        Option("--foretell", "test the model file, unchanged, on these shots"),
+        Option("--law", "a law of your own (TOML) that the diagnosis tries too", "FILE", _path, _EACH),
+        Option("--save-model", "write the model that the diagnosis found", "FILE", _path),
         Option("--jobs", "a campaign over N processes, resumable", "N", _positive_int),
         Option("--scheduler", "a campaign over the machines of a dask scheduler", "ADDRESS", str),
-        Option("--insecure", "with --scheduler: one elsewhere, and without TLS"),
+        Option("--insecure", "with --scheduler: allow another machine without TLS"),
     )),
     Group("with --paper (and --json)", ("paper",), (
         Option("--figures", "draw figures 4 to 7, PNG and SVG", "DIR", _path),
@@ -196,7 +196,7 @@ GROUPS = (
     )),
     Group("what the rig can do: with --plan or --resolve (else 0.05 to 0.6 m/s, 50 g, 12 mm)", ("replay", "acquire"), (
         Option("--speeds", "speeds that a planned shot may have", "M/S,...", _speeds),
-        Option("--weights", "weights to put on the block, each whole; 0: none", "KG,...", _numbers),
+        Option("--weights", "weights that can be put on the block; 0: none", "KG,...", _numbers),
         Option("--run-up", "free flight before the plate", "M", _positive),
     )),
     Group("with --map (and --rate)", ("map",), (
@@ -213,7 +213,7 @@ GROUPS = (
         Option("--shots", "shots to simulate (3)", "N", _positive_int, {"default": 3}),
         Option("--seed", "seed of the draw (1)", "S", _whole, {"default": 1}),
         Option("--effect", "an effect the base model lacks", "NAME:PARAMETER=VALUE,...", str),
-        Option("--undeclared", "draw an effect, or none, that is not told"),
+        Option("--undeclared", "draw a hidden effect, or none"),
     )),
     Group("the simulated bench: with --simulate, --acquire --source bench, or the window",
           ("simulate", "acquire", WINDOW), (
@@ -222,26 +222,26 @@ GROUPS = (
                "SITE", _name),
     )),
 )  # fmt: skip
-_ALSO = {  # commands that take single options of another's group
+_ALSO = {  # commands that accept single options of other groups
     "json": ("paper", "acquire"),
     "source": ("doctor",),
     "jobs": ("prepare",),
     "rate": ("map",),
     "model": ("map",),
 }
-_ONE_CALL = "are of one call's shots: leave --jobs and --scheduler out"
-EXCLUDED = (  # an option, those it does not go with, and why
-    ("save_model", ("no_diagnose",), "--save-model writes what a diagnosis arrived at: leave --no-diagnose out"),
+_ONE_CALL = "need all shots in one process: leave --jobs and --scheduler out"
+EXCLUDED = (  # an option, those that it excludes, and the message
+    ("save_model", ("no_diagnose",), "--save-model writes what a diagnosis found: leave --no-diagnose out"),
     ("jobs", ("scheduler",), "--jobs and --scheduler: one of them"),
     ("diagnosis_seconds", ("no_diagnose", "jobs"),
      "--diagnosis-seconds is for a diagnosis: leave --no-diagnose and --jobs out"),
-    ("law", ("no_diagnose",), "--law is asked by the diagnosis: leave --no-diagnose out"),
+    ("law", ("no_diagnose",), "--law is tried by the diagnosis: leave --no-diagnose out"),
     ("plan", ("no_diagnose",), "--plan begins with what a diagnosis left open: leave --no-diagnose out"),
     ("effect", ("undeclared",), "--undeclared draws the effect itself: leave --effect out"),
     *((name, ("jobs", "scheduler"), f"--report, --hdf5, --foretell, --law, --plan and --save-model {_ONE_CALL}")
       for name in ("report", "hdf5", "save_model", "foretell", "law", "plan")),
 )  # fmt: skip
-NEEDED = (  # an option, and those of which it needs one
+NEEDED = (  # an option, and those of which it needs at least one
     ("hdf5", ("export",)),
     ("insecure", ("scheduler",)),
     ("acquire", ("source",)),
@@ -251,7 +251,7 @@ NEEDED = (  # an option, and those of which it needs one
 
 
 def commands_of(group: Group, option: Option) -> tuple[str, ...]:
-    """Return the commands that an option goes with."""
+    """Return the commands that accept an option."""
     return (*group.commands, *_ALSO.get(option.key, ()))
 
 
@@ -264,6 +264,6 @@ def known_model(model: str | None) -> "SavedModel | None":
     """Return the model of a model file, or None where ``model`` is a name.  Raises RecordingError."""
     if model is None or not is_model_file(model):
         return None
-    from app.session.model_in_use import load_model  # not for the sake of a usage error
+    from app.session.model_in_use import load_model  # slow to import: not for a usage error
 
     return load_model(Path(model))

@@ -1,18 +1,15 @@
-"""``levimass --paper``: every number of the paper beside this program's, and figures 4 to 7 from a recording."""
+"""``levimass --paper``: compare the paper's numbers with this program's, and draw its figures 4 to 7."""
 
-import json
 import os
-import sys
 import textwrap
 from pathlib import Path
 
 from analysis.collision.exact import TooManyEvents
 from analysis.paper.paper import Reproduction, Status, reproduce, to_result
 from analysis.shot.shot import Shot
-from app.command_line.outputs import in_a_line
+from app.command_line.outputs import in_a_line, json_text, say, say_problem, write_json
 from app.report.paper_rows import SECTIONS, cells, shown
 from app.session.load import load_and_analyse
-from instrument.files.atomic_file import write_text_atomic
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_search import find_recordings
 
@@ -21,7 +18,7 @@ _LINE = 120
 
 
 def paper(json_to: str | None, figures_to: Path | None, recording: Path | None) -> int:
-    """Print the reproduction; write it as JSON ("-": standard output) and figures 4 to 7 where asked for.
+    """Print the comparison; write it as JSON ("-": standard output) and draw figures 4 to 7 where requested.
 
     Returns the exit status: 1 where the recording could not be analysed or something could not be written.
     """
@@ -29,23 +26,23 @@ def paper(json_to: str | None, figures_to: Path | None, recording: Path | None) 
     try:
         result = reproduce(shot)
     except (TooManyEvents, ValueError) as error:
-        print(f"levimass: the paper's model could not be solved: {error}", file=sys.stderr)
+        say(f"the paper's model could not be solved: {error}")
         return 1
-    text = json.dumps(to_result(result), indent=1, allow_nan=False) + "\n"
-    print(text if json_to == "-" else table(result), end="" if json_to == "-" else "\n")
+    if json_to != "-":
+        print(table(result))
     try:
-        if json_to is not None and json_to != "-":
-            write_text_atomic(Path(json_to), text, sync=True)
+        if json_to is not None:
+            write_json(json_text(to_result(result)), json_to)
         if figures_to is not None:
             ok = _figures(shot, figures_to, quiet=json_to == "-") and ok
     except (RecordingError, OSError) as error:
-        print(f"levimass: {in_a_line(error, figures_to or json_to)}", file=sys.stderr)
+        say(in_a_line(error, figures_to or json_to))
         ok = False
     return 0 if ok else 1
 
 
 def table(result: Reproduction) -> str:
-    """Return the reproduction for a terminal: a line a number, and below it what a difference was traced to."""
+    """Return the comparison for a terminal: a line for each number, and below it the cause of a difference."""
     lines = [result.title, result.authors]
     head = ("", "paper", "as printed", "simulated", "recomputed", "recording", "difference")
     with_recording = result.recording is not None
@@ -73,14 +70,14 @@ def _shot(recording: Path | None) -> tuple[Shot | None, bool]:
     try:
         found = list(find_recordings([recording]))
     except RecordingError as error:
-        print(f"levimass: {error}", file=sys.stderr)
+        say(error)
         return None, False
     if not found:
-        print(f"levimass: {recording}: no recording there", file=sys.stderr)
+        say(f"{recording}: no recording there")
         return None, False
     shot = load_and_analyse(found[0])
     if shot.problem:
-        print(f"levimass: {shot.path or shot.name}: {shot.problem}", file=sys.stderr)
+        say_problem(shot)
         return None, False
     return shot, True
 
@@ -91,11 +88,11 @@ def _figures(shot: Shot | None, folder: Path, *, quiet: bool) -> bool:
     try:
         from app.command_line.figures import write_figures
     except ImportError as error:
-        print(f"levimass: figures need Qt, which does not start here: {error}", file=sys.stderr)
+        say(f"figures need Qt, which does not start here: {error}")
         return False
     for path in write_figures(shot, folder):
         if not quiet:
             print(path)
     if shot is None:
-        print("levimass: no recording given: the figures show the simulation alone", file=sys.stderr)
+        say("no recording given: the figures show the simulation alone")
     return True

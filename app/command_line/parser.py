@@ -1,10 +1,10 @@
-"""The command line read: as a command with its options, or as options alone; what does not go together is refused."""
+"""Parse the command line, as a command with its options or as options alone; refuse options that exclude each other."""
 
 import argparse
 from dataclasses import replace
 
 from app.command_line import options as declared
-from app.command_line.options import COMMANDS, MODELS, PLAN, WINDOW, Option, Version, commands_of, is_model_file
+from app.command_line.options import COMMANDS, MODELS, PLAN, WINDOW, Version, commands_of, is_model_file
 from levimass.analysis_settings import AnalysisSettings
 
 
@@ -45,7 +45,7 @@ def command_parser(name: str) -> argparse.ArgumentParser:
 
 
 def parse(arguments: list[str]) -> argparse.Namespace:
-    """Return what the arguments say, whether they begin with a command or are all options, checked as a whole."""
+    """Return the parsed and checked options; the first argument may be a command.  Raises SystemExit on wrong usage."""
     parser, names = flat_parser(), [*(command.key for command in COMMANDS), PLAN, WINDOW]
     if not arguments or arguments[0] not in names:
         options = parser.parse_args(arguments)
@@ -64,23 +64,22 @@ def parse(arguments: list[str]) -> argparse.Namespace:
 
 
 def command_of(options: argparse.Namespace) -> str:
-    """Return the name of the command that is asked for."""
-    given = (command.key for command in COMMANDS if getattr(options, command.key) not in (None, *_off(command)))
-    return next(given, WINDOW)
-
-
-def _off(command: Option) -> tuple[bool, ...]:
-    return (False,) if command.parse is None else ()
+    """Return the name of the command."""
+    for command in COMMANDS:
+        value = getattr(options, command.key)
+        if value is not None and (value is not False or command.parse is not None):
+            return command.key
+    return WINDOW
 
 
 def settings_from(options: argparse.Namespace) -> AnalysisSettings:
-    """Return how shots are analysed, as the options say."""
+    """Return the settings of the analysis."""
     given = {setting.key: getattr(options, setting.key) for setting in declared.CHOSEN}
     return AnalysisSettings(**{key: value for key, value in given.items() if value is not None})
 
 
 def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    """Refuse options that would otherwise be passed over in silence."""
+    """Refuse options that have no effect with this command, or that exclude each other."""
     command, usual = command_of(options), flat_parser().parse_args([])
     given = {name for name, value in vars(options).items() if value != getattr(usual, name)}
     for group in declared.GROUPS:
@@ -99,7 +98,7 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
     if options.model is not None and options.model not in MODELS and not is_model_file(options.model):
         parser.error(f"--model: no model called {options.model!r}; there are {', '.join(MODELS)}")
     if options.foretell and (options.model is None or not is_model_file(options.model)):
-        parser.error("--foretell goes with --model FILE: it puts that file's model to the test")
+        parser.error("--foretell goes with --model FILE: it tests that file's model")
     if options.site is not None:
         _check_site(parser, options, command)
 

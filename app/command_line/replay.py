@@ -1,8 +1,6 @@
-"""``levimass --replay``: the analysis of the window, without the window."""
+"""``levimass --replay``: analyse and diagnose recordings, write results and reports, without a window."""
 
-import json
-import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,38 +10,43 @@ from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.diagnosis.verdict.foretold import Foretold
 from analysis.diagnosis.verdict.foretold import foretell as foretell_motions
 from analysis.fitted.fit_time import SECONDS, run_in_time
-from analysis.fitted.fitted_shot import fit_again, read_together, readings_model
+from analysis.fitted.fitted_shot import fit_again, read_together
 from analysis.planning.next_shot import Reach
 from analysis.report import result
-from analysis.shot.fit import Fit
 from analysis.shot.plates_of_set import why_not_together
-from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Shot
-from analysis.uncertainty.budget import combined_of, stated
-from analysis.uncertainty.numbers import Kind, of_collision
 from app.command_line.options import known_model
-from app.command_line.outputs import Outputs, check_outputs, in_a_line
-from app.command_line.plan_ahead import Ahead, plan_ahead
+from app.command_line.outputs import (
+    Outputs,
+    check_outputs,
+    in_a_line,
+    json_text,
+    own_fault,
+    say,
+    say_problem,
+    write_json,
+)
+from app.command_line.plan_shots import PlannedShots, plan_shots
+from app.command_line.summary import summary
 from app.report.export import export, export_foretold, export_laws
 from app.report.export_hdf5 import export_hdf5
 from app.report.page import report_of
-from app.session.combined_in_model import with_combined
-from app.session.load import complaint, load_and_analyse
-from app.words.flag_words import by_weight, flag_words
+from app.session.load import load_and_analyse
+from app.session.model_in_use import DRIFT_SIGMAS, with_combined
 from instrument.files.atomic_file import write_text_atomic
 from instrument.files.law_file import read_law
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_search import find_recordings
-
-DRIFT_SIGMAS = 4.0
+from levimass.analysis_settings import is_drive
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
-    """What is to be found out of the shots: ``laws`` are files of a person's own, which the diagnosis asks, too.
+class ReplayRequest:
+    """What to do with the shots beyond their own analysis.
 
-    ``foretell`` puts a model file to the test, as it is.  ``plan`` asks for the next shots: those that decide (""), or
-    that make a parameter surer; ``reach`` is what the rig can do.
+    ``laws`` are files of a person's own laws, which the diagnosis tries too.  ``foretell`` tests a model file, as it
+    is, on these shots.  ``plan`` names the next shots: those that decide between candidates (""), or that determine a
+    parameter better; ``reach`` is what the rig can do.
     """
 
     diagnosis: bool = True
@@ -53,9 +56,20 @@ class Asked:
     reach: Reach | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class _Results:
+    """Everything one call found, as its outputs need it."""
+
+    shots: Sequence[Shot]
+    diagnosis: Diagnosis | None
+    prediction: Foretold | None
+    planned: PlannedShots | None
+    tried: Sequence[str]  # effects in the model that no diagnosis named
+
+
 def replay(
     paths: Sequence[Path],
-    asked: Asked,
+    request: ReplayRequest,
     outputs: Outputs,
     *,
     model: str | None,
@@ -69,195 +83,151 @@ def replay(
     """
     shots: list[Shot] = []
     try:
-        own = [read_law(path).key for path in asked.laws]
+        laws = [read_law(path).key for path in request.laws]
         known = known_model(model)
         check_outputs(outputs.json, outputs.export, outputs.report, outputs.model)
     except (AnalysisError, RecordingError, OSError) as error:
-        print(f"levimass: {in_a_line(error, model)}", file=sys.stderr)
+        say(in_a_line(error, model))
         return 1
     settings = replace(settings, effects=known.effects if known else ())
     for path in find_recordings(paths):
         shot = load_and_analyse(path, known.base if known else model, settings=settings, checked=checked)
-        if why := shot.problem or shot.fit_problem:
-            print(complaint(shot.path or shot.name, why if shot.problem else f"not fitted: {why}"), file=sys.stderr)
+        say_problem(shot)
         shots.append(shot)
-    diagnosis, failed = _diagnosis(shots, own, settings.diagnosis_seconds) if asked.diagnosis else (None, False)
-    if diagnosis is not None and diagnosis.fit_after.model == "driven":  # its records have no overlay to compare
+    diagnosis, failed = _diagnosis(shots, laws, settings.diagnosis_seconds) if request.diagnosis else (None, False)
+    if diagnosis is not None and is_drive(diagnosis.fit_after.model):  # its records have no overlay to compare
         shots = [fit_again(shot, diagnosis.fit_after.effects) for shot in shots]
     elif diagnosis is not None and diagnosis.verdict is Verdict.EFFECT_FOUND:
         shots = read_together(shots, diagnosis.fit_after)
-    told = _foretold(shots, known) if asked.foretell and known is not None else None
-    tried = known.tried if known is not None else ()
-    ahead = plan_ahead(shots, diagnosis, asked.plan, asked.reach) if asked.plan is not None else None
-    ok = _write(shots, diagnosis, told, outputs, tried, ahead) and (told is not None or not asked.foretell)
-    ok = ok and (ahead is not None or asked.plan is None) and not failed
+    prediction = _prediction(shots, known) if request.foretell and known is not None else None
+    planned = plan_shots(shots, diagnosis, request.plan, request.reach) if request.plan is not None else None
+    found = _Results(shots, diagnosis, prediction, planned, known.tried if known is not None else ())
+    ok = _write(found, outputs) and not failed
+    ok &= (prediction is not None or not request.foretell) and (planned is not None or request.plan is None)
     if known is not None and diagnosis is not None:
-        _tell_drift(known, diagnosis)
+        _say_drift(known, diagnosis)
     if outputs.model is not None:
-        ok = _save_model(shots, diagnosis, outputs.model, tried) and ok
+        ok &= _save_model(found, outputs.model)
     return 0 if ok and shots and not any(shot.problem or shot.fit_problem for shot in shots) else 1
 
 
 def _diagnosis(shots: Sequence[Shot], laws: Sequence[str], seconds: float) -> tuple[Diagnosis | None, bool]:
-    """Return one diagnosis over the shots that can take part in it; None, and one line, where there is none.
+    """Return one diagnosis over the shots that can take part in it, and whether it failed.
 
-    The second says whether it failed.
+    Where there is no diagnosis the reason is one line on standard error.
     """
-    fitted = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
-    if not fitted:
+    shots = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
+    if not shots:
         return None, False
-    if why := why_not_together(fitted):
-        print(f"levimass: no joint diagnosis: {why}", file=sys.stderr)
+    if why := why_not_together(shots):
+        say(f"no joint diagnosis: {why}")
         return None, False
     try:
-        found = diagnose(fitted, accepted=fitted[0].settings.effects, laws=laws, seconds=seconds)
+        found = diagnose(shots, accepted=shots[0].settings.effects, laws=laws, seconds=seconds)
     except AnalysisError as error:
-        print(f"levimass: no diagnosis: {error}", file=sys.stderr)
-    except Exception as error:  # a fault of the program's own must not cost the shots their numbers
-        print(f"levimass: no diagnosis: {_fault(error)}", file=sys.stderr)
-    else:
-        if found.not_asked:
-            print(f"levimass: no time within {seconds:g} s for {'; '.join(found.not_asked)}", file=sys.stderr)
-        return found, False
-    return None, True
+        say(f"no diagnosis: {error}")
+        return None, True
+    except Exception as error:  # the shots keep their numbers
+        say(f"no diagnosis: {own_fault(error)}")
+        return None, True
+    if found.not_asked:
+        say(f"no time within {seconds:g} s for {'; '.join(found.not_asked)}")
+    return found, False
 
 
-def _foretold(shots: Sequence[Shot], known: SavedModel) -> Foretold | None:
-    """Return what the model file foretells of these shots; None, and one line, where it cannot be put to the test."""
+def _prediction(shots: Sequence[Shot], known: SavedModel) -> Foretold | None:
+    """Return how well the model file predicts these shots; None, and one line on standard error, where it cannot."""
     seen = [shot for shot in shots if shot.motion is not None and not shot.problem]
     motions = [shot.motion for shot in seen if shot.motion is not None]
     try:
         names = [shot.path or shot.name for shot in seen]
-        told = run_in_time(lambda: foretell_motions(motions, names, known), SECONDS * (1 + len(seen)))
+        prediction = run_in_time(lambda: foretell_motions(motions, names, known), SECONDS * (1 + len(seen)))
     except AnalysisError as error:
-        print(f"levimass: no prediction: {error}", file=sys.stderr)
+        say(f"no prediction: {error}")
         return None
     except Exception as error:  # the shots keep their numbers
-        print(f"levimass: no prediction: {_fault(error)}", file=sys.stderr)
+        say(f"no prediction: {own_fault(error)}")
         return None
-    for shot in told.shots:
+    for shot in prediction.shots:
         if shot.took_part:
-            print(f"levimass: {shot.name}: took part in the model's fit, so it is no test of it", file=sys.stderr)
+            say(f"{shot.name}: took part in the model's fit, so it is no test of it")
         if shot.problem:
-            print(f"levimass: {shot.name}: not predicted: {shot.problem}", file=sys.stderr)
-    return told
+            say(f"{shot.name}: not predicted: {shot.problem}")
+    return prediction
 
 
-def _tell_drift(known: SavedModel, diagnosis: Diagnosis) -> None:
-    """Say which parameters of the model file these shots no longer agree with."""
+def _say_drift(known: SavedModel, diagnosis: Diagnosis) -> None:
+    """Say which parameters of these shots differ from those in the model file."""
     for name, deviation in drift(known, diagnosis.fit_after).items():
         if abs(deviation) > DRIFT_SIGMAS:
-            print(f"levimass: {name} lies {deviation:+.1f} standard deviations from the model file's", file=sys.stderr)
+            say(f"{name} lies {deviation:+.1f} standard deviations from the model file's")
 
 
-def _save_model(shots: Sequence[Shot], diagnosis: Diagnosis | None, path: Path, tried: Sequence[str]) -> bool:
+def _save_model(found: _Results, path: Path) -> bool:
+    diagnosis = found.diagnosis
     if diagnosis is None or not diagnosis.fit_after.converged:
-        print(f"levimass: {path}: no model to save without a diagnosis whose fit converged", file=sys.stderr)
+        say(f"{path}: no model to save without a diagnosis whose fit converged")
         return False
-    names = [shot.path or shot.name for shot in shots if shot.fit is not None]
+    names = [shot.path or shot.name for shot in found.shots if shot.fit is not None]
     try:
-        model = to_text(saved(diagnosis.fit_after, names, diagnosis, tried))
-        write_text_atomic(path, with_combined(model, diagnosis.fit_after, shots), sync=True)
+        model = to_text(saved(diagnosis.fit_after, names, diagnosis, found.tried))
+        write_text_atomic(path, with_combined(model, diagnosis.fit_after, found.shots), sync=True)
     except RecordingError as error:
-        print(f"levimass: {error}", file=sys.stderr)
+        say(error)
         return False
     return True
 
 
-def _write(
-    shots: Sequence[Shot],
-    diagnosis: Diagnosis | None,
-    told: Foretold | None,
-    outputs: Outputs,
-    tried: Sequence[str],
-    ahead: Ahead | None,
-) -> bool:
-    """Write each output for itself, so that one that fails, with a line, costs none of the others."""
+def _write(found: _Results, outputs: Outputs) -> bool:
+    """Write each output on its own, so that one that fails, with a line, does not stop the others."""
+    shots, diagnosis, prediction, planned = found.shots, found.diagnosis, found.prediction, found.planned
     texts: list[str] = []
 
     def make_text() -> None:
-        whole = result(shots, diagnosis, told) | ({"next_shots": ahead.result} if ahead is not None else {})
-        texts.append(json.dumps(whole, indent=1, allow_nan=False) + "\n")
+        next_shots = {"next_shots": planned.result} if planned is not None else {}
+        texts.append(json_text(result(shots, diagnosis, prediction) | next_shots))
 
     def write_report(path: Path) -> None:
-        planned = ahead.words if ahead is not None else ""
-        page = report_of(shots, diagnosis, foretold=told, tried=tried, next_shots=planned)
+        words = planned.words if planned is not None else ""
+        page = report_of(shots, diagnosis, foretold=prediction, tried=found.tried, next_shots=words)
         write_text_atomic(path, page, sync=True)
 
-    ok = _done(make_text, "the result") if outputs.json else True
+    ok = _written(make_text, "the result") if outputs.json else True
     if (folder := outputs.export) is not None:
-        ok &= _done(lambda: export(shots, folder), folder)
+        ok &= _written(lambda: export(shots, folder), folder)
         if diagnosis is not None:
-            ok &= _done(lambda: export_laws(diagnosis, folder), folder)
-        if told is not None:
-            ok &= _done(lambda: export_foretold(told, folder), folder)
+            ok &= _written(lambda: export_laws(diagnosis, folder), folder)
+        if prediction is not None:
+            ok &= _written(lambda: export_foretold(prediction, folder), folder)
         if outputs.hdf5:
-            ok &= _done(lambda: export_hdf5(shots, folder), folder)
+            ok &= _written(lambda: export_hdf5(shots, folder), folder)
     if (report := outputs.report) is not None:
-        ok &= _done(lambda: write_report(report), report)
+        ok &= _written(lambda: write_report(report), report)
     if outputs.json == "-":
         print("".join(texts), end="")
         return ok
     if (name := outputs.json) and texts:
-        ok &= _done(lambda: write_text_atomic(Path(name), texts[0], sync=True), name)
+        ok &= _written(lambda: write_json(texts[0], name), name)
     for shot in shots:
-        if not shot.problem or shot.impact is not None:  # else all there is to say stands on standard error
+        if not shot.problem or shot.impact is not None:  # otherwise the problem is on standard error already
             print(summary(shot))
     if diagnosis is not None:
         print(f"diagnosis: {diagnosis.verdict.value}: {diagnosis.sentence}")
-    if told is not None:
-        print(told.sentence)
-    if ahead is not None:
-        print(f"next: {ahead.words}")
+    if prediction is not None:
+        print(prediction.sentence)
+    if planned is not None:
+        print(f"next: {planned.words}")
     return ok
 
 
-def _done(write: Callable[[], object], where: object) -> bool:
-    """Return whether something was written; where not, why is one line on standard error."""
+def _written(write: Callable[[], object], where: object) -> bool:
+    """Return whether something was written; where not, the reason is one line on standard error."""
     try:
         write()
     except (RecordingError, OSError) as error:
-        print(f"levimass: {in_a_line(error, where)}", file=sys.stderr)
-    except Exception as error:  # a fault of the program's own must not cost the other outputs
-        print(f"levimass: {in_a_line(_fault(error), where)}", file=sys.stderr)
+        say(in_a_line(error, where))
+    except Exception as error:
+        say(in_a_line(own_fault(error), where))
     else:
         return True
     return False
-
-
-def _fault(error: Exception) -> Exception:
-    return AnalysisError(f"a fault of the program: {type(error).__name__}: {' '.join(str(error).split())}")
-
-
-def summary(shot: Shot) -> str:
-    """Return one shot's numbers for a terminal, with their combined uncertainties where they have a budget."""
-    lines, combined = [f"{shot.path or shot.name}"], combined_of(shot)
-    if shot.problem:
-        lines.append(f"  not analysed: {shot.problem}")
-    if shot.impact is not None:
-        for number in of_collision(Kind.READ):
-            reading = stated(number.find(shot), number.key, combined)
-            shown = reading.scaled(number.scale) if isinstance(reading, Quantity) else f"– ({reading.reason})"
-            lines.append(f"  {number.title:<27}{shown} {number.shown_unit}".rstrip())
-        rests = readings_model(shot)
-        if rests is not None and shot.readings_fit is not None:
-            model, again = _with_effects(rests.base, rests.effects), ", ".join(rests.readings)
-            lines.append(f"  made again with model {model}, which the diagnosis found: {again}")
-    if shot.fit is not None and shot.fit.converged:
-        lines += fit_lines(shot.fit, combined)
-    if shot.flags:
-        lines += [f"  {flag}: {flag_words(flag)}" for flag in by_weight(shot.flags)]
-    return "\n".join(lines)
-
-
-def fit_lines(fit: Fit, combined: Mapping[str, float]) -> list[str]:
-    """Return a fitted model's numbers for a terminal; those without a combined uncertainty say so."""
-    lines = [f"  fit of model {_with_effects(fit.model, fit.effects)}, reduced chi2 {fit.reduced_chi2:.3g}"]
-    for name, quantity in fit.parameters.items():
-        alone = "" if name in combined else "  (± from noise alone)"
-        lines.append(f"    {name:<32} {stated(quantity, name, combined)}{alone}")
-    return lines
-
-
-def _with_effects(base: str, effects: Sequence[str]) -> str:
-    return " + ".join((base, *effects))

@@ -1,7 +1,5 @@
-"""``levimass --acquire N --resolve M``: take a set, diagnose it, and take the shots that decide what it left open."""
+"""``levimass --acquire N --resolve M``: take N shots, diagnose them, take up to M more that decide what is open."""
 
-import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,39 +10,38 @@ from analysis.planning.plan_words import plan_sentence, with_words
 from analysis.planning.shot_log import PlannedStep, PlanningState, next_step, plan_next
 from analysis.report import result
 from analysis.shot.shot import AnalysisError, Shot
-from app.command_line.acquire import LEAST_ARMING_S, Taking, capture_settings
-from app.command_line.outputs import check_outputs, in_a_line
-from app.session.load import complaint, load_and_analyse
+from app.command_line.acquire import LEAST_ARMING_S, CaptureRequest, capture_settings
+from app.command_line.outputs import check_outputs, in_a_line, json_text, say, say_problem, write_json
+from app.session.load import load_and_analyse
 from app.session.planned_record import planned_record, planned_setup
 from instrument.capture.acquire import AcquireError, acquire
 from instrument.devices.digitizer import DigitizerError
 from instrument.devices.sources import is_bench, pushed
-from instrument.files.atomic_file import write_text_atomic
 from instrument.files.recording_error import RecordingError
 from instrument.process.subprocess_digitizer import open_in_subprocess
 
 
-def resolve(first: int, most: int, taking: Taking, json_to: str | None, reach: Reach | None = None) -> int:
+def resolve(first: int, most: int, request: CaptureRequest, json_to: str | None, reach: Reach | None = None) -> int:
     """Take ``first`` shots, then at most ``most`` planned ones within ``reach``; return the exit status.
 
-    On the simulated bench the program sets speed and weights itself; at any other source it says what to set and waits
-    for the light switch.
+    On the simulated bench the program sets speed and weights itself; with any other source it says what to set and
+    waits for the light switch.
     """
     try:
         check_outputs(json_to, None)
-        shots = _analysed(_first(first, taking))
+        shots = _analysed(_first(first, request))
         diagnosis, standing = _standing(shots, (), most, reach)
         for number in range(most):
             if standing.settled:
                 break
             step = next_step(standing)
-            shots += _analysed([_planned(step.shot, shots, taking, number + first)])
+            shots += _analysed([_planned(step.shot, shots, request, number + first)])
             diagnosis, standing = _standing(shots, (*standing.steps, step), most - number - 1, reach)
-    except AcquireError as error:
-        print(f"levimass: {error}", file=sys.stderr)
+    except (AcquireError, DigitizerError, RecordingError, AnalysisError) as error:
+        say(error)
         return 1
-    except (DigitizerError, RecordingError, AnalysisError, OSError) as error:
-        print(f"levimass: {in_a_line(error, taking.out) if isinstance(error, OSError) else error}", file=sys.stderr)
+    except OSError as error:
+        say(in_a_line(error, request.out))
         return 1
     if json_to != "-":
         for shot in shots:
@@ -53,28 +50,29 @@ def resolve(first: int, most: int, taking: Taking, json_to: str | None, reach: R
     return _write(shots, diagnosis, standing, json_to)
 
 
-def _first(count: int, taking: Taking) -> list[Path]:
-    digitizer = open_in_subprocess(taking.source, arm_s=max(taking.timeout_s, LEAST_ARMING_S))
-    settings = capture_settings(digitizer, taking.rate_hz, taking.samples)
-    return acquire(digitizer, taking.out, count, settings, taking.timeout_s, report=_say)
+def _first(count: int, request: CaptureRequest) -> list[Path]:
+    digitizer = open_in_subprocess(request.source, arm_s=max(request.timeout_s, LEAST_ARMING_S))
+    settings = capture_settings(digitizer, request.rate_hz, request.samples)
+    return acquire(digitizer, request.out, count, settings, request.timeout_s, report=say)
 
 
-def _planned(shot: NextShot, shots: Sequence[Shot], taking: Taking, number: int) -> Path:
-    """Take one planned shot: set it where the program can, else say what to set."""
-    source = pushed(taking.source, shot.speed_m_per_s, shot.added_mass_kg, number) if is_bench(taking.source) else None
-    _say(f"{'taking' if source else 'please set, then push:'} {shot.words}")
-    digitizer = open_in_subprocess(source or taking.source, arm_s=max(taking.timeout_s, LEAST_ARMING_S))
+def _planned(shot: NextShot, shots: Sequence[Shot], request: CaptureRequest, number: int) -> Path:
+    """Take one planned shot, after setting speed and weights at the bench, or saying elsewhere what to set."""
+    source = None
+    if is_bench(request.source):
+        source = pushed(request.source, shot.speed_m_per_s, shot.added_mass_kg, number)
+    say(f"{'taking' if source else 'please set, then push:'} {shot.words}")
+    digitizer = open_in_subprocess(source or request.source, arm_s=max(request.timeout_s, LEAST_ARMING_S))
     setup = None if source else planned_setup(digitizer.setup, shot, shots)
-    settings = planned_record(shot, shots, taking.rate_hz)
-    (path,) = acquire(digitizer, taking.out, 1, settings, taking.timeout_s, report=_say, setup=setup)
+    settings = planned_record(shot, shots, request.rate_hz)
+    (path,) = acquire(digitizer, request.out, 1, settings, request.timeout_s, report=say, setup=setup)
     return path
 
 
 def _analysed(paths: Sequence[Path]) -> list[Shot]:
     shots = [load_and_analyse(path) for path in paths]
     for shot in shots:
-        if why := shot.problem or shot.fit_problem:
-            print(complaint(shot.path or shot.name, why), file=sys.stderr)
+        say_problem(shot)
     return shots
 
 
@@ -86,14 +84,14 @@ def _standing(
     if not motions:
         raise AnalysisError("no shot could be analysed, so there is nothing to diagnose")
     diagnosis = diagnose(fitted)
-    _say(f"after {len(motions)} shots: {diagnosis.sentence}")
+    say(f"after {len(motions)} shots: {diagnosis.sentence}")
     standing = plan_next(motions, diagnosis, steps, left=left, reach=reach)
     if standing.steps:
         last = standing.steps[-1]
-        reached = "not told" if last.reached is None else f"{last.reached:.2g}"
-        _say(f"expected {last.expected_separation:.2g} noise norms, reached {reached}")
+        reached = "not known" if last.reached is None else f"{last.reached:.2g}"
+        say(f"expected {last.expected_separation:.2g} noise norms, reached {reached}")
     if standing.plan is not None:
-        _say(plan_sentence(standing.plan))
+        say(plan_sentence(standing.plan))
     return diagnosis, standing
 
 
@@ -103,17 +101,9 @@ def _write(shots: Sequence[Shot], diagnosis: Diagnosis, standing: PlanningState,
     further = None if standing.plan is None else with_words(standing.plan)
     steps = [step.to_json() for step in standing.steps]
     whole = result(shots, diagnosis) | {"plan": steps, "next_shots": further}
-    text = json.dumps(whole, indent=1, allow_nan=False) + "\n"
-    if json_to == "-":
-        print(text, end="")
-        return 0
     try:
-        write_text_atomic(Path(json_to), text, sync=True)
+        write_json(json_text(whole), json_to)
     except RecordingError as error:
-        print(f"levimass: {error}", file=sys.stderr)
+        say(error)
         return 1
     return 0
-
-
-def _say(line: str) -> None:
-    print(f"levimass: {line}", file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""``make run``: the window on the simulated bench, or, where no window can open, one simulated shot in the terminal."""
+"""``make run``: open the window, or analyse one simulated shot in the terminal where no window can open."""
 
 import sys
 import tempfile
@@ -6,13 +6,13 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from app.command_line.display import why_no_window
+from app.command_line.machine import why_no_window
 from app.command_line.modes import window
 from instrument.bench.site import USUAL_SITE, site_named
 
 
 def main() -> int:
-    """Open the window where there is a display; run one shot headless where there is none."""
+    """Open the window, or run one shot headless where there is no display."""
     problem = why_no_window()
     if problem is None:
         return window([])
@@ -21,11 +21,12 @@ def main() -> int:
 
 
 def headless_shot() -> int:
-    """Simulate one shot in a usual laboratory and print its readings as soon as they are there, then its fit."""
+    """Simulate one shot in a usual laboratory and print its readings, then its fit."""
     from analysis.pipeline import fitted, read
     from analysis.uncertainty.budget import combined_of
     from app.command_line.doctor import progress_lines
-    from app.command_line.replay import fit_lines, summary
+    from app.command_line.outputs import say_problem
+    from app.command_line.summary import fit_lines, summary
     from app.session.prepare import Stage, prepare_first_shot
     from app.words.flag_words import by_weight, flag_words
     from instrument.bench.simulate import simulate
@@ -44,10 +45,8 @@ def headless_shot() -> int:
         print("\n".join(fit_lines(shot.fit, combined_of(shot))))
     for flag in by_weight(flag for flag in shot.flags if flag not in read_flags):
         print(f"  {flag}: {flag_words(flag)}")
-    why = shot.problem or shot.fit_problem
-    if why:
-        print(f"levimass: {shot.name}: {why}", file=sys.stderr)
-    return 1 if why else 0
+    say_problem(shot)
+    return 1 if shot.problem or shot.fit_problem else 0
 
 
 if __name__ == "__main__":

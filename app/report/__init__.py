@@ -1,1 +1,1 @@
-"""The printable report, piece by piece; ``app.report_page`` puts them together. No Qt: it needs no screen."""
+"""Reports and exports of shots: HTML, PDF, CSV, HDF5; without Qt except the PDF."""

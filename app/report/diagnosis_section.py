@@ -1,4 +1,4 @@
-"""What the diagnosis said, with its evidence, errors and detection limits; and a prediction put to the test."""
+"""Sections of the report on a diagnosis, with evidence, errors and detection limits, and on a tested prediction."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -14,8 +14,7 @@ from app.report.markup import Markup, joined, table, tag
 from app.report.number_tables import fitted
 from app.report.shot_figures import NOISE, figure
 from app.report.svg_plot import Band, Line, Plot
-from app.words.physics_words import effect_words, parameter_parts
-from app.words.prefixes import prefix_for
+from app.words.physics_words import effect_words, parameter_parts, prefix_for
 from app.words.verdict import VERDICTS
 from instrument.files.recording_error import one_line
 
@@ -28,28 +27,26 @@ ERRORS = (
     ("force_rms_n", "force, rms", "N"),
     ("reduced_chi2", "reduced χ²", ""),
 )
-
-
 MOST_DRAWN = 8  # shots whose residuals are drawn
 
 
 def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot], next_shots: str = "") -> Markup:
-    """Return the whole section; ``shots`` are those of the report, in their order, ``next_shots`` what was planned."""
+    """Return the section on a diagnosis of the report's ``shots``; ``next_shots`` is the plan in words."""
     motions = [shot.motion for shot in shots if shot.motion is not None and shot.fit is not None]
     count = len(motions)
-    taken = "; ".join(filter(None, (weights_words([m.moving_mass_kg for m in motions]), plates_words(motions))))
+    rig = "; ".join(filter(None, (weights_words([m.moving_mass_kg for m in motions]), plates_words(motions))))
     parts = [
         tag("p", tag("b", f"Verdict: {VERDICTS[diagnosis.verdict].full}."), class_="verdict"),
         tag("p", diagnosis.sentence),
-        tag("p", f"Made from {count} shot{'s' if count != 1 else ''} together{f': {taken}' if taken else ''}."),
+        tag("p", f"Made from {count} shot{'s' if count != 1 else ''} together{f': {rig}' if rig else ''}."),
     ]
     if diagnosis.effects:
         parts += [tag("h3", "Effects"), *[_effect(effect) for effect in diagnosis.effects]]
     if diagnosis.laws:
-        parts += [tag("h3", "Learned from the shots"), *[_law(law) for law in diagnosis.laws]]
+        parts += [tag("h3", "Laws learned from the shots"), *[_law(law) for law in diagnosis.laws]]
     parts += [tag("h3", "Error before and after"), _errors(diagnosis), _residuals(diagnosis, shots)]
     if diagnosis.remainder:
-        parts += [tag("h3", "What is left"), tag("p", diagnosis.remainder)]
+        parts += [tag("h3", "Remaining residual"), tag("p", diagnosis.remainder)]
     if diagnosis.candidates:
         parts += [tag("h3", "Every effect that was tried, best first"), _candidates(diagnosis)]
     if diagnosis.blind_spots:
@@ -84,7 +81,7 @@ def _law(law: LearnedLaw) -> Markup:
         tag(
             "p",
             f"Visited from {low:.4g} to {high:.4g} {law.curve_unit}. Not observable: {'; '.join(law.not_observable)}."
-            + (f" As well: {'; '.join(law.same_by_gauge)}." if law.same_by_gauge else ""),
+            + (f" Also: {'; '.join(law.same_by_gauge)}." if law.same_by_gauge else ""),
         ),
     ]
     if law.other_forms:
@@ -110,25 +107,25 @@ def _errors(diagnosis: Diagnosis) -> Markup:
 
 
 def error_rows(columns: Sequence[tuple[str, Errors]]) -> list[list[str]]:
-    """Return a row an error that was seen, a column a model."""
+    """Return a row for each kind of error that is known, with a column for each model."""
     rows = []
     for name, words, unit in ERRORS:
         values = [getattr(errors, name) for _, errors in columns]
         if np.isfinite(values).any():
-            scale, told = prefix_for(float(np.nanmax(np.abs(values))), unit) if unit else (1.0, "")
-            rows.append([f"{words} ({told})" if told else words, *(f"{scale * value:.4g}" for value in values)])
+            scale, shown_in = prefix_for(float(np.nanmax(np.abs(values))), unit) if unit else (1.0, "")
+            rows.append([f"{words} ({shown_in})" if shown_in else words, *(f"{scale * value:.4g}" for value in values)])
     return rows
 
 
 def _residuals(diagnosis: Diagnosis, shots: Sequence[Shot]) -> Markup:
-    """Return what the model left over of each shot, before and after; nothing where one fit served for both."""
+    """Return figures of each shot's residual before and after; nothing where both are the same fit."""
     before, after = diagnosis.fit_before.shots, diagnosis.fit_after.shots
-    taken = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
+    used = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
     if diagnosis.fit_after is diagnosis.fit_before or not before or len(before) != len(after):
         return Markup()
     plots = []
     for number, (one, other) in enumerate(zip(before[:MOST_DRAWN], after[:MOST_DRAWN], strict=True)):
-        shot = taken[number] if len(taken) == len(before) else None
+        shot = used[number] if len(used) == len(before) else None
         name = shot.name if shot is not None else f"shot {number + 1}"
         lines = []
         for part, kind in ((one, "simulated"), (other, "residual")):
@@ -161,7 +158,7 @@ def _parameters(parameters: Mapping[str, Quantity]) -> str:
 
 
 def foretold_section(foretold: "Foretold") -> Markup:
-    """Return the section: the sentence, the errors of all shots, and those of each."""
+    """Return the section on a model file tested on these shots: sentence, errors of all shots and of each."""
     effects = " + ".join(effect_words(name) for name in foretold.effects) or "no effect"
     columns: list[tuple[str, Errors]] = [("base alone", foretold.error_base), ("whole model", foretold.error_model)]
     shots = []
@@ -171,8 +168,8 @@ def foretold_section(foretold: "Foretold") -> Markup:
         shots.append([shot.name, *(rows[0][1:] if rows else ["\u2013", "\u2013"]), remark])
     which = error_rows(columns)[0][0]
     said = (
-        f"Model {foretold.model} with {effects}, as it was saved; only what is a shot\u2019s own (its speed, touch and "
-        "offset; a drive\u2019s constant force) was fitted."
+        f"Model {foretold.model} with {effects}, as it was saved; only the parameters of each shot (speed, touch and "
+        "offset; a drive\u2019s constant force) were fitted."
     )
     body = joined(
         tag("p", tag("b", f"{foretold.sentence[0].upper()}{foretold.sentence[1:]}.")),

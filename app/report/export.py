@@ -1,11 +1,11 @@
-"""CSV for other programs: units in the header, "." and ",", whatever the screen's language is."""
+"""Shots, motions, budgets, laws and predictions as CSV: SI units in the header, decimal point, comma between cells."""
 
 import csv
 import io
 import itertools
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -68,7 +68,7 @@ def shot_columns() -> list[str]:
 
 
 def export(shots: Sequence[Shot], folder: Path) -> list[Path]:
-    """Write one motion file a shot, ``shots.csv``, ``budget.csv`` and, of several shots, ``series.csv``.
+    """Write one motion file per shot, ``shots.csv``, ``budget.csv`` and, of several shots, ``series.csv``.
 
     Returns the paths.  Raises OSError or RecordingError.
     """
@@ -91,7 +91,7 @@ def export(shots: Sequence[Shot], folder: Path) -> list[Path]:
 
 
 def motion_file_names(shot_names: Sequence[str]) -> list[str]:
-    """Return a file name for each shot, no two alike: shots of two folders often share their names."""
+    """Return a different file name for each shot; shots of two folders often have the same name."""
     taken = {"shots.csv", "budget.csv", "series.csv", "foretold.csv"}
     names = []
     for shot_name in shot_names:
@@ -118,9 +118,9 @@ def motion_columns(shot: Shot) -> dict[str, Floats]:
 
 
 def _stds(motion: Motion, shaking: Shaking | None) -> dict[str, Floats]:
-    """Return the columns of standard uncertainties as the noise and what shook the path make them, each (n,).
+    """Return the columns of standard uncertainties from noise and path vibration, each (n,); none without a shaking.
 
-    A motion's own take a path that wanders for a random walk: six times too much for the force at VC-D.
+    The motion's own columns take a wandering path for a random walk: six times too large for the force at VC-D.
     """
     if shaking is None:
         return {}
@@ -134,7 +134,7 @@ def _stds(motion: Motion, shaking: Shaking | None) -> dict[str, Floats]:
 
 
 def write_motion(shot: Shot, path: Path) -> None:
-    """Write one row a sample of the motion record; a value that was not measured is an empty field."""
+    """Write the motion record, a row per sample; a value that was not measured is an empty cell."""
     columns = motion_columns(shot)
     table = np.stack(list(columns.values()), axis=1)
     lines = [",".join(columns)]
@@ -145,13 +145,13 @@ def write_motion(shot: Shot, path: Path) -> None:
 def write_shots(rows: Iterable[Sequence[str]], path: Path) -> None:
     """Write ``shots.csv`` from rows of ``shot_row``.
 
-    Beside each reading stand its combined standard uncertainty (``_std``) and that from noise alone (``_std_noise``).
+    Each reading is followed by its combined standard uncertainty (``_std``) and that from noise alone (``_std_noise``).
     """
     write_table(shot_columns(), rows, path)
 
 
 def write_table(header: Sequence[str], rows: Iterable[Sequence[str]], path: Path) -> None:
-    """Write a table as CSV, whole or not at all, one row in memory at a time; no cell is one a program would obey."""
+    """Write a table as CSV, complete or not at all, with one row in memory; no cell is a formula."""
     write_text_atomic(path, map(_csv_line, itertools.chain([header], rows)), sync=True)
 
 
@@ -170,7 +170,7 @@ def _budget_rows(shots: Sequence[Shot]) -> list[list[str]]:
 
 
 def shot_row(shot: Shot, motion_file: str) -> list[str]:
-    """Return the cells of one shot; what was not seen is an empty cell."""
+    """Return the cells of one shot; a number that was not seen is an empty cell."""
     status = "failed" if shot.problem else "ok"
     row = [shot.name, shot.path or "", shot.started_at or "", status, shot.problem or "", " ".join(shot.flags)]
     row += [shot.note, motion_file, shot.fit.model if shot.fit else ""]
@@ -182,7 +182,7 @@ def shot_row(shot: Shot, motion_file: str) -> list[str]:
 
 
 def _cells(reading: Reading, combined: float | None) -> list[str]:
-    """Return value, combined standard uncertainty (the noise's where it has no budget) and that from noise alone."""
+    """Return value, combined standard uncertainty (that from noise where there is no budget), and that from noise."""
     if not isinstance(reading, Quantity):
         return ["", "", ""]
     std = reading.std if combined is None else combined
@@ -190,7 +190,7 @@ def _cells(reading: Reading, combined: float | None) -> list[str]:
 
 
 def export_laws(diagnosis: Diagnosis, folder: Path) -> list[Path]:
-    """Write ``law_1.csv`` and so on, a row a point of the learned curve; return the paths.  Raises OSError."""
+    """Write ``law_1.csv`` and so on, a row per point of the learned curve; return the paths.  Raises OSError."""
     paths = []
     for number, law in enumerate(diagnosis.laws, 1):
         columns = law_columns(law)
@@ -202,7 +202,7 @@ def export_laws(diagnosis: Diagnosis, folder: Path) -> list[Path]:
 
 
 def law_columns(law: LearnedLaw) -> dict[str, list[float]]:
-    """Return the columns of a law's curve by their names: the argument, the free curve, its band, the closed forms."""
+    """Return the columns of a law's curve by name: argument, free curve, its standard uncertainty, closed forms."""
     unit = law.curve_unit.replace("/", "_per_")
     columns = {f"{law.argument.replace(' ', '_')}_{unit}": law.curve_argument.tolist()}
     columns |= {"force_n": law.curve_force_n.tolist(), "force_std_n": law.curve_std_n.tolist()}
@@ -214,11 +214,11 @@ def law_columns(law: LearnedLaw) -> dict[str, list[float]]:
     return columns
 
 
-KEYS = ("displacement_rms_m", "velocity_rms_m_per_s", "force_rms_n", "reduced_chi2")
+KEYS = tuple(field.name for field in fields(Errors))
 
 
 def export_foretold(foretold: "Foretold", folder: Path) -> Path:
-    """Write ``foretold.csv``: a row a shot and one for all; an empty cell was not seen.  Raises OSError."""
+    """Write ``foretold.csv``: the errors of a prediction, a row per shot and one for all.  Raises OSError."""
     header = ["name", "took_part", "problem"]
     header += [f"{which}_{key}" for which in ("base", "model") for key in KEYS]
     rows = [

@@ -1,4 +1,4 @@
-"""A shot's motion as HDF5: the columns of the CSV as data sets with their units, numbers and settings as attributes."""
+"""A shot's motion as HDF5: the CSV's columns as data sets with units, numbers and settings as attributes."""
 
 import io
 import json
@@ -21,9 +21,9 @@ from instrument.files.recording_error import RecordingError
 def export_hdf5(shots: Sequence[Shot], folder: Path) -> list[Path]:
     """Write ``NAME.h5`` for every shot that has a motion and return the paths.
 
-    Group ``motion`` holds one data set a column (``time_s`` ...; NaN where nothing was measured, ``valid`` says where)
-    with its unit in the attribute ``unit``; the file's attribute ``result`` is the shot's entry of the result file as
-    JSON, ``settings`` those of the analysis.  Raises OSError or RecordingError.
+    Group ``motion`` holds a data set per column (``time_s`` ...; NaN where not ``valid``) with the attribute ``unit``.
+    The file's attribute ``result`` is the shot's entry of the result file as JSON, ``settings`` is the analysis's.
+    Raises OSError or RecordingError.
     """
     written = []
     for shot, name in zip(shots, motion_file_names([shot.name for shot in shots]), strict=True):
@@ -56,7 +56,7 @@ def _bytes(shot: Shot, others: Sequence[Shot], path: Path) -> memoryview:
         file.attrs["started_at"] = _plain(shot.started_at or "")
         file.attrs["flags"] = _plain(" ".join(shot.flags))
         file.attrs["settings"] = json.dumps(asdict(shot.settings))
-        # an attribute holds 64 kB: the budget, which is in the report and in --json, does not go along
+        # an attribute holds 64 kB: the budget, which is in the report and in --json, is left out
         result = {key: value for key, value in shot_result(shot, others).items() if key != "budget"}
         file.attrs["result"] = json.dumps(result, allow_nan=False)
     return memory.getbuffer()

@@ -1,6 +1,6 @@
-"""HTML and SVG elements that cannot be injected: text is escaped wherever it did not come from ``tag`` itself.
+"""HTML and SVG elements; all text that is not ``Markup`` already is escaped.
 
-A template engine would be one more thing to install, and escapes only where it is told to.
+A template engine would be one more dependency, and escapes only on request.
 """
 
 import html
@@ -17,11 +17,11 @@ class Markup(str):
 Piece = str | Iterable[str]
 _INSIDE_UNIT = re.compile(r"(?<=\bN) (?=s\b)")  # "N s/m" is one unit, and never ends a line after its newton
 _VOID = ("meta", "br")
-_CLOSED = ("path", "line", "rect", "circle")  # of SVG: in HTML too they end with "/>"
+_CLOSED = ("path", "line", "rect", "circle")  # SVG elements without children
 
 
 def escaped(text: str) -> Markup:
-    """Return foreign text as markup; control characters, which no HTML file may hold, become a replacement sign."""
+    """Return text as markup; control characters, which HTML forbids, become a replacement character."""
     if isinstance(text, Markup):
         return text
     clean = "".join(c if c in "\n\t" or (c >= " " and not "\x7f" <= c <= "\x9f") else "\ufffd" for c in text)
@@ -29,7 +29,7 @@ def escaped(text: str) -> Markup:
 
 
 def tag(name: str, /, *children: Piece, **attributes: str | float | None) -> Markup:
-    """Return an element; a trailing "_" of an attribute's name is dropped, inner ones become "-"; None is left out."""
+    """Return an element.  In attributes' names a trailing "_" is dropped, others become "-"; None leaves one out."""
     pairs = (
         f' {key.rstrip("_").replace("_", "-")}="{escaped(str(value))}"'
         for key, value in attributes.items()
@@ -42,12 +42,11 @@ def tag(name: str, /, *children: Piece, **attributes: str | float | None) -> Mar
 
 
 def joined(*pieces: Piece) -> Markup:
-    """Return pieces one after the other."""
     return Markup("".join(escaped(p) if isinstance(p, str) else joined(*p) for p in pieces))
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]], class_: str | None = None) -> Markup:
-    """Return a table; the first cell of a row is its heading.  No unit is broken over two lines."""
+    """Return a table; the first cell of a row is its heading.  No line breaks within a unit."""
     header, rows = _unbroken(header), map(_unbroken, rows)
     head = tag("thead", tag("tr", [tag("th", cell, scope="col") for cell in header])) if header else Markup()
     body = [tag("tr", tag("th", row[0], scope="row"), [tag("td", cell) for cell in row[1:]]) for row in rows]

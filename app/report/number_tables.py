@@ -1,4 +1,4 @@
-"""A shot's numbers as tables: each with its uncertainty, and what makes it uncertain."""
+"""Tables of a shot's numbers: readings, fitted parameters, uncertainty budgets, vibration of the path."""
 
 import math
 from collections.abc import Collection
@@ -13,11 +13,11 @@ from analysis.uncertainty.numbers import Kind, number_of, of_collision, with_uni
 from app.report.markup import Markup, joined, table, tag
 from app.words.physics_words import correlation_words, effect_words, parameter_parts
 
-SMALL = 0.02  # of the combined uncertainty: what is below is told in one line
+SMALL = 0.02  # of the combined uncertainty: smaller contributions share one row
 
 
 def numbers(shot: Shot, of: Budget | None) -> Markup:
-    """Return the table of everything read from the motion; what was not seen says why."""
+    """Return the table of the numbers read from the motion; one that was not seen says why."""
     rows = []
     for number in of_collision(Kind.READ, Kind.DERIVED):
         entry, reading = of.of(number.key) if of is not None else None, number.find(shot)
@@ -27,20 +27,20 @@ def numbers(shot: Shot, of: Budget | None) -> Markup:
     return table(header, rows, "numbers")
 
 
-def rests_on(model: ReadingsModel | None) -> Markup:
-    """Return which of the numbers rest on a model, and on which."""
+def model_of_readings(model: ReadingsModel | None) -> Markup:
+    """Return which of the readings were taken from a fitted model, and from which."""
     if model is None:
         return tag("p", "All are read from the motion alone.")
-    named = ", ".join(number_of(key).words for key in model.readings)
+    readings = ", ".join(number_of(key).words for key in model.readings)
     effects = f" with {', '.join(map(effect_words, model.effects))}" if model.effects else ""
-    return tag("p", f"From the fitted model {model.base}{effects}: {named}. All else is read from the motion alone.")
+    return tag("p", f"From the fitted model {model.base}{effects}: {readings}. All others are from the motion alone.")
 
 
 def fitted(fit: Fit | None, tried: Collection[str] = (), of: Budget | None = None) -> Markup:
     """Return the fitted model's parameters with their uncertainties and correlations, or why there are none.
 
-    ``tried`` are effects that no diagnosis named: where one is in the model, that is said.  ``of`` is the shot's
-    budget; without one, as for several shots together, ± is what the noise of the samples leaves.
+    ``tried`` are effects that no diagnosis named; the table says where one is in the model.  ``of`` is the shot's
+    budget; without one, as for several shots together, ± is from the noise of the samples.
     """
     if fit is None:
         return tag("p", "No model was fitted.")
@@ -74,7 +74,7 @@ def budgets(of: Budget | None) -> Markup:
 
 
 def scaled(reading: Reading, unit: str) -> tuple[str, str]:
-    """Return a reading as text and the unit it is stated in; what was not seen is a dash."""
+    """Return a reading as text, a dash where it was not seen, and its unit."""
     factor, shown = shown_in(unit)
     if not isinstance(reading, Quantity) or not math.isfinite(reading.value):
         return "\u2013", shown
@@ -92,7 +92,7 @@ def _cells(reading: Reading, entry: QuantityBudget | None, unit: str) -> list[st
 
 
 def _budget(entry: QuantityBudget) -> Markup:
-    """Return the sources that count, and in a closing line those that together change nothing that is printed."""
+    """Return the budget of one number; sources too small to matter share the last row."""
     factor, unit = shown_in(entry.unit)
     counts = [row for row in entry.rows if row.std is None or row.contribution > SMALL * entry.std]
     small = [row for row in entry.rows if row not in counts]
@@ -117,7 +117,7 @@ def _source(row: BudgetRow, factor: float) -> list[str]:
 
 
 def disturbance_section(disturbance: Disturbance) -> Markup:
-    """Return the section without its heading."""
+    """Return what shook the path, and what was done about it."""
     floor = (
         f"Site vibration of {1e9 * disturbance.floor_rms_m:.3g} nm and "
         f"{1e6 * disturbance.floor_rms_m_per_s:.3g} µm/s rms is included in the uncertainties."

@@ -1,8 +1,7 @@
-"""The report of a shot or of a session: one HTML file that prints, needs nothing else, and says how to repeat it."""
+"""The report of a shot or a session: one self-contained, printable HTML file that says how to repeat the analysis."""
 
 from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
-from importlib import resources
 
 from analysis.diagnosis.result import Diagnosis
 from analysis.diagnosis.verdict.foretold import Foretold
@@ -13,12 +12,13 @@ from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
 from app.report import provenance
 from app.report.diagnosis_section import diagnosis_section, foretold_section
 from app.report.markup import Markup, joined, table, tag
-from app.report.number_tables import budgets, disturbance_section, fitted, numbers, rests_on
+from app.report.number_tables import budgets, disturbance_section, fitted, model_of_readings, numbers
 from app.report.session_section import session_section
 from app.report.shot_figures import figures
+from app.report.svg_style import style_sheet
 from app.words.flag_words import by_weight, flag_words
 
-MOST_DRAWN = 24  # shots: beyond that a page of figures each would make a file no browser likes
+MOST_DRAWN = 24  # shots with figures: more would make the file too large for a browser
 NO_LOADING = "default-src 'none'; style-src 'unsafe-inline'"
 
 
@@ -37,20 +37,18 @@ def report_of(
 
     One shot gives its own report; several give a session's, with overlay and trends before the shots themselves.
     ``instrument`` is the type B part of the budgets (as stated by the rig's owner), ``made_at`` defaults to now.
-    ``tried`` are effects in the model that a person put in and no diagnosis named; ``next_shots`` the plan of the shots
-    to take next, in words.
-    Every figure is inline SVG, the style sheet is inside, nothing is loaded and nothing runs.
+    ``tried`` are effects in the model that no diagnosis named; ``next_shots`` is the plan of the next shots in words.
+    Figures are inline SVG, the style sheet is included; the page loads nothing and runs no script.
     """
     made = (made_at or datetime.now(UTC)).astimezone(UTC).strftime("%Y-%m-%d %H:%M UTC")
     heading = title or (shots[0].name if len(shots) == 1 else f"Session of {len(shots)} shots")
-    style = resources.files("resources").joinpath("report.css").read_text(encoding="utf-8")
     head = tag(
         "head",
         tag("meta", charset="utf-8"),
         tag("meta", http_equiv="Content-Security-Policy", content=NO_LOADING),
         tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
         tag("title", f"{heading} \u2013 Levimass report"),
-        tag("style", Markup(style)),
+        tag("style", Markup(style_sheet())),
     )
     body = [tag("header", tag("h1", heading), tag("p", f"Levimass report, made {made}", class_="faint"))]
     if not shots:
@@ -86,7 +84,7 @@ def _shot(
     parts: list[Markup] = [heading, _remarks(shot)]
     of = budget(shot, instrument, others) if shot.impact is not None else None
     if shot.impact is not None:
-        parts += [tag("h3", "Numbers"), numbers(shot, of), rests_on(readings_model(shot))]
+        parts += [tag("h3", "Numbers"), numbers(shot, of), model_of_readings(readings_model(shot))]
         if shot.impact.disturbance is not None:
             parts += [tag("h3", "Vibration of the path"), disturbance_section(shot.impact.disturbance)]
     if shot.motion is not None:

@@ -1,10 +1,10 @@
-"""A number of the paper beside this program's, as text in readable units: in the terminal and on the screen."""
+"""Rows that compare the paper's numbers with this program's, as text in readable units."""
 
 from analysis.paper.paper import PaperRow, Status
 from analysis.shot.quantity import Quantity
 
 SECTIONS = {
-    "input": "What the paper's rig and simulation were made with",
+    "input": "Parameters of the paper's rig and simulation",
     "simulation": "The simulation",
     "measurement": "The measurement",
     "plate": "The plate",
@@ -17,9 +17,9 @@ OWN_SCALES = {"wavelength": (1e9, "nm"), "record_length": (1.0, "s"), "input.ste
 def cells(row: PaperRow) -> tuple[str, ...]:
     """Return a row as text: what, paper, as printed, simulated, recomputed, recording, difference and status."""
     said = row.paper_words or shown(row, row.paper) or "–"
-    unit = unit_of(row).replace("m3", "m³")
+    unit = readable_unit(row)[1].replace("m3", "m³")
     what = f"{row.what} ({unit})" if unit else row.what
-    recorded = str(row.recorded.scaled(_scale(row)[0])) if isinstance(row.recorded, Quantity) else ""
+    recorded = str(row.recorded.scaled(readable_unit(row)[0])) if isinstance(row.recorded, Quantity) else ""
     if row.status in (Status.INPUT, Status.ADDED):
         difference = row.status.value
     else:
@@ -40,18 +40,9 @@ def shown(row: PaperRow, value: float | None, *, relative: bool = False) -> str:
         if abs(value) < 5e-7:
             return "none"
         return f"{value * 1e6:+.0f} ppm" if abs(value) < 5e-4 else f"{value * 100.0:+.2g} %"
-    return f"{value * _scale(row)[0]:.7g}"
+    return f"{value * readable_unit(row)[0]:.7g}"
 
 
-def unit_of(row: PaperRow) -> str:
-    """Return the readable unit that ``shown`` uses."""
-    return _scale(row)[1]
-
-
-def scale_of(row: PaperRow) -> float:
-    """Return the factor from SI to the readable unit."""
-    return _scale(row)[0]
-
-
-def _scale(row: PaperRow) -> tuple[float, str]:
+def readable_unit(row: PaperRow) -> tuple[float, str]:
+    """Return the factor from SI to the readable unit, and that unit."""
     return OWN_SCALES.get(row.key) or SCALES.get(row.unit, (1.0, row.unit))

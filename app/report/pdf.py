@@ -1,4 +1,4 @@
-"""The report as pages: its HTML laid out by Qt, its figures and the keys of their legends drawn from SVG."""
+"""The report as PDF: HTML laid out by Qt, with figures and legend keys drawn from SVG."""
 
 import os
 import re
@@ -16,25 +16,25 @@ _FIGURE = re.compile(r"<svg\b.*?</svg>", re.DOTALL)
 _KEY = re.compile(r'<span class="key ([\w-]+)">')
 _WIDTH = 680  # of a figure over the page's width, in the document's pixels
 _KEY_SIZE = (26, 10)
-_FINER = 3.0  # than that a figure is drawn
+_OVERSAMPLING = 3.0  # a figure's pixels per pixel of the document
 _MARGIN_MM = 15.0
 
 
 def document_of(html: str) -> QTextDocument:
-    """Return the report as a document that prints; every inline figure becomes a picture of it."""
+    """Return the report as a printable document; every inline figure becomes an image."""
     document = QTextDocument()
 
     def added(name: str, svg: str, width: float) -> str:
         image = _drawn(svg, width)
         document.addResource(QTextDocument.ResourceType.ImageResource.value, QUrl(name), image)
-        size = (round(image.width() / _FINER), round(image.height() / _FINER))
+        size = (round(image.width() / _OVERSAMPLING), round(image.height() / _OVERSAMPLING))
         return f'<img src="{name}" width="{size[0]}" height="{size[1]}">'
 
     def pictured(found: re.Match[str]) -> str:
         return added(f"figure:{found.start()}", found[0], _WIDTH)
 
     def with_key(found: re.Match[str]) -> str:
-        """Draw a legend's key: the sheet makes it of a border before the words, which Qt's text does not know."""
+        """Draw a legend's key: the style sheet makes it of a border, which Qt's text does not support."""
         width, height = _KEY_SIZE
         shape = f"M0 {height / 2}H{width - 4}" if found[1] != "band" else f"M0 0H{width - 4}V{height}H0Z"
         svg = f'<svg viewBox="0 0 {width} {height}"><path class="{found[1]}" d="{shape}"/></svg>'
@@ -47,12 +47,12 @@ def document_of(html: str) -> QTextDocument:
 def write_pdf(html: str, path: Path) -> None:
     """Write the report as a PDF of A4 pages.  Raises RecordingError."""
     application = QGuiApplication.instance()
-    if application is None:  # in a process without a screen; fonts need one all the same
+    if application is None:  # fonts need an application, also without a screen
         os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
         application = QGuiApplication([])
-    beside = path.with_name(f".levimass-report.{os.getpid()}.new")
+    temporary = path.with_name(f".levimass-report.{os.getpid()}.new")
     try:
-        writer = QPdfWriter(str(beside))
+        writer = QPdfWriter(str(temporary))
         margins = QMarginsF(_MARGIN_MM, _MARGIN_MM, _MARGIN_MM, _MARGIN_MM)
         writer.setPageLayout(
             QPageLayout(
@@ -67,19 +67,19 @@ def write_pdf(html: str, path: Path) -> None:
         document.setPageSize(QSizeF(writer.width(), writer.height()))
         document.print_(writer)
         del writer
-        write_atomic(path, (beside.read_bytes(),), sync=True)
+        write_atomic(path, (temporary.read_bytes(),), sync=True)
     finally:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
 def _drawn(svg: str, width: float) -> QImage:
-    """Return a figure; one that is narrower than the page stays narrower by as much."""
+    """Return a figure as an image; the ratio of its width to the page's is kept."""
     renderer = QSvgRenderer(QByteArray(with_own_style(svg).encode("utf-8")))
     size = renderer.defaultSize()
     narrower = width == _WIDTH and size.width() < WIDTH  # two of them stand side by side
     wide = 0.96 * width * size.width() / WIDTH if narrower else width
     height = wide * size.height() / max(1, size.width())
-    image = QImage(round(_FINER * wide), round(_FINER * height), QImage.Format.Format_RGB32)
+    image = QImage(round(_OVERSAMPLING * wide), round(_OVERSAMPLING * height), QImage.Format.Format_RGB32)
     image.fill(0xFFFFFFFF)
     painter = QPainter(image)
     renderer.render(painter)

@@ -1,4 +1,4 @@
-"""How a shot was taken and analysed, and from which bytes: what another person needs to get the same numbers."""
+"""How a shot was taken and analysed, and the hash of its data: what another person needs to get the same numbers."""
 
 import math
 import platform
@@ -25,12 +25,12 @@ NUMERICS = ("numpy", "scipy", "numba")
 
 
 def taken_with(shot: Shot) -> Markup:
-    """Return the settings a shot was taken with: digitizer, channels, rig."""
+    """Return digitizer, channels and rig of a shot."""
     rows = [["started", shot.started_at or "not stated"]]
     if shot.sample_rate_hz is not None:
         rows.append(["sample rate", f"{shot.sample_rate_hz:.10g} samples/s"])
     if shot.samples is not None:
-        rows.append(["samples a channel", str(shot.samples)])
+        rows.append(["samples per channel", str(shot.samples)])
     if shot.trigger_time_s is not None:
         rows.append(["light switch", f"{1e3 * shot.trigger_time_s:.6g} ms after the first sample"])
     rows += _channels(shot)
@@ -39,7 +39,7 @@ def taken_with(shot: Shot) -> Markup:
 
 
 def analysed_with(shot: Shot) -> Markup:
-    """Return the settings of the analysis and what it found the signals to be like."""
+    """Return the settings of the analysis and the quality of the signals."""
     chosen = {entry.name: getattr(shot.settings, entry.name) for entry in fields(shot.settings)}
     rows = [[name.replace("_", " "), _value(value)] for name, value in chosen.items()]
     motion = shot.motion
@@ -60,7 +60,7 @@ def analysed_with(shot: Shot) -> Markup:
 
 
 def repeated_by(shot: Shot, tried: Collection[str] = ()) -> Markup:
-    """Return program, data hash and the command that gives the same report again."""
+    """Return program, data hash and the command that repeats the report."""
     rows = [["program", program_words()]]
     if shot.path is None:
         rows.append(["data", "not on disk when this report was made"])
@@ -74,12 +74,12 @@ def repeated_by(shot: Shot, tried: Collection[str] = ()) -> Markup:
             text = to_text(saved(shot.fit, [shot.path], tried=tried))
             rows.append(["model.toml", tag("pre", text)])
         if shot.settings.corrections:
-            rows.append(["put right", "in the window, after the shot was taken; the recording has other values"])
+            rows.append(["corrected", "in the window, after the shot was taken; the recording has other values"])
     return table([], rows, "settings")
 
 
 def program_words() -> str:
-    """Return the program's version and that of everything its numbers depend on."""
+    """Return the versions of the program and of the packages its numbers depend on."""
     parts = [f"levimass {program_version()}"]
     for name in NUMERICS:
         try:
@@ -107,7 +107,7 @@ def _hash(path: str) -> list[list[str]]:
 
 
 def _channels(shot: Shot) -> list[list[str]]:
-    """Return the channels as the recording's metadata state them; the analysed shot does not carry them."""
+    """Return the channels from the recording's metadata, as the analysed shot does not hold them."""
     if shot.path and is_foreign(shot.path):
         return _mapped(Path(shot.path))
     stem = recording_stem(shot.path) if shot.path else None
@@ -134,7 +134,7 @@ def _mapped(path: Path) -> list[list[str]]:
         return []
     rows = [["read by", f"{kept.name} ({mapping.format})"]]
     for channel in mapping.channels:
-        volts = "" if channel.volts_per_unit is None else f", {channel.volts_per_unit:.10g} V a unit"
+        volts = "" if channel.volts_per_unit is None else f", {channel.volts_per_unit:.10g} V per unit"
         rows.append([str(channel.role), f"channel {channel.name}{volts}"])
     return rows
 

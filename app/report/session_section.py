@@ -1,4 +1,4 @@
-"""Several shots side by side: overlay from first touch on, every number's mean, repeatability and trend."""
+"""Section of the report on several shots: table, overlay from first touch, mean, repeatability and trend."""
 
 import math
 from collections.abc import Sequence
@@ -17,8 +17,8 @@ from app.report.shot_figures import contact_span_ms, figure, time_zero
 from app.report.svg_plot import Dot, Line, Plot, draw
 from app.words.flag_words import by_weight, flag_name
 
-COLOURS = 8  # of the style sheet: series-0 to series-7; further shots begin again
-NAMED = 8  # curves that a legend can keep apart
+COLOURS = 8  # of the style sheet: series-0 to series-7, then again
+NAMED = 8  # most curves in a legend
 
 
 def session_section(shots: Sequence[Shot]) -> Markup:
@@ -33,8 +33,8 @@ def session_section(shots: Sequence[Shot]) -> Markup:
         plots = [_trend(summary) for summary in found.summaries if len(summary.shots) > 1]
         if plots:
             said = (
-                "Against impact velocity. Bars are each shot's standard uncertainty from noise alone: what all "
-                "share scatters nothing between them. The line is weighted, drawn where the shots differ in speed."
+                "Against impact velocity. Bars: each shot's standard uncertainty from noise alone, without what all "
+                "shots share. Line: weighted fit, where the shots differ in speed."
             )
             caption = tag("figcaption", tag("b", "Trends. "), said)
             parts.append(tag("figure", tag("div", plots, class_="grid2"), caption))
@@ -106,7 +106,7 @@ def _summaries(found: Series, shots: Sequence[Shot]) -> Markup:
 
 
 def shared_stds(shots: Sequence[Shot]) -> dict[str, float]:
-    """Return the part of each number's uncertainty that all shots share (type B), by its key; the median of theirs."""
+    """Return the median over the shots of each number's type B uncertainty, which all share, by the number's key."""
     found: dict[str, list[float]] = {}
     for shot in shots:
         if shot.impact is not None:

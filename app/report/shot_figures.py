@@ -1,4 +1,4 @@
-"""The figures of one shot: beat, velocity and force over time, what the model leaves over, first contact, loop, gap."""
+"""Figures of one shot: beat, velocity and force over time, residual, first contact, force against deflection, gap."""
 
 import math
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ RESIDUAL, NOISE = ("residual", "measured \u2212 simulated"), ("band", "noise and
 
 @dataclass(frozen=True, slots=True)
 class _Course:
-    """A shot on the time axis of its figures, in ms from ``time_zero``."""
+    """A shot with the time axis of its figures, in ms from ``time_zero``."""
 
     shot: Shot
     time_ms: Floats
@@ -39,7 +39,7 @@ class _Course:
 
 
 def figures(shot: Shot) -> list[Markup]:
-    """Return the figures that this shot's data allow, as HTML; none where it has no motion."""
+    """Return the figures of a shot as HTML, as far as its data allow; none without a motion."""
     motion = shot.motion
     if motion is None:
         return []
@@ -54,7 +54,7 @@ def figures(shot: Shot) -> list[Markup]:
 
 
 def figure(title: str, words: str, plots: list[Plot], legend: list[tuple[str, str]], height: int) -> Markup:
-    """Return plots under one another with a caption that says what is drawn how."""
+    """Return plots below each other, with caption and legend."""
     keys = [tag("span", text, class_=f"key {kind}") for kind, text in legend]
     drawn = [draw(plot, width=WIDTH, height=height) for plot in plots]
     return tag("figure", drawn, tag("figcaption", tag("b", title), f" {words} ", keys))
@@ -96,11 +96,11 @@ def _residuals(course: _Course) -> Markup | None:
         ("force (mN)", 1e3, motion.force_n - over.force_n, noise.force_n),
     )
     plots = []
-    for label, scale, rest, std in rows:
-        line = Line(course.time_ms, scale * rest, RESIDUAL[0])
+    for label, scale, residual, std in rows:
+        line = Line(course.time_ms, scale * residual, RESIDUAL[0])
         band = Band(course.time_ms, 2.0 * scale * std)
         plots.append(Plot(course.time_label, label, (line,), (band,), (), course.marks, zero_line=True))
-    words = "Within the band the residual is noise and vibration; outside it the model lacks something."
+    words = "Within the band the residual is noise and vibration; outside it the model is incomplete."
     return figure("Residual.", words, plots, [RESIDUAL, NOISE], 165)
 
 
@@ -139,7 +139,7 @@ def _deflection(course: _Course) -> Markup | None:
         lines.append(Line(ends, middle, "slope"))
         legend.append(("slope", f"slope, {slope} N/m"))
     plot = Plot("deflection of the plate from first touch (mm)", "force (N)", tuple(lines))
-    return figure("Force against deflection.", "Its slope is near the stiffness.", [plot], legend, 300)
+    return figure("Force against deflection.", "Its slope is close to the stiffness.", [plot], legend, 300)
 
 
 def _gap(course: _Course) -> Markup | None:
@@ -148,7 +148,7 @@ def _gap(course: _Course) -> Markup | None:
     lines = (Line(course.overlay_ms, 1e6 * course.overlay.gap_m, SIMULATED[0]),)
     span = contact_span_ms(course.shot)
     plot = Plot(course.time_label, "gap (µm)", lines, (), (), (), span, zero_line=True)
-    words = "Distance between block and plate as the fitted model has it; below zero the two overlap."
+    words = "Distance between block and plate in the fitted model; below zero they overlap."
     return figure("Gap.", words, [plot], [SIMULATED], 190)
 
 
@@ -166,7 +166,7 @@ def _legend(course: _Course) -> list[tuple[str, str]]:
 
 
 def time_zero(shot: Shot) -> tuple[float, str]:
-    """Return the time in s that the plots count from, and its name: first touch, else the trigger, else the start."""
+    """Return the time in s at the plots' zero, and its name: first touch, else the trigger, else the first sample."""
     touch = shot.impact.touch_time_s if shot.impact is not None else None
     if isinstance(touch, Quantity) and math.isfinite(touch.value):
         return touch.value, "time from first touch (ms)"
@@ -176,7 +176,7 @@ def time_zero(shot: Shot) -> tuple[float, str]:
 
 
 def contact_span_ms(shot: Shot) -> tuple[float, float]:
-    """Return the stretch of the first bounces in ms from ``time_zero``, with room around it."""
+    """Return begin and end of the first bounces in ms from ``time_zero``, with a margin."""
     zero, _ = time_zero(shot)
     if shot.impact is None or not shot.impact.bounce_peaks_s:
         return -1.0, 8.0

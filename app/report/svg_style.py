@@ -1,7 +1,7 @@
-"""Figures that look the same without the page's style sheet: its rules written into their elements.
+"""SVG figures with the report's style sheet written into their elements' attributes.
 
-A figure takes its colours from the sheet of the page it stands in.  Qt draws it alone, and knows neither the sheet nor
-its variables: what has no rule is filled with black.
+In a page a figure takes its colours from the page's style sheet.  Qt draws it alone and knows neither the sheet nor its
+variables, and would fill everything with black.
 """
 
 import re
@@ -25,7 +25,7 @@ def style_sheet() -> str:
 
 
 def rules_of(sheet: str) -> dict[str, Style]:
-    """Return what a sheet says of a figure's elements, by "name" or ".class", without variables."""
+    """Return the rules of a style sheet for figures, by "name" or ".class", with variables replaced."""
     plain = re.sub(r"/\*.*?\*/|@media[^{]*\{(?:[^{}]*\{[^{}]*\})*[^{}]*\}", "", sheet, flags=re.DOTALL)
     parsed = [(selectors.strip(), _declared(body)) for selectors, body in _RULE.findall(plain)]
     variables = {name: value for _, body in parsed for name, value in body.items() if name.startswith("--")}

@@ -1,1 +1,1 @@
-"""A session away from the screen: its shots, settings, rig and work; no widget."""
+"""The session without its screen: shots, settings, rig and background work; no Qt."""

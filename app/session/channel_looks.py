@@ -1,7 +1,6 @@
-"""What each channel of a foreign file looks like: level, beat, how far it moves; and whether two are swapped.
+"""Guess the role of each channel of a foreign file: beat that moves (PD1), beat at rest (PD0), two levels (switch).
 
-Looked at in an errand, over the beginning of the record: a beat that moves is PD1's, one that stands still PD0's, two
-levels are the light switch's, and a column that rises by one a row is the export's own counter.
+Only the beginning of the record is used.  A column that rises by the same step in each row is a counter.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,15 +15,15 @@ from analysis.shot.shot import Shot
 from instrument.files.foreign import csv_table, hdf5, tdms, wav
 from instrument.files.foreign.contents import ForeignChannel, ForeignColumn, ForeignContents
 
-LOOKED_AT = 2**22  # samples of a channel
-PARTS, PART = 48, 4096  # stretches over the record in which the beat is looked for, and their length at most
-MOVES = 0.02  # of its frequency: a beat that changes by less stands still
-LINE = 12.0  # times the median power: less is no beat
+USED_SAMPLES = 2**22  # of each channel
+PARTS, PART = 48, 4096  # parts of the record that are searched for a beat, and their greatest length
+MOVES = 0.02  # relative change of frequency from which a beat moves
+LINE = 12.0  # least power of a beat, in units of the median
 Floats = NDArray[np.float64]
 COLUMNS = {"hdf5": hdf5.columns, "tdms": tdms.columns, "wav": wav.columns}
 
 
-class Kind(StrEnum):
+class ChannelKind(StrEnum):
     """What a channel looks like."""
 
     MOVING = "beat that moves"
@@ -37,65 +36,65 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ChannelLook:
-    """``amplitude`` in the file's own unit; frequencies in Hz, or in parts of the sample rate where none is stated."""
+    """``amplitude`` in the file's unit; frequencies in Hz, or in units of the sample rate where that is not stated."""
 
     name: str
-    kind: Kind
+    kind: ChannelKind
     amplitude: float
     low: float | None = None  # of the beat over the record
     high: float | None = None
     in_hz: bool = False
 
 
-def looks_of(held: ForeignContents) -> tuple[ChannelLook, ...]:
-    """Return what a file's channels look like.  Raises RecordingError, and whatever a spoilt file's library raises."""
-    names = [channel.name for channel in held.channels]
-    return tuple(_look(c, column) for c, column in zip(held.channels, _columns(held, names), strict=True))
+def looks_of(contents: ForeignContents) -> tuple[ChannelLook, ...]:
+    """Return what a file's channels look like.  Raises RecordingError, and for a damaged file any error."""
+    names = [channel.name for channel in contents.channels]
+    return tuple(_look(c, column) for c, column in zip(contents.channels, _columns(contents, names), strict=True))
 
 
 def proposed(looks: Sequence[ChannelLook]) -> Mapping[Role, str]:
-    """Return which channel each role probably has; a role that nothing fits is left out.
+    """Return the probable channel of each role; a role without one is left out.
 
-    The beat that moves furthest is PD1's, the one that moves least PD0's; where none moves nothing tells them apart.
+    PD1 is the beat that moves most, PD0 the one that moves least; where none moves both are left out.
     """
     found: dict[Role, str] = {}
-    beats = [look for look in looks if look.kind in (Kind.MOVING, Kind.STILL)]
+    beats = [look for look in looks if look.kind in (ChannelKind.MOVING, ChannelKind.STILL)]
     beats.sort(key=lambda look: (look.high or 0.0) - (look.low or 0.0))
-    if beats and beats[-1].kind is Kind.MOVING:
+    if beats and beats[-1].kind is ChannelKind.MOVING:
         found[Role.MEASUREMENT] = beats[-1].name
     if len(beats) > 1 and Role.MEASUREMENT in found:
         found[Role.REFERENCE] = beats[0].name
-    switch = next((look for look in looks if look.kind is Kind.SWITCH), None)
+    switch = next((look for look in looks if look.kind is ChannelKind.SWITCH), None)
     if switch is not None:
         found[Role.SWITCH] = switch.name
     return found
 
 
-def _columns(held: ForeignContents, names: Sequence[str]) -> list[ForeignColumn]:
-    if held.format == "csv":
-        return csv_table.columns(held.path, names, False)
-    return COLUMNS[held.format](held.path, names)
+def _columns(contents: ForeignContents, names: Sequence[str]) -> list[ForeignColumn]:
+    if contents.format == "csv":
+        return csv_table.columns(contents.path, names, False)
+    return COLUMNS[contents.format](contents.path, names)
 
 
 def _look(channel: ForeignChannel, column: ForeignColumn) -> ChannelLook:
-    values = np.asarray(column.values[:LOOKED_AT], dtype=np.float64)
+    values = np.asarray(column.values[:USED_SAMPLES], dtype=np.float64)
     values = values[np.isfinite(values)]
     if values.size < 64:
-        return ChannelLook(channel.name, Kind.OTHER, 0.0)
+        return ChannelLook(channel.name, ChannelKind.OTHER, 0.0)
     amplitude = float(np.std(values)) * 2.0**0.5
     if amplitude == 0.0:
-        return ChannelLook(channel.name, Kind.FLAT, 0.0)
+        return ChannelLook(channel.name, ChannelKind.FLAT, 0.0)
     steps = np.diff(values)
     if np.all(steps > 0) and float(np.ptp(steps)) <= 1e-6 * float(np.mean(steps)) * values.size:
-        return ChannelLook(channel.name, Kind.COUNTER, amplitude)
+        return ChannelLook(channel.name, ChannelKind.COUNTER, amplitude)
     if _two_levels(values):
-        return ChannelLook(channel.name, Kind.SWITCH, amplitude)
+        return ChannelLook(channel.name, ChannelKind.SWITCH, amplitude)
     rate = column.sample_rate_hz or channel.sample_rate_hz
     lines = _lines(values) * (rate or 1.0)
     if lines.size < 3:
-        return ChannelLook(channel.name, Kind.OTHER, amplitude, in_hz=rate is not None)
+        return ChannelLook(channel.name, ChannelKind.OTHER, amplitude, in_hz=rate is not None)
     low, high = float(lines.min()), float(lines.max())
-    kind = Kind.MOVING if high - low > MOVES * float(np.median(lines)) else Kind.STILL
+    kind = ChannelKind.MOVING if high - low > MOVES * float(np.median(lines)) else ChannelKind.STILL
     return ChannelLook(channel.name, kind, amplitude, low, high, rate is not None)
 
 
@@ -108,7 +107,7 @@ def _two_levels(values: Floats) -> bool:
 
 
 def _lines(values: Floats) -> Floats:
-    """Return the strongest line of each stretch in which there is one, in parts of the sample rate, shape (m,)."""
+    """Return the strongest spectral line of each part that has one, in units of the sample rate, shape (m,)."""
     length = min(PART, values.size // 8)
     if length < 32:
         return np.empty(0)
@@ -127,7 +126,7 @@ def _lines(values: Floats) -> Floats:
     return np.array(found)
 
 
-WORD = "swapped"  # of what the demodulation says where PD0's beat moves and PD1's stands still
+WORD = "swapped"  # in the demodulation's error where PD0's beat moves and PD1's is at rest
 
 
 def is_swapped(shot: Shot | None) -> bool:

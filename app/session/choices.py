@@ -1,4 +1,4 @@
-"""The settings in use and the file they are kept in; read by the rig's threads, changed by the window."""
+"""The settings in use, saved at each change; read by the rig's threads, changed by the window."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,7 +15,7 @@ from instrument.devices.sources import source_of
 from levimass.setting import Value
 
 MOST_RECENT = 12
-RIG = (  # what belongs together when it is put right
+RIG = (  # settings that are corrected together
     ("moving_mass_kg", "moving_mass_u_kg"),
     ("wavelength_vacuum_m", "wavelength_air_m", *AIR),
     ("rest_frequency_hz",),
@@ -23,15 +23,15 @@ RIG = (  # what belongs together when it is put right
 
 
 class Choices:
-    """One immutable Settings at a time."""
+    """Holds the settings in use, an immutable Settings that is replaced at each change."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self.settings, self.warnings = settings_file.load(path)
-        self._changed: set[str] = set()  # names of choices that a person changed since the start
+        self._changed: set[str] = set()  # names of settings changed since the start
 
     def change(self, values: dict[str, Value]) -> str | None:
-        """Take other values and keep them; return why not, or None."""
+        """Change and save settings; return why that failed, or None."""
         before = self.settings.values()
         try:
             self.settings = self.settings.with_values(values)
@@ -41,7 +41,7 @@ class Choices:
         return settings_file.save(self._path, self.settings)
 
     def remember_source(self, source: str) -> None:
-        """Open this source at the next start too; a recording played back is not remembered."""
+        """Open this source at the next start too, unless it is a replay."""
         if source_of(source).remembered:
             self.change({"source": source})
 
@@ -52,17 +52,17 @@ class Choices:
 
     @property
     def recent(self) -> list[Path]:
-        """Get what was opened lately, newest first."""
+        """Get the recently opened files, newest first."""
         return [Path(line) for line in self.settings.recent.splitlines() if line]
 
     @property
     def sessions(self) -> list[Path]:
-        """Get the files of the sessions that are known: those without a name, and what was opened lately."""
+        """Get the known session files: those without a name, and recently opened ones."""
         without_name = sorted(self._path.parent.glob("session*.json"))
         return [*without_name, *(path for path in self.recent if path.suffix == ".json")]
 
     def remember_recent(self, paths: Sequence[Path]) -> None:
-        """Offer these to be opened again."""
+        """Add these to the recently opened files."""
         newest = [str(path.absolute()) for path in paths[:MOST_RECENT]]
         older = [str(path) for path in self.recent if str(path) not in newest]
         kept = [line for line in (*newest, *older) if "\n" not in line]
@@ -70,22 +70,22 @@ class Choices:
 
     @property
     def start_folder(self) -> Path:
-        """Get where questions for files begin: where shots are saved, once that is there."""
+        """Get the folder that file dialogs show first: that of the shots, where it exists."""
         folder = self.settings.data_folder
         return folder if folder.is_dir() else Path.home()
 
     def analysis(self) -> AnalysisSettings:
-        """Return what concerns the analysis."""
+        """Return the settings of the analysis."""
         return self.settings.analysis
 
     def analysis_again(self) -> AnalysisSettings:
-        """Return what concerns the analysis of a shot taken before: with what was put right of its rig since the start.
+        """Return the settings for repeating an analysis: with the rig's values that were changed since the start.
 
-        Only what a person changed counts: else the sheet's mass would replace that of another rig's recording.
+        Other values are left to the recording, which may be of another rig.
         """
         values = self.settings.values()
         names = [name for group in RIG for name in group if self._changed.intersection(group)]
-        corrections = tuple((name, cast(float | None, values[name])) for name in names)  # the rig is all numbers
+        corrections = tuple((name, cast(float | None, values[name])) for name in names)  # all are numbers
         return replace(self.settings.analysis, corrections=corrections)
 
     def options(self, source: str, digitizer: Digitizer) -> CaptureOptions:

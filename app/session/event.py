@@ -1,4 +1,4 @@
-"""What the workbench's jobs hand back, and what the screen is told of it."""
+"""Results of the workbench's jobs, and the events that the screen gets from them."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -9,8 +9,8 @@ from analysis.diagnosis.result import Diagnosis
 from analysis.shot.shot import Shot
 
 
-class Kind(StrEnum):
-    """What may happen."""
+class EventKind(StrEnum):
+    """What happened."""
 
     SHOT = "shot"  # a new entry, analysed
     CHANGED = "changed"  # entries were read again or refitted
@@ -24,9 +24,9 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """One thing that ended, in words, with the entries it concerns."""
+    """The end of one piece of work, in words, with the entries it concerns."""
 
-    kind: Kind
+    kind: EventKind
     words: str
     numbers: tuple[int, ...] = ()
     paths: tuple[Path, ...] = ()
@@ -38,11 +38,11 @@ class Diagnosed:
 
     diagnosis: Diagnosis
     numbers: tuple[int, ...]
-    version: str = ""  # of the program that made it, where it was kept from before
+    version: str = ""  # of the program that made it, where it is a cached result
 
 
 @dataclass(frozen=True, slots=True)
-class Loaded:
+class LoadedModel:
     """A model file that was read."""
 
     model: SavedModel
@@ -50,7 +50,7 @@ class Loaded:
 
 
 @dataclass(frozen=True, slots=True)
-class Opened:
+class OpenedShot:
     """A shot that was read and analysed, perhaps as a copy."""
 
     shot: Shot
@@ -59,7 +59,7 @@ class Opened:
 
 @dataclass(frozen=True, slots=True)
 class SavedElsewhere:
-    """Shots that were only in memory, and where they are now."""
+    """Shots that were only in memory, and their new paths."""
 
     paths: dict[str, Path]
     folder: Path
@@ -67,16 +67,16 @@ class SavedElsewhere:
 
 
 @dataclass(frozen=True, slots=True)
-class InSession:
-    """What came of work on the shots of one session, ``turn`` sessions after the first."""
+class SessionResult:
+    """The result of work on the shots of one session, ``turn`` sessions after the first."""
 
     turn: int
     result: object
 
 
 @dataclass(frozen=True, slots=True)
-class Reopened:
-    """What was kept of a session's shots: (number, shot, version) each; ``missing`` are to be analysed."""
+class CachedResults:
+    """Cached results of a session's shots, each (number, shot, version); ``missing`` have none."""
 
     shots: tuple[tuple[int, Shot, str], ...]
     missing: tuple[int, ...]
@@ -84,7 +84,7 @@ class Reopened:
 
 
 @dataclass(frozen=True, slots=True)
-class Filled:
+class FilledEntry:
     """An entry of the session that was read and analysed."""
 
     number: int
@@ -92,8 +92,8 @@ class Filled:
 
 
 @dataclass(frozen=True, slots=True)
-class Refitted:
-    """The shot of an entry, fitted with these effects; ``of`` is the shot as it was when the fit was asked for."""
+class RefittedShot:
+    """The shot of an entry fitted with these effects; ``of`` is the shot before the fit."""
 
     number: int
     of: Shot

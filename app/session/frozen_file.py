@@ -1,6 +1,6 @@
-"""Analysed shots and diagnoses as a file: numpy's own archive, its structure as JSON beside the arrays.
+"""Analysed shots and diagnoses as a NumPy archive, with their structure as JSON.
 
-Nothing in such a file is ever run: it names classes of the analysis, and only those listed here are made.
+No code is read from such a file: it names classes of the analysis, and only those listed here are built.
 """
 
 import io
@@ -33,12 +33,12 @@ KNOWN = {
 _HEAD, _BODY = "head", "body"
 
 
-class NotKept(Exception):
-    """Why a file holds nothing that this program can use."""
+class NotStorable(Exception):
+    """Why a value cannot be stored, or a file not be read."""
 
 
 def packed(head: Mapping[str, Any], value: object) -> bytes:
-    """Return a file of ``value``; ``head`` is JSON that is read without it.  Raises NotKept for what it cannot hold."""
+    """Return the bytes of a file with ``value``, and with ``head``, which can be read alone.  Raises NotStorable."""
     arrays: list[np.ndarray] = []
     seen: dict[int, int] = {}
     body = _written(value, arrays, seen)
@@ -49,19 +49,19 @@ def packed(head: Mapping[str, Any], value: object) -> bytes:
 
 
 def head_of(file: Any) -> dict[str, Any]:
-    """Return the head of a file, given by path or as a stream, without reading the rest.  Raises NotKept."""
+    """Return the head of a file, given by path or as a stream, without reading the rest.  Raises NotStorable."""
     try:
         with np.load(file, allow_pickle=False) as archive:
             head = json.loads(archive[_HEAD].tobytes())
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise NotKept(str(error)) from None
+        raise NotStorable(str(error)) from None
     if not isinstance(head, dict):
-        raise NotKept("its header is not an object")
+        raise NotStorable("its header is not an object")
     return head
 
 
 def unpacked(file: Any) -> object:
-    """Return what a file holds, arrays read-only.  Raises NotKept."""
+    """Return the value in a file, with read-only arrays.  Raises NotStorable."""
     try:
         with np.load(file, allow_pickle=False) as archive:
             body = json.loads(archive[_BODY].tobytes())
@@ -70,7 +70,7 @@ def unpacked(file: Any) -> object:
                 array.flags.writeable = False
             return _read(body, arrays)
     except (OSError, ValueError, KeyError, IndexError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        raise NotKept(str(error)) from None  # of another version, or spoilt
+        raise NotStorable(str(error)) from None  # of another version, or damaged
 
 
 def _written(value: object, arrays: list[np.ndarray], seen: dict[int, int]) -> Any:
@@ -92,7 +92,7 @@ def _written(value: object, arrays: list[np.ndarray], seen: dict[int, int]) -> A
     if is_dataclass(value) and type(value).__name__ in KNOWN:
         own = {field.name: _written(getattr(value, field.name), arrays, seen) for field in fields(value)}
         return {"kind": type(value).__name__, "fields": own}
-    raise NotKept(f"a {type(value).__name__} cannot be kept")
+    raise NotStorable(f"a {type(value).__name__} cannot be stored")
 
 
 def _read(body: Any, arrays: list[np.ndarray]) -> Any:

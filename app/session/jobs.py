@@ -1,4 +1,4 @@
-"""Work that takes longer than a frame: a worker thread, progress and cancel, polled by the screen; and the saver."""
+"""Background work in threads, with progress and cancel, polled by the screen; and a thread that saves files."""
 
 import threading
 import time
@@ -7,15 +7,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from analysis.shot.shot import Cancelled
-from app.session.event import InSession
+from analysis.shot.shot import Cancelled, Progress, Stop
+from app.session.event import SessionResult
 from instrument.process.subprocess_worker import SubprocessWorker
 
-TOLD_AFTER_S, LEAST_TOLD = 2.0, 0.05  # before that a remaining time would be a guess
-YIELDING = ("why",)  # kinds of work that make way for any other
-Report = Callable[[str, float], None]
-Asked = Callable[[], bool]
-Step = Callable[[Report, Asked], Any]
+ESTIMATE_AFTER_S, LEAST_FRACTION = 2.0, 0.05  # before that the remaining time is not known
+YIELDING = ("why",)  # kinds of work that any other work cancels
+Step = Callable[[Progress, Stop], Any]
 
 
 @dataclass(slots=True, eq=False)
@@ -34,19 +32,19 @@ class Job:
     done: threading.Event = field(default_factory=threading.Event)
 
     def remaining_s(self) -> float | None:
-        """Return how long it will probably still take; None while that is not known."""
-        if self.started_s is None or not LEAST_TOLD <= self.fraction < 1.0:
+        """Return the estimated remaining time; None while it is not known."""
+        if self.started_s is None or not LEAST_FRACTION <= self.fraction < 1.0:
             return None
         gone = time.monotonic() - self.started_s
-        return gone * (1.0 - self.fraction) / self.fraction if gone > TOLD_AFTER_S else None
+        return gone * (1.0 - self.fraction) / self.fraction if gone > ESTIMATE_AFTER_S else None
 
     def cancel(self) -> None:
-        """Ask the job to stop at its next look."""
+        """Ask the job to stop; it does where it next checks."""
         self.cancelled = True
 
 
 class Jobs:
-    """A queue of jobs worked off one after another in a thread that ends with ``close``."""
+    """A queue of jobs, done one after another in a thread that ends with ``close``."""
 
     def __init__(self) -> None:
         self._waiting: deque[Job] = deque()
@@ -63,14 +61,13 @@ class Jobs:
         with self._wake:
             for other in (*self._waiting, self._current):
                 if other is not None and other.kind in YIELDING and kind not in YIELDING:
-                    other.cancel()  # whoever wants it asks again
+                    other.cancel()  # it is queued again when the screen needs it
             self._waiting.append(job)
             self._wake.notify()
         return job
 
     @property
     def current(self) -> Job | None:
-        """Get the job under way."""
         return self._current
 
     @property
@@ -84,6 +81,13 @@ class Jobs:
         with self._wake:
             jobs = [*self._waiting, *([self._current] if self._current is not None else [])]
         return sum(job.kind in kinds and not job.cancelled for job in jobs)
+
+    def waiting_words(self, job: Job, what: str) -> str:
+        """Return "computing ..." for a job about ``what``, or which job comes first."""
+        current = self.current
+        if current is None or current is job:
+            return f"computing {what} …"
+        return f"waiting for {current.name} to end; then {what} will be computed"
 
     def finished(self) -> list[Job]:
         """Return the jobs that ended since the last call, cancelled ones included."""
@@ -118,7 +122,7 @@ class Jobs:
                 job = self._waiting.popleft()
                 self._current = job
             self._run(job)
-            self._finished.append(job)  # first: who sees no open job finds its result
+            self._finished.append(job)  # before it counts as closed, so that its result is there
             with self._wake:
                 self._current = None
             job.done.set()
@@ -137,12 +141,12 @@ class Jobs:
             job.result = job.work(report, cancelled)
         except Cancelled:
             job.cancelled = True
-        except Exception as error:  # the worker must outlive any one job; the window shows the reason
+        except Exception as error:  # the window shows the reason, and the thread goes on
             job.problem = str(error) or type(error).__name__
 
 
 class Saver:
-    """Does the newest of what it is given, in a thread of its own; what it replaces need not be done any more."""
+    """Does the newest task it was given, in a thread; a newer task replaces a waiting one."""
 
     def __init__(self) -> None:
         self._wake = threading.Condition()
@@ -152,13 +156,13 @@ class Saver:
         self._thread.start()
 
     def submit(self, save: Callable[[], None]) -> None:
-        """Do this soon; returns at once.  ``save`` raises nothing."""
+        """Do this soon, in the thread.  ``save`` raises nothing."""
         with self._wake:
             self._newest = save
             self._wake.notify()
 
     def close(self, timeout_s: float = 10.0) -> bool:
-        """Do what waits, end the thread; return whether it ended."""
+        """Do the waiting task and end the thread; return whether it ended."""
         with self._wake:
             self._closing = True
             self._wake.notify()
@@ -176,47 +180,47 @@ class Saver:
             save()
 
 
-OF_A_SESSION = ("open", "refit", "diagnosis", "plan", "kept")  # kinds that concern nobody once another session is open
+OF_A_SESSION = ("open", "refit", "diagnosis", "plan", "kept")  # kinds that are dropped when another session is opened
 
 
 class Work:
-    """``jobs`` are long, ``errands`` short; ``apart`` does the long part of a job, else the jobs' own thread."""
+    """``jobs`` are long, ``short_jobs`` short; ``apart`` does the long part of a job, else the jobs' own thread."""
 
     def __init__(self, apart: SubprocessWorker | None) -> None:
-        self.jobs, self.errands = Jobs(), Jobs()
+        self.jobs, self.short_jobs = Jobs(), Jobs()
         self._apart = apart
-        self._turn = 0  # how many sessions were before this one: what was asked in those is not of this
+        self._turn = 0  # counts the sessions: results of earlier ones are dropped
 
-    def do(self, work: Callable[..., Any], report: Report, cancelled: Asked) -> Any:
-        """Do the long part of a job where the screen does not feel it; called in the jobs' thread."""
+    def do(self, work: Callable[..., Any], report: Progress, cancelled: Stop) -> Any:
+        """Do the long part of a job, in the other process where there is one; called in the jobs' thread."""
         if self._apart is not None:
             return self._apart.run(work, report, cancelled)
         return work(progress=report, cancelled=cancelled)
 
-    def submit(self, jobs: Jobs, name: str, work: Callable[[Report, Asked], object], kind: str) -> Job:
-        """Queue work on the shots of the session now open: once another is, its result concerns nobody."""
+    def submit(self, jobs: Jobs, name: str, work: Callable[[Progress, Stop], object], kind: str) -> Job:
+        """Queue work on the shots of this session; its result is dropped once another session is open."""
         turn = self._turn
-        return jobs.submit(name, lambda report, cancelled: InSession(turn, work(report, cancelled)), kind)
+        return jobs.submit(name, lambda report, cancelled: SessionResult(turn, work(report, cancelled)), kind)
 
     def another_session(self) -> None:
-        """Give up what is under way for the shots of this session."""
+        """Cancel the work on the shots of this session."""
         self._turn += 1
         for kind in OF_A_SESSION:
             self.jobs.cancel(kind)
-            self.errands.cancel(kind)
+            self.short_jobs.cancel(kind)
 
     def ended(self) -> Iterator[tuple[Job, object]]:
-        """Yield each job that ended since the last call, with its result; None where it concerns nobody."""
-        for job in (*self.jobs.finished(), *self.errands.finished()):
+        """Yield each job that ended since the last call, with its result; None where that is dropped."""
+        for job in (*self.jobs.finished(), *self.short_jobs.finished()):
             result = job.result
-            if isinstance(result, InSession):
+            if isinstance(result, SessionResult):
                 result = result.result if result.turn == self._turn else None
             if not job.cancelled:
                 yield job, result
 
     def close(self) -> bool:
         """Cancel all work and wait for it; return whether the threads ended."""
-        ended = self.jobs.close() & self.errands.close()
+        ended = self.jobs.close() & self.short_jobs.close()
         if self._apart is not None:
             self._apart.close()
         return ended

@@ -1,4 +1,4 @@
-"""From a path to an analysed shot, whatever lies there; a failure is the shot's ``problem``."""
+"""Read a recording or motion record and analyse it; a failure is the shot's ``problem``."""
 
 import time
 from collections.abc import Callable
@@ -7,15 +7,17 @@ from pathlib import Path
 
 from analysis.pipeline import analyse, analyse_motion
 from analysis.shot.recording import FLAG, Recording
-from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
+from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot, Stop
 from analysis.signal.record import motion_from_displacement
 from instrument.files.motion_file import read_motion
-from instrument.files.open_recording import analyse_and_check_hash, open_without_hash
-from instrument.files.recording_error import RecordingError, one_line
+from instrument.files.open_recording import (
+    analyse_and_check_hash,
+    open_without_hash,
+)
+from instrument.files.recording_error import RecordingError
 from instrument.files.recording_search import is_motion_record
 
-Cancel = Callable[[], bool]
-BASE_OF_RECORD = {"plate": "paper", "contact": "contact", "driven": "driven"}  # names in docs/formats.md, the model's
+BASE_OF_RECORD = {"plate": "paper"}  # a motion record's name of a base model where the program has another
 
 
 def load_and_analyse(
@@ -26,13 +28,13 @@ def load_and_analyse(
     effects_of: Callable[[str], tuple[str, ...]] | None = None,
     checked: bool = True,
     progress: Progress | None = None,
-    cancelled: Cancel | None = None,
+    cancelled: Stop | None = None,
 ) -> Shot:
     """Read one recording or motion record and analyse it; a failure is the shot's ``problem``.
 
     ``model`` overrides the base model of ``settings``; without it a motion record's own rules.  ``effects_of`` gives
     the effects in the model by its base, instead of those of ``settings``.  ``checked`` compares the data with their
-    hash ("data_altered"), which takes a third as long as the rest.  Raises Cancelled.
+    hash (flag "data_altered"), which adds a third to the time.  Raises Cancelled.
     """
     try:
         return analysed(
@@ -58,9 +60,9 @@ def analysed(
     effects_of: Callable[[str], tuple[str, ...]] | None = None,
     checked: bool = True,
     progress: Progress | None = None,
-    cancelled: Cancel | None = None,
+    cancelled: Stop | None = None,
 ) -> Shot:
-    """Do as ``load_and_analyse`` does; raises whatever stops it."""
+    """Read and analyse as ``load_and_analyse`` does, but raise what stops it."""
     started = time.perf_counter()
     chosen = settings or AnalysisSettings()
     if not is_motion_record(path):
@@ -72,7 +74,7 @@ def analysed(
 
         return analyse_and_check_hash(path, opened) if checked else opened(open_without_hash(path))
     record = read_motion(path)
-    chosen = _with_model(chosen, model or BASE_OF_RECORD[record.model], effects_of)
+    chosen = _with_model(chosen, model or BASE_OF_RECORD.get(record.model, record.model), effects_of)
     right = dict(chosen.corrections)
     mass_u_kg = right.get("moving_mass_u_kg", record.moving_mass_u_kg)
     motion = motion_from_displacement(
@@ -104,7 +106,6 @@ def cause_of(path: Path, error: Exception) -> str:
         return f"{error.filename or path}: {error.strerror or error}"
     if isinstance(error, MemoryError):
         return f"{path}: not enough memory"
-    # a fault of the program's own must not cost the other shots their analysis
     return f"a fault of the program: {type(error).__name__}: {' '.join(str(error).split())}"
 
 
@@ -115,7 +116,7 @@ def _with_model(
 
 
 def unanalysed(path: Path | None, settings: AnalysisSettings, problem: str, name: str = "") -> Shot:
-    """Return a shot of which only the recording is known, or, without a path, not even that, and why."""
+    """Return a shot that was not analysed, with the reason; ``path`` is None where it was never saved."""
     stem = path.name.removesuffix(".sigmf-meta").removesuffix(".sigmf-data") if path is not None else ""
     return Shot(
         name=name or stem,
@@ -130,9 +131,3 @@ def unanalysed(path: Path | None, settings: AnalysisSettings, problem: str, name
         fit=None,
         problem=problem,
     )
-
-
-def complaint(path: str, problem: str) -> str:
-    """Return the one line for standard error, with the file's name in it once."""
-    flat = one_line(path, 600)
-    return f"levimass: {problem}" if Path(flat).name in problem else f"levimass: {flat}: {problem}"

@@ -1,4 +1,4 @@
-"""The program's log: a file that tells afterwards what went wrong, exceptions of every thread with their traceback."""
+"""The program's log file, with the traceback of every uncaught exception in any thread."""
 
 import logging
 import sys
@@ -14,7 +14,7 @@ NAME = "levimass.log"
 
 
 class ProgramLog:
-    """Writes to ``folder``; what was never caught is also kept for the screen, which takes it."""
+    """Writes to ``folder``; uncaught exceptions are also kept for the screen."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -22,7 +22,7 @@ class ProgramLog:
         self._handler: logging.Handler | None = None
 
     def install(self) -> None:
-        """Write from now on, and hear of every exception that nobody catches."""
+        """Start to write, and to receive uncaught exceptions."""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             self._handler = RotatingFileHandler(
@@ -39,18 +39,18 @@ class ProgramLog:
         threading.excepthook = lambda what: self._uncaught(what.exc_type, what.exc_value, what.exc_traceback)
 
     def close(self) -> None:
-        """Write no more; Python's own hooks are back."""
+        """Stop, and restore Python's own hooks."""
         sys.excepthook, threading.excepthook = sys.__excepthook__, threading.__excepthook__
         if self._handler is not None:
             _LOG.removeHandler(self._handler)
             self._handler.close()
 
     def take_problems(self) -> list[str]:
-        """Return what went wrong unforeseen since the last call, a line each."""
-        told = []
+        """Return the uncaught exceptions since the last call, a line each."""
+        problems = []
         while self._problems:
-            told.append(self._problems.popleft())
-        return told
+            problems.append(self._problems.popleft())
+        return problems
 
     def _uncaught(self, kind: type[BaseException], error: BaseException | None, trace: TracebackType | None) -> None:
         if issubclass(kind, SystemExit | KeyboardInterrupt):
@@ -65,5 +65,5 @@ class ProgramLog:
 
 
 def note(words: str) -> None:
-    """Write a line."""
+    """Write a line to the log."""
     _LOG.info("%s", " ".join(words.split()))

@@ -1,6 +1,7 @@
-"""The model that the shots of a session are fitted with: saving, loading, what has drifted, a person's own laws."""
+"""Model files of a session: saving, loading, parameters that have drifted; and the user's own laws."""
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,8 @@ from analysis.diagnosis.result import Diagnosis
 from analysis.fitted.fitted_shot import fit_jointly, shaking_of
 from analysis.shot.fit import Fit
 from analysis.shot.plates_of_set import why_not_together
-from analysis.shot.shot import AnalysisError, Shot
-from app.session.combined_in_model import with_combined
+from analysis.shot.shot import AnalysisError, Shot, Stop
+from app.report.session_section import shared_stds
 from app.session.verdict_of import ModelEffects
 from app.words.wording import effect_words, local, model_in_words, parameter_parts
 from instrument.files.atomic_file import write_text_atomic
@@ -21,16 +22,17 @@ from instrument.files.recording_error import RecordingError
 from instrument.files.text_file import read_toml_text
 
 DRIFT_SIGMAS = 4.0  # of the joint standard uncertainty
-Asked = Callable[[], bool]
+NOISE_ALONE = "value, and standard uncertainty from noise alone, SI units"
+COMBINED = "combined standard uncertainties: noise, and mass, wavelength, air and clock"
 
 
 def save_model(
-    path: Path, shots: Sequence[Shot], accepted: ModelEffects, diagnosis: Diagnosis | None, cancelled: Asked
+    path: Path, shots: Sequence[Shot], accepted: ModelEffects, diagnosis: Diagnosis | None, cancelled: Stop
 ) -> str:
-    """Write the model as these shots show it, jointly, and return what was done in words.
+    """Save the model of a joint fit to these shots, and return what was done in words.
 
-    A ``diagnosis`` of just these shots that arrived at these effects lends its fit and its errors; else the shots are
-    fitted anew.  Raises AnalysisError where no fit converges, RecordingError where the file cannot be written.
+    The fit is that of a ``diagnosis`` of just these shots with these effects; otherwise the shots are fitted here.
+    Raises AnalysisError where no fit converges, RecordingError where the file cannot be written.
     """
     fitted = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
     if not fitted:
@@ -53,8 +55,19 @@ def save_model(
     return f"Model {model_words(model)} saved as {path}"
 
 
+def with_combined(text: str, fit: Fit, shots: Sequence[Shot]) -> str:
+    """Return a model file's text with the combined uncertainties of parameters that have a budget."""
+    shared = shared_stds(shots)
+    combined = {name: math.hypot(q.std, shared[name]) for name, q in fit.parameters.items() if name in shared}
+    text = text.replace("# value and standard uncertainty, SI units", f"# {NOISE_ALONE}")
+    if not combined:
+        return text
+    lines = [f"{name} = {std!r}" for name, std in combined.items()]
+    return "\n".join([text.rstrip("\n"), "", f"[combined_std]  # {COMBINED}", *lines, ""])
+
+
 def load_model(path: Path) -> SavedModel:
-    """Return the model of a file.  RecordingError: one line, file and cause."""
+    """Return the model in a file.  Raises RecordingError, one line with file and cause."""
     try:
         return from_text(read_toml_text(path))
     except ModelFileError as error:
@@ -68,7 +81,7 @@ def model_words(model: SavedModel) -> str:
 
 
 def drift_words(known: SavedModel, fit: Fit) -> str:
-    """Return which parameters of a fit lie further from the file's than chance, largest first; "" where none does."""
+    """Return the parameters of a fit that differ significantly from the file's, largest first; "" for none."""
     if fit.model != known.base or not fit.converged:
         return ""
     far = {name: deviation for name, deviation in drift(known, fit).items() if abs(deviation) > DRIFT_SIGMAS}
@@ -83,19 +96,18 @@ def _named(name: str) -> str:
 
 
 class OwnLaws:
-    """Reads the folder anew each time: a file may come and go while the window is open."""
+    """The user's laws in a folder, read each time, as files may change while the window is open."""
 
     def __init__(self, folder: Path | None) -> None:
-        """``folder`` None: there are no laws, and none can be kept."""
-        self.folder = folder
+        self.folder = folder  # None: there are no laws, and none can be saved
 
     def keys(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Return the keys of the laws there are, and one line for each file that holds none."""
+        """Return the keys of the laws, and one line for each file that is not a law."""
         laws, problems = read_laws(self.folder) if self.folder is not None else ([], [])
         return tuple(law.key for law in laws), tuple(problems)
 
     def keep(self, table: dict[str, Any]) -> OwnLaw:
-        """Keep the law that a table describes; RecordingError or LawError, one line, says why that cannot be."""
+        """Save the law that a table describes.  Raises RecordingError or LawError, one line each."""
         law = from_mapping(table)
         if self.folder is None:
             raise LawError("there is no folder for laws here")

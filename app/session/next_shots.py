@@ -1,7 +1,4 @@
-"""The shot that decides, in the window: planned after a diagnosis, taken, joined to it, told beside what was expected.
-
-Plain Python, polled by the screen: a plan is a job, a planned shot is the rig's, its diagnosis the workbench's.
-"""
+"""The next shot in the window: planned after a diagnosis, taken by the rig, and added to the diagnosed set."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,8 +22,8 @@ PLAN = "plan"  # the kind of its jobs
 
 
 @dataclass(frozen=True, slots=True)
-class _Under:
-    """A planned shot under way: the set it is to join, the log before it, the source to go back to."""
+class _Capture:
+    """A planned shot being taken: the set it joins, the steps before it, the source to reopen afterwards."""
 
     step: PlannedStep
     numbers: tuple[int, ...]
@@ -36,37 +33,37 @@ class _Under:
 
 
 class NextShots:
-    """Where every diagnosed set stands, and the one planned shot that may be under way."""
+    """The plans of all diagnosed sets, and the planned shot that is being taken."""
 
     def __init__(self, workbench: Workbench, rig: Rig, choices: Choices) -> None:
         self._workbench, self._rig, self._choices = workbench, rig, choices
         self._standings: dict[frozenset[int], PlanningState] = {}
         self._job: tuple[Job, frozenset[int]] | None = None
-        self._under: _Under | None = None
+        self._under: _Capture | None = None
 
     @property
     def taking(self) -> NextShot | None:
-        """Get the planned shot that is waited for, None while there is none."""
+        """Get the planned shot that the rig waits for, or None."""
         return self._under.step.shot if self._under is not None and not self._under.arrived else None
 
     @property
     def sets_itself(self) -> bool:
-        """Get whether the program can set speed and weights at the source in use: at the simulated bench."""
+        """Get whether the program can set speed and weights itself: at the simulated bench."""
         return is_bench(self._rig.source)
 
     def standing(self, found: Diagnosed | None) -> PlanningState | None:
-        """Return where the set of a diagnosis stands, None where it was not planned for."""
+        """Return the plan for the set of a diagnosis, None where there is none."""
         return None if found is None else self._standings.get(frozenset(found.numbers))
 
     def plan(self, found: Diagnosed, steps: Sequence[PlannedStep] = ()) -> None:
-        """Queue the planning of what would tell apart what this diagnosis left open."""
+        """Queue the planning of a shot that decides between the candidates of a diagnosis."""
         motions = [shot.motion for shot in self._shots(found.numbers) if shot.motion is not None]
         left = max(0, MOST_SHOTS - len(steps))
         work = partial(plan_next, motions, found.diagnosis, tuple(steps), left=left, reach=self._choices.settings.reach)
         self._job = (self._workbench.aside("next shot", work, PLAN), frozenset(found.numbers))
 
     def take(self, found: Diagnosed) -> None:
-        """Arm for the first shot of the plan; on the simulated bench its speed and weights are set too."""
+        """Arm for the first shot of the plan; on the simulated bench also set its speed and weights."""
         standing = self.standing(found)
         if standing is None or standing.settled or self.taking is not None:
             return
@@ -80,17 +77,17 @@ class NextShots:
             settings = planned_record(shot, shots, rate_hz)
             return replace(options, settings=settings, setup=setup)
 
-        self._under = _Under(step, found.numbers, standing.steps, source)
+        self._under = _Capture(step, found.numbers, standing.steps, source)
         self._rig.take(asked, changed)
 
     def give_up(self) -> None:
-        """Wait no longer for a planned shot."""
+        """Cancel the planned shot, and reopen the source used before."""
         under, self._under = self._under, None
         if under is not None and not under.arrived:
             self._rig.open(under.source)
 
     def arrived(self, entry: Entry) -> None:
-        """Let a shot that the rig took join the set for which it was planned, once it is fitted; diagnose that anew."""
+        """Add a captured shot, once it is fitted, to the set it was planned for, and diagnose that again."""
         under = self._under
         if under is None or under.arrived or (entry.shot is not None and awaits_fit(entry.shot)):
             return
@@ -103,7 +100,7 @@ class NextShots:
         self._workbench.diagnose(numbers)
 
     def poll(self) -> tuple[int, ...] | None:
-        """Take what ended; return the numbers of a set that a planned shot has just joined, else None."""
+        """Take finished work; return the numbers of a set that a planned shot has just joined, else None."""
         if self._job is not None and self._job[0].done.is_set():
             job, numbers = self._job
             self._job = None

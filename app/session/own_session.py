@@ -1,4 +1,4 @@
-"""Which file a window keeps its session in: two windows never write the same; recordings that no session lists."""
+"""Session files, each locked by one window; and recordings that no session lists."""
 
 import contextlib
 from collections.abc import Callable, Collection, Iterable
@@ -16,18 +16,18 @@ MOST_WINDOWS = 20
 
 
 def named_session(path: Path) -> Session:
-    """Return the session kept in ``path``.  Raises RecordingError where another window has it, or it is none."""
-    give_free = held(path)
-    if not is_session(path):  # it must not be put aside as a spoilt one
-        give_free()
+    """Return the session in ``path``.  Raises RecordingError where another window has it open, or it is no session."""
+    unlock = lock_session(path)
+    if not is_session(path):  # ``reopen`` would rename a file that is no session
+        unlock()
         raise RecordingError(path, "no such file" if not path.exists() else "this is no session of Levimass")
     session = Session.reopen(path)
-    session.give_free = give_free
+    session.unlock = unlock
     return session
 
 
 def is_session(path: Path) -> bool:
-    """Return whether a file is a session, by how it begins."""
+    """Return whether a file is a session, from its first characters."""
     try:
         with path.open(encoding="utf-8", errors="replace") as file:
             return path.suffix == ".json" and SCHEMA in file.read(200)
@@ -35,8 +35,8 @@ def is_session(path: Path) -> bool:
         return False
 
 
-def held(path: Path) -> Callable[[], None]:
-    """Hold the file of a session for this window; return what gives it free.  Raises RecordingError."""
+def lock_session(path: Path) -> Callable[[], None]:
+    """Lock a session's file for this window; return the function that unlocks it.  Raises RecordingError."""
     try:
         return FolderLock(path.parent, f".{path.name}.lock").release
     except FolderLocked:
@@ -44,22 +44,21 @@ def held(path: Path) -> Callable[[], None]:
 
 
 def last_session(name: str, folder: Path) -> Session:
-    """Return the session of this name, where it can be had; else the one without a name, in ``folder``."""
+    """Return the session in the file ``name``, or where that fails the one without a name in ``folder``."""
     if name:
         try:
-            session = named_session(Path(name))
+            return named_session(Path(name))
         except RecordingError as error:
             session = own_session(folder)
             session.problem = session.problem or f"{error}: the session without a name is open"
             return session
-        return session
     return own_session(folder)
 
 
 def own_session(folder: Path) -> Session:
-    """Return the session kept in ``folder``, or the next one where another window has that open, and says so.
+    """Return the session without a name in ``folder``; where another window has it open, the next free one.
 
-    ``close`` gives it free.  Where no lock can be had (a folder that cannot be written) the first is taken.
+    Where no lock can be made (a read-only folder) the first is used.
     """
     with contextlib.suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
@@ -72,29 +71,29 @@ def own_session(folder: Path) -> Session:
         except RecordingError:
             break
         session = Session.reopen(path)
-        session.give_free = lock.release
+        session.unlock = lock.release
         if number > 1 and session.problem is None:
             session.problem = f"another window has the session open: this one keeps its own, {path.name}"
         return session
     return Session.reopen(folder / "session.json")
 
 
-MOST = 1000  # newest recordings of the folder that are looked at
+MOST = 1000  # newest recordings of the folder that are checked
 
 
 @dataclass(frozen=True, slots=True)
 class Unlisted:
-    """Recordings that no session lists, newest first; ``cut_off`` are those that were never closed."""
+    """Recordings that no session lists, newest first; ``cut_off``: the program ended during the capture."""
 
     complete: tuple[Path, ...] = ()
     cut_off: tuple[Path, ...] = ()
 
 
 def unlisted(folder: Path, listed: Collection[str], before_s: float) -> Unlisted:
-    """Return the recordings in ``folder`` that are none of ``listed``.
+    """Return the recordings in ``folder`` that are not in ``listed``.
 
-    ``before_s``: what was written to at this time (s since the epoch) or later may be under way.  One small file a
-    recording is read; what cannot be read is left to whoever opens it.
+    Files written at ``before_s`` (s since the epoch) or later may still be captured and are left out, as are those
+    whose metadata cannot be read.
     """
     try:
         found = [(path.stat().st_mtime, path) for path in folder.glob("*.sigmf-meta") if str(path) not in listed]
@@ -112,7 +111,7 @@ def unlisted(folder: Path, listed: Collection[str], before_s: float) -> Unlisted
 
 
 def listed_by(sessions: Iterable[Path]) -> set[str]:
-    """Return the recordings that these session files list or leave out; a file that is none lists nothing."""
+    """Return the recordings that these session files list or leave out; a file that is no session is ignored."""
     paths: set[str] = set()
     for file in sessions:
         try:

@@ -1,4 +1,4 @@
-"""The record and the mass that a planned shot asks for, from what the shots so far show of the rig."""
+"""Capture settings and mass of a planned shot, from the plan and the shots so far."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,15 +9,12 @@ from analysis.shot.shot import Shot
 from instrument.devices.digitizer import CaptureSettings
 
 _LEAST_BEFORE_SWITCH_S = 1e-3
-_RATE_HZ = 10e6  # where no shot tells
+_RATE_HZ = 10e6  # where no shot has a rate
 
 
 def planned_record(shot: NextShot, shots: Sequence[Shot], rate_hz: float | None) -> CaptureSettings:
-    """Return the capture of a planned shot: so much flight before the touch and after the contact.
-
-    ``rate_hz`` None takes the rate of the shots so far.
-    """
-    from analysis.inference.fit.samples import together  # with all of the fit: not at every start
+    """Return the capture settings of a planned shot; ``rate_hz`` None takes the rate of the shots so far."""
+    from analysis.inference.fit.samples import together  # slow to import
 
     rate_hz = rate_hz or next((one.sample_rate_hz for one in shots if one.sample_rate_hz), None) or _RATE_HZ
     samples = together([one.motion for one in shots if one.motion is not None and one.fit is not None])
@@ -27,17 +24,16 @@ def planned_record(shot: NextShot, shots: Sequence[Shot], rate_hz: float | None)
 
 
 def planned_setup(setup: Setup, shot: NextShot, shots: Sequence[Shot]) -> Setup:
-    """Return the rig of a planned shot: the block as the lightest of the shots so far had it, and the plan's weights.
+    """Return the rig of a planned shot: the mass of the lightest shot so far plus the plan's weights.
 
-    One rule for the window and ``--resolve``: what the settings state at that moment does not count, so that weights
-    put on as the plan says and typed into the settings as well are not counted twice.
+    The mass in the settings is not used, as the operator may have added the weights to it already.
     """
     motions = [one.motion for one in shots if one.motion is not None]
     return replace(setup, moving_mass_kg=as_found_kg(motions) + shot.added_mass_kg)
 
 
 def _switch_m(shots: Sequence[Shot]) -> float:
-    """Return how far before the plate the light switch stands, as the shots so far show it; 0 where none does."""
+    """Return the distance from light switch to plate, the median of the shots so far; 0 where it is not known."""
     ways = []
     for shot in shots:
         if shot.fit is not None and shot.trigger_time_s is not None:

@@ -1,4 +1,4 @@
-"""Everything compiled, in several processes at once: stretches of the program's road, what a first shot needs first."""
+"""Compile all kernels in several processes at once, those that a first shot needs first."""
 
 import contextlib
 import multiprocessing
@@ -11,25 +11,24 @@ from enum import StrEnum
 from multiprocessing.context import SpawnProcess
 
 from analysis.compiled import kernel_cache
-from analysis.shot.shot import Cancelled
-from app.session import rehearsal
-from app.session.jobs import Asked, Report
+from analysis.shot.shot import Cancelled, Progress, Stop
+from app.session import warm_up
 from instrument.process.messages import lower_priority
 
 _LOOK_S = 0.05
 
 
 class Stage(StrEnum):
-    """What is compiled by when, in this order; each is also the name of the mark that says it is on disk."""
+    """Stages of the compilation, in order; each is also the name of the file that marks it as done."""
 
-    READINGS = "readings"  # the numbers of a first shot that need no model
-    FIT = "first-shot"  # all its numbers
+    READINGS = "readings"  # the readings of a first shot
+    FIT = "first-shot"  # and its fit
     ALL = "complete"
 
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A stretch that one process compiles; it begins ``after`` the piece whose kernels it needs, too."""
+    """A part that one process compiles, ``after`` the piece whose kernels it needs too."""
 
     name: str
     work: Callable[[], object]
@@ -37,48 +36,48 @@ class Piece:
     after: str = ""
 
 
-BENCH = Piece("the simulated bench", rehearsal.bench, Stage.READINGS)
-READINGS = Piece("the readings", rehearsal.readings, Stage.READINGS)
+BENCH = Piece("the simulated bench", warm_up.bench, Stage.READINGS)
+READINGS = Piece("the readings", warm_up.readings, Stage.READINGS)
 LATER = (
-    Piece("the model", rehearsal.fit, Stage.FIT),
-    Piece("the effects", rehearsal.effects, Stage.ALL),
-    Piece("the diagnosis", rehearsal.diagnosis, Stage.ALL, after="the model"),
+    Piece("the model", warm_up.fit, Stage.FIT),
+    Piece("the effects", warm_up.effects, Stage.ALL),
+    Piece("the diagnosis", warm_up.diagnosis, Stage.ALL, after="the model"),
 )
 PIECES = (READINGS, BENCH, *LATER)
 
 
-def rehearse() -> None:
-    """Load what a shot needs as far as it is on disk, and compile what its readings need if that is not."""
-    rehearsal.readings()
+def warm_up_analysis() -> None:
+    """Load the kernels of readings and fit; compile those of the readings where they are not on disk."""
+    warm_up.readings()
     if complete(Stage.FIT):
-        rehearsal.fit()
+        warm_up.fit()
 
 
 def complete(stage: Stage = Stage.ALL) -> bool:
-    """Return whether the kernels were compiled up to a stage by just this program, Python, numba and processor."""
+    """Return whether this very program, Python, numba and processor compiled the kernels up to a stage."""
     now = kernel_cache.whole_program()
     return any(_mark(reached) == now for reached in tuple(Stage)[tuple(Stage).index(stage) :])
 
 
 def mark_complete(stage: Stage = Stage.ALL) -> None:
-    """Write down that this program's kernels are on disk up to a stage."""
-    with contextlib.suppress(OSError):  # then the next start looks again, and finds them
+    """Mark this program's kernels as compiled up to a stage."""
+    with contextlib.suppress(OSError):  # the next start then checks again
         (kernel_cache.root() / stage).write_text(kernel_cache.whole_program(), encoding="utf-8")
 
 
 def prepare(
-    report: Report,
-    cancelled: Asked,
+    report: Progress,
+    cancelled: Stop,
     ready: Callable[[Stage], None] = lambda stage: None,
     at_once: int | None = None,
     pieces: Sequence[Piece] = PIECES,
 ) -> bool:
-    """Compile the pieces, ``at_once`` processes at a time (a core each); return whether all went well.
+    """Compile the pieces, ``at_once`` processes at a time (default: one per core); return whether all succeeded.
 
-    ``ready`` is called with each stage that is reached.  Raises Cancelled; no process stays.
+    ``ready`` is called with each stage that is reached.  Raises Cancelled, after ending all processes.
     """
     width = at_once or os.cpu_count() or 1
-    waiting, running, well = list(pieces), dict[Piece, SpawnProcess](), True
+    waiting, running, succeeded = list(pieces), dict[Piece, SpawnProcess](), True
     stages = list(dict.fromkeys(piece.stage for piece in pieces))
     try:
         while waiting or running:
@@ -87,10 +86,10 @@ def prepare(
                     waiting.remove(piece)
                     running[piece] = _started(piece)
             for piece in [piece for piece, process in running.items() if not process.is_alive()]:
-                well &= running.pop(piece).exitcode == 0
+                succeeded &= running.pop(piece).exitcode == 0
             left = [*running, *waiting]
             while stages and not any(piece.stage is stages[0] for piece in left):
-                if well:
+                if succeeded:
                     mark_complete(stages[0])
                 ready(stages.pop(0))
             if left:
@@ -101,13 +100,13 @@ def prepare(
     finally:
         for process in running.values():
             process.kill()
-    return well
+    return succeeded
 
 
-def prepare_first_shot(report: Report, ready: Callable[[Stage], None]) -> None:
-    """Compile what a simulated shot needs, on all cores, where that is not on disk yet.
+def prepare_first_shot(report: Progress, ready: Callable[[Stage], None]) -> None:
+    """Compile what a simulated shot needs, on all cores, where it is not on disk yet.
 
-    ``ready`` is called with each stage that is reached, and where it cannot be: it is then compiled when needed.
+    ``ready`` is called with each stage, also where it failed: its kernels are then compiled when they are needed.
     """
     try:
         if not complete(Stage.FIT):
@@ -131,8 +130,7 @@ def _started(piece: Piece) -> SpawnProcess:
 
 
 def _compile(piece: Piece) -> None:
-    # samples and screen come first, then a first shot's numbers
-    lower_priority(5 if piece.stage is Stage.READINGS else 19)
+    lower_priority(5 if piece.stage is Stage.READINGS else 19)  # below capture and screen; the readings above all else
     try:
         piece.work()
     except Exception as error:

@@ -1,4 +1,4 @@
-"""The instrument as the window holds it: one source at a time, opened and closed beside the screen."""
+"""The digitizer in the window: one source at a time, opened and closed in a thread of its own."""
 
 import contextlib
 import threading
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from instrument.capture.capture import Capture
 
 Open = Callable[[str], Digitizer]
-Awaited = Callable[[Stage, Callable[[], bool]], None]  # returns when kernels are ready, or raises Cancelled
+AwaitKernels = Callable[[Stage, Callable[[], bool]], None]  # returns when kernels are ready, or raises Cancelled
 Change = Callable[[CaptureOptions], CaptureOptions]
 BENCH = "bench"
 LONGEST_ARMING_S = 60.0
@@ -37,7 +37,7 @@ LONGEST_ARMING_S = 60.0
 
 @dataclass(frozen=True, slots=True)
 class _Running:
-    """One opened source."""
+    """An open source."""
 
     source: str
     digitizer: Digitizer
@@ -48,17 +48,17 @@ class _Running:
 
 
 class Rig:
-    """Opens a source, passes orders on, hands out snapshots; every method returns at once except ``close``.
+    """Opens sources, arms and aborts, returns snapshots; every method returns at once except ``close``.
 
-    Opening and closing a device may take seconds: a thread of its own does it, and ``latest`` says so meanwhile.
-    Shots are analysed by ``analyst``, in its process; without one in a thread of this process.
+    A device may take seconds to open or close: a thread does that, and ``latest`` says so meanwhile.  ``analyst``
+    analyses shots in its process; without one they are analysed in a thread here.
     """
 
     def __init__(
         self,
         options: Callable[[str, Digitizer], CaptureOptions],
         analysis: Callable[[], AnalysisSettings],
-        kernels: Awaited,
+        kernels: AwaitKernels,
         *,
         source: str = BENCH,
         deadlines: Deadlines | None = None,
@@ -77,7 +77,7 @@ class Rig:
         self._seen: set[tuple[int, int, bool]] = set()
         self._captured: set[tuple[int, int]] = set()
         self._serial = 0
-        self._asked: tuple[float, float] | None = None  # (when ARM was pressed, since when the state stood)
+        self._arm_pressed: tuple[float, float] | None = None  # (time of ARM, ``since_s`` of the state then)
         self._problems: deque[str] = deque()
         self._found: tuple[tuple[str, str], ...] = ()
         self._network: tuple[str, ...] = ()
@@ -89,10 +89,10 @@ class Rig:
         self._orders.append(source)
         self._thread.start()
 
-    # what a person asks for ---------------------------------------------------------------------------------------
+    # commands of the operator ---------------------------------------------------------------------------------------
 
     def open(self, source: str) -> None:
-        """Close the present source and open another; ``latest`` says how that went."""
+        """Close the present source and open another; ``latest`` has the outcome."""
         self.source = source
         with self._wake:
             self._planned, self._arm_opened = None, False
@@ -100,30 +100,30 @@ class Rig:
             self._wake.notify()
 
     def sources(self) -> list[tuple[str, str]]:
-        """Return (name, words) of what can be chosen: bench, devices found, known addresses, a recording to play."""
+        """Return (name, words) of the sources: bench, devices found, known addresses, replay of a recording."""
         listed = listed_sources()
         network = [(source, network_name(source)) for source in self._network]
-        asked = [item for item in listed if item[0].endswith(":")]
-        return [*(item for item in listed if item not in asked), *self._found, *network, *asked]
+        with_address = [item for item in listed if item[0].endswith(":")]
+        return [*(item for item in listed if item not in with_address), *self._found, *network, *with_address]
 
     def remember_found(self, found: Sequence[FoundDevice]) -> None:
-        """Offer these devices as sources from now on."""
+        """List these devices as sources."""
         self._found = tuple((device.source, f"{device.name}, {device.where}") for device in found)
 
     def remember_network(self, sources: Sequence[str]) -> None:
-        """Offer these oscilloscopes in the network as sources."""
+        """List these oscilloscopes in the network as sources."""
         self._network = tuple(sources)
 
     def arm(self) -> None:
         """Wait for the light switch; a source that failed to open is opened again."""
         if self._running is not None:
-            self._asked = (self._clock(), self.latest().since_s)  # before it can be armed: that may take no time at all
+            self._arm_pressed = (self._clock(), self.latest().since_s)  # before arming, which may succeed at once
             self._running.capture.arm(automatic=self.rearm)
         elif self._fault is not None:
             self.open(self.source)
 
     def take(self, source: str, change: Change) -> None:
-        """Open a source and arm it for shots whose options are changed, until ``open`` is asked for again."""
+        """Open a source and arm it with changed options, which hold until ``open`` is called."""
         self.source = source
         with self._wake:
             self._planned, self._arm_opened = change, True
@@ -131,32 +131,32 @@ class Rig:
             self._wake.notify()
 
     def abort(self) -> None:
-        """Go back to ready."""
+        """Abort the capture."""
         if self._running is not None:
             self._running.capture.abort()
-            self._asked = None
+            self._arm_pressed = None
         elif not self._orders:
             self._fault = None
 
     def trigger_now(self) -> None:
-        """Stand in for the light switch."""
+        """Trigger by hand, in place of the light switch."""
         if self._running is not None:
             self._running.capture.trigger_now()
 
     def set_rearm(self, on: bool) -> None:
-        """Arm again by itself after each shot, the one waited for now included."""
+        """Arm automatically after each shot, beginning with the present one."""
         self.rearm = on
         if self._running is not None:
             self._running.capture.set_automatic(on)
 
     def options_changed(self) -> None:
-        """Take the present options; they hold from the next arming on."""
+        """Apply the present settings from the next arming on."""
         running = self._running
         if running is not None:
             try:
                 running.capture.set_options(self._chosen(running.source, running.digitizer))
             except OSError as error:
-                self._problems.append(f"the settings were not taken: {error}")
+                self._problems.append(f"the settings were not applied: {error}")
 
     def save_pending(self, folder: Path) -> dict[str, Path]:
         """Save shots that are only in memory to ``folder`` and return each one's path by its name; waits for the disk.
@@ -169,7 +169,7 @@ class Rig:
         names = running.capture.latest().unsaved
         return dict(zip(names, running.capture.save_pending(folder), strict=False))
 
-    # what the screen pulls ----------------------------------------------------------------------------------------
+    # state for the screen ------------------------------------------------------------------------------------------
 
     @property
     def opened(self) -> str | None:
@@ -192,7 +192,7 @@ class Rig:
         return self._running.rate_hz if self._running is not None else None
 
     def latest(self) -> Snapshot:
-        """Return the instrument at this moment."""
+        """Return a snapshot of the instrument."""
         running = self._running
         if running is not None:
             return running.capture.latest()
@@ -203,35 +203,32 @@ class Rig:
         )  # fmt: skip
 
     def arming(self, snapshot: Snapshot) -> bool:
-        """Return whether ARM was pressed and the digitizer has not answered yet (at first it may take seconds)."""
-        if self._asked is None or self._running is None:
+        """Return whether ARM was pressed and the digitizer is not armed yet, which may take seconds at first."""
+        if self._arm_pressed is None or self._running is None:
             return False
-        if snapshot.since_s != self._asked[1] or self._clock() - self._asked[0] > LONGEST_ARMING_S:
-            self._asked = None
+        if snapshot.since_s != self._arm_pressed[1] or self._clock() - self._arm_pressed[0] > LONGEST_ARMING_S:
+            self._arm_pressed = None
             return False
         return True
 
     def can_arm(self, snapshot: Snapshot) -> bool:
-        """Return whether ARM means something now."""
+        """Return whether ARM is possible now."""
         if self._running is None:
             return self._fault is not None
         return not self.arming(snapshot) and snapshot.state in (State.IDLE, State.ANALYSING, State.FAULT)
 
     def can_abort(self, snapshot: Snapshot) -> bool:
-        """Return whether Abort means something now."""
+        """Return whether Abort is possible now."""
         return snapshot.state is not State.IDLE or self.arming(snapshot)
 
     def take_captured(self, snapshot: Snapshot) -> list[WaitingShot]:
-        """Return each shot once as soon as it is captured and waits for its analysis."""
+        """Return each captured shot once, before its analysis."""
         new = [shot for shot in snapshot.waiting if (self._serial, shot.number) not in self._captured]
         self._captured.update((self._serial, shot.number) for shot in new)
         return new
 
     def take_finished(self, snapshot: Snapshot) -> list[FinishedShot]:
-        """Return each finished shot once: when it is analysed, or when it is clear that it will not be.
-
-        A shot that awaits its fit comes once more with it.
-        """
+        """Return each finished shot once, when it is analysed or its analysis has failed, and again with its fit."""
         new = []
         for finished in snapshot.finished:
             key = (self._serial, finished.index, finished.fitted_later)
@@ -241,11 +238,11 @@ class Rig:
         return new
 
     def take_problems(self) -> list[str]:
-        """Return what went wrong beside the capture since the last call."""
-        told = []
+        """Return problems outside the capture since the last call."""
+        problems = []
         while self._problems:
-            told.append(self._problems.popleft())
-        return told
+            problems.append(self._problems.popleft())
+        return problems
 
     def close(self) -> bool:
         """End all threads, the capture's included; return whether they ended."""
@@ -257,27 +254,27 @@ class Rig:
             self._analyst.close()
         return not self._thread.is_alive()
 
-    # beside the screen --------------------------------------------------------------------------------------------
+    # in the thread -----------------------------------------------------------------------------------------------
 
     def _work(self) -> None:
-        self._look_around()
+        self._find_devices()
         while True:
             with self._wake:
                 while not self._orders:
                     self._wake.wait()
                 order = self._orders.popleft()
                 if self._orders:
-                    continue  # a newer choice is already there
+                    continue  # a newer order is waiting
             self._close_running()
             if order is None:
                 return
             self._open_source(order)
 
-    def _look_around(self) -> None:
+    def _find_devices(self) -> None:
         try:
             self.remember_found(found_devices())
         except DigitizerError:
-            self._found = ()  # no USB library: the doctor says so; the bench works without
+            self._found = ()  # no USB library: reported by the doctor
 
     def _close_running(self) -> None:
         running, self._running = self._running, None
@@ -286,7 +283,7 @@ class Rig:
             self._problems.append(f"{running.source} did not end in time; re-plug it before it is used again")
 
     def _open_source(self, source: str) -> None:
-        from instrument.capture.capture import Capture  # brings the numerics: only now, beside the screen
+        from instrument.capture.capture import Capture  # slow to import
 
         self._fault = None
         try:
@@ -305,7 +302,7 @@ class Rig:
         except DigitizerError as error:
             self._fault = (error.what, error.remedy or "choose another source")
             return
-        except Exception as error:  # whatever a driver does, the window stays and says it
+        except Exception as error:  # a driver may raise anything
             self._fault = (f"{source} could not be opened: {error!r}", "choose another source")
             return
         self._serial += 1
@@ -338,7 +335,7 @@ class Rig:
 
     def _await(self, stage: Stage, progress: Progress, cancelled: Callable[[], bool]) -> None:
         def given_up() -> bool:
-            progress("first start: compiling", 0.0)  # time and again: who waits long is not stuck
+            progress("first start: compiling", 0.0)  # repeatedly, so that the wait does not count as a stall
             return cancelled()
 
         self._kernels(stage, given_up)

@@ -1,4 +1,4 @@
-"""The shots of a session, with their notes and verdicts; written to disk at each change, so that a crash loses none."""
+"""The shots of a session, with notes and verdicts; saved at each change, with undo."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -9,7 +9,7 @@ from typing import Any
 from analysis.fitted.fitted_shot import awaits_fit
 from analysis.shot.recording import NAMES
 from analysis.shot.shot import AnalysisSettings, Shot
-from app.session.verdict_of import ModelEffects, VerdictOf, known_effects
+from app.session.verdict_of import ModelEffects, VerdictBasis, known_effects
 from instrument.files.atomic_file import write_json_atomic
 from instrument.files.checked import Checked
 from instrument.files.recording_error import RecordingError, shown
@@ -31,9 +31,9 @@ class Entry:
     shot: Shot | None = None
     note: str = ""
     verdict: str = ""
-    verdict_of: VerdictOf | None = None  # what the verdict was passed on; None where it was kept without
+    verdict_of: VerdictBasis | None = None  # the model and shots of the verdict; None where the file lacks it
     copy_of: int | None = None  # the entry whose recording this one analyses with other settings
-    version: str = ""  # of the program that analysed it, where its result was kept from before
+    version: str = ""  # of the program that analysed it, where it is a cached result
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,13 +41,13 @@ class _State:
     entries: tuple[Entry, ...]
     what: str
     effects: ModelEffects
-    without: frozenset[int] = frozenset()  # entries that going to this state takes off the list
+    without: frozenset[int] = frozenset()  # entries that are removed on the way to this state
 
 
 class Session:
-    """An ordered list of entries; every change can be undone and is on disk before the call returns.
+    """An ordered list of entries, saved at each change before the call returns.
 
-    ``save_by``: from then on saving is handed to this function, and ``problem`` and ``revision`` follow it.
+    Where ``save_by`` is set it saves later; ``problem`` and ``revision`` are then updated by it.
     """
 
     def __init__(self, path: Path | None = None) -> None:
@@ -56,14 +56,12 @@ class Session:
         self._effects = ModelEffects()
         self._undo: list[_State] = []
         self._redo: list[_State] = []
-        self._left_out: tuple[str, ...] = ()  # recordings that a person does not want listed, newest last
-        self._next = 0  # highest number given: a removed shot may come back, so none is given twice
+        self._left_out: tuple[str, ...] = ()  # recordings not to be offered, newest last
+        self._next = 0  # highest number used: undo may bring a removed shot back
         self.problem: str | None = None  # why the session could not be saved or read, in one line
         self.revision = 0
         self.save_by: Callable[[Callable[[], None]], None] = lambda save: save()
-        self.give_free: Callable[[], None] = lambda: (
-            None
-        )  # the file, for another window; once nothing is saved any more
+        self.unlock: Callable[[], None] = lambda: None  # releases the file for another window
 
     @property
     def entries(self) -> tuple[Entry, ...]:
@@ -72,16 +70,16 @@ class Session:
 
     @property
     def read(self) -> tuple[Entry, ...]:
-        """Get the entries whose shot is there, analysed or with the reason why it is not."""
+        """Get the entries whose shot was read, with or without success."""
         return tuple(entry for entry in self._entries if entry.shot is not None)
 
     @property
     def effects(self) -> ModelEffects:
-        """Get the effects accepted into the model."""
+        """Get the effects in the model."""
         return self._effects
 
     def set_effects(self, effects: ModelEffects) -> None:
-        """Set the effects accepted into the model; can be undone."""
+        """Set the effects in the model; can be undone."""
         if effects != self._effects:
             self._remember("the change of the model")
         self._effects = effects
@@ -94,11 +92,10 @@ class Session:
 
     @property
     def can_undo(self) -> bool:
-        """Get whether there is something to take back."""
+        """Get whether there is something to undo."""
         return bool(self._undo)
 
     def entry(self, number: int) -> Entry | None:
-        """Return the entry with this number."""
         return next((entry for entry in self._entries if entry.number == number), None)
 
     def add(self, shot: Shot, note: str | None = None, copy_of: int | None = None) -> Entry:
@@ -110,14 +107,14 @@ class Session:
         return entry
 
     def add_captured(self, name: str, path: str | None, settings: AnalysisSettings) -> Entry:
-        """Add a shot that was captured and whose analysis is to come; return its entry."""
+        """Add a captured shot before its analysis; return its entry."""
         number = self._next = 1 + max(self._next, *(entry.number for entry in self._entries), 0)
         entry = Entry(number, name, path, settings)
         self._set((*self._entries, entry))
         return entry
 
     def awaiting(self, shot: Shot) -> Entry | None:
-        """Return the newest entry whose shot awaits the fit that this one has come with."""
+        """Return the newest entry of the same capture whose shot still lacks its fit."""
 
         def waits(there: Shot | None) -> bool:
             return there is not None and awaits_fit(there) and _capture_of(there) == _capture_of(shot)
@@ -125,7 +122,7 @@ class Session:
         return next((entry for entry in reversed(self._entries) if waits(entry.shot)), None)
 
     def fill(self, number: int, shot: Shot, version: str = "") -> None:
-        """Give an entry its analysed shot (after reopening, or when the model changed); ``version``: as it was kept."""
+        """Set the shot of an entry; ``version`` is that of a cached result."""
 
         def filled(entry: Entry) -> Entry:
             return replace(entry, shot=shot, name=shot.name, settings=shot.settings, version=version)
@@ -133,7 +130,7 @@ class Session:
         self._change(number, filled)
 
     def complete(self, number: int, shot: Shot) -> Entry:
-        """Give an entry that was listed at its capture the analysed shot, and return the entry."""
+        """Set the analysed shot of an entry added at its capture; return the entry."""
 
         def whole(entry: Entry) -> Entry:
             path = shot.path or entry.path  # it may have been saved elsewhere meanwhile
@@ -148,19 +145,19 @@ class Session:
         return entry
 
     def set_path(self, name: str, path: str) -> bool:
-        """Say where a shot that was only in memory was saved, the newest of that name; return whether one is."""
+        """Set the path of the newest shot of this name that was only in memory; return whether there is one."""
         entry = next((e for e in reversed(self._entries) if e.name == name and e.path is None), None)
         if entry is not None:
             shot = None if entry.shot is None else replace(entry.shot, path=path)
             self._change(entry.number, lambda old: replace(old, path=path, shot=shot))
         return entry is not None
 
-    def set_verdict(self, number: int, verdict: str, of: VerdictOf | None = None) -> None:
-        """Set what the diagnosis said of an entry, and which model and shots that holds for."""
+    def set_verdict(self, number: int, verdict: str, of: VerdictBasis | None = None) -> None:
+        """Set the verdict on an entry, and the model and shots it is about."""
         self._change(number, lambda entry: replace(entry, verdict=verdict, verdict_of=of))
 
     def verdict_holds(self, entry: Entry) -> bool:
-        """Return whether an entry's verdict is of the model as it is now, and all its shots are on the list."""
+        """Return whether an entry's verdict is about the present model, and all its shots are in the session."""
         of = entry.verdict_of
         if not entry.verdict or of is None:
             return True
@@ -172,14 +169,14 @@ class Session:
         self._change(number, lambda entry: replace(entry, note=note))
 
     def remove(self, numbers: list[int]) -> None:
-        """Take entries off the list; their recordings stay on disk, and it can be undone."""
+        """Remove entries from the list, not their recordings; can be undone."""
         self._remember("the removal")
         self.leave_out([entry.path for entry in self._entries if entry.number in numbers and entry.path])
         self._set(tuple(entry for entry in self._entries if entry.number not in numbers))
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Get the recordings that are not to be offered at the next start: taken off the list, or declined."""
+        """Get the recordings not to be offered at the next start: removed from the list, or declined."""
         return self._left_out
 
     def leave_out(self, paths: Sequence[str]) -> None:
@@ -189,15 +186,15 @@ class Session:
         self._save()
 
     def undo(self) -> str | None:
-        """Take back the last note, removal or change of the model; return what it was, or None."""
+        """Undo the last note, removal or change of the model; return its name, or None."""
         return self._step(self._undo, self._redo)
 
     def redo(self) -> str | None:
-        """Do again what was undone last; return what it is, or None."""
+        """Redo the last undone change; return its name, or None."""
         return self._step(self._redo, self._undo)
 
     def _step(self, back: list[_State], forth: list[_State]) -> str | None:
-        """Go to the newest state of ``back`` and leave on ``forth`` how to return; shots taken meanwhile stay."""
+        """Restore the newest state of ``back`` and put the present one on ``forth``; shots added since stay."""
         if not back:
             return None
         state = back.pop()
@@ -246,30 +243,30 @@ class Session:
             problem = f"the session could not be saved: {error}"
         if problem != self.problem:
             self.problem = problem
-            self.revision += 1  # whoever looks tells it
+            self.revision += 1  # so that the screen shows it
 
     def become(self, other: "Session") -> None:
-        """Go on as another session, in its own file; what stood here is on disk first."""
+        """Save this session and become another one, in that one's file."""
         if self._path is not None:
             self._write(self._path, self._entries, self._effects, self._left_out)
-        self.give_free()
+        self.unlock()
         self._path, self._entries, self._effects = other._path, other._entries, other._effects
         self._left_out = other._left_out
-        self.give_free, self.problem = other.give_free, other.problem
+        self.unlock, self.problem = other.unlock, other.problem
         self._undo, self._redo, self._next = [], [], other._next
         self.revision += 1
 
-    def move_to(self, path: Path, give_free: Callable[[], None]) -> None:
-        """Keep the session in another file from now on; the one before stays as it is."""
+    def move_to(self, path: Path, unlock: Callable[[], None]) -> None:
+        """Save the session in another file from now on; the former file stays."""
         if self._path is not None:
             self._write(self._path, self._entries, self._effects, self._left_out)
-        self.give_free()
-        self._path, self.give_free = path, give_free
+        self.unlock()
+        self._path, self.unlock = path, unlock
         self._set(self._entries)
 
     @classmethod
     def reopen(cls, path: Path) -> "Session":
-        """Return the session kept at ``path``, its shots not read yet; an unreadable file is set aside, not lost."""
+        """Return the session in ``path``, its shots not read yet; an unreadable file is renamed."""
         session = cls(path)
         if not path.exists():
             return session
@@ -300,7 +297,7 @@ def _capture_of(shot: Shot) -> tuple[str, str | None, int | None]:
     return shot.name, shot.started_at, shot.samples
 
 
-_NOT_SAVED = ("shot", "version")  # of an entry: read again from its recording, or from what was kept
+_NOT_SAVED = ("shot", "version")  # fields of an entry: read from recording or cache
 
 
 def _to_json(entry: Entry) -> dict[str, Any]:
@@ -310,7 +307,7 @@ def _to_json(entry: Entry) -> dict[str, Any]:
 
 
 def _from_json(item: Checked, unknown: set[str]) -> Entry:
-    """Return an entry; ``unknown`` gets the names that this program does not know, so that they can be told."""
+    """Return an entry; names that this version does not know are added to ``unknown``."""
 
     def settings(item: Checked) -> AnalysisSettings:
         chosen = item.object("settings")

@@ -1,4 +1,4 @@
-"""What a person may choose: the rig, the shot, the analysis, the folders; checked as a whole, in SI units."""
+"""The settings of the window, in SI units: rig, shot, light switch, analysis, folders; each checked."""
 
 import contextlib
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ MOST_ADDRESSES = 5
 
 
 class WrongSettings(Exception):
-    """What does not go together, in one line."""
+    """Why settings are not valid, in one line."""
 
 
 SITES = tuple(
@@ -38,7 +38,7 @@ RIG, AIR, SHOT, SWITCH, ANALYSIS, BENCH, LOOKS, TRIGGER, NEXT = GROUPS = (
 # fmt: off
 @dataclass(frozen=True, slots=True)
 class Settings(AnalysisChoices):
-    """All choices; None where a thing is not given.  Those without words are what the window remembers by itself."""
+    """All settings, None where not given.  Fields without a declaration are remembered by the window itself."""
 
     moving_mass_kg: float = number(17.85e-3, RIG, "Moving mass", "g", 1e3, 1e-4, 100.0,
         "Block with corner cube and extension; force and impulse scale with it")
@@ -68,7 +68,7 @@ class Settings(AnalysisChoices):
         "Empty: determined from the signal")
     switch_high_v: float | None = number(None, SWITCH, "High threshold", "V", 1.0, -100.0, 100.0,
         "Empty: determined from the signal")
-    site: str = choice(USUAL_SITE, BENCH, "stands at", SITES, "How much the floor under the simulated bench moves: "
+    site: str = choice(USUAL_SITE, BENCH, "stands at", SITES, "Floor vibration under the simulated bench: "
         "the vibration criteria of the field, as the rms velocity in a third-octave")
     folder: str = declared("", Setting(LOOKS, "Recordings", "folder",
         hover="Where shots are saved; empty: Levimass in your documents"))
@@ -79,19 +79,19 @@ class Settings(AnalysisChoices):
         "The banner flashes once when the light switch fires")
     speeds_m_per_s: str = declared(" ".join(map(str, SPEEDS_M_PER_S)), Setting(NEXT, "Speeds", "numbers",
         "m/s", 1.0, 1e-3, 10.0,
-        "Speeds at which you can let the block strike; a planned shot is one of them. Blanks part them"))
+        "Speeds at which you can let the block strike; a planned shot has one of them. Separate with blanks"))
     weights_kg: str = declared(" ".join(str(kg) for kg in ADDED_KG if kg), Setting(NEXT, "Weights", "numbers",
         "g", 1e3, 1e-4, 100.0,
-        "What can be put on the block, each as a whole; a planned shot has one of them or none. Empty: none at hand",
+        "Weights that can be put on the block; a planned shot has one of them or none. Empty: none available",
         optional=True))
     run_up_m: float = number(12e-3, NEXT, "Run-up", "mm", 1e3, 1e-4, 10.0,
-        "Free flight before the plate: so much of it can be recorded")
+        "Length of free flight before the plate that can be recorded")
     source: str = "bench"
-    network: str = ""  # oscilloscopes in the network that answered, newest first, blanks between them
+    network: str = ""  # addresses of oscilloscopes, newest first, separated by blanks
     tour_done: bool = False
-    session: str = ""  # the named one that is open
-    recent: str = ""  # recordings and sessions opened lately, newest first, a line each
-    window: str = ""  # how it was left: ``app.window.window_state``
+    session: str = ""  # path of the open session, where it has a name
+    recent: str = ""  # recently opened files, newest first, a line each
+    window: str = ""  # geometry and view: ``app.window.window_state``
     # fmt: on
 
     def __post_init__(self) -> None:
@@ -116,18 +116,18 @@ class Settings(AnalysisChoices):
 
     @property
     def reach(self) -> Reach:
-        """Get what the rig can do, for the planning of a next shot: its speeds, its weights and none, its run-up."""
+        """Get what the rig can do in a planned shot: speeds, added masses (with none), run-up."""
         speeds, weights = (sorted(set(map(float, text.split()))) for text in (self.speeds_m_per_s, self.weights_kg))
         return Reach(tuple(speeds), (0.0, *weights), self.run_up_m)
 
     @property
     def data_folder(self) -> Path:
-        """Get where shots are saved."""
+        """Get the folder where shots are saved."""
         return Path(self.folder).expanduser() if self.folder else user_documents_path() / "Levimass"
 
     @property
     def network_sources(self) -> tuple[str, ...]:
-        """Get the oscilloscopes in the network that answered before, newest first; what is no address is left out."""
+        """Get the sources of known oscilloscopes in the network, newest first; invalid addresses are left out."""
         sources = []
         for text in self.network.split()[:MOST_ADDRESSES]:
             with contextlib.suppress(DigitizerError):
@@ -136,12 +136,12 @@ class Settings(AnalysisChoices):
 
     @property
     def analysis(self) -> AnalysisSettings:
-        """Get what concerns the analysis."""
+        """Get the settings of the analysis."""
         return AnalysisSettings(**{field.name: getattr(self, field.name) for field in fields(AnalysisChoices)})
 
     @property
     def setup(self) -> Setup:
-        """Get the rig, for sources that do not know it."""
+        """Get the rig, for sources that do not know theirs."""
         air = None
         if self.temperature_c is not None and self.pressure_pa is not None and self.humidity_percent is not None:
             air = Air(self.temperature_c, self.pressure_pa, self.humidity_percent)
@@ -155,10 +155,7 @@ class Settings(AnalysisChoices):
         )
 
     def options(self, source: str, digitizer: Digitizer) -> CaptureOptions:
-        """Return how shots are taken with a source; a rate it does not have becomes its nearest.
-
-        The folder is made here, as the capture asks for one that exists.
-        """
+        """Return the capture options for a source, with the nearest sample rate it has; makes the data folder."""
         folder = self.data_folder
         folder.mkdir(parents=True, exist_ok=True)
         settings = digitizer.default_settings()
@@ -175,11 +172,11 @@ class Settings(AnalysisChoices):
         return CaptureOptions(folder, settings, setup, edge, self.switch_low_v, self.switch_high_v)
 
     def values(self) -> dict[str, Value]:
-        """Return all choices by name."""
+        """Return all settings by name."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def with_values(self, values: dict[str, Value]) -> "Settings":
-        """Return the settings with some choices changed.  Raises WrongSettings."""
+        """Return the settings with these changes.  Raises WrongSettings."""
         try:
             return replace(self, **values)  # type: ignore[arg-type]
         except TypeError as error:
@@ -190,7 +187,7 @@ FIELDS = tuple(sorted((s for s in settings_of(Settings) if s.group), key=lambda 
 
 
 def correction_words(corrections: Sequence[tuple[str, float | None]]) -> list[str]:
-    """Return values of the rig that were put right, each as "moving mass 17.9 g"; what is not given is left out."""
+    """Return corrected values of the rig, each as "moving mass 17.9 g"."""
     given = {name: value for name, value in corrections if value is not None}
     return [
         f"{field.words[0].lower()}{field.words[1:]} {given[field.key] * field.scale:.10g} {field.unit}".rstrip()

@@ -1,4 +1,4 @@
-"""The settings on disk: versioned, written beside and renamed, the last good copy kept; spoilt ones stop no start."""
+"""The settings file: written atomically, with the last good copy; a damaged file does not stop the start."""
 
 import contextlib
 import json
@@ -15,7 +15,7 @@ VERSION = 1
 
 
 def load(path: Path) -> tuple[Settings, list[str]]:
-    """Return the settings and what a person should know about how they were found, in words."""
+    """Return the settings, and warnings where files were damaged or unknown settings left out."""
     words: list[str] = []
     for candidate, meaning in ((path, ""), (_last_good(path), "the last good copy is used")):
         if not candidate.exists():
@@ -37,19 +37,19 @@ def load(path: Path) -> tuple[Settings, list[str]]:
 
 
 def save(path: Path, settings: Settings) -> str | None:
-    """Write the settings; what stood there before becomes the last good copy.  Returns why not, or None."""
+    """Save the settings; the former file becomes the last good copy.  Returns why that failed, or None."""
     document = {"levimass_settings": VERSION, **settings.values()}
-    beside = path.with_name(f"{path.name}.{os.getpid()}.new")  # another window may be saving too
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.new")  # another window may be saving too
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with beside.open("w", encoding="utf-8") as file:
-            copy_permissions(beside, path)
+        with temporary.open("w", encoding="utf-8") as file:
+            copy_permissions(temporary, path)
             json.dump(document, file, indent=1)
             file.flush()
             os.fsync(file.fileno())
         with contextlib.suppress(FileNotFoundError):  # the first time, or just moved by another window
             replace_file(path, _last_good(path))
-        replace_file(beside, path)
+        replace_file(temporary, path)
         sync_folder(path.parent)
     except OSError as error:
         return f"The settings could not be saved: {error}"
@@ -77,4 +77,4 @@ def _set_aside(path: Path) -> None:
     try:
         os.replace(path, path.with_name(path.name + ".unreadable"))
     except OSError:
-        return  # it will be refused again at the next start
+        return  # the next start reports it again

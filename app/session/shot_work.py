@@ -1,6 +1,6 @@
-"""What the workbench has done with shots, as functions that can be sent to another process.
+"""Work on shots as functions that can run in another process: open, fit, diagnose, export, report.
 
-What only some of them need is imported there: a window starts without it.
+Slow imports are inside the functions that need them, so that the window starts quickly.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,6 @@ from analysis.diagnosis.result import Diagnosis
 from analysis.fitted.fit_time import SECONDS, run_in_time
 from analysis.fitted.fitted_shot import fit_again
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Progress, Shot, Stop
-from app.session.jobs import Asked
 from app.session.load import load_and_analyse
 from app.session.model_in_use import load_model, model_words, save_model
 from app.session.verdict_of import ModelEffects
@@ -19,13 +18,13 @@ from instrument.files.atomic_file import write_text_atomic
 
 
 def open_shot(
-    path: Path, settings: AnalysisSettings, effects: ModelEffects, *, progress: Progress, cancelled: Asked
+    path: Path, settings: AnalysisSettings, effects: ModelEffects, *, progress: Progress, cancelled: Stop
 ) -> Shot:
-    """Return the recording at ``path`` analysed, and fitted with the effects in the model."""
+    """Read and analyse a recording, and fit it with the effects in the model."""
     return load_and_analyse(path, settings=settings, effects_of=effects.of, progress=progress, cancelled=cancelled)
 
 
-def refit_shot(shot: Shot, effects: tuple[str, ...], *, progress: Progress, cancelled: Asked) -> Shot:
+def refit_shot(shot: Shot, effects: tuple[str, ...], *, progress: Progress, cancelled: Stop) -> Shot:
     """Return a shot fitted with these effects."""
     return fit_again(shot, effects, cancelled)
 
@@ -37,8 +36,8 @@ def diagnose_shots(
     seconds: float,
     **watched: Any,  # progress and cancelled
 ) -> Diagnosis:
-    """Return what the model of these shots lacks; after ``seconds`` steps that may be left out are left out."""
-    from analysis.diagnosis.diagnose import diagnose  # and all that it needs: not at every start
+    """Diagnose these shots; after ``seconds`` alternative searches are left out."""
+    from analysis.diagnosis.diagnose import diagnose  # slow to import
 
     return diagnose(shots, accepted=accepted, laws=laws, seconds=seconds, **watched)
 
@@ -50,9 +49,9 @@ def write_model(
     diagnosis: Diagnosis | None,
     *,
     progress: Progress,
-    cancelled: Asked,
+    cancelled: Stop,
 ) -> str:
-    """Write the model as these shots show it, and return what was done in words."""
+    """Save the model of a joint fit to these shots, and return what was done in words."""
     progress("fitting the shots jointly", 0.2)
     return save_model(path, shots, effects, diagnosis, cancelled)
 
@@ -64,9 +63,9 @@ def write_report(
     tried: Sequence[str],
     *,
     progress: Progress,
-    cancelled: Asked,
+    cancelled: Stop,
 ) -> str:
-    """Write the report of these shots, as the path's ending says, and return what was done in words."""
+    """Write the report as PDF or HTML, by the path's ending, and return what was done in words."""
     text = report_text(shots, diagnosis, tried, progress=progress, cancelled=cancelled)
     if path.suffix.lower() == ".pdf":
         from app.report.pdf import write_pdf  # only this needs Qt
@@ -78,17 +77,17 @@ def write_report(
 
 
 def report_text(
-    shots: Sequence[Shot], diagnosis: Diagnosis | None, tried: Sequence[str], *, progress: Progress, cancelled: Asked
+    shots: Sequence[Shot], diagnosis: Diagnosis | None, tried: Sequence[str], *, progress: Progress, cancelled: Stop
 ) -> str:
-    """Return the report of these shots as HTML; ``tried`` are effects that no diagnosis named."""
+    """Return the report as HTML; ``tried`` are effects that no diagnosis named."""
     from app.report.page import report_of
 
     progress("drawing the report", 0.2)
     return report_of(shots, diagnosis, tried=tried)
 
 
-def write_hdf5(shots: Sequence[Shot], folder: Path, *, progress: Progress, cancelled: Asked) -> str:
-    """Write these shots' motions to a folder, one HDF5 file each, and return what was done in words."""
+def write_hdf5(shots: Sequence[Shot], folder: Path, *, progress: Progress, cancelled: Stop) -> str:
+    """Write the motion of each shot as HDF5, and return what was done in words."""
     from app.report.export_hdf5 import export_hdf5
 
     progress("writing HDF5", 0.1)
@@ -98,9 +97,9 @@ def write_hdf5(shots: Sequence[Shot], folder: Path, *, progress: Progress, cance
 
 
 def write_csv(
-    shots: Sequence[Shot], diagnosis: Diagnosis | None, folder: Path, *, progress: Progress, cancelled: Asked
+    shots: Sequence[Shot], diagnosis: Diagnosis | None, folder: Path, *, progress: Progress, cancelled: Stop
 ) -> str:
-    """Export these shots to a folder, with the laws that a diagnosis of them learned; return what was done in words."""
+    """Write these shots, and the laws that a diagnosis learned, as CSV; return what was done in words."""
     from app.report.export import export, export_laws
 
     progress("writing CSV", 0.1)
@@ -110,20 +109,20 @@ def write_csv(
     return f"{len(shots)} shots exported to {folder} ({len(written)} files)"
 
 
-def put_to_test(path: Path, shots: Sequence[Shot], progress: Progress, cancelled: Stop) -> str:
-    """Return in words how much better the file's model foretells these shots than its base, unchanged.
+def predictions_of(path: Path, shots: Sequence[Shot], progress: Progress, cancelled: Stop) -> str:
+    """Return in words how much better a file's model, unchanged, predicts these shots than its base model.
 
-    Raises RecordingError where the file is no model, AnalysisError where nothing can be foretold, Cancelled.
+    Raises RecordingError where the file is no model, AnalysisError where no shot can be predicted, Cancelled.
     """
-    from analysis.diagnosis.verdict.foretold import foretell  # and all of the diagnosis: not at every start
+    from analysis.diagnosis.verdict.foretold import foretell  # slow to import
 
-    progress("foretelling", 0.0)
+    progress("predicting", 0.0)
     model = load_model(path)
     seen = [(shot.motion, shot) for shot in shots if shot.motion is not None and shot.settings.model == model.base]
     if not seen:
         raise AnalysisError(f"none of these shots is of the file's base model, {model.base}")
     motions, names = [motion for motion, _ in seen], [shot.path or shot.name for _, shot in seen]
-    told = run_in_time(lambda: foretell(motions, names, model, cancelled), SECONDS * (1 + len(seen)), cancelled)
-    partook = sum(shot.took_part for shot in told.shots)
-    warned = f" ({partook} of them took part in the model's fit: no test)" if partook else ""
-    return f"{model_words(model)}: {told.sentence}{warned}"
+    prediction = run_in_time(lambda: foretell(motions, names, model, cancelled), SECONDS * (1 + len(seen)), cancelled)
+    took_part = sum(shot.took_part for shot in prediction.shots)
+    warning = f" ({took_part} of them took part in the model's fit: no test)" if took_part else ""
+    return f"{model_words(model)}: {prediction.sentence}{warning}"

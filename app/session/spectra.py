@@ -1,4 +1,4 @@
-"""Spectra of a recording's beats, over the whole record and over time; plain arrays, computed beside the screen."""
+"""Spectra of a recording's beats, averaged and over time."""
 
 from dataclasses import dataclass
 
@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot.recording import Recording, Role
-from analysis.shot.shot import Cancelled
-from app.session.jobs import Asked, Report
+from analysis.shot.shot import Cancelled, Progress, Stop
 
 Floats = NDArray[np.float64]
 NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1"}
@@ -28,7 +27,7 @@ class Spectra:
     image_levels_db: tuple[float, float]  # from the noise to the strongest
 
 
-def spectra_of(recording: Recording, zero_s: float, report: Report, cancelled: Asked) -> Spectra:
+def spectra_of(recording: Recording, zero_s: float, report: Progress, cancelled: Stop) -> Spectra:
     """Return averaged Hann periodograms of the beats; cost: one pass of FFTs of 4096 over the record."""
     window = np.hanning(BINS)
     scale = 1.0 / (recording.sample_rate_hz * float(window @ window))

@@ -1,4 +1,4 @@
-"""The effects in a session's model, its diagnoses, and what each verdict was passed on."""
+"""The effects in a session's model, its diagnoses, and the model and shots that each verdict is about."""
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -8,13 +8,15 @@ from analysis.collision.laws.own import is_law
 from analysis.diagnosis.result import Diagnosis, Verdict
 from app.session.event import Diagnosed
 from app.words.physics_words import known_effect
+from levimass.analysis_settings import is_drive
 
 
 @dataclass(frozen=True, slots=True)
-class VerdictOf:
-    """``effects`` were in the model that was diagnosed, ``found`` are what the diagnosis adds; ``shots`` by number.
+class VerdictBasis:
+    """The model and shots that a verdict is about.
 
-    ``conclusion`` is None where an earlier version kept the verdict.
+    ``effects`` were in the diagnosed model, ``found`` are those the diagnosis adds, ``shots`` are numbers of entries.
+    ``conclusion`` is None in files of earlier versions.
     """
 
     effects: tuple[str, ...] = ()
@@ -23,54 +25,54 @@ class VerdictOf:
     conclusion: Verdict | None = None
 
     def holds(self, effects: Iterable[str], there: Collection[int]) -> bool:
-        """Return whether the verdict still holds for a model with these effects and a list with these shots.
+        """Return whether the verdict holds for a model with these effects and a session with these shots.
 
-        It does too once what was found is in the model: the diagnosis fitted that very model.
+        It also holds once the effects found are in the model, as the diagnosis fitted that model too.
         """
         now, before = set(findings(tuple(effects))), set(self.effects)
         return now in (before, before | set(self.found)) and set(self.shots) <= set(there)
 
 
-def verdict_of(diagnosis: Diagnosis, numbers: Iterable[int]) -> VerdictOf:
-    """Return what the verdict of a diagnosis of these shots was passed on."""
+def verdict_of(diagnosis: Diagnosis, numbers: Iterable[int]) -> VerdictBasis:
+    """Return the model and shots that a diagnosis is about."""
     found = tuple(effect.name for effect in diagnosis.findings)
-    return VerdictOf(tuple(findings(diagnosis.fit_before.effects)), found, tuple(numbers), diagnosis.verdict)
+    return VerdictBasis(tuple(findings(diagnosis.fit_before.effects)), found, tuple(numbers), diagnosis.verdict)
 
 
 class Diagnoses(list[Diagnosed]):
-    """Finds the one that a selection is about."""
+    """The diagnoses of a session, oldest first."""
 
     @property
     def newest(self) -> Diagnosed | None:
-        """Get the newest diagnosis."""
+        """Get the newest diagnosis, or None."""
         return self[-1] if self else None
 
     def of(self, numbers: Sequence[int]) -> Diagnosed | None:
-        """Return the newest diagnosis of just these entries, else of some with the last of them, or None."""
+        """Return the newest diagnosis of exactly these entries, else the newest with the last of them, or None."""
         newest = self[::-1]
         exact = next((found for found in newest if set(found.numbers) == set(numbers)), None)
         return exact or next((found for found in newest if set(numbers[-1:]) & set(found.numbers)), None)
 
     def within(self, chosen: set[int]) -> Diagnosed | None:
-        """Return the newest diagnosis of which every entry is among these, or None."""
+        """Return the newest diagnosis whose entries are all among these, or None."""
         return next((found for found in self[::-1] if set(found.numbers) <= chosen), None)
 
 
 @dataclass(frozen=True, slots=True)
 class ModelEffects:
-    """Names of the catalogue, in the order in which they were accepted."""
+    """Names of the effects in the model, in the order in which they were accepted."""
 
     collision: tuple[str, ...] = ()
     drive: tuple[str, ...] = ()
-    tried: tuple[str, ...] = ()  # those of both that no diagnosis named
+    tried: tuple[str, ...] = ()  # those that no diagnosis named
 
     def of(self, base: str) -> tuple[str, ...]:
         """Return the effects in the model of shots with this base."""
-        return self.drive if base == "driven" else self.collision
+        return self.drive if is_drive(base) else self.collision
 
     def with_effects(self, base: str, effects: tuple[str, ...]) -> "ModelEffects":
         """Return the same with other effects for shots with this base."""
-        changed = replace(self, **{"drive" if base == "driven" else "collision": effects})
+        changed = replace(self, **{"drive" if is_drive(base) else "collision": effects})
         there = (*changed.collision, *changed.drive)
         return replace(changed, tried=tuple(name for name in self.tried if name in there))
 
@@ -80,5 +82,5 @@ class ModelEffects:
 
 
 def known_effects(names: Iterable[object]) -> tuple[str, ...]:
-    """Return those of the names that the catalogue still has, and the laws that can be read from theirs."""
+    """Return those names that are effects of the catalogue or readable laws."""
     return tuple(name for name in names if isinstance(name, str) and (known_effect(name) or is_law(name)))

@@ -1,7 +1,7 @@
-"""Kernels made ready while the window opens: compiled in processes of their own, so that no frame waits for a compiler.
+"""Compile or load the kernels while the window opens, in other processes, so that the screen does not wait.
 
-The first start after an installation compiles for a minute or two of one core, what a first shot's readings need
-first, then its fit, then all else; the result is kept on disk, and every later start only loads it.
+The first start after an installation compiles for a minute or two: first what a shot's readings need, then its fit,
+then the rest.  Later starts load the kernels from disk.
 """
 
 import gc
@@ -11,10 +11,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 
-from analysis.shot.shot import Cancelled
-from app.session.jobs import Asked, Report
+from analysis.shot.shot import Cancelled, Progress, Stop
 from app.session.prepare import BENCH, LATER, Stage, complete, mark_complete, prepare
-from app.session.rehearsal import readings
+from app.session.warm_up import readings
 from instrument.process.subprocess_worker import SubprocessWorker
 
 _LOOK_S = 0.05
@@ -22,18 +21,18 @@ _BESIDE = (*LATER, replace(BENCH, stage=Stage.ALL))  # the simulated bench compi
 
 
 class Kernels:
-    """Whether the kernels are ready, for whoever is about to need them."""
+    """Makes the kernels ready, and lets others wait for them."""
 
     def __init__(self, analyst: SubprocessWorker | None = None, helper: SubprocessWorker | None = None) -> None:
-        """``analyst`` analyses the rig's shots elsewhere: it is started first, and compiles what their readings need.
+        """``analyst``, the process that analyses the rig's shots, starts first and compiles what readings need.
 
-        ``helper`` does what else is asked for: it is started once it need not compile.  Without them all is done here.
+        ``helper``, the process for other work, starts once it need not compile.  Without them this process does all.
         """
         self._ready = {stage: threading.Event() for stage in Stage}
         self._analyst, self._helper = analyst, helper
 
-    def work(self, report: Report, cancelled: Asked) -> None:
-        """Make them ready; a job.  Where the other processes fail they are compiled where they are needed."""
+    def work(self, report: Progress, cancelled: Stop) -> None:
+        """Make the kernels ready, as a job.  Where a process fails its kernels are compiled when they are needed."""
         try:
             with ThreadPoolExecutor(1, "levimass kernels") as beside:
                 loading = beside.submit(self._load, cancelled)
@@ -41,22 +40,22 @@ class Kernels:
                     self._reached(Stage.FIT)
                 if not complete():
                     cores = max(1, (os.cpu_count() or 1) - 1)  # one is the readings'
-                    prepare(partial(self._told, report), cancelled, self._reached, cores, _BESIDE)
+                    prepare(partial(self._report_progress, report), cancelled, self._reached, cores, _BESIDE)
                 loading.result()
         finally:
-            # what is loaded by now stays to the end; looking through it for garbage stopped every thread for 0.1 s
+            # what is loaded now stays: collecting garbage among it would stop every thread for 0.1 s
             gc.freeze()
             for ready in self._ready.values():
                 ready.set()
 
-    def wait(self, stage: Stage, cancelled: Asked) -> None:
-        """Return when a stage is reached.  Raises Cancelled."""
+    def wait(self, stage: Stage, cancelled: Stop) -> None:
+        """Wait until a stage is reached.  Raises Cancelled."""
         while not self._ready[stage].wait(_LOOK_S):
             if cancelled():
                 raise Cancelled
 
-    def _load(self, cancelled: Asked) -> None:
-        """Load what the running stream needs and, without an analyst, what the readings do."""
+    def _load(self, cancelled: Stop) -> None:
+        """Load the kernels of the live view and, without an analyst, those of the readings."""
         if self._analyst is None:
             readings()
         else:
@@ -74,6 +73,6 @@ class Kernels:
             self._helper.start()
         self._ready[stage].set()
 
-    def _told(self, report: Report, words: str, share: float) -> None:
+    def _report_progress(self, report: Progress, words: str, share: float) -> None:
         first = self._ready[Stage.READINGS].is_set()
         report(words if first else "compiling the readings, at the first start only", share)

@@ -1,7 +1,7 @@
-"""What each candidate of a diagnosis would leave of its shots: fits made while nothing else is to be done.
+"""The residual that each candidate of a diagnosis leaves, from joint fits made while no other work waits.
 
-A diagnosis keeps the numbers of its candidates, not their curves.  The base model with one candidate is fitted to all
-shots jointly, the best candidate first; work that a person asks for comes before.
+A diagnosis has the numbers of its candidates, not their curves.  The base model with one candidate is fitted to all
+shots jointly, the best candidate first.
 """
 
 from collections.abc import Sequence
@@ -15,9 +15,10 @@ from analysis.diagnosis.result import Candidate, Diagnosis
 from analysis.fitted.fitted_shot import fit_jointly, shaking_of
 from analysis.shot.disturbance import Shaking
 from analysis.shot.motion import Motion
-from analysis.shot.shot import AnalysisError, Progress, Shot
-from app.session.jobs import Asked, Job, Report, Work
+from analysis.shot.shot import AnalysisError, Progress, Shot, Stop
+from app.session.jobs import Job, Work
 from app.words.physics_words import effect_words
+from levimass.analysis_settings import is_drive
 
 Floats = NDArray[np.float64]
 MOST = 6  # candidates: the named ones and their neighbours
@@ -26,7 +27,7 @@ KIND = "why"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Remainder:
-    """What the model with one candidate leaves over: of each shot shape (n,), in m; None where it did not converge."""
+    """The residual with one candidate in the model: for each shot (n,), in m; None where the fit did not converge."""
 
     name: str
     left_m: tuple[Floats, ...] | None
@@ -45,9 +46,9 @@ def remainder_of(
     shakings: Sequence[Shaking | None],
     *,
     progress: Progress,
-    cancelled: Asked,
+    cancelled: Stop,
 ) -> Remainder:
-    """Return what a joint fit with these effects, the last of which is the candidate, leaves over."""
+    """Return the residual of a joint fit with these effects, the last of which is the candidate."""
     try:
         fit = fit_jointly(motions, base, effects, cancelled, shakings)
     except AnalysisError:
@@ -57,7 +58,7 @@ def remainder_of(
 
 
 class Why:
-    """The remainders of one diagnosis's candidates, as far as they are there."""
+    """The residuals of one diagnosis's candidates, as far as they are fitted."""
 
     def __init__(self, work: Work) -> None:
         self._work = work
@@ -75,7 +76,7 @@ class Why:
         return bool(self._wanted)
 
     def show(self, diagnosis: Diagnosis | None, shots: Sequence[Shot]) -> None:
-        """Begin with another diagnosis of these shots, in the order of its fits; None: with none."""
+        """Begin with another diagnosis, or none; ``shots`` in the order of its fits."""
         if diagnosis is self._of:
             return
         if self._job is not None:
@@ -84,7 +85,7 @@ class Why:
         self._motions = [shot.motion for shot in shots if shot.motion is not None]
         self._shakings = [shaking_of(shot) for shot in shots if shot.motion is not None]
         self._wanted = []
-        if diagnosis is None or diagnosis.fit_before.model == "driven" or not self._motions:
+        if diagnosis is None or is_drive(diagnosis.fit_before.model) or not self._motions:
             return
         before = set(diagnosis.fit_before.effects)
         named = [effect.name for effect in diagnosis.effects]
@@ -92,7 +93,7 @@ class Why:
         self._wanted = [name for name in dict.fromkeys([*named, *ranked]) if name not in before][:MOST]
 
     def first(self, name: str) -> None:
-        """Fit this candidate before the others: a person points at it."""
+        """Fit this candidate before the others, as the operator points at it."""
         if name in self._wanted:
             self._wanted.remove(name)
             self._wanted.insert(0, name)
@@ -102,7 +103,7 @@ class Why:
         self._wanted = []
 
     def refresh(self) -> bool:
-        """Take a fit that is there, ask for the next while there is no other work; return whether one came."""
+        """Take a finished fit, start the next while there is no other work; return whether one has finished."""
         job, came = self._job, False
         if job is not None and job.done.is_set():
             self._job = None
@@ -119,8 +120,8 @@ class Why:
         effects = (*diagnosis.fit_before.effects, name)
         fitting = partial(remainder_of, self._motions, diagnosis.fit_before.model, effects, self._shakings)
 
-        def work(report: Report, cancelled: Asked) -> Remainder:
-            report("what this candidate would leave", 0.0)
+        def work(report: Progress, cancelled: Stop) -> Remainder:
+            report("fit with this candidate", 0.0)
             made: Remainder = self._work.do(fitting, report, cancelled)
             return made
 

@@ -1,9 +1,7 @@
-"""What the window does with shots away from the rig: open, re-analyse, diagnose.
+"""The session and the work on its shots: open, analyse again, diagnose, note, undo.
 
-``model`` changes the model, ``papers`` writes what leaves the program, ``elsewhere`` saves what is only in memory.
-
-Plain Python: every piece of work is a job, done in a process of its own where there is one, and comes back as a
-Event that the screen polls.
+``model`` changes the model, ``exports`` writes files, ``unsaved`` saves shots that are only in memory.  Work is done
+by jobs, in another process where there is one, and ends with an Event that the screen polls.
 """
 
 import time
@@ -15,15 +13,25 @@ from typing import Any
 
 from analysis.fitted.fitted_shot import awaits_fit
 from analysis.shot.plates_of_set import why_not_together
-from analysis.shot.shot import AnalysisSettings, Shot
-from app.session.event import Diagnosed, Event, Filled, Kind, Loaded, Opened, Refitted, Reopened, SavedElsewhere
-from app.session.jobs import Asked, Job, Report, Saver, Work
+from analysis.shot.shot import AnalysisSettings, Progress, Shot, Stop
+from app.session.event import (
+    CachedResults,
+    Diagnosed,
+    Event,
+    EventKind,
+    FilledEntry,
+    LoadedModel,
+    OpenedShot,
+    RefittedShot,
+    SavedElsewhere,
+)
+from app.session.exports import Exports, UnsavedShots
+from app.session.jobs import Job, Saver, Work
 from app.session.load import unanalysed
 from app.session.model_in_use import OwnLaws
 from app.session.model_work import ModelWork
-from app.session.own_session import Unlisted, held, listed_by, named_session, own_session, unlisted
-from app.session.papers import Elsewhere, Papers
-from app.session.results import KeptWork, Key, Results
+from app.session.own_session import Unlisted, listed_by, lock_session, named_session, own_session, unlisted
+from app.session.result_cache import CacheWork, Key, ResultCache
 from app.session.session import Entry, Session
 from app.session.settings import correction_words
 from app.session.shot_work import diagnose_shots, open_shot
@@ -35,7 +43,7 @@ from instrument.files.recording_error import RecordingError
 from instrument.files.recording_file import find_recordings, rewrite_note
 from instrument.process.subprocess_worker import SubprocessWorker
 
-MOST_NAMED = 6  # shots, in the name of a diagnosis under way
+MOST_NAMED = 6  # shots in the name of a running diagnosis
 
 
 class Workbench:
@@ -48,14 +56,13 @@ class Workbench:
         saver: Saver | None = None,
         apart: SubprocessWorker | None = None,
         again: Callable[[], AnalysisSettings] | None = None,
-        results: Results | None = None,
+        results: ResultCache | None = None,
         own_laws: OwnLaws | None = None,
     ) -> None:
-        """``saver``: the session is saved by it, in its thread; ``apart`` does the long work, else the jobs' thread.
+        """``saver`` saves the session in its thread; ``apart`` does long work, else the jobs' thread does.
 
-        ``again``: the settings of an analysis repeated, with what was put right meanwhile; else ``settings``.
-        ``results``: where shots and diagnoses are kept for the next start.
-        ``own_laws``: the folder of laws that a diagnosis asks beside the catalogue.
+        ``again`` returns the settings for repeating an analysis, with corrections of the rig; else ``settings``.
+        ``results`` is the cache for the next start; ``own_laws`` are the user's laws that a diagnosis tries too.
         """
         self.session = session
         self._saver = saver
@@ -63,75 +70,75 @@ class Workbench:
             session.save_by = saver.submit
         self.own_laws = own_laws or OwnLaws(None)
         self._work = Work(apart)
-        self.jobs, self.errands = self._work.jobs, self._work.errands
+        self.jobs, self.short_jobs = self._work.jobs, self._work.short_jobs
         self.model = ModelWork(session, self._work)
-        self._kept = KeptWork(results, self._work) if results is not None else None
+        self._kept = CacheWork(results, self._work) if results is not None else None
         self._usual = session.path.parent if session.path is not None else None
         self.diagnoses = Diagnoses()
         self.why = Why(self._work)
-        self.papers = Papers(session, self._work, self.diagnoses)
-        self.elsewhere = Elsewhere(session, self.errands)
+        self.exports = Exports(session, self._work, self.diagnoses)
+        self.unsaved = UnsavedShots(session, self.short_jobs)
         self._settings, self._again = settings, again or settings
         self._waiting: list[Event] = []
-        self._takers: dict[type, Callable[[Any], object]] = {  # what each kind of result is taken by
+        self._takers: dict[type, Callable[[Any], object]] = {  # by the type of a job's result
             Event: lambda result: self._waiting.append(result),
             Diagnosed: self._take_diagnosed,
-            SavedElsewhere: lambda result: self._waiting.append(self.elsewhere.take(result)),
-            Loaded: lambda result: self._waiting.append(self.model.take(result)),
-            Opened: self._take_opened,
-            Filled: self._take_filled,
-            Refitted: self._take_refitted,
-            Reopened: self._take_reopened,
+            SavedElsewhere: lambda result: self._waiting.append(self.unsaved.take(result)),
+            LoadedModel: lambda result: self._waiting.append(self.model.take(result)),
+            OpenedShot: self._take_opened,
+            FilledEntry: self._take_filled,
+            RefittedShot: self._take_refitted,
+            CachedResults: self._take_reopened,
             Unlisted: self._take_unlisted,
         }
-        self._captured: dict[tuple[str, str | None], int] = {}  # numbers of shots that wait for the rig's analysis
+        self._captured: dict[tuple[str, str | None], int] = {}  # entries awaiting the rig's analysis
 
     def close(self) -> bool:
         """Cancel all work and wait for it; return whether the threads ended."""
         ended = self._work.close()
         ended &= self._saver is None or self._saver.close()
-        self.session.give_free()
+        self.session.unlock()
         return ended
 
     # sessions ---------------------------------------------------------------------------------------------------
 
     def open_session(self, path: Path) -> str | None:
-        """Go on with the session kept in a file; return why not, or None."""
+        """Open the session in a file; return a problem, or None."""
         if self.session.path is not None and path.absolute() == self.session.path.absolute():
             return None
         try:
             other = named_session(path)
         except RecordingError as error:
             return str(error)
-        self._go_on(other)
+        self._switch_to(other)
         return other.problem
 
     def usual_session(self) -> str | None:
-        """Go on with the session that has no name; return why not, or None."""
+        """Open the session without a name; return a problem, or None."""
         if self._usual is None:
             return "this window has no session file"
-        self._go_on(own_session(self._usual))
+        self._switch_to(own_session(self._usual))
         return self.session.problem
 
     def save_session(self, path: Path) -> str | None:
-        """Keep the session in another file from now on; return why not, or None."""
+        """Save the session in another file from now on; return a problem, or None."""
         if path.absolute() == (self.session.path or Path()).absolute():
             return None
         try:
-            self.session.move_to(path, held(path))
+            self.session.move_to(path, lock_session(path))
         except RecordingError as error:
             return str(error)
         return self.session.problem
 
-    def _go_on(self, other: Session) -> None:
+    def _switch_to(self, other: Session) -> None:
         self._work.another_session()
         self.model.forget()
         self.diagnoses.clear()
-        self._captured.clear()  # what the rig still analyses joins the session that is open then
+        self._captured.clear()  # their analyses are added to the new session
         self.session.become(other)
         self.read_unread()
 
-    # what is asked for ------------------------------------------------------------------------------------------
+    # commands --------------------------------------------------------------------------------------------------
 
     def open_paths(self, paths: Sequence[Path]) -> int:
         """Queue every recording under these files and folders; return how many."""
@@ -141,7 +148,7 @@ class Workbench:
         return len(found)
 
     def read_unread(self) -> None:
-        """Queue the recordings of entries that a reopened session lists."""
+        """Queue the reading of entries of a reopened session, from the cache where there is one."""
         unread = [entry for entry in self.session.entries if entry.shot is None and entry.path is not None]
         if self._kept is not None:
             self._kept.ask({entry.number: self._key(entry) for entry in unread})
@@ -150,7 +157,7 @@ class Workbench:
             self._submit_fill(entry)
 
     def _key(self, entry: Entry) -> Key:
-        """Return what an entry's result is kept under."""
+        """Return the key of an entry's result in the cache."""
         effects = self.model.effects_of(entry.settings.model)
         return Key(entry.path or "", replace(entry.settings, effects=effects))
 
@@ -158,20 +165,20 @@ class Workbench:
         if self._kept is not None:
             self._kept.keep(shots)
 
-    def look_for_unlisted(self, folder: Path, sessions: Sequence[Path] = ()) -> None:
-        """Queue a look for recordings in ``folder`` that neither this session nor one of these files lists."""
+    def find_unlisted(self, folder: Path, sessions: Sequence[Path] = ()) -> None:
+        """Queue a search for recordings in ``folder`` that neither this session nor these session files list."""
         own = {entry.path for entry in self.session.entries if entry.path is not None} | {*self.session.left_out}
         now_s = time.time()
 
-        def work(_: Report, __: Asked) -> Unlisted:
+        def work(_: Progress, __: Stop) -> Unlisted:
             return unlisted(folder, own | listed_by(sessions), now_s)
 
-        self.errands.submit("recordings not in any session", work, "look")
+        self.short_jobs.submit("recordings not in any session", work, "look")
 
     def reanalyse(self, numbers: Sequence[int]) -> int:
-        """Queue copies of these entries with the present settings; return how many.
+        """Queue the analysis of these entries with the present settings, as copies; return how many.
 
-        An entry that was never analysed is filled in its own place.
+        An entry that was never analysed gets the result itself.
         """
         count = 0
         for entry in self._entries(numbers):
@@ -184,26 +191,26 @@ class Workbench:
             count += 1
         return count
 
-    def put_right(self) -> str:
-        """Return in words which values of the rig an analysis repeated now puts right; "" where none is."""
+    def corrections_in_words(self) -> str:
+        """Return in words which values of the rig a repeated analysis would correct; "" for none."""
         return ", ".join(correction_words(self._again().corrections))
 
     def add_captured(self, name: str, path: Path | None) -> Entry:
-        """List a shot as soon as the rig captured it: whatever becomes of its analysis, it is in the session."""
+        """Add a shot to the session when the rig has captured it, before its analysis."""
         where = None if path is None else str(path)
         entry = self.session.add_captured(name, where, self._settings())
         self._captured[name, where] = entry.number
         return entry
 
     def add_shot(self, shot: Shot) -> Entry | None:
-        """Take a shot that the rig captured and analysed, in its place where it is listed; the model may have changed.
+        """Add a shot that the rig has analysed, in its entry where it has one; return the entry.
 
-        None where it was taken off the list meanwhile.
+        Returns None where the entry was removed meanwhile.
         """
         where = None if shot.path is None else str(Path(shot.path))
         number = self._captured.pop((shot.name, where), None)
         if number is None:
-            path = self.elsewhere.path_of(shot.name) if shot.path is None else None
+            path = self.unsaved.path_of(shot.name) if shot.path is None else None
             entry = self.session.add(shot if path is None else replace(shot, path=path))
         elif self.session.entry(number) is None:
             self._keep([shot])
@@ -211,25 +218,25 @@ class Workbench:
         else:
             entry = self.session.complete(number, shot)
         if not awaits_fit(shot):
-            self._whole(entry)
+            self._store_or_refit(entry)
         return entry
 
     def take_fit(self, shot: Shot) -> Entry | None:
-        """Take the fit that a captured shot awaited; return its entry, None where that awaits it no more."""
+        """Add the fit of a captured shot; return its entry, or None where that no longer needs it."""
         awaiting = self.session.awaiting(shot)
         if awaiting is None:
             return None
-        if shot.fit_problem == STOPPED:  # Abort frees the rig: the fit that was under way is made beside it
+        if shot.fit_problem == STOPPED:  # by Abort: the fit is made as a job instead
             self.model.catch_up(also=[awaiting])
             return awaiting
         self.session.fill(awaiting.number, replace(shot, path=awaiting.path))
         entry = self.session.entry(awaiting.number)
         assert entry is not None
-        self._whole(entry)
+        self._store_or_refit(entry)
         return entry
 
-    def _whole(self, entry: Entry) -> None:
-        """Keep the result of a captured shot, once the model as it is now is fitted to it."""
+    def _store_or_refit(self, entry: Entry) -> None:
+        """Store the result of a captured shot, or fit it again where the model has changed."""
         shot = entry.shot
         assert shot is not None
         if self.model.is_behind(entry):
@@ -238,12 +245,12 @@ class Workbench:
             self._keep([shot])
 
     def add_unanalysed(self, path: Path | None, problem: str, name: str) -> Entry | None:
-        """Take a shot that the rig captured and nobody analysed: ``reanalyse`` does."""
+        """Add a shot that the rig captured but did not analyse."""
         words = f"{problem}: analyse it again (Ctrl+R)"
         return self.add_shot(unanalysed(path, self._settings(), words, name))
 
     def diagnose(self, numbers: Sequence[int]) -> str | None:
-        """Queue the diagnosis of these entries; return why not, or None."""
+        """Queue the diagnosis of these entries; return a problem, or None."""
         chosen = [entry for entry in self._entries(numbers) if entry.shot is not None and entry.shot.motion is not None]
         if not chosen:
             return "select at least one analysed shot"
@@ -252,12 +259,12 @@ class Workbench:
             return why
         ids = tuple(entry.number for entry in chosen)
         laws, problems = self.own_laws.keys()
-        self._waiting += [Event(Kind.PROBLEM, problem) for problem in problems]
+        self._waiting += [Event(EventKind.PROBLEM, problem) for problem in problems]
         accepted = self.model.effects_of(shots[0].settings.model)
-        seconds = self._settings().diagnosis_seconds  # as it is now, not as it was when the shots were taken
+        seconds = self._settings().diagnosis_seconds  # the present setting, not that of the shots
         judging = partial(diagnose_shots, shots, accepted, laws, seconds)
 
-        def work(report: Report, cancelled: Asked) -> Diagnosed:
+        def work(report: Progress, cancelled: Stop) -> Diagnosed:
             return Diagnosed(self._work.do(judging, report, cancelled), ids)
 
         which = ", ".join(str(number) for number in ids[:MOST_NAMED])
@@ -267,56 +274,56 @@ class Workbench:
         return None
 
     def set_note(self, number: int, note: str) -> None:
-        """Keep the operator's note in the session, and in the recording by an errand, which waits for no long work."""
+        """Set the operator's note in the session, and as a short job in the recording."""
         self.session.set_note(number, note)
         entry = self.session.entry(number)
         if entry is not None:
             self._write_note(entry)
 
     def _write_note(self, entry: Entry) -> None:
-        """Write a shot's note into its recording, where that has one, by an errand."""
+        """Queue the writing of a note into the recording's metadata."""
         if entry.path is None or not entry.path.endswith(".sigmf-meta"):
             return
         path, note = Path(entry.path), entry.note
 
-        def work(_: Report, __: Asked) -> None:
-            rewrite_note(path, note)  # RecordingError, which the job's problem says, where it is read-only
+        def work(_: Progress, __: Stop) -> None:
+            rewrite_note(path, note)  # raises RecordingError where it is read-only
 
-        self.errands.submit(f"note of {entry.name}", work, "note")
+        self.short_jobs.submit(f"note of {entry.name}", work, "note")
 
     def undo(self) -> str | None:
-        """Take back the last note, removal or change of the model; return what it was, or None."""
-        return self._stepped(self.session.undo)
+        """Undo the last note, removal or change of the model; return its name, or None."""
+        return self._undo_or_redo(self.session.undo)
 
     def redo(self) -> str | None:
-        """Do again what was undone last; return what it is, or None."""
-        return self._stepped(self.session.redo)
+        """Redo the last undone change; return its name, or None."""
+        return self._undo_or_redo(self.session.redo)
 
-    def _stepped(self, step: Callable[[], str | None]) -> str | None:
+    def _undo_or_redo(self, step: Callable[[], str | None]) -> str | None:
         there = {entry.number for entry in self.session.entries} | set(self._captured.values())
         notes = {entry.number: entry.note for entry in self.session.entries}
         what = step()
         for entry in self.session.entries:
             if notes.get(entry.number, entry.note) != entry.note:
                 self._write_note(entry)
-        for entry in self.session.entries:  # its analysis may have come while it was off the list
+        for entry in self.session.entries:  # its analysis may have ended while it was removed
             if entry.shot is None and entry.path is not None and entry.number not in there:
                 self._submit_fill(entry)
-        # shots that come back to the list: the fit that they awaited may have come while they were off it
+        # the fits of shots that return may have ended while they were removed
         self.model.catch_up(also=self.session.entries)
         return what
 
-    # what ended -------------------------------------------------------------------------------------------------
+    # results ----------------------------------------------------------------------------------------------------
 
     def poll(self) -> list[Event]:
-        """Return what ended since the last call."""
+        """Return the events since the last call."""
         for job, result in self._work.ended():
             if job.problem is not None:
-                self._waiting.append(Event(Kind.PROBLEM, f"{job.name}: {job.problem}"))
+                self._waiting.append(Event(EventKind.PROBLEM, f"{job.name}: {job.problem}"))
             else:
                 self._take(result)
-        happened, self._waiting = self._waiting, []
-        return happened
+        events, self._waiting = self._waiting, []
+        return events
 
     def _take(self, result: object) -> None:
         if (take := self._takers.get(type(result))) is not None:
@@ -326,46 +333,46 @@ class Workbench:
         self.diagnoses.append(result)
         if self._kept is not None:
             entries = filter(None, map(self.session.entry, result.numbers))
-            self._kept.keep_diagnosis(result, [self._key(entry) for entry in entries if entry.path is not None])
+            self._kept.store_diagnosis(result, [self._key(entry) for entry in entries if entry.path is not None])
         of = verdict_of(result.diagnosis, result.numbers)
         for number in result.numbers:
             self.session.set_verdict(number, verdict_words(result.diagnosis.verdict, of.found), of)
-        self._waiting.append(Event(Kind.DIAGNOSED, result.diagnosis.sentence, result.numbers))
+        self._waiting.append(Event(EventKind.DIAGNOSED, result.diagnosis.sentence, result.numbers))
         if result.diagnosis.not_asked:
-            self._waiting.append(Event(Kind.PROBLEM, f"no time for {'; '.join(result.diagnosis.not_asked)} (F2)"))
+            self._waiting.append(Event(EventKind.PROBLEM, f"no time for {'; '.join(result.diagnosis.not_asked)} (F2)"))
 
-    def _take_opened(self, result: Opened) -> None:
+    def _take_opened(self, result: OpenedShot) -> None:
         entry = self.session.add(result.shot, copy_of=result.copy_of)
         self._keep([result.shot])
         self.model.catch_up()
-        self._waiting.append(Event(Kind.SHOT, f"{entry.name} opened", (entry.number,)))
+        self._waiting.append(Event(EventKind.SHOT, f"{entry.name} opened", (entry.number,)))
 
-    def _take_refitted(self, result: Refitted) -> None:
+    def _take_refitted(self, result: RefittedShot) -> None:
         shot = self.model.take_fit(result)
         if shot is not None:
             self._keep([shot])
-            self._waiting.append(Event(Kind.CHANGED, "", (result.number,)))
+            self._waiting.append(Event(EventKind.CHANGED, "", (result.number,)))
 
-    def _take_filled(self, result: Filled) -> None:
+    def _take_filled(self, result: FilledEntry) -> None:
         entry = self.session.entry(result.number)
         if entry is None or (entry.shot is not None and entry.shot.motion is not None):
-            return  # taken off the list, or there already
+            return  # removed, or already analysed
         self.session.fill(result.number, result.shot)
         self._keep([result.shot])
         self.model.catch_up()
-        self._waiting.append(Event(Kind.CHANGED, "", (result.number,)))
+        self._waiting.append(Event(EventKind.CHANGED, "", (result.number,)))
 
     def _take_unlisted(self, result: Unlisted) -> None:
         if result.cut_off:
             words = f"The program ended while it recorded {_named(result.cut_off)}: saved up to that point"
-            self._waiting.append(Event(Kind.UNLISTED, words, paths=result.cut_off))
+            self._waiting.append(Event(EventKind.UNLISTED, words, paths=result.cut_off))
         if result.complete:
             count = len(result.complete)
             which = "1 recording" if count == 1 else f"{count} recordings"
             words = f"{which} in the data folder not in any session: {_named(result.complete)}"
-            self._waiting.append(Event(Kind.UNLISTED, words, paths=result.complete))
+            self._waiting.append(Event(EventKind.UNLISTED, words, paths=result.complete))
 
-    def _take_reopened(self, result: Reopened) -> None:
+    def _take_reopened(self, result: CachedResults) -> None:
         for number, shot, version in result.shots:
             there = self.session.entry(number)
             if there is not None and there.shot is None:
@@ -375,9 +382,9 @@ class Workbench:
             entry = self.session.entry(number)
             if entry is not None and entry.shot is None:
                 self._submit_fill(entry)
-        self.diagnoses[:0] = result.diagnosed  # what was found meanwhile is newer
+        self.diagnoses[:0] = result.diagnosed  # those made meanwhile are newer
         if result.shots or result.diagnosed:
-            self._waiting.append(Event(Kind.CHANGED, "", tuple(number for number, *_ in result.shots)))
+            self._waiting.append(Event(EventKind.CHANGED, "", tuple(number for number, *_ in result.shots)))
 
     # the jobs ---------------------------------------------------------------------------------------------------
 
@@ -385,14 +392,14 @@ class Workbench:
         return [entry for entry in self.session.entries if entry.number in numbers]
 
     def aside(self, name: str, work: Callable[..., Any], kind: str) -> Job:
-        """Queue long work, called with ``progress`` and ``cancelled``, whose result the one who asks takes himself."""
+        """Queue long work, called with ``progress`` and ``cancelled``; the caller takes the result from the job."""
         return self.jobs.submit(name, lambda report, cancelled: self._work.do(work, report, cancelled), kind)
 
     def _submit_open(self, path: Path, settings: AnalysisSettings, copy_of: int | None = None) -> None:
         opening = partial(open_shot, path, settings, self.session.effects)
 
-        def work(report: Report, cancelled: Asked) -> Opened:
-            return Opened(self._work.do(opening, report, cancelled), copy_of)
+        def work(report: Progress, cancelled: Stop) -> OpenedShot:
+            return OpenedShot(self._work.do(opening, report, cancelled), copy_of)
 
         self._work.submit(self.jobs, path.name, work, "open")
 
@@ -400,13 +407,13 @@ class Workbench:
         number, effects = entry.number, self.session.effects
         opening = partial(open_shot, Path(entry.path or ""), entry.settings, effects)
 
-        def work(report: Report, cancelled: Asked) -> Filled:
-            return Filled(number, self._work.do(opening, report, cancelled))
+        def work(report: Progress, cancelled: Stop) -> FilledEntry:
+            return FilledEntry(number, self._work.do(opening, report, cancelled))
 
         self._work.submit(self.jobs, entry.name, work, "open")
 
 
 def _named(paths: Sequence[Path]) -> str:
-    """Return the names of the first recordings and how many there are besides."""
+    """Return the names of the first recordings, and how many more there are."""
     names = ", ".join(path.name.removesuffix(".sigmf-meta") for path in paths[:3])
     return names + (f" and {len(paths) - 3} more" if len(paths) > 3 else "")

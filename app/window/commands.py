@@ -1,18 +1,18 @@
-"""Every command in one table: its menu, its words, its keys; menus, shortcuts, tooltips and F1 follow from it."""
+"""The table of commands with menu, words and keys, from which menus, shortcuts, tooltips and F1 are made."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One command: the presenters' method it calls, what it does in a person's words, its keys (first the usual)."""
+    """A command: its menu and words, the presenter's method it calls (``action``), and its keys."""
 
     menu: str
     words: str
     action: str
     keys: tuple[str, ...] = ()
     line_before: bool = False  # in its menu
-    also: str | None = None  # another menu that has it too, at its end
+    also: str | None = None  # a second menu, at its end
 
 
 MENUS = ("File", "Rig", "Shots", "View", "Model", "Help")

@@ -1,4 +1,4 @@
-"""Asking for a file or a folder: a window of its own that blocks nothing, so that a shot can be taken meanwhile."""
+"""File dialogs that do not block the window, so that a shot can be taken meanwhile."""
 
 from collections.abc import Callable, Sequence
 from enum import Enum
@@ -11,7 +11,7 @@ Then = Callable[[list[Path]], None]
 
 
 class Want(Enum):
-    """What is asked for."""
+    """What the dialog selects."""
 
     FILE = QFileDialog.FileMode.ExistingFile
     FILES = QFileDialog.FileMode.ExistingFiles
@@ -20,7 +20,7 @@ class Want(Enum):
 
 
 class _Answer(QObject):
-    """Hands what was chosen to whom it concerns."""
+    """Passes the selected paths on."""
 
     def __init__(self, then: Then, dialog: QFileDialog) -> None:
         super().__init__(dialog)
@@ -29,16 +29,15 @@ class _Answer(QObject):
 
     @Slot(list)
     def given(self, paths: Sequence[str]) -> None:
-        """Pass the paths on."""
         if paths:
             self._then([Path(path) for path in paths])
 
 
 def ask(parent: QWidget, title: str, want: Want, then: Then, start: Path | str = "", kinds: str = "") -> QFileDialog:
-    """Open the question and return; ``then`` gets the chosen paths, and is not called where it is cancelled.
+    """Open a file dialog and return; ``then`` is called with the selected paths, unless it is cancelled.
 
-    ``kinds`` are Qt's filters, "HTML (*.html);;All files (*)"; a new file gets the first one's ending.  The same
-    question asked again while it is open comes to the front.
+    ``kinds`` are Qt's filters, "HTML (*.html);;All files (*)"; a new file gets the first one's ending.  A dialog of
+    this title that is open already comes to the front.
     """
     for dialog in parent.findChildren(QFileDialog):
         if dialog.windowTitle() == title and dialog.isVisible():

@@ -1,4 +1,4 @@
-"""Widgets side by side that go on in another line where the width ends: nothing is cut, whatever the screen."""
+"""A layout that places widgets side by side and continues in a new line at the right edge."""
 
 from PySide6.QtCore import QMargins, QRect, QSize, Qt
 from PySide6.QtWidgets import QLayout, QLayoutItem, QWidget
@@ -14,35 +14,27 @@ class FlowLayout(QLayout):
         self.setSpacing(spacing)
 
     def addItem(self, item: QLayoutItem) -> None:
-        """Take an item."""
         self._items.append(item)
 
     def count(self) -> int:
-        """Return how many there are."""
         return len(self._items)
 
     def itemAt(self, index: int) -> QLayoutItem | None:
-        """Return one of them."""
         return self._items[index] if 0 <= index < len(self._items) else None
 
     def takeAt(self, index: int) -> QLayoutItem | None:
-        """Return one of them and forget it."""
         return self._items.pop(index) if 0 <= index < len(self._items) else None
 
     def expandingDirections(self) -> Qt.Orientation:
-        """Ask for no more room than is needed."""
         return Qt.Orientation(0)
 
     def hasHeightForWidth(self) -> bool:
-        """Say that the height follows from the width."""
         return True
 
     def heightForWidth(self, width: int) -> int:
-        """Return the height that this width needs."""
         return self._place(QRect(0, 0, width, 0), move=False)
 
     def setGeometry(self, rect: QRect) -> None:
-        """Place the widgets."""
         super().setGeometry(rect)
         self._place(rect, move=True)
 
@@ -75,10 +67,10 @@ class FlowLayout(QLayout):
 
 
 def clear_layout(layout: QLayout) -> None:
-    """Remove every item of a layout; its widgets are hidden at once and deleted when the event loop comes round.
+    """Remove every item of a layout; widgets are hidden at once and deleted by the event loop.
 
-    They keep their parent: a layout shows a widget it was given not at once but later, and one that had lost its parent
-    before then would appear as a small window of its own and take the keyboard from the main window.
+    They keep their parent: a layout shows its widgets later, and one without a parent would appear as a window of its
+    own and take the keyboard.
     """
     while (item := layout.takeAt(0)) is not None:
         if (widget := item.widget()) is not None:

@@ -1,4 +1,4 @@
-"""How the panels stand in the window; what they do with one another is in ``window``."""
+"""The arrangement of the panels in the window; presenters connect them."""
 
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QResizeEvent, QWheelEvent
@@ -32,7 +32,7 @@ from app.window.theme import Theme
 
 
 class Layout(QWidget):
-    """All panels, placed; the two sheets lie over them and are hidden."""
+    """All panels; the sheets lie above them and are hidden at first."""
 
     LIVE, SHOT, COMPARE, SPECTRUM, DIAGNOSIS, BUDGET, PAPER, LARGE = range(8)
 
@@ -58,7 +58,7 @@ class Layout(QWidget):
         self.tabs = SteadyTabs(self)
         self.tabs.setDocumentMode(True)
         self.tabs.setAccessibleName("Pages")
-        # none of the pages widens the window, whatever it shows
+        # no page may widen the window
         self.tabs.setMinimumWidth(44 * self.fontMetrics().horizontalAdvance("M"))
         for name, page in (
             ("LIVE", self.live),
@@ -119,8 +119,9 @@ class Layout(QWidget):
         column.addWidget(down, 1)
         column.addWidget(self.work)
 
+    @Slot()
     def dress(self) -> None:
-        """Give every panel the theme's colours."""
+        """Apply the theme's colours to every panel."""
         for panel in (
             self.banner,
             self.signals,
@@ -144,7 +145,7 @@ class Layout(QWidget):
             panel.dress(self._theme.colours)
 
     def name_shot(self, number: int | None) -> None:
-        """Let the tab of SHOT bear the number of the shot in front, where all tabs have room beside it."""
+        """Show the number of the selected shot in the tab SHOT, where there is room."""
         self._number = number
         bar = self.tabs.tabBar()
         self.tabs.setTabText(self.SHOT, "SHOT" if number is None else f"SHOT {number}")
@@ -152,7 +153,6 @@ class Layout(QWidget):
             self.tabs.setTabText(self.SHOT, "SHOT")
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Name the tabs anew."""
         super().resizeEvent(event)
         self._rename()
 
@@ -161,14 +161,14 @@ class Layout(QWidget):
         self.name_shot(self._number)
 
     def plot_in_front(self) -> PlotView | None:
-        """Return the plot that the keys act on: of the page in front the one in focus, else its first."""
+        """Return the plot that the keys act on: the focused one of the current page, else its first."""
         page = self.tabs.currentWidget()
         if isinstance(page, LivePanel | ShotPanel | ComparePanel | SpectrumPanel | DiagnosisPanel):
             return page.plot_in_front()
         return None
 
     def place_sheets(self) -> None:
-        """Keep the sheets where they belong after a change of size."""
+        """Place the sheets after a change of size."""
         self.settings.place()
         self.setup.place()
         self.mapping.place()
@@ -182,8 +182,7 @@ class Layout(QWidget):
 
 class _Bar(QTabBar):
     def wheelEvent(self, event: QWheelEvent) -> None:
-        """Do nothing."""
-        event.accept()
+        event.accept()  # the wheel does not change pages
 
 
 class SteadyTabs(QTabWidget):

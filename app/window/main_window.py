@@ -1,4 +1,4 @@
-"""The desktop window: composes panels and presenters, and pulls what is new 28 times a second."""
+"""The main window: panels and presenters, updated 28 times a second."""
 
 import signal
 import sys
@@ -17,10 +17,9 @@ from app.session.log import ProgramLog, note
 from app.session.model_in_use import OwnLaws
 from app.session.next_shots import PLAN, NextShots
 from app.session.own_session import last_session
-from app.session.prepare import complete, rehearse
-from app.session.results import Results
+from app.session.prepare import complete, warm_up_analysis
+from app.session.result_cache import ResultCache
 from app.session.rig import Open, Rig
-from app.session.session import Entry
 from app.session.warm import Kernels
 from app.session.workbench import Workbench
 from app.window import menus, window_state
@@ -49,12 +48,12 @@ from instrument.process.subprocess_digitizer import open_in_subprocess
 from instrument.process.subprocess_worker import SubprocessAnalysis, SubprocessWorker
 
 PULL_MS = 35
-FRAMED_MS = 300  # after the first show: by then the system has given the window its title bar
-SWITCH_S = 5e-4  # a busy thread gives way this soon; Python's own 5 ms, at each of a frame's many calls, adds up
+FRAMED_MS = 300  # after the first show: the system has then drawn the title bar
+SWITCH_S = 5e-4  # after which a busy thread yields; Python's default of 5 ms would delay frames
 
 
 class MainWindow(QMainWindow):
-    """The one window.  Whatever takes longer than a frame runs in the rig's threads, the jobs' or a child."""
+    """The main window.  Work longer than a frame is done in threads of rig and jobs, or in other processes."""
 
     def __init__(
         self,
@@ -70,7 +69,7 @@ class MainWindow(QMainWindow):
         self.setWindowTitle("Levimass")
         self.setAcceptDrops(True)
         self.rig, self.workbench, self.theme = rig, workbench, theme
-        self._warned: frozenset[str] = frozenset()  # what a close warned of: the next one is meant
+        self._warned: frozenset[str] = frozenset()  # what the last attempt to close warned of
         self.panels = Layout(theme, self)
         self.setCentralWidget(self.panels)
         self.rig_presenter = RigPresenter(rig, choices, self.panels, self)
@@ -81,22 +80,29 @@ class MainWindow(QMainWindow):
         self.next_shot_presenter = NextShotPresenter(
             plans, workbench, self.panels, self.diagnosis_presenter.found, self
         )
-        self.session_presenter.arrived.connect(self.next_shot_presenter.arrived)
         self.view_presenter = ViewPresenter(self.panels, lambda: choices.start_folder, self)
         self.files_presenter = FilesPresenter(workbench, choices, self.panels, self)
-        self.files_presenter.recordings_wanted.connect(self.session_presenter.open_paths)
         self.laws_presenter = LawsPresenter(workbench.own_laws, self.panels, self)
-        self.laws_presenter.diagnose_wanted.connect(self.diagnosis_presenter.diagnose)
-        self.setup_presenter = SetupPresenter(rig, choices, workbench.errands, self.panels, self)
-        self.setup_presenter.source_wanted.connect(self.rig_presenter.use_source)
-        self.setup_presenter.arm_wanted.connect(self.rig_presenter.arm)
+        self.setup_presenter = SetupPresenter(rig, choices, workbench.short_jobs, self.panels, self)
         self.tour_presenter = TourPresenter(choices, self.panels, self)
         self.help_presenter = HelpPresenter(self.panels, log.folder, self)
         self.mapping_presenter = MappingPresenter(workbench, choices, self.panels, self)
-        self.session_presenter.mapping_wanted.connect(self.mapping_presenter.ask)
-        self.session_presenter.swap_wanted.connect(self.mapping_presenter.swap)
         self.tables_presenter = TablesPresenter(workbench, self.panels, self.selection_presenter.front, self)
         self.model_presenter = ModelPresenter(workbench, choices, self.panels, self.selection_presenter.front, self)
+        self._connect_presenters()
+        theme.changed.connect(self.panels.dress)
+        self._bind_commands()
+        self._start_work(kernels)
+        if workbench.session.entries:  # a session opens at its last shot
+            self.panels.table.select([workbench.session.entries[-1].number])
+        self.pull()
+        self._timer = QTimer(self)
+        self._timer.setTimerType(Qt.TimerType.PreciseTimer)
+        self._timer.timeout.connect(self.pull)
+        self._timer.start(PULL_MS)
+        self.panels.controls.arm.setFocus()
+
+    def _connect_presenters(self) -> None:
         for presenter in (
             self.rig_presenter,
             self.session_presenter,
@@ -107,12 +113,20 @@ class MainWindow(QMainWindow):
             self.laws_presenter,
         ):
             presenter.said.connect(self.say)
+        self.files_presenter.recordings_wanted.connect(self.session_presenter.open_paths)
+        self.laws_presenter.diagnose_wanted.connect(self.diagnosis_presenter.diagnose)
+        self.setup_presenter.source_wanted.connect(self.rig_presenter.use_source)
+        self.setup_presenter.arm_wanted.connect(self.rig_presenter.arm)
+        self.session_presenter.mapping_wanted.connect(self.mapping_presenter.ask)
+        self.session_presenter.swap_wanted.connect(self.mapping_presenter.swap)
+        self.session_presenter.arrived.connect(self.next_shot_presenter.arrived)
+        self.session_presenter.arrived.connect(self.rig_presenter.remember)
         self.rig_presenter.shot_captured.connect(self.session_presenter.take_captured)
         self.rig_presenter.shot_finished.connect(self._shot_finished)
-        self.session_presenter.arrived.connect(self._arrived)
         self.rig_presenter.save_elsewhere_wanted.connect(self._save_elsewhere)
-        self.rig_presenter.appearance_chosen.connect(self._appearance_chosen)
-        theme.changed.connect(self._dress)
+        self.rig_presenter.appearance_chosen.connect(self.theme.choose)
+
+    def _bind_commands(self) -> None:
         presenters = (
             self.rig_presenter,
             self.session_presenter,
@@ -126,30 +140,26 @@ class MainWindow(QMainWindow):
             self.help_presenter,
         )
         self.actions_by_name = menus.bind(self, (*presenters, self), {"recent": self.files_presenter.recent})
+
+    def _start_work(self, kernels: Kernels) -> None:
+        """Show the problems of session and settings; queue the kernels, the session's shots, unlisted recordings."""
+        workbench, choices = self.workbench, self._choices
         if workbench.session.problem:
             self.say(workbench.session.problem, Tone.WARNING)
         for words in choices.warnings:
             self.say(words, Tone.WARNING)
         workbench.jobs.submit("loading" if complete() else "first start", kernels.work, "warm")
         workbench.read_unread()
-        workbench.look_for_unlisted(choices.settings.data_folder, choices.sessions)
+        workbench.find_unlisted(choices.settings.data_folder, choices.sessions)
         self.session_presenter.refresh()
-        if workbench.session.entries:  # a session reopens where it was: at its last shot
-            self.panels.table.select([workbench.session.entries[-1].number])
-        self.pull()
-        self._timer = QTimer(self)
-        self._timer.setTimerType(Qt.TimerType.PreciseTimer)
-        self._timer.timeout.connect(self.pull)
-        self._timer.start(PULL_MS)
-        self.panels.controls.arm.setFocus()
 
     @Slot()
     def pull(self) -> None:
-        """Bring the screen up to date; the only place where it happens."""
+        """Update the screen; the timer calls this."""
         snapshot = self.rig_presenter.refresh()
         for problem in self.log.take_problems():
             self.say(problem, Tone.BAD)
-        self._warned &= frozenset(self._at_stake(snapshot))  # a name that comes again is another shot's
+        self._warned &= frozenset(self._at_stake(snapshot))  # a name that returns is another shot's
         self.session_presenter.rig_doing, self.session_presenter.rig_share = snapshot.doing, snapshot.progress
         self.session_presenter.refresh()
         self.selection_presenter.refresh()
@@ -162,12 +172,12 @@ class MainWindow(QMainWindow):
 
     @Slot(str, Tone)
     def say(self, words: str, tone: Tone) -> None:
-        """Show a message in the lowest line, and keep it in the log."""
+        """Show a message in the status line, and write it to the log."""
         note(words)
         self.panels.work.notices.say(words, tone)
 
     def _at_stake(self, snapshot: Snapshot) -> dict[str, str]:
-        """Return what closing the window now would lose or miss, in words; by a name for each thing."""
+        """Return what closing now would lose, in words, by a key for each item."""
         found = {}
         for name in snapshot.unsaved:
             found[name] = f"{_shots(len(snapshot.unsaved))} only in memory: save elsewhere (Ctrl+S), or lose them"
@@ -186,43 +196,30 @@ class MainWindow(QMainWindow):
 
     @Slot(object)
     def _save_elsewhere(self, folder: Path) -> None:
-        self.workbench.elsewhere.save(self.rig.save_pending, folder)
-
-    @Slot(object)
-    def _arrived(self, entry: Entry) -> None:
-        self.rig_presenter.remember(entry)
-
-    @Slot(str)
-    def _appearance_chosen(self, choice: str) -> None:
-        self.theme.choose(choice)
-
-    @Slot()
-    def _dress(self) -> None:
-        self.panels.dress()
+        self.workbench.unsaved.save(self.rig.save_pending, folder)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Press the button in focus by Enter."""
+        """Press the focused button with Enter."""
         if not menus.pressed_by_enter(self.focusWidget(), event):
             super().keyPressEvent(event)
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Look once the system has drawn the frame whether all of it is on the screen."""
+        """Check, once the system has drawn the frame, that it is on the screen."""
         super().showEvent(event)
         self._size_shown = self.size()
         QTimer.singleShot(FRAMED_MS, self, self._keep_within_screen)
 
     @Slot()
     def _keep_within_screen(self) -> None:
-        if self.size() == self._size_shown:  # else a person has chosen another size meanwhile
+        if self.size() == self._size_shown:  # else the operator has resized it
             keep_within_screen(self)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Keep the sheets in place."""
         super().resizeEvent(event)
         self.panels.place_sheets()
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
-        """Take files."""
+        """Accept files."""
         if event.mimeData().hasUrls():
             event.acceptProposedAction()
 
@@ -233,7 +230,7 @@ class MainWindow(QMainWindow):
         event.acceptProposedAction()
 
     def closeEvent(self, event: QCloseEvent) -> None:
-        """End every thread before the window goes; what would be lost asks for a second thought."""
+        """End all threads and close; where something would be lost, only at the second attempt."""
         at_stake = self._at_stake(self.rig.latest())
         if not at_stake.keys() <= self._warned:
             self._warned = frozenset(at_stake)
@@ -260,15 +257,16 @@ def open_window(
     site: str | None = None,
     log: ProgramLog | None = None,
 ) -> MainWindow:
-    """Return the window, not shown yet, with settings and session kept in ``folder``, the log there or where it is.
+    """Return the window, not shown yet; settings, session, laws and cache are in ``folder``.
 
-    Its simulated bench stands at ``site``, or else where the settings say.
-    ``apart``: the rig's shots are analysed in a process of their own, what is asked for beside it in another.
+    The simulated bench stands at ``site``, by default that of the settings.  ``apart``: the rig's shots are analysed in
+    one process, other work is done in a second.
     """
     sys.setswitchinterval(SWITCH_S)
     choices = Choices(folder / "settings.json")
     theme = Theme(choices.settings.appearance)
-    analyst, helper = (SubprocessAnalysis(rehearse), SubprocessWorker(rehearse)) if apart else (None, None)
+    workers = (SubprocessAnalysis(warm_up_analysis), SubprocessWorker(warm_up_analysis)) if apart else (None, None)
+    analyst, helper = workers
     kernels = Kernels(analyst, helper)
 
     def opened(source: str) -> Digitizer:
@@ -288,7 +286,7 @@ def open_window(
         open_digitizer=open_digitizer or opened,
         analyst=analyst,
     )
-    kept, laws = Results(folder / "kept"), OwnLaws(folder / "laws")
+    kept, laws = ResultCache(folder / "kept"), OwnLaws(folder / "laws")
     workbench = Workbench(session, choices.analysis, Saver(), helper, choices.analysis_again, kept, laws)
     window = MainWindow(rig, workbench, theme, choices, kernels, log or ProgramLog(folder))
     theme.setParent(window)
@@ -298,12 +296,12 @@ def open_window(
 
 
 def run(argv: list[str], site: str | None = None) -> int:
-    """Open the window on the simulated bench and stay until it is closed; return the exit status."""
+    """Open the window and run until it is closed; return the exit status."""
     application = QApplication.instance() or QApplication([sys.argv[0] if sys.argv else "levimass", *argv])
     assert isinstance(application, QApplication)
     application.setApplicationName("Levimass")
     application.setStyle("Fusion")
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Qt's loop never returns to Python for a Ctrl+C
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Qt's event loop does not deliver Ctrl+C to Python
     log = ProgramLog(user_log_path("levimass"))
     log.install()
     window = open_window(user_config_path("levimass"), site=site, log=log)

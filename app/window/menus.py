@@ -1,4 +1,4 @@
-"""Menus and keys made from the table of commands; Enter presses the button in focus (space is ARM, everywhere)."""
+"""Make menus and shortcuts from the table of commands; Enter presses the focused button, as space is ARM."""
 
 from collections.abc import Mapping
 
@@ -12,9 +12,9 @@ from app.window.commands import COMMANDS, MENUS
 def bind(
     window: QMainWindow, presenters: tuple[QObject, ...], below: Mapping[str, QMenu] | None = None
 ) -> dict[str, QAction]:
-    """Make the menus; return each action by its method's name, which the first presenter that has it carries out.
+    """Make the menus; return the actions by name, each connected to the first presenter with a method of that name.
 
-    ``below`` are the menus that open from one of them, by their name in the table.
+    ``below`` are submenus by their name in the table.
     """
     bar = window.menuBar()
     more = bar.findChild(QToolButton, "qt_menubar_ext_button")  # Qt's own, where the bar is too narrow
@@ -47,9 +47,9 @@ def bind(
 
 
 def pressed_by_enter(focused: QWidget | None, event: QKeyEvent) -> bool:
-    """Click the focused button where this is Enter; return whether it was.
+    """Click the focused button where the key is Enter; return whether it was.
 
-    A button passes Enter on to its window, so that one place there serves every button, later ones too.
+    Buttons pass Enter on to their window, so that this serves all of them.
     """
     enter = event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter) and not event.isAutoRepeat()
     if enter and isinstance(focused, QAbstractButton) and focused.isEnabled():

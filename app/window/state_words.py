@@ -1,4 +1,4 @@
-"""What the banner and the signal line say about a snapshot of the instrument; plain functions."""
+"""The words of banner and signal line for a snapshot of the instrument."""
 
 import math
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from analysis.uncertainty.budget import combined_of, stated
 from app.session.session import Entry
 from app.window.panels.signal_line import Sign
 from app.window.theme import Tone
-from app.words.wording import local, number, room, value_text
+from app.words.wording import local, number, size_words, value_text
 from instrument.capture.acquisition import State
 from instrument.capture.snapshot import KEPT_IN_MEMORY, SignalLine, Snapshot
 from instrument.live.live_view import ChannelSignal
@@ -17,15 +17,15 @@ from instrument.trigger.light_switch import Level
 
 GOOD_SNR_DB = 25.0
 POOR_SNR_DB = 15.0
-MOVING_HZ = 10e3  # of Doppler shift, 3 mm/s: a beat that sweeps has no line to measure noise against
+MOVING_HZ = 10e3  # of Doppler shift (3 mm/s), above which the SNR of a sweeping beat means nothing
 CLIPPED_SHARE = 1e-3
 FULL_DISK_BYTES = 2e9
-AT_REST = "The block moves: judged when it is at rest"
+AT_REST = "The block moves: measured when it is at rest"
 
 
 @dataclass(frozen=True, slots=True)
 class LastShot:
-    """What the last shot gave, in the banner's one sentence: where it is on disk, and while it is only in memory."""
+    """The banner's sentence on the last shot, while it is on disk and while it is only in memory."""
 
     name: str
     saved: str
@@ -55,7 +55,7 @@ def banner(snapshot: Snapshot, last_shot: LastShot | None, arming: bool = False)
 
 
 def _waiting(snapshot: Snapshot, but: int = 0) -> str:
-    """Return how many shots wait for their analysis, ``but`` for those of which it is said already."""
+    """Return how many shots wait for their analysis, except ``but`` of them."""
     count = snapshot.analysing - but
     if count <= 0:
         return ""
@@ -63,7 +63,7 @@ def _waiting(snapshot: Snapshot, but: int = 0) -> str:
 
 
 def last_shot(entry: Entry) -> LastShot:
-    """Return what a shot gave, for the banner."""
+    """Return the banner's sentences on a shot."""
     shot, number = entry.shot, entry.number
     if shot is None or shot.problem or shot.impact is None:
         why = (shot.problem if shot is not None else None) or "no impact was found"
@@ -85,14 +85,14 @@ def fault_words(snapshot: Snapshot) -> str:
         saved = "The one shot taken so far is saved." if one else f"All {snapshot.shots} shots so far are saved."
     else:
         saved = "No shot was lost: none had been taken."
-    kept = snapshot.remedy == KEPT_IN_MEMORY and not snapshot.unsaved  # it was saved elsewhere since
+    kept = snapshot.remedy == KEPT_IN_MEMORY and not snapshot.unsaved  # saved elsewhere since then
     remedy = "Arm again, or choose another folder first (F2)" if kept else snapshot.remedy or "arm again"
     return _sentences(snapshot.message or "something went wrong", saved, remedy)
 
 
 def _sentences(*parts: str) -> str:
-    told = [part.strip() for part in parts if part.strip()]
-    return " ".join(part[0].upper() + part[1:] + ("" if part.endswith((".", "!", "?")) else ".") for part in told)
+    sentences = [part.strip() for part in parts if part.strip()]
+    return " ".join(part[0].upper() + part[1:] + ("" if part.endswith((".", "!", "?")) else ".") for part in sentences)
 
 
 def signs(line: SignalLine, rate_hz: float | None, bandwidth_hz: float) -> dict[str, Sign]:
@@ -110,7 +110,7 @@ def signs(line: SignalLine, rate_hz: float | None, bandwidth_hz: float) -> dict[
                 words = local(f"{1e-6 * (channel.frequency_hz or 0.0):.5f} MHz  moving")
                 found["pd1"] = Sign(words, Tone.NEUTRAL, AT_REST)
     found["switch"] = _switch(line)
-    # a beat that sweeps spreads over the spectrum: what stands beside its line is no noise
+    # a sweeping beat spreads over the spectrum, so that no noise can be read beside it
     found["floor"] = Sign("–", Tone.NEUTRAL, AT_REST) if moves else _floor(line, rate_hz, bandwidth_hz)
     found["disk"] = _disk(line)
     return found
@@ -137,7 +137,7 @@ def _switch(line: SignalLine) -> Sign:
 
 
 def velocity_floor_m_per_s(line: SignalLine, rate_hz: float, bandwidth_hz: float) -> float | None:
-    """Return the standard deviation of velocity that the beats' noise makes in a bandwidth.
+    """Return the standard deviation of velocity from the noise of the beats in a bandwidth.
 
     White phase noise of density 1/(SNR * rate/2) in rad^2/Hz a beat; differentiated and integrated to B it is
     lambda/2 * sqrt(density * B^3 / 3).
@@ -169,4 +169,4 @@ def _disk(line: SignalLine) -> Sign:
         return Sign("–", Tone.NEUTRAL)
     tone = Tone.GOOD if line.disk_free_bytes > FULL_DISK_BYTES else Tone.BAD
     hover = "Room on the disk of the folder" if tone is Tone.GOOD else "Nearly full: choose another folder (F2)"
-    return Sign(f"{room(line.disk_free_bytes)} free", tone, hover)
+    return Sign(f"{size_words(line.disk_free_bytes)} free", tone, hover)

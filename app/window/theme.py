@@ -1,7 +1,8 @@
-"""Colours, pens and sizes of the window, dark and light; the one place where measured and simulated get their look."""
+"""Colours and fonts of the window, dark and light."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import StrEnum
+from string import Template
 
 from PySide6.QtCore import QObject, Qt, Signal, Slot
 from PySide6.QtGui import QColor, QFont, QGuiApplication, QPalette
@@ -9,7 +10,7 @@ from PySide6.QtWidgets import QApplication
 
 
 class Tone(StrEnum):
-    """What a colour means; every use of a tone carries a word or a sign beside it."""
+    """The meaning of a colour; a word or a sign always says the same."""
 
     NEUTRAL = "neutral"
     WAITING = "waiting"
@@ -133,7 +134,7 @@ MARKS = {
 
 
 def sized(font: QFont, factor: float, bold: bool = False) -> QFont:
-    """Return the font scaled relative to the system's own size, so that the system's scaling carries through."""
+    """Return the font scaled relative to its own size, which follows the system's."""
     scaled = QFont(font)
     if font.pointSizeF() > 0:
         scaled.setPointSizeF(font.pointSizeF() * factor)
@@ -144,7 +145,7 @@ def sized(font: QFont, factor: float, bold: bool = False) -> QFont:
 
 
 def palette(colours: Colours) -> QPalette:
-    """Return the Qt palette of a scheme, so that every stock widget follows it."""
+    """Return the Qt palette of a scheme."""
     result = QPalette()
     role = QPalette.ColorRole
     for which, colour in (
@@ -175,73 +176,77 @@ def palette(colours: Colours) -> QPalette:
 
 
 def style_sheet(colours: Colours) -> str:
-    """Return the few rules that the palette cannot express."""
-    background, text = colours.tones[Tone.NEUTRAL]
-    return f"""
-    QToolTip {{ color: {colours.text}; background: {colours.panel}; border: 1px solid {colours.edge}; padding: 4px; }}
-    QFrame[card="true"] {{ background: {colours.panel}; border: 1px solid {colours.edge}; border-radius: 6px; }}
-    QWidget[panel="true"] {{ background: {colours.panel}; }}
-    QLabel[faint="true"] {{ color: {colours.faint}; }}
-    QLabel[heading="true"] {{ color: {colours.faint}; font-weight: bold; letter-spacing: 1px; }}
-    QPushButton, QToolButton {{ padding: 4px 9px; border: 1px solid {colours.edge}; border-radius: 5px;
-        background: {colours.panel}; color: {colours.text}; }}
-    QFileDialog QToolButton, QTabBar QToolButton {{ padding: 2px; }}
-    QPushButton:hover, QToolButton:hover {{ border-color: {colours.accent}; }}
-    QPushButton:focus, QToolButton:focus {{ border: 2px solid {colours.accent}; padding: 3px 8px; }}
-    QPushButton:pressed, QToolButton:pressed {{ background: {colours.edge}; }}
-    QPushButton:checked, QToolButton:checked {{ background: {background}; color: {text}; }}
-    QPushButton:disabled, QToolButton:disabled {{ color: {colours.marker};
-        background: {colours.window}; }}
-    QPushButton[primary="true"] {{ background: {colours.accent}; color: {colours.accent_text}; font-weight: bold;
-        border-color: {colours.accent}; }}
-    QPushButton[primary="true"]:focus {{ border: 2px solid {colours.text}; }}
-    QPushButton[primary="true"]:disabled {{ background: {colours.window}; color: {colours.marker};
-        border-color: {colours.edge}; }}
-    QLineEdit {{ padding: 3px 5px; border: 1px solid {colours.marker}; border-radius: 4px;
-        background: {colours.plot}; }}
-    QLineEdit:focus {{ border: 2px solid {colours.accent}; padding: 2px 4px; }}
-    QTableView QLineEdit, QTreeView QLineEdit {{ padding: 0 2px; border-radius: 0; }}
-    QGraphicsView {{ border: 1px solid {colours.plot}; }}
-    QGraphicsView:focus {{ border: 1px solid {colours.accent}; }}
-    QTabBar::tab {{ padding: 6px 5px; border: none; border-bottom: 3px solid transparent; color: {colours.faint};
-        background: transparent; font-weight: bold; font-size: 0.92em; }}
-    QTabBar::tab:selected {{ color: {colours.text}; border-bottom: 3px solid {colours.accent}; }}
-    QTabBar::tab:focus {{ color: {colours.accent}; }}
-    QTabBar {{ qproperty-drawBase: 0; }}
-    QCheckBox::indicator {{ width: 0.9em; height: 0.9em; border: 1px solid {colours.marker}; border-radius: 3px;
-        background: {colours.panel}; }}
-    QCheckBox::indicator:checked {{ background: {colours.accent}; border: 3px solid {colours.panel};
-        outline: 1px solid {colours.accent}; width: 0.65em; height: 0.65em; }}
-    QCheckBox::indicator:focus {{ border-color: {colours.accent}; }}
-    QTabWidget::pane {{ border: none; border-top: 1px solid {colours.edge}; }}
-    QHeaderView::section {{ background: {colours.window}; color: {colours.faint}; border: none;
-        border-bottom: 1px solid {colours.edge}; padding: 4px 8px; }}
-    QTableView {{ border: none; gridline-color: {colours.edge}; selection-background-color: {colours.accent};
-        selection-color: {colours.accent_text}; alternate-background-color: {colours.window}; }}
-    QTableView::item {{ padding: 0 6px; }}
-    QTableView::item:selected {{ background: {colours.accent}; color: {colours.accent_text}; }}
-    QTreeView::item {{ padding: 2px 4px; }}
-    QScrollBar {{ background: {colours.panel}; border: none; }}
-    QScrollBar:vertical {{ width: 12px; }}
-    QScrollBar:horizontal {{ height: 12px; }}
-    QScrollBar::handle {{ background: {colours.edge}; border-radius: 4px; margin: 2px; }}
-    QScrollBar::handle:vertical {{ min-height: 28px; }}
-    QScrollBar::handle:horizontal {{ min-width: 28px; }}
-    QScrollBar::handle:hover {{ background: {colours.marker}; }}
-    QScrollBar::add-line, QScrollBar::sub-line, QScrollBar::add-page, QScrollBar::sub-page {{ background: none;
-        width: 0; height: 0; }}
-    QScrollArea, QScrollArea > QWidget {{ border: none; background: {colours.panel}; }}
-    QSplitter::handle {{ background: {colours.edge}; }}
-    QSplitter::handle:horizontal {{ width: 3px; }}
-    QSplitter::handle:vertical {{ height: 3px; }}
-    QProgressBar {{ border: 1px solid {colours.edge}; border-radius: 4px; text-align: center;
-        background: {colours.window}; color: {colours.text}; min-height: 1.2em; }}
-    QProgressBar::chunk {{ background: {colours.band}; border-radius: 3px; }}
-    """
+    """Return the style sheet with what a palette cannot express."""
+    plain = {field.name: getattr(colours, field.name) for field in fields(colours)}
+    neutral, neutral_text = colours.tones[Tone.NEUTRAL]
+    return _STYLE.substitute(plain, neutral=neutral, neutral_text=neutral_text)
+
+
+_STYLE = Template("""
+QToolTip { color: $text; background: $panel; border: 1px solid $edge; padding: 4px; }
+QFrame[card="true"] { background: $panel; border: 1px solid $edge; border-radius: 6px; }
+QWidget[panel="true"] { background: $panel; }
+QLabel[faint="true"] { color: $faint; }
+QLabel[heading="true"] { color: $faint; font-weight: bold; letter-spacing: 1px; }
+QPushButton, QToolButton { padding: 4px 9px; border: 1px solid $edge; border-radius: 5px;
+    background: $panel; color: $text; }
+QFileDialog QToolButton, QTabBar QToolButton { padding: 2px; }
+QPushButton:hover, QToolButton:hover { border-color: $accent; }
+QPushButton:focus, QToolButton:focus { border: 2px solid $accent; padding: 3px 8px; }
+QPushButton:pressed, QToolButton:pressed { background: $edge; }
+QPushButton:checked, QToolButton:checked { background: $neutral; color: $neutral_text; }
+QPushButton:disabled, QToolButton:disabled { color: $marker;
+    background: $window; }
+QPushButton[primary="true"] { background: $accent; color: $accent_text; font-weight: bold;
+    border-color: $accent; }
+QPushButton[primary="true"]:focus { border: 2px solid $text; }
+QPushButton[primary="true"]:disabled { background: $window; color: $marker;
+    border-color: $edge; }
+QLineEdit { padding: 3px 5px; border: 1px solid $marker; border-radius: 4px;
+    background: $plot; }
+QLineEdit:focus { border: 2px solid $accent; padding: 2px 4px; }
+QTableView QLineEdit, QTreeView QLineEdit { padding: 0 2px; border-radius: 0; }
+QGraphicsView { border: 1px solid $plot; }
+QGraphicsView:focus { border: 1px solid $accent; }
+QTabBar::tab { padding: 6px 5px; border: none; border-bottom: 3px solid transparent; color: $faint;
+    background: transparent; font-weight: bold; font-size: 0.92em; }
+QTabBar::tab:selected { color: $text; border-bottom: 3px solid $accent; }
+QTabBar::tab:focus { color: $accent; }
+QTabBar { qproperty-drawBase: 0; }
+QCheckBox::indicator { width: 0.9em; height: 0.9em; border: 1px solid $marker; border-radius: 3px;
+    background: $panel; }
+QCheckBox::indicator:checked { background: $accent; border: 3px solid $panel;
+    outline: 1px solid $accent; width: 0.65em; height: 0.65em; }
+QCheckBox::indicator:focus { border-color: $accent; }
+QTabWidget::pane { border: none; border-top: 1px solid $edge; }
+QHeaderView::section { background: $window; color: $faint; border: none;
+    border-bottom: 1px solid $edge; padding: 4px 8px; }
+QTableView { border: none; gridline-color: $edge; selection-background-color: $accent;
+    selection-color: $accent_text; alternate-background-color: $window; }
+QTableView::item { padding: 0 6px; }
+QTableView::item:selected { background: $accent; color: $accent_text; }
+QTreeView::item { padding: 2px 4px; }
+QScrollBar { background: $panel; border: none; }
+QScrollBar:vertical { width: 12px; }
+QScrollBar:horizontal { height: 12px; }
+QScrollBar::handle { background: $edge; border-radius: 4px; margin: 2px; }
+QScrollBar::handle:vertical { min-height: 28px; }
+QScrollBar::handle:horizontal { min-width: 28px; }
+QScrollBar::handle:hover { background: $marker; }
+QScrollBar::add-line, QScrollBar::sub-line, QScrollBar::add-page, QScrollBar::sub-page { background: none;
+    width: 0; height: 0; }
+QScrollArea, QScrollArea > QWidget { border: none; background: $panel; }
+QSplitter::handle { background: $edge; }
+QSplitter::handle:horizontal { width: 3px; }
+QSplitter::handle:vertical { height: 3px; }
+QProgressBar { border: 1px solid $edge; border-radius: 4px; text-align: center;
+    background: $window; color: $text; min-height: 1.2em; }
+QProgressBar::chunk { background: $band; border-radius: 3px; }
+""")
 
 
 class Theme(QObject):
-    """The scheme in use; follows the system unless a person chose one."""
+    """The scheme in use; follows the system unless one was chosen."""
 
     changed = Signal()
 
@@ -250,23 +255,24 @@ class Theme(QObject):
         self._choice = choice
         self._colours = LIGHT
         QGuiApplication.styleHints().colorSchemeChanged.connect(self._system_changed)
-        self._settle()
+        self._apply()
 
     @property
     def colours(self) -> Colours:
         """Get the scheme in use."""
         return self._colours
 
+    @Slot(str)
     def choose(self, choice: str) -> None:
         """Set "system", "dark" or "light"."""
         self._choice = choice
-        self._settle()
+        self._apply()
 
     @Slot()
     def _system_changed(self) -> None:
-        self._settle()
+        self._apply()
 
-    def _settle(self) -> None:
+    def _apply(self) -> None:
         system_dark = QGuiApplication.styleHints().colorScheme() == Qt.ColorScheme.Dark
         dark = self._choice == "dark" or (self._choice == "system" and system_dark)
         self._colours = DARK if dark else LIGHT
@@ -274,6 +280,6 @@ class Theme(QObject):
         if isinstance(application, QApplication):
             application.setPalette(palette(self._colours))
             sheet = style_sheet(self._colours)
-            if application.styleSheet() != sheet:  # each widget that is there is polished anew: 2 s for a window
+            if application.styleSheet() != sheet:  # setting it takes 2 s for a window
                 application.setStyleSheet(sheet)
         self.changed.emit()

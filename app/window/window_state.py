@@ -1,4 +1,4 @@
-"""How a person left the window: its place, whether maximised, how its parts share it; kept as text in the settings."""
+"""Save and restore the window's geometry, splitters and columns, as text in the settings; fit it to the screen."""
 
 from PySide6.QtCore import QByteArray, QRect, QSize
 from PySide6.QtWidgets import QMainWindow, QSplitter, QStyle
@@ -7,14 +7,14 @@ from app.window.layout import Layout
 
 
 def taken(window: QMainWindow, panels: Layout) -> str:
-    """Return the state as one word a part."""
+    """Return the state of the window as text, a word per part."""
     parts = [window.saveGeometry(), *(splitter.saveState() for splitter in _splitters(panels))]
     parts.append(panels.table.table.horizontalHeader().saveState())
     return " ".join(bytes(part.toBase64().data()).decode("ascii") for part in parts)
 
 
 def restore(window: QMainWindow, panels: Layout, words: str) -> None:
-    """Bring a state back; what is not one changes nothing.  Qt keeps the window on a screen that there is."""
+    """Restore a state; invalid text changes nothing.  Qt keeps the window on an existing screen."""
     splitters = _splitters(panels)
     parts = [QByteArray.fromBase64(word.encode("ascii", "replace")) for word in words.split()]
     if len(parts) != len(splitters) + 2:
@@ -30,11 +30,11 @@ def _splitters(panels: Layout) -> tuple[QSplitter, QSplitter]:
 
 
 USUAL = QSize(1480, 920)
-TITLE_PX = 40  # of the title bar before the system has drawn one; most are lower
+TITLE_PX = 40  # assumed height of the title bar before the system has drawn it
 
 
 def first_size(window: QMainWindow) -> QSize:
-    """Return the size of a window that was never shown: the usual one, or what its screen leaves for it."""
+    """Return the size for the first start: the usual one, or what fits on the screen."""
     title = max(TITLE_PX, window.style().pixelMetric(QStyle.PixelMetric.PM_TitleBarHeight))
     border = 2 * window.style().pixelMetric(QStyle.PixelMetric.PM_MdiSubWindowFrameWidth)
     room = window.screen().availableSize() - QSize(border, title + border)
@@ -42,7 +42,7 @@ def first_size(window: QMainWindow) -> QSize:
 
 
 def placed(inner: QRect, frame: QRect, room: QRect) -> QRect:
-    """Return where a window's inside belongs so that its frame lies within ``room``; as it is where it does."""
+    """Return the inner rectangle of a window moved and shrunk so that its frame lies within ``room``."""
     if room.contains(frame):
         return inner
     wider, higher = frame.width() - inner.width(), frame.height() - inner.height()
@@ -53,7 +53,7 @@ def placed(inner: QRect, frame: QRect, room: QRect) -> QRect:
 
 
 def keep_within_screen(window: QMainWindow) -> None:
-    """Move and shrink a shown window until its frame lies on its screen; maximised it does already."""
+    """Move and shrink a shown window so that its frame is on the screen."""
     if window.isMaximized() or window.isFullScreen() or not window.isVisible():
         return
     inner = window.geometry()

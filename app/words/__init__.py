@@ -1,1 +1,1 @@
-"""What the program's names and numbers are called in words, on the screen and in files."""
+"""Words and number formats for the screen, reports and files."""

@@ -1,4 +1,4 @@
-"""What a shot's flags are called and mean, and which of them are no cause for alarm (no Qt)."""
+"""Names and meanings of a shot's flags, and which of them cast no doubt on a number (no Qt)."""
 
 from collections.abc import Iterable
 
@@ -34,7 +34,7 @@ FLAG_WORDS = {
     "noise_not_known": "too little quiet flight to estimate the noise",
 }
 
-# Seen and dealt with: what each of them does stands in the numbers and their uncertainties already.
+# Flags whose effect is already accounted for in the numbers and their uncertainties.
 MILD_FLAGS = (
     "wander",
     "vibration",
@@ -75,12 +75,12 @@ def flag_name(flag: str) -> str:
 
 
 def by_weight(flags: Iterable[str]) -> list[str]:
-    """Return flags, those that cast doubt on a number before the mild ones, each as they came."""
+    """Return the flags, those that cast doubt on a number first."""
     return sorted(flags, key=lambda flag: flag in MILD_FLAGS)
 
 
 def flags_in_short(flags: Iterable[str]) -> str:
-    """Return the weightiest flag and how many there are besides: "clipped + 2"; "" for none."""
+    """Return the most serious flag and the number of others, "clipped + 2"; "" for none."""
     ordered = by_weight(flags)
     more = f" + {len(ordered) - 1}" if len(ordered) > 1 else ""
     return flag_name(ordered[0]) + more if ordered else ""

@@ -1,4 +1,4 @@
-"""What the program's names of effects and parameters mean, in words; used on the screen and in files (no Qt)."""
+"""Words for models, effects, parameters and units, on the screen and in files (no Qt)."""
 
 import math
 from collections.abc import Collection
@@ -7,34 +7,40 @@ from analysis.collision.effects import CATALOGUE, WIDER
 from analysis.collision.laws.own import from_key
 from analysis.drive.catalogue import LAWS
 from analysis.shot.quantity import words_and_unit
+from levimass.analysis_settings import is_drive
 
-_OTHER_WORDS = {"gain_error": "an error of the force's scale"}  # of no row of a catalogue
-BASE_WORDS = {
+PREFIXES = ((1e-12, "p"), (1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""), (1e3, "k"), (1e6, "M"))
+_OTHER_WORDS = {"gain_error": "an error of the force's scale"}  # in no catalogue
+_BASE_WORDS = {
     "paper": "paper model",
     "clamped": "clamped plate",
     "no_tension": "paper model without tension",
     "contact": "one body on a contact",
-    "driven": "driven slider",
 }
+
+
+def base_words(base: str) -> str:
+    """Return the name of a base model in words."""
+    return "driven slider" if is_drive(base) else _BASE_WORDS.get(base, base)
 
 
 def model_in_words(base: str, effects: Collection[str], tried: Collection[str] = ()) -> str:
     """Return "paper model, no added effects" or "paper model + quadratic drag on the block"."""
-    words = BASE_WORDS.get(base, base)
+    words = base_words(base)
     if not effects:
         return f"{words}, no added effects"
     return " + ".join((words, *(model_effect_words(name, tried) for name in effects)))
 
 
 def repeatability_words(repeats: bool, what: str) -> str:
-    """Return what a drive's residual is held against, ``what`` being the analysis's own words for it."""
+    """Return what a drive's residual is compared with; ``what`` are the analysis's words for it."""
     if not repeats:
         return what
     return "the record-to-record repeatability" if "record" in what else "the cycle-to-cycle repeatability"
 
 
 def effect_words(name: str) -> str:
-    """Return an effect's name as a person says it."""
+    """Return the name of an effect or law in words."""
     if "{" in name:
         return from_key(name).words
     row = CATALOGUE.get(name) or WIDER.get(name) or LAWS.get(name)
@@ -42,23 +48,32 @@ def effect_words(name: str) -> str:
 
 
 def short_effect_words(name: str) -> str:
-    """Return an effect's name as a narrow cell wants it: what it is, not where it acts."""
+    """Return an effect's short name, without where it acts."""
     return effect_words(name) if "{" in name else name.replace("_", " ").replace("coulomb", "Coulomb")
 
 
 def known_effect(name: str) -> bool:
-    """Return whether a catalogue still has an effect of this name."""
+    """Return whether a catalogue has an effect of this name."""
     return name in CATALOGUE or name in WIDER or name in LAWS
 
 
 def model_effect_words(name: str, tried: Collection[str]) -> str:
-    """Return an effect in the model in words, "(tried)" behind one that a person put in and no diagnosis named."""
+    """Return an effect in the model in words, with "(tried)" after one that no diagnosis named."""
     return f"{effect_words(name)} (tried)" if name in tried else effect_words(name)
 
 
 def correlation_words(correlation: float) -> str:
     """Return a correlation to two decimals, a dash where it is not known."""
     return f"{correlation:.2f}" if math.isfinite(correlation) else "\u2013"
+
+
+def prefix_for(size: float, unit: str) -> tuple[float, str]:
+    """Return (factor, unit) in which ``size``, in the SI ``unit``, is from 1 to 1000: (1e9, "nm") for 3e-8 m."""
+    if not math.isfinite(size) or size == 0.0:
+        return 1.0, unit
+    least = [(scale, prefix) for scale, prefix in PREFIXES if abs(size) >= 0.9995 * scale]
+    scale, prefix = least[-1] if least else PREFIXES[0]
+    return 1.0 / scale, f"{prefix}{unit}"
 
 
 def parameter_parts(name: str) -> tuple[str, str]:

@@ -1,19 +1,19 @@
-"""Text that leaves the program: names, notes and messages of others, made harmless for terminals and spreadsheets."""
+"""Make text from files harmless for terminals (control characters) and spreadsheets (formulas)."""
 
 from typing import Any, TextIO
 
-_FORMULA = ("=", "+", "-", "@")  # a spreadsheet computes what begins so
+_FORMULA = ("=", "+", "-", "@")  # begin a formula
 
 
 def plain(text: str) -> str:
-    """Return text that a terminal only shows: what it could obey is written out (``\\x1b``); lines and tabs stay."""
+    """Return text with control characters written out (``\\x1b``), except line ends and tabs."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode() for c in text)
 
 
 def cell(text: str) -> str:
-    """Return text that a spreadsheet only shows: as ``plain``, and an apostrophe before what it would compute."""
+    """Return text for a spreadsheet's cell: as ``plain``, with an apostrophe before a formula."""
     shown = plain(text)
     if not shown.lstrip().startswith(_FORMULA) or _is_number(shown):
         return shown
@@ -29,13 +29,13 @@ def _is_number(text: str) -> bool:
 
 
 class PlainStream:
-    """A stream of text for people; everything written to it is made plain.  ``bare`` is the stream itself."""
+    """A text stream that writes everything ``plain``; ``bare`` is the stream behind it."""
 
     def __init__(self, bare: TextIO) -> None:
         self.bare = bare
 
     def write(self, text: str) -> int:
-        """Write ``text``, plain; return how much of it was taken."""
+        """Write ``text`` as ``plain``; return its length."""
         self.bare.write(plain(text))
         return len(text)
 

@@ -1,7 +1,6 @@
-"""Every verdict in words: in a cell, in full, as a heading; and the tone in which it is shown.
+"""Words and tones of verdicts.
 
-A verdict is data: what was concluded, and the names of what was found.  Words are made of it here, and nothing is
-read back from them.
+A verdict is data: the conclusion and the names of the effects found.  Its words are made here, and never parsed.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,12 +9,12 @@ from dataclasses import dataclass
 from analysis.diagnosis.result import Verdict
 from app.words.physics_words import effect_words, short_effect_words
 
-OUTDATED = "This verdict is of another model or other shots than now: diagnose again"
+OUTDATED = "This verdict is about another model or other shots: diagnose again"
 
 
 @dataclass(frozen=True, slots=True)
 class VerdictWords:
-    """How a conclusion is said: in two words, in a report; its tone; ``names``: what was found is said in its place."""
+    """The words of a conclusion, brief and in full, and its tone; ``names``: the effects found replace it."""
 
     brief: str
     full: str

@@ -1,4 +1,4 @@
-"""Numbers and names as the screen states them: value ± uncertainty in the system's decimal format."""
+"""Numbers and names for the screen, in the system's decimal format."""
 
 import math
 import re
@@ -12,10 +12,12 @@ from app.words.physics_words import effect_words as effect_words
 from app.words.physics_words import model_effect_words as model_effect_words
 from app.words.physics_words import model_in_words as model_in_words
 from app.words.physics_words import parameter_parts as parameter_parts
+from app.words.physics_words import prefix_for
 from app.words.physics_words import repeatability_words as repeatability_words
-from app.words.prefixes import prefix_for
 
 DASH = "–"
+COMBINED = "± is the combined standard uncertainty, from all sources in the budget."
+NOISE_ONLY = "± is the standard uncertainty from this shot's noise alone."
 LONGEST_NAME = 24  # characters of a shot's name beside others
 
 
@@ -26,8 +28,7 @@ def local(text: str) -> str:
 
 
 def local_words(text: str) -> str:
-    """Return a sentence as the screen has it: numbers in the system's decimal format, exponents without needless
-    signs and zeros, people's names with a capital, an arrow for "->"."""
+    """Return a sentence for the screen: numbers in the system's format, short exponents, capitals in names, "→"."""
     plain = re.sub(r"(?<![\w.)])(\d+(?:\.\d+)?)e\+?0*([0-6])\b", lambda m: f"{float(m[0]):.0f}", text)
     plain = re.sub(r"(?<=\d)e([+-])0?(\d+)", lambda found: f"e{found[1].replace('+', '')}{found[2]}", plain)
     plain = re.sub(r"\b(coulomb|stribeck)\b", lambda m: m[0].capitalize(), plain.replace("->", "→"))
@@ -39,24 +40,24 @@ def number(value: float | None, digits: int = 4) -> str:
     """Return a bare number with so many significant digits, or a dash."""
     if value is None or not math.isfinite(value):
         return DASH
-    text = f"{value + 0.0:.{digits}g}"  # no minus before nothing
+    text = f"{value + 0.0:.{digits}g}"  # no "-0"
     mantissa, exponent, power = text.partition("e")
     if not exponent:
         return local(text)
-    if 0 < int(power) < 7:  # 14900 is read faster than 1.49e+04
+    if 0 < int(power) < 7:  # 14900, not 1.49e+04
         return local(f"{float(text):.0f}")
     return local(f"{mantissa}e{int(power)}")
 
 
 def value_text(reading: Reading | None, scale: float = 1.0) -> str:
-    """Return "value ± std" in a unit ``scale`` times smaller than the reading's own, or a dash."""
+    """Return "value ± std", both times ``scale``, or a dash."""
     if not isinstance(reading, Quantity) or not math.isfinite(reading.value):
         return DASH
     return local(str(reading.scaled(scale)))
 
 
 def concise_text(reading: Reading | None, scale: float = 1.0) -> str:
-    """Return "0.98756(12)": the digits in brackets are the standard uncertainty of the last ones; or a dash."""
+    """Return "0.98756(12)", with the standard uncertainty of the last digits in brackets; or a dash."""
     if not isinstance(reading, Quantity) or not math.isfinite(reading.value):
         return DASH
     value, std = reading.value * scale, reading.std * abs(scale)
@@ -70,7 +71,7 @@ def concise_text(reading: Reading | None, scale: float = 1.0) -> str:
 
 
 def how_text(name: str, reading: Reading | None, meaning: str = "", std: str = "± is the standard uncertainty.") -> str:
-    """Return the hover text: what the number is, how it was read, or why it was not; ``std`` says what ± is."""
+    """Return the hover text of a number: its meaning, how it was read or why not; ``std`` says what ± is."""
     lines = [f"<b>{name}</b>"]
     if meaning:
         lines.append(meaning)
@@ -86,13 +87,13 @@ def how_text(name: str, reading: Reading | None, meaning: str = "", std: str = "
 
 
 def effect_numbers(effect: str, parameters: Mapping[str, Quantity]) -> str:
-    """Return an effect's parameters in words; those of a law that a person or the program wrote have its units."""
+    """Return an effect's parameters in words, with units; a law states its own."""
     units = {parameter.name: parameter.unit for parameter in from_key(effect).parameters} if "{" in effect else {}
     return ", ".join(parameter_words(name, value, units.get(name)) for name, value in parameters.items())
 
 
 def parameter_words(name: str, value: Quantity, unit: str | None = None) -> str:
-    """Return "coefficient (1.90 ± 0.10)e-3 N s²/m²" for "coefficient_n_s2_per_m2", as a diagnosis's sentence has it."""
+    """Return "coefficient (1.90 ± 0.10)e-3 N s²/m²" for "coefficient_n_s2_per_m2"."""
     base, _, shot = called(name).partition(".")
     words, unit = parameter_parts(base) if unit is None else (base, unit)
     which = f" of shot {shot}" if shot else ""
@@ -100,7 +101,7 @@ def parameter_words(name: str, value: Quantity, unit: str | None = None) -> str:
 
 
 def short_name(name: str) -> str:
-    """Return a name with its middle left out where it is long: its end tells shots apart."""
+    """Return a name, without its middle where it is long; shots often differ at the end."""
     return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME // 2 - 1]}…{name[-LONGEST_NAME // 2 :]}"
 
 
@@ -110,7 +111,7 @@ def duration(seconds: float) -> str:
     return f"{whole // 60:02d}:{whole % 60:02d}"
 
 
-def room(size_bytes: float) -> str:
+def size_words(size_bytes: float) -> str:
     """Return a disk size, "412 GB"."""
     for unit in ("B", "kB", "MB", "GB"):
         if size_bytes < 1000:
@@ -120,12 +121,12 @@ def room(size_bytes: float) -> str:
 
 
 def kept_words(version: str) -> str:
-    """Return that a result was kept from before, and by which version of the program it was made."""
+    """Return that a result is from the cache, and which version of the program made it."""
     return f"cached result, version {version}"
 
 
 def with_prefix(value: float | None, unit: str, digits: int = 3) -> str:
-    """Return "111 µm" for 1.11e-4 m; a dash, without a unit, where there is none."""
+    """Return "111 µm" for 1.11e-4 m; a dash for None."""
     if value is None or not math.isfinite(value):
         return DASH
     factor, words = prefix_for(value, unit)
@@ -133,10 +134,9 @@ def with_prefix(value: float | None, unit: str, digits: int = 3) -> str:
 
 
 def typed_number(text: str) -> float:
-    """Return the number: a point and a comma both are the decimal sign.
+    """Return the typed number, with a point or a comma as the decimal sign.
 
-    Raises ValueError, with the reason in words, where there is more than one of them: which one marks the decimals and
-    which one thousands depends on the country, and the wrong guess is wrong by a factor of a thousand.
+    Raises ValueError, with the reason, where there are several: which one separates thousands depends on the country.
     """
     plain = text.strip().replace("−", "-")
     if plain.count(".") + plain.count(",") > 1:
@@ -151,7 +151,7 @@ def typed_number(text: str) -> float:
 
 
 def typed_numbers(text: str) -> tuple[float, ...]:
-    """Return the numbers of a list, parted by blanks or semicolons; a comma before a blank parts too.
+    """Return the numbers of a list, separated by blanks, semicolons, or commas before a blank.
 
     Raises ValueError as ``typed_number`` does.
     """

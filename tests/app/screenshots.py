@@ -165,7 +165,7 @@ class Photographer:
 
     def _model_file(self) -> None:
         panels, workbench, path = self.window.panels, self.window.workbench, self._scratch / "model.toml"
-        workbench.papers.save_model(panels.table.numbers, path)
+        workbench.exports.save_model(panels.table.numbers, path)
         self.wait("the model file", path.exists)
         workbench.model.load(path)
         self.press(Qt.Key.Key_2, Qt.KeyboardModifier.ControlModifier)

@@ -70,7 +70,7 @@ class SteppedWork:
         """Wait until work stands at the gate, or there is none; return whether some does."""
         end = time.monotonic() + LONGEST_S
         while time.monotonic() < end:
-            errands_done = workbench.errands.open_jobs == 0
+            errands_done = workbench.short_jobs.open_jobs == 0
             if self.waits.is_set() and not self._go.is_set() and errands_done:
                 return True
             if workbench.jobs.open_jobs == 0 and errands_done:

@@ -17,11 +17,11 @@ from app.command_line.campaign.task import tasks_of
 from app.session import session as session_module
 from app.session import settings_file
 from app.session import workbench as workbench_module
-from app.session.event import Kind
+from app.session.event import EventKind
 from app.session.frozen_file import packed, unpacked
 from app.session.session import Session
 from app.session.settings import FIELDS, Settings
-from app.session.verdict_of import VerdictOf
+from app.session.verdict_of import VerdictBasis
 from app.session.workbench import Workbench
 from app.window.panels.settings_sheet import SettingsSheet
 from app.window.theme import LIGHT
@@ -74,7 +74,7 @@ def test_every_field_survives_a_session(kind, tmp_path, monkeypatch):
     session = Session(tmp_path / "session.json")
     session.add(replace(synthetic.bare_shot("shot-1"), path="/data/1"))
     session.add(replace(synthetic.bare_shot("shot-2"), path="/data/2", settings=changed(kind)), "a note", copy_of=1)
-    session.set_verdict(2, "adequate", VerdictOf(("a",), ("b",), (1, 2)))
+    session.set_verdict(2, "adequate", VerdictBasis(("a",), ("b",), (1, 2)))
     before, after = session.entries[1], Session.reopen(tmp_path / "session.json").entries[1]
     for of in fields(before):
         if of.name not in ("shot", "version"):
@@ -172,11 +172,11 @@ def test_the_window_diagnoses_within_the_seconds_that_are_set_and_says_what_was_
         bench.add_shot(shot)
         assert bench.diagnose([1]) is None
         end, events = time.monotonic() + 30.0, []
-        while not any(event.kind is Kind.DIAGNOSED for event in events) and time.monotonic() < end:
+        while not any(event.kind is EventKind.DIAGNOSED for event in events) and time.monotonic() < end:
             events += bench.poll()
             time.sleep(0.01)
         assert asked == [7.5]
-        assert [event.words for event in events if event.kind is Kind.PROBLEM] == [
+        assert [event.words for event in events if event.kind is EventKind.PROBLEM] == [
             "no time for laws in the contact (F2)"
         ]
     finally:

@@ -13,9 +13,9 @@ import pytest
 from analysis.shot.shot import AnalysisSettings
 from analysis.shot.version import program, program_version
 from app.command_line.campaign.cluster import guarded
-from app.command_line.campaign.crew import Processes, most_processes
 from app.command_line.campaign.journal import JOURNAL, Journal
 from app.command_line.campaign.task import NotReached, analyse_one, tasks_of, unfit
+from app.command_line.campaign.worker_pool import Processes, most_processes
 from app.command_line.cli import main
 from app.report.export import shot_columns
 from tests.app.deadly import DEADLY, unless_deadly
@@ -96,26 +96,26 @@ def test_a_worker_that_cannot_do_the_work_says_why(tmp_path: Path) -> None:
 
 
 def test_windows_waits_for_61_processes_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.command_line.campaign.crew._MOST", most_processes("win32"))
-    crew = Processes(200)
-    crew.close()
-    assert crew.width == 61 and most_processes("linux") > 200
+    monkeypatch.setattr("app.command_line.campaign.worker_pool._MOST", most_processes("win32"))
+    pool = Processes(200)
+    pool.close()
+    assert pool.width == 61 and most_processes("linux") > 200
 
 
 def test_a_process_that_dies_is_not_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """Shots under way with one that kills its process are analysed all the same; the killer is told and no result."""
-    crew = Processes(2)
+    pool = Processes(2)
     try:
-        monkeypatch.setattr("app.command_line.campaign.crew.analyse_one", unless_deadly)
+        monkeypatch.setattr("app.command_line.campaign.worker_pool.analyse_one", unless_deadly)
         tasks = tasks_of([Path("a"), Path(DEADLY), Path("b")], None, AnalysisSettings(), None)
         for task in tasks:
-            crew.give(task)
+            pool.give(task)
         outcomes: dict[str, Any] = {}
         while len(outcomes) < 3:
-            outcomes |= {task.path: outcome for task, outcome in crew.take()}
-        assert crew._pool.submit(signal.getsignal, signal.SIGINT).result() == signal.SIG_IGN
+            outcomes |= {task.path: outcome for task, outcome in pool.take()}
+        assert pool._pool.submit(signal.getsignal, signal.SIGINT).result() == signal.SIG_IGN
     finally:
-        crew.close()
+        pool.close()
     assert outcomes[DEADLY] == NotReached("the process that analysed it died")
     assert all(outcomes[task.path]["shot"]["path"] == task.path for task in (tasks[0], tasks[2]))
 
@@ -158,7 +158,7 @@ def test_a_line_of_a_journal_is_served_as_it_was_written_or_not_at_all(tmp_path:
     _journal_of(path, ENTRY)
     whole = path.read_bytes()
     with contextlib.closing(Journal(path, {"s"})) as journal:
-        assert journal.entry("s") == ENTRY and journal.spoilt == 0
+        assert journal.entry("s") == ENTRY and journal.unreadable_lines == 0
     assert _forged(ENTRY) == whole
     shot = ENTRY["shot"]
     for line in (
@@ -179,7 +179,7 @@ def test_a_line_of_a_journal_is_served_as_it_was_written_or_not_at_all(tmp_path:
     ):
         path.write_bytes(line)
         with contextlib.closing(Journal(path, {"s", "t"})) as journal:
-            assert len(journal) == 0 and journal.spoilt == 1, line[:200]
+            assert len(journal) == 0 and journal.unreadable_lines == 1, line[:200]
 
 
 def test_a_spoilt_line_costs_its_shot_and_a_sentence(
@@ -195,7 +195,7 @@ def test_a_spoilt_line_costs_its_shot_and_a_sentence(
     capsys.readouterr()
     assert main(command) == 0
     heard = capsys.readouterr().err
-    assert "all.json.journal: a line is not as this program writes them" in heard and "Traceback" not in heard
+    assert "all.json.journal: a line is damaged and ignored" in heard and "Traceback" not in heard
     again = json.loads((tmp_path / "all.json").read_text())
     assert [_without_times(s) for s in again["shots"]] == [_without_times(s) for s in whole["shots"]]
 

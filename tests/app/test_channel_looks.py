@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.shot.recording import Role
-from app.session.channel_looks import Kind, is_swapped, looks_of, proposed
+from app.session.channel_looks import ChannelKind, is_swapped, looks_of, proposed
 from app.session.choices import Choices
 from app.session.load import load_and_analyse
 from app.session.session import Session
@@ -50,7 +50,7 @@ def test_an_oscilloscopes_csv_is_read_with_its_names_and_proposed_by_its_signals
     assert [channel.name for channel in held.channels] == ["X", "CH1", "CH2", "CH3"]
     assert held.channels[1].sample_rate_hz == pytest.approx(recording.sample_rate_hz)
     looks = looks_of(held)
-    assert looks[0].kind is Kind.COUNTER
+    assert looks[0].kind is ChannelKind.COUNTER
     roles = [recording.channels[c].role for c in order]
     wanted = {role: f"CH{place + 1}" for place, role in enumerate(roles)}
     assert dict(proposed(looks)) == wanted

@@ -16,7 +16,6 @@ from app.window.panels.notice import NoticeLine
 from app.window.panels.setup_sheet import SetupSheet
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.theme import LIGHT, Theme, Tone
-from app.window.waiting import waits_for
 from app.words.wording import concise_text
 from instrument.devices.doctor import Check, Grade
 from tests.app import synthetic
@@ -91,8 +90,8 @@ def test_a_page_says_which_work_it_waits_for():
         second = jobs.submit("the paper", lambda report, cancelled: None, "paper")
         while jobs.current is None:
             time.sleep(0.001)
-        assert waits_for(jobs, second, "the paper's numbers").startswith("waiting for diagnosis to end")
-        assert waits_for(jobs, first, "it") == "computing it …"
+        assert jobs.waiting_words(second, "the paper's numbers").startswith("waiting for diagnosis to end")
+        assert jobs.waiting_words(first, "it") == "computing it …"
     finally:
         jobs.close()
 

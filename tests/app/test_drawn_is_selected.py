@@ -48,7 +48,7 @@ def drawn(window: MainWindow, page: int) -> list[PlotView]:
 def settled(window: MainWindow) -> None:
     for _ in range(3000):
         window.pull()
-        if window.workbench.errands.open_jobs == 0 and window.workbench.jobs.open_jobs == 0:
+        if window.workbench.short_jobs.open_jobs == 0 and window.workbench.jobs.open_jobs == 0:
             window.pull()
             return
         QTest.qWait(10)

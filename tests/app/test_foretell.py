@@ -15,7 +15,7 @@ from analysis.drive.driven_fit import fit_driven
 from analysis.shot.shot import AnalysisError
 from app.command_line.cli import main
 from app.session.load import load_and_analyse
-from app.session.shot_work import put_to_test
+from app.session.shot_work import predictions_of
 from instrument.files.motion_file import read_motion
 from tests.analysis.drive.slider import Drive, Floats
 
@@ -83,10 +83,10 @@ def test_the_window_says_it_in_a_line(tmp_path: Path) -> None:
     (tmp_path / "model.toml").write_text(model_of(Drive(friction), ("coulomb_friction",)))
     other = record(tmp_path, "other", Drive(friction, seed=5, waves=((0.05, 0.4), (0.02, 1.1)), seconds=12.0))
     shot = load_and_analyse(other)
-    said = put_to_test(tmp_path / "model.toml", [shot], lambda _what, _share: None, lambda: False)
+    said = predictions_of(tmp_path / "model.toml", [shot], lambda _what, _share: None, lambda: False)
     assert "foretold better by" in said
     with pytest.raises(AnalysisError, match="base model, driven"):
-        put_to_test(tmp_path / "model.toml", [], lambda _what, _share: None, lambda: False)
+        predictions_of(tmp_path / "model.toml", [], lambda _what, _share: None, lambda: False)
 
 
 def test_without_a_file_it_is_wrong_usage(tmp_path: Path) -> None:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from app.command_line import display, start
+from analysis.shot.shot import Progress
+from app.command_line import machine, start
 from app.command_line.cli import main
 from app.session import prepare
-from app.session.jobs import Report
 
 
 def test_simulated_shots_are_replayed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -24,7 +24,7 @@ def test_simulated_shots_are_replayed(tmp_path: Path, capsys: pytest.CaptureFixt
 def test_without_a_screen_one_shot_is_told_and_named_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def ready_at_once(report: Report, ready: Callable[[prepare.Stage], None]) -> None:
+    def ready_at_once(report: Progress, ready: Callable[[prepare.Stage], None]) -> None:
         for stage in prepare.Stage:
             ready(stage)
 
@@ -101,7 +101,7 @@ def test_the_frozen_application_asks_itself_whether_a_window_can_open(monkeypatc
     """It is no Python: "-c" and a line of it were taken for wrong arguments, and Qt for one that does not start."""
     monkeypatch.setenv("QT_QPA_PLATFORM", "offscreen")
     monkeypatch.setattr(sys, "frozen", True, raising=False)
-    asked = display._probe()
+    asked = machine._probe()
     house = Path(__file__).resolve().parents[2]
     command = [asked[0], str(house / "packaging" / "application.py"), *asked[1:]]
     done = subprocess.run(command, env=os.environ | {"PYTHONPATH": str(house)}, check=False, capture_output=True)

@@ -11,10 +11,10 @@ import pytest
 
 from analysis.diagnosis.result import Verdict
 from analysis.shot.version import program_version
-from app.session import frozen_file, results
+from app.session import frozen_file, result_cache
 from app.session.event import Diagnosed
-from app.session.frozen_file import NotKept, head_of, packed, unpacked
-from app.session.results import Key, Results
+from app.session.frozen_file import NotStorable, head_of, packed, unpacked
+from app.session.result_cache import Key, ResultCache
 from app.session.session import Session
 from app.session.workbench import Workbench
 from tests.app import synthetic
@@ -35,7 +35,7 @@ def saved(tmp_path, shot):
 
 def _wait(workbench: Workbench) -> None:
     end = time.monotonic() + 20.0
-    while workbench.errands.open_jobs and time.monotonic() < end:
+    while workbench.short_jobs.open_jobs and time.monotonic() < end:
         time.sleep(0.005)
     time.sleep(0.02)
     workbench.poll()
@@ -55,20 +55,20 @@ def test_only_the_analysis_own_classes_are_made():
     body = np.frombuffer(json.dumps({"kind": "Popen", "fields": {"args": "true"}}).encode(), np.uint8)
     file = io.BytesIO()
     np.savez(file, head=body, body=body)
-    with pytest.raises(NotKept):
+    with pytest.raises(NotStorable):
         unpacked(io.BytesIO(file.getvalue()))
-    with pytest.raises(NotKept, match="Path cannot be kept"):
+    with pytest.raises(NotStorable, match="Path cannot be kept"):
         packed({}, (Path("a"),))
     for spoilt in (b"", b"PK", file.getvalue()[:-40]):
-        with pytest.raises(NotKept):
+        with pytest.raises(NotStorable):
             head_of(io.BytesIO(spoilt))
 
 
 def test_what_was_altered_is_not_taken_for_the_same(tmp_path, saved, monkeypatch):
-    kept = Results(tmp_path / "kept")
+    kept = ResultCache(tmp_path / "kept")
     key = Key(saved.path, saved.settings)
     assert kept.shot(key) is None
-    kept.keep_shot(saved)
+    kept.store_shot(saved)
     found = kept.shot(key)
     assert found is not None and found.version == program_version() and found.shot.name == saved.name
     assert kept.shot(Key(saved.path, replace(saved.settings, bandwidth_hz=5e3))) is None
@@ -79,24 +79,24 @@ def test_what_was_altered_is_not_taken_for_the_same(tmp_path, saved, monkeypatch
     file.write_bytes(whole)
     Path(saved.path).write_text("time_s,displacement_m\n0,0\n")
     assert kept.shot(key) is None
-    monkeypatch.setattr(results, "MOST_BYTES", 1)
-    kept.keep_shot(saved)
+    monkeypatch.setattr(result_cache, "MOST_BYTES", 1)
+    kept.store_shot(saved)
     assert list((tmp_path / "kept").iterdir()) == []
 
 
 def test_a_changed_program_of_the_same_version_analyses_again(tmp_path, saved, monkeypatch):
-    kept = Results(tmp_path / "kept")
+    kept = ResultCache(tmp_path / "kept")
     key = Key(saved.path, saved.settings)
-    kept.keep_shot(saved)
-    kept.keep_diagnosis(synthetic.diagnosis(saved), [key])
+    kept.store_shot(saved)
+    kept.store_diagnosis(synthetic.diagnosis(saved), [key])
     assert kept.shot(key) is not None and len(kept.diagnoses([key])) == 1
-    monkeypatch.setattr(results, "program", lambda: f"{program_version()} (another)")
+    monkeypatch.setattr(result_cache, "program", lambda: f"{program_version()} (another)")
     assert kept.shot(key) is None and kept.diagnoses([key]) == []
 
 
 def test_a_result_whose_class_has_changed_is_analysed_again(tmp_path, saved, monkeypatch):
-    kept = Results(tmp_path / "kept")
-    kept.keep_shot(saved)
+    kept = ResultCache(tmp_path / "kept")
+    kept.store_shot(saved)
 
     def other(**_: object) -> None:
         raise TypeError("unexpected keyword argument 'flags'")
@@ -106,7 +106,7 @@ def test_a_result_whose_class_has_changed_is_analysed_again(tmp_path, saved, mon
 
 
 def test_a_session_reopens_at_once_with_its_evidence_and_its_version(tmp_path, saved, monkeypatch):
-    kept = Results(tmp_path / "kept")
+    kept = ResultCache(tmp_path / "kept")
     first = Workbench(Session(tmp_path / "session.json"), lambda: saved.settings, results=kept)
     entry = first.add_shot(saved)
     found = Diagnosed(synthetic.diagnosis(saved), (entry.number,))

@@ -48,7 +48,7 @@ def test_channels_are_asked_for_once_and_the_file_is_opened(qtbot: QtBot, tmp_pa
         assert [sheet.boxes[role].currentData() for role in sheet.boxes] == ["one", "two", None]
         sheet.boxes[Role.REFERENCE].setCurrentIndex(sheet.boxes[Role.REFERENCE].findData("one"))
         sheet.apply()
-        assert "two things" in sheet.problem
+        assert "two roles" in sheet.problem
         sheet.boxes[Role.REFERENCE].setCurrentIndex(sheet.boxes[Role.REFERENCE].findData("two"))
         sheet.apply()
         qtbot.waitUntil(lambda: pulled(lambda: "rate" in sheet.problem), timeout=20_000)

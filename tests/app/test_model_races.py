@@ -10,7 +10,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from analysis.diagnosis.model_file import SavedModel, saved
 from analysis.shot.shot import AnalysisSettings
-from app.session.event import Loaded
+from app.session.event import LoadedModel
 from app.session.session import Session
 from app.session.workbench import Workbench
 from tests.app import synthetic
@@ -41,7 +41,7 @@ class Races(RuleBasedStateMachine):
 
     def teardown(self) -> None:
         self.bench.poll()
-        while self.bench.jobs.open_jobs or self.bench.errands.open_jobs:
+        while self.bench.jobs.open_jobs or self.bench.short_jobs.open_jobs:
             self.gate.step(self.bench, heeds=True)
             self.bench.poll()  # what ended may ask for more
         try:
@@ -93,8 +93,8 @@ class Races(RuleBasedStateMachine):
 
     @rule(effects=SAVED)
     def open_model(self, effects: tuple[str, ...]) -> None:
-        loaded = Loaded(model_file(effects), Path("model.toml"))
-        self.bench._work.errands.submit("model file", lambda _, __: loaded, "model")
+        loaded = LoadedModel(model_file(effects), Path("model.toml"))
+        self.bench._work.short_jobs.submit("model file", lambda _, __: loaded, "model")
 
     @rule()
     def open_recording(self) -> None:

@@ -13,7 +13,7 @@ from analysis.planning.plan import Plan
 from analysis.planning.shot_log import PlannedStep, PlanningState
 from analysis.shot.recording import Setup
 from app.command_line.cli import main
-from app.command_line.plan_ahead import plan_ahead
+from app.command_line.plan_shots import plan_shots
 from app.session.event import Diagnosed
 from app.session.next_shots import NextShots
 from app.session.planned_record import planned_setup
@@ -172,12 +172,12 @@ def test_a_replay_is_told_which_shot_makes_a_number_surer(said, capsys):
     fit = fit_shots(motions)
     shots = [SimpleNamespace(motion=motion, fit=fit) for motion in motions]
     sure = replace(said, effects=(), fit_after=fit)
-    ahead = plan_ahead(shots, sure, "contact_damping_n_s_per_m")
+    ahead = plan_shots(shots, sure, "contact_damping_n_s_per_m")
     assert ahead is not None and "would make contact_damping_n_s_per_m" in ahead.words
     assert ahead.result["std_after"] < 0.6 * ahead.result["std_before"] and ahead.result["shots"]
     json.dumps(ahead.result, allow_nan=False)
-    assert plan_ahead(shots, sure, "").result is None
-    assert plan_ahead(shots, sure, "gamma") is None and plan_ahead(shots, None, "") is None
+    assert plan_shots(shots, sure, "").result is None
+    assert plan_shots(shots, sure, "gamma") is None and plan_shots(shots, None, "") is None
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 2 and "no shared parameter is called 'gamma'" in lines[0]
 

@@ -20,7 +20,7 @@ from analysis.shot.shot import AnalysisSettings, Cancelled, Shot
 from app.session.choices import Choices
 from app.session.log import NAME, ProgramLog, note
 from app.session.own_session import Unlisted, listed_by, unlisted
-from app.session.results import Results
+from app.session.result_cache import ResultCache
 from app.session.session import Session
 from app.session.settings import FIELDS, Settings
 from app.session.workbench import Workbench
@@ -222,7 +222,7 @@ def test_killed_between_readings_and_fit_the_next_start_analyses_the_shot_whole(
     _, _, presenter = away
     presenter.take(_finished(read_shot), stay=False)
     # the end comes here: what the disk holds by now is all that the next start knows
-    results = Results(tmp_path / "kept")
+    results = ResultCache(tmp_path / "kept")
     again = Workbench(Session.reopen(tmp_path / "session.json"), AnalysisSettings, results=results)
     try:
         (entry,) = again.session.entries
@@ -261,9 +261,7 @@ def test_a_fit_that_abort_stopped_is_made_beside_the_rig(qtbot: QtBot, away: Awa
         raise Cancelled
 
     told: list[Shot | None] = []
-    analyst = AnalysisThread(
-        ShotAnalysis(lambda *_: read_shot, interrupted, 1), lambda _, shot, __: told.append(shot)
-    )
+    analyst = AnalysisThread(ShotAnalysis(lambda *_: read_shot, interrupted, 1), lambda _, shot, __: told.append(shot))
     analyst.start()
     analyst.submit(1, open_recording(Path(str(read_shot.path))))
     qtbot.waitUntil(lambda: len(told) == 2, timeout=WAIT_MS)
@@ -295,7 +293,7 @@ def test_a_recording_that_a_kill_cut_off_is_offered_at_the_next_start(qtbot: QtB
     whole.unlink()
 
     time.sleep(0.01)
-    workbench.look_for_unlisted(tmp_path)
+    workbench.find_unlisted(tmp_path)
     notices = panels.work.notices
     qtbot.waitUntil(lambda: (presenter.refresh(), "shot-0002" in notices.words)[1], timeout=WAIT_MS)
     notices._do.click()
@@ -315,15 +313,15 @@ def test_a_recording_that_no_session_lists_is_offered_until_it_is_declined(
     notices = panels.work.notices
     time.sleep(0.01)
     for folder, found in ((second.parent, ""), (tmp_path, "shot-0001")):
-        workbench.look_for_unlisted(folder, [tmp_path / "session-2.json"])
-        qtbot.waitUntil(lambda: workbench.errands.open_jobs == 0, timeout=WAIT_MS)
+        workbench.find_unlisted(folder, [tmp_path / "session-2.json"])
+        qtbot.waitUntil(lambda: workbench.short_jobs.open_jobs == 0, timeout=WAIT_MS)
         presenter.refresh()
         assert found in notices.words and bool(notices.words) == bool(found)
     notices.next()  # declined
     again = Session.reopen(tmp_path / "session.json")
     assert again.left_out == (str(first),)
-    workbench.look_for_unlisted(tmp_path)
-    qtbot.waitUntil(lambda: workbench.errands.open_jobs == 0, timeout=WAIT_MS)
+    workbench.find_unlisted(tmp_path)
+    qtbot.waitUntil(lambda: workbench.short_jobs.open_jobs == 0, timeout=WAIT_MS)
     presenter.refresh()
     assert not notices.words
 

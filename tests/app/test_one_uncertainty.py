@@ -13,10 +13,10 @@ from analysis.shot.quantity import Quantity
 from analysis.uncertainty.budget import budget
 from analysis.uncertainty.numbers import Kind, number_of, of_collision
 from analysis.uncertainty.series import series
-from app.command_line.replay import summary
+from app.command_line.summary import summary
 from app.report.export import columns_of, export
 from app.report.page import report_of
-from app.session.combined_in_model import NOISE_ALONE, with_combined
+from app.session.model_in_use import NOISE_ALONE, with_combined
 from app.session.session import Session
 from app.window.panels.compare import ComparePanel
 from app.window.panels.large import LargePanel

@@ -3,7 +3,7 @@
 import pytest
 
 from analysis.planning.next_shot import Reach
-from app.command_line import plan_ahead, resolve
+from app.command_line import plan_shots, resolve
 from app.command_line.modes import reach_of
 from app.command_line.parser import parse
 from app.session.settings import Settings
@@ -33,10 +33,10 @@ def plan_sentence(monkeypatch):
     def plan_next(*_, reach, **__):
         raise Told(reach)
 
-    for module in (plan_ahead, resolve):
-        monkeypatch.setattr(module, "stand", plan_next)
-    monkeypatch.setattr(plan_ahead, "again", lambda *_: None)
-    monkeypatch.setattr(plan_ahead, "sharpen", lambda *_, reach: plan_next(reach=reach))
+    for module in (plan_shots, resolve):
+        monkeypatch.setattr(module, "plan_next", plan_next)
+    monkeypatch.setattr(plan_shots, "again", lambda *_: None)
+    monkeypatch.setattr(plan_shots, "sharpen", lambda *_, reach: plan_next(reach=reach))
     monkeypatch.setattr(resolve, "diagnose", lambda *_, **__: synthetic.diagnosis(synthetic.shot()))
 
 
@@ -44,7 +44,7 @@ def plan_sentence(monkeypatch):
 def test_a_plan_reaches_as_far_as_the_rig_does(plan_sentence, parameter):
     shot, reach = synthetic.shot(), Reach((0.1,), (0.0,), 0.02)
     with pytest.raises(Told) as found:
-        plan_ahead.plan_ahead([shot], synthetic.diagnosis(shot), parameter, reach)
+        plan_shots.plan_shots([shot], synthetic.diagnosis(shot), parameter, reach)
     assert found.value.args == (reach,)
 
 

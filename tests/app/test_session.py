@@ -101,14 +101,14 @@ def test_a_second_window_keeps_a_session_of_its_own(tmp_path):
     first.add(_saved("shot-1", "/data/1.sigmf-meta"))
     second.add(_saved("shot-2", "/data/2.sigmf-meta"))
     second.set_note(1, "seen")
-    first.give_free()
+    first.unlock()
     again = own_session(tmp_path / "new")
     assert [entry.name for entry in again.entries] == ["shot-1"] and again.problem is None
-    second.give_free()
+    second.unlock()
     third = own_session(tmp_path / "new")
     assert [(entry.name, entry.note) for entry in third.entries] == [("shot-2", "seen")]
-    again.give_free()
-    third.give_free()
+    again.unlock()
+    third.unlock()
 
 
 def test_an_effect_that_was_tried_stays_marked_until_it_is_taken_out(tmp_path):

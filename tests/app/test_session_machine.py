@@ -162,7 +162,7 @@ class Sessions(RuleBasedStateMachine):
         """Wait until all work has ended, and with it what that asked for."""
         end = time.monotonic() + LONGEST_S
         while True:
-            busy = self.bench.jobs.open_jobs or self.bench.errands.open_jobs  # asked first: what ends later is polled
+            busy = self.bench.jobs.open_jobs or self.bench.short_jobs.open_jobs  # before polling
             if not self.bench.poll() and not busy:
                 break
             assert time.monotonic() < end
@@ -386,7 +386,7 @@ def test_undo_and_redo_of_a_note_reach_the_recording(monkeypatch: pytest.MonkeyP
     path = Path("/data/shot.sigmf-meta")
 
     def written() -> str:
-        while bench.errands.open_jobs or bench.poll():
+        while bench.short_jobs.open_jobs or bench.poll():
             time.sleep(0.0005)
         return in_recording[path]
 

@@ -40,7 +40,7 @@ def test_a_session_goes_on_under_its_new_name_and_comes_back(workbench, tmp_path
         named_session(run)
     there = last_session(str(run), tmp_path / "second")
     assert there.problem is not None and "another window" in there.problem
-    there.give_free()
+    there.unlock()
 
 
 def test_what_is_no_session_is_left_as_it_is(workbench, tmp_path):

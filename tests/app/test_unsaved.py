@@ -10,7 +10,7 @@ from pytestqt.qtbot import QtBot
 
 from analysis.shot.shot import AnalysisSettings
 from app.session.session import Session
-from app.session.workbench import Event, Kind, Workbench
+from app.session.workbench import Event, EventKind, Workbench
 from app.window.main_window import open_window
 from instrument.files.open_recording import open_recording
 from instrument.files.recording_error import PartlySaved, RecordingError
@@ -92,10 +92,10 @@ def test_what_was_saved_before_the_disk_failed_keeps_its_path(qtbot: QtBot, tmp_
     workbench = Workbench(Session(tmp_path / "session.json"), AnalysisSettings)
     try:
         workbench.session.add(synthetic.bare_shot("shot-0001"))
-        workbench.elsewhere.save(save, tmp_path)
+        workbench.unsaved.save(save, tmp_path)
         happened: list[Event] = []
         qtbot.waitUntil(lambda: bool(happened.extend(workbench.poll()) or happened), timeout=WAIT_MS)
-        assert happened[0].kind is Kind.PROBLEM
+        assert happened[0].kind is EventKind.PROBLEM
         assert "1 shot saved" in happened[0].words and "No space left" in happened[0].words
         assert workbench.session.entries[0].path == str(tmp_path / "a.sigmf-meta")
     finally:
@@ -105,7 +105,7 @@ def test_what_was_saved_before_the_disk_failed_keeps_its_path(qtbot: QtBot, tmp_
 def test_a_shot_saved_before_it_was_analysed_keeps_its_path(qtbot: QtBot, tmp_path: Path) -> None:
     workbench = Workbench(Session(tmp_path / "session.json"), AnalysisSettings)
     try:
-        workbench.elsewhere.save(lambda folder: {"shot-0001": folder / "a.sigmf-meta"}, tmp_path)
+        workbench.unsaved.save(lambda folder: {"shot-0001": folder / "a.sigmf-meta"}, tmp_path)
         qtbot.waitUntil(lambda: bool(workbench.poll()), timeout=WAIT_MS)
         assert workbench.add_shot(synthetic.bare_shot("shot-0001")).path == str(tmp_path / "a.sigmf-meta")
         assert workbench.add_shot(synthetic.bare_shot("shot-0001")).path is None  # another of that name

@@ -12,7 +12,7 @@ from app.report.diagnosis_section import diagnosis_section
 from app.session.choices import Choices
 from app.session.event import Diagnosed
 from app.session.session import Session
-from app.session.verdict_of import VerdictOf, verdict_of
+from app.session.verdict_of import VerdictBasis, verdict_of
 from app.session.workbench import Workbench
 from app.window.layout import Layout
 from app.window.panels.session_model import VERDICT, SessionModel
@@ -20,7 +20,7 @@ from app.window.presenters.diagnosis import DiagnosisPresenter
 from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
 from app.window.theme import Theme, Tone
-from app.window.verdict import told
+from app.window.tones import verdict_line
 from app.words.verdict import VERDICTS, verdict_words
 from tests.app import synthetic
 from tests.app.stepped_work import SteppedWork
@@ -103,7 +103,7 @@ def test_taken_out_of_the_model_an_effect_takes_its_verdict_with_it_here_and_aft
 def _entry(conclusion, found=(), words="in words of which nobody reads anything back"):
     session = Session()
     session.add(synthetic.shot())
-    session.set_verdict(1, words, VerdictOf((), found, (1,), conclusion))
+    session.set_verdict(1, words, VerdictBasis((), found, (1,), conclusion))
     return session.entries[0]
 
 
@@ -120,8 +120,8 @@ def _entry(conclusion, found=(), words="in words of which nobody reads anything 
 )
 def test_a_verdicts_tone_comes_from_what_was_concluded_and_not_from_its_words(conclusion, found, model, tone, more):
     entry = _entry(conclusion, found)
-    assert told(entry, model) == (entry.verdict + more, tone)
-    assert told(entry, model, holds=False) == (f"<s>{entry.verdict}</s> outdated: diagnose again", Tone.NEUTRAL)
+    assert verdict_line(entry, model) == (entry.verdict + more, tone)
+    assert verdict_line(entry, model, holds=False) == (f"<s>{entry.verdict}</s> outdated: diagnose again", Tone.NEUTRAL)
 
 
 def test_every_conclusion_is_worded_in_one_place(qtbot):

@@ -144,26 +144,26 @@ NEW_KERNELS = """
 import gc, sys
 from numba.core.registry import CPUDispatcher
 from analysis.pipeline import fitted, read
-from app.session import rehearsal
+from app.session import warm_up
 from instrument.files.open_recording import open_recording
 
 def known():
     each = (kernel for kernel in gc.get_objects() if isinstance(kernel, CPUDispatcher))
     return {f"{kernel.py_func.__module__}.{kernel.py_func.__name__}{s}" for kernel in each for s in kernel.overloads}
 
-rehearsal.readings()
+warm_up.readings()
 before = known()
 shot = read(open_recording(sys.argv[1]))
 assert shot.problem is None and shot.impact.disturbance is not None
 print(*sorted(known() - before), sep="\\n")
-rehearsal.fit()
+warm_up.fit()
 before = known()
 assert fitted(shot).fit.converged
 print(*sorted(known() - before), sep="\\n")
 """
 
 
-def test_a_shot_in_a_usual_laboratory_needs_no_kernel_that_was_not_rehearsed(tmp_path, warm_kernels):
+def test_a_shot_in_a_usual_laboratory_needs_no_kernel_that_was_not_warmed_up(tmp_path, warm_kernels):
     (path,) = simulate(tmp_path, 1, site=site_named(USUAL_SITE))
     asked = subprocess.run([sys.executable, "-c", NEW_KERNELS, path], capture_output=True, text=True, check=True)
     assert asked.stdout.split() == []

@@ -236,7 +236,7 @@ def test_two_shots_are_diagnosed_reported_and_the_effect_joins_the_model(opened,
     after = window.workbench.session.entry(first).shot.fit
     assert after.effects == ("quadratic_drag",)
     assert after.reduced_chi2 < 0.1 * before
-    window.workbench.papers.report([], tmp_path / "report.html")
+    window.workbench.exports.report([], tmp_path / "report.html")
     qtbot.waitUntil((tmp_path / "report.html").exists, timeout=WAIT_MS)
 
 

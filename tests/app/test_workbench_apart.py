@@ -8,7 +8,7 @@ import pytest
 
 from analysis.shot.motion import ARRAYS
 from analysis.shot.shot import AnalysisSettings
-from app.session.event import Event, Kind
+from app.session.event import Event, EventKind
 from app.session.load import load_and_analyse
 from app.session.session import Session
 from app.session.workbench import Workbench
@@ -48,9 +48,9 @@ def test_shots_are_opened_refitted_and_reported_there(child, recordings_of_bench
     try:
         for workbench in (here, there):
             assert workbench.open_paths(recordings_of_bench) == 1
-            until(workbench, lambda h: h.kind is Kind.SHOT)
+            until(workbench, lambda h: h.kind is EventKind.SHOT)
             workbench.model.add("paper", ("quadratic_drag",))
-            until(workbench, lambda h: h.kind is Kind.CHANGED and h.numbers == (1,))
+            until(workbench, lambda h: h.kind is EventKind.CHANGED and h.numbers == (1,))
         ours, theirs = here.session.entries[0].shot, there.session.entries[0].shot
         for name in ARRAYS:
             assert np.array_equal(getattr(theirs.motion, name), getattr(ours.motion, name), equal_nan=True)
@@ -63,21 +63,21 @@ def test_shots_are_opened_refitted_and_reported_there(child, recordings_of_bench
             assert (shot.impact, shot.flags, shot.settings) == (replayed.impact, replayed.flags, replayed.settings)
             assert shot.fit.parameters == replayed.fit.parameters
 
-        there.papers.report([1], tmp_path / "report.html")
-        done = until(there, lambda h: h.kind in (Kind.EXPORTED, Kind.PROBLEM))
-        assert done.kind is Kind.EXPORTED and (tmp_path / "report.html").stat().st_size > 10_000
-        there.papers.export([1], tmp_path / "missing" / "\0")
-        assert until(there, lambda h: h.kind in (Kind.EXPORTED, Kind.PROBLEM)).kind is Kind.PROBLEM
+        there.exports.report([1], tmp_path / "report.html")
+        done = until(there, lambda h: h.kind in (EventKind.EXPORTED, EventKind.PROBLEM))
+        assert done.kind is EventKind.EXPORTED and (tmp_path / "report.html").stat().st_size > 10_000
+        there.exports.export([1], tmp_path / "missing" / "\0")
+        assert until(there, lambda h: h.kind in (EventKind.EXPORTED, EventKind.PROBLEM)).kind is EventKind.PROBLEM
     finally:
-        assert here.jobs.close() and here.errands.close()
-        assert there.jobs.close() and there.errands.close()
+        assert here.jobs.close() and here.short_jobs.close()
+        assert there.jobs.close() and there.short_jobs.close()
 
 
 def test_a_diagnosis_there_tells_how_far_it_is_and_is_cancelled(child, recordings_of_bench, warm_kernels):
     workbench = Workbench(Session(), AnalysisSettings, apart=child)
     try:
         workbench.open_paths(recordings_of_bench)
-        until(workbench, lambda h: h.kind is Kind.SHOT)
+        until(workbench, lambda h: h.kind is EventKind.SHOT)
         workbench.diagnose([1])
         job = workbench.jobs.current
         while job is None or job.kind != "diagnosis" or not job.what:
@@ -89,4 +89,4 @@ def test_a_diagnosis_there_tells_how_far_it_is_and_is_cancelled(child, recording
         assert child.child_id == alive  # it heeded; it was not ended
         assert workbench.diagnoses.newest is None
     finally:
-        assert workbench.jobs.close() and workbench.errands.close()
+        assert workbench.jobs.close() and workbench.short_jobs.close()

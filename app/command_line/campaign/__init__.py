@@ -1,1 +1,1 @@
-"""Thousands of shots over processes or machines: handed out, journalled, taken up where a call ended."""
+"""Analyse thousands of shots in several processes or machines, with a journal from which a stopped call resumes."""

@@ -1,8 +1,7 @@
-"""The machines of a dask scheduler: each worker is asked before it gets a shot; one that dies costs none."""
+"""Workers of a dask scheduler; each is checked before it gets a shot, and a shot of one that dies is repeated."""
 
 import ipaddress
 import logging
-import sys
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -12,46 +11,47 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from analysis.shot.version import program
-from app.command_line.campaign.crew import LOOK_S, CrewLost
 from app.command_line.campaign.task import NotReached, Outcome, Task, analyse_one, unfit
+from app.command_line.campaign.worker_pool import LOOK_S, WorkersLost, error_words
+from app.command_line.outputs import say
 
 _UNSAFE = (
     "a scheduler in the network without TLS takes work, which is code, from anybody who reaches it: give it as "
     "tls://HOST:PORT (docs/installing.md), or say --insecure"
 )
 SCHEDULER_ANSWERS_S = 10.0
-SCHEDULER_HANGS_S = 60.0  # without an answer in the middle of a campaign: a busy machine is no dead one
-WORKERS_COME_S = 5.0  # the longest wait for one that can do the work, when a campaign begins
-WORKERS_RETURN_S = 15.0  # and later on: a nanny needs some seconds to start another process
-ASKED_S = 60.0  # a worker that does not say in this time whether it can is taken for one that cannot
+SCHEDULER_HANGS_S = 60.0  # longest wait for an answer during a campaign: the machine may be busy
+WORKERS_COME_S = 5.0  # longest wait for a usable worker when a campaign begins
+WORKERS_RETURN_S = 15.0  # and later: a nanny needs some seconds to start another process
+CHECK_S = 60.0  # longest wait for a worker's check
 _WATCH_S = 1.0
-_MOST_FOLDERS = 200  # looked for by each worker beforehand; what lies in others is told with each shot
+_MOST_FOLDERS = 200  # that each worker checks beforehand; a missing one beyond is reported with each shot
 
 
 class Cluster:
-    """The workers of a scheduler that have this program, see the shots' folders and can write where they have to."""
+    """The workers of a scheduler that have this program, can read the shots' folders and write to the export's."""
 
     def __init__(self, address: str, todo: Sequence[Task], *, insecure: bool = False) -> None:
         if not insecure and not guarded(address):
-            raise CrewLost(0, _UNSAFE, address)
+            raise WorkersLost(0, _UNSAFE, address)
         try:
             from distributed import Client
         except ImportError:
             raise OSError(0, "needs dask.distributed: pip install 'levimass[cluster]'", "--scheduler") from None
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters of it is said here, in one line
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # errors are reported here, in one line
         self._address = address
         try:
             self._client: Any = Client(address, timeout=SCHEDULER_ANSWERS_S, set_as_default=False)
-        except (OSError, ValueError) as error:  # nobody there; an address that is none
-            raise CrewLost(0, getattr(error, "strerror", None) or str(error) or "does not answer", address) from None
+        except (OSError, ValueError) as error:  # no scheduler there; not an address
+            raise WorkersLost(0, getattr(error, "strerror", None) or str(error) or "does not answer", address) from None
         folders = sorted({str(Path(task.path).parent) for task in todo})[:_MOST_FOLDERS]
         csv = next((task.motion_csv for task in todo if task.motion_csv), None)
-        self._question = (program(), folders, None if csv is None else str(Path(csv).parent))
-        self._watcher = ThreadPoolExecutor(1)  # so that a scheduler that hangs does not hang the campaign
+        self._check_of_folders = (program(), folders, None if csv is None else str(Path(csv).parent))
+        self._watcher = ThreadPoolExecutor(1)  # a scheduler that hangs must not block the campaign
         self._watching: Any = None
         self._watched_at = 0.0
         self._threads: dict[str, int] = {}  # of every worker there is
-        self._asked: dict[str, tuple[Any, float]] = {}
+        self._checking: dict[str, tuple[Any, float]] = {}
         self._unfit: dict[str, str] = {}
         self._fit: set[str] = set()
         self._running: dict[Any, tuple[Task, frozenset[str]]] = {}
@@ -60,15 +60,14 @@ class Cluster:
 
     @property
     def width(self) -> int:
-        """Get the number of threads of all workers that can do the work."""
+        """Get the number of threads of all usable workers."""
         return sum(self._threads[worker] for worker in self._fit)
 
     def give(self, task: Task) -> None:
-        """Hand out a task."""
         self._waiting.append(task)
 
     def take(self) -> list[tuple[Task, Outcome]]:
-        """Return what is ready, waiting a moment where nothing is.  Raises CrewLost."""
+        """Return finished tasks, after a short wait where there are none.  Raises WorkersLost."""
         self._watch()
         if self._client.status != "running":
             raise self._lost("the scheduler is gone")
@@ -81,7 +80,7 @@ class Cluster:
         return [taken for future in ready if (taken := self._taken(future)) is not None]
 
     def close(self) -> None:
-        """Let go of the scheduler; what was not taken is done by the next call."""
+        """Disconnect from the scheduler; unfinished shots are left to the next call."""
         self._watcher.shutdown(wait=False, cancel_futures=True)
         self._client.close(timeout=2.0)
 
@@ -97,64 +96,64 @@ class Cluster:
         except Exception as error:  # a worker that died under it three times, a lost connection, no room for the result
             if self._client.status != "running":
                 raise self._lost("the scheduler is gone") from None
-            return task, NotReached(f"lost by its worker ({_in_words(error)})")
+            return task, NotReached(f"lost by its worker ({error_words(error)})")
 
-    def _lost(self, cause: str) -> CrewLost:
-        return CrewLost(0, f"{cause}; what was done is kept, the same command goes on from there", self._address)
+    def _lost(self, cause: str) -> WorkersLost:
+        return WorkersLost(0, f"{cause}; what was done is kept, the same command goes on from there", self._address)
 
     def _watch(self) -> None:
-        """Look, at most once a second, who came and who went, and whether anybody is left."""
+        """Update the list of workers, at most once a second.  Raises WorkersLost where none is left."""
         now = time.monotonic()
         if self._watching is None and now - self._watched_at >= _WATCH_S:
             self._watching, self._watched_at = self._watcher.submit(self._client.nthreads), now
         if self._watching is not None:
             if self._watching.done():
-                self._look(self._watching)
+                self._update(self._watching)
                 self._watching = None
             elif now - self._watched_at > SCHEDULER_HANGS_S:
                 raise self._lost("the scheduler does not answer any more")
-        self._listen(now)
+        self._take_checks(now)
         if self._fit:
             self._without_since = now
-        elif not self._asked:
-            self._nobody(now)
+        elif not self._checking:
+            self._none_usable(now)
 
-    def _look(self, watching: Any) -> None:
+    def _update(self, watching: Any) -> None:
         try:
             self._threads = dict(watching.result())
         except Exception as error:
-            raise self._lost(f"the scheduler is gone ({_in_words(error)})") from None
+            raise self._lost(f"the scheduler is gone ({error_words(error)})") from None
         there = set(self._threads)
         self._fit &= there
         for future, (task, workers) in list(self._running.items()):
-            if not workers & there and not future.done():  # all it may run on are gone
+            if not workers & there and not future.done():  # all workers it may run on are gone
                 del self._running[future]
                 future.cancel()
                 self._waiting.appendleft(task)
-        for worker in list(self._asked):
+        for worker in list(self._checking):
             if worker not in there:
-                del self._asked[worker]
-        for worker in there - self._fit - set(self._asked) - set(self._unfit):
-            question = self._client.submit(unfit, *self._question, workers=[worker], pure=False, priority=10)
-            self._asked[worker] = question, time.monotonic()
+                del self._checking[worker]
+        for worker in there - self._fit - set(self._checking) - set(self._unfit):
+            check = self._client.submit(unfit, *self._check_of_folders, workers=[worker], pure=False, priority=10)
+            self._checking[worker] = check, time.monotonic()
 
-    def _listen(self, now: float) -> None:
-        """Take the answers of workers that were asked whether they can do the work."""
-        for worker, (answer, asked_at) in list(self._asked.items()):
-            if not answer.done() and now - asked_at < ASKED_S:
+    def _take_checks(self, now: float) -> None:
+        """Take the results of the workers' checks."""
+        for worker, (answer, checked_since) in list(self._checking.items()):
+            if not answer.done() and now - checked_since < CHECK_S:
                 continue
-            del self._asked[worker]
+            del self._checking[worker]
             try:
                 cause = answer.result(timeout=SCHEDULER_HANGS_S) if answer.done() else "does not answer"
             except Exception as error:
-                cause = f"cannot run levimass ({_in_words(error)})"
+                cause = f"cannot run levimass ({error_words(error)})"
             if cause is None:
                 self._fit.add(worker)
             else:
                 self._unfit[worker] = cause
-                print(f"levimass: worker {worker} is left out: it {cause}", file=sys.stderr)
+                say(f"worker {worker} is left out: it {cause}")
 
-    def _nobody(self, now: float) -> None:
+    def _none_usable(self, now: float) -> None:
         at_first = self._without_since == self._began
         if now - self._without_since < (WORKERS_COME_S if at_first else WORKERS_RETURN_S):
             return
@@ -165,7 +164,7 @@ class Cluster:
 
 
 def guarded(address: str) -> bool:
-    """Return whether a scheduler's address is of this machine alone, or says that TLS guards it."""
+    """Return whether a scheduler's address is on this machine, or protected by TLS."""
     scheme, there, rest = address.partition("://")
     if not there:
         scheme, rest = "tcp", address
@@ -174,9 +173,5 @@ def guarded(address: str) -> bool:
     try:
         host = urlsplit(f"//{rest}").hostname or ""
         return host.lower() == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:  # a name, which may be anywhere
+    except ValueError:  # a host's name
         return False
-
-
-def _in_words(error: BaseException) -> str:
-    return " ".join(str(error).split()) or type(error).__name__

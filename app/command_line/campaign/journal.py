@@ -1,4 +1,4 @@
-"""What is done, a line a shot, on disk before the next is waited for; memory holds only where each line begins."""
+"""The journal of a campaign: one line per finished shot, written at once; memory holds only the lines' positions."""
 
 import hashlib
 import json
@@ -20,22 +20,22 @@ _BEGIN = len(_HEAD) + 64 + len(_BETWEEN)
 
 
 class Journal:
-    """The entries of a campaign by their stamps.  Without a path they are kept for this call alone.
+    """The entries of a campaign by their stamps; without a path they last for this call only.
 
-    Two calls may append to one file: a line is one write.  A line is taken only as it was written, which its checksum
-    tells; ``spoilt`` is how many are not.  Raises OSError, and RecordingError where no file can be.
+    Two calls may append to one file, as a line is one write.  A line whose checksum is wrong is ignored and counted in
+    ``unreadable_lines``.  Raises OSError, and RecordingError where no file can be.
     """
 
     def __init__(self, path: Path | None, wanted: Collection[str]) -> None:
         self._places: dict[str, int] = {}
         self.path = path
-        self.spoilt = 0
+        self.unreadable_lines = 0
         self._file: IO[bytes]
         if path is None:
             self._file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115 - held until close
             return
         if path.exists():
-            os.close(open_regular(path))  # a pipe or a device would be waited for without end
+            os.close(open_regular(path))  # refuses a pipe or a device, which could block without end
         self._file = open(path, "a+b", buffering=0)  # noqa: SIM115 - held until close
         self._read(set(wanted))
 
@@ -46,7 +46,6 @@ class Journal:
         return len(self._places)
 
     def add(self, entry: Entry) -> None:
-        """Append an entry."""
         text = json.dumps(entry, allow_nan=False).encode()
         line = _HEAD + hashlib.sha256(text).hexdigest().encode() + _BETWEEN + text + b"}\n"
         self._file.seek(0, os.SEEK_END)
@@ -54,7 +53,7 @@ class Journal:
         self._places[entry["stamp"]] = self._file.tell() - len(line)
 
     def entry(self, stamp: str) -> Entry:
-        """Return the entry that was last added under ``stamp``; RecordingError where its line is another by now."""
+        """Return the newest entry under ``stamp``.  Raises RecordingError where the file was changed meanwhile."""
         self._file.seek(self._places[stamp])
         with os.fdopen(os.dup(self._file.fileno()), "rb") as lines:
             entry = _entry_of(lines.readline())
@@ -63,11 +62,11 @@ class Journal:
         return entry
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._file.close()
 
     def _read(self, wanted: set[str]) -> None:
-        """Find what an earlier call left; lines cut off by a crash, or that say something else, are passed over."""
+        """Find the entries of earlier calls; lines cut off by a crash, or altered, are ignored."""
         self._file.seek(0)
         place = 0
         last = b"\n"
@@ -75,17 +74,17 @@ class Journal:
             for line in lines:
                 entry = _entry_of(line)
                 if entry is None:
-                    self.spoilt += bool(line.strip())
+                    self.unreadable_lines += bool(line.strip())
                 elif entry["stamp"] in wanted:
                     self._places[entry["stamp"]] = place
                 place += len(line)
                 last = line
         if not last.endswith(b"\n"):
-            self._file.write(b"\n")  # whatever a crash left of the last line stays a line of its own
+            self._file.write(b"\n")  # a line cut off by a crash must not run into the next
 
 
 def _entry_of(line: bytes) -> Entry | None:
-    """Return the entry of a line that is as it was written, None of any other."""
+    """Return the entry of a line, None where the line is not as it was written."""
     text = line[_BEGIN:].removesuffix(b"\n").removesuffix(b"}")
     if line != _HEAD + hashlib.sha256(text).hexdigest().encode() + _BETWEEN + text + b"}\n":
         return None
@@ -95,7 +94,7 @@ def _entry_of(line: bytes) -> Entry | None:
         whole = shot["status"] in ("ok", "failed") and isinstance(shot["problem"], str | None)
         whole &= isinstance(shot["flags"], list) and isinstance(entry["stamp"], str)
         whole &= isinstance(row, list) and len(row) == len(shot_columns()) and all(isinstance(c, str) for c in row)
-        json.dumps(entry, allow_nan=False)  # 1e999 is an infinity
+        json.dumps(entry, allow_nan=False)  # 1e999 is read as infinity
     except (ValueError, KeyError, TypeError, RecursionError):
         return None
     return cast(Entry, entry) if whole else None

@@ -1,4 +1,4 @@
-"""``--replay FOLDER --jobs N | --scheduler ADDRESS``: thousands of shots, resumable; no bad shot stops it."""
+"""``--replay FOLDER --jobs N | --scheduler ADDRESS``: analyse thousands of shots, resumable after an interruption."""
 
 import contextlib
 import json
@@ -11,26 +11,22 @@ from pathlib import Path
 from analysis.report import SCHEMA
 from analysis.shot.shot import AnalysisError, AnalysisSettings
 from analysis.shot.version import program_version
-from app.command_line.campaign.crew import Crew, Processes
 from app.command_line.campaign.journal import JOURNAL, Journal
 from app.command_line.campaign.task import Entry, NotReached, Task, failed_entry, tasks_of
+from app.command_line.campaign.worker_pool import Processes, WorkerPool
 from app.command_line.options import known_model
-from app.command_line.outputs import Outputs, check_outputs, in_a_line
+from app.command_line.outputs import Outputs, check_outputs, in_a_line, problem_line, say
 from app.report.export import write_shots
-from app.session.load import complaint
 from instrument.files.atomic_file import write_text_atomic
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_search import find_recordings
 
-AHEAD = 4  # shots handed out for each worker, so that none waits and none hoards
+TASKS_PER_WORKER = 4  # handed out ahead, so that no worker waits
 
 
 @dataclass(frozen=True, slots=True)
-class Workers:
-    """Who does the work: ``jobs`` processes, or the machines of a dask ``scheduler``.
-
-    ``insecure`` lets a scheduler be elsewhere without TLS.
-    """
+class WorkerChoice:
+    """Who analyses: ``jobs`` processes here, or a dask ``scheduler``; ``insecure``: one elsewhere without TLS."""
 
     jobs: int | None
     scheduler: str | None
@@ -39,7 +35,7 @@ class Workers:
 
 def campaign(
     paths: Sequence[Path],
-    workers: Workers,
+    workers: WorkerChoice,
     outputs: Outputs,
     *,
     model: str | None,
@@ -48,9 +44,9 @@ def campaign(
 ) -> int:
     """Analyse every shot under ``paths``; return the exit status.
 
-    What is done stands in a journal in the folder of the export (or beside the result) and is not done again by the
-    next call; a shot that was not reached stands in none.  The shots are not joined into one diagnosis.
-    ``checked`` compares the data with their hash, which costs a campaign a third of its time.
+    Finished shots are in a journal in the folder of the export (or beside the result), and the next call skips them;
+    a shot that was not reached is not in it.  There is no joint diagnosis.  ``checked`` compares the data with their
+    hash, which takes a third of the time.
     """
     found = find_recordings(paths)
     try:
@@ -59,17 +55,17 @@ def campaign(
         settings = replace(settings, effects=known.effects if known else ())
         tasks = tasks_of(found, known.base if known else model, settings, outputs.export, checked=checked)
         with contextlib.closing(_journal(outputs.json, outputs.export, tasks)) as journal:
-            if journal.spoilt:
-                print(f"levimass: {_spoilt(journal.path, journal.spoilt)}", file=sys.stderr)
+            if journal.unreadable_lines:
+                say(_unreadable_words(journal.path, journal.unreadable_lines))
             todo = [task for task in tasks if task.stamp not in journal]
-            _say_again(tasks, journal)
+            _repeat_problems(tasks, journal)
             not_reached: dict[str, str] = {}
             if todo:
-                with contextlib.closing(_crew(workers, todo)) as crew:
-                    not_reached = _run(crew, todo, journal, already=len(tasks) - len(todo))
-            return _tell(found, tasks, journal, not_reached, outputs.json, outputs.export)
+                with contextlib.closing(_worker_pool(workers, todo)) as pool:
+                    not_reached = _run(pool, todo, journal, already=len(tasks) - len(todo))
+            return _write_results(found, tasks, journal, not_reached, outputs.json, outputs.export)
     except (AnalysisError, RecordingError, OSError) as error:
-        print(f"levimass: {in_a_line(error, model or workers.scheduler or outputs.export)}", file=sys.stderr)
+        say(in_a_line(error, model or workers.scheduler or outputs.export))
         return 1
 
 
@@ -78,7 +74,7 @@ def _journal(json_to: str | None, export_to: Path | None, tasks: Sequence[Task])
     return Journal(export_to / JOURNAL if export_to is not None else beside, {task.stamp for task in tasks})
 
 
-def _crew(workers: Workers, todo: Sequence[Task]) -> Crew:
+def _worker_pool(workers: WorkerChoice, todo: Sequence[Task]) -> WorkerPool:
     if workers.scheduler is None:
         return Processes(workers.jobs or 1)
     from app.command_line.campaign.cluster import Cluster  # dask.distributed is an extra
@@ -86,30 +82,30 @@ def _crew(workers: Workers, todo: Sequence[Task]) -> Crew:
     return Cluster(workers.scheduler, todo, insecure=workers.insecure)
 
 
-def _spoilt(path: Path | None, lines: int) -> str:
+def _unreadable_words(path: Path | None, lines: int) -> str:
     which = "a line is" if lines == 1 else f"{lines} lines are"
-    return f"{path}: {which} not as this program writes them: passed over, what they were of is analysed again"
+    return f"{path}: {which} damaged and ignored; their shots are analysed again"
 
 
-def _say_again(tasks: Sequence[Task], journal: Journal) -> None:
-    """Say of what was done before what failed."""
+def _repeat_problems(tasks: Sequence[Task], journal: Journal) -> None:
+    """Report again the problems of shots that an earlier call finished."""
     for task in tasks:
         if task.stamp in journal and (problem := journal.entry(task.stamp)["shot"]["problem"]):
-            print(complaint(task.path, problem), file=sys.stderr)
+            say(problem_line(task.path, problem))
 
 
-def _run(crew: Crew, todo: Sequence[Task], journal: Journal, already: int) -> dict[str, str]:
-    """Keep the crew fed and each result in the journal as it comes; return why which stamps were not reached."""
+def _run(pool: WorkerPool, todo: Sequence[Task], journal: Journal, already: int) -> dict[str, str]:
+    """Hand out tasks and write results to the journal; return why shots were not reached, by stamp."""
     not_reached: dict[str, str] = {}
     waiting = iter(todo)
     under_way, left = 0, len(todo)
     progress = Progress(left, already)
     try:
         while left:
-            while under_way < max(1, AHEAD * crew.width) and (task := next(waiting, None)) is not None:
-                crew.give(task)
+            while under_way < max(1, TASKS_PER_WORKER * pool.width) and (task := next(waiting, None)) is not None:
+                pool.give(task)
                 under_way += 1
-            for task, outcome in crew.take():
+            for task, outcome in pool.take():
                 under_way, left = under_way - 1, left - 1
                 progress.step()
                 if isinstance(outcome, NotReached):
@@ -118,13 +114,13 @@ def _run(crew: Crew, todo: Sequence[Task], journal: Journal, already: int) -> di
                     journal.add(outcome)
                     problem = outcome["shot"]["problem"]
                 if problem:
-                    progress.say(complaint(task.path, problem))
+                    progress.say(problem_line(task.path, problem))
     finally:
         progress.end()
     return not_reached
 
 
-def _tell(
+def _write_results(
     found: Sequence[Path],
     tasks: Sequence[Task],
     journal: Journal,
@@ -132,13 +128,13 @@ def _tell(
     json_to: str | None,
     export_to: Path | None,
 ) -> int:
-    """Write the results, one shot in memory at a time, and say how many there are; return the exit status."""
+    """Write the results, with one shot in memory at a time, and print their count; return the exit status."""
 
     def entries() -> Iterator[Entry]:
         for path, task in zip(found, tasks, strict=True):
             done = task.stamp in journal
             entry = journal.entry(task.stamp) if done else failed_entry(task, not_reached[task.stamp])
-            entry["shot"]["path"] = entry["row"][1] = str(path)  # as it was given, whoever did it wherever
+            entry["shot"]["path"] = entry["row"][1] = str(path)  # as given on the command line
             yield entry
 
     if export_to is not None:
@@ -166,15 +162,15 @@ def _result_text(entries: Iterator[Entry]) -> Iterator[str]:
 
 
 class Progress:
-    """A line on a terminal that counts shots; on anything else silence, as logs have no use for it."""
+    """A counter of shots on a terminal; nothing where standard error is a file."""
 
     def __init__(self, total: int, already: int) -> None:
-        self._total, self._already, self._done = total, already, 0
+        self._total, self._done = total, 0
         self._shown = sys.stderr.isatty()
         self._bare = getattr(sys.stderr, "bare", sys.stderr)  # this line alone moves the cursor
         self._started = time.monotonic()
         if already and self._shown:
-            self.say(f"levimass: {already} shots were done before and are not done again")
+            self.say(f"{already} shots were analysed by an earlier call")
 
     def step(self) -> None:
         """Count one shot."""
@@ -185,10 +181,10 @@ class Progress:
             self._bare.write(f"\r{self._done}/{self._total} shots, {left:.0f} s to go \x1b[K")
 
     def say(self, line: str) -> None:
-        """Print a line without disturbing the count."""
+        """Print a line above the counter."""
         if self._shown:
             self._bare.write("\r\x1b[K")
-        sys.stderr.write(line + "\n")
+        say(line)
 
     def end(self) -> None:
         """Leave the terminal on a fresh line."""

@@ -1,4 +1,4 @@
-"""One shot of a campaign, as it is handed out and as it comes back; and who can take it."""
+"""One shot of a campaign: the task for a worker, its outcome, and whether a worker can do it."""
 
 import os
 import uuid
@@ -21,10 +21,10 @@ Entry = dict[str, Any]  # "stamp", "shot" as in the result file, "row" of shots.
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One shot to analyse; its paths are absolute, as a worker may stand in another folder.
+    """One shot to analyse; paths are absolute, as a worker may have another working folder.
 
-    ``stamp`` changes when the files, the settings, whether the data are ``checked``, or the program do; ``sizes`` are
-    those of the shot's files (bytes, -1 where there is none) as seen by who hands it out.
+    ``stamp`` identifies files, settings, ``checked`` and program; ``sizes`` are those of the shot's files in bytes,
+    -1 where there is none, where the task was made.
     """
 
     path: str
@@ -38,9 +38,9 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class NotReached:
-    """Why a shot was not analysed though nothing is wrong with it: a missing folder, a full disk, a worker that died.
+    """Why a shot could not be reached: a missing folder, a full disk, a worker that died.
 
-    That is no result: it stands in no journal, and the next call tries again.
+    The journal does not hold it, so the next call tries again.
     """
 
     cause: str
@@ -57,7 +57,7 @@ def tasks_of(
     *,
     checked: bool = True,
 ) -> list[Task]:
-    """Return a task for each shot that was found; motion is written to ``export_to`` where that is given."""
+    """Return a task for each shot; with ``export_to`` its motion is written there."""
     names = motion_file_names([recording_stem(path).stem for path in found])
     tasks = []
     for path, name in zip(found, names, strict=True):
@@ -73,7 +73,7 @@ def analyse_one(task: Task) -> Outcome:
     """Analyse one shot, in a worker."""
     path = Path(task.path)
     if _state(path)[0] != task.sizes:
-        return NotReached(f"{path}: not here as it was handed out (another folder, or still being copied)")
+        return NotReached(f"{path}: the files differ from those of the task (another folder, or still being copied)")
     motion_csv = ""
     try:
         shot = analysed(path, task.base, settings=task.settings, checked=task.checked)
@@ -90,7 +90,7 @@ def analyse_one(task: Task) -> Outcome:
 
 
 def failed_entry(task: Task, cause: str) -> Entry:
-    """Return what stands in the results for a shot that was not reached."""
+    """Return the entry of a shot that was not reached."""
     name = recording_stem(task.path).name
     shot = {"name": name, "path": task.path, "status": "failed", "problem": cause, "flags": []}
     return {"stamp": task.stamp, "shot": shot, "row": [name, task.path, "", "failed", cause]}
@@ -114,7 +114,7 @@ def _state(path: Path) -> tuple[tuple[int, ...], tuple[int, ...]]:
 
 
 def unfit(wanted_program: str, reads: Iterable[str], writes: str | None) -> str | None:
-    """Return why work that reads from and writes to these folders cannot be done here, or None."""
+    """Return why this worker cannot do work that reads from and writes to these folders, or None."""
     if (own := program()) != wanted_program:
         return f"has levimass {own}, not {wanted_program}"
     for folder in reads:

@@ -1,1 +1,1 @@
-"""The panels the window is composed of, one a file."""
+"""The panels of the window, one per file."""

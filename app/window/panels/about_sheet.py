@@ -1,4 +1,4 @@
-"""About: the program, what it runs on, and under which licences, as text that can be copied."""
+"""About: versions and licences of the program and its packages, as text that can be copied."""
 
 from email.message import Message
 from importlib.metadata import PackageNotFoundError, metadata
@@ -17,23 +17,23 @@ PARTS = (
 
 
 def licence_words() -> str:
-    """Return program and parts with version and licence, a line each; what is not installed is left out."""
-    lines = [program_words(), "Licence: MIT", "", "It stands on:"]
+    """Return program and installed packages with version and licence, a line each."""
+    lines = [program_words(), "Licence: MIT", "", "It uses:"]
     for name in PARTS:
         try:
-            known = cast(Message, metadata(name))  # as importlib's own types leave out most of it
+            known = cast(Message, metadata(name))  # importlib's type lacks most of its methods
         except PackageNotFoundError:
             continue
         licence = known.get("License-Expression") or known.get("License") or ""
         if not licence or len(licence) > 80:  # some put the whole text there
-            told = [line.split(" :: ")[-1] for line in known.get_all("Classifier") or [] if line.startswith("License")]
-            licence = ", ".join(told) or "see the package"
+            classifiers = [line for line in known.get_all("Classifier") or [] if line.startswith("License")]
+            licence = ", ".join(line.split(" :: ")[-1] for line in classifiers) or "see the package"
         lines.append(f"{name} {known['Version']}: {licence}")
     return "\n".join(lines)
 
 
 class AboutSheet(SideSheet):
-    """Hidden until it is asked for; its words are made then."""
+    """The sheet; its text is made when it first opens."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("About", parent)

@@ -1,4 +1,4 @@
-"""The state of the instrument, readable from two metres: one word, one sign, one colour, and what to do."""
+"""The state of the instrument, readable from two metres: word, sign, colour, and what to do."""
 
 from PySide6.QtCore import Qt, QTimer, Signal, Slot
 from PySide6.QtGui import QFontMetrics, QResizeEvent
@@ -14,12 +14,12 @@ SIGNS = {
     Tone.WARNING: "!",
     Tone.BAD: "✗",
 }
-FLASH_MS = 400  # one change, slow: nothing flickers
+FLASH_MS = 400  # one slow change, no flicker
 FACTORS = (1.15, 1.0, 0.85)  # of the system's font, for the sentence
 
 
 class Banner(QFrame):
-    """A coloured, worded sign.  Nothing in it moves when its words change."""
+    """The banner; its parts keep their places when the words change."""
 
     save_wanted = Signal()
 
@@ -58,7 +58,7 @@ class Banner(QFrame):
         self.save_elsewhere = QPushButton("Save elsewhere …", self)
         self.save_elsewhere.setToolTip("Save the shots that are only in memory to another folder  (Ctrl+S)")
         self.save_elsewhere.setMinimumHeight(int(2.2 * self.fontMetrics().height()))
-        self.save_elsewhere.clicked.connect(self._save)
+        self.save_elsewhere.clicked.connect(self.save_wanted)
         self.save_elsewhere.hide()
         row.addWidget(self.save_elsewhere)
         row.addWidget(self._clock)
@@ -69,21 +69,17 @@ class Banner(QFrame):
 
     @property
     def word(self) -> str:
-        """Get the state's word."""
         return self._word.text()
 
     @property
     def detail(self) -> str:
-        """Get the sentence beside it."""
         return self._detail.text()
 
     @property
     def tone(self) -> Tone:
-        """Get the tone."""
         return self._tone
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         background, text = colours.tones[self._tone]
         if self._flashing.isActive():
@@ -94,13 +90,12 @@ class Banner(QFrame):
 
     @Slot()
     def flash(self) -> None:
-        """Turn the banner's colours round for a moment."""
+        """Exchange text and background colour for a moment."""
         self._flashing.start()
         self.dress(self._colours)
 
     @property
     def flashing(self) -> bool:
-        """Get whether it is flashing now."""
         return self._flashing.isActive()
 
     @Slot()
@@ -108,22 +103,21 @@ class Banner(QFrame):
         self.dress(self._colours)
 
     def offer_saving(self, unsaved: int) -> None:
-        """Show the button that saves elsewhere while shots are only in memory."""
+        """Show the button that saves to another folder while shots are only in memory."""
         if self.save_elsewhere.isHidden() == (unsaved > 0):
             self.save_elsewhere.setVisible(unsaved > 0)
-            self._clock.setVisible(unsaved == 0)  # its room is needed for the words
+            self._clock.setVisible(unsaved == 0)  # the words need its room
             self._fit()
         words = f"Save {unsaved} shot{'s' if unsaved > 1 else ''} elsewhere …"
         if unsaved and self.save_elsewhere.text() != words:
             self.save_elsewhere.setText(words)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Fit the sentence anew."""
         super().resizeEvent(event)
         self._fit()
 
     def _fit(self) -> None:
-        """Take the largest font in which the whole sentence can be read."""
+        """Choose the largest font in which the whole sentence fits."""
         self.layout().activate()
         room = self.contentsRect().height() - 8
         for factor in FACTORS:
@@ -135,12 +129,8 @@ class Banner(QFrame):
                     self._detail.setFont(font)
                 return
 
-    @Slot()
-    def _save(self) -> None:
-        self.save_wanted.emit()
-
     def show_state(self, word: str, detail: str, tone: Tone, clock: str = "") -> None:
-        """Show a state; called at every pull, so it touches only what changed."""
+        """Show a state; called 28 times a second, it touches only what changed."""
         if tone is not self._tone or not self._sign.text():
             self._tone = tone
             self._sign.setText(SIGNS[tone])

@@ -1,4 +1,4 @@
-"""The uncertainty budget on the screen: each result with its combined parts; unfold it for its sources."""
+"""BUDGET: the uncertainty budget of a shot, each number with its sources."""
 
 from collections.abc import Sequence
 
@@ -24,7 +24,7 @@ STATED = "combined standard uncertainty"
 
 
 class BudgetPanel(QWidget):
-    """Shows one shot's budget; other shots tell its repeatability."""
+    """The budget of one shot; other shots give the repeatability."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)

@@ -1,4 +1,4 @@
-"""The effects that a diagnosis tried, in the order of their evidence; pointing at one shows what it would explain."""
+"""The effects that a diagnosis tried, by evidence; hovering one shows what it would explain."""
 
 import math
 
@@ -22,7 +22,7 @@ NARROWEST = 12  # letters of a name that are always shown
 
 
 class Bar(QWidget):
-    """A horizontal bar; its length is said in words beside it."""
+    """A horizontal bar; a number beside it says the same."""
 
     def __init__(self, share: float, colour: str, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -31,13 +31,12 @@ class Bar(QWidget):
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
 
     def paintEvent(self, _: QPaintEvent) -> None:
-        """Draw the bar."""
         painter = QPainter(self)
         painter.fillRect(QRectF(0, 1, max(1.0, self._share * self.width()), self.height() - 2), QColor(self._colour))
 
 
 class _Name(QLabel):
-    """A candidate's name, its end left out where it has no room; hovering shows the whole."""
+    """A candidate's name, shortened to the width; hovering shows all of it."""
 
     def __init__(self, words: str, parent: QWidget) -> None:
         super().__init__(parent)
@@ -47,13 +46,12 @@ class _Name(QLabel):
         self.setText(words)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Leave out what has no room."""
         super().resizeEvent(event)
         self.setText(self.fontMetrics().elidedText(self._words, Qt.TextElideMode.ElideRight, self.width()))
 
 
 class CandidateBars(QWidget):
-    """One row a candidate: name, bar (logarithmic), evidence, size; a line where evidence begins."""
+    """A row per candidate: name, logarithmic bar, evidence, size; a line at the threshold of evidence."""
 
     pointed = Signal(str)  # the candidate under the mouse or the keyboard; "" for none
 
@@ -70,16 +68,16 @@ class CandidateBars(QWidget):
         self.setAccessibleName("Candidates in the order of their evidence")
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours used from the next show on."""
+        """Set the colours; the next ``show_candidates`` uses them."""
         self._colours = colours
 
     @property
     def threshold(self) -> float:
-        """Get the fall of the BIC from which on there is evidence for the best of so many candidates."""
+        """Get the fall of the BIC that is evidence for the best of so many candidates."""
         return CRITERIA.fall(len(self._candidates))
 
     def show_candidates(self, candidates: tuple[Candidate, ...], named: set[str]) -> None:
-        """Show the candidates; named ones carry a tick."""
+        """Show the candidates; those the diagnosis named have a tick."""
         self._candidates, self._named = candidates, named
         self._build()
 
@@ -167,7 +165,7 @@ class CandidateBars(QWidget):
             widget.installEventFilter(self)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """Tell which candidate is pointed at."""
+        """Emit which candidate is hovered or focused."""
         name = watched.property("candidate")
         if name and event.type() in (QEvent.Type.Enter, QEvent.Type.FocusIn):
             self.pointed.emit(str(name))
@@ -177,5 +175,5 @@ class CandidateBars(QWidget):
 
 
 def _evidence(candidate: Candidate) -> float:
-    """Return the fall of the BIC; what was not fitted in full has none."""
+    """Return the fall of the BIC; minus infinity where the candidate was not fitted in full."""
     return -candidate.delta_bic if candidate.delta_bic is not None else -math.inf

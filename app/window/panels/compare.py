@@ -1,6 +1,7 @@
-"""COMPARE: several shots over one another from first touch on, and any number's trend against impact velocity."""
+"""COMPARE: several shots overlaid from first touch on, and the trend of a number against impact speed."""
 
-from PySide6.QtCore import Qt, Slot
+import pyqtgraph as pg
+from PySide6.QtCore import QObject, Qt, Slot
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QSplitter, QVBoxLayout, QWidget
 
 from analysis.uncertainty.numbers import of_series, with_unit
@@ -10,14 +11,53 @@ from app.window.panels.trend import TrendPlot
 from app.window.pens import series_pen
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.curve import SampledCurve
-from app.window.plots.curve_numbers import CurveNumbers
+from app.window.plots.framed_plot import ON_TOP
 from app.window.plots.legend import Legend
 from app.window.plots.plot_view import PlotView, in_front
+from app.window.plots.time_plot import TimePlot
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
 from app.words.wording import short_name
 
 MOST = 8
+
+
+class _CurveNumbers(QObject):
+    """The numbers are on their curves, spread over the view."""
+
+    def __init__(self, plot: TimePlot, parent: QObject) -> None:
+        super().__init__(parent)
+        self._plot = plot
+        self._curves: list[SampledCurve] = []
+        self._items: list[pg.TextItem] = []
+        plot.view.sigXRangeChanged.connect(self.place)
+
+    def show(self, curves: list[SampledCurve], numbers: list[str], colours: Colours) -> None:
+        """Put these numbers on these curves."""
+        while len(self._items) < len(curves):
+            item = pg.TextItem(anchor=(0.5, 0.5))
+            item.setZValue(ON_TOP)
+            self._plot.addItem(item, ignoreBounds=True)
+            self._items.append(item)
+        self._curves = curves
+        for index, item in enumerate(self._items):
+            item.setVisible(index < len(curves))
+            if index < len(curves):
+                item.setText(numbers[index], colours.series[index % len(colours.series)])
+                item.fill = pg.mkBrush(colours.plot)
+        self.place()
+
+    @Slot()
+    def place(self) -> None:
+        """Spread the numbers over the view."""
+        (left, right), _ = self._plot.view.viewRange()
+        for index, curve in enumerate(self._curves):
+            at = left + (index + 1) / (len(self._curves) + 1) * (right - left)
+            value = curve.value_at(at)
+            seen = value == value
+            self._items[index].setVisible(seen)
+            if seen:
+                self._items[index].setPos(at, value)
 
 
 class ComparePanel(QWidget):
@@ -60,7 +100,7 @@ class ComparePanel(QWidget):
         self.stack.label_time("time from first touch (ms)")
         self._velocity_curves = self._curves(self._velocity)
         self._force_curves = self._curves(self._force)
-        self._numbers = CurveNumbers(self._velocity, self)
+        self._numbers = _CurveNumbers(self._velocity, self)
         right = QWidget(split)
         right_column = QVBoxLayout(right)
         right_column.setContentsMargins(6, 0, 0, 0)
@@ -83,7 +123,6 @@ class ComparePanel(QWidget):
         return [plot.add_curve("", series_pen(self._colours, index)) for index in range(MOST)]  # type: ignore[attr-defined]
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self.stack.dress(colours)
         self.trend.dress(colours)
@@ -102,7 +141,7 @@ class ComparePanel(QWidget):
         self.stack.legend = entries
 
     def show_entries(self, entries: list[Entry]) -> None:
-        """Overlay the last eight of these and show the trend of all."""
+        """Overlay the last eight of these entries and show the trend of all."""
         self._entries = [entry for entry in entries if entry.shot is not None and entry.shot.motion is not None]
         shown = self._entries[-MOST:]
         for index in range(MOST):
@@ -141,7 +180,7 @@ class ComparePanel(QWidget):
 
     @property
     def repeatability(self) -> str:
-        """Get what is said of the trend."""
+        """Get the words below the trend."""
         return self._repeatability.text()
 
     @Slot()
@@ -166,5 +205,5 @@ class ComparePanel(QWidget):
         self._repeatability.setText(self.trend.show_trend(self._numbers_followed[self._which.currentIndex()], shots))
 
     def plot_in_front(self) -> PlotView:
-        """Return the trend where it has the keyboard, else the overlaid shots."""
+        """Return the trend where it has the focus, else the overlaid shots."""
         return in_front((self.stack, self.trend))

@@ -1,4 +1,4 @@
-"""What an operator presses: source, ARM, Abort, automatic re-arm."""
+"""The controls of the rig: source, ARM, Abort, automatic re-arm."""
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QCheckBox, QComboBox, QHBoxLayout, QPushButton, QWidget
@@ -7,7 +7,7 @@ from app.window.theme import sized
 
 
 class Controls(QWidget):
-    """Buttons and the source chooser; says what is wanted, does nothing itself."""
+    """Buttons and the list of sources; emits what is pressed."""
 
     arm_wanted = Signal()
     abort_wanted = Signal()
@@ -43,9 +43,9 @@ class Controls(QWidget):
         row.addWidget(self.abort)
         row.addWidget(self.rearm)
         self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-        self.arm.clicked.connect(self._arm)
-        self.abort.clicked.connect(self._abort)
-        self.rearm.toggled.connect(self._rearm)
+        self.arm.clicked.connect(self.arm_wanted)
+        self.abort.clicked.connect(self.abort_wanted)
+        self.rearm.toggled.connect(self.rearm_changed)
         self.source.activated.connect(self._chosen)
         QWidget.setTabOrder(self.source, self.arm)
         QWidget.setTabOrder(self.arm, self.abort)
@@ -65,25 +65,13 @@ class Controls(QWidget):
         self.source.blockSignals(False)
 
     def show_state(self, can_arm: bool, can_abort: bool) -> None:
-        """Enable what makes sense now."""
+        """Enable what is possible now."""
         if self.arm.isEnabled() != can_arm:
             self.arm.setEnabled(can_arm)
         if self.abort.isEnabled() != can_abort:
             self.abort.setEnabled(can_abort)
         if self.source.isEnabled() != can_arm:
             self.source.setEnabled(can_arm)
-
-    @Slot()
-    def _arm(self) -> None:
-        self.arm_wanted.emit()
-
-    @Slot()
-    def _abort(self) -> None:
-        self.abort_wanted.emit()
-
-    @Slot(bool)
-    def _rearm(self, on: bool) -> None:
-        self.rearm_changed.emit(on)
 
     @Slot(int)
     def _chosen(self, _: int) -> None:

@@ -1,4 +1,4 @@
-"""DIAGNOSIS: the verdict in words first, then the candidates, the residual before and after, and what was blind."""
+"""DIAGNOSIS: verdict, effects found, candidates, residuals before and after, detection limits."""
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QResizeEvent
@@ -27,21 +27,22 @@ from app.window.plots.plot_view import PlotView, in_front
 from app.window.theme import MARKS, Colours, Tone, sized
 from app.words.verdict import OUTDATED, VERDICTS
 from app.words.wording import kept_words, local_words, short_name
+from levimass.analysis_settings import is_drive
 
 MOST_NAMED = 5  # shots
-LEAST_BESIDE = 78  # letters M of width
-NEAR_ONE = 1.5  # a chi2 below this reads as if nothing were left
+LEAST_BESIDE = 78  # width, in letters M, for candidates and residuals side by side
+NEAR_ONE = 1.5  # a chi2 that looks as if no residual were left
 
 
 class DiagnosisPanel(QWidget):
-    """What the model lacks, on which evidence, and the button that adds it."""
+    """The page of a diagnosis."""
 
     diagnose_wanted = Signal()
     cancel_wanted = Signal()
     add_wanted = Signal(list)  # names of effects
     remove_wanted = Signal(str)
-    try_wanted = Signal(str)  # a candidate that did not pass
-    law_wanted = Signal()  # to be typed
+    try_wanted = Signal(str)  # name of a candidate
+    law_wanted = Signal()  # a law is to be typed
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -50,13 +51,13 @@ class DiagnosisPanel(QWidget):
         self._shots: list[Shot] = []
         self._model_effects: tuple[str, ...] = ()
         self._tried: tuple[str, ...] = ()
-        self._version = ""  # of the program that made it, where it was kept
+        self._version = ""  # of the program that made it, where it is a cached result
         self._holds = True
         self._busy = False
-        self._under_way = ""  # the diagnosis that is being made
+        self._running = ""  # the name of the running diagnosis
         around = QVBoxLayout(self)
         around.setContentsMargins(0, 0, 0, 0)
-        scroll = QScrollArea(self)  # a low screen shows it piece by piece, each piece whole
+        scroll = QScrollArea(self)  # for low screens
         scroll.setWidgetResizable(True)
         scroll.setAccessibleName("Diagnosis")
         inner = QWidget(scroll)
@@ -66,39 +67,7 @@ class DiagnosisPanel(QWidget):
         column = QVBoxLayout(inner)
         column.setContentsMargins(10, 4, 10, 4)
         column.setSpacing(4)
-        top = QHBoxLayout()
-        self._verdict = QLabel(self)
-        self._verdict.setFont(sized(self.font(), 1.5, bold=True))
-        self._verdict.setMinimumWidth(self._verdict.fontMetrics().horizontalAdvance("✗ UNEXPLAINED  "))
-        top.addWidget(self._verdict)
-        top.addStretch(1)
-        self.progress = QProgressBar(self)
-        self.progress.setRange(0, 1000)
-        self.progress.setAccessibleName("Progress of the diagnosis")
-        self.progress.setMinimumWidth(120)
-        policy = self.progress.sizePolicy()
-        policy.setRetainSizeWhenHidden(True)
-        self.progress.setSizePolicy(policy)
-        self.cancel = QPushButton("Cancel", self)
-        policy = self.cancel.sizePolicy()
-        policy.setRetainSizeWhenHidden(True)
-        self.cancel.setSizePolicy(policy)
-        self.cancel.setToolTip("Stop the diagnosis; the previous one is kept")
-        self.diagnose = QPushButton("Diagnose", self)
-        self.diagnose.setProperty("primary", True)
-        self.diagnose.setToolTip("Find out what the model lacks, from all selected shots together  (D)")
-        for widget in (self.progress, self.cancel, self.diagnose):
-            top.addWidget(widget)
-        column.addLayout(top)
-        self._of = QLabel(self)  # which shots it is about
-        self._of.setProperty("faint", True)
-        self._of.setWordWrap(True)
-        column.addWidget(self._of)
-        self._sentence = QLabel(self)
-        self._sentence.setWordWrap(True)
-        self._sentence.setFont(sized(self.font(), 1.2))
-        self._sentence.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        column.addWidget(self._sentence)
+        self._add_head(column)
         self.effects = EffectRows(self)
         self.effects.add_wanted.connect(self.add_wanted)
         self.effects.remove_wanted.connect(self.remove_wanted)
@@ -111,6 +80,51 @@ class DiagnosisPanel(QWidget):
         column.addWidget(self.next_steps)
         self.law_curve = LawCurve(colours, self)
         column.addWidget(self.law_curve, 1)
+        self._add_evidence(column)
+        self._add_details(column)
+        column.addStretch(0)
+        self.show_progress(None, 0.0)
+        self.dress(colours)
+        self.show_diagnosis(None, [])
+
+    def _add_head(self, column: QVBoxLayout) -> None:
+        """Add verdict, progress and buttons, the shots it is about, and the sentence."""
+        top = QHBoxLayout()
+        self._verdict = QLabel(self)
+        self._verdict.setFont(sized(self.font(), 1.5, bold=True))
+        self._verdict.setMinimumWidth(self._verdict.fontMetrics().horizontalAdvance("✗ UNEXPLAINED  "))
+        top.addWidget(self._verdict)
+        top.addStretch(1)
+        self.progress = QProgressBar(self)
+        self.progress.setRange(0, 1000)
+        self.progress.setAccessibleName("Progress of the diagnosis")
+        self.progress.setMinimumWidth(120)
+        self.cancel = QPushButton("Cancel", self)
+        self.cancel.setToolTip("Stop the diagnosis; the previous one is kept")
+        self.cancel.clicked.connect(self.cancel_wanted)
+        for widget in (self.progress, self.cancel):
+            policy = widget.sizePolicy()
+            policy.setRetainSizeWhenHidden(True)
+            widget.setSizePolicy(policy)
+        self.diagnose = QPushButton("Diagnose", self)
+        self.diagnose.setProperty("primary", True)
+        self.diagnose.setToolTip("Find out what the model lacks, from all selected shots together  (D)")
+        self.diagnose.clicked.connect(self.diagnose_wanted)
+        for widget in (self.progress, self.cancel, self.diagnose):
+            top.addWidget(widget)
+        column.addLayout(top)
+        self._of = QLabel(self)  # names of the shots
+        self._of.setProperty("faint", True)
+        self._of.setWordWrap(True)
+        column.addWidget(self._of)
+        self._sentence = QLabel(self)
+        self._sentence.setWordWrap(True)
+        self._sentence.setFont(sized(self.font(), 1.2))
+        self._sentence.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        column.addWidget(self._sentence)
+
+    def _add_evidence(self, column: QVBoxLayout) -> None:
+        """Add the candidates and the residuals of all shots."""
         split = self._evidence = QSplitter(Qt.Orientation.Horizontal, self)
         left = QWidget(split)
         left_column = QVBoxLayout(left)
@@ -119,13 +133,16 @@ class DiagnosisPanel(QWidget):
         heading.setProperty("heading", True)
         heading.setWordWrap(True)
         left_column.addWidget(heading)
-        self.bars = CandidateBars(colours, left)
+        self.bars = CandidateBars(self._colours, left)
         left_column.addWidget(self.bars, 1)
-        self.why = WhyCanvas(colours, self.bars, split)
+        self.why = WhyCanvas(self._colours, self.bars, split)
         split.setSizes([380, 600])
         split.setChildrenCollapsible(False)
         column.addWidget(split, 1)
-        self._stand_evidence()
+        self._arrange_evidence()
+
+    def _add_details(self, column: QVBoxLayout) -> None:
+        """Add what a button unfolds: errors, one shot in detail, detection limits."""
         self.fold = QToolButton(self)
         self.fold.setProperty("fold", True)
         self.fold.setCheckable(True)
@@ -135,23 +152,17 @@ class DiagnosisPanel(QWidget):
         self.fold.setArrowType(Qt.ArrowType.RightArrow)
         self.fold.toggled.connect(self._folded)
         column.addWidget(self.fold)
-        self.residuals = Residuals(colours, self)
+        self.residuals = Residuals(self._colours, self)
         column.addWidget(self.residuals, 1)
         self._blind = QLabel(self)
         self._blind.setWordWrap(True)
         self._blind.setProperty("faint", True)
         self._blind.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         column.addWidget(self._blind)
-        column.addStretch(0)
-        self.diagnose.clicked.connect(self._diagnose)
-        self.cancel.clicked.connect(self._cancel)
-        self.show_progress(None, 0.0)
-        self.dress(colours)
-        self.show_diagnosis(None, [])
 
     @Slot(bool)
     def _folded(self, shown: bool) -> None:
-        """Show or hide what stands beneath; a drive has its curves there alone."""
+        """Show or hide the details; those of a drive are always shown."""
         self.fold.setArrowType(Qt.ArrowType.DownArrow if shown else Qt.ArrowType.RightArrow)
         there = self._diagnosis is not None
         self.fold.setVisible(there and not self._driven)
@@ -160,20 +171,18 @@ class DiagnosisPanel(QWidget):
 
     @property
     def _driven(self) -> bool:
-        return self._diagnosis is not None and self._diagnosis.fit_after.model == "driven"
+        return self._diagnosis is not None and is_drive(self._diagnosis.fit_after.model)
 
     @property
     def diagnosis(self) -> Diagnosis | None:
-        """Get the diagnosis shown."""
         return self._diagnosis
 
     @property
     def sentence(self) -> str:
-        """Get the verdict sentence."""
+        """Get the sentence of the verdict."""
         return self._sentence.text()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self.residuals.dress(colours)
         self.why.dress(colours)
@@ -182,22 +191,21 @@ class DiagnosisPanel(QWidget):
         self.show_diagnosis(self._diagnosis, self._shots, self._model_effects, self._version, self._holds)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Keep the evidence within the width."""
         super().resizeEvent(event)
-        self._stand_evidence()
+        self._arrange_evidence()
 
-    def _stand_evidence(self) -> None:
-        """Let residuals stand beside the candidates, on a narrow page below them."""
+    def _arrange_evidence(self) -> None:
+        """Place the residuals beside the candidates, or below them on a narrow page."""
         beside = self.width() >= LEAST_BESIDE * self.fontMetrics().horizontalAdvance("M")
         self._evidence.setOrientation(Qt.Orientation.Horizontal if beside else Qt.Orientation.Vertical)
         self._evidence.setMinimumHeight((16 if beside else 30) * self.fontMetrics().lineSpacing())
 
     def mark_tried(self, tried: tuple[str, ...]) -> None:
-        """Say which effects in the model no diagnosis named; the next ``show_diagnosis`` shows it."""
+        """Set the effects that no diagnosis named; the next ``show_diagnosis`` shows them."""
         self._tried = tried
 
     def show_progress(self, what: str | None, fraction: float, of: str = "") -> None:
-        """Show what is being done, ``of`` which shots; None: nothing is."""
+        """Show the running step, ``of`` which diagnosis; None: none runs."""
         busy = what is not None
         if busy != self._busy and self._diagnosis is None:
             self._busy = busy
@@ -212,8 +220,8 @@ class DiagnosisPanel(QWidget):
             words = self.fontMetrics().elidedText(what, Qt.TextElideMode.ElideRight, room)
             self.progress.setFormat(f"{words}  %p %")
             self.progress.setToolTip(what)
-        if of != self._under_way:
-            self._under_way = of
+        if of != self._running:
+            self._running = of
             self._name_shots()
 
     def show_problem(self, problem: str) -> None:
@@ -230,9 +238,9 @@ class DiagnosisPanel(QWidget):
         version: str = "",
         holds: bool = True,
     ) -> None:
-        """Show a diagnosis over these shots; ``model_effects`` are in the model now; ``version`` made it, if kept.
+        """Show a diagnosis of these shots; ``model_effects`` are in the model now.
 
-        ``holds``: whether it is of the model and the shots as they are now.
+        ``version`` is that of a cached result; ``holds``: the diagnosis is about the present model and shots.
         """
         self._version, self._holds = version, holds
         self._diagnosis, self._shots, self._model_effects = diagnosis, shots, model_effects
@@ -259,8 +267,8 @@ class DiagnosisPanel(QWidget):
             self.residuals.clear()
             self._folded(self.fold.isChecked())
             return
-        said = VERDICTS[diagnosis.verdict]
-        tone, words = Tone(said.tone), said.brief.upper()
+        verdict = VERDICTS[diagnosis.verdict]
+        tone, words = Tone(verdict.tone), verdict.brief.upper()
         if diagnosis.findings and all(effect.name in model_effects for effect in diagnosis.findings):
             found = diagnosis.verdict in (Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED)
             tone, words = (Tone.GOOD, f"{words}, IN THE MODEL") if found else (tone, f"{words}, THOUGH IN THE MODEL")
@@ -270,11 +278,11 @@ class DiagnosisPanel(QWidget):
         self._sentence.setText(local_words(diagnosis.sentence))
         self.bars.show_candidates(diagnosis.candidates, {effect.name for effect in diagnosis.effects})
         blind = list(diagnosis.blind_spots)
-        lines = [f"Remainder: {diagnosis.remainder}"] if diagnosis.remainder else []
+        lines = [f"Remaining residual: {diagnosis.remainder}"] if diagnosis.remainder else []
         if diagnosis.verdict is Verdict.UNEXPLAINED and diagnosis.error_after.reduced_chi2 < NEAR_ONE:
             lines.append("χ²/ν is relative to noise estimated from this residual, unexplained part included: so near 1")
-        told = diagnosis.separating_shot and not self.next_steps.isVisibleTo(self)
-        lines += [f"What would separate these: {diagnosis.separating_shot}"] if told else []
+        separating = diagnosis.separating_shot and not self.next_steps.isVisibleTo(self)
+        lines += [f"What would separate these: {diagnosis.separating_shot}"] if separating else []
         lines += [f"Detection limits: {'; '.join(blind)}"] if blind else []
         self._blind.setText(local_words("\n".join(lines)))
         self.residuals.show_diagnosis(diagnosis, shots)
@@ -283,31 +291,23 @@ class DiagnosisPanel(QWidget):
 
     @property
     def _accepted(self) -> bool:
-        """Get whether all that was found is in the model."""
+        """Get whether all effects found are in the model."""
         found = self._diagnosis.findings if self._diagnosis is not None else ()
         return bool(found) and all(effect.name in self._model_effects for effect in found)
 
     def _name_shots(self) -> None:
-        """Say which shots the page is about, and which a diagnosis under way is."""
+        """Name the shots of the diagnosis shown, and the running diagnosis."""
         shots = self._shots
         names = ", ".join(short_name(shot.name) for shot in shots[:MOST_NAMED])
         more = f" and {len(shots) - MOST_NAMED} more" if len(shots) > MOST_NAMED else ""
         kept = f"   ({kept_words(self._version)})" if self._version else ""
         old = "" if self._holds else f"   {OUTDATED}"
-        told = f"of {names}{more}{kept}{old}" if self._diagnosis is not None and shots else ""
-        under_way = f"under way: {self._under_way}" if self._under_way else ""
-        self._of.setText("   ".join(part for part in (told, under_way) if part))
+        about = f"of {names}{more}{kept}{old}" if self._diagnosis is not None and shots else ""
+        running = f"running: {self._running}" if self._running else ""
+        self._of.setText("   ".join(part for part in (about, running) if part))
 
     def plot_in_front(self) -> PlotView:
-        """Return a law's curve where it has the keyboard, else the residuals."""
+        """Return a law's curve where it is focused, else the residuals."""
         if self._diagnosis is not None and not self.residuals.isVisible():
-            self.fold.setChecked(True)  # a key for plots is pressed: the one in detail is unfolded
+            self.fold.setChecked(True)  # a key for plots was pressed: show one
         return in_front((self.residuals.stack_in_view, self.law_curve.plot))
-
-    @Slot()
-    def _diagnose(self) -> None:
-        self.diagnose_wanted.emit()
-
-    @Slot()
-    def _cancel(self) -> None:
-        self.cancel_wanted.emit()

@@ -1,4 +1,4 @@
-"""The effects a diagnosis found and those in the model, each in words with the button that adds or removes it."""
+"""The effects found and those in the model, each with a button that adds or removes it."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ TRIED = "tried; not named by a diagnosis"
 
 
 class EffectRows(QWidget):
-    """One row an effect, and one button for all where several are missing."""
+    """A row per effect, and one button for all where several are missing in the model."""
 
     add_wanted = Signal(list)  # names
     remove_wanted = Signal(str)
@@ -24,9 +24,9 @@ class EffectRows(QWidget):
         self._column.setContentsMargins(0, 0, 0, 0)
 
     def show_effects(self, found: Sequence[FoundEffect], in_model: tuple[str, ...], tried: Sequence[str] = ()) -> None:
-        """Show what was found, then what is in the model besides; ``tried`` are those that no diagnosis named."""
+        """Show the effects found, then others in the model; ``tried`` are those that no diagnosis named."""
         focused = self.window().focusWidget()
-        held = focused.property("effect") if focused is not None and self.isAncestorOf(focused) else None
+        focused_effect = focused.property("effect") if focused is not None and self.isAncestorOf(focused) else None
         clear_layout(self._column)
         for effect in found:
             parameters = effect_numbers(effect.name, effect.parameters)
@@ -43,9 +43,9 @@ class EffectRows(QWidget):
         for name in in_model:
             if name not in {effect.name for effect in found}:
                 self._add_row(name, TRIED if name in tried else "", True)
-        if held is not None:  # whoever works by keys stays at this effect
+        if focused_effect is not None:  # keep the focus at this effect
             for button in self._buttons():
-                if button.property("effect") == held:
+                if button.property("effect") == focused_effect:
                     button.setFocus()
 
     def _add_row(self, name: str, words: str, in_model: bool) -> None:
@@ -68,10 +68,10 @@ class EffectRows(QWidget):
         line.addWidget(label, 1)
         line.addWidget(button)
         self._column.addWidget(row)
-        row.show()  # else the layout does so later, and until then its button takes no focus
+        row.show()  # at once, as a hidden button takes no focus
 
     def button(self, name: str) -> QPushButton:
-        """Return the button that adds an effect, or takes it out."""
+        """Return the button that adds or removes an effect."""
         return next(button for button in self._buttons() if button.property("effect") == name)
 
     def _buttons(self) -> list[QPushButton]:

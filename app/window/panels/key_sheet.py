@@ -1,4 +1,4 @@
-"""F1: every key on one sheet, made from the table of commands."""
+"""F1: the sheet of all keys, made from the table of commands."""
 
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QScrollArea, QVBoxLayout, QWidget
@@ -8,7 +8,7 @@ from app.window.theme import sized
 
 
 class KeySheet(QFrame):
-    """A sheet over the window; nothing in it takes input."""
+    """A sheet over the window, without input."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -32,11 +32,11 @@ class KeySheet(QFrame):
         self.hide()
 
     def place(self) -> None:
-        """Centre the sheet in its window, no larger than it."""
+        """Centre the sheet in its window."""
         parent = self.parentWidget()
         if parent is None:
             return
-        if not self._lists:  # made when first looked at: two hundred labels take longer than the rest of the sheets
+        if not self._lists:  # made when first shown, as two hundred labels take long
             self._lists = {sides: _list(sides) for sides in (1, 2)}
             self._scroll.setWidget(self._lists[2])
             self._scroll.updateGeometry()  # the sheet's layout knows it without a list
@@ -56,7 +56,7 @@ class KeySheet(QFrame):
 
 
 def _list(sides: int) -> QWidget:
-    """Return all keys by group, in so many columns of groups."""
+    """Return all keys by group, in ``sides`` columns."""
     inside = QWidget()
     grid = QGridLayout(inside)
     grid.setContentsMargins(0, 0, 0, 0)

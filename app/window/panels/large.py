@@ -1,4 +1,4 @@
-"""LARGE: the numbers that matter, in letters as large as the page, for whoever stands at the far end of the table."""
+"""LARGE: the main numbers, in the largest font that fits."""
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QFont, QFontMetricsF, QResizeEvent
@@ -12,8 +12,9 @@ from analysis.uncertainty.numbers import Group, ResultNumber, shown_numbers
 from app.window.theme import MARKS, Colours, Tone
 from app.words.flag_words import MILD_FLAGS
 from app.words.wording import DASH, local, number
+from levimass.analysis_settings import is_drive
 
-MOST_DIGITS = 7  # more are not read from afar
+MOST_DIGITS = 7  # more cannot be read from a distance
 _SHOWN = [number for group in Group for number in shown_numbers(group) if number.large]
 COLLISION = tuple(number for number in _SHOWN if number.group is not Group.DRIVE)
 DRIVEN = tuple(number for number in _SHOWN if number.group is Group.DRIVE)
@@ -21,7 +22,7 @@ LEAST_PX, SPARE = 12, 0.92
 
 
 class LargePanel(QWidget):
-    """A few lines and a title, their font as large as the widest line allows."""
+    """A title and a line per number."""
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -38,7 +39,7 @@ class LargePanel(QWidget):
             cells[1].setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
             cells[1].setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
             for place, cell in enumerate(cells):
-                cell.setMinimumSize(1, 1)  # the font follows the page, never the page the font
+                cell.setMinimumSize(1, 1)  # the font follows the page
                 grid.addWidget(cell, line, place)
             self._cells.append(cells)
         self._title.setMinimumSize(1, 1)
@@ -46,8 +47,8 @@ class LargePanel(QWidget):
         self.show_shot(None, "")
 
     def show_shot(self, shot: Shot | None, title: str) -> None:
-        """Show a shot's numbers, rounded to their combined uncertainty; its doubts as a mark at the title."""
-        self._rows = DRIVEN if shot is not None and shot.settings.model == "driven" else COLLISION
+        """Show a shot's numbers, rounded to their combined uncertainty; a doubt is a mark at the title."""
+        self._rows = DRIVEN if shot is not None and is_drive(shot.settings.model) else COLLISION
         self._doubtful = shot is not None and any(self._casts_doubt(flag) for flag in shot.flags)
         self._title.setText((f"{MARKS[Tone.WARNING]} " if self._doubtful else "") + (title or "No shot yet"))
         combined = combined_of(shot) if shot is not None else {}
@@ -66,7 +67,7 @@ class LargePanel(QWidget):
         self._fit()
 
     def _casts_doubt(self, flag: str) -> bool:
-        """Return whether a flag is an alarm for the numbers shown here, or for all."""
+        """Return whether a flag casts doubt on the numbers shown here."""
         about = CONCERNS.get(flag)
         return flag not in MILD_FLAGS and (about is None or any(row.key in about for row in self._rows))
 
@@ -75,19 +76,17 @@ class LargePanel(QWidget):
         return next(value.text() for label, value, _ in self._cells if label.text() == name)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self._title.setStyleSheet(f"color: {colours.signs[Tone.WARNING]}" if self._doubtful else "")
         for _, _, unit in self._cells:
             unit.setStyleSheet(f"color: {colours.faint}")
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Fill the page."""
         super().resizeEvent(event)
         self._fit()
 
     def _fit(self) -> None:
-        """Take the largest font in which every line has room."""
+        """Choose the largest font in which every line fits."""
         margins = self.layout().contentsMargins()
         width = self.width() - margins.left() - margins.right() - 2 * self.layout().spacing()
         height = self.height() - margins.top() - margins.bottom()
@@ -111,7 +110,7 @@ class LargePanel(QWidget):
 
 
 def plain_digits(reading: Reading | None, scale: float = 1.0) -> str:
-    """Return a number to its first uncertain digit, at most ``MOST_DIGITS``; a dash where none was read."""
+    """Return a number to its first uncertain digit, at most ``MOST_DIGITS``; a dash for None."""
     if not isinstance(reading, Quantity):
         return DASH
     text = str(reading.scaled(scale)).partition(" ±")[0]

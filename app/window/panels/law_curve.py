@@ -1,4 +1,4 @@
-"""The curve of a learned law: what the shots show, its band, the closed forms over it, and what can be done with it."""
+"""The curve of a learned law with its band and closed forms, and buttons to compare and keep it."""
 
 from collections.abc import Sequence
 
@@ -15,7 +15,7 @@ from app.window.plots.cursors import CursorAxis
 from app.window.plots.legend import Legend, Look
 from app.window.plots.plain_plot import PlainPlot
 from app.window.theme import Colours
-from app.words.prefixes import prefix_for
+from app.words.physics_words import prefix_for
 from app.words.wording import local_words, short_name
 
 MOST_FORMS = 4
@@ -23,7 +23,7 @@ ALONG = CursorAxis("mm", "mm")
 
 
 class LawCurve(QWidget):
-    """One law at a time; with two, a button turns to the other."""
+    """One law at a time; with two, a button shows the other."""
 
     keep_wanted = Signal(str)  # the law's key
 
@@ -70,7 +70,6 @@ class LawCurve(QWidget):
         return button
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self.plot.dress(colours)
         for curve in self._band:
@@ -83,7 +82,7 @@ class LawCurve(QWidget):
         self._draw()
 
     def show_laws(self, laws: Sequence[LearnedLaw], shots: Sequence[Shot] = ()) -> None:
-        """Show the first of these laws, learned from ``shots``; none hides the panel."""
+        """Show the first of these laws, learned from ``shots``; hidden without laws."""
         self.plot.tell(shots if laws else (), ", ".join(short_name(shot.name) for shot in shots) if laws else "")
         self._laws, self._which = tuple(laws), 0
         self.setVisible(bool(laws))

@@ -1,4 +1,4 @@
-"""Propose a law: where it acts, its formula, its parameters; what is wrong with it is said while it is typed."""
+"""The sheet for a law of your own: where it acts, formula, parameters; checked while it is typed."""
 
 from typing import Any
 
@@ -30,7 +30,7 @@ HINT = (
 
 
 class LawSheet(SideSheet):
-    """A form over the right side of the window; what it holds when it closes is there when it opens again."""
+    """The form; it keeps its content when it closes."""
 
     wanted = Signal(dict)  # the law as ``from_mapping`` reads it
 
@@ -74,7 +74,7 @@ class LawSheet(SideSheet):
             own = QCheckBox(self)
             own.setAccessibleName(f"Parameter {row}, fitted per shot")
             own.setToolTip("Each shot has its own value, for example a phase (name it phase_rad)")
-            own.toggled.connect(self._look)
+            own.toggled.connect(self._check)
             grid.addWidget(own, row, len(COLUMNS))
             self.own.append(own)
         column.addLayout(grid)
@@ -88,10 +88,10 @@ class LawSheet(SideSheet):
         self.save.setToolTip("Save the law in your folder of laws and diagnose the selected shots with it")
         self.save.clicked.connect(self._save)
         column.addWidget(self.save)
-        self.where.currentIndexChanged.connect(self._look)
+        self.where.currentIndexChanged.connect(self._check)
         for line in self.findChildren(QLineEdit):
-            line.textChanged.connect(self._look)
-        self._look()
+            line.textChanged.connect(self._check)
+        self._check()
 
     def _line(self, name: str, shown: str) -> QLineEdit:
         line = QLineEdit(self)
@@ -101,7 +101,7 @@ class LawSheet(SideSheet):
         return line
 
     def fill(self, table: dict[str, Any]) -> None:
-        """Show a law that is there already, to be changed or named."""
+        """Fill the form with an existing law."""
         self.name.setText(table["name"])
         self.words.setText(table.get("words", ""))
         self.where.setCurrentIndex(self.where.findData(table["where"]))
@@ -116,7 +116,7 @@ class LawSheet(SideSheet):
             self.own[row].setChecked(bool(values.get("own", False)))
 
     def table(self) -> dict[str, Any]:
-        """Return the law as it is typed; ValueError names the number that is none."""
+        """Return the law as typed.  Raises ValueError for a field that is no number."""
         table: dict[str, Any] = {
             "name": self.name.text().strip(),
             "where": str(self.where.currentData()),
@@ -130,7 +130,7 @@ class LawSheet(SideSheet):
             if not name:
                 continue
             if name in table["parameters"]:
-                raise ValueError(f"parameters: {name!r} stands twice")
+                raise ValueError(f"parameters: {name!r} occurs twice")
             entry: dict[str, Any] = {"unit": editors["unit"].text().strip()}
             for key in ("start", "lower", "upper"):
                 typed = editors[key].text().strip()
@@ -145,8 +145,8 @@ class LawSheet(SideSheet):
         return table
 
     @Slot()
-    def _look(self) -> None:
-        """Say what is wrong so far."""
+    def _check(self) -> None:
+        """Check the law and show what is wrong."""
         if not self.name.text().strip() and not self.formula.text().strip():
             self.save.setEnabled(False)
             self.say("", Tone.NEUTRAL)
@@ -165,21 +165,20 @@ class LawSheet(SideSheet):
         self.wanted.emit(self.table())
 
     def say(self, words: str, tone: Tone) -> None:
-        """Say what is wrong, or that nothing is."""
+        """Show a message below the fields."""
         self._said.setText(f"{MARKS[tone]} {words}" if words else "")
         self._said.setStyleSheet(f"color: {self._colours.signs[tone]}; font-weight: bold")
 
     @property
     def said(self) -> str:
-        """Get what is said below the fields."""
+        """Get the message below the fields."""
         return self._said.text()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
-        self._look()
+        self._check()
 
     def open(self) -> None:
-        """Show the sheet, its first empty field in focus."""
+        """Show the sheet with the focus in the first empty field."""
         first = next((e for e in (self.name, self.formula) if not e.text()), self.name)
         self.open_at(first)

@@ -1,4 +1,4 @@
-"""LIVE: beat frequency, velocity and force while samples stream, in digits that carry two metres; the raw signals."""
+"""LIVE: beat frequency, velocity and force of the stream, as curves and large digits; raw signals; site vibration."""
 
 import numpy as np
 from PySide6.QtCore import Qt, Slot
@@ -15,9 +15,9 @@ from app.window.theme import Colours, sized
 from app.words.wording import DASH, local, number
 from instrument.live.live_view import LiveView
 
-WINDOW_MS = 2000.0  # fixed, so that the axis never moves; older parts (after lost samples) run out of it
-LEAST_RAW = 9  # lines of height: below it nothing of three signals is seen but their axis
-RAW_SHOWN = 150  # samples: some forty periods, so that the beat is seen as a wave
+WINDOW_MS = 2000.0  # fixed, so that the axis does not move
+LEAST_RAW = 9  # least height of the raw signals, in lines of text
+RAW_SHOWN = 150  # samples: some forty periods of the beat
 NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "switch"}
 
 
@@ -29,19 +29,19 @@ ROWS = (
 
 
 def _digits(form: str, value: float) -> str:
-    """Return the value; what is rounded to zero has no sign that could flicker."""
+    """Return the value as text; one rounded to zero has no sign, which would flicker."""
     text = form.format(value)
     return text if float(text) else form.replace("+", " ").format(0.0)
 
 
 def _levels(thresholds_v: tuple[float | None, float | None]) -> dict[str, float]:
-    """Return the trigger's thresholds that were set, each under its name and value."""
+    """Return the thresholds of the trigger that are set, by words with name and value."""
     named = zip(("low", "high"), thresholds_v, strict=True)
     return {f"trigger {name}, {number(v, 3)} V": v for name, v in named if v is not None}
 
 
 class LivePanel(QWidget):
-    """Three plots that roll, three large numbers, and the raw signals beside them."""
+    """Three rolling plots, three large numbers, the raw signals."""
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -123,22 +123,22 @@ class LivePanel(QWidget):
 
     @property
     def plots(self) -> tuple[TimeStack, TimeStack]:
-        """Get what rolls, and the raw signals."""
+        """Get the rolling plots and the raw signals."""
         return self.stack, self.raw
 
     @Slot()
     def reset(self) -> None:
-        """Let every value axis follow its curve again, and time run over its whole window."""
+        """Let the value axes follow their curves again, and show the whole time window."""
         self.stack.zoom(-WINDOW_MS, 0.0)
         for plot in self.raw.plots:
             plot.free_y()
 
     def plot_in_front(self) -> PlotView:
-        """Return the plot that has the keyboard, else the one that rolls."""
+        """Return the focused plot, else the rolling ones."""
         return in_front(self.plots)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Show the raw signals where there is room for them."""
+        """Show the raw signals where there is room."""
         super().resizeEvent(event)
         room = self.stack.geometry().bottom() - self.hold.geometry().bottom()
         self.raw.setVisible(room >= LEAST_RAW * self.fontMetrics().lineSpacing())
@@ -148,7 +148,6 @@ class LivePanel(QWidget):
         return self._numbers[name].text()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self.stack.dress(colours)
         self.raw.dress(colours)
@@ -157,7 +156,7 @@ class LivePanel(QWidget):
             curve.setPen(thin(colours.measured))
 
     def show_live(self, view: LiveView | None) -> None:
-        """Show the newest stretch of the stream; None, or nothing in it: nothing streams."""
+        """Show the newest part of the stream; None or an empty view: there is no stream."""
         if self.hold.isChecked():
             return
         silent = view is None or len(view.time_s) == 0
@@ -200,7 +199,7 @@ class LivePanel(QWidget):
             return
         step = 1e3 * float(view.raw_time_s[1] - view.raw_time_s[0])
         length = step * min(RAW_SHOWN, len(view.raw_time_s))
-        if abs(self.raw.span[1] - length) > 1e-3 * length:  # the times' own rounding is no reason to draw the axes anew
+        if abs(self.raw.span[1] - length) > 1e-3 * length:  # more than rounding of the times
             self.raw.plots[0].view.setXRange(0.0, length, padding=0)
         for index, (plot, curve) in enumerate(zip(self._raw_plots, self._raw_curves, strict=True)):
             present = index < len(channels)

@@ -1,4 +1,4 @@
-"""Which channel of a foreign file is which, asked for in a side sheet; nothing modal."""
+"""The sheet in which the channels of a foreign file are assigned."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from PySide6.QtWidgets import (
 )
 
 from analysis.shot.recording import Role, Setup
-from app.session.channel_looks import ChannelLook, Kind, proposed
+from app.session.channel_looks import ChannelKind, ChannelLook, proposed
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone
 from app.words.wording import local, number, typed_number
@@ -38,7 +38,7 @@ NUMBERS = {
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a person said of a file."""
+    """The operator's assignment of a file's channels."""
 
     mapping: ForeignMapping | MotionColumns
     for_folder: bool
@@ -46,37 +46,37 @@ class Answer:
 
 HOVERS = {
     Role.MEASUREMENT: "The beat of the block that moves; without it there is nothing to measure",
-    Role.REFERENCE: "The beat of the fixed mirror; taken off the moving one, so that the laser's drift is not motion",
-    Role.SWITCH: "Its step says when the block passed; without it the impact is looked for",
+    Role.REFERENCE: "The beat of the fixed mirror; subtracted from the moving one, so that laser drift is not motion",
+    Role.SWITCH: "Its step says when the block passed; without it the impact is searched for",
 }
 NUMBER_HOVERS = {
     "mass_kg": "Block with corner cube and extension; force and impulse scale with it",
-    "rest_hz": "The beat of the block at rest: velocity counts from it",
+    "rest_hz": "The beat of the block at rest, at which the velocity is zero",
     "rate_hz": "Samples a second; every time and velocity scales with it",
-    "bits": "Of the digitizer, for the noise of rounding",
+    "bits": "Resolution of the digitizer, for the noise of rounding",
 }
 
 
 def _look_words(look: ChannelLook) -> str:
-    """Return a line on one channel: its level, its beat, and what it looks like."""
+    """Return a line on one channel: what it looks like, beat and amplitude."""
     parts = [str(look.kind), f"amplitude {number(look.amplitude, 3)}"]
     if look.low is not None and look.high is not None and look.in_hz:
         span = number(1e-6 * look.low, 4)
-        if look.kind is Kind.MOVING:
+        if look.kind is ChannelKind.MOVING:
             span = f"{span} to {number(1e-6 * look.high, 4)}"
         parts.insert(1, f"{span} MHz")
     return f"<b>{escape(look.name)}</b>: {', '.join(parts)}"
 
 
 class MappingSheet(SideSheet):
-    """One file's channels, and the few numbers that no file states."""
+    """The form: channels of one file, and the numbers that files do not state."""
 
     applied = Signal(object)
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__("Channels of a file from another program", parent)
         self._colours = colours
-        self._held: ForeignContents | None = None
+        self._contents: ForeignContents | None = None
         column, _ = self.head("Assign channels", "Do not open this file  (Esc)")
         self._file = QLabel(self)
         self._file.setWordWrap(True)
@@ -132,14 +132,14 @@ class MappingSheet(SideSheet):
 
     @Slot()
     def _chosen(self) -> None:
-        """Offer what belongs to a displacement, or to beats; the unit is the one its header states."""
+        """Enable the fields for a displacement or for beats; select the unit in the header."""
         name = self.displacement.currentData()
         moved = name is not None
         self.unit.setEnabled(moved)
         self.model.setEnabled(moved)
         for widget in (*self.boxes.values(), self.edits["rest_hz"], self.edits["bits"], self.for_folder):
             widget.setDisabled(moved)
-        unit = length_unit(self._held.channel(name)) if moved and self._held is not None else None
+        unit = length_unit(self._contents.channel(name)) if moved and self._contents is not None else None
         self.unit.clear()
         if unit is None:
             self.unit.addItem("choose" if moved else "", None)
@@ -149,21 +149,20 @@ class MappingSheet(SideSheet):
 
     @property
     def problem(self) -> str:
-        """Get why the answers were not taken."""
+        """Get why the assignment was refused."""
         return self._problem.text()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self._problem.setStyleSheet(f"color: {colours.signs[Tone.BAD]}; font-weight: bold")
 
     def ask(
-        self, held: ForeignContents, mass_kg: float, rest_hz: float | None, looks: Sequence[ChannelLook] = ()
+        self, contents: ForeignContents, mass_kg: float, rest_hz: float | None, looks: Sequence[ChannelLook] = ()
     ) -> None:
-        """Ask for the channels of a file; ``looks`` say what they look like, and what is proposed."""
-        self._held = held
+        """Show the form for a file; ``looks`` describe its channels, for the proposed assignment."""
+        self._contents = contents
         self._problem.setText("")
-        self._file.setText(f"<b>{held.path.name}</b> ({held.format}). The answer is saved with the file.")
+        self._file.setText(f"<b>{contents.path.name}</b> ({contents.format}). The answer is saved with the file.")
         self._looks.setText("<br>".join(map(_look_words, looks)))
         self._looks.setVisible(bool(looks))
         proposal = proposed(looks)
@@ -171,16 +170,16 @@ class MappingSheet(SideSheet):
             box.clear()
             if role is not Role.MEASUREMENT:
                 box.addItem(NONE, None)
-            for channel in held.channels:
+            for channel in contents.channels:
                 unit = f", {channel.unit}" if channel.unit else ""
                 box.addItem(f"{channel.name}   ({channel.samples} samples, {channel.kind}{unit})", channel.name)
-            one_each = place < len(held.channels) and not proposal
+            one_each = place < len(contents.channels) and not proposal
             box.setCurrentIndex(place + (role is not Role.MEASUREMENT) if one_each else 0)
             if role in proposal:
                 box.setCurrentIndex(box.findData(proposal[role]))
         self.displacement.clear()
         self.displacement.addItem(NONE, None)
-        columns = [channel for channel in held.channels if held.path.suffix.lower() == TABLE]
+        columns = [channel for channel in contents.channels if contents.path.suffix.lower() == TABLE]
         for channel in columns:
             self.displacement.addItem(channel.name, channel.name)
         lengths = [channel.name for channel in columns if length_unit(channel)]
@@ -193,21 +192,21 @@ class MappingSheet(SideSheet):
         self.open_at(self.unit if lengths and not proposal else self.boxes[Role.MEASUREMENT])
 
     def refuse(self, problem: str) -> None:
-        """Say why the file cannot be read so."""
+        """Show why the file cannot be read with this assignment."""
         self._problem.setText(f"{MARKS[Tone.BAD]} {problem}")
         self._problem.setStyleSheet(f"color: {self._colours.signs[Tone.BAD]}; font-weight: bold")
 
     @Slot()
     def apply(self) -> None:
-        """Pass the answers on, or say what is missing."""
-        held = self._held
-        if held is None:
+        """Emit the assignment, or show what is missing."""
+        contents = self._contents
+        if contents is None:
             return
         try:
             if self.displacement.currentData() is not None:
                 self.applied.emit(Answer(self._columns(), False))
                 return
-            self.applied.emit(Answer(self._mapping(held), self.for_folder.isChecked()))
+            self.applied.emit(Answer(self._mapping(contents), self.for_folder.isChecked()))
         except ValueError as error:
             self.refuse(str(error))
 
@@ -218,10 +217,10 @@ class MappingSheet(SideSheet):
         name, model = self.displacement.currentData(), self.model.currentData()
         return MotionColumns(str(name), unit, model, self._number("mass_kg"), self._number("rate_hz"))
 
-    def _mapping(self, held: ForeignContents) -> ForeignMapping:
+    def _mapping(self, contents: ForeignContents) -> ForeignMapping:
         chosen = {role: box.currentData() for role, box in self.boxes.items() if box.currentData() is not None}
         if len(set(chosen.values())) < len(chosen):
-            raise ValueError("one channel cannot be two things")
+            raise ValueError("one channel cannot have two roles")
         mass, rest, rate, bits = (self._number(key) for key in NUMBERS)
         if mass is None:
             raise ValueError("the moving mass is missing")
@@ -231,7 +230,7 @@ class MappingSheet(SideSheet):
             raise ValueError("bits: not from 1 to 16")
         setup = Setup(mass, rest_frequency_hz=rest, digitizer_bits=round(bits or 16))
         return ForeignMapping(
-            held.format, tuple(MappedChannel(role, str(name)) for role, name in chosen.items()), setup, rate
+            contents.format, tuple(MappedChannel(role, str(name)) for role, name in chosen.items()), setup, rate
         )
 
     def _number(self, key: str) -> float | None:

@@ -1,4 +1,4 @@
-"""The model in use in three lines, and the verdict of the last diagnosis, beside the numbers."""
+"""The model in use, its fit to the selected shot, and the verdict of the last diagnosis."""
 
 from html import escape
 
@@ -9,15 +9,15 @@ from analysis.fitted.fitted_shot import awaits_fit
 from analysis.shot.fit import Fit
 from analysis.shot.shot import Shot
 from app.window.theme import MARKS, Colours, Tone
-from app.words.physics_words import BASE_WORDS, correlation_words, parameter_parts
+from app.words.physics_words import base_words, correlation_words, parameter_parts
 from app.words.verdict import OUTDATED
 from app.words.wording import model_in_words, number, with_prefix
 
-LACKING_CHI2 = 1.5  # above, what is left over is more than noise by far
+LACKING_CHI2 = 1.5  # above, the residual is far more than noise
 
 
 def _matrix(fit: Fit) -> str:
-    """Return the correlations as a table below its diagonal; the columns have the numbers of the rows."""
+    """Return the correlations as a triangular table; columns are numbered as the rows."""
     head = "".join(f"<th align='right'>{n}</th>" for n in range(1, len(fit.parameters)))
     rows = []
     for index, name in enumerate(fit.parameters):
@@ -27,7 +27,7 @@ def _matrix(fit: Fit) -> str:
 
 
 class ModelPanel(QFrame):
-    """Base and effects, how well they fit this shot, what the diagnosis said."""
+    """Base and effects, chi2 of the fit, verdict, correlations."""
 
     diagnose_wanted = Signal()
     details_wanted = Signal()
@@ -37,7 +37,7 @@ class ModelPanel(QFrame):
         self._colours = colours
         self._shot: Shot | None = None
         self._tried: tuple[str, ...] = ()
-        self._said = self._told = ("", Tone.NEUTRAL)
+        self._verdict_shown = self._known_shown = ("", Tone.NEUTRAL)
         column = QVBoxLayout(self)
         column.setContentsMargins(10, 2, 8, 4)
         column.setSpacing(1)
@@ -72,21 +72,20 @@ class ModelPanel(QFrame):
         self.correlations.setWordWrap(True)
         self.correlations.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         column.addWidget(self.correlations)
-        self.diagnose.clicked.connect(self._diagnose)
-        self.details.clicked.connect(self._details)
+        self.diagnose.clicked.connect(self.diagnose_wanted)
+        self.details.clicked.connect(self.details_wanted)
         self.show_shot(None)
         self.show_verdict("", Tone.NEUTRAL)
         self.show_known("", Tone.NEUTRAL)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self.show_shot(self._shot, self._tried)
-        self.show_verdict(*self._said)
-        self.show_known(*self._told)
+        self.show_verdict(*self._verdict_shown)
+        self.show_known(*self._known_shown)
 
     def show_shot(self, shot: Shot | None, tried: tuple[str, ...] = ()) -> None:
-        """Show the model of this shot's fit; ``tried`` are effects that no diagnosis named."""
+        """Show the model of a shot's fit; ``tried`` are effects that no diagnosis named."""
         self._shot, self._tried = shot, tried
         fit = shot.fit if shot is not None else None
         shown = fit is not None and fit.converged
@@ -96,7 +95,7 @@ class ModelPanel(QFrame):
         if fit is None:
             how = "fit to follow" if shot is not None and awaits_fit(shot) else "not fitted"
             base = shot.settings.model if shot is not None else ""
-            self._model.setText("no shot selected" if shot is None else f"{BASE_WORDS.get(base, base)}: {how}")
+            self._model.setText("no shot selected" if shot is None else f"{base_words(base)}: {how}")
             self._fit.setText("")
             return
         self._model.setText(f"<b>{model_in_words(fit.model, fit.effects, self._tried)}</b>")
@@ -111,27 +110,27 @@ class ModelPanel(QFrame):
         self._fit.setText(f"{MARKS[Tone.WARNING]} {words}\nmisfit exceeds noise: run Diagnose" if lacking else words)
         self._fit.setToolTip(
             "Of this shot alone, against the noise that its own fit weighs. Near 1: the residual is noise. Far above: "
-            "the model lacks something.\nA diagnosis states the joint χ²/ν of all its shots, against its own noise."
+            "the model is incomplete.\nA diagnosis states the joint χ²/ν of all its shots, against its own noise."
         )
 
     def show_verdict(self, sentence: str, tone: Tone) -> None:
-        """Show what the diagnosis of this shot said."""
-        self._said = (sentence, tone)
+        """Show the verdict on this shot."""
+        self._verdict_shown = (sentence, tone)
         self._verdict.setText(f"{MARKS[tone]} {sentence}" if sentence else "not diagnosed yet")
         self._verdict.setToolTip(OUTDATED if sentence.startswith("<s>") else "")
         self._verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
 
     def show_known(self, words: str, tone: Tone) -> None:
-        """Show how the shot agrees with the model file in use; nothing where none is."""
-        self._told = (words, tone)
+        """Show how the shot agrees with the model file in use; "" without one."""
+        self._known_shown = (words, tone)
         self._known.setVisible(bool(words))
         self._known.setText(f"{MARKS[tone]} {words}")
         self._known.setStyleSheet(f"color: {self._colours.signs[tone]}")
 
     @property
     def known(self) -> str:
-        """Get what is said of the model file."""
-        return self._known.text() if self._told[0] else ""
+        """Get the words on the model file."""
+        return self._known.text() if self._known_shown[0] else ""
 
     @property
     def verdict(self) -> str:
@@ -141,11 +140,3 @@ class ModelPanel(QFrame):
     @Slot(bool)
     def _unfold(self, unfolded: bool) -> None:
         self.correlations.setVisible(unfolded and self.correlated.isEnabled())
-
-    @Slot()
-    def _diagnose(self) -> None:
-        self.diagnose_wanted.emit()
-
-    @Slot()
-    def _details(self) -> None:
-        self.details_wanted.emit()

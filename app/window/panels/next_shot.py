@@ -1,6 +1,6 @@
-"""The card beside a verdict that leaves a choice open: which shot decides, how surely, and the button that takes it."""
+"""The card NEXT SHOT: which shot decides between the candidates, and the buttons that plan and take it."""
 
-from PySide6.QtCore import Signal, Slot
+from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from analysis.diagnosis.result import Diagnosis
@@ -23,7 +23,7 @@ SET_TIP = "The simulated bench is set to this speed and weight, and pushed; the 
 
 
 class NextShotCard(QFrame):
-    """A sentence, the log of planned shots and buttons; hidden where the diagnosis leaves nothing open."""
+    """A sentence, the planned shots so far, and buttons; hidden where nothing is open."""
 
     plan_wanted = Signal()
     take_wanted = Signal()
@@ -57,25 +57,25 @@ class NextShotCard(QFrame):
             row.addWidget(button)
         row.addStretch(1)
         column.addLayout(row)
-        self.plan.clicked.connect(self._plan)
-        self.take.clicked.connect(self._take)
-        self.give_up.clicked.connect(self._give_up)
+        self.plan.clicked.connect(self.plan_wanted)
+        self.take.clicked.connect(self.take_wanted)
+        self.give_up.clicked.connect(self.give_up_wanted)
         self.hide()
 
     @property
     def words(self) -> str:
-        """Get what is said of the next shot."""
+        """Get the sentence on the next shot."""
         return self._sentence.text()
 
     @property
     def log_words(self) -> str:
-        """Get what is said of the planned shots taken so far."""
+        """Get the lines on the planned shots so far."""
         return self._log.text()
 
     def show_standing(
         self, diagnosis: Diagnosis | None, state: PlanningState | None, waited_for: NextShot | None, sets_itself: bool
     ) -> None:
-        """Show where a diagnosed set stands; ``sets_itself``: the program sets speed and weights at this source."""
+        """Show the plan for a diagnosed set; ``sets_itself``: the program sets speed and weights at this source."""
         left_open = diagnosis is not None and bool(undecided(diagnosis))
         self.setVisible(left_open or (state is not None and bool(state.steps)))
         planned = state.plan if state is not None else None
@@ -98,22 +98,10 @@ class NextShotCard(QFrame):
         self.give_up.setVisible(waited_for is not None)
 
     def enable_plan(self, on: bool) -> None:
-        """Allow planning while nothing else is being worked out."""
+        """Enable the button that plans."""
         self.plan.setEnabled(on)
-
-    @Slot()
-    def _plan(self) -> None:
-        self.plan_wanted.emit()
-
-    @Slot()
-    def _take(self) -> None:
-        self.take_wanted.emit()
-
-    @Slot()
-    def _give_up(self) -> None:
-        self.give_up_wanted.emit()
 
 
 def _line(number: int, step: PlannedStep) -> str:
-    reached = "not told" if step.reached is None else f"{step.reached:.2g}"
+    reached = "not known" if step.reached is None else f"{step.reached:.2g}"
     return f"{number}. {step.shot.words}: {step.expected_separation:.2g} noise norms expected, {reached} reached"

@@ -1,4 +1,4 @@
-"""What to do where a diagnosis leaves something open: try a candidate, propose a law, take the shot that tells."""
+"""What to do where a residual is unexplained: try a candidate, propose a law, take another shot."""
 
 from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QLabel, QPushButton, QVBoxLayout, QWidget
@@ -10,14 +10,14 @@ from app.words.wording import effect_words, local_words
 MOST_TRIED = 3
 OPEN = (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED)
 ANOTHER_SHOT = (
-    "shots at other speeds, half and twice as fast, beside these: effects that depend on speed, position or time "
+    "more shots at other speeds, half and twice as fast: effects that depend on speed, position or time "
     "differ there; "
-    "and one straight after another, to see whether it repeats"
+    "and a repetition of one shot, to see whether the effect repeats"
 )
 
 
 class NextSteps(QWidget):
-    """A heading, buttons, and the next shot in words; nothing where the diagnosis leaves nothing open."""
+    """Heading, buttons, and the next shot in words; hidden where nothing is open."""
 
     try_wanted = Signal(str)  # name of a candidate that did not pass
     law_wanted = Signal()
@@ -40,7 +40,7 @@ class NextSteps(QWidget):
 
     @property
     def words(self) -> str:
-        """Get what is said of the next shot."""
+        """Get the sentence on the next shot."""
         return self._shot.text()
 
     @property
@@ -50,7 +50,7 @@ class NextSteps(QWidget):
         return [widget for widget in widgets if isinstance(widget, QPushButton)]
 
     def show_diagnosis(self, diagnosis: Diagnosis | None, in_model: tuple[str, ...]) -> None:
-        """Offer what is left to do after a diagnosis."""
+        """Show the possible next steps after a diagnosis."""
         clear_layout(self._row)
         self.setVisible(diagnosis is not None and diagnosis.verdict in OPEN)
         if diagnosis is None or diagnosis.verdict not in OPEN:
@@ -66,7 +66,7 @@ class NextSteps(QWidget):
             button.setProperty("effect", candidate.name)
             button.clicked.connect(self._try)
         button = self._button("Propose a law …", "Type a law of your own; it is fitted and judged like the others")
-        button.clicked.connect(self._law)
+        button.clicked.connect(self.law_wanted)
         self._shot.setText(f"Next shot: {local_words(diagnosis.separating_shot or ANOTHER_SHOT)}")
 
     def _button(self, words: str, tip: str) -> QPushButton:
@@ -79,7 +79,3 @@ class NextSteps(QWidget):
     @Slot()
     def _try(self) -> None:
         self.try_wanted.emit(str(self.sender().property("effect")))
-
-    @Slot()
-    def _law(self) -> None:
-        self.law_wanted.emit()

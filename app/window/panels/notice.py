@@ -1,4 +1,4 @@
-"""A line under the banner for what went wrong or was done; it stays until it is dismissed, and never blocks."""
+"""The line of messages, which stay until dismissed, and the list of all messages of this run."""
 
 import time
 from collections import deque
@@ -29,17 +29,17 @@ AGED_EVERY_MS = 20_000
 
 @dataclass(frozen=True, slots=True)
 class Notice:
-    """What is said, how bad it is, and, where something can be done at once, the button's word and what it does."""
+    """A message with its tone and, where something can be done, a button's label and action."""
 
     words: str
     tone: Tone
     label: str = ""
     do: Callable[[], object] | None = None
-    declined: Callable[[], object] | None = None  # what follows where it is dismissed
+    declined: Callable[[], object] | None = None  # called where it is dismissed
 
 
 class NoticeLine(QFrame):
-    """Shows the newest notice, its age, and how many came before it; its height is always there, so nothing moves."""
+    """Shows the newest message, its age and the number of others; its height is fixed."""
 
     changed = Signal()
     list_wanted = Signal()
@@ -48,7 +48,7 @@ class NoticeLine(QFrame):
         super().__init__(parent)
         self._colours = colours
         self._notices: list[Notice] = []
-        self._said_s: dict[int, float] = {}  # when each came, by its identity
+        self._shown_s: dict[int, float] = {}  # when each was shown, by its id
         self.history: deque[tuple[datetime, Notice]] = deque(maxlen=LISTED)
         row = QHBoxLayout(self)
         row.setContentsMargins(12, 0, 4, 0)
@@ -61,7 +61,7 @@ class NoticeLine(QFrame):
         self._do.setToolTip("Do what the message offers")
         self._do.clicked.connect(self._done)
         self._close = QPushButton("Dismiss", self)
-        self._close.setToolTip("Take this message away")
+        self._close.setToolTip("Dismiss this message")
         self._close.clicked.connect(self.next)
         self._list = QPushButton("All …", self)
         self._list.setAccessibleName("All messages")
@@ -79,17 +79,17 @@ class NoticeLine(QFrame):
 
     @property
     def words(self) -> str:
-        """Get the newest notice, or nothing."""
+        """Get the newest message, or ""."""
         return self._notices[-1].words if self._notices else ""
 
     def say(self, words: str, tone: Tone) -> None:
-        """Show a notice; the same words twice in a row are shown once."""
+        """Show a message; the same message twice in a row is shown once."""
         self._add(Notice(words, tone))
 
     def offer(
         self, words: str, label: str, do: Callable[[], object], declined: Callable[[], object] | None = None
     ) -> None:
-        """Show a notice with a button that does something about it; ``declined`` is called where it is dismissed."""
+        """Show a message with a button; ``declined`` is called where it is dismissed."""
         self._add(Notice(words, Tone.WARNING, label, do, declined))
 
     def _add(self, notice: Notice) -> None:
@@ -99,8 +99,8 @@ class NoticeLine(QFrame):
             del self._notices[:-KEPT]
             self.history.append((datetime.now(), notice))
             self.changed.emit()
-        self._said_s[id(self._notices[-1])] = time.monotonic()
-        self._said_s = {id(kept): self._said_s[id(kept)] for kept in self._notices}
+        self._shown_s[id(self._notices[-1])] = time.monotonic()
+        self._shown_s = {id(kept): self._shown_s[id(kept)] for kept in self._notices}
         self._refresh()
 
     @Slot()
@@ -109,8 +109,8 @@ class NoticeLine(QFrame):
             self._refresh()
 
     def _age(self) -> str:
-        """Return how long ago the newest notice came, from a minute on."""
-        minutes = int((time.monotonic() - self._said_s[id(self._notices[-1])]) / 60)
+        """Return the age of the newest message, from a minute on."""
+        minutes = int((time.monotonic() - self._shown_s[id(self._notices[-1])]) / 60)
         if minutes < 1:
             return ""
         return f"   ({minutes} min ago)" if minutes < 60 else f"   ({minutes // 60} h ago)"
@@ -123,12 +123,11 @@ class NoticeLine(QFrame):
             notice.do()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self._refresh()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Shorten the message to the room that there is; hovering shows the whole."""
+        """Shorten the message to the width; hovering shows all of it."""
         super().resizeEvent(event)
         self._fit()
 
@@ -139,7 +138,7 @@ class NoticeLine(QFrame):
 
     @Slot()
     def next(self) -> None:
-        """Take the newest notice away."""
+        """Dismiss the newest message."""
         if self._notices:
             notice = self._notices.pop()
             if notice.declined is not None:
@@ -167,7 +166,7 @@ class NoticeLine(QFrame):
 
 
 class NoticeList(SideSheet):
-    """A sheet over the right side of the window."""
+    """The list of all messages of this run."""
 
     def __init__(self, notices: NoticeLine, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__("Messages", parent)
@@ -191,7 +190,6 @@ class NoticeList(SideSheet):
         self.open_at(self.list)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self._refresh()
 

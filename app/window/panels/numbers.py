@@ -1,4 +1,4 @@
-"""The numbers of a shot: value ± standard uncertainty and unit; on hover, how each was read."""
+"""The numbers of a shot with uncertainty and unit, and on hovering how each was read."""
 
 import math
 from html import escape
@@ -23,11 +23,12 @@ from analysis.shot.quantity import Quantity, Reading
 from analysis.shot.shot import Shot
 from analysis.uncertainty.budget import combined_of, stated
 from analysis.uncertainty.numbers import Group, ResultNumber, shown_numbers
-from app.window.combined import COMBINED, NOISE_ONLY
-from app.window.flag_tone import flag_line, flag_tone
 from app.window.theme import MARKS, Colours, Tone, sized
+from app.window.tones import flag_line, flag_tone
 from app.words.flag_words import by_weight, flag_words
 from app.words.wording import (
+    COMBINED,
+    NOISE_ONLY,
     concise_text,
     effect_numbers,
     effect_words,
@@ -36,13 +37,14 @@ from app.words.wording import (
     local,
     value_text,
 )
+from levimass.analysis_settings import is_drive
 
 PAPERS_KINETIC, PAPERS_VALUE = "cor_kinetic.force_peaks", 0.5667  # resources/paper.toml
-WIDE = 0.2  # of its value: a larger standard uncertainty leaves little to compare
+WIDE = 0.2  # relative standard uncertainty above which a number is poorly determined
 
 
 def _effect_lines(shot: Shot | None) -> list[str]:
-    """Return the fitted numbers of each effect in the model, a line an effect."""
+    """Return the fitted parameters of the effects in the model, a line per effect."""
     fit = shot.fit if shot is not None else None
     if fit is None or not fit.converged:
         return []
@@ -56,7 +58,7 @@ def _effect_lines(shot: Shot | None) -> list[str]:
 
 
 def wide_words(reading: Reading | None) -> str:
-    """Return what is said of a number whose uncertainty is a large part of it; "" where it is not."""
+    """Return the remark on a number whose uncertainty is a large part of it, else ""."""
     if not isinstance(reading, Quantity) or not math.isfinite(reading.value) or not math.isfinite(reading.std):
         return ""
     share = reading.std / abs(reading.value) if reading.value else math.inf
@@ -64,7 +66,7 @@ def wide_words(reading: Reading | None) -> str:
 
 
 class NumbersPanel(QScrollArea):
-    """A column of named numbers whose places never move."""
+    """A column of numbers at fixed places."""
 
     budget_wanted = Signal()
 
@@ -80,7 +82,7 @@ class NumbersPanel(QScrollArea):
         self._values: dict[str, QLabel] = {}
         self._names: dict[str, QLabel] = {}
         self._widgets: dict[str, list[QWidget]] = {}
-        self._foldable: list[QWidget] = []  # numbers that are shown on request, with their sentences
+        self._foldable: list[QWidget] = []  # numbers that a button unfolds, with their sentences
         inner = QWidget(self)
         column = QVBoxLayout(inner)
         column.setContentsMargins(10, 4, 8, 4)
@@ -91,7 +93,7 @@ class NumbersPanel(QScrollArea):
         top = QHBoxLayout()
         self.budget = QPushButton("Budget", inner)
         self.budget.setToolTip("Where each ± comes from, source by source  (B)")
-        self.budget.clicked.connect(self._budget)
+        self.budget.clicked.connect(self.budget_wanted)
         top.addWidget(self.title, 1)
         top.addWidget(self.budget)
         column.addLayout(top)
@@ -104,7 +106,7 @@ class NumbersPanel(QScrollArea):
         grid.setColumnStretch(1, 1)
         column.addLayout(grid)
         self._add_groups(grid, inner)
-        self.effects = QLabel("", inner)  # what the effects in the model came to
+        self.effects = QLabel("", inner)  # parameters of the effects in the model
         self.effects.setWordWrap(True)
         self.effects.setToolTip(NOISE_ONLY)
         self.effects.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
@@ -124,7 +126,7 @@ class NumbersPanel(QScrollArea):
         self.show_shot(None)
 
     def _add_groups(self, grid: QGridLayout, inner: QWidget) -> None:
-        """Add every number below its group's heading, with what stands between them."""
+        """Add all numbers below their groups' headings."""
         line = 0
         for heading, numbers in ((group, shown_numbers(group)) for group in Group if group is not Group.ANALYSIS):
             label = QLabel(heading.value, inner)
@@ -171,7 +173,7 @@ class NumbersPanel(QScrollArea):
         return [name, value, unit]
 
     def _add_fold(self, grid: QGridLayout, line: int, inner: QWidget) -> list[QWidget]:
-        """Say which kinetic COR is the paper's, and add the button that shows the other ones."""
+        """Add the remark which kinetic COR is the paper's, and the button that unfolds the others."""
         note = QLabel(f"the paper's ({local(f'{PAPERS_VALUE:.4f}')} there)", inner)
         note.setProperty("faint", True)
         note.setToolTip("The paper times T1 and T2 between peaks of the force; PAPER (Ctrl+7) has all its numbers")
@@ -188,7 +190,7 @@ class NumbersPanel(QScrollArea):
         return [note, self.others]
 
     def _add_sentence(self, grid: QGridLayout, line: int, row: ResultNumber, inner: QWidget) -> QWidget:
-        """Add what says under a folded number what it is."""
+        """Add the sentence below a folded number."""
         sentence = QLabel(row.folded, inner)
         sentence.setProperty("faint", True)
         sentence.setWordWrap(True)
@@ -207,15 +209,11 @@ class NumbersPanel(QScrollArea):
         self.show_shot(self._shot, self._title, self._version)
 
     def _reading(self, row: ResultNumber) -> Reading | None:
-        """Return a number with the uncertainty that is asked for."""
+        """Return a number with combined or noise-only uncertainty, as chosen."""
         return stated(row.find(self._shot), row.key, self._combined) if self._shot is not None else None
 
-    @Slot()
-    def _budget(self) -> None:
-        self.budget_wanted.emit()
-
     def text(self, name: str) -> str:
-        """Return what is shown for a number."""
+        """Return the text shown for a number."""
         return self._values[name].text()
 
     def hover(self, name: str) -> str:
@@ -223,17 +221,16 @@ class NumbersPanel(QScrollArea):
         return self._values[name].toolTip()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self.show_shot(self._shot, self._title, self._version)
 
     def show_shot(self, shot: Shot | None, title: str = "", version: str = "") -> None:
-        """Show the numbers of a shot, or dashes; ``version`` made them where they were kept from before."""
+        """Show the numbers of a shot, or dashes; ``version`` is that of a cached result."""
         self._shot, self._version = shot, version
         self._title = title or (shot.name if shot is not None else "No shot")
         self._fit_title()
         self._combined = combined_of(shot) if shot is not None and not self.noise_only.isChecked() else {}
-        driven = shot is not None and shot.settings.model == "driven"
+        driven = shot is not None and is_drive(shot.settings.model)
         for group, widgets in self._groups.items():
             for widget in widgets:
                 widget.setVisible((group is Group.DRIVE) == driven)
@@ -249,8 +246,8 @@ class NumbersPanel(QScrollArea):
             hover = how_text(row.name, reading, row.meaning, which) + said
             label.setToolTip(hover)
             self._mark(row, doubts, hover, bool(wide))
-            told = "; ".join((*map(flag_words, doubts), *([wide] if wide else [])))
-            label.setAccessibleDescription(f"{label.text()} {row.shown_unit} {told}".rstrip())
+            remarks = "; ".join((*map(flag_words, doubts), *([wide] if wide else [])))
+            label.setAccessibleDescription(f"{label.text()} {row.shown_unit} {remarks}".rstrip())
         self.noise_only.setVisible(not driven)  # no number of a drive has a budget
         self.budget.setVisible(not driven)
         self.effects.setText("\n".join(_effect_lines(shot)))
@@ -258,7 +255,7 @@ class NumbersPanel(QScrollArea):
         self._show_flags(shot)
 
     def _mark(self, row: ResultNumber, doubts: tuple[str, ...], hover: str, wide: bool) -> None:
-        """Let a number in doubt, or with a wide ±, say so at its name; a mild flag only in its hover."""
+        """Mark the name of a number in doubt, or with a wide ±; a mild flag is only in its hover."""
         name = self._names[row.name]
         doubted = wide or any(flag_tone(flag) is Tone.WARNING for flag in doubts)
         name.setText(f"{row.name} {MARKS[Tone.WARNING]}" if doubted else row.name)
@@ -266,21 +263,21 @@ class NumbersPanel(QScrollArea):
         name.setToolTip(hover)
 
     def _fit_title(self) -> None:
-        """Leave out the middle of a long name; its end tells shots apart."""
+        """Shorten a long name in its middle, as shots differ at the end."""
         room, metrics = self.title.width(), self.title.fontMetrics()
         self.title.setText(metrics.elidedText(self._title, Qt.TextElideMode.ElideMiddle, room))
         self.title.setToolTip(self._title)
 
     @staticmethod
     def _fitting(label: QLabel, reading: Reading | None, scale: float) -> str:
-        """Return 0.98755563 ± 0.00000016, or, where that has no room, 0.98755563(16)."""
+        """Return 0.98755563 ± 0.00000016 where it fits, else 0.98755563(16)."""
         words = value_text(reading, scale)
         if label.fontMetrics().horizontalAdvance(words) <= max(label.width(), label.minimumWidth()):
             return words
         return concise_text(reading, scale)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Keep the room of the scroll bar free, so that nothing moves when it comes."""
+        """Keep the width of the scroll bar free, so that nothing moves when it appears."""
         super().resizeEvent(event)
         self.widget().setFixedWidth(self.width() - self.verticalScrollBar().sizeHint().width())
         self.widget().layout().activate()
@@ -305,7 +302,7 @@ class NumbersPanel(QScrollArea):
             self.agreement.setToolTip("Difference between quasi-static and impulse COR, relative to their noise")
 
     def _show_flags(self, shot: Shot | None) -> None:
-        """Say what is wrong, what is in doubt, and in quiet letters what is only to be known."""
+        """Show problem, flags and the version of a cached result."""
         lines: list[tuple[Tone, str]] = []
         if shot is not None and shot.problem:
             lines.append((Tone.BAD, f"{MARKS[Tone.BAD]} {shot.problem}"))

@@ -1,10 +1,10 @@
-"""The paper beside this program, on the screen: one line a number, unfolded for what a difference was traced to."""
+"""PAPER: the paper's numbers compared with this program's; a line unfolds into the cause of a difference."""
 
 from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 
 from analysis.paper.paper import Reproduction, Status
 from analysis.shot.quantity import Quantity
-from app.report.paper_rows import SECTIONS, cells, scale_of
+from app.report.paper_rows import SECTIONS, cells, readable_unit
 from app.window.panels.tree_table import Line, TreeTable
 from app.window.theme import Colours, Tone
 from app.words.wording import concise_text, local
@@ -15,7 +15,7 @@ _TONES = {Status.AGREES: Tone.GOOD, Status.TRACED: Tone.GOOD, Status.OPEN: Tone.
 
 
 class PaperPanel(QWidget):
-    """Shows a reproduction of the paper."""
+    """The table of the comparison."""
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -26,18 +26,17 @@ class PaperPanel(QWidget):
         self._say = QLabel(self)
         self._say.setWordWrap(True)
         self.table = TreeTable("The paper, reproduced and audited", COLUMNS, (1, 2, 3, 4, 5), self)
-        self.table.header().moveSection(COLUMNS.index("difference"), 1)  # what matters stays in view when it is narrow
+        self.table.header().moveSection(COLUMNS.index("difference"), 1)  # visible also where the page is narrow
         column.addWidget(self._say)
         column.addWidget(self.table, 1)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         if self._result is not None:
             self.show_reproduction(self._result)
 
     def say(self, words: str) -> None:
-        """Say what is being done, or why there is nothing to show."""
+        """Show a message above the table."""
         self._say.setText(words)
 
     @property
@@ -46,7 +45,7 @@ class PaperPanel(QWidget):
         return self._say.text()
 
     def show_reproduction(self, result: Reproduction) -> None:
-        """Show it; every section is a line that holds its numbers."""
+        """Show the comparison, a line per section."""
         self._result = result
         count = {status: sum(row.status is status for row in result.rows) for status in Status}
         beside = f" Recording: {result.recording}." if result.recording else ""
@@ -59,13 +58,13 @@ class PaperPanel(QWidget):
             parts = []
             for row in (row for row in result.rows if row.section == section):
                 texts = cells(row)
-                told = [local(text) if "." in text and not text.isalpha() else text for text in texts[1:]]
+                shown = [local(text) if "." in text and not text.isalpha() else text for text in texts[1:]]
                 if isinstance(row.recorded, Quantity):
-                    told[RECORDED] = concise_text(row.recorded, scale_of(row))
+                    shown[RECORDED] = concise_text(row.recorded, readable_unit(row)[0])
                 trace = (Line((row.traced_to, *[""] * 6)),) if row.traced_to else ()
                 tone = _TONES.get(row.status)
                 colour = self._colours.signs[tone] if tone is not None else None
-                parts.append(Line((texts[0], *told), row.traced_to, trace, colour=colour))
+                parts.append(Line((texts[0], *shown), row.traced_to, trace, colour=colour))
             lines.append(Line((words, *[""] * 6), "", tuple(parts), True))
         self.table.show_lines(lines)
         for index in range(self.table.topLevelItemCount()):

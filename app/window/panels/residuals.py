@@ -1,4 +1,4 @@
-"""What the model left over before and after the diagnosis: the residual of one shot, and the errors in numbers."""
+"""The residual of one shot before and after the diagnosis, and the table of errors."""
 
 import math
 from collections.abc import Sequence
@@ -17,14 +17,15 @@ from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.cursors import SECONDS
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
-from app.words.prefixes import prefix_for
+from app.words.physics_words import prefix_for
 from app.words.wording import number, repeatability_words, short_name
+from levimass.analysis_settings import is_drive
 
 CELL = "<td align='right' style='padding: 0 6px'>"
 
 
 class Residuals(QWidget):
-    """Two linked plots with the band that noise and the building leave, and the table of errors."""
+    """Two linked plots with the band of noise and building, and the table of errors."""
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -51,12 +52,11 @@ class Residuals(QWidget):
         self._errors.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self._errors.setToolTip(
             "Rms residuals over the same samples at the same bandwidth.\nJoint χ²/ν: of all shots fitted together, "
-            "against the noise that the diagnosis found; beside MODEL stands that of one shot's own fit."
+            "against the noise that the diagnosis found; the panel MODEL shows that of one shot's own fit."
         )
         column.addWidget(self._errors)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self.stack.dress(colours)
         for curve in self._curves:
             curve.setPen(thin(colours.residual))
@@ -68,34 +68,33 @@ class Residuals(QWidget):
         return self.forces.stack if self.forces.stack.isVisibleTo(self) else self.stack
 
     def clear(self) -> None:
-        """Show nothing."""
         self._errors.setText("")
         self._forget()
 
     def _forget(self) -> None:
-        """Draw nothing: a picture of other shots would pass for these."""
+        """Clear the plots, so that other shots' curves are not taken for these."""
         for curve, band in zip(self._curves, self._bands, strict=True):
             curve.clear_samples()
             band.show_band(0.0, 1.0, np.zeros(0))
         self.stack.tell((), "")
         self.forces.show_curves(None, None, None)
 
-    def _let_stand(self, forces: bool) -> None:
+    def _show_stack(self, forces: bool) -> None:
         self.stack.setVisible(not forces)
         self.forces.stack.setVisible(forces)
 
     def show_forces(self, shot: Shot, before: DriveCurves, after: DriveCurves) -> None:
-        """Show what a driven shot's force leaves over under the fits before and after the diagnosis on the screen."""
+        """Show the residual of a drive's force under the fits before and after the diagnosis."""
         against = repeatability_words(after.repeatability.repeats, after.repeatability.what)
         self._heading.setText(f"RESIDUAL OF FORCE, {short_name(shot.name)} (band: ±2 × {against})")
         self.forces.show_curves(shot, before, after)
 
     def show_diagnosis(self, diagnosis: Diagnosis, shots: list[Shot]) -> None:
-        """Show the first of these shots that was analysed, and the errors of all."""
+        """Show the residual of the first analysed shot, and the errors of all."""
         self._errors.setText(_errors_table(diagnosis))
         shown = next((i for i, shot in enumerate(shots) if shot.motion is not None), None)
-        driven = diagnosis.fit_after.model == "driven"
-        self._let_stand(driven)
+        driven = is_drive(diagnosis.fit_after.model)
+        self._show_stack(driven)
         if driven or shown is None or shown >= len(diagnosis.fit_after.shots):
             self._heading.setText("RESIDUAL OF FORCE" if driven else "")
             self._forget()
@@ -130,7 +129,7 @@ class Residuals(QWidget):
 
 
 class ForceResiduals(QObject):
-    """Two linked plots of a drive: measured less modelled force, before and after, over its whole record."""
+    """Two linked plots of a drive: residual of the force before and after, over the whole record."""
 
     def __init__(self, colours: Colours, parent: QWidget) -> None:
         super().__init__(parent)
@@ -145,13 +144,12 @@ class ForceResiduals(QObject):
         self.stack.hide()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self.stack.dress(colours)
         for curve in self._curves:
             curve.setPen(thin(colours.residual))
 
     def show_curves(self, shot: Shot | None, before: DriveCurves | None, after: DriveCurves | None) -> None:
-        """Show these of a shot; None: nothing."""
+        """Show the curves of a shot, or nothing for None."""
         self.stack.tell((shot,) if shot is not None else (), shot.name if shot is not None else "")
         for found, plot, curve, band in zip((before, after), self._plots, self._curves, self._bands, strict=True):
             if found is None:
@@ -168,7 +166,6 @@ class ForceResiduals(QObject):
 
     @Slot()
     def reset(self) -> None:
-        """Show the whole record."""
         self.stack.zoom(*self._span)
 
 
@@ -198,7 +195,7 @@ def _errors_table(diagnosis: Diagnosis) -> str:
 
 
 def _column(head: str, unit: str, values: Sequence[float]) -> list[str]:
-    """Return a heading and numbers of one unit: where "141 nm" stood over "152 pm", the eye read a rise."""
+    """Return a column with one unit: "141 nm" above "152 pm" would look like an increase."""
     most = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
     factor, words = prefix_for(most, unit)
     return [f"<b>{head}</b><br>({words})", *(number(factor * value, 3) for value in values)]

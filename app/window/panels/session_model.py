@@ -1,6 +1,6 @@
-"""The session as Qt's tables want it: a line a shot, a hover for every number, the note editable."""
+"""The Qt model of the table of shots: a row per shot, a hover per cell, editable notes."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,22 +8,22 @@ from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, Qt, Signal
 from PySide6.QtGui import QFont
 
 from analysis.shot.quantity import Quantity, Reading
-from analysis.uncertainty.budget import stated
+from analysis.shot.shot import Shot
+from analysis.uncertainty.budget import combined_of, stated
 from analysis.uncertainty.numbers import Kind, ResultNumber, of_collision
 from app.session.session import Entry
-from app.window.combined import COMBINED, NOISE_ONLY, CombinedOnce
-from app.window.flag_tone import flag_line
 from app.window.panels.session_order import Order, ordered
+from app.window.tones import flag_line
 from app.words.flag_words import by_weight, flag_name, flag_words, flags_in_short
 from app.words.verdict import OUTDATED, verdict_words
-from app.words.wording import DASH, concise_text, how_text, value_text
+from app.words.wording import COMBINED, DASH, NOISE_ONLY, concise_text, how_text, value_text
 
-LETTERS = 15  # a number's width, in digits: 0.98729985(50) and room beside it
+LETTERS = 15  # width of a number in digits, for 0.98729985(50)
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column: its head, its width in digits, what its cells say; or the number that it shows."""
+    """A column: heading, width in digits, and the text of its cells or the number it shows."""
 
     head: str
     letters: int
@@ -33,11 +33,11 @@ class Column:
 
     @property
     def hidden(self) -> bool:
-        """Get whether it is hidden until it is chosen."""
+        """Get whether it is hidden at first."""
         return self.number is not None and not self.number.listed
 
     def order(self, entry: Entry) -> float | str | None:
-        """Return what it sorts by: a number's value, a text; None where there is nothing."""
+        """Return what the column sorts by: a value or a text; None sorts last."""
         if self.number is not None:
             reading = self.number.find(entry.shot) if entry.shot is not None else None
             return reading.value if isinstance(reading, Quantity) else None
@@ -63,7 +63,7 @@ def _flags(entry: Entry) -> str:
 
 
 def columns() -> list[Column]:
-    """Return the columns in their order; the hidden ones stand at the end."""
+    """Return the columns in order, the hidden ones last."""
     numbers = [Column(n.head, LETTERS, number=n) for n in of_collision(Kind.READ, Kind.FITTED, Kind.STATED)]
     return [
         Column("#", 9, _place, lambda entry: float(entry.number)),
@@ -99,27 +99,45 @@ def _heading(words: str, column: int, role: int) -> Any:
     return None
 
 
+class _CombinedCache:
+    """Combined standard uncertainties by shot."""
+
+    def __init__(self) -> None:
+        self._made: dict[int, tuple[Shot, Mapping[str, float]]] = {}  # by the id of the shot, which is kept alive
+
+    def of(self, shot: Shot) -> Mapping[str, float]:
+        """Return the combined standard uncertainties of a shot."""
+        if id(shot) not in self._made:
+            self._made[id(shot)] = (shot, combined_of(shot))
+        return self._made[id(shot)][1]
+
+    def keep(self, shots: Iterable[Shot]) -> None:
+        """Drop all shots but these."""
+        listed = {id(shot) for shot in shots}
+        self._made = {key: made for key, made in self._made.items() if key in listed}
+
+
 class SessionModel(QAbstractTableModel):
-    """The session as Qt's views want it; editing a note goes through ``note_edited``."""
+    """The model; an edited note is emitted as ``note_edited``."""
 
     note_edited = Signal(int, str)
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self.columns = columns()
-        self.entries: tuple[Entry, ...] = ()  # all, in the order in which they were taken
-        self.rows: tuple[Entry | str, ...] = ()  # as they stand, a heading before each group
+        self.entries: tuple[Entry, ...] = ()  # all, in the order taken
+        self.rows: tuple[Entry | str, ...] = ()  # as shown, a heading before each group
         self.order = Order()
         self._struck: frozenset[int] = frozenset()
-        self._combined = CombinedOnce()
+        self._combined = _CombinedCache()
 
     @property
     def identities(self) -> list[int | str]:
-        """Get what each row is, whatever became of its shot."""
+        """Get the number or heading of each row."""
         return [_identity(row) for row in self.rows]
 
     def show_entries(self, entries: tuple[Entry, ...], struck: Collection[int] = ()) -> None:
-        """Show these; rows that only changed keep their place and selection.
+        """Show these entries; rows that only changed keep place and selection.
 
         ``struck`` are numbers of entries whose verdict no longer holds.
         """
@@ -149,7 +167,7 @@ class SessionModel(QAbstractTableModel):
             self.endResetModel()
 
     def entry_at(self, row: int) -> Entry | None:
-        """Return the entry in a row; a heading is none."""
+        """Return the entry in a row, None for a heading."""
         found = self.rows[row] if row < len(self.rows) else None
         return found if isinstance(found, Entry) else None
 
@@ -171,15 +189,12 @@ class SessionModel(QAbstractTableModel):
         return " ".join((*(column.text(entry) for column in self.columns if column.number is None), flags))
 
     def rowCount(self, parent: QModelIndex | None = None) -> int:
-        """Return the number of rows, headings of groups among them."""
         return 0 if parent is not None and parent.isValid() else len(self.rows)
 
     def columnCount(self, parent: QModelIndex | None = None) -> int:
-        """Return the number of columns."""
         return 0 if parent is not None and parent.isValid() else len(self.columns)
 
     def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        """Return a column's name."""
         if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole:
             return self.columns[section].head
         if role == Qt.ItemDataRole.TextAlignmentRole:
@@ -190,14 +205,13 @@ class SessionModel(QAbstractTableModel):
         return None
 
     def flags(self, index: QModelIndex) -> Qt.ItemFlag:
-        """Let notes be edited; a heading is only read."""
+        """Return the flags of a cell; only notes are editable."""
         if self.entry_at(index.row()) is None:
             return Qt.ItemFlag.ItemIsEnabled
         flags = Qt.ItemFlag.ItemIsEnabled | Qt.ItemFlag.ItemIsSelectable
         return flags | Qt.ItemFlag.ItemIsEditable if index.column() == NOTE else flags
 
     def data(self, index: QModelIndex, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        """Return what a cell says."""
         entry, column = self.rows[index.row()], index.column()
         if isinstance(entry, str):
             return _heading(entry, column, role)
@@ -245,7 +259,7 @@ class SessionModel(QAbstractTableModel):
         return self._text(entry, column) or None
 
     def setData(self, index: QModelIndex, value: Any, role: int = Qt.ItemDataRole.EditRole) -> bool:
-        """Pass an edited note on."""
+        """Emit an edited note."""
         if role != Qt.ItemDataRole.EditRole or index.column() != NOTE:
             return False
         entry = self.entry_at(index.row())

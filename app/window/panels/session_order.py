@@ -1,4 +1,4 @@
-"""In which order the shots of a session stand, which of them, and under which headings."""
+"""Sort, filter and group the shots of a session."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -9,7 +9,7 @@ from app.session.session import Entry
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """``column`` None: as they were taken; ``words`` must all be found; ``group`` is one of ``GROUPS``."""
+    """``column`` None: the order taken; all ``words`` must occur; ``group`` is one of ``GROUPS``."""
 
     column: int | None = None
     falling: bool = False
@@ -40,9 +40,9 @@ def ordered(
     value: Callable[[Entry, int], float | str | None],
     searched: Callable[[Entry], str],
 ) -> tuple[Entry | str, ...]:
-    """Return the entries as ``order`` asks, a heading before each group.
+    """Return the entries in this order, a heading before each group.
 
-    ``value`` gives what a column sorts by, a number or a text or None; ``searched`` the text that words are found in.
+    ``value`` gives what a column sorts by (a number, a text, or None), ``searched`` the text to search.
     """
     words = order.words.lower().split()
     seen = [entry for entry in entries if all(word in searched(entry).lower() for word in words)]

@@ -1,4 +1,4 @@
-"""The shots of the session: select one to see it, several to compare; notes are edited in place."""
+"""The table of shots with its buttons, filter, groups and columns."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -36,10 +36,9 @@ from app.window.panels.session_order import GROUPS, Order
 
 
 class _FromTheLeft(QStyledItemDelegate):
-    """Cells whose beginning matters: what does not fit is left out at the end, not in the middle as of names."""
+    """Cells that are shortened at the end; names are shortened in the middle."""
 
     def initStyleOption(self, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex) -> None:
-        """Leave the end out."""
         super().initStyleOption(option, index)
         option.textElideMode = Qt.TextElideMode.ElideRight  # type: ignore[attr-defined]
 
@@ -48,10 +47,10 @@ class SessionTable(QFrame):
     """The table with its buttons."""
 
     selected = Signal(list)
-    export_wanted = Signal(list)
-    report_wanted = Signal(list)
-    remove_wanted = Signal(list)
-    reanalyse_wanted = Signal(list)
+    export_wanted = Signal()
+    report_wanted = Signal()
+    remove_wanted = Signal()
+    reanalyse_wanted = Signal()
     note_edited = Signal(int, str)
     undo_wanted = Signal()
     open_wanted = Signal()
@@ -72,20 +71,20 @@ class SessionTable(QFrame):
         self._numbers: list[int] = []
         self._hidden: list[int] = []  # selected before the filter hid them
         for words, tip, slot in (
-            ("Open …", "Open recordings; or drop them on the window  (Ctrl+O)", self._open),
+            ("Open …", "Open recordings; or drop them on the window  (Ctrl+O)", self.open_wanted),
             (
                 "Export …",
                 "CSV of the selected shots, or of all: a motion file each, and shots.csv  (Ctrl+E)",
-                self._export,
+                self.export_wanted,
             ),
-            ("Report …", "One printable HTML file of the selected shots, or of all  (Ctrl+T)", self._report),
+            ("Report …", "One printable HTML file of the selected shots, or of all  (Ctrl+T)", self.report_wanted),
             (
                 "Re-analyse",
                 "Analyse the selected shots again, as copies, with the present settings  (Ctrl+R)",
-                self._again,
+                self.reanalyse_wanted,
             ),
-            ("Remove", "Remove the selected shots from the list; the recordings stay on disk  (Del)", self._remove),
-            ("Undo", "Undo the last note, removal or change of the model  (Ctrl+Z)", self._undo),
+            ("Remove", "Remove the selected shots from the list; recordings stay on disk  (Del)", self.remove_wanted),
+            ("Undo", "Undo the last note, removal or change of the model  (Ctrl+Z)", self.undo_wanted),
         ):
             button = QPushButton(words, self)
             button.setToolTip(tip)
@@ -100,9 +99,9 @@ class SessionTable(QFrame):
         self._enable()
 
     def _make_table(self) -> None:
-        """Make the table of shots, its columns as wide as what they usually hold."""
+        """Make the table; columns are as wide as their usual content."""
         self.model = SessionModel(self)
-        self.model.note_edited.connect(self._note)
+        self.model.note_edited.connect(self.note_edited)
         self.table = QTableView(self)
         self.table.setModel(self.model)
         self.table.setAccessibleName("Shots of the session")
@@ -138,7 +137,7 @@ class SessionTable(QFrame):
         )
 
     def _add_order(self, bar: QHBoxLayout) -> None:
-        """Add what sorts the shots out: words to find, groups, columns."""
+        """Add filter, groups and the choice of columns."""
         self.filter = QLineEdit(self)
         self.filter.setPlaceholderText("filter")
         self.filter.setAccessibleName("Filter words")
@@ -155,20 +154,20 @@ class SessionTable(QFrame):
         self.columns = QPushButton("Columns …", self)
         self.columns.setToolTip("Choose which columns are shown  (Ctrl+Shift+F)")
         self.filter.textChanged.connect(self._arrange)
-        self.filter.returnPressed.connect(self._give_back)
+        self.filter.returnPressed.connect(self._leave_filter)
         self.group.currentIndexChanged.connect(self._arrange)
         self.columns.clicked.connect(self.choose_columns)
         for place, widget in enumerate((self.filter, self.group, self.columns), 1):
             bar.insertWidget(place, widget)
 
     @Slot()
-    def _give_back(self) -> None:
-        """Give the keyboard to the table, so that space is ARM again."""
+    def _leave_filter(self) -> None:
+        """Move the focus to the table, so that space is ARM again."""
         self.table.setFocus()
 
     @property
     def shown(self) -> list[int]:
-        """Get the numbers of the shots that are not sorted out, as they stand."""
+        """Get the numbers of the shots shown, in their order."""
         return [row.number for row in self.model.rows if isinstance(row, Entry)]
 
     @Slot()
@@ -178,7 +177,7 @@ class SessionTable(QFrame):
 
     @Slot(int)
     def _sort_by(self, column: int) -> None:
-        """Sort by a column, the other way at the second click, not at all at the third."""
+        """Sort by a column, in reverse at the second click, in the order taken at the third."""
         now = self.model.order
         if now.column != column:
             now = replace(now, column=column, falling=False)
@@ -196,7 +195,7 @@ class SessionTable(QFrame):
         self._changed()
 
     def _keeping_selection(self, change: Callable[[], None]) -> None:
-        """Let the same shots be selected after the rows were laid anew, and headings go over the whole width."""
+        """Change the rows and keep the selection; let headings span all columns."""
         before, rows = self._numbers, self.model.identities
         change()
         if len(rows) and rows != self.model.identities[: len(rows)] and not self._selected_numbers():
@@ -208,7 +207,7 @@ class SessionTable(QFrame):
                 self.table.setSpan(row, 0, 1, len(self.model.columns))
 
     def _selected_again(self, before: list[int]) -> None:
-        """Keep in mind a selection that the filter hides, and bring it back when it is seen again."""
+        """Remember a selection that the filter hides, and restore it when it is visible again."""
         now, there = self._selected_numbers(), {entry.number for entry in self.model.entries}
         if before and not now:
             self._hidden = [number for number in before if number in there]
@@ -229,7 +228,7 @@ class SessionTable(QFrame):
         """Open the menu of columns."""
         menu = QMenu(self)
         menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-        for place, column in enumerate(self.model.columns[1:], 1):  # the number stays: it is what a shot is called by
+        for place, column in enumerate(self.model.columns[1:], 1):  # the number is always shown
             action = menu.addAction(column.head)
             action.setCheckable(True)
             action.setChecked(not self.table.isColumnHidden(place))
@@ -237,7 +236,6 @@ class SessionTable(QFrame):
         menu.popup(self.columns.mapToGlobal(self.columns.rect().bottomLeft()))
 
     def show_column(self, column: int, shown: bool) -> None:
-        """Show or hide a column."""
         self.table.setColumnHidden(column, not shown)
 
     @property
@@ -265,7 +263,7 @@ class SessionTable(QFrame):
         flag = QItemSelectionModel.SelectionFlag
         chosen, last = QItemSelection(), None
         if numbers and self.filter.text() and not set(numbers) & set(self.shown):
-            self.filter.clear()  # what is to be seen was sorted out
+            self.filter.clear()  # they are hidden by the filter
         for row, entry in enumerate(self.model.rows):
             if isinstance(entry, Entry) and entry.number in numbers:
                 last = self.model.index(row, 0)
@@ -274,15 +272,15 @@ class SessionTable(QFrame):
         if last is not None:
             model.setCurrentIndex(last, flag.NoUpdate)
             self.table.scrollTo(last)
-        model.select(chosen, flag.ClearAndSelect | flag.Rows)  # at once: every change of the selection is drawn
+        model.select(chosen, flag.ClearAndSelect | flag.Rows)  # in one step, as every change is drawn
 
     def as_text(self) -> str:
-        """Return the selected lines, or all, as the table shows them: a line of heads, cells parted by tabs."""
+        """Return the selected rows, or all, as text with headings, cells separated by tabs."""
         shown = [n for n in range(len(self.model.columns)) if not self.table.isColumnHidden(n)]
         chosen = set(self._numbers) or set(self.shown)
         rows = [row for row, e in enumerate(self.model.rows) if isinstance(e, Entry) and e.number in chosen]
         lines = [[self.model.columns[n].head for n in shown]]
-        whole = Qt.ItemDataRole.EditRole  # the flags are not cut to the first
+        whole = Qt.ItemDataRole.EditRole  # all flags, not only the first
         lines += [[str(self.model.index(row, n).data(whole)) for n in shown] for row in rows]
         return "".join("\t".join(" ".join(cell.split()) for cell in line) + "\n" for line in lines)
 
@@ -305,31 +303,3 @@ class SessionTable(QFrame):
         self._numbers = self._selected_numbers()
         self._enable()
         self.selected.emit(self.numbers)
-
-    @Slot(int, str)
-    def _note(self, number: int, note: str) -> None:
-        self.note_edited.emit(number, note)
-
-    @Slot()
-    def _open(self) -> None:
-        self.open_wanted.emit()
-
-    @Slot()
-    def _export(self) -> None:
-        self.export_wanted.emit(self.numbers)
-
-    @Slot()
-    def _report(self) -> None:
-        self.report_wanted.emit(self.numbers)
-
-    @Slot()
-    def _again(self) -> None:
-        self.reanalyse_wanted.emit(self.numbers)
-
-    @Slot()
-    def _remove(self) -> None:
-        self.remove_wanted.emit(self.numbers)
-
-    @Slot()
-    def _undo(self) -> None:
-        self.undo_wanted.emit()

@@ -1,4 +1,4 @@
-"""Settings in a side sheet: nothing modal, each field with unit and limits, applied at once or refused in words."""
+"""The sheet of settings, made from their declarations; checked and applied as a whole."""
 
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from levimass.setting import Setting, Value
 
 
 class SettingsSheet(SideSheet):
-    """Fields by group over the right side of the window."""
+    """The form, fields by group."""
 
     applied = Signal(dict)
 
@@ -33,8 +33,8 @@ class SettingsSheet(SideSheet):
         self._colours = colours
         self._fields: tuple[Setting, ...] = ()
         self._editors: dict[str, QWidget] = {}
-        self._tone = Tone.NEUTRAL  # of what is said below the fields
-        self._browsed = ""  # the field a folder was last asked for
+        self._tone = Tone.NEUTRAL  # of the message below the fields
+        self._browsed = ""  # the field whose folder is being chosen
         column, _ = self.head("Settings", "Close without applying  (F2 or Esc)")
         hint = QLabel("They hold for the next shots; each shot keeps the settings it was taken with.", self)
         hint.setProperty("faint", True)
@@ -56,7 +56,7 @@ class SettingsSheet(SideSheet):
         column.addWidget(self._apply)
 
     def offer(self, fields: tuple[Setting, ...]) -> None:
-        """Build the form."""
+        """Build the form for these settings."""
         self._fields = fields
         self._editors = {}
         inner = QWidget(self)
@@ -126,7 +126,7 @@ class SettingsSheet(SideSheet):
         self.set_value(self._browsed, str(paths[0]))
 
     def show_values(self, values: dict[str, Value]) -> None:
-        """Fill the form."""
+        """Fill the form with these values."""
         self._problem.setText("")
         for field in self._fields:
             editor, value = self._editors[field.key], values.get(field.key)
@@ -144,14 +144,14 @@ class SettingsSheet(SideSheet):
                     editor.setText("" if value is None else str(value))
 
     def set_value(self, key: str, text: str) -> None:
-        """Type into a field."""
+        """Set the text of a field."""
         editor = self._editors[key]
         assert isinstance(editor, QLineEdit)
         editor.setText(text)
 
     @Slot()
     def apply(self) -> None:
-        """Check every field; pass all on, or say in words what is wrong with the first that is."""
+        """Check all fields; emit the values, or show the first error."""
         values: dict[str, Value] = {}
         for field in self._fields:
             editor = self._editors[field.key]
@@ -178,9 +178,9 @@ class SettingsSheet(SideSheet):
             return None, f"{field.words}: {error}"
         if not values:
             return ("", "") if field.optional else (None, f"{field.words}: a number is missing")
-        told = [self._number(field, repr(value)) for value in values]
-        problem = next((problem for _, problem in told if problem), "")
-        return " ".join(f"{value:.12g}" for value, _ in told if value is not None), problem
+        checked = [self._number(field, repr(value)) for value in values]
+        problem = next((problem for _, problem in checked if problem), "")
+        return " ".join(f"{value:.12g}" for value, _ in checked if value is not None), problem
 
     def _number(self, field: Setting, text: str) -> tuple[float | None, str]:
         if not text.strip():
@@ -196,11 +196,11 @@ class SettingsSheet(SideSheet):
         return stored, ""
 
     def refuse(self, problem: str) -> None:
-        """Say why the settings were not taken."""
+        """Show why the settings were refused."""
         self._say(problem, Tone.BAD)
 
     def accept_words(self, words: str) -> None:
-        """Say that they were."""
+        """Show that the settings were applied."""
         self._say(words, Tone.GOOD)
 
     def _say(self, words: str, tone: Tone) -> None:
@@ -210,14 +210,13 @@ class SettingsSheet(SideSheet):
 
     @property
     def problem(self) -> str:
-        """Get what is said below the fields."""
+        """Get the message below the fields."""
         return self._problem.text()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self._problem.setStyleSheet(f"color: {colours.signs[self._tone]}; font-weight: bold")
 
     def open(self) -> None:
-        """Show the sheet, its first field in focus."""
+        """Show the sheet with the focus in its first field."""
         self.open_at(next(iter(self._editors.values()), None))

@@ -1,4 +1,4 @@
-"""The guided set-up in a side sheet: what is plugged in, may it be used, and is its signal fit for a shot."""
+"""The sheet of the guided set-up: choose the source, check its signals, ARM."""
 
 from collections.abc import Sequence
 
@@ -19,7 +19,7 @@ TITLES = {"PD0": "PD0, rest beat", "PD1": "PD1, moving beat", "light switch": "L
 
 
 class SetupSheet(SideSheet):
-    """Three steps from top to bottom; says what is wanted, does nothing itself."""
+    """Three steps from top to bottom; emits what is pressed."""
 
     look_wanted = Signal()
     source_wanted = Signal(str)
@@ -32,12 +32,19 @@ class SetupSheet(SideSheet):
         self._checks: tuple[Check, ...] = ()
         column, self._close = self.head("Set-up", "Close the set-up  (F3 or Esc)")
         column.setSpacing(6)
+        self._add_sources(column)
+        self._add_permission(column)
+        self._add_checks(column)
+        column.addStretch(1)
+        self.show_looking()
+        self.show_checks((), "no samples yet")
 
+    def _add_sources(self, column: QVBoxLayout) -> None:
         row = QHBoxLayout()
         row.addWidget(self._heading("1   CHOOSE THE SOURCE"), 1)
         self.look = QPushButton("Look again", self)
-        self.look.setToolTip("Look for devices that were plugged in meanwhile")
-        self.look.clicked.connect(self._look)
+        self.look.setToolTip("Search again for devices")
+        self.look.clicked.connect(self.look_wanted)
         row.addWidget(self.look)
         column.addLayout(row)
         self._found = QLabel(self)
@@ -65,6 +72,7 @@ class SetupSheet(SideSheet):
         self._refusal.hide()
         column.addWidget(self._refusal)
 
+    def _add_permission(self, column: QVBoxLayout) -> None:
         self._permission = QWidget(self)
         permission = QVBoxLayout(self._permission)
         permission.setContentsMargins(0, 8, 0, 0)
@@ -82,6 +90,7 @@ class SetupSheet(SideSheet):
         self._permission.hide()
         column.addWidget(self._permission)
 
+    def _add_checks(self, column: QVBoxLayout) -> None:
         column.addSpacing(10)
         column.addWidget(self._heading("2   CHECK THE SIGNALS, THE BLOCK AT REST"))
         self._lines: list[QLabel] = []
@@ -94,7 +103,6 @@ class SetupSheet(SideSheet):
             line.hide()
             self._lines.append(line)
             column.addWidget(line)
-
         column.addSpacing(10)
         column.addWidget(self._heading("3   ARM"))
         self._verdict = QLabel(self)
@@ -104,11 +112,8 @@ class SetupSheet(SideSheet):
         self.arm = QPushButton("ARM", self)
         self.arm.setProperty("primary", True)
         self.arm.setToolTip("Close the set-up and wait for the light switch  (space)")
-        self.arm.clicked.connect(self._arm)
+        self.arm.clicked.connect(self.arm_wanted)
         column.addWidget(self.arm)
-        column.addStretch(1)
-        self.show_looking()
-        self.show_checks((), "no samples yet")
 
     def _heading(self, words: str) -> QLabel:
         label = QLabel(words, self)
@@ -118,14 +123,14 @@ class SetupSheet(SideSheet):
     # devices ----------------------------------------------------------------------------------------------------
 
     def show_looking(self) -> None:
-        """Say that the buses are being looked at."""
+        """Show that devices are being searched."""
         self.look.setEnabled(False)
         self._found.setText("looking for devices …")
 
     def show_devices(
         self, found: Sequence[FoundDevice], known: Sequence[FoundDevice], present: str, problem: str = ""
     ) -> None:
-        """List the bench, what was found and the addresses known; ``problem`` says why nothing could be looked for."""
+        """List the bench, the devices found and known addresses; ``problem``: why the search failed."""
         self.look.setEnabled(True)
         clear_layout(self._devices)
         if problem:
@@ -155,14 +160,14 @@ class SetupSheet(SideSheet):
         self._devices.addWidget(button, line, 1, Qt.AlignmentFlag.AlignTop)
 
     def refuse_address(self, words: str) -> None:
-        """Say why the address is none, or nothing."""
+        """Show why an address is invalid, or ""."""
         self._refusal.setText(f"{MARKS[Tone.BAD]} {words}" if words else "")
         self._refusal.setStyleSheet(f"color: {self._colours.signs[Tone.BAD]}")
         self._refusal.setVisible(bool(words))
 
     @property
     def refusal(self) -> str:
-        """Get what is said of the address."""
+        """Get the message on the address."""
         return self._refusal.text()
 
     def use_buttons(self) -> list[QPushButton]:
@@ -171,19 +176,19 @@ class SetupSheet(SideSheet):
         return [widget for widget in widgets if isinstance(widget, QPushButton)]
 
     def show_remedy(self, lines: str) -> None:
-        """Show how permission is given, or nothing."""
+        """Show the commands that give permission, or nothing."""
         self._remedy.setText(lines)
         self._permission.setVisible(bool(lines))
 
     @property
     def remedy(self) -> str:
-        """Get the lines that give permission, empty where it is not lacking."""
+        """Get the commands that give permission."""
         return self._remedy.text()
 
     # signals ----------------------------------------------------------------------------------------------------
 
     def show_checks(self, checks: tuple[Check, ...], waiting: str = "") -> None:
-        """Show the verdicts, or why there are none yet."""
+        """Show the checks of the signals, or why there are none yet."""
         self._checks = checks
         for index, line in enumerate(self._lines):
             line.setVisible(index < len(checks) or (index == 0 and not checks))
@@ -204,7 +209,7 @@ class SetupSheet(SideSheet):
 
     @property
     def lines(self) -> list[str]:
-        """Get the verdict lines shown."""
+        """Get the lines of the checks."""
         return [line.text() for line in self._lines if line.text()]
 
     @property
@@ -215,7 +220,6 @@ class SetupSheet(SideSheet):
     # the sheet --------------------------------------------------------------------------------------------------
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         for line in (*self._lines, self._verdict):
             line.setText("")
@@ -227,20 +231,12 @@ class SetupSheet(SideSheet):
         self.open_at(self.look if self.look.isEnabled() else self._close)
 
     @Slot()
-    def _look(self) -> None:
-        self.look_wanted.emit()
-
-    @Slot()
     def _use(self) -> None:
         self.source_wanted.emit(str(self.sender().property("source")))
 
     @Slot()
     def _address(self) -> None:
         self.address_wanted.emit(self.address.text())
-
-    @Slot()
-    def _arm(self) -> None:
-        self.arm_wanted.emit()
 
     @Slot()
     def _copy(self) -> None:

@@ -1,4 +1,4 @@
-"""SHOT: the views of one shot, one at a time: over time, force against deflection, gap, raw signals."""
+"""SHOT: the views of one shot: over time, force against deflection, gap, raw signals."""
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QResizeEvent
@@ -21,6 +21,7 @@ from app.window.plots.legend import Legend, Look
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
+from levimass.analysis_settings import is_drive
 
 VIEWS = (
     ("whole", "Whole shot", "1", "Velocity, force and residual of the whole shot"),
@@ -34,30 +35,30 @@ VIEWS = (
     ("gap", "Gap", "4", "Distance between block and plate (Fig. 7); below zero the two overlap"),
     ("raw", "Raw signals", "5", "Photodiode and light-switch signals, every sample"),
 )
-DRIVE_VIEWS = {  # what the first keys mean for a driven record, which strikes nothing
+DRIVE_VIEWS = {  # views of a drive, on the same keys
     "whole": ("Over time", "Velocity, force and residual over the whole record"),
     "contact": ("Force vs speed", "Measured and modelled force against speed, and the residual"),
     "deflection": ("Force vs position", "Measured and modelled force against position, and the residual"),
 }
-LOW_LINES = 18  # of text: a page lower than these has no room for a legend beside its plots
+LOW_LINES = 18  # of text: a lower page has no room for a legend
 NO_SHOT = "No shot yet. Press ARM (space), then push the block through the light switch."
 
 
 class ShotPanel(QWidget):
-    """The plots of the shot that is selected."""
+    """The plots of the selected shot."""
 
     view_changed = Signal(str)
-    raw_wanted = Signal(object)  # the recording whose raw curves are to be made
-    drive_wanted = Signal(object)  # the shot whose force is to be modelled
+    raw_wanted = Signal(object)  # the recording whose raw curves are needed
+    drive_wanted = Signal(object)  # the shot whose modelled force is needed
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._colours = colours
         self._shot: Shot | None = None
-        self._of = ""  # the shot in words, which every plot of it carries
+        self._of = ""  # the shot's name, for its plots
         self._driven = False
         self._view = "whole"
-        self._undrawn: set[str] = set()  # views that do not show this shot yet
+        self._undrawn: set[str] = set()  # views that are not drawn yet
         self.motion = MotionView(colours, self)
         self.stack = self.motion.stack
         self.deflection = DeflectionView(colours, self)
@@ -147,7 +148,6 @@ class ShotPanel(QWidget):
             column.addWidget(CursorReadout(plot, self))
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         for view in (self.motion, self.deflection, self.gap, self.raw, self.drive):
             view.dress(colours)
@@ -176,7 +176,7 @@ class ShotPanel(QWidget):
 
     @property
     def _reading(self) -> bool:
-        """Get whether the raw view waits for its samples."""
+        """Get whether the raw view waits for its curves."""
         return self._view == "raw" and self.raw.has_samples and self.raw.wanted is not None
 
     def show_shot(
@@ -186,15 +186,15 @@ class ShotPanel(QWidget):
         words: str = "",
         judged_by: Diagnosis | None = None,
     ) -> None:
-        """Show this shot, called so in ``words``; None shows these, or what to do to get one.
+        """Show a shot under the name ``words``; None shows ``words``, or how to take a shot.
 
-        ``judged_by`` is the diagnosis whose verdict on the shot holds: the band is the one that it judged by.
+        ``judged_by`` is the diagnosis whose verdict on the shot holds; the noise band is then that diagnosis's.
         """
         self._shot, self._judged_by = shot, judged_by
         self._of = words or (shot.name if shot is not None else "")
         for plot in self._plots:
             plot.tell((), "")
-        self._driven = shot is not None and shot.settings.model == "driven"
+        self._driven = shot is not None and is_drive(shot.settings.model)
         self._name_views()
         self.raw.show_recording(recording, 0.0 if shot is None else time_zero(shot)[0])
         if shot is None or shot.motion is None:
@@ -235,15 +235,11 @@ class ShotPanel(QWidget):
         self.view_changed.emit(view)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Keep room for the plots."""
         super().resizeEvent(event)
         self._show_words()
 
     def _show_words(self) -> None:
-        """Show legend and summary; on a low screen the plots need their room, and the words come on hovering.
-
-        An empty plot has room, and says why it is empty.
-        """
+        """Show legend and summary; on a low screen only on hovering, except for an empty plot."""
         low = self.height() < LOW_LINES * self.fontMetrics().lineSpacing()
         shown = self._pages.currentWidget() is not self._empty
         self._legend.setVisible(shown and (not low or self._reading))
@@ -254,7 +250,7 @@ class ShotPanel(QWidget):
             plot.setToolTip(said if low else "")
 
     def _draw(self, view: str) -> None:
-        """Draw what only this view shows, when it is looked at."""
+        """Draw a view when it is first shown."""
         if view == "raw" and self.raw.wanted is not None:
             self.raw_wanted.emit(self.raw.wanted)
         what = "drive" if self._driven else "motion" if view in ("whole", "contact") else view
@@ -274,7 +270,7 @@ class ShotPanel(QWidget):
         {"motion": self.stack, "deflection": self.deflection, "gap": self.gap.stack}[what].tell((self._shot,), self._of)
 
     def show_drive(self, shot: Shot, curves: DriveCurves) -> None:
-        """Show the force that was asked for; of another shot it is dropped."""
+        """Show the modelled force of a drive, unless another shot is shown by now."""
         if shot is not self._shot:
             return
         self.drive.show_curves(curves)
@@ -284,7 +280,7 @@ class ShotPanel(QWidget):
         self._label_lines()
 
     def _name_views(self) -> None:
-        """Let buttons and tips say what the keys mean for this kind of shot."""
+        """Set the buttons' words for a collision or a drive."""
         for name, words, key, tip in VIEWS:
             button = self._buttons[name]
             words, tip = DRIVE_VIEWS.get(name, (words, tip)) if self._driven else (words, tip)
@@ -296,14 +292,13 @@ class ShotPanel(QWidget):
         self.motion.kind.setSizePolicy(policy)
 
     def show_raw(self, curves: RawCurves) -> None:
-        """Show the raw curves that were asked for."""
         if self.raw.show_curves(curves) and self._shot is not None:
             self.raw.stack.tell((self._shot,), self._of)
         self._label_lines()
 
     @Slot()
     def reset(self) -> None:
-        """Bring the view back to what its name says."""
+        """Reset the view."""
         if self._driven:
             self.drive.reset()
             return

@@ -1,4 +1,4 @@
-"""Force against deflection of the plate (the paper's Fig. 6): measured, simulated, and the slope that was read."""
+"""Force against deflection of the plate (the paper's Fig. 6): measured, simulated, and the slope."""
 
 import math
 
@@ -21,9 +21,9 @@ BRANCHES = ("loading", "unloading")
 
 
 class DeflectionView(PlainPlot):
-    """Force in N over deflection in mm, which counts from first touch, positive into the plate.
+    """Force in N against deflection in mm from first touch, positive into the plate.
 
-    Loading and unloading are curves of their own, so that the cursors give each its slope.
+    Loading and unloading are separate curves, so that the cursors give the slope of each.
     """
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
@@ -36,7 +36,6 @@ class DeflectionView(PlainPlot):
         self.dress(colours)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         super().dress(colours)
         for curve in self._measured:
             curve.setPen(thin(colours.measured))
@@ -85,7 +84,7 @@ class DeflectionView(PlainPlot):
 
 
 def _show_branches(curves: list[XyCurve], deflection: Floats, force: Floats) -> None:
-    """Part the contact where the plate is pushed in deepest; the two curves meet there."""
+    """Split the contact into loading and unloading at the greatest deflection."""
     if not np.isfinite(deflection).any():
         return
     turn = int(np.nanargmax(deflection))

@@ -1,4 +1,4 @@
-"""A driven record: the force measured and modelled against time, speed and place, what is left over with its band."""
+"""The views of a drive: measured and modelled force against time, speed and position, and the residual."""
 
 import numpy as np
 from PySide6.QtCore import QObject, Qt, Slot
@@ -21,7 +21,7 @@ NOTHING: Floats = np.empty(0)
 
 
 class DriveView(QObject):
-    """Three pages by the names of SHOT's views: over time, against speed, against place."""
+    """Three pages, by the names of SHOT's views: against time, speed, position."""
 
     def __init__(self, colours: Colours, parent: QWidget) -> None:
         super().__init__(parent)
@@ -56,12 +56,12 @@ class DriveView(QObject):
         return self.stack, *self.speed.plots, *self.place.plots
 
     def plot_in_front(self, view: str) -> PlotView:
-        """Return the plot of a view that has the keyboard, else its first."""
+        """Return the focused plot of a view, else its first."""
         page = self.pages[view]
         return in_front(page.plots) if isinstance(page, ForceAgainst) else self.stack
 
     def legend(self, colours: Colours) -> list[tuple[str, Look]]:
-        """Return what the lines are."""
+        """Return the entries of the legend."""
         below = "band"
         if self._curves is not None:
             below = f"±2 × {repeatability_words(self._curves.repeatability.repeats, self._curves.repeatability.what)}"
@@ -73,7 +73,6 @@ class DriveView(QObject):
         ]
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self.stack.dress(colours)
         for curve in (self._velocity, self._measured):
             curve.setPen(thin(colours.measured))
@@ -83,7 +82,7 @@ class DriveView(QObject):
             page.dress(colours)
 
     def show_curves(self, curves: DriveCurves | None) -> None:
-        """Show these, or nothing."""
+        """Show these curves, or nothing."""
         self._curves = curves
         if curves is None:
             for curve in (self._velocity, self._measured, self._modelled, self._residual):
@@ -120,20 +119,20 @@ class DriveView(QObject):
 
 
 class ForceAgainst(QSplitter):
-    """Force above, what is left over below, against something that goes to and fro; both share its axis."""
+    """Force above and residual below, against speed or position."""
 
     def __init__(self, what: str, bottom: str, axis: CursorAxis, colours: Colours, parent: QWidget) -> None:
         super().__init__(Qt.Orientation.Vertical, parent)
         self._bottom = bottom
         self._force = PlainPlot(f"Force against {what}", ("force", "N"), bottom, axis, self)
-        self._rest = PlainPlot(f"Residual of force against {what}", ("residual", "N"), bottom, axis, self)
+        self._residual_plot = PlainPlot(f"Residual of force against {what}", ("residual", "N"), bottom, axis, self)
         self._modelled = self._force.add_curve("modelled", under(colours.simulated))
         self._measured = self._force.add_curve("measured", thin(colours.measured))
         self._band = Band(colours.band, colours.band_edge)
         for item in (self._band, *self._band.edges):
-            self._rest.plot.addItem(item)
-        self._residual = self._rest.add_curve("measured − modelled", thin(colours.residual))
-        self._rest.plot.setXLink(self._force.plot)
+            self._residual_plot.plot.addItem(item)
+        self._residual = self._residual_plot.add_curve("measured − modelled", thin(colours.residual))
+        self._residual_plot.plot.setXLink(self._force.plot)
         above = self._force.plot.getAxis("bottom")  # the plot below has the numbers
         above.setStyle(showValues=False)
         above.setHeight(6)
@@ -144,10 +143,9 @@ class ForceAgainst(QSplitter):
     @property
     def plots(self) -> tuple[PlainPlot, PlainPlot]:
         """Get the plot of the force and that of the residual."""
-        return self._force, self._rest
+        return self._force, self._residual_plot
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         for plot in self.plots:
             plot.dress(colours)
         self._band.dress(colours.band, colours.band_edge)
@@ -162,7 +160,7 @@ class ForceAgainst(QSplitter):
         self._modelled.show_points(x, modelled_n)
         self._residual.show_points(x, rest)
         self._force.columns = {self._bottom: x, "measured (N)": measured_n, "modelled (N)": modelled_n}
-        self._rest.columns = {self._bottom: x, "residual (N)": rest}
+        self._residual_plot.columns = {self._bottom: x, "residual (N)": rest}
         if not np.isfinite(x).any():
             self._band.show_band(0.0, 1.0, NOTHING)
             return
@@ -171,7 +169,7 @@ class ForceAgainst(QSplitter):
         span = (left - spare, right + spare)
         self._band.show_band(span[0], span[1] - span[0], np.full(2, half_n))
         both = np.concatenate([measured_n, modelled_n])
-        for plot, values in ((self._force, both), (self._rest, np.append(rest, (half_n, -half_n)))):
+        for plot, values in ((self._force, both), (self._residual_plot, np.append(rest, (half_n, -half_n)))):
             low, high = float(np.nanmin(values)), float(np.nanmax(values))
             room = 0.06 * (high - low) + 1e-12
             plot.show_range(span, (low - room, high + room))

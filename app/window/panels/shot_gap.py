@@ -11,7 +11,7 @@ from app.window.theme import Colours
 
 
 class GapView:
-    """The gap as the fitted model has it (no instrument sees the plate), and the force that goes with it."""
+    """The gap in the fitted model, as the plate is not measured, and the force."""
 
     def __init__(self, colours: Colours, parent: QWidget) -> None:
         self.stack = TimeStack("Gap between block and plate", colours, parent)
@@ -24,7 +24,6 @@ class GapView:
         self._span = (-1.0, 8.0)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self.stack.dress(colours)
         self._gap.setPen(under(colours.simulated))
         self._measured.setPen(thin(colours.measured))

@@ -1,4 +1,4 @@
-"""Velocity, force and residual of a shot over time, measured and simulated over one another."""
+"""Velocity, force and residual of a shot over time, measured and simulated."""
 
 import numpy as np
 from PySide6.QtCore import QObject, Slot
@@ -14,26 +14,26 @@ from app.report.shot_figures import contact_span_ms, time_zero
 from app.window.pens import thin, under
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
-from app.words.prefixes import prefix_for
+from app.words.physics_words import prefix_for
 
 RESIDUALS = (
     ("force", "Residual of force", "N"),
     ("velocity", "Residual of velocity", "m/s"),
     ("displacement", "Residual of displacement", "m"),
 )
-STANDS_OUT = 2.0  # times its band: a slow floor, seen for few of its periods, leaves up to that
+STANDS_OUT = 2.0  # rms over its band; slow site vibration gives up to that
 BOUNCE_MS = 0.6  # on either side of a bounce that was clicked on
 
 
 class MotionView(QObject):
-    """The whole shot or its first contact, and the choice of what its lowest plot leaves over."""
+    """The whole shot or its first contact; the lowest plot shows a residual of choice."""
 
     def __init__(self, colours: Colours, parent: QWidget) -> None:
         super().__init__(parent)
         self._colours = colours
         self._shot: Shot | None = None
         self._judged_by: Diagnosis | None = None
-        self._chosen = False  # whether a person chose which residual is shown
+        self._chosen = False  # whether the operator chose the residual
         self.band_words = ""
         self.contact_only = False
         self.stack = TimeStack("Velocity, force and residual over time", colours, parent)
@@ -55,7 +55,6 @@ class MotionView(QObject):
         self.stack.clicked.connect(self._zoom_on_bounce)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self.stack.dress(colours)
         for curve in self._measured:
@@ -65,7 +64,7 @@ class MotionView(QObject):
         self._residual.setPen(thin(colours.residual))
 
     def show_shot(self, shot: Shot, judged_by: Diagnosis | None = None) -> None:
-        """Show an analysed shot; the band is what its verdict was judged by, where that still holds."""
+        """Show an analysed shot; the noise band is that of the diagnosis ``judged_by``."""
         self._shot, self._judged_by = shot, judged_by
         motion = shot.motion
         assert motion is not None
@@ -82,7 +81,7 @@ class MotionView(QObject):
             for curve in self._simulated:
                 curve.clear_samples()
         if not self._chosen:
-            self._choose_telling()
+            self._choose_residual()
         self._show_residual()
         self._mark_events(zero)
 
@@ -108,7 +107,7 @@ class MotionView(QObject):
             self._band.show_band(0.0, 1.0, np.empty(0))
             return
         band, self.band_words = judged_band(shot, self._judged_by)
-        rest, std = _left_over(motion, fit, kind, band)
+        rest, std = _residual_of(motion, fit, kind, band)
         start, step = _grid(motion, time_zero(shot)[0])
         scale, words = prefix_for(float(np.nanmax(np.abs(rest), initial=0.0)), unit)
         self.residual.count_in(words)
@@ -116,16 +115,16 @@ class MotionView(QObject):
         self._band.show_band(start, step, 2 * scale * std)
         self.residual.free_y()
 
-    def _choose_telling(self) -> None:
-        """Open the lowest plot on the residual that leaves its band most; where none does, on the force."""
+    def _choose_residual(self) -> None:
+        """Choose the residual that exceeds its band most; where none does, that of the force."""
         shot = self._shot
         if shot is None or shot.motion is None or shot.fit is None or not shot.fit.shots:
             return
         band, _ = judged_band(shot, self._judged_by)
-        sizes = [_size(*_left_over(shot.motion, shot.fit, kind, band)) for kind, _, _ in RESIDUALS]
-        telling = int(np.argmax(sizes)) if max(sizes) > STANDS_OUT else 0
+        sizes = [_size(*_residual_of(shot.motion, shot.fit, kind, band)) for kind, _, _ in RESIDUALS]
+        chosen = int(np.argmax(sizes)) if max(sizes) > STANDS_OUT else 0
         self.kind.blockSignals(True)
-        self.kind.setCurrentIndex(telling)
+        self.kind.setCurrentIndex(chosen)
         self.kind.blockSignals(False)
 
     def _mark_events(self, zero: float) -> None:
@@ -148,7 +147,7 @@ class MotionView(QObject):
 
     @Slot(float)
     def _zoom_on_bounce(self, at_ms: float) -> None:
-        """Zoom every linked plot to the bounce that was clicked on; elsewhere a click does nothing."""
+        """Zoom to the bounce that was clicked on."""
         if self._shot is None or self._shot.impact is None:
             return
         zero, _ = time_zero(self._shot)
@@ -160,8 +159,8 @@ class MotionView(QObject):
             self.stack.zoom(near[0] - BOUNCE_MS, near[0] + BOUNCE_MS)
 
 
-def _left_over(motion: Motion, fit: Fit, kind: str, band: NoiseBand) -> tuple[Floats, Floats]:
-    """Return what a fit leaves over of one kind of motion, and the band's standard deviation, each (n,)."""
+def _residual_of(motion: Motion, fit: Fit, kind: str, band: NoiseBand) -> tuple[Floats, Floats]:
+    """Return the residual of displacement, velocity or force, and its band's standard deviation, each (n,)."""
     overlay = fit.shots[0].overlay
     if kind == "displacement":
         return fit.shots[0].residual_m, band.displacement_m

@@ -1,4 +1,4 @@
-"""The raw channels of a shot in volts, every sample kept at every zoom."""
+"""The raw channels of a shot in volts, with the extremes at every zoom."""
 
 from dataclasses import dataclass
 
@@ -37,10 +37,7 @@ def curves_of(recording: Recording) -> RawCurves:
 
 
 def trigger_level_v(recording: Recording) -> float | None:
-    """Return the light switch's level in V where the recording was triggered, between that sample and the one before.
-
-    None without a light switch or a trigger.
-    """
+    """Return the light switch's level in V at the trigger, between its sample and the one before; None without one."""
     at, column = recording.trigger_sample, recording.column(Role.SWITCH)
     if at is None or column is None or not 0 < at < recording.samples:
         return None
@@ -62,13 +59,12 @@ class RawView:
         self.has_samples = False
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self.stack.dress(colours)
         for curve in self._curves.values():
             curve.setPen(thin(colours.measured))
 
     def show_recording(self, recording: Recording | None, zero_s: float) -> None:
-        """Take a recording; its curves are made elsewhere once the view is asked for (``wanted``)."""
+        """Set the recording; its curves are made in a job once the view is shown (``wanted``)."""
         self._recording, self._zero = recording, zero_s
         self._drawn = False
         self.has_samples = recording is not None and recording.samples > 0
@@ -77,11 +73,11 @@ class RawView:
 
     @property
     def wanted(self) -> Recording | None:
-        """Get the recording whose curves are not there yet."""
+        """Get the recording whose curves are not made yet, or None."""
         return self._recording if self.has_samples and not self._drawn else None
 
     def show_curves(self, curves: RawCurves) -> bool:
-        """Show what ``curves_of`` made of the recording; of another one it is dropped: return whether it was shown."""
+        """Show the curves of the recording; return False for those of another one."""
         if curves.recording is not self._recording:
             return False
         self._drawn = True
@@ -96,7 +92,6 @@ class RawView:
         return True
 
     def reset(self) -> None:
-        """Show the whole record."""
         recording = self._recording
         if recording is not None and recording.samples > 0:
             left = -1e3 * self._zero

@@ -1,4 +1,4 @@
-"""Before arming: is the beat there and strong enough, does the light switch toggle, is there room on the disk."""
+"""The line of signals before arming: beats, light switch, noise floor, disk."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from app.window.theme import MARKS, Colours, Tone
 
 @dataclass(frozen=True, slots=True)
 class Sign:
-    """One answer: words, how good that is, and what it means."""
+    """The words of a tile, their tone, and a hover."""
 
     words: str
     tone: Tone
@@ -28,7 +28,7 @@ TILES = (
 
 
 class SignalLine(QFrame):
-    """Tiles of fixed width, so that nothing moves while values change; the folder fills the rest."""
+    """Tiles of fixed width, and the folder of the shots."""
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -62,17 +62,16 @@ class SignalLine(QFrame):
             self.show_sign(name, Sign("–", Tone.NEUTRAL))
 
     def text(self, name: str) -> str:
-        """Return what a tile says."""
+        """Return the words of a tile."""
         return self._values[name].text()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         for name, sign in self._signs.items():
             self._marks[name].setStyleSheet(f"color: {colours.signs[sign.tone]}; font-weight: bold")
 
     def show_sign(self, name: str, sign: Sign) -> None:
-        """Show one answer; touches only what changed."""
+        """Show the words of a tile; touches only what changed."""
         before = self._signs.get(name)
         if before == sign:
             return
@@ -85,7 +84,7 @@ class SignalLine(QFrame):
             self._marks[name].setStyleSheet(f"color: {self._colours.signs[sign.tone]}; font-weight: bold")
 
     def show_folder(self, folder: str) -> None:
-        """Say where shots are saved."""
+        """Show where shots are saved."""
         words = f"saving to {folder}" if folder else "not saving"
         if self._saving != words:
             self._saving = words
@@ -93,7 +92,7 @@ class SignalLine(QFrame):
             self._fit_folder()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Leave out the middle of a folder that has no room, or all of it: never a piece of a word."""
+        """Shorten the folder in its middle, or leave it out where there is no room."""
         super().resizeEvent(event)
         self.layout().activate()
         self._fit_folder()

@@ -1,4 +1,4 @@
-"""The floor of the site on the LIVE page: third-octaves against the vibration criteria, the lines, the next u(COR)."""
+"""Site vibration on LIVE: third-octaves with the vibration criteria, spectral lines, expected u(COR)."""
 
 import numpy as np
 import pyqtgraph as pg
@@ -17,13 +17,13 @@ from app.words.wording import local, with_prefix
 FREQUENCY = CursorAxis("Hz", "Hz", logarithmic=True)
 UM_PER_S = 1e6
 SHOWN = ("VC-A", "VC-B", "VC-C", "VC-D", "VC-E", "VC-F", "VC-G")
-LABELLED = ("VC-A", "VC-D", "VC-G")  # each is half of the one before: all seven names would lie over one another
+LABELLED = ("VC-A", "VC-D", "VC-G")  # all seven names would overlap
 MOST_LINES = 4
 NO_FLOOR = "Site vibration: let the block rest for a second or two."
 
 
 def line_words(floor: SiteFloor) -> list[str]:
-    """Return the strongest lines, one each, with what probably makes them."""
+    """Return the strongest spectral lines with their probable cause."""
     strongest = sorted(floor.lines, key=lambda line: -line.amplitude_m * line.frequency_hz)[:MOST_LINES]
     return [
         f"{local(f'{line.frequency_hz:.2f}')} Hz  {with_prefix(line.amplitude_m, 'm')}  {line.cause}"
@@ -32,13 +32,13 @@ def line_words(floor: SiteFloor) -> list[str]:
 
 
 def floor_words(floor: SiteFloor) -> str:
-    """Return what the floor comes to, in one line."""
+    """Return criterion and expected u(COR) in one line."""
     meets = f"meets {floor.criterion}" if floor.criterion else "meets no criterion"
     return local(f"Floor of the site {meets}. Expected now: u(COR) {floor.cor_std:.1g}")
 
 
 class SiteFloorPanel(QWidget):
-    """A plot of third-octaves beside the words; shows the last floor until there is another."""
+    """A plot of third-octaves and words; shows the last floor until there is another."""
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -76,7 +76,6 @@ class SiteFloorPanel(QWidget):
         self.dress(colours)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self.plot.dress(colours)
         self._curve.setPen(under(colours.measured))
         for curve in self._criteria:
@@ -105,6 +104,6 @@ class SiteFloorPanel(QWidget):
         self.advice.setText("\n".join(f"{sentence}." for sentence in floor.advice))
 
     def _show_levels(self, level: NDArray[np.float64]) -> None:
-        """Let the criteria and these levels in µm/s, shape (k,), be in view."""
+        """Show the range of the criteria and of these levels in µm/s, (k,)."""
         levels = [*level, *(UM_PER_S * CRITERIA_M_PER_S[name] for name in (SHOWN[0], SHOWN[-1]))]
         self.plot.show_range((float(CENTRES_HZ[0]), float(CENTRES_HZ[-1])), (min(levels) / 1.6, 1.6 * max(levels)))

@@ -1,4 +1,4 @@
-"""SPECTRUM: what the beats are made of, over the whole record and over time."""
+"""SPECTRUM: the spectra of the beats, and the spectrogram of PD1."""
 
 import numpy as np
 import pyqtgraph as pg
@@ -50,7 +50,6 @@ class SpectrumPanel(QWidget):
         self.show_spectra(None)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         pens = {Role.REFERENCE: under(colours.residual), Role.MEASUREMENT: thin(colours.measured)}
         for role, curve in self._curves.items():
@@ -66,11 +65,11 @@ class SpectrumPanel(QWidget):
         return self._picture.image is not None
 
     def say(self, words: str) -> None:
-        """Say what is being done or missing."""
+        """Show a message above the plots."""
         self._say.setText(words)
 
     def show_spectra(self, spectra: Spectra | None, shot: Shot | None = None, words: str = "") -> None:
-        """Show the spectra of a shot, called so in ``words``, or say that there are none."""
+        """Show the spectra of a shot under the name ``words``, or that there are none."""
         for plot in self.plots:
             plot.tell((shot,) if spectra is not None else (), words)
         if spectra is None or not spectra.power_db:
@@ -99,11 +98,11 @@ class SpectrumPanel(QWidget):
         return self._spectrum, self._image
 
     def plot_in_front(self) -> PlotView:
-        """Return the plot that has the keyboard, else the spectrum."""
+        """Return the focused plot, else the spectrum."""
         return in_front(self.plots)
 
     @Slot()
     def reset(self) -> None:
-        """Bring both plots back to their whole."""
+        """Reset both plots."""
         self._spectrum.reset()
         self._image.reset()

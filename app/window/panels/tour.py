@@ -1,4 +1,4 @@
-"""A few callouts that point at what matters first; they lie beside what they tell of and never stand in the way."""
+"""The short tour: callouts beside the main parts of the window."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ GAP = 10
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One callout: what it points at, and its words."""
+    """A callout: the widget it points at, and its words."""
 
     target: QWidget
     title: str
@@ -22,7 +22,7 @@ class Step:
 
 
 class Tour(QFrame):
-    """One callout at a time; ``ended`` once it is read to the end or sent away."""
+    """Shows one callout at a time; emits ``ended`` when it is finished or skipped."""
 
     ended = Signal()
 
@@ -32,7 +32,7 @@ class Tour(QFrame):
         self.setAccessibleName("Short tour")
         self._steps: tuple[Step, ...] = ()
         self._place = 0
-        self._before: QWidget | None = None  # what had the keyboard
+        self._before: QWidget | None = None  # what had the focus
         self._ring = QFrame(parent)
         self._ring.setObjectName("ring")
         self._ring.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
@@ -67,14 +67,13 @@ class Tour(QFrame):
         return self._title.text()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self.setStyleSheet(
             f"#tour {{ background: {colours.panel}; border: 2px solid {colours.accent}; border-radius: 8px; }}"
         )
         self._ring.setStyleSheet(f"#ring {{ border: 3px solid {colours.accent}; border-radius: 8px; }}")
 
     def begin(self, steps: Sequence[Step]) -> None:
-        """Show the first callout; Enter goes on, Esc ends, everything else works as always."""
+        """Show the first callout; Enter continues, Esc ends, all other keys work as usual."""
         self._steps, self._place = tuple(steps), 0
         self._before = self.window().focusWidget()
         self._show()
@@ -95,7 +94,7 @@ class Tour(QFrame):
         self.close()
 
     def hideEvent(self, event: QHideEvent) -> None:
-        """Take the ring away too, and say once that the tour ended."""
+        """Hide the ring, and emit ``ended`` once."""
         super().hideEvent(event)
         self._ring.hide()
         if self.window().focusWidget() in (self.onward, self._skip) and self._before is not None:
@@ -115,7 +114,7 @@ class Tour(QFrame):
         self.place()
 
     def place(self) -> None:
-        """Stand below or above what the callout tells of, inside the window."""
+        """Place the callout below or above its widget, inside the window."""
         parent = self.parentWidget()
         if parent is None or not self._steps:
             return
@@ -127,7 +126,7 @@ class Tour(QFrame):
         below = around.bottom() + GAP
         above = around.top() - GAP - self.height()
         y = below if below + self.height() < parent.height() else above
-        if y < 0:  # the target fills the height: stand in it
+        if y < 0:  # the widget fills the height
             y = max(GAP, (parent.height() - self.height()) // 2)
         x = min(max(GAP, around.left()), parent.width() - self.width() - GAP)
         self.move(x, y)

@@ -1,4 +1,4 @@
-"""A table whose lines unfold into what they are made of; selected lines are copied as text."""
+"""A table whose rows unfold into parts; selected rows can be copied as text."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from app.words.plain import cell
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One line: its cells, what hovering says, its parts; ``colour`` tints the last cell, whose words say the same."""
+    """A row: cells, hover, parts; ``colour`` is that of the last cell."""
 
     cells: tuple[str, ...]
     hover: str = ""
@@ -30,7 +30,7 @@ class Line:
 
 
 class TreeTable(QTreeWidget):
-    """Lines with parts; the columns in ``right`` hold numbers and stand to the right."""
+    """The table; columns in ``right`` hold numbers and are aligned right."""
 
     def __init__(self, name: str, columns: Sequence[str], right: Sequence[int], parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -56,7 +56,7 @@ class TreeTable(QTreeWidget):
         self.setContextMenuPolicy(Qt.ContextMenuPolicy.ActionsContextMenu)
 
     def show_lines(self, lines: Sequence[Line]) -> None:
-        """Show these; a line that was unfolded and is still there stays unfolded."""
+        """Show these rows; one that was unfolded stays so."""
         open_before = {item.text(0) for item in self._top_items() if item.isExpanded()}
         self.clear()
         self.addTopLevelItems([self._item(line) for line in lines])
@@ -65,18 +65,17 @@ class TreeTable(QTreeWidget):
         self.fit_columns()
 
     def fit_columns(self) -> None:
-        """Give every column but the first the width of its widest text."""
+        """Fit the columns except the first to their widest text."""
         for column in range(1, self.columnCount()):
             self.resizeColumnToContents(column)
         self._fit_first()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Keep the first column readable."""
         super().resizeEvent(event)
         self._fit_first()
 
     def _fit_first(self) -> None:
-        """Let the first column take what the others leave, but never less than its words need."""
+        """Give the first column the remaining width, at least that of its text."""
         others = sum(self.columnWidth(column) for column in range(1, self.columnCount()))
         needed = max(self.sizeHintForColumn(0), self.header().sectionSizeHint(0))
         mode = QHeaderView.ResizeMode
@@ -86,11 +85,11 @@ class TreeTable(QTreeWidget):
 
     @Slot()
     def copy_selected(self) -> None:
-        """Put the selected lines on the clipboard, a tab between cells."""
+        """Copy the selected rows to the clipboard."""
         QGuiApplication.clipboard().setText(self.selected_text())
 
     def selected_text(self) -> str:
-        """Return the selected lines as text for a spreadsheet, in the order of the screen."""
+        """Return the selected rows as text for a spreadsheet, cells separated by tabs."""
         lines = []
         walk = QTreeWidgetItemIterator(self, QTreeWidgetItemIterator.IteratorFlag.Selected)
         while (item := walk.value()) is not None:

@@ -1,4 +1,4 @@
-"""Any number of a shot against impact speed, and how well it repeats."""
+"""The trend of a number against impact speed, and its repeatability."""
 
 import math
 
@@ -20,9 +20,9 @@ SPEED = CursorAxis("m/s", "m/s")
 
 
 class TrendPlot(PlainPlot):
-    """A number of each shot against its impact speed, with its standard uncertainty from noise only.
+    """A number of each shot against impact speed, with its standard uncertainty from noise only.
 
-    What all shots share (mass, wavelength, clock) scatters nothing: bars that held it would hide a spread.
+    Errors that all shots share (mass, wavelength, clock) cause no scatter and would hide a spread.
     """
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
@@ -32,12 +32,11 @@ class TrendPlot(PlainPlot):
         self._points = pg.ScatterPlotItem(size=9)
         self.plot.addItem(self._bars)
         self.plot.addItem(self._points)
-        self._told = self.add_curve("shots")
+        self._curve = self.add_curve("shots")
         self.points: list[tuple[float, float]] = []
         self.dress(colours)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         super().dress(colours)
         self._colours = colours
         self._points.setBrush(pg.mkBrush(colours.measured))
@@ -57,7 +56,7 @@ class TrendPlot(PlainPlot):
         self._points.setData(x, y)
         xs, ys, halves = np.array(x), np.array(y), np.array(half)
         self._bars.setData(x=xs, y=ys, height=2 * halves, pen=straight(self._colours.marker))
-        self._told.show_points(xs, ys)
+        self._curve.show_points(xs, ys)
         self.label_value(trend.title, trend.shown_unit)
         self.columns = {
             "impact speed (m/s)": xs,

@@ -1,6 +1,6 @@
-"""Why this effect: the residuals of all shots, before and after, and what the candidate pointed at would explain.
+"""The residuals of all shots before and after, and what the hovered candidate would explain.
 
-The remainders of the best candidate and of its neighbour stand side by side on request.
+A button shows the residuals under the best two candidates side by side.
 """
 
 from collections.abc import Mapping, Sequence
@@ -62,7 +62,6 @@ class WhyCanvas(QWidget):
         return self._say.text()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self.grid.dress(colours)
         self._draw()

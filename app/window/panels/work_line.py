@@ -1,8 +1,8 @@
-"""The lowest line: messages to the left, work under way with its cancel to the right."""
+"""The status line: messages, progress of the work with Cancel, buttons."""
 
 import math
 
-from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QHBoxLayout, QProgressBar, QPushButton, QWidget
 
 from app.session.jobs import Job, Jobs
@@ -11,7 +11,7 @@ from app.window.theme import Colours
 
 
 def _remaining(job: Job) -> str:
-    """Return how long a job will probably still take, of one that takes longer than two seconds."""
+    """Return the estimated remaining time of a job, "" while it is not known."""
     left_s = job.remaining_s()
     if left_s is None:
         return ""
@@ -42,25 +42,25 @@ class WorkLine(QWidget):
         policy = self._cancel.sizePolicy()
         policy.setRetainSizeWhenHidden(True)
         self._cancel.setSizePolicy(policy)
-        for widget in (self.progress, self._cancel):  # while nothing goes on the messages have the progress's room
+        for widget in (self.progress, self._cancel):  # without work the messages use their room
             widget.hide()
         settings = QPushButton("Settings", self)
         settings.setToolTip("Mass, air, wavelength, bandwidth, trigger, folders  (F2)")
         setup = QPushButton("Set-up", self)
         setup.setToolTip("Find devices, permission, check the signals before arming  (F3)")
-        setup.clicked.connect(self._setup_pressed)
+        setup.clicked.connect(self.setup_wanted)
         keys = QPushButton("Keys", self)
         keys.setToolTip("All keys on one sheet  (F1)")
         row.addWidget(self.notices, 1)
         row.addWidget(self.progress, 1)
         for widget in (self._cancel, setup, settings, keys):
             row.addWidget(widget)
-        self._cancel.clicked.connect(self._cancel_pressed)
-        settings.clicked.connect(self._settings_pressed)
-        keys.clicked.connect(self._keys_pressed)
+        self._cancel.clicked.connect(self.cancel_wanted)
+        settings.clicked.connect(self.settings_wanted)
+        keys.clicked.connect(self.keys_wanted)
 
     def show_work(self, jobs: Jobs, rig_doing: str | None, rig_share: float | None) -> None:
-        """Show what the jobs' thread is doing, else what the rig is."""
+        """Show the job that runs, else what the rig does."""
         job = jobs.current
         busy = job is not None or rig_doing is not None
         if self.progress.isHidden() == busy:
@@ -82,19 +82,3 @@ class WorkLine(QWidget):
             self.progress.setFormat(fitting)
             self.progress.setToolTip(words)
         self.progress.setValue(round(1000 * share))
-
-    @Slot()
-    def _cancel_pressed(self) -> None:
-        self.cancel_wanted.emit()
-
-    @Slot()
-    def _settings_pressed(self) -> None:
-        self.settings_wanted.emit()
-
-    @Slot()
-    def _setup_pressed(self) -> None:
-        self.setup_wanted.emit()
-
-    @Slot()
-    def _keys_pressed(self) -> None:
-        self.keys_wanted.emit()

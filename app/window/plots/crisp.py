@@ -1,8 +1,8 @@
-"""A curve as wide on a dense screen as on any other, and quick however much noise it has.
+"""Curves that look equally wide on screens of any density, and are drawn quickly also with noise.
 
-A line's pen is one device pixel wide, since a wider zigzag costs seconds a frame; on a screen twice as dense that is a
-hair's breadth.  There the line is drawn again a device pixel beside and above.  Where samples lie closer than pixels,
-each column of pixels is filled from its least to its greatest value instead: that costs its area and no line at all.
+The pen is one device pixel wide, as a wider zigzag takes seconds per frame; on a dense screen the line is drawn again
+one device pixel to the left and above.  Where samples are closer than pixels, each column of pixels is filled from its
+least to its greatest value instead.
 """
 
 import numpy as np
@@ -18,10 +18,9 @@ Floats = NDArray[np.float64]
 
 
 class CrispCurve(pg.PlotCurveItem):
-    """A curve whose thin pen is seen at any density."""
+    """A curve that is visible at any density of the screen."""
 
     def paint(self, painter: QPainter, option: object, widget: QWidget | None) -> None:
-        """Draw the curve, and on a dense screen its neighbours."""
         if not _has_room(painter):
             return
         super().paint(painter, option, widget)
@@ -36,7 +35,7 @@ class CrispCurve(pg.PlotCurveItem):
 
 
 class ColumnCurve(CrispCurve):
-    """A curve that is drawn as columns of pixels where it was thinned to least and greatest values."""
+    """A curve drawn as columns of pixels where it is decimated to extremes."""
 
     def __init__(self, **how: object) -> None:
         super().__init__(**how)
@@ -51,7 +50,7 @@ class ColumnCurve(CrispCurve):
     def show_columns(self, x: Floats, y: Floats) -> None:
         """Show (2n,) points: least and greatest value of each column of pixels in turn, at one x each."""
         least, greatest = y[0::2], y[1::2]
-        reach, depth = least.copy(), greatest.copy()  # to the neighbour before, so that no step is left open
+        reach, depth = least.copy(), greatest.copy()  # extended to the neighbour, so that there are no gaps
         np.fmin(least[1:], greatest[:-1], out=reach[1:])
         np.fmax(greatest[1:], least[:-1], out=depth[1:])
         seen = np.isfinite(least) & np.isfinite(greatest)
@@ -59,7 +58,6 @@ class ColumnCurve(CrispCurve):
         self.setData(x, y)
 
     def paint(self, painter: QPainter, option: object, widget: QWidget | None) -> None:
-        """Fill the columns, or draw the line."""
         if not _has_room(painter):
             return
         if self._columns is None or len(self._columns[0]) < 2:
@@ -83,6 +81,6 @@ class ColumnCurve(CrispCurve):
 
 
 def _has_room(painter: QPainter) -> bool:
-    """Return whether there is anything to draw on: a plot pressed flat maps all values to one, and Qt dies of that."""
+    """Return whether the plot has an area; Qt crashes where all values map to one."""
     scale = painter.worldTransform()
     return abs(scale.determinant()) > 0.0

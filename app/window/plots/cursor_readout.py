@@ -1,4 +1,4 @@
-"""What lies between the cursors, as a small table below the plot; copied as text."""
+"""The table of cursor readings below a plot."""
 
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QWidget
@@ -6,11 +6,11 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QWidget
 from app.window.plots.plot_view import PlotView
 from app.words.wording import DASH, local, number
 
-LOW_LINES = 40  # of text: a window lower than these keeps the plots' room, and the table comes on hovering
+LOW_LINES = 40  # of text: in a lower window the table is only shown on hovering
 
 
 class CursorReadout(QFrame):
-    """Follows the cursors of one plot; hidden while they or the plot are."""
+    """The table of one plot; hidden while cursors or plot are."""
 
     def __init__(self, plot: PlotView, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -32,14 +32,14 @@ class CursorReadout(QFrame):
 
     @Slot()
     def refresh(self) -> None:
-        """Show the present measures."""
+        """Show the present readings."""
         shown = self._cursors.shown and not self._plot.isHidden()
         if self.isHidden() == shown:
             self.setVisible(shown)
         if not shown or not self._plot.isVisible():
             return
         axis = self._cursors.axis
-        a, b = map(axis.told, self._cursors.places)
+        a, b = map(axis.value, self._cursors.places)
         span = abs(b - a) * axis.scale
         rate = f" &nbsp; ({number(1 / span, 5) if span else DASH} {axis.inverse})" if axis.inverse else ""
         heads = ("", "at A", "at B", "B − A", "mean", "rms", axis.slope_words, "")

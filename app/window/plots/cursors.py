@@ -1,4 +1,4 @@
-"""Two cursors over linked plots, and what lies between them."""
+"""Two cursors in linked plots, and the readings between them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,16 +17,16 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class CursorAxis:
-    """What the cursors stand on: the plot's own unit, and the unit a slope is told per (``scale`` of it each)."""
+    """The x axis of the cursors: its unit, and the unit of x in slopes, of which one axis unit is ``scale``."""
 
     unit: str
     per: str
     scale: float = 1.0
-    inverse: str = ""  # unit of 1/(B - A), where that means something
-    logarithmic: bool = False  # the plot is drawn by the logarithm of what the axis counts
+    inverse: str = ""  # unit of 1/(B - A), where that is useful
+    logarithmic: bool = False  # x of the plot is the logarithm of the value
 
-    def told(self, place: float) -> float:
-        """Return a place of the plot in the axis' unit."""
+    def value(self, place: float) -> float:
+        """Return the value, in the axis' unit, at an x of the plot."""
         return float(10.0**place) if self.logarithmic else place
 
     @property
@@ -40,7 +40,7 @@ SECONDS = CursorAxis("s", "s", 1.0, "Hz")
 
 
 class Measured(Protocol):
-    """A curve that tells its samples between two x."""
+    """A curve that the cursors can read."""
 
     label: str
 
@@ -59,22 +59,22 @@ class Measured(Protocol):
 
 
 class CursorPlot(Protocol):
-    """A plot the cursors can stand in."""
+    """A plot that can have cursors."""
 
     title: str
     unit: str
 
     @property
     def sampled(self) -> Sequence[Measured]:
-        """Get the curves that are measured."""
+        """Get the curves that the cursors read."""
 
     def addItem(self, item: object, **how: object) -> None:
-        """Take an item in."""
+        """Add an item."""
 
 
 @dataclass(frozen=True, slots=True)
 class Between:
-    """What one curve does between the cursors, in the curve's own unit; NaN where there is nothing."""
+    """The readings of one curve between the cursors, in its unit; NaN without samples."""
 
     name: str
     unit: str
@@ -92,7 +92,7 @@ class Between:
 
 
 def between(name: str, unit: str, x: Floats, values: Floats, at_a: float, at_b: float) -> Between:
-    """Return the measures of the samples (n,) at x (n,), in the unit the slope is per; what is NaN is left out."""
+    """Return the readings of samples (n,) at x (n,), without those that are NaN; the slope is per unit of x."""
     seen = np.isfinite(values) & np.isfinite(x)
     x, y = x[seen], values[seen].astype(np.float64)
     if len(y) == 0:
@@ -106,7 +106,7 @@ def between(name: str, unit: str, x: Floats, values: Floats, at_a: float, at_b: 
 
 
 class Cursors(QObject):
-    """Cursor A and B, drawn in every joined plot at the same x; their lines are made when they are first shown."""
+    """Cursors A and B at the same x in every joined plot; their lines are made when first shown."""
 
     moved = Signal()
 
@@ -125,7 +125,7 @@ class Cursors(QObject):
         self._plots.append(plot)
 
     def _draw(self) -> None:
-        """Make the lines that are not there yet; the first plot of all names them."""
+        """Make the missing lines; only those in the first plot have a name."""
         for name, lines in self._lines.items():
             for plot in self._plots[len(lines) :]:
                 named = {"label": name, "labelOpts": {"position": 0.94, "movable": False}} if not lines else {}
@@ -138,7 +138,7 @@ class Cursors(QObject):
             self.dress(self._colours)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours; A is drawn full, B dashed, so that they differ without colour."""
+        """Set the colours; A is solid, B dashed."""
         self._colours = colours
         full, dashed = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
         for name, colour, dash in (("A", colours.cursor_a, full), ("B", colours.cursor_b, dashed)):
@@ -163,7 +163,7 @@ class Cursors(QObject):
         self._set(name, self._at[name] + by)
 
     def show(self, shown: bool, left: float, right: float) -> None:
-        """Show or hide; when they come they stand at a third and two thirds of the view."""
+        """Show or hide the cursors; when shown they are at one and two thirds of the view."""
         self.shown = shown
         if shown:
             self._draw()
@@ -193,7 +193,7 @@ class Cursors(QObject):
         self._set("B", float(line.value()))
 
     def measures(self) -> list[Between]:
-        """Return what every visible curve of the joined plots does between the cursors."""
+        """Return the readings of every visible curve of the joined plots."""
         a, b = self.places
         left, right = min(a, b), max(a, b)
         found = []
@@ -211,8 +211,8 @@ class Cursors(QObject):
         return between(name, plot.unit, scaled, np.asarray(values, float), curve.value_at(a), curve.value_at(b))
 
     def text(self) -> str:
-        """Return all measures as tab-separated text, places and values in plain units, with "." for the decimals."""
-        a, b = map(self.axis.told, self.places)
+        """Return all readings as tab-separated text, with "." as the decimal sign."""
+        a, b = map(self.axis.value, self.places)
         unit, per = self.axis.unit, self.axis.per
         rows = [
             f"A\t{a:.6f} {unit}\tB\t{b:.6f} {unit}\tB-A\t{b - a:.6f} {unit}",

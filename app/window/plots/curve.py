@@ -1,4 +1,4 @@
-"""A curve that holds all its samples and gives the screen two points a pixel."""
+"""Curves that hold all samples and draw at most two points per pixel; noise bands."""
 
 import numpy as np
 import pyqtgraph as pg
@@ -11,9 +11,9 @@ from app.window.plots.pyramid import Array, Pyramid, is_whole
 
 
 class SampledCurve(ColumnCurve):
-    """Uniform samples in a plot whose x axis counts in ``x_scale`` of the samples' own unit (1e3: s shown as ms).
+    """A curve of uniform samples.
 
-    The samples are never copied or thinned; what is drawn is asked from their pyramid at each change of the view.
+    The samples are not copied or decimated; their pyramid gives what is drawn at each change of the view.
     """
 
     def __init__(self, name: str, unit: str, pen: QPen) -> None:
@@ -41,7 +41,6 @@ class SampledCurve(ColumnCurve):
         self.redraw()
 
     def clear_samples(self) -> None:
-        """Show nothing."""
         self.show_samples(0.0, 1.0, np.empty(0))
 
     def index_range(self, left: float, right: float) -> tuple[int, int]:
@@ -74,7 +73,7 @@ class SampledCurve(ColumnCurve):
         self.redraw()
 
     def redraw(self) -> None:
-        """Ask the pyramid for what the present view can show."""
+        """Draw what the present view can show."""
         view = self.getViewBox()
         if view is None or len(self._pyramid) == 0:
             self.show_line(np.empty(0), np.empty(0))
@@ -88,7 +87,7 @@ class SampledCurve(ColumnCurve):
 
 
 class PointCurve(SampledCurve):
-    """A curve of points that were decimated elsewhere (least and greatest value of each bin, in turn)."""
+    """A curve of points that are decimated already (least and greatest value of each bin)."""
 
     def __init__(self, name: str, unit: str, pen: QPen) -> None:
         super().__init__(name, unit, pen)
@@ -102,7 +101,7 @@ class PointCurve(SampledCurve):
 
     @property
     def grid(self) -> tuple[float, float]:
-        """Get the first and the last x: what tells one set of points from another."""
+        """Get the first and the last x, which identify the set of points."""
         return (float(self._x[0]), float(self._x[-1])) if len(self._x) else (0.0, 0.0)
 
     def show_points(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
@@ -133,11 +132,11 @@ class PointCurve(SampledCurve):
         return float(self._y[int(np.argmin(np.abs(self._x - x)))])
 
     def redraw(self) -> None:
-        """Nothing to ask for: the points are what they are."""
+        """Do nothing: all points are drawn."""
 
 
 class Band(pg.FillBetweenItem):
-    """A noise band of half width ``half`` about zero, opaque, of at most 600 points; its edges lie over the curves."""
+    """An opaque noise band about zero of at most 600 points; its edges are above the curves."""
 
     def __init__(self, colour: str, edge: str) -> None:
         self._upper = CrispCurve()
@@ -149,14 +148,13 @@ class Band(pg.FillBetweenItem):
         self.dress(colour, edge)
 
     def dress(self, colour: str, edge: str) -> None:
-        """Set the colours."""
         self.setBrush(pg.mkBrush(colour))
         for line in self.edges:
             line.setPen(pg.mkPen(edge, width=1, style=Qt.PenStyle.DashLine))
             line.setZValue(10)
 
     def show_band(self, start: float, step: float, half: NDArray[np.float64]) -> None:
-        """Show +-half (n,) at x = start + i*step; what is not finite counts as no width."""
+        """Show ±half (n,) at x = start + i*step; a value that is not finite has no width."""
         finite = half[np.isfinite(half)]
         self._typical = float(np.median(finite)) if len(finite) else float("nan")
         stride = max(1, len(half) // 300)

@@ -1,4 +1,4 @@
-"""A view box with its two axes: pyqtgraph's PlotItem without the 40 widgets of a menu that no plot here opens."""
+"""A view box with two axes: pyqtgraph's PlotItem without its menu of 40 widgets, which is not used here."""
 
 from typing import Any
 
@@ -15,10 +15,9 @@ AXES_AT = {"left": (0, 0), "bottom": (1, 1)}
 
 
 class FramedPlot(pg.GraphicsWidget):
-    """Curves over a bottom and a left axis.
+    """Curves with a bottom and a left axis.
 
-    A PlotItem takes 15 ms to make, of which the transforms, averages and sliders of its own menu are more than half;
-    a window of thirty plots opened half a second later for them.
+    A PlotItem takes 15 ms to make, more than half of it for its menu: half a second for thirty plots.
     """
 
     def __init__(self, view: pg.ViewBox, axes: dict[str, PlainAxis]) -> None:
@@ -50,7 +49,7 @@ class FramedPlot(pg.GraphicsWidget):
         self._axes[side].setLabel(text)
 
     def setXLink(self, other: "FramedPlot") -> None:
-        """Keep the span of x that the other has."""
+        """Link x to that of another plot."""
         self.view.setXLink(other.view)
 
 
@@ -59,7 +58,7 @@ _MARGIN = 8  # of the text item
 
 
 class Caption(pg.TextItem):
-    """Words in the upper left corner of a plot; hidden as long as the value axis carries them whole."""
+    """Words in a plot's corner; hidden while the value axis shows them in full."""
 
     def __init__(self, plot: FramedPlot) -> None:
         super().__init__("", anchor=(0, 0))
@@ -73,18 +72,17 @@ class Caption(pg.TextItem):
 
     @property
     def shown(self) -> str:
-        """Get the words, "" while the axis says them."""
+        """Get the words, "" while the axis shows them."""
         return str(self.toPlainText()) if self.isVisible() else ""
 
     def say(self, words: str) -> None:
-        """Set the words; where the plot is narrower than they are, their end is left out."""
+        """Set the words; they are shortened to the width."""
         self._words = words
         self._fit()
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self.setColor(colours.text)
-        self.fill = pg.mkBrush(f"{colours.plot}a0")  # what lies behind is seen
+        self.fill = pg.mkBrush(f"{colours.plot}a0")  # half transparent
 
     @Slot(bool)
     def _label_fitted(self, whole: bool) -> None:

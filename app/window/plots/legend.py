@@ -1,4 +1,4 @@
-"""The one legend of a panel: a sample of each line style with its name, above the plots and never over the data."""
+"""The legend of a panel, above its plots: a sample of each line with its name."""
 
 from collections.abc import Iterator, Sequence
 
@@ -16,7 +16,7 @@ _SAMPLE, _GAP = 26, 6
 
 
 def legend_height(entries: Sequence[tuple[str, Look]], width: int, font: QFont) -> int:
-    """Return how high the entries stand in a picture of this width."""
+    """Return the height of the entries in a picture of this width."""
     return sum(1 for _ in _rows(entries, width, QFontMetrics(font))) * (QFontMetrics(font).height() + 4)
 
 
@@ -59,7 +59,7 @@ def _sample_pen(look: QPen) -> QPen:
 
 
 class LineSample(QWidget):
-    """A short stretch of a line, or of a band."""
+    """A sample of a line or of a band."""
 
     def __init__(self, look: Look, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -68,7 +68,6 @@ class LineSample(QWidget):
         self.setFixedSize(QSize(_SAMPLE, 14))
 
     def paintEvent(self, _: QPaintEvent) -> None:
-        """Draw the sample."""
         painter = QPainter(self)
         painter.setPen(self._pen)
         if self._band is None:
@@ -81,7 +80,7 @@ class LineSample(QWidget):
 
 
 class Legend(QWidget):
-    """Entries side by side."""
+    """The entries side by side."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -90,7 +89,6 @@ class Legend(QWidget):
 
     @property
     def entries(self) -> list[tuple[str, Look]]:
-        """Get what is shown."""
         return list(self._entries)
 
     def show_entries(self, entries: Sequence[tuple[str, Look]]) -> None:

@@ -1,4 +1,4 @@
-"""A plot over decades both ways: drawn by logarithms, told, labelled and saved in plain numbers."""
+"""A plot with two logarithmic axes; labels, cursors and files have plain numbers."""
 
 import math
 
@@ -10,11 +10,11 @@ from app.window.plots.plain_plot import Floats, PlainPlot, XyCurve
 from app.window.plots.plot_view import Span
 from app.words.wording import number
 
-FEW_DECADES = 2.6  # up to here 2 and 5 are labelled too
+FEW_DECADES = 2.6  # up to which 2 and 5 are labelled too
 
 
 class LogAxis(PlainAxis):
-    """Ticks at 1, 2 and 5 of each decade, or at the decades alone where there are many."""
+    """Ticks at 1, 2 and 5 of each decade, or only at decades where there are many."""
 
     def tickValues(self, minVal: float, maxVal: float, size: float) -> list[tuple[float, list[float]]]:
         """Return the ticks between two logarithms, all of one kind."""
@@ -32,7 +32,7 @@ class LogCurve(XyCurve):
     """Points above zero, shape (n,) by (n,), whose logarithms are drawn."""
 
     def show_points(self, x: Floats, y: Floats) -> None:
-        """Show points given in plain numbers."""
+        """Show points, given in plain numbers."""
         super().show_points(np.log10(x), np.log10(y))
 
     @property
@@ -56,9 +56,9 @@ class LogPlot(PlainPlot):
     axis_kind = LogAxis
 
     def add_curve(self, label: str, pen: QPen | None = None) -> XyCurve:
-        """Add an empty curve that the cursors measure."""
-        return self._joined(LogCurve(label, pen))
+        """Add an empty curve that the cursors read."""
+        return self._added(LogCurve(label, pen))
 
     def show_range(self, x: Span, y: Span) -> None:
-        """Show this range, and come back to it by ``reset``."""
+        """Show this range, to which ``reset`` returns."""
         super().show_range((math.log10(x[0]), math.log10(x[1])), (math.log10(y[0]), math.log10(y[1])))

@@ -1,4 +1,4 @@
-"""An axis whose grid is one opaque line a labelled tick, behind the data: half-transparent grids cost half a frame."""
+"""An axis whose grid is an opaque line per labelled tick; a half-transparent grid takes half a frame."""
 
 import math
 from typing import Any
@@ -14,20 +14,20 @@ BEHIND = -1000
 
 
 def _round_up(distance: float) -> float:
-    """Return the next of 1, 2, 5, 10, 20 ... that is no less than a distance above zero."""
+    """Return the least of 1, 2, 5, 10, 20 ... that is not below a distance."""
     decade = 10.0 ** math.floor(math.log10(max(distance, 1e-300)))
     return next(step * decade for step in (1.0, 2.0, 5.0, 10.0) if step * decade >= distance * (1.0 - 1e-9))
 
 
 class PlainAxis(pg.AxisItem):
-    """Draws the grid of the strongest ticks only, in one pen."""
+    """The axis; its grid is that of the labelled ticks."""
 
-    fitted = Signal(bool)  # whether the label is whole
+    fitted = Signal(bool)  # whether the whole label is shown
 
     def __init__(self, orientation: str) -> None:
         self._whole = self._label_shown = ""
         self._fits = True
-        self._beside = [self]
+        self._group = [self]
         self._later = QTimer()
         self._later.setSingleShot(True)
         super().__init__(orientation)
@@ -36,7 +36,6 @@ class PlainAxis(pg.AxisItem):
         self._grid_pen = pg.mkPen("#e4e8ed")
 
     def dress(self, line: str, text: str, grid: str) -> None:
-        """Set the colours."""
         self._grid_pen = straight(grid)
         self.setPen(straight(line))
         self.setTextPen(pg.mkPen(text))
@@ -44,21 +43,21 @@ class PlainAxis(pg.AxisItem):
         self.setZValue(BEHIND)
 
     def resizeEvent(self, ev: Any = None) -> None:
-        """Fit the label once the event is over: a label that changes while it is drawn ends the process."""
+        """Fit the label after the event: changing it while it is drawn crashes Qt."""
         super().resizeEvent(ev)
         self._later.start()
 
     @Slot()
     def _fit_label(self) -> None:
-        """Let a label be whole, or its unit alone, or nothing: never cut, never over another.
+        """Show the whole label, only its unit, or nothing, so that it is never cut.
 
-        A unit alone on its side says nothing ("V" reads as ">"): a value axis too low is named in the plot instead.
+        A value axis does not show its unit alone ("V" on its side reads as ">"); the plot shows the name instead.
         """
         if not self._whole:
             return
         self._fits = self._has_room(self._whole)
-        for axis in self._beside:
-            axis._show_label(all(other._fits for other in self._beside if other.isVisible()))
+        for axis in self._group:
+            axis._show_label(all(other._fits for other in self._group if other.isVisible()))
 
     def _has_room(self, text: str) -> bool:
         room = self.size().height() if self.orientation == "left" else self.size().width()
@@ -70,22 +69,21 @@ class PlainAxis(pg.AxisItem):
         if text != self._label_shown:
             self._label_shown = self.labelText = text
             self.label.setHtml(self.labelString())
-        super().resizeEvent(None)  # in the middle again: another label, or another length of it
+        super().resizeEvent(None)  # centre the label again
         self.fitted.emit(text == self._whole)
 
-    def stand_beside(self, others: "list[PlainAxis]") -> None:
-        """Join axes, one above the other, all of whose labels are whole or none; ``others`` is theirs in common."""
+    def share_labels(self, others: "list[PlainAxis]") -> None:
+        """Join the axes in ``others``: all of them show their whole label, or none does."""
         others.append(self)
-        self._beside = others
+        self._group = others
 
     def setLabel(self, text: str | None = None, *args: Any, **kwargs: Any) -> None:
-        """Set the label; it is shown as far as there is room."""
         self._whole = self._label_shown = text or ""
         super().setLabel(text, *args, **kwargs)
-        self._fit_label()  # at once: the next picture must not show it cut
+        self._fit_label()  # at once, so that it is never drawn cut
 
     def generateDrawSpecs(self, p: QPainter) -> Any:
-        """Keep the lines of the labelled ticks."""
+        """Keep only the lines of the labelled ticks."""
         specs = super().generateDrawSpecs(p)
         if specs is None or not specs[1]:
             return specs
@@ -95,7 +93,7 @@ class PlainAxis(pg.AxisItem):
         return axis, kept, texts
 
     def tickSpacing(self, minVal: float, maxVal: float, size: float) -> list[tuple[float, float]]:
-        """Return the distances of ticks, none so close that their numbers lie over one another."""
+        """Return the spacings of ticks at which their numbers do not overlap."""
         found: list[tuple[float, float]] = super().tickSpacing(minVal, maxVal, size)
         if not found or size <= 0.0 or self.logMode:
             return found

@@ -1,4 +1,4 @@
-"""A plot that is not over time: fixed range, cursors and menu as every other has."""
+"""A plot of y against x with a fixed range, cursors and menu."""
 
 import numpy as np
 import pyqtgraph as pg
@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 
 
 class XyCurve(CrispCurve):
-    """Points in any order of x, told to the cursors under a label; without a pen only they know of it."""
+    """Points in any order of x; without a pen they are not drawn, but the cursors read them."""
 
     def __init__(self, label: str, pen: QPen | None = None) -> None:
         super().__init__(pen=pen, connect="finite")
@@ -53,7 +53,7 @@ class XyCurve(CrispCurve):
 
 
 class NamedPlot(FramedPlot):
-    """A plot as the cursors know it: a title, a unit, the curves they measure."""
+    """A plot with title, unit, and the curves that the cursors read."""
 
     def __init__(self, title: str, unit: str, axes: dict[str, PlainAxis]) -> None:
         super().__init__(QuietView(), axes)
@@ -63,7 +63,7 @@ class NamedPlot(FramedPlot):
 
 
 class PlainPlot(PlotView):
-    """One plot; ``columns`` are what its CSV holds, and ``tabulated`` says whether it has any."""
+    """One plot; ``columns`` is the content of its CSV."""
 
     axis_kind = PlainAxis
 
@@ -76,7 +76,7 @@ class PlainPlot(PlotView):
         parent: QWidget | None = None,
         tabulated: bool = True,
     ) -> None:
-        """``value``: what is shown and in which unit; ``bottom``: the words below the plot."""
+        """``value`` is (name, unit) of y, ``bottom`` the label of x; ``tabulated``: it can be saved as CSV."""
         super().__init__(name, axis, parent)
         self.table_words = "Save the values as CSV …" if tabulated else ""
         axes = {side: self.axis_kind(side) for side in ("left", "bottom")}
@@ -92,30 +92,29 @@ class PlainPlot(PlotView):
         self._whole: tuple[Span, Span] | None = None
 
     def label_value(self, title: str, unit: str) -> None:
-        """Say what is shown, and in which unit."""
+        """Set name and unit of y."""
         self.plot.title, self.plot.unit = title, unit
         words = f"{title} ({unit})" if unit else title
         self.plot.caption.say(words)
         self.plot.setLabel("left", words)
 
     def add_curve(self, label: str, pen: QPen | None = None) -> XyCurve:
-        """Add an empty curve that the cursors measure."""
-        return self._joined(XyCurve(label, pen))
+        """Add an empty curve that the cursors read."""
+        return self._added(XyCurve(label, pen))
 
-    def _joined(self, curve: XyCurve) -> XyCurve:
+    def _added(self, curve: XyCurve) -> XyCurve:
         self.plot.addItem(curve)
         self.plot.sampled.append(curve)
         return curve
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         for side in ("left", "bottom"):
             self.plot.getAxis(side).dress(colours.edge, colours.text, colours.grid)
         self.plot.caption.dress(colours)
         super().dress(colours)
 
     def show_range(self, x: Span, y: Span) -> None:
-        """Show this range, and come back to it by ``reset``."""
+        """Show this range, to which ``reset`` returns."""
         self._whole = (x, y)
         self.reset()
 
@@ -134,16 +133,16 @@ class PlainPlot(PlotView):
         return (((x[0], x[1]), (y[0], y[1]), True),)
 
     def bring(self, states: tuple[ViewState, ...]) -> None:
-        """Bring back what was in view."""
+        """Restore a view."""
         ((x, y, _),) = states
         self.plot.view.setRange(xRange=x, yRange=y, padding=0)
 
     @property
     def span(self) -> Span:
-        """Get the stretch of x in view."""
+        """Get the range of x in view."""
         (left, right), _ = self.plot.view.viewRange()
         return float(left), float(right)
 
     def show_span(self, left: float, right: float) -> None:
-        """Show this stretch of x."""
+        """Show this range of x."""
         self.plot.view.setXRange(left, right, padding=0)

@@ -1,4 +1,4 @@
-"""What every plot of the window has: two cursors, keys while it is in focus, and a menu that saves it."""
+"""The base of all plots: cursors, keys while focused, history of views, and a menu that saves the plot."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -15,22 +15,22 @@ from app.window.theme import Colours
 
 Span = tuple[float, float]
 ViewState = tuple[Span, Span, bool]  # x, y, and whether y was set by hand
-SETTLED_MS = 300  # without another movement: this is what a person wanted to see
-PAN = 0.1  # of the view, a press of an arrow key
+SETTLED_MS = 300  # without movement, after which a view is added to the history
+PAN = 0.1  # of the view, per press of an arrow key
 ZOOM = 0.8
-NUDGE = 0.01  # of the view, a press that moves a cursor
+NUDGE = 0.01  # of the view, per press that moves a cursor
 
 
 class PlotView(pg.GraphicsLayoutWidget):
-    """A plot, or several over one x axis.  What they show is the business of the classes made from this one."""
+    """One plot, or several with one x axis; subclasses draw the curves."""
 
     export_wanted = Signal(object, str)  # this plot, and "png", "svg" or "csv"
-    table_words = "Save the samples in view as CSV …"  # empty where there is nothing to tabulate
+    table_words = "Save the samples in view as CSV …"  # empty where there is no CSV
 
     def __init__(self, name: str, axis: CursorAxis = TIME, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.name = name
-        self.legend: Sequence[tuple[str, Look]] = ()  # of the panel's lines: a saved picture carries it
+        self.legend: Sequence[tuple[str, Look]] = ()  # of the panel, for saved pictures
         self.shows: tuple[object, ...] = ()  # the shots whose curves are drawn
         self.setAccessibleName(name)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
@@ -45,11 +45,11 @@ class PlotView(pg.GraphicsLayoutWidget):
 
     @property
     def span(self) -> Span:
-        """Get the stretch of x in view."""
+        """Get the range of x in view."""
         raise NotImplementedError
 
     def show_span(self, left: float, right: float) -> None:
-        """Show this stretch of x."""
+        """Show this range of x."""
         raise NotImplementedError
 
     def reset(self) -> None:
@@ -57,18 +57,17 @@ class PlotView(pg.GraphicsLayoutWidget):
         raise NotImplementedError
 
     def tell(self, shots: Sequence[object], words: str) -> None:
-        """Say whose curves are drawn from now on: every picture of them carries the words."""
+        """Set the shots whose curves are drawn; pictures carry the words."""
         if self.shows != tuple(shots):
             self._history.clear()
         self.shows = tuple(shots)
         self.setAccessibleDescription(words)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self.setBackground(colours.plot)
         self.cursors.dress(colours)
 
-    # where one was ----------------------------------------------------------------------------------------------
+    # history of views --------------------------------------------------------------------------------------------
 
     @property
     def states(self) -> tuple[ViewState, ...]:
@@ -76,21 +75,21 @@ class PlotView(pg.GraphicsLayoutWidget):
         raise NotImplementedError
 
     def bring(self, states: tuple[ViewState, ...]) -> None:
-        """Bring back what was in view of each plot."""
+        """Restore the view of each plot."""
         raise NotImplementedError
 
     @Slot()
     def note_view(self) -> None:
-        """Remember what is in view, once nothing moves any more."""
+        """Add the view to the history once it no longer moves."""
         self._settling.start()
 
     @Slot()
     def note_now(self) -> None:
-        """Remember it now."""
+        """Add the view to the history now."""
         self._history.note(self.states)
 
     def step_view(self, by: int) -> bool:
-        """Go back (-1) or forward (1) to what was in view; return whether there was something."""
+        """Go back (-1) or forward (1) in the history; return whether there was a view."""
         self._settling.stop()
         self.note_now()
         states = self._history.step(by)
@@ -102,7 +101,6 @@ class PlotView(pg.GraphicsLayoutWidget):
 
     @Slot(bool)
     def show_cursors(self, shown: bool) -> None:
-        """Show or hide the cursors, placed at a third and two thirds of the view when they come."""
         self.cursors.show(shown, *self.span)
 
     @Slot()
@@ -112,28 +110,28 @@ class PlotView(pg.GraphicsLayoutWidget):
 
     @Slot()
     def copy_cursors(self) -> None:
-        """Put what lies between the cursors on the clipboard, as tab-separated text."""
+        """Copy the cursor readings as tab-separated text."""
         if self.cursors.shown:
             QGuiApplication.clipboard().setText(self.cursors.text())
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Let the readout of the cursors come with the plot."""
+        """Show the cursor readings with the plot."""
         super().showEvent(event)
         self.cursors.moved.emit()
 
     def hideEvent(self, event: QHideEvent) -> None:
-        """Let the readout of the cursors go with the plot."""
+        """Hide the cursor readings with the plot."""
         super().hideEvent(event)
         self.cursors.moved.emit()
 
     # keys and menu ----------------------------------------------------------------------------------------------
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Move and zoom by arrows; with Shift move cursor A, with Ctrl cursor B; Home shows the whole."""
+        """Move and zoom with arrows; with Shift move cursor A, with Ctrl cursor B; Home resets."""
         left, right = self.span
         width = right - left
         key, held = event.key(), event.modifiers()
-        if held & Qt.KeyboardModifier.AltModifier:  # back and forward are the window's
+        if held & Qt.KeyboardModifier.AltModifier:  # Alt+arrows are commands of the window
             event.ignore()
             return
         side = int(key == Qt.Key.Key_Right) - int(key == Qt.Key.Key_Left)
@@ -199,7 +197,7 @@ class PlotView(pg.GraphicsLayoutWidget):
 
 
 def in_front(plots: Sequence[PlotView]) -> PlotView:
-    """Return the plot that has the keyboard, else the first."""
+    """Return the focused plot, else the first."""
     return next((plot for plot in plots if plot.hasFocus()), plots[0])
 
 
@@ -208,25 +206,25 @@ MOST = 100
 
 
 class ViewHistory(Generic[State]):
-    """A list of states with a place in it; a state that is noted after going back takes the place of what followed."""
+    """A history of states; a state noted after going back replaces those that followed."""
 
     def __init__(self) -> None:
         self._states: list[State] = []
         self._place = -1
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Clear the history."""
         self._states, self._place = [], -1
 
     def note(self, state: State) -> None:
-        """Take in what is looked at now; the same again is not taken twice."""
+        """Add a state, unless it is the present one."""
         if self._place >= 0 and self._states[self._place] == state:
             return
         self._states = [*self._states[: self._place + 1], state][-MOST:]
         self._place = len(self._states) - 1
 
     def step(self, by: int) -> State | None:
-        """Go back (-1) or forward (1); return what was looked at there, None at the end."""
+        """Go back (-1) or forward (1); return that state, or None at an end."""
         place = self._place + by
         if not 0 <= place < len(self._states):
             return None

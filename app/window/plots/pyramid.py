@@ -1,4 +1,4 @@
-"""Extremes of a long record at every zoom: what a view of so many pixels needs, and no peak lost."""
+"""Minima and maxima of a long record at every zoom, so that no peak is lost on the screen."""
 
 from typing import cast
 
@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.floating] | NDArray[np.integer]
-BASE = 16  # samples of one level that make one of the next
+BASE = 16  # values of one level per value of the next
 
 
 class Pyramid:
-    """Minima and maxima of uniformly sampled values over blocks of 16, 256, 4096, ... samples, grown as data arrive.
+    """Minima and maxima of uniform samples over blocks of 16, 256, 4096, ... samples; samples can be appended.
 
-    Only whole blocks enter a level; the rest is read from the level below, so that what was appended in pieces
-    answers exactly like what was given at once.  NaN is ignored where a block holds anything else.
+    Only whole blocks are in a level; the rest is read from the level below, so that appending in parts gives the same
+    result.  NaN is ignored where a block has other values.
     """
 
     def __init__(self, values: Array | None = None) -> None:
@@ -77,10 +77,10 @@ class Pyramid:
         return (float(low), float(high)) if low <= high else (float("nan"), float("nan"))
 
     def view(self, start: int, stop: int, pixels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return (sample positions, values) of samples ``start`` to ``stop`` with at most two points a pixel.
+        """Return (sample positions, values) of samples ``start`` to ``stop`` with at most two points per pixel.
 
-        Where fewer than two samples fall on a pixel these are the samples themselves; else each pixel's worth of
-        samples gives its minimum and its maximum at one position, so that every column of the screen is drawn.
+        With fewer than two samples per pixel these are the samples; else minimum and maximum of each pixel's samples at
+        one position.
         """
         start, stop = max(0, start), min(len(self._values), stop)
         pixels = max(2, pixels)
@@ -109,5 +109,5 @@ class Pyramid:
 
 
 def is_whole(positions: NDArray[np.float64]) -> bool:
-    """Return whether what ``Pyramid.view`` gave are the samples themselves, not extremes in pairs."""
+    """Return whether ``Pyramid.view`` returned samples, not pairs of extremes."""
     return len(positions) < 2 or positions[0] != positions[1]

@@ -1,6 +1,6 @@
-"""Residuals of all shots as small multiples on one symmetric-log axis: before and after, and what a candidate explains.
+"""Residuals of all shots in small plots with one symmetric-log axis: before, after, and what a candidate explains.
 
-Drawn by hand: some dozens of small plots of pyqtgraph would cost a frame each time a candidate is pointed at.
+Drawn directly: dozens of pyqtgraph plots would take a frame each time a candidate is hovered.
 """
 
 import math
@@ -14,17 +14,17 @@ from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from app.window.theme import Colours, Tone
-from app.words.prefixes import prefix_for
+from app.words.physics_words import prefix_for
 from app.words.wording import number
 
 Floats = NDArray[np.float64]
-MOST = 12  # shots drawn; a word says how many there are besides
+MOST = 12  # shots drawn
 WIDEST = 4  # cells side by side
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cell:
-    """One shot; arrays of shape (n,), in m and ms.  ``before`` None: only what is left after."""
+    """One shot; arrays (n,) in m and ms; ``before_m`` None: only the residual after is drawn."""
 
     title: str
     time_ms: Floats
@@ -42,7 +42,7 @@ class Overlay:
 
 
 class ResidualGrid(QWidget):
-    """The canvas of DIAGNOSIS."""
+    """The small plots of DIAGNOSIS."""
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -55,12 +55,11 @@ class ResidualGrid(QWidget):
         self.setAccessibleName("Residuals of all shots, before and after")
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         self.update()
 
     def show_cells(self, cells: Sequence[Cell]) -> None:
-        """Show these shots on one axis; the scale holds until others are shown."""
+        """Show these shots with a common scale."""
         self.cells, self.overlays = tuple(cells[:MOST]), ()
         curves = [c for cell in self.cells for c in (cell.before_m, cell.after_m) if c is not None]
         noises = [cell.noise_m for cell in self.cells if math.isfinite(cell.noise_m)]
@@ -69,7 +68,7 @@ class ResidualGrid(QWidget):
         self.update()
 
     def overlay(self, overlays: Sequence[Overlay | None]) -> None:
-        """Lay over each shot what a candidate would explain, and what would remain; nothing: take it away."""
+        """Overlay what a candidate would explain of each shot, and what would remain; empty: remove that."""
         self.overlays = tuple(overlays)
         self.update()
 
@@ -84,7 +83,6 @@ class ResidualGrid(QWidget):
         return prefix_for(self.scale.most, "m")
 
     def paintEvent(self, _: QPaintEvent) -> None:
-        """Draw every cell."""
         painter = QPainter(self)
         painter.fillRect(self.rect(), QColor(self._colours.plot))
         if not self.cells:
@@ -107,10 +105,10 @@ class ResidualGrid(QWidget):
                 self._draw_axis(painter, area, labels, unit)
             if row == rows - 1 or place + columns >= count:
                 ends = cell.time_ms[[0, -1]] if cell.time_ms.size else np.array([0.0, 1.0])
-                told = f"{number(float(ends[0]), 3)} … {number(float(ends[1]), 3)} ms"
+                span = f"{number(float(ends[0]), 3)} … {number(float(ends[1]), 3)} ms"
                 under = QRectF(area.left(), area.bottom(), area.width(), bottom)
                 painter.setPen(QColor(self._colours.faint))
-                painter.drawText(under, Qt.AlignmentFlag.AlignCenter, told)
+                painter.drawText(under, Qt.AlignmentFlag.AlignCenter, span)
 
     def _draw_axis(self, painter: QPainter, area: QRectF, labels: Sequence[str], unit: str) -> None:
         painter.setPen(QColor(self._colours.faint))
@@ -118,7 +116,7 @@ class ResidualGrid(QWidget):
         last = math.inf
         for tick, label in zip(self.scale.ticks(), labels, strict=True):
             y = self._y(area, np.array([tick]))[0]
-            if last - y < height or y < area.top() + 1.4 * height:  # the topmost place is the unit's
+            if last - y < height or y < area.top() + 1.4 * height:  # the unit is at the top
                 continue
             last = y
             box = QRectF(0.0, y - height / 2, area.left() - 4, height)
@@ -148,7 +146,7 @@ class ResidualGrid(QWidget):
         painter.drawText(area.adjusted(5, 2, -3, -2), Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft, title)
 
     def _curve(self, painter: QPainter, area: QRectF, values: Floats, colour: QColor, width: int) -> None:
-        """Draw a curve, at most two points a pixel, its extremes kept."""
+        """Draw a curve with at most two points per pixel, keeping its extremes."""
         columns = max(16, int(area.width()))
         x, y = _thinned(values, columns)
         at = self._y(area, y)
@@ -166,7 +164,7 @@ class ResidualGrid(QWidget):
 
 
 def _thinned(values: Floats, columns: int) -> tuple[Floats, Floats]:
-    """Return (place from 0 to 1, value), at most two points a column: its least and its greatest."""
+    """Return (x from 0 to 1, value) with at most two points per column, least and greatest."""
     size = values.size
     if size <= 2 * columns:
         return np.linspace(0.0, 1.0, size), values
@@ -188,14 +186,14 @@ class SymLog:
     most: float
 
     def place(self, values: Floats) -> Floats:
-        """Return where values stand, from -1 (the least) to 1 (the largest); NaN stays, what lies beyond is cut."""
+        """Return values mapped to -1 ... 1, clipped; NaN stays."""
         top = math.log10(1.0 + self.most / self.linear)
         with np.errstate(invalid="ignore"):
             at = np.sign(values) * np.log10(1.0 + np.abs(values) / self.linear) / top
             return np.clip(at, -1.0, 1.0)
 
     def ticks(self) -> list[float]:
-        """Return zero and the decades that have room, both signs."""
+        """Return zero and decades of both signs, as many as fit."""
         first = math.ceil(math.log10(self.linear) - 1e-9)
         last = math.floor(math.log10(self.most) + 1e-9)
         step = max(1, math.ceil((last - first + 1) / 3))
@@ -204,7 +202,7 @@ class SymLog:
 
 
 def scale_of(curves: Sequence[Floats], noise: float) -> SymLog:
-    """Return one scale for all curves: linear as far as the noise reaches."""
+    """Return a common scale for the curves, linear up to the noise."""
     sizes = [float(np.nanmax(np.abs(curve))) for curve in curves if curve.size and np.isfinite(curve).any()]
     linear = noise if math.isfinite(noise) and noise > 0.0 else max(sizes, default=1.0) / 100.0 or 1.0
     return SymLog(linear, max([*sizes, linear * 10.0**LEAST_DECADES]))

@@ -1,4 +1,4 @@
-"""A plot as a file: picture, drawing, or the samples that are in view."""
+"""Save a plot as PNG, SVG or CSV."""
 
 import csv
 import io
@@ -19,7 +19,7 @@ from instrument.files.atomic_file import write_text_atomic
 
 
 def save_png(view: pg.GraphicsView, path: Path, scale: float = 2.0) -> None:
-    """Write the plot as it looks, ``scale`` times finer than the screen, its legend above it.  Raises OSError."""
+    """Write the plot with its legend, ``scale`` times finer than the screen.  Raises OSError."""
     if not picture(view, scale).save(str(path), "PNG"):  # type: ignore[call-overload]  # its types want bytes
         raise OSError(f"{path}: could not be written")
 
@@ -54,13 +54,13 @@ def _draw(painter: QPainter, view: pg.GraphicsView, size: QSize) -> None:
     painter.setFont(view.font())
     painter.setPen(view.palette().text().color())
     heading = _heading_height(view)
-    if heading:  # which shot it is of
+    if heading:  # names the shot
         painter.drawText(QRectF(6, 2, size.width() - 12, heading), view.accessibleDescription())
     painter.save()
     painter.translate(0, heading)
     paint_legend(painter, _legend(view), size.width())
     painter.restore()
-    view.render(painter, QRectF(0, above, view.width(), view.height()))  # else it takes the device's pixels for its own
+    view.render(painter, QRectF(0, above, view.width(), view.height()))  # without a target it uses the device's pixels
 
 
 def save_svg(view: pg.GraphicsView, path: Path) -> None:
@@ -79,10 +79,7 @@ def save_svg(view: pg.GraphicsView, path: Path) -> None:
 
 
 def save_csv(stack: TimeStack, path: Path) -> None:
-    """Write every sample in view, undecimated: one column of time a sampling grid, "." and ",".
-
-    Raises RecordingError.
-    """
+    """Write every sample in view, with a column of time per sampling grid.  Raises RecordingError."""
     left, right = stack.span
     groups: dict[tuple[float, float, int, int], list[tuple[str, SampledCurve]]] = {}
     for plot in stack.plots:
@@ -115,7 +112,7 @@ def _write(heads: list[str], columns: list[np.ndarray], path: Path) -> None:
         for index in range(longest):
             yield [f"{column[index]:.12g}" if index < len(column) else "" for column in columns]
 
-    write_text_atomic(path, map(_line, rows()), sync=True)  # a disk that fills up spoils no file that was there
+    write_text_atomic(path, map(_line, rows()), sync=True)  # an existing file survives a full disk
 
 
 def _line(cells: Sequence[str]) -> str:

@@ -1,4 +1,4 @@
-"""One plot over time: fixed axis width, the y range fitted to what is in view, nothing that costs frames."""
+"""A plot over time: the value axis follows the data in view and has a fixed width."""
 
 import math
 from collections.abc import Mapping
@@ -16,25 +16,25 @@ from app.window.plots.plain_axis import PlainAxis
 from app.window.plots.plot_view import ViewState
 from app.window.theme import Colours
 
-_ROOM = 1.5  # of a steady axis: that many times the values' span, so that noise does not move it
-_LOOSEST = 4.0  # a steady axis wider than this against its values is fitted again
+_ROOM = 1.5  # span of a steady axis over that of the values, so that noise does not move it
+_LOOSEST = 4.0  # span of a steady axis over that of the values, from which it is fitted again
 AXIS_WIDTH = 74  # wide enough for "-0.00025", so that linked plots stay aligned while values change
 
 
 class QuietView(pg.ViewBox):
-    """A view box whose clicks reach the panel; a drag moves along one axis, with Shift it draws the box to zoom to."""
+    """A view box that emits clicks; dragging moves one axis, with Shift it draws a box to zoom to."""
 
     clicked = Signal(float, float)
     y_taken = Signal(bool)
-    moved = Signal()  # by hand, and perhaps on
-    placed = Signal()  # by hand, and done
+    moved = Signal()  # by hand, perhaps not finished
+    placed = Signal()  # by hand, finished
 
     def __init__(self) -> None:
         super().__init__(enableMenu=False, defaultPadding=0.0)
         self.disableAutoRange()
 
     def mouseClickEvent(self, event: object) -> None:
-        """Report a left click in the plot's own units."""
+        """Emit a left click in the plot's units."""
         if event.button() == Qt.MouseButton.LeftButton:  # type: ignore[attr-defined]
             point: QPointF = self.mapSceneToView(event.scenePos())  # type: ignore[attr-defined]
             self.clicked.emit(point.x(), point.y())
@@ -62,7 +62,7 @@ class QuietView(pg.ViewBox):
         self.moved.emit()
 
     def _draw_box(self, event: Any) -> None:
-        """Draw the box, and zoom to it where the button is let go."""
+        """Draw the box, and zoom to it when the button is released."""
         event.accept()
         if not event.isFinish():
             self.updateScaleBox(event.buttonDownPos(), event.pos())
@@ -72,14 +72,14 @@ class QuietView(pg.ViewBox):
         self.zoom_to(self.childGroup.mapRectFromParent(box.normalized()))
 
     def zoom_to(self, box: QRectF) -> None:
-        """Show what lies in a box given in the plot's own units; a flat one is none."""
+        """Zoom to a box in the plot's units; one without area is ignored."""
         if box.width() > 0.0 and box.height() > 0.0:
             self.y_taken.emit(True)
             self.setRange(xRange=(box.left(), box.right()), yRange=(box.top(), box.bottom()), padding=0)
             self.placed.emit()
 
 
-LEAST_NAMED_LINES = 4  # of text: in a plot lower than these the name of a level lies over the curves
+LEAST_NAMED_LINES = 4  # least height for names of levels, in lines of text
 
 
 class TimePlot(FramedPlot):
@@ -96,7 +96,7 @@ class TimePlot(FramedPlot):
         self._levels: list[pg.InfiniteLine] = []
         self.levels: dict[str, float] = {}  # of ``show_levels``
         self.minimum_span = 0.0
-        self.steady = False  # for curves that run: the value axis moves only when it has to
+        self.steady = False  # for running curves: the value axis moves only when necessary
         self._y_by_hand = False
         left = self.getAxis("left")
         left.setWidth(AXIS_WIDTH)
@@ -123,14 +123,14 @@ class TimePlot(FramedPlot):
         return curve
 
     def add_points(self, name: str, pen: QPen) -> PointCurve:
-        """Add an empty curve of points decimated elsewhere."""
+        """Add an empty curve of points that are decimated already."""
         curve = PointCurve(name, self.unit, pen)
         self.addItem(curve)
         self.sampled.append(curve)
         return curve
 
     def add_band(self, colour: str, edge: str) -> Band:
-        """Add an empty noise band behind the curves, its edges before them."""
+        """Add an empty noise band behind the curves, its edges above them."""
         band = Band(colour, edge)
         self.addItem(band)
         for line in band.edges:
@@ -139,7 +139,7 @@ class TimePlot(FramedPlot):
         return band
 
     def mark(self, times: list[float], colour: str) -> None:
-        """Show vertical dotted lines at these x, in place of those before."""
+        """Show vertical dotted lines at these x only."""
         while len(self.marks) < len(times):
             line = pg.InfiniteLine(angle=90, pen=straight(colour, Qt.PenStyle.DotLine))
             line.setZValue(-5)
@@ -161,7 +161,7 @@ class TimePlot(FramedPlot):
         self._levels.append(line)
 
     def show_levels(self, levels: Mapping[str, float]) -> None:
-        """Show these levels by their words, in place of those before; they stay in view."""
+        """Show these levels only, by their words; the value axis includes them."""
         if dict(levels) == self.levels:
             return
         for line in self._levels:
@@ -179,24 +179,23 @@ class TimePlot(FramedPlot):
         return (left, right), (low, high), self._y_by_hand
 
     def bring(self, state: ViewState) -> None:
-        """Bring back what was in view."""
+        """Restore a view."""
         x, y, by_hand = state
-        self._y_by_hand = True  # while the time changes
+        self._y_by_hand = True  # so that the values are not fitted meanwhile
         self.view.setRange(xRange=x, yRange=y, padding=0)
         self._y_by_hand = by_hand
 
     @property
     def caption(self) -> str:
-        """Get the name written into the plot, "" while the axis says it."""
+        """Get the name in the plot, "" while the axis shows it."""
         return self._caption.shown
 
     def call(self, title: str) -> None:
-        """Say whose values these are from now on."""
         self.title = title
         self.count_in(self.unit)
 
     def count_in(self, unit: str) -> None:
-        """Say in which unit the curves are from now on."""
+        """Set the unit of the curves."""
         self.unit = unit
         words = f"{self.title} ({unit})"
         self._caption.say(words)
@@ -222,11 +221,11 @@ class TimePlot(FramedPlot):
         self._name_levels()
 
     def _name_levels(self) -> None:
-        for line in self._levels:  # a low plot has no room for a name beside its curves
+        for line in self._levels:  # a low plot has no room for names
             line.label.setVisible(self.view.height() > LEAST_NAMED_LINES * line.label.boundingRect().height())
 
     def fit_y(self, *, anew: bool = False) -> None:
-        """Fit the value axis to what is in view, unless a person set it; ``anew``: a steady one moves too."""
+        """Fit the value axis to the data in view, unless it was set by hand; ``anew``: also a steady one."""
         if self._y_by_hand:
             return
         (left, right), _ = self.view.viewRange()

@@ -1,4 +1,4 @@
-"""Plots above one another on one time axis."""
+"""Plots above each other with one time axis."""
 
 from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QWidget
@@ -11,7 +11,7 @@ from app.window.theme import Colours
 
 
 class TimeStack(PlotView):
-    """Linked time plots; x is in ``axis``' unit, y in each plot's own.  Whoever owns them answers ``reset_wanted``."""
+    """Linked time plots; x is in the unit of ``axis``.  The owner resets the view at ``reset_wanted``."""
 
     clicked = Signal(float)
     reset_wanted = Signal()
@@ -39,7 +39,7 @@ class TimeStack(PlotView):
         plot.view.moved.connect(self.note_view)
         plot.view.placed.connect(self.note_now)
         plot.dress(self.colours)
-        plot.getAxis("left").stand_beside(self._value_axes)
+        plot.getAxis("left").share_labels(self._value_axes)
         self.cursors.join(plot)
         return plot
 
@@ -48,14 +48,13 @@ class TimeStack(PlotView):
         self.plots[-1].setLabel("bottom", text)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self.colours = colours
         for plot in self.plots:
             plot.dress(colours)
         super().dress(colours)
 
     def zoom(self, left: float, right: float) -> None:
-        """Show the time from left to right in every plot, values fitted."""
+        """Show this range of time in every plot, and fit the values."""
         for plot in self.plots:
             plot.free_y()
         self.show_span(left, right)
@@ -69,12 +68,12 @@ class TimeStack(PlotView):
         return tuple(plot.state for plot in self.plots)
 
     def bring(self, states: tuple[ViewState, ...]) -> None:
-        """Bring back what was in view of each plot."""
+        """Restore the view of each plot."""
         for plot, state in zip(self.plots, states, strict=True):
             plot.bring(state)
 
     def show_span(self, left: float, right: float) -> None:
-        """Show the time from left to right; a value axis that a person set stays."""
+        """Show this range of time; a value axis set by hand stays."""
         self.plots[0].view.setXRange(left, right, padding=0)
 
     @property
@@ -85,7 +84,7 @@ class TimeStack(PlotView):
 
     @Slot()
     def reset(self) -> None:
-        """Ask for the whole."""
+        """Emit ``reset_wanted``."""
         self.reset_wanted.emit()
 
     @Slot(float, float)

@@ -1,1 +1,1 @@
-"""Presenters: each stands between one part of the session and the panels that show it."""
+"""Presenters, each of which connects one part of the session with its panels."""

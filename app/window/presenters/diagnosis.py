@@ -1,4 +1,4 @@
-"""Asking what the model lacks, and adding it: the diagnosis of the selected shots, while it runs and after."""
+"""Diagnose the selected shots; show progress and result; add effects to the model, or remove them."""
 
 from dataclasses import dataclass
 
@@ -6,19 +6,19 @@ from PySide6.QtCore import QObject, Slot
 
 from analysis.diagnosis.result import Diagnosis
 from analysis.drive.curves import DriveCurves, drive_curves
-from analysis.shot.shot import Shot
-from app.session.asked_work import AskedWork
+from analysis.shot.shot import Progress, Shot, Stop
 from app.session.event import Diagnosed
-from app.session.jobs import Asked, Report
 from app.session.next_shots import PLAN
 from app.session.session import Entry
+from app.session.shot_job import ShotJob
 from app.session.verdict_of import verdict_of
 from app.session.workbench import Workbench
 from app.window.layout import Layout
+from levimass.analysis_settings import is_drive
 
 
 @dataclass(frozen=True, slots=True)
-class _Wanted:
+class _Drive:
     shot: Shot
     diagnosis: Diagnosis
 
@@ -31,7 +31,7 @@ class _Forces:
     after: DriveCurves
 
 
-def _forces_of(_: Entry, wanted: _Wanted, __: Report, ___: Asked) -> _Forces:
+def _forces_of(_: Entry, wanted: _Drive, __: Progress, ___: Stop) -> _Forces:
     motion = wanted.shot.motion
     assert motion is not None
     before, after = (drive_curves(motion, fit) for fit in (wanted.diagnosis.fit_before, wanted.diagnosis.fit_after))
@@ -39,14 +39,14 @@ def _forces_of(_: Entry, wanted: _Wanted, __: Report, ___: Asked) -> _Forces:
 
 
 class DiagnosisPresenter(QObject):
-    """Between the workbench and the panels of model and diagnosis."""
+    """Connects the workbench with the panels of model and diagnosis."""
 
     def __init__(self, workbench: Workbench, panels: Layout, parent: QObject) -> None:
         super().__init__(parent)
         self._workbench, self._panels = workbench, panels
-        # diagnosis and effects on the screen, and whether the one holds for the other
+        # diagnosis and effects shown, and whether the diagnosis holds for them
         self._shown: tuple[object, tuple[str, ...], bool] = (None, (), True)
-        self._forces = AskedWork[_Wanted, _Forces](workbench.errands, "residual of the force", _forces_of)
+        self._forces = ShotJob[_Drive, _Forces](workbench.short_jobs, "residual of the force", _forces_of)
         p = panels
         p.model.diagnose_wanted.connect(self.diagnose)
         p.diagnosis.diagnose_wanted.connect(self.diagnose)
@@ -57,13 +57,13 @@ class DiagnosisPresenter(QObject):
         p.diagnosis.why.pointed.connect(self._pointed)
 
     def refresh(self) -> None:
-        """Bring progress, the newest diagnosis and the effects in the model to the screen."""
+        """Show progress, the newest diagnosis and the effects in the model."""
         job = self._workbench.jobs.current
         running = job if job is not None and job.kind in ("diagnosis", PLAN) else None
         what = (running.what or "starting") if running is not None else None
         of = running.name if running is not None else ""
         if running is None and job is not None and self._workbench.jobs.waiting("diagnosis", PLAN):
-            what, of = f"waiting for {job.name} to end", "it begins after that"
+            what, of = f"waiting for {job.name} to end", "it begins then"
         self._panels.diagnosis.show_progress(what, running.fraction if running is not None else 0.0, of)
         self._panels.model.diagnose.setEnabled(what is None)
         found = self.found()
@@ -82,15 +82,15 @@ class DiagnosisPresenter(QObject):
             self._panels.diagnosis.show_diagnosis(None, [], effects)
             return
         entries = [self._workbench.session.entry(number) for number in found.numbers]
-        shots = [entry.shot for entry in entries if entry is not None and entry.shot is not None]
+        shots = self._shots_of(found)
         self._panels.diagnosis.show_diagnosis(found.diagnosis, shots, effects, found.version, holds)
-        driven = next((e for e in entries if e is not None and e.shot is not None and e.shot.motion is not None), None)
-        if driven is not None and driven.shot is not None and found.diagnosis.fit_after.model == "driven":
+        drive = next((e for e in entries if e is not None and e.shot is not None and e.shot.motion is not None), None)
+        if drive is not None and drive.shot is not None and is_drive(found.diagnosis.fit_after.model):
             self._forces.forget()
-            self._forces.ask(driven, _Wanted(driven.shot, found.diagnosis))
+            self._forces.ask(drive, _Drive(drive.shot, found.diagnosis))
 
     def _explain(self, found: Diagnosed | None) -> None:
-        """Fit the candidates of the diagnosis on the screen while nothing else is to be done."""
+        """Let the candidates of the diagnosis be fitted while there is no other work, and show their residuals."""
         why = self._workbench.why
         why.show(found.diagnosis if found is not None else None, self._shots_of(found))
         if why.refresh():
@@ -134,12 +134,12 @@ class DiagnosisPresenter(QObject):
         self._workbench.model.remove(self._base(), name)
 
     def found(self) -> Diagnosed | None:
-        """Return the diagnosis of what is selected; where nothing is, the newest."""
+        """Return the diagnosis of the selected shots, or the newest where none is selected."""
         numbers = self._panels.table.numbers
         return self._workbench.diagnoses.of(numbers) if numbers else self._workbench.diagnoses.newest
 
     def _base(self) -> str:
-        """Return the base model that the page in front is about: that of the diagnosis, else of the shot in front."""
+        """Return the base model of the diagnosis shown, else that of the last selected shot."""
         found = self.found()
         if found is not None:
             return found.diagnosis.fit_before.model

@@ -1,4 +1,4 @@
-"""Sessions by name and what was open lately: which list of shots the window works on."""
+"""Open and save sessions, and open recent files."""
 
 from functools import partial
 from pathlib import Path
@@ -17,7 +17,7 @@ KINDS = "Levimass session (*.json)"
 
 
 class FilesPresenter(QObject):
-    """Between the workbench and the File menu."""
+    """Connects the workbench with the File menu."""
 
     said = Signal(str, Tone)
     recordings_wanted = Signal(list)  # paths
@@ -33,19 +33,19 @@ class FilesPresenter(QObject):
 
     @Slot()
     def open_session(self) -> None:
-        """Ask for a session and go on with it."""
+        """Ask for a session file and open it."""
         ask(self._panels, "Open a session", Want.FILE, self._open_asked, self._folder(), KINDS)
 
     @Slot()
     def save_session(self) -> None:
-        """Ask for a name and keep the session there from now on."""
+        """Ask for a file and save the session there from now on."""
         start = self._folder() / "session.json"
         ask(self._panels, "Save the session as", Want.NEW_FILE, self._save_asked, start, KINDS)
 
     @Slot()
     def usual_session(self) -> None:
-        """Return to the unnamed session, which a first start opens."""
-        self._told(self._workbench.usual_session(), "")
+        """Open the unnamed session."""
+        self._opened(self._workbench.usual_session(), "")
 
     def _folder(self) -> Path:
         path = self._workbench.session.path
@@ -56,15 +56,15 @@ class FilesPresenter(QObject):
         self.open_named(paths[0])
 
     def open_named(self, path: Path) -> None:
-        """Go on with the session kept in this file."""
+        """Open the session in this file."""
         problem = self._workbench.open_session(path)
-        self._told(problem, "" if problem else str(path))
+        self._opened(problem, "" if problem else str(path))
 
     def _save_asked(self, paths: list[Path]) -> None:
         problem = self._workbench.save_session(paths[0])
-        self._told(problem, "" if problem else str(paths[0]))
+        self._opened(problem, "" if problem else str(paths[0]))
 
-    def _told(self, problem: str | None, name: str) -> None:
+    def _opened(self, problem: str | None, name: str) -> None:
         if problem:
             self.said.emit(problem, Tone.BAD)
             return

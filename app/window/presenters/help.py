@@ -1,4 +1,4 @@
-"""Help: what this program is and is made of, its manual, its log."""
+"""Help: versions and licences, messages, manual, log folder."""
 
 from importlib import resources
 from pathlib import Path
@@ -13,7 +13,7 @@ DOCS = Path(__file__).resolve().parents[3] / "docs"
 
 
 class HelpPresenter(QObject):
-    """Opens what lies on disk with the system's own programs; the rest is a sheet."""
+    """Shows sheets, and opens manual and log with the system's programs."""
 
     said = Signal(str, Tone)
 
@@ -25,24 +25,16 @@ class HelpPresenter(QObject):
     @Slot()
     def toggle_about(self) -> None:
         """Show or hide versions and licences."""
-        sheet = self._panels.about
-        if sheet.isVisible():
-            sheet.hide()
-        else:
-            sheet.open()
+        self._panels.about.toggle()
 
     @Slot()
     def toggle_messages(self) -> None:
         """Show or hide the list of messages."""
-        sheet = self._panels.messages
-        if sheet.isVisible():
-            sheet.hide()
-        else:
-            sheet.open()
+        self._panels.messages.toggle()
 
     @Slot()
     def show_manual(self) -> None:
-        """Open the tutorial where it is installed beside the program; else the short tour stands in."""
+        """Open the tutorial where it is installed."""
         tutorial = DOCS / "tutorial.md"
         if not tutorial.exists():
             tutorial = Path(str(resources.files("resources").joinpath("tutorial.md")))

@@ -1,4 +1,4 @@
-"""A person's own laws: typed, or learned and kept under a name; the next diagnosis asks for them."""
+"""The operator's own laws, typed or learned: save them and diagnose with them."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from instrument.files.recording_error import RecordingError
 
 
 class LawsPresenter(QObject):
-    """Between the folder of laws, the sheet they are typed into, and the diagnosis."""
+    """Connects the folder of laws with the sheet for laws and the diagnosis."""
 
     said = Signal(str, Tone)
     diagnose_wanted = Signal()
@@ -26,12 +26,8 @@ class LawsPresenter(QObject):
 
     @Slot()
     def propose_law(self) -> None:
-        """Show or hide the sheet into which a law is typed."""
-        sheet = self._panels.law
-        if sheet.isVisible():
-            sheet.hide()
-        else:
-            sheet.open()
+        """Show or hide the sheet for laws."""
+        self._panels.law.toggle()
 
     @Slot(str)
     def _keep(self, key: str) -> None:

@@ -1,4 +1,4 @@
-"""Between files of other programs and the sheet that asks which of their channels is which."""
+"""Let the operator assign the channels of files from other programs."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -6,9 +6,10 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Slot
 
 from analysis.shot.recording import Role
+from analysis.shot.shot import Progress, Stop
 from app.session.channel_looks import ChannelLook, looks_of
 from app.session.choices import Choices
-from app.session.jobs import Asked, Job, Report
+from app.session.jobs import Job
 from app.session.workbench import Workbench
 from app.window.layout import Layout
 from app.window.panels.mapping_sheet import Answer
@@ -28,14 +29,14 @@ from instrument.files.motion_file import save_columns
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    """A file's channels, and what they look like."""
+    """A file's contents, and what its channels look like."""
 
-    held: ForeignContents
+    contents: ForeignContents
     looks: tuple[ChannelLook, ...]
 
 
 class MappingPresenter(QObject):
-    """Asks for one file after another; files are read in the errands' thread."""
+    """Shows the sheet for one file after another; files are read in the thread of short jobs."""
 
     def __init__(self, workbench: Workbench, choices: Choices, panels: Layout, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -47,18 +48,18 @@ class MappingPresenter(QObject):
 
     @Slot(object)
     def ask(self, paths: list[Path]) -> None:
-        """Ask for these files' channels, one file after the other."""
+        """Add files whose channels are to be assigned."""
         self._waiting += paths
 
     def refresh(self) -> None:
-        """Take what the errands' thread read, and go on with the next file."""
+        """Take what was read, and continue with the next file."""
         job = self._job
         if job is not None and job.done.is_set():
             self._job = None
             settings = self._choices.settings
             if isinstance(job.result, _Seen):
                 seen = job.result
-                self._sheet.ask(seen.held, settings.moving_mass_kg, settings.rest_frequency_hz, seen.looks)
+                self._sheet.ask(seen.contents, settings.moving_mass_kg, settings.rest_frequency_hz, seen.looks)
             elif isinstance(job.result, Path):
                 self._sheet.hide()
                 self._workbench.open_paths([job.result])
@@ -70,19 +71,19 @@ class MappingPresenter(QObject):
     def _read(self, path: Path) -> None:
         self._path = path
 
-        def work(_: Report, __: Asked) -> _Seen | Path:
-            if is_foreign(path):  # the folder's mapping may be there by now
+        def work(_: Progress, __: Stop) -> _Seen | Path:
+            if is_foreign(path):  # the folder may have a mapping by now
                 return path
-            held = foreign_channels(path)
+            contents = foreign_channels(path)
             try:
-                return _Seen(held, looks_of(held))
-            except Exception:  # whatever a format's library raises: the channels can be told without a look at them
-                return _Seen(held, ())
+                return _Seen(contents, looks_of(contents))
+            except Exception:  # a library may raise anything; the channels can be assigned without
+                return _Seen(contents, ())
 
-        self._job = self._workbench.errands.submit(path.name, work, "foreign")
+        self._job = self._workbench.short_jobs.submit(path.name, work, "foreign")
 
     def can_swap(self, path: Path) -> bool:
-        """Return whether PD0 and PD1 of a file can be exchanged: one of another program, which has both."""
+        """Return whether a file has a mapping with both PD0 and PD1."""
         mapping = find_mapping(path)
         if mapping is None:
             return False
@@ -90,7 +91,7 @@ class MappingPresenter(QObject):
         return {Role.REFERENCE, Role.MEASUREMENT} <= roles
 
     def swap(self, path: Path, number: int) -> None:
-        """Exchange PD0 and PD1 of a file of another program, for good, and analyse it again."""
+        """Exchange PD0 and PD1 in the mapping of a file, and analyse it again."""
         mapping = find_mapping(path)
         if mapping is None:
             return
@@ -106,12 +107,12 @@ class MappingPresenter(QObject):
         if path is None or self._job is not None:
             return
 
-        def work(_: Report, __: Asked) -> Path:
+        def work(_: Progress, __: Stop) -> Path:
             if isinstance(answer.mapping, MotionColumns):
                 save_columns(path, answer.mapping)
                 return path
-            read_foreign(path, answer.mapping)  # a mapping that does not work is not remembered
+            read_foreign(path, answer.mapping)  # a mapping that does not work is not saved
             write_mapping(answer.mapping, path.with_name(FOLDER_MAPPING) if answer.for_folder else mapping_path(path))
             return path
 
-        self._job = self._workbench.errands.submit(path.name, work, "foreign")
+        self._job = self._workbench.short_jobs.submit(path.name, work, "foreign")

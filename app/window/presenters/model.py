@@ -1,4 +1,4 @@
-"""The model as a file: saved for the next session or another machine, loaded, and held against the shot in front."""
+"""Save and load model files, test their predictions, and compare them with the selected shot."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -19,7 +19,7 @@ KINDS = "Levimass model (*.toml)"
 
 
 class ModelPresenter(QObject):
-    """Between the workbench and what asks for a model file."""
+    """Connects the workbench with the commands on model files."""
 
     said = Signal(str, Tone)
 
@@ -34,7 +34,7 @@ class ModelPresenter(QObject):
         super().__init__(parent)
         self._workbench, self._choices, self._panels, self._front = workbench, choices, panels, front
         self._shown: tuple[SavedModel | None, Fit | None, bool] = (None, None, False)
-        self._taken: SavedModel | None = None
+        self._known: SavedModel | None = None
         self._chosen: Path | None = None
 
     @property
@@ -42,10 +42,10 @@ class ModelPresenter(QObject):
         return self._chosen or self._choices.start_folder
 
     def refresh(self) -> None:
-        """Say how the shot in front agrees with the model file, where one is in use."""
+        """Show how the selected shot agrees with the model file in use."""
         known = self._workbench.model.known
-        if known is not self._taken:
-            self._taken = known
+        if known is not self._known:
+            self._known = known
             self._take_base()
         entry = self._front()
         fit = entry.shot.fit if entry is not None and entry.shot is not None else None
@@ -53,7 +53,7 @@ class ModelPresenter(QObject):
         if known is self._shown[0] and fit is self._shown[1] and behind == self._shown[2]:
             return
         self._shown = (known, fit, behind)
-        self._panels.model.show_known(*_told(known, fit, behind))
+        self._panels.model.show_known(*_agreement(known, fit, behind))
 
     def _take_base(self) -> None:
         known = self._workbench.model.known
@@ -65,12 +65,12 @@ class ModelPresenter(QObject):
 
     @Slot()
     def save_model(self) -> None:
-        """Ask for a file and save the model of the selected shots, or of all, there."""
+        """Ask for a file and save the model of the selected shots, or of all."""
         ask(self._panels, "Save the model", Want.NEW_FILE, self._save_asked, self._folder / "model.toml", KINDS)
 
     def _save_asked(self, paths: list[Path]) -> None:
         self._chosen = paths[0].parent
-        self._workbench.papers.save_model(self._panels.table.numbers, paths[0])
+        self._workbench.exports.save_model(self._panels.table.numbers, paths[0])
 
     @Slot()
     def load_model(self) -> None:
@@ -79,20 +79,20 @@ class ModelPresenter(QObject):
 
     @Slot()
     def foretell(self) -> None:
-        """Ask for a model file and say what it foretells of the selected shots, or of all; nothing is changed."""
+        """Ask for a model file and test its predictions on the selected shots, or on all."""
         ask(self._panels, "Test a model's predictions", Want.FILE, self._foretell_asked, self._folder, KINDS)
 
     def _foretell_asked(self, paths: list[Path]) -> None:
         self._chosen = paths[0].parent
-        self._workbench.papers.foretell(self._panels.table.numbers, paths[0])
+        self._workbench.exports.foretell(self._panels.table.numbers, paths[0])
 
     def _load_asked(self, paths: list[Path]) -> None:
         self._chosen = paths[0].parent
         self._workbench.model.load(paths[0])
 
 
-def _told(known: SavedModel | None, fit: Fit | None, behind: bool) -> tuple[str, Tone]:
-    """Return what is said of a fit beside the model: that it is of an earlier one, or how it agrees with the file."""
+def _agreement(known: SavedModel | None, fit: Fit | None, behind: bool) -> tuple[str, Tone]:
+    """Return whether a fit is of an earlier model, or how it agrees with the model file."""
     if behind:
         return "this fit is of an earlier model; the fit with the present one follows", Tone.WARNING
     if known is None or fit is None:

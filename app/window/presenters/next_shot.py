@@ -1,4 +1,4 @@
-"""Planning the next shot after a diagnosis, taking it, and showing what it brought."""
+"""Plan the next shot after a diagnosis, take it, and show the result."""
 
 from collections.abc import Callable
 
@@ -12,7 +12,7 @@ from app.window.layout import Layout
 
 
 class NextShotPresenter(QObject):
-    """Between the plans and the card; ``found`` gives the diagnosis on the screen."""
+    """Connects the plans with the card NEXT SHOT; ``found`` returns the diagnosis shown."""
 
     def __init__(
         self,
@@ -31,7 +31,7 @@ class NextShotPresenter(QObject):
         card.give_up_wanted.connect(self.give_up)
 
     def refresh(self) -> None:
-        """Bring plan and log of the diagnosis in front to the screen; a shot that joined a set brings that to it."""
+        """Show the plan for the diagnosis shown; select a set that a planned shot has just joined."""
         joined = self._plans.poll()
         if joined is not None:
             self._panels.table.select(list(joined))
@@ -46,19 +46,19 @@ class NextShotPresenter(QObject):
 
     @Slot(object)
     def arrived(self, entry: Entry) -> None:
-        """Let a shot of the rig join the set it was planned for."""
+        """Add a captured shot to the set it was planned for."""
         self._plans.arrived(entry)
 
     @Slot()
     def plan(self) -> None:
-        """Plan what would tell apart what the diagnosis in front left open."""
+        """Plan a shot that decides between the candidates of the diagnosis shown."""
         found = self._found()
         if found is not None:
             self._plans.plan(found)
 
     @Slot()
     def take(self) -> None:
-        """Arm for the planned shot; on the simulated bench it is set too."""
+        """Arm for the planned shot; on the simulated bench also set it."""
         found = self._found()
         if found is not None:
             self._plans.take(found)

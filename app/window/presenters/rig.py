@@ -1,4 +1,4 @@
-"""What an operator does with the rig: source, arm, abort, re-arm, settings; and what the rig says, on the screen."""
+"""Operate the rig: source, ARM, abort, re-arm, settings; show its state and signals."""
 
 import time
 from pathlib import Path
@@ -25,7 +25,7 @@ RECORDINGS = "Recordings (*.sigmf-meta *.sigmf-data *.csv *.toml);;All files (*)
 
 
 class RigPresenter(QObject):
-    """Between the rig and its panels; ``shot_captured`` carries each WaitingShot, ``shot_finished`` what it became."""
+    """Connects the rig with its panels; emits each WaitingShot and each FinishedShot."""
 
     shot_captured = Signal(object)
     shot_finished = Signal(object)
@@ -37,10 +37,10 @@ class RigPresenter(QObject):
         super().__init__(parent)
         self._rig, self._choices, self._panels = rig, choices, panels
         self._last_shot: state_words.LastShot | None = None
-        self._before = (State.IDLE, 0)  # state and shots at the last look
+        self._before = (State.IDLE, 0)  # state and number of shots at the last refresh
         panels.controls.arm_wanted.connect(self.arm)
         panels.controls.abort_wanted.connect(self.abort)
-        panels.controls.rearm_changed.connect(self._rearm_changed)
+        panels.controls.rearm_changed.connect(self._set_rearm)
         panels.controls.source_chosen.connect(self.use_source)
         panels.banner.save_wanted.connect(self.save_elsewhere)
         panels.work.settings_wanted.connect(self.toggle_settings)
@@ -49,7 +49,7 @@ class RigPresenter(QObject):
         self._offer_sources()
 
     def refresh(self) -> Snapshot:
-        """Bring banner, buttons, signal line and LIVE up to date with the newest snapshot, and return it."""
+        """Show the newest snapshot in banner, buttons, signal line and LIVE; return it."""
         snapshot = self._rig.latest()
         p = self._panels
         word, sentence, tone = state_words.banner(snapshot, self._last_shot, self._rig.arming(snapshot))
@@ -77,11 +77,11 @@ class RigPresenter(QObject):
         return settings.switch_low_v, settings.switch_high_v
 
     def _signal_trigger(self, snapshot: Snapshot) -> None:
-        """Let the trigger be heard and seen, as was chosen, once a shot."""
+        """Beep or flash at the trigger, as chosen, once per shot."""
         before, now = self._before, (snapshot.state, snapshot.shots)
         self._before = now
         taking = (State.TRIGGERED, State.TRANSFERRING)
-        # it may have come and gone between two looks, with ARMED before it
+        # the trigger may have come and gone between two refreshes
         if before[0] not in taking and (now[0] in taking or now[1] > before[1]):
             if self._choices.settings.sound:
                 QApplication.beep()
@@ -96,21 +96,22 @@ class RigPresenter(QObject):
         for problem in self._rig.take_problems():
             self.said.emit(problem, Tone.BAD)
 
+    @Slot(object)
     def remember(self, entry: Entry) -> None:
-        """Let the banner say what the last shot gave."""
+        """Set the banner's sentence on the last shot."""
         self._last_shot = state_words.last_shot(entry)
 
     @Slot()
     def arm(self) -> None:
-        """Arm; LIVE comes to the front so that the push is seen."""
+        """Arm and show LIVE."""
         if self._panels.controls.arm.isEnabled():
-            self._panels.live.hold.setChecked(False)  # what comes now is to be seen
+            self._panels.live.hold.setChecked(False)  # show the curves of this shot
             self._rig.arm()
             self._panels.tabs.setCurrentIndex(Layout.LIVE)
 
     @Slot()
     def abort(self) -> None:
-        """Close an open sheet; else abort."""
+        """Close an open sheet, else abort the capture."""
         p = self._panels
         sheets = [sheet for sheet in (p.tour, p.keys, *p.findChildren(SideSheet)) if sheet.isVisible()]
         if sheets:
@@ -121,12 +122,12 @@ class RigPresenter(QObject):
 
     @Slot()
     def trigger_now(self) -> None:
-        """Stand in for the light switch."""
+        """Trigger by hand."""
         self._rig.trigger_now()
 
     @Slot()
     def save_elsewhere(self) -> None:
-        """Ask for a folder and save the shots there that are only in memory."""
+        """Ask for a folder and save the shots that are only in memory."""
         if not self._rig.latest().unsaved:
             self.said.emit("All shots are saved", Tone.NEUTRAL)
             return
@@ -141,17 +142,17 @@ class RigPresenter(QObject):
         self._panels.controls.rearm.toggle()
 
     @Slot(bool)
-    def _rearm_changed(self, on: bool) -> None:
+    def _set_rearm(self, on: bool) -> None:
         self._rig.set_rearm(on)
 
     @Slot()
     def focus_source(self) -> None:
-        """Bring the keyboard to the source chooser."""
+        """Focus the list of sources."""
         self._panels.controls.source.setFocus()
 
     @Slot(str)
     def use_source(self, name: str) -> None:
-        """Open another source; for a recording, ask which."""
+        """Open another source; for a replay ask for the recording."""
         if name == "replay:":
             self._offer_sources()
             start = self._choices.start_folder
@@ -182,12 +183,12 @@ class RigPresenter(QObject):
 
     @Slot(dict)
     def _settings_applied(self, values: dict[str, Value]) -> None:
-        stood = self._choices.settings.site
+        site = self._choices.settings.site
         problem = self._choices.change(values)
         if problem:
             self._panels.settings.refuse(problem)
             return
-        if self._choices.settings.site != stood and is_bench(self._rig.source):
+        if self._choices.settings.site != site and is_bench(self._rig.source):
             self._rig.open(self._rig.source)
         self._rig.options_changed()
         self.appearance_chosen.emit(self._choices.settings.appearance)

@@ -1,53 +1,51 @@
-"""What the panels show of the selected shots: the last of them in front, all of them where they are compared."""
+"""Show the selected shots: the last one in most panels, all of them in COMPARE."""
 
 from PySide6.QtCore import QObject, Slot
 
 from analysis.diagnosis.result import Diagnosis
 from analysis.drive.curves import DriveCurves, drive_curves
 from analysis.shot.recording import Recording
-from analysis.shot.shot import Shot
+from analysis.shot.shot import Progress, Shot, Stop
 from app.report.shot_figures import time_zero
-from app.session.asked_work import AskedWork, raw_of
-from app.session.jobs import Asked, Report
 from app.session.session import Entry
+from app.session.shot_job import ShotJob, raw_of
 from app.session.spectra import Spectra, spectra_of
 from app.session.workbench import Workbench
 from app.window.layout import Layout
 from app.window.panels.shot_raw import RawCurves, curves_of
-from app.window.verdict import told
-from app.window.waiting import waits_for
+from app.window.tones import verdict_line
 
 
-def _spectra_of(entry: Entry, recording: Recording, report: Report, cancelled: Asked) -> Spectra:
+def _spectra_of(entry: Entry, recording: Recording, report: Progress, cancelled: Stop) -> Spectra:
     zero = time_zero(entry.shot)[0] if entry.shot is not None else 0.0
     return spectra_of(recording, zero, report, cancelled)
 
 
-def _raw_curves_of(_: Entry, recording: Recording, __: Report, ___: Asked) -> RawCurves:
+def _raw_curves_of(_: Entry, recording: Recording, __: Progress, ___: Stop) -> RawCurves:
     return curves_of(recording)
 
 
-def _drive_curves_of(_: Entry, shot: Shot, __: Report, ___: Asked) -> tuple[Shot, DriveCurves] | None:
+def _drive_curves_of(_: Entry, shot: Shot, __: Progress, ___: Stop) -> tuple[Shot, DriveCurves] | None:
     if shot.motion is None or shot.fit is None:
         return None
     return shot, drive_curves(shot.motion, shot.fit)
 
 
-def _called(entry: Entry) -> str:
+def _title(entry: Entry) -> str:
     return f"Shot {entry.number}   {entry.name}"
 
 
 class SelectionPresenter(QObject):
-    """Draws a page when it is looked at: plots of a page behind would cost a frame while shots come in."""
+    """Draws a page when it is shown, as plots take time that a running capture needs."""
 
     def __init__(self, workbench: Workbench, panels: Layout, parent: QObject) -> None:
         super().__init__(parent)
         self._workbench, self._panels = workbench, panels
-        self._spectra = AskedWork[Recording, Spectra](workbench.jobs, "spectrum", _spectra_of)
-        self._raw_view = AskedWork[Recording, RawCurves](workbench.errands, "raw signals", _raw_curves_of)
-        self._drive = AskedWork[Shot, tuple[Shot, DriveCurves] | None](workbench.errands, "force", _drive_curves_of)
+        self._spectra = ShotJob[Recording, Spectra](workbench.jobs, "spectrum", _spectra_of)
+        self._raw_view = ShotJob[Recording, RawCurves](workbench.short_jobs, "raw signals", _raw_curves_of)
+        self._drive = ShotJob[Shot, tuple[Shot, DriveCurves] | None](workbench.short_jobs, "force", _drive_curves_of)
         self._shown: tuple[int, object, object] | None = None
-        self._undrawn: set[int] = set()  # pages whose selection changed while another one was in front
+        self._undrawn: set[int] = set()  # pages that are not drawn for this selection yet
         self._raw: tuple[int, Recording | None] | None = None
         panels.table.selected.connect(self._selected)
         panels.shot.raw_wanted.connect(self._raw_wanted)
@@ -55,17 +53,16 @@ class SelectionPresenter(QObject):
         panels.tabs.currentChanged.connect(self._page_changed)
 
     def refresh(self) -> None:
-        """Bring spectra and raw curves that were made elsewhere to the screen."""
+        """Show spectra, raw curves and modelled forces that jobs have computed."""
         front = self.front()
         spectra = self._spectra.take()
         if spectra is not None and (front is None or front.number != spectra[0].number):
             self._spectra.forget()
         elif spectra is not None:
-            self._panels.spectrum.show_spectra(spectra[1], spectra[0].shot, _called(spectra[0]))
+            self._panels.spectrum.show_spectra(spectra[1], spectra[0].shot, _title(spectra[0]))
         elif self._spectra.job is not None and front is not None:
-            self._panels.spectrum.say(
-                waits_for(self._workbench.jobs, self._spectra.job, f"the spectra of {front.name}")
-            )
+            words = self._workbench.jobs.waiting_words(self._spectra.job, f"the spectra of {front.name}")
+            self._panels.spectrum.say(words)
         raw = self._raw_view.take()
         if raw is not None:
             self._panels.shot.show_raw(raw[1])
@@ -74,16 +71,16 @@ class SelectionPresenter(QObject):
             self._panels.shot.show_drive(*drive[1])
 
     def front(self) -> Entry | None:
-        """Return the entry that the panels show: the last selected one."""
+        """Return the entry that the panels show, the last selected one."""
         numbers = self._panels.table.numbers
         return self._workbench.session.entry(numbers[-1]) if numbers else None
 
     def show_again(self) -> None:
-        """Show what became of the selected shots."""
+        """Show the selected shots again after a change."""
         self._selected(self._panels.table.numbers)
 
     def _why_none(self) -> str:
-        """Return why no shot is in front, "" where there is none at all."""
+        """Return why no shot is shown, "" where there is none at all."""
         if hidden := self._panels.table.hidden:
             names = ", ".join(map(str, hidden))
             return f"The filter hides the selected shot{'s' if len(hidden) > 1 else ''} {names}."
@@ -92,18 +89,18 @@ class SelectionPresenter(QObject):
         return ""
 
     def _judged_by(self, entry: Entry | None) -> Diagnosis | None:
-        """Return the diagnosis that the verdict on an entry comes from, as long as that holds."""
+        """Return the diagnosis of the verdict on an entry, where that holds."""
         if entry is None or not entry.verdict or not self._workbench.session.verdict_holds(entry):
             return None
         found = self._workbench.diagnoses.of([entry.number])
         return found.diagnosis if found is not None and entry.number in found.numbers else None
 
     def show_verdict(self) -> None:
-        """Show what the diagnosis of the shot in front said, struck through where the model is another by now."""
+        """Show the verdict on the last selected shot, struck through where it no longer holds."""
         entry = self.front()
         fit = entry.shot.fit if entry is not None and entry.shot is not None else None
         holds = entry is None or self._workbench.session.verdict_holds(entry)
-        self._panels.model.show_verdict(*told(entry, fit.effects if fit is not None else (), holds))
+        self._panels.model.show_verdict(*verdict_line(entry, fit.effects if fit is not None else (), holds))
 
     def _recording(self, entry: Entry) -> Recording | None:
         if self._raw is None or self._raw[0] != entry.number:
@@ -123,9 +120,9 @@ class SelectionPresenter(QObject):
             self._undrawn.add(Layout.SHOT)
             p.name_shot(entry.number if entry is not None else None)
             p.numbers.show_shot(
-                shot, _called(entry) if entry is not None else "", entry.version if entry is not None else ""
+                shot, _title(entry) if entry is not None else "", entry.version if entry is not None else ""
             )
-            p.large.show_shot(shot, _called(entry) if entry is not None else "")
+            p.large.show_shot(shot, _title(entry) if entry is not None else "")
             p.model.show_shot(shot, self._workbench.session.effects.tried)
         self.show_verdict()
         self._undrawn.add(Layout.COMPARE)
@@ -143,7 +140,7 @@ class SelectionPresenter(QObject):
                     self._panels.shot.show_shot(None, words=self._why_none())
                 else:
                     self._panels.shot.show_shot(
-                        entry.shot, self._recording(entry), _called(entry), self._judged_by(entry)
+                        entry.shot, self._recording(entry), _title(entry), self._judged_by(entry)
                     )
             else:
                 numbers = self._panels.table.numbers
@@ -156,7 +153,7 @@ class SelectionPresenter(QObject):
             self._spectra.forget()
             self._panels.spectrum.show_spectra(None)
         elif self._spectra.ask(entry, recording):
-            self._panels.spectrum.show_spectra(None)  # those of another shot would pass for these
+            self._panels.spectrum.show_spectra(None)  # another shot's would be taken for these
 
     @Slot(object)
     def _drive_wanted(self, shot: Shot) -> None:

@@ -1,4 +1,4 @@
-"""What an operator does with the session's shots: open, export, report, note, remove, analyse again."""
+"""Commands on the session's shots: open, export, report, note, remove, analyse again."""
 
 from functools import partial
 from pathlib import Path
@@ -10,7 +10,7 @@ from PySide6.QtPrintSupport import QPrintDialog, QPrinter
 from app.report.pdf import document_of
 from app.session.channel_looks import is_swapped
 from app.session.choices import Choices
-from app.session.event import Event, Kind
+from app.session.event import Event, EventKind
 from app.session.workbench import Workbench
 from app.window.file_question import Want, ask
 from app.window.layout import Layout
@@ -25,13 +25,13 @@ OPENED = f"{RECORDINGS};;Other programs' files ({' '.join(f'*{ending}' for endin
 
 
 def is_unmapped(path: Path) -> bool:
-    """Return whether this is another program's file and nobody said yet which of its channels is which."""
+    """Return whether this is a foreign file whose channels are not assigned yet."""
     motion = path.suffix.lower() == ".csv" and path.with_suffix(".toml").exists()
     return format_of(path) is not None and not motion and not is_foreign(path)
 
 
 class SessionPresenter(QObject):
-    """Between the workbench and its panels."""
+    """Connects the workbench with the table and the status line."""
 
     said = Signal(str, Tone)
     arrived = Signal(object)
@@ -49,27 +49,27 @@ class SessionPresenter(QObject):
         super().__init__(parent)
         self._workbench, self._panels, self._selection = workbench, panels, selection
         self._seen = -1
-        self._choose_next = False  # whether the next shot that was opened comes to the front
+        self._choose_next = False  # whether to select the next opened shot
         self._choices = choices
-        self._chosen: Path | None = None  # the folder of the last question
-        self.rig_doing: str | None = None  # what the rig's own analysis is at, for the line of work
+        self._chosen: Path | None = None  # the folder chosen last
+        self.rig_doing: str | None = None  # progress of the rig's analysis, for the status line
         self.rig_share: float | None = None
         table = panels.table
-        table.export_wanted.connect(self._export_pressed)
-        table.report_wanted.connect(self._report_pressed)
-        table.remove_wanted.connect(self._remove_pressed)
-        table.reanalyse_wanted.connect(self._reanalyse_pressed)
+        table.export_wanted.connect(self.export_selected)
+        table.report_wanted.connect(self.report_selected)
+        table.remove_wanted.connect(self.remove_selected)
+        table.reanalyse_wanted.connect(self.reanalyse_selected)
         table.note_edited.connect(self._note_edited)
         table.undo_wanted.connect(self.undo)
         table.open_wanted.connect(self.open_recordings)
         panels.work.cancel_wanted.connect(self._cancel_work)
 
-    # what ended -------------------------------------------------------------------------------------------------
+    # results ----------------------------------------------------------------------------------------------------
 
     def refresh(self) -> None:
-        """Bring table, progress and finished work to the screen."""
+        """Show table, progress and finished work."""
         for event in self._workbench.poll():
-            self._happened(event)
+            self._show_event(event)
         self._panels.work.show_work(self._workbench.jobs, self.rig_doing, self.rig_share)
         self._show_table()
 
@@ -82,32 +82,32 @@ class SessionPresenter(QObject):
             if session.problem:
                 self.said.emit(session.problem, Tone.BAD)
 
-    def _happened(self, event: Event) -> None:
+    def _show_event(self, event: Event) -> None:
         self._show_table()
-        if event.kind in (Kind.SHOT, Kind.CHANGED):
-            self._look_for_swapped(event.numbers)
-        if event.kind is Kind.SHOT:
-            if not self._choose_next:  # of a folder's shots the first: no other selection is spoilt
+        if event.kind in (EventKind.SHOT, EventKind.CHANGED):
+            self._offer_swap(event.numbers)
+        if event.kind is EventKind.SHOT:
+            if not self._choose_next:  # only the first shot of a folder is selected
                 return
             self._choose_next = False
             self._panels.table.select(list(event.numbers))
             if self._panels.tabs.currentIndex() == Layout.LIVE:
                 self._panels.tabs.setCurrentIndex(Layout.SHOT)
-        elif event.kind in (Kind.CHANGED, Kind.DIAGNOSED):
+        elif event.kind in (EventKind.CHANGED, EventKind.DIAGNOSED):
             self._selection.show_again()
-        elif event.kind is Kind.PRINT:
+        elif event.kind is EventKind.PRINT:
             self._print(event.words)
-        elif event.kind is Kind.UNLISTED:
+        elif event.kind is EventKind.UNLISTED:
             paths = list(event.paths)
             declined = partial(self._workbench.session.leave_out, [str(path) for path in paths])
             self._panels.work.notices.offer(event.words, "Open", partial(self.open_paths, paths), declined)
-        elif event.kind is Kind.MODEL:
+        elif event.kind is EventKind.MODEL:
             self.said.emit(event.words, Tone.GOOD)
         else:
-            self.said.emit(event.words, Tone.BAD if event.kind is Kind.PROBLEM else Tone.GOOD)
+            self.said.emit(event.words, Tone.BAD if event.kind is EventKind.PROBLEM else Tone.GOOD)
 
-    def _look_for_swapped(self, numbers: tuple[int, ...]) -> None:
-        """Offer to exchange PD0 and PD1 of a shot whose analysis says that they are."""
+    def _offer_swap(self, numbers: tuple[int, ...]) -> None:
+        """Offer to exchange PD0 and PD1 of shots whose analysis found them swapped."""
         for number in numbers:
             entry = self._workbench.session.entry(number)
             if entry is None or entry.path is None or not is_swapped(entry.shot):
@@ -118,17 +118,17 @@ class SessionPresenter(QObject):
                 self._panels.work.notices.offer(words, "Swap them", partial(self.swap_wanted.emit, path, number))
 
     def take_captured(self, captured: WaitingShot) -> None:
-        """List a shot whose analysis is to come."""
+        """Add a captured shot before its analysis."""
         self._workbench.add_captured(captured.name, captured.path)
         self._show_table()
 
     def take(self, finished: FinishedShot, stay: bool) -> None:
-        """Take a shot of the rig, or the fit that it awaited; ``stay``: leave the page that is in front."""
+        """Add a shot of the rig, or its fit; ``stay``: do not change the page."""
         shot = finished.shot
         if shot is not None and finished.fitted_later:
             entry = self._workbench.take_fit(shot)
             if entry is not None:
-                self._happened(Event(Kind.CHANGED, "", (entry.number,)))
+                self._show_event(Event(EventKind.CHANGED, "", (entry.number,)))
                 self.arrived.emit(entry)
             return
         if shot is None:
@@ -138,20 +138,20 @@ class SessionPresenter(QObject):
         self._show_table()
         if finished.problem:
             self.said.emit(f"{finished.name}: {finished.problem}", Tone.BAD)
-        if entry is None:  # taken off the list before its analysis came
+        if entry is None:  # removed before its analysis ended
             return
         self.arrived.emit(entry)
         tabs, chosen = self._panels.tabs, self._panels.table.numbers
-        if len(chosen) < 2:  # a selection of several is at work: it is not spoilt
+        if len(chosen) < 2:  # keep a selection of several
             self._panels.table.select([entry.number])
-        if tabs.currentIndex() == Layout.LIVE and not stay:  # whoever reads another page is not torn from it
+        if tabs.currentIndex() == Layout.LIVE and not stay:  # stay on any other page
             tabs.setCurrentIndex(Layout.SHOT)
 
     @property
     def _folder(self) -> Path:
         return self._chosen or self._choices.start_folder
 
-    # what is pressed --------------------------------------------------------------------------------------------
+    # commands --------------------------------------------------------------------------------------------------
 
     @Slot()
     def open_recordings(self) -> None:
@@ -177,10 +177,6 @@ class SessionPresenter(QObject):
         """Ask for a folder and open every recording in it."""
         ask(self._panels, "Open a folder of recordings", Want.FOLDER, self.open_paths, self._folder)
 
-    @Slot(list)
-    def _export_pressed(self, _: list[int]) -> None:
-        self.export_selected()
-
     @Slot()
     def export_selected(self) -> None:
         """Ask for a folder and export the selected shots, or all."""
@@ -193,7 +189,7 @@ class SessionPresenter(QObject):
 
     def _hdf5_asked(self, paths: list[Path]) -> None:
         self._chosen = paths[0]
-        self._workbench.papers.export_hdf5(self._panels.table.numbers, paths[0])
+        self._workbench.exports.export_hdf5(self._panels.table.numbers, paths[0])
 
     def _export_asked(self, paths: list[Path]) -> None:
         self.export_to(paths[0])
@@ -201,11 +197,7 @@ class SessionPresenter(QObject):
     def export_to(self, folder: Path) -> None:
         """Export the selected shots, or all, to a folder."""
         self._chosen = folder
-        self._workbench.papers.export(self._panels.table.numbers, folder)
-
-    @Slot(list)
-    def _report_pressed(self, _: list[int]) -> None:
-        self.report_selected()
+        self._workbench.exports.export(self._panels.table.numbers, folder)
 
     @Slot()
     def report_selected(self) -> None:
@@ -215,12 +207,12 @@ class SessionPresenter(QObject):
 
     def _report_asked(self, paths: list[Path]) -> None:
         self._chosen = paths[0].parent
-        self._workbench.papers.report(self._panels.table.numbers, paths[0])
+        self._workbench.exports.report(self._panels.table.numbers, paths[0])
 
     @Slot()
     def print_report(self) -> None:
-        """Make the report of the selected shots, or of all, and ask for a printer."""
-        self._workbench.papers.report_to_print(self._panels.table.numbers)
+        """Make the report of the selected shots, or of all, and show the printer dialogue."""
+        self._workbench.exports.report_to_print(self._panels.table.numbers)
         self.said.emit("Preparing the report; the printer dialogue follows", Tone.NEUTRAL)
 
     def _print(self, html: str) -> None:
@@ -237,14 +229,10 @@ class SessionPresenter(QObject):
 
     @Slot()
     def copy_shots(self) -> None:
-        """Put the selected lines, or all, on the clipboard as a table: cells parted by tabs, "." in numbers."""
+        """Copy the selected rows, or all, as a table with tabs between cells."""
         text = self._panels.table.as_text()
         QGuiApplication.clipboard().setText(text)
         self.said.emit(f"{max(0, text.count(chr(10)) - 1)} lines are on the clipboard", Tone.NEUTRAL)
-
-    @Slot(list)
-    def _remove_pressed(self, _: list[int]) -> None:
-        self.remove_selected()
 
     @Slot()
     def remove_selected(self) -> None:
@@ -256,33 +244,29 @@ class SessionPresenter(QObject):
             self._selection.show_again()
             self.said.emit(f"{len(numbers)} shots removed from the list; Undo (Ctrl+Z) restores them", Tone.NEUTRAL)
 
-    @Slot(list)
-    def _reanalyse_pressed(self, _: list[int]) -> None:
-        self.reanalyse_selected()
-
     @Slot()
     def reanalyse_selected(self) -> None:
         """Analyse the selected shots again, as copies."""
         count = self._workbench.reanalyse(self._panels.table.numbers)
         self._choose_next = count > 0
-        put_right = self._workbench.put_right()
+        corrections = self._workbench.corrections_in_words()
         words = f"Re-analysing {count} shots as copies with the present settings"
-        words += f" and {put_right} in place of the recordings' own" if put_right else ""
+        words += f" and {corrections} instead of the recordings' own" if corrections else ""
         self.said.emit(words if count else "Select shots that have a recording", Tone.NEUTRAL)
 
     @Slot()
     def undo(self) -> None:
-        """Take back the last note, removal or change of the model."""
+        """Undo the last note, removal or change of the model."""
         what = self._workbench.undo()
         self._show_table()
         self.said.emit(f"Undone: {what}" if what else "Nothing to undo", Tone.NEUTRAL)
 
     @Slot()
     def redo(self) -> None:
-        """Do again what was undone last."""
+        """Redo the last undone change."""
         what = self._workbench.redo()
         self._show_table()
-        self.said.emit(f"Done again: {what}" if what else "Nothing to redo", Tone.NEUTRAL)
+        self.said.emit(f"Redone: {what}" if what else "Nothing to redo", Tone.NEUTRAL)
 
     @Slot(int, str)
     def _note_edited(self, number: int, note: str) -> None:
@@ -291,12 +275,12 @@ class SessionPresenter(QObject):
 
     @Slot()
     def edit_note(self) -> None:
-        """Write a note on the shot in front."""
+        """Edit the note of the selected shot."""
         self._panels.table.edit_note()
 
     @Slot()
     def filter_shots(self) -> None:
-        """Bring the keyboard to the words that sort shots out."""
+        """Focus the filter."""
         self._panels.table.filter.setFocus()
         self._panels.table.filter.selectAll()
 

@@ -1,4 +1,4 @@
-"""Between the guided set-up's sheet, the rig and the buses; the buses are looked at beside the screen."""
+"""The guided set-up: find devices, open a source, judge its signals."""
 
 import sys
 import time
@@ -7,8 +7,9 @@ from collections.abc import Callable
 from PySide6.QtCore import QObject, Signal, Slot
 
 from analysis.shot.recording import Role
+from analysis.shot.shot import Progress, Stop
 from app.session.choices import Choices
-from app.session.jobs import Asked, Job, Jobs, Report
+from app.session.jobs import Job, Jobs
 from app.session.rig import Rig
 from app.window.layout import Layout
 from instrument.capture.snapshot import Snapshot
@@ -18,12 +19,12 @@ from instrument.devices.found_devices import FoundDevice, found_devices, udev_in
 from instrument.devices.scpi_address import network_name, network_source
 from instrument.live.setup_check import judge, judge_site
 
-JUDGED_EVERY_S = 0.4  # words that change faster cannot be read
+JUDGED_EVERY_S = 0.4  # so that the words can be read
 Find = Callable[[], tuple[FoundDevice, ...]]
 
 
 class SetupPresenter(QObject):
-    """Opens the sheet, looks for devices, judges the signals while the sheet is open."""
+    """Connects the set-up sheet with the rig; searches devices in the thread of short jobs."""
 
     source_wanted = Signal(str)
     arm_wanted = Signal()
@@ -32,13 +33,13 @@ class SetupPresenter(QObject):
         self,
         rig: Rig,
         choices: Choices,
-        errands: Jobs,
+        short_jobs: Jobs,
         panels: Layout,
         parent: QObject | None = None,
         find: Find = found_devices,
     ) -> None:
         super().__init__(parent)
-        self._rig, self._choices, self._errands, self._sheet = rig, choices, errands, panels.setup
+        self._rig, self._choices, self._short_jobs, self._sheet = rig, choices, short_jobs, panels.setup
         self._find = find
         self._job: Job | None = None
         self._found: tuple[FoundDevice, ...] = ()
@@ -47,7 +48,7 @@ class SetupPresenter(QObject):
         self._present = ""
         self._judged_s = 0.0
         self._sheet.look_wanted.connect(self.look)
-        self._sheet.source_wanted.connect(self._use)
+        self._sheet.source_wanted.connect(self.source_wanted)
         self._sheet.address_wanted.connect(self._use_address)
         self._sheet.arm_wanted.connect(self._arm)
         rig.remember_network(choices.settings.network_sources)
@@ -65,21 +66,21 @@ class SetupPresenter(QObject):
 
     @Slot()
     def look(self) -> None:
-        """Look for devices in the errands' thread."""
+        """Search for devices, as a short job."""
         if self._job is not None:
             return
 
-        def work(_: Report, __: Asked) -> tuple[FoundDevice, ...] | str:
+        def work(_: Progress, __: Stop) -> tuple[FoundDevice, ...] | str:
             try:
                 return self._find()
             except DigitizerError as error:
                 return f"{error.what}; {error.remedy}"
 
         self._sheet.show_looking()
-        self._job = self._errands.submit("looking for devices", work, "devices")
+        self._job = self._short_jobs.submit("looking for devices", work, "devices")
 
     def refresh(self, snapshot: Snapshot) -> None:
-        """Bring the sheet up to date while it is open."""
+        """Update the sheet while it is open."""
         self._take_found()
         self._take_address()
         if not self._sheet.isVisible():
@@ -126,10 +127,6 @@ class SetupPresenter(QObject):
         return (*checks, judge_site(floor)) if floor is not None else checks, ""
 
     @Slot(str)
-    def _use(self, source: str) -> None:
-        self.source_wanted.emit(source)
-
-    @Slot(str)
     def _use_address(self, typed: str) -> None:
         try:
             self._typed = network_source(typed)
@@ -140,7 +137,7 @@ class SetupPresenter(QObject):
         self.source_wanted.emit(self._typed)
 
     def _take_address(self) -> None:
-        """Remember the address that was typed, once the oscilloscope there has answered."""
+        """Remember the typed address once the oscilloscope there has answered."""
         if self._typed and self._rig.opened == self._typed:
             self._choices.remember_network(self._typed)
             self._rig.remember_network(self._choices.settings.network_sources)

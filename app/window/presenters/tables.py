@@ -1,20 +1,19 @@
-"""The pages that are tables: the budget of the shot in front, and the paper beside it, computed in a worker."""
+"""Show BUDGET and PAPER for the last selected shot; PAPER is computed in a job."""
 
 from collections.abc import Callable
 
 from PySide6.QtCore import QObject
 
 from analysis.paper.paper import Reproduction, reproduce
-from analysis.shot.shot import Shot
-from app.session.jobs import Asked, Job, Report
+from analysis.shot.shot import Progress, Shot, Stop
+from app.session.jobs import Job
 from app.session.session import Entry
 from app.session.workbench import Workbench
 from app.window.layout import Layout
-from app.window.waiting import waits_for
 
 
 class TablesPresenter(QObject):
-    """Looks at every pull whether the page in front still tells of the shots that are selected."""
+    """Updates the page shown where the selection has changed."""
 
     def __init__(
         self, workbench: Workbench, panels: Layout, front: Callable[[], Entry | None], parent: QObject | None = None
@@ -26,7 +25,7 @@ class TablesPresenter(QObject):
         self._job: Job | None = None
 
     def refresh(self) -> None:
-        """Bring the page in front up to date; what takes a second comes from the worker later."""
+        """Update the page shown, and take the result of the job."""
         page = self._panels.tabs.currentIndex()
         if page == Layout.BUDGET:
             self._show_budget()
@@ -55,7 +54,7 @@ class TablesPresenter(QObject):
             return
         self._paper_of = (shot,)
 
-        def work(report: Report, _: Asked) -> Reproduction:
+        def work(report: Progress, _: Stop) -> Reproduction:
             report("the paper's simulation", 0.2)
             return reproduce(shot)
 
@@ -67,7 +66,7 @@ class TablesPresenter(QObject):
         if job is None:
             return
         if not job.done.is_set():
-            self._panels.paper.say(waits_for(self._workbench.jobs, job, "the paper's numbers"))
+            self._panels.paper.say(self._workbench.jobs.waiting_words(job, "the paper's numbers"))
             return
         self._job = None
         if isinstance(job.result, Reproduction) and not job.cancelled:

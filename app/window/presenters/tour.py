@@ -1,4 +1,4 @@
-"""What the short tour points at, and that it is shown by itself only once."""
+"""The steps of the short tour, and its start at the first start of the program."""
 
 from PySide6.QtCore import QObject, Slot
 

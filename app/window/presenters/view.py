@@ -1,4 +1,4 @@
-"""Pages, views, cursors, sheets, and plots saved as files."""
+"""Commands on pages, views, cursors and plots."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -17,16 +17,16 @@ from instrument.files.recording_error import RecordingError
 
 
 class ViewPresenter(QObject):
-    """What the keys and menus do with what is shown; touches no data."""
+    """Connects keys and menus with the panels; changes no data."""
 
     said = Signal(str, Tone)
 
     def __init__(self, panels: Layout, start: Callable[[], Path], parent: QObject) -> None:
         super().__init__(parent)
         self._panels = panels
-        self._start = start  # where questions for files begin
+        self._start = start  # the first folder of file dialogs
         self._folder: Path | None = None
-        self._asked: PlotView | None = None
+        self._plot_to_save: PlotView | None = None
         p = panels
         for plot in panels.findChildren(PlotView):
             plot.export_wanted.connect(self._ask_and_save)
@@ -36,52 +36,51 @@ class ViewPresenter(QObject):
 
     @Slot()
     def show_live(self) -> None:
-        """Bring LIVE to the front."""
+        """Show the page LIVE."""
         self._panels.tabs.setCurrentIndex(Layout.LIVE)
 
     @Slot()
     def toggle_hold(self) -> None:
-        """Hold LIVE still, or let it run on."""
+        """Freeze or resume the curves of LIVE."""
         self._panels.live.hold.toggle()
 
     @Slot()
     def toggle_noise_only(self) -> None:
-        """Show combined uncertainties beside the numbers, or those from noise alone."""
+        """Switch between combined and noise-only uncertainties."""
         self._panels.numbers.noise_only.toggle()
 
     @Slot()
     def show_shot_page(self) -> None:
-        """Bring SHOT to the front."""
         self._panels.tabs.setCurrentIndex(Layout.SHOT)
 
     @Slot()
     def show_compare(self) -> None:
-        """Bring COMPARE to the front."""
+        """Show the page COMPARE."""
         self._panels.tabs.setCurrentIndex(Layout.COMPARE)
 
     @Slot()
     def show_spectrum(self) -> None:
-        """Bring SPECTRUM to the front."""
+        """Show the page SPECTRUM."""
         self._panels.tabs.setCurrentIndex(Layout.SPECTRUM)
 
     @Slot()
     def show_diagnosis(self) -> None:
-        """Bring DIAGNOSIS to the front."""
+        """Show the page DIAGNOSIS."""
         self._panels.tabs.setCurrentIndex(Layout.DIAGNOSIS)
 
     @Slot()
     def show_budget(self) -> None:
-        """Bring BUDGET to the front."""
+        """Show the page BUDGET."""
         self._panels.tabs.setCurrentIndex(Layout.BUDGET)
 
     @Slot()
     def show_paper(self) -> None:
-        """Bring PAPER to the front."""
+        """Show the page PAPER."""
         self._panels.tabs.setCurrentIndex(Layout.PAPER)
 
     @Slot()
     def show_large(self) -> None:
-        """Bring the large numbers to the front."""
+        """Show the page LARGE."""
         self._panels.tabs.setCurrentIndex(Layout.LARGE)
 
     @Slot()
@@ -107,7 +106,6 @@ class ViewPresenter(QObject):
 
     @Slot()
     def view_gap(self) -> None:
-        """Show the gap."""
         self._view("gap")
 
     @Slot()
@@ -121,7 +119,7 @@ class ViewPresenter(QObject):
         self._panels.shot.reset()
 
     def _plot(self) -> PlotView | None:
-        """Return the plot in front; where the page has none, that of SHOT comes to the front."""
+        """Return the plot that the keys act on; where the page has none, change to SHOT."""
         plot = self._panels.plot_in_front()
         if plot is None:
             self.show_shot_page()
@@ -130,19 +128,19 @@ class ViewPresenter(QObject):
 
     @Slot()
     def reset_view(self) -> None:
-        """Bring the plot in front back to its whole."""
+        """Reset the plot."""
         plot = self._plot()
         if plot is not None:
             plot.reset()
 
     @Slot()
     def view_back(self) -> None:
-        """Go back to what the plot in front showed before."""
+        """Show the previous view of the plot."""
         self._step_view(-1)
 
     @Slot()
     def view_forward(self) -> None:
-        """Go forward again."""
+        """Show the next view of the plot."""
         self._step_view(1)
 
     def _step_view(self, by: int) -> None:
@@ -152,14 +150,14 @@ class ViewPresenter(QObject):
 
     @Slot()
     def toggle_cursors(self) -> None:
-        """Cursors on the plot in front, on or off."""
+        """Turn the cursors of the plot on or off."""
         plot = self._plot()
         if plot is not None:
             plot.toggle_cursors()
 
     @Slot()
     def copy_cursors(self) -> None:
-        """Copy the cursor readings in front."""
+        """Copy the cursor readings of the plot."""
         plot = self._plot()
         if plot is not None and plot.cursors.shown:
             plot.copy_cursors()
@@ -167,7 +165,7 @@ class ViewPresenter(QObject):
 
     @Slot()
     def copy_plot(self) -> None:
-        """Put a picture of the plot in front on the clipboard."""
+        """Copy the plot as a picture."""
         plot = self._plot()
         if plot is not None:
             QGuiApplication.clipboard().setImage(save.picture(plot))
@@ -175,7 +173,6 @@ class ViewPresenter(QObject):
 
     @Slot()
     def plot_menu(self) -> None:
-        """Open the menu of the plot in front."""
         plot = self._plot()
         if plot is not None:
             plot.open_menu()
@@ -191,15 +188,15 @@ class ViewPresenter(QObject):
     @Slot(object, str)
     def _ask_and_save(self, plot: PlotView, kind: str) -> None:
         start, kinds = (self._folder or self._start()) / f"plot.{kind}", f"{kind.upper()} (*.{kind})"
-        self._asked = plot
+        self._plot_to_save = plot
         ask(self._panels, f"Save the plot as {kind.upper()}", Want.NEW_FILE, self._save_asked, start, kinds)
 
     def _save_asked(self, paths: list[Path]) -> None:
-        if self._asked is not None:
-            self.save(self._asked, paths[0])
+        if self._plot_to_save is not None:
+            self.save(self._plot_to_save, paths[0])
 
     def save(self, plot: PlotView, path: Path) -> None:
-        """Save a plot under a name whose ending says how."""
+        """Save a plot in the format of the path's ending."""
         self._folder = path.parent
         try:
             if path.suffix == ".svg":

@@ -210,11 +210,11 @@ def hang() -> dict:
         bed.plug(model, number)
         said = io.StringIO()
         with contextlib.redirect_stderr(said), contextlib.redirect_stdout(io.StringIO()):
-            taking = acquire.Taking(
+            request = acquire.CaptureRequest(
                 source="hantek6022?roles=switch,measurement", out=Path(sys.argv[2]) / what, rate_hz=None,
                 samples=None, timeout_s=timeout_s,
             )  # fmt: skip
-            status = acquire.acquire(1, taking)
+            status = acquire.acquire(1, request)
         assert model.hung_s is not None
         ended[what] = (status, time.monotonic() - model.hung_s, said.getvalue())
         bed.unplug(number)

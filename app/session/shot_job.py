@@ -1,10 +1,11 @@
-"""Work on the recording in front that the screen asks for once a shot, and takes when it is there."""
+"""Background work on the shot in view: started once per shot, its result taken by the screen."""
 
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from analysis.shot.recording import Recording
-from app.session.jobs import Asked, Job, Jobs, Report
+from analysis.shot.shot import Progress, Stop
+from app.session.jobs import Job, Jobs
 from app.session.session import Entry
 from instrument.files.open_recording import open_recording
 from instrument.files.recording_error import RecordingError
@@ -12,11 +13,11 @@ from instrument.files.recording_search import is_motion_record
 
 Given = TypeVar("Given")
 Result = TypeVar("Result")
-Work = Callable[[Entry, Given, Report, Asked], Result]
+Work = Callable[[Entry, Given, Progress, Stop], Result]
 
 
-class AskedWork(Generic[Given, Result]):
-    """Keeps to the last shot asked for; an earlier one is cancelled."""
+class ShotJob(Generic[Given, Result]):
+    """Work on one shot at a time; starting it for another shot cancels the one before."""
 
     def __init__(self, jobs: Jobs, kind: str, work: Work[Given, Result]) -> None:
         self._jobs, self._kind, self._work = jobs, kind, work
@@ -25,12 +26,12 @@ class AskedWork(Generic[Given, Result]):
         self._entry: Entry | None = None
 
     def ask(self, entry: Entry, given: Given) -> bool:
-        """Start the work unless it is done or under way for this shot; return whether it was started."""
+        """Start the work unless it is done or running for this shot; return whether it was started."""
         if self._number == entry.number:
             return False
         self._number, self._entry = entry.number, entry
 
-        def work(report: Report, cancelled: Asked) -> Result:
+        def work(report: Progress, cancelled: Stop) -> Result:
             return self._work(entry, given, report, cancelled)
 
         self._jobs.cancel(self._kind)
@@ -38,16 +39,16 @@ class AskedWork(Generic[Given, Result]):
         return True
 
     def forget(self) -> None:
-        """Start anew when asked again, for the same shot too."""
+        """Do the work again the next time, also for the same shot."""
         self._number = None
 
     @property
     def job(self) -> Job | None:
-        """Get the work under way or waiting, None where none is."""
+        """Get the job that runs or waits, or None."""
         return self._job
 
     def take(self) -> tuple[Entry, Result] | None:
-        """Return the result once, when it is there, and the entry that it is of."""
+        """Return the result and its entry once, when it is ready; else None."""
         job = self._job
         if job is None or not job.done.is_set():
             return None
@@ -60,7 +61,7 @@ class AskedWork(Generic[Given, Result]):
 
 
 def raw_of(entry: Entry) -> Recording | None:
-    """Return an entry's raw recording, or None where there is none to be read."""
+    """Return an entry's raw recording, or None where it has none or it cannot be read."""
     if entry.path is None or is_motion_record(entry.path):
         return None
     try:

@@ -1,4 +1,4 @@
-"""What leaves the program: CSV, reports, model files, shots saved elsewhere; each a job that says what it wrote."""
+"""Exports of a session: CSV, HDF5, reports, model files; and saving of shots that are only in memory."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -6,52 +6,52 @@ from functools import partial
 from pathlib import Path
 
 from analysis.diagnosis.result import Diagnosis
-from analysis.shot.shot import Shot
-from app.session.event import Event, Kind, SavedElsewhere
-from app.session.jobs import Asked, Jobs, Report, Work
+from analysis.shot.shot import Progress, Shot, Stop
+from app.session.event import Event, EventKind, SavedElsewhere
+from app.session.jobs import Jobs, Work
 from app.session.session import Entry, Session
-from app.session.shot_work import put_to_test, report_text, write_csv, write_hdf5, write_model, write_report
+from app.session.shot_work import predictions_of, report_text, write_csv, write_hdf5, write_model, write_report
 from app.session.verdict_of import Diagnoses
 from instrument.files.recording_error import PartlySaved
 
 
-class Papers:
-    """Writes of the entries named, or of all when none is."""
+class Exports:
+    """Jobs that write files from the entries named, or from all where none is named."""
 
     def __init__(self, session: Session, work: Work, diagnoses: Diagnoses) -> None:
         self._session, self._work, self._diagnoses = session, work, diagnoses
 
     def export(self, numbers: Sequence[int], folder: Path) -> None:
-        """Queue the export of these entries, or of all when none is named."""
+        """Queue the export as CSV."""
         shots, diagnosis = self._reported(numbers)
         self._submit("export", partial(write_csv, shots, diagnosis, folder))
 
     def export_hdf5(self, numbers: Sequence[int], folder: Path) -> None:
-        """Queue the export of these entries, or of all when none is named, as HDF5."""
+        """Queue the export as HDF5."""
         shots, _ = self._reported(numbers)
         self._submit("export", partial(write_hdf5, shots, folder))
 
     def foretell(self, numbers: Sequence[int], path: Path) -> None:
-        """Queue the test of a model file, unchanged, on these entries, or on all when none is named."""
+        """Queue the test of a model file, unchanged, on these entries."""
         entries = self._entries(numbers)
         shots = [entry.shot for entry in entries if entry.shot is not None]
-        self._submit("test of a model file", partial(put_to_test, path, shots))
+        self._submit("test of a model file", partial(predictions_of, path, shots))
 
     def report(self, numbers: Sequence[int], path: Path) -> None:
-        """Queue the report of these entries, or of all when none is named, as one HTML or PDF file."""
+        """Queue the report as one HTML or PDF file."""
         self._submit("report", partial(write_report, path, *self._reported(numbers), self._tried))
 
     def report_to_print(self, numbers: Sequence[int]) -> None:
-        """Queue the making of the report's text, which comes back to be printed."""
+        """Queue the report's text, which comes back as an event to be printed."""
         make = partial(report_text, *self._reported(numbers), self._tried)
 
-        def work(report: Report, cancelled: Asked) -> Event:
-            return Event(Kind.PRINT, self._work.do(make, report, cancelled))
+        def work(report: Progress, cancelled: Stop) -> Event:
+            return Event(EventKind.PRINT, self._work.do(make, report, cancelled))
 
         self._work.jobs.submit("report", work, "export")
 
     def save_model(self, numbers: Sequence[int], path: Path) -> None:
-        """Queue the writing of the model as these entries show it, or as all do when none is named."""
+        """Queue the model file of a joint fit to these entries."""
         entries = [e for e in self._entries(numbers) if e.shot is not None]
         shots = [entry.shot for entry in entries if entry.shot is not None]
         chosen, effects = {e.number for e in entries}, self._session.effects
@@ -65,7 +65,7 @@ class Papers:
         return self._session.effects.tried
 
     def _entries(self, numbers: Sequence[int]) -> list[Entry]:
-        """Return these entries, or all when none is named or there."""
+        """Return these entries, or all where none of them is there."""
         return [entry for entry in self._session.entries if entry.number in numbers] or list(self._session.entries)
 
     def _reported(self, numbers: Sequence[int]) -> tuple[list[Shot], Diagnosis | None]:
@@ -76,42 +76,42 @@ class Papers:
         return shots, found.diagnosis if found is not None else None
 
     def _submit(self, name: str, write: Callable[..., str]) -> None:
-        def work(report: Report, cancelled: Asked) -> Event:
-            return Event(Kind.EXPORTED, self._work.do(write, report, cancelled))
+        def work(report: Progress, cancelled: Stop) -> Event:
+            return Event(EventKind.EXPORTED, self._work.do(write, report, cancelled))
 
         self._work.jobs.submit(name, work, "export")
 
 
-class Elsewhere:
-    """Saves, and knows by a shot's name where it was saved."""
+class UnsavedShots:
+    """Saves shots that are only in memory, and knows by a shot's name where it was saved."""
 
-    def __init__(self, session: Session, errands: Jobs) -> None:
-        self._session, self._errands = session, errands
+    def __init__(self, session: Session, short_jobs: Jobs) -> None:
+        self._session, self._short_jobs = session, short_jobs
         self._ahead: dict[str, str] = {}  # paths of shots whose analysis is still under way, by name
 
     def save(self, save: Callable[[Path], dict[str, Path]], folder: Path) -> None:
-        """Queue the saving of shots that are only in memory; ``save`` does it and returns each one's path by name."""
+        """Queue the saving; ``save`` does it and returns each shot's path by its name."""
 
-        def work(_: Report, __: Asked) -> SavedElsewhere:
+        def work(_: Progress, __: Stop) -> SavedElsewhere:
             try:
                 return SavedElsewhere(save(folder), folder)
             except PartlySaved as error:
                 return SavedElsewhere(error.saved, folder, str(error))
 
-        self._errands.submit("saving elsewhere", work, "save")
+        self._short_jobs.submit("saving elsewhere", work, "save")
 
     def path_of(self, name: str) -> str | None:
-        """Return where a shot was saved before it was analysed, once, or None."""
+        """Return, once, where a shot was saved before its analysis ended, or None."""
         return self._ahead.pop(name, None)
 
     def take(self, result: SavedElsewhere) -> Event:
-        """Let the session know the new paths; return what is to be said."""
+        """Set the new paths in the session; return the event for the screen."""
         for name, path in result.paths.items():
             if not self._session.set_path(name, str(path)):
                 self._ahead[name] = str(path)
         count = len(result.paths)
         words = f"{count} shot{'s' if count > 1 else ''} saved to {result.folder}" if count else "no shot waits"
         if result.problem is None:
-            return Event(Kind.EXPORTED, words)
+            return Event(EventKind.EXPORTED, words)
         before = f"{words}; " if count else ""
-        return Event(Kind.PROBLEM, f"{before}the rest stays in memory: {result.problem}")
+        return Event(EventKind.PROBLEM, f"{before}the others stay in memory: {result.problem}")

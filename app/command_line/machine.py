@@ -1,26 +1,43 @@
-"""Whether a window can open on this machine, and what it lacks where none can."""
+"""What this machine has: versions of the installed packages, and whether Qt can open a window."""
 
 import importlib.util
 import os
+import platform
 import subprocess
 import sys
+from importlib.metadata import PackageNotFoundError, version
 
-TRY_WINDOW = "--try-window"  # the frozen application's own argument
+_LISTED = ("numpy", "scipy", "numba", "llvmlite", "PySide6-Essentials", "pyqtgraph")
+TRY_WINDOW = "--try-window"  # an argument of the frozen application alone
 QT_LIBRARIES = (
     "libglib2.0-0 libegl1 libgl1 libdbus-1-3 libfontconfig1 libxkbcommon0 libxkbcommon-x11-0 libxcb-cursor0 "
     "libxcb-icccm4 libxcb-image0 libxcb-keysyms1 libxcb-randr0 libxcb-render-util0 libxcb-shape0 libxcb-xkb1"
 )
 
 
+def version_text() -> str:
+    """Return version and licence, and in a second line the versions of Python and of the main dependencies."""
+    others = ", ".join(f"{name} {installed(name)}" for name in _LISTED)
+    return f"levimass {installed('levimass')}, MIT licence\nPython {platform.python_version()}, {others}"
+
+
+def installed(package: str) -> str:
+    """Return the installed version of a package, or "unknown"."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "unknown"
+
+
 def why_no_window() -> str | None:
     """Return why Qt cannot open a window on this machine, or None."""
-    platform = os.environ.get("QT_QPA_PLATFORM", "")
+    chosen = os.environ.get("QT_QPA_PLATFORM", "")
     unix = os.name == "posix" and sys.platform != "darwin"
-    if unix and not platform and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+    if unix and not chosen and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         return "no display"
     if importlib.util.find_spec("PySide6") is None:
         return "PySide6 is not installed"
-    # Qt ends the process when its platform cannot start: let another process try first
+    # Qt aborts the process where it cannot start, so another process tries first
     tried = subprocess.run(_probe(), capture_output=True, text=True, timeout=60, check=False)
     if tried.returncode == 0:
         return None
@@ -30,14 +47,14 @@ def why_no_window() -> str | None:
 
 
 def _probe() -> list[str]:
-    """Return the command that ends well where Qt can start; the frozen application is no Python, it asks itself."""
+    """Return the command that succeeds where Qt can start; the frozen application calls itself."""
     if getattr(sys, "frozen", False):
         return [sys.executable, TRY_WINDOW]
     return [sys.executable, "-c", "from PySide6.QtWidgets import QApplication; QApplication([])"]
 
 
 def try_window() -> None:
-    """Start Qt; where its platform cannot start this process ends."""
+    """Start Qt; the process ends where Qt cannot start."""
     from PySide6.QtWidgets import QApplication
 
     QApplication([])

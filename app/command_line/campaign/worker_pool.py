@@ -1,4 +1,4 @@
-"""Who does a campaign's work: what is asked of them, and the processes of this machine."""
+"""What a pool of workers does for a campaign, and the pool of processes on this machine."""
 
 import signal
 import sys
@@ -12,32 +12,32 @@ from typing import Any, Protocol
 from app.command_line.campaign.task import NotReached, Outcome, Task, analyse_one
 
 LOOK_S = 0.1
-_BROKEN_S = 5.0  # the futures of a broken pool are told of it within milliseconds
+_BROKEN_S = 5.0  # the futures of a broken pool learn of it within milliseconds
 
 
-class CrewLost(OSError):
-    """Nobody is left to do the work; what was done stands in the journal."""
+class WorkersLost(OSError):
+    """No worker is left; finished shots are in the journal."""
 
 
-class Crew(Protocol):
-    """Takes tasks and gives outcomes, in any order.  A task given comes back once, or CrewLost is raised."""
+class WorkerPool(Protocol):
+    """Takes tasks and returns their outcomes in any order, each once; otherwise WorkersLost is raised."""
 
     @property
     def width(self) -> int:
-        """Get how many shots are worked on at once, at this moment; 0 where nobody can yet."""
+        """Get how many shots are analysed at once; 0 while no worker is ready."""
 
     def give(self, task: Task) -> None:
         """Hand out a task."""
 
     def take(self) -> list[tuple[Task, Outcome]]:
-        """Return what is ready, waiting a moment where nothing is.  Raises CrewLost."""
+        """Return finished tasks, after a short wait where there are none.  Raises WorkersLost."""
 
     def close(self) -> None:
-        """End the work; what was given and not taken is dropped."""
+        """Stop; unfinished tasks are dropped."""
 
 
 def most_processes(system: str) -> int:
-    """Return how many processes one can wait for at a time on a system (``sys.platform``)."""
+    """Return how many processes one can wait for at once on a system (``sys.platform``)."""
     return 61 if system == "win32" else 4096
 
 
@@ -45,10 +45,10 @@ _MOST = most_processes(sys.platform)
 
 
 class Processes:
-    """Worker processes of this machine.
+    """Worker processes on this machine.
 
-    One that dies takes the pool with it: all shots under way are then tried again, one at a time, and one whose
-    process dies under it alone is not reached.
+    A process that dies breaks the pool.  Its shots are then tried again one at a time, and a shot during which the
+    process dies again is not reached.
     """
 
     def __init__(self, count: int) -> None:
@@ -60,15 +60,12 @@ class Processes:
 
     @property
     def width(self) -> int:
-        """Get the number of processes."""
         return self._count
 
     def give(self, task: Task) -> None:
-        """Hand out a task."""
         self._waiting.append(task)
 
     def take(self) -> list[tuple[Task, Outcome]]:
-        """Return what is ready, waiting a moment where nothing is."""
         self._hand_on()
         if not self._running:
             time.sleep(LOOK_S)
@@ -84,7 +81,7 @@ class Processes:
             if not future.done() or isinstance(error := future.exception(), BrokenProcessPool):
                 died.append(task)
             else:
-                out.append((task, future.result() if error is None else NotReached(_in_words(error))))
+                out.append((task, future.result() if error is None else NotReached(error_words(error))))
         if len(died) == 1:
             out.append((died[0], NotReached("the process that analysed it died")))
         else:
@@ -95,7 +92,7 @@ class Processes:
         return out
 
     def close(self) -> None:
-        """End the processes; what they have not finished is done by the next call."""
+        """End the processes; unfinished shots are left to the next call."""
         if self._running:
             for worker in active_children():
                 worker.terminate()
@@ -111,7 +108,7 @@ class Processes:
             while self._waiting:
                 task = self._waiting.popleft()
                 self._running[self._pool.submit(analyse_one, task)] = task
-        except BrokenProcessPool:  # a worker died while none of its futures was looked at
+        except BrokenProcessPool:  # a worker died between two looks
             self._suspects.append(task)
             if not self._running:
                 self._pool = self._started()
@@ -123,13 +120,10 @@ class Processes:
 
 
 class _Pool(ProcessPoolExecutor):
-    """Processes that leave Ctrl-C to the one that started them: a terminal sends it to all, and each would complain.
-
-    They ignore it; where the system can hold it back they do not even hear it while they start.
-    """
+    """Processes that ignore Ctrl-C, which a terminal sends to all of them; where possible already while they start."""
 
     def submit(self, *work: Any, **more: Any) -> Future[Any]:
-        """Hand out work; a process that is started for it inherits that Ctrl-C is held back, for good."""
+        """Submit work with Ctrl-C blocked: a process that starts for it inherits that."""
         if sys.platform == "win32":
             return super().submit(*work, **more)
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -139,5 +133,6 @@ class _Pool(ProcessPoolExecutor):
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _in_words(error: BaseException) -> str:
+def error_words(error: BaseException) -> str:
+    """Return an error's message in one line, or its type's name where it has none."""
     return " ".join(str(error).split()) or type(error).__name__

@@ -1,7 +1,7 @@
-"""Results that are kept: shots and diagnoses come back at the next start as they were, marked with their version.
+"""A cache of analysed shots and diagnoses for the next start, each with the version that made it.
 
-A cache beside the session: what is missing, spoilt, of an altered recording or written by another program, be it of the
-same version, is analysed again, as if nothing had been kept.
+What is missing, damaged, of an altered recording, or written by another program (even of the same version) is analysed
+again.
 """
 
 import hashlib
@@ -12,11 +12,11 @@ from functools import partial
 from pathlib import Path
 
 from analysis.diagnosis.result import Diagnosis
-from analysis.shot.shot import AnalysisSettings, Shot
+from analysis.shot.shot import AnalysisSettings, Progress, Shot, Stop
 from analysis.shot.version import program, program_version
-from app.session.event import Diagnosed, Reopened
-from app.session.frozen_file import NotKept, head_of, packed, unpacked
-from app.session.jobs import Asked, Report, Work
+from app.session.event import CachedResults, Diagnosed
+from app.session.frozen_file import NotStorable, head_of, packed, unpacked
+from app.session.jobs import Work
 from instrument.files.atomic_file import write_atomic
 from instrument.files.foreign.mapping import is_foreign
 from instrument.files.recording_error import RecordingError
@@ -24,14 +24,14 @@ from instrument.files.recording_metadata import read_metadata
 from instrument.files.recording_search import recording_stem
 
 SCHEMA = "levimass.kept/2"
-MOST_BYTES = 2_000_000_000  # in all; the oldest go first
+MOST_BYTES = 2_000_000_000  # in all; the oldest are deleted first
 MOST_A_FILE = 200_000_000
 BESIDE = (".csv", ".tsv", ".toml")  # the files of a motion record
 
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """What a result is of: a recording and how it is analysed."""
+    """What a result belongs to: a recording and the settings of its analysis."""
 
     path: str
     settings: AnalysisSettings
@@ -43,61 +43,61 @@ class Key:
 
     @property
     def bare(self) -> str:
-        """Get the same without the effects in the model, which a diagnosis is about."""
+        """Get the key without the effects in the model, for diagnoses."""
         return replace(self, settings=replace(self.settings, effects=())).text
 
 
 @dataclass(frozen=True, slots=True)
-class KeptShot:
-    """A shot as it was, and the version of the program that analysed it."""
+class CachedShot:
+    """A shot, and the version of the program that analysed it."""
 
     shot: Shot
     version: str
 
 
 @dataclass(frozen=True, slots=True)
-class KeptDiagnosis:
-    """A diagnosis as it was, of these shots in the order of its fits (``Key.bare``)."""
+class CachedDiagnosis:
+    """A diagnosis of these shots (``Key.bare``) in the order of its fits, and its program's version."""
 
     diagnosis: Diagnosis
     of: tuple[str, ...]
     version: str
 
 
-class Results:
+class ResultCache:
     """Files in one folder; every method may be called from any thread and raises nothing."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
-    def keep_shot(self, shot: Shot) -> None:
-        """Keep an analysed shot that has a recording."""
+    def store_shot(self, shot: Shot) -> None:
+        """Store an analysed shot that has a recording."""
         if shot.path is None or shot.motion is None or shot.problem is not None or is_foreign(shot.path):
             return
         key = Key(shot.path, shot.settings)
         head = {"key": key.text, "stamp": _stamp(Path(shot.path))}
         self._write(f"shot-{_short(key.text)}.npz", head, shot)
 
-    def shot(self, key: Key) -> KeptShot | None:
-        """Return the shot that was kept of a recording that is still the same, or None."""
+    def shot(self, key: Key) -> CachedShot | None:
+        """Return the cached shot of a recording that has not changed since, or None."""
         file = self._folder / f"shot-{_short(key.text)}.npz"
         try:
             head = head_of(file)
             if not _own(head) or head.get("key") != key.text or head.get("stamp") != _stamp(Path(key.path)):
                 return None
             shot = unpacked(file)
-        except NotKept:
+        except NotStorable:
             return None
-        return KeptShot(shot, str(head.get("version"))) if isinstance(shot, Shot) else None
+        return CachedShot(shot, str(head.get("version"))) if isinstance(shot, Shot) else None
 
-    def keep_diagnosis(self, diagnosis: Diagnosis, of: Sequence[Key]) -> None:
-        """Keep a diagnosis of these shots."""
+    def store_diagnosis(self, diagnosis: Diagnosis, of: Sequence[Key]) -> None:
+        """Store a diagnosis of these shots."""
         keys = [key.bare for key in of]
         head = {"of": keys, "stamps": [_stamp(Path(key.path)) for key in of]}
         self._write(f"diagnosis-{_short(' '.join(keys))}.npz", head, diagnosis)
 
-    def diagnoses(self, of: Iterable[Key]) -> list[KeptDiagnosis]:
-        """Return every diagnosis that was kept of some of these shots alone, oldest first."""
+    def diagnoses(self, of: Iterable[Key]) -> list[CachedDiagnosis]:
+        """Return all cached diagnoses whose shots are among these, oldest first."""
         stamps = {key.bare: _stamp(Path(key.path)) for key in of}
         found = []
         for file in self._files("diagnosis-*.npz"):
@@ -109,10 +109,10 @@ class Results:
                 if head.get("stamps") != [stamps[key] for key in keys]:
                     continue
                 diagnosis = unpacked(file)
-            except NotKept:
+            except NotStorable:
                 continue
             if isinstance(diagnosis, Diagnosis):
-                found.append(KeptDiagnosis(diagnosis, tuple(keys), str(head.get("version"))))
+                found.append(CachedDiagnosis(diagnosis, tuple(keys), str(head.get("version"))))
         return found
 
     def _files(self, pattern: str) -> list[Path]:
@@ -129,7 +129,7 @@ class Results:
             self._folder.mkdir(parents=True, exist_ok=True)
             write_atomic(self._folder / name, [whole], sync=False)
             self._make_room()
-        except (NotKept, OSError, RecordingError):
+        except (NotStorable, OSError, RecordingError):
             return  # it is analysed again at the next start
 
     def _make_room(self) -> None:
@@ -144,7 +144,7 @@ class Results:
 
 
 def _own(head: Mapping[str, object]) -> bool:
-    """Return whether this very program wrote it: another may give other numbers, though its version be the same."""
+    """Return whether this very program wrote the file: another of the same version may give other numbers."""
     return head.get("schema") == SCHEMA and head.get("program") == program()
 
 
@@ -153,7 +153,7 @@ def _short(text: str) -> str:
 
 
 def _stamp(path: Path) -> list[object]:
-    """Return what tells a recording from an altered one: its files' size and time; of its metadata all but the note."""
+    """Return what identifies a recording's state: size and time of its files, and its metadata without the note."""
     stem = recording_stem(path)
     stamp: list[object] = []
     try:
@@ -171,50 +171,50 @@ def _stamp(path: Path) -> list[object]:
     return stamp
 
 
-AT_ONCE = 10  # kept results are read and shown
+AT_ONCE = 10  # cached results that one job reads
 
 
-class KeptWork:
-    """Between the workbench and where results are kept."""
+class CacheWork:
+    """Short jobs of the workbench that read and write the cache."""
 
-    def __init__(self, results: Results, work: Work) -> None:
+    def __init__(self, results: ResultCache, work: Work) -> None:
         self._results, self._work = results, work
 
     def keep(self, shots: Sequence[Shot]) -> None:
-        """Queue the keeping of analysed shots."""
+        """Queue the storing of analysed shots."""
 
-        def work(_: Report, __: Asked) -> None:
+        def work(_: Progress, __: Stop) -> None:
             for shot in shots:
-                self._results.keep_shot(shot)
+                self._results.store_shot(shot)
 
-        self._work.errands.submit("keeping results", work, "keep")
+        self._work.short_jobs.submit("keeping results", work, "keep")
 
-    def keep_diagnosis(self, found: Diagnosed, keys: Sequence[Key]) -> None:
-        """Queue the keeping of a diagnosis; ``keys`` are those of its entries, in its order."""
+    def store_diagnosis(self, found: Diagnosed, keys: Sequence[Key]) -> None:
+        """Queue the storing of a diagnosis; ``keys`` are those of its entries, in its order."""
         if len(keys) == len(found.numbers):
-            self._work.errands.submit(
-                "keeping a diagnosis", lambda _, __: self._results.keep_diagnosis(found.diagnosis, keys), "keep"
+            self._work.short_jobs.submit(
+                "keeping a diagnosis", lambda _, __: self._results.store_diagnosis(found.diagnosis, keys), "keep"
             )
 
     def ask(self, keys: Mapping[int, Key]) -> None:
-        """Queue the reading of what was kept of these entries, the last first: the session opens there."""
+        """Queue the reading of these entries' results, the last first, as the session opens there."""
         numbers = list(keys)[::-1]
         for start in range(0, len(numbers), AT_ONCE):
             some = numbers[start : start + AT_ONCE]
-            self._work.submit(self._work.errands, "kept results", partial(self._shots, some, keys), "kept")
-        self._work.submit(self._work.errands, "kept diagnoses", partial(self._diagnoses, keys), "kept")
+            self._work.submit(self._work.short_jobs, "kept results", partial(self._shots, some, keys), "kept")
+        self._work.submit(self._work.short_jobs, "kept diagnoses", partial(self._diagnoses, keys), "kept")
 
-    def _shots(self, numbers: Sequence[int], keys: Mapping[int, Key], _: Report, cancelled: Asked) -> Reopened:
+    def _shots(self, numbers: Sequence[int], keys: Mapping[int, Key], _: Progress, cancelled: Stop) -> CachedResults:
         shots: list[tuple[int, Shot, str]] = []
         for number in numbers:
             kept = None if cancelled() else self._results.shot(keys[number])
             if kept is not None:
                 shots.append((number, kept.shot, kept.version))
         done = {number for number, *_ in shots}
-        return Reopened(tuple(shots), tuple(number for number in numbers if number not in done))
+        return CachedResults(tuple(shots), tuple(number for number in numbers if number not in done))
 
-    def _diagnoses(self, keys: Mapping[int, Key], _: Report, __: Asked) -> Reopened:
+    def _diagnoses(self, keys: Mapping[int, Key], _: Progress, __: Stop) -> CachedResults:
         number_of = {key.bare: number for number, key in keys.items()}
         kept = self._results.diagnoses(keys.values())
         found = (Diagnosed(one.diagnosis, tuple(number_of[key] for key in one.of), one.version) for one in kept)
-        return Reopened((), (), tuple(found))
+        return CachedResults((), (), tuple(found))

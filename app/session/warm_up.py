@@ -1,7 +1,7 @@
-"""The program's road walked once over a made-up shot, so that its kernels are compiled, or loaded, before a real one.
+"""Warm up the kernels: analyse a synthetic shot once, so that they are compiled or loaded before a real one.
 
-Each stretch begins at a place of its own, with a motion made up here where it needs one: none waits for another, and
-few kernels are compiled twice where several are walked at once.
+Each part starts from its own synthetic data, so that several processes can warm up at once with few kernels compiled
+twice.
 """
 
 import tempfile
@@ -23,9 +23,9 @@ _SHAKEN_M, _SHAKEN_HZ = 2e-7, 60.0
 
 
 def readings() -> Shot:
-    """Read a made-up shot, and watch a made-up stream.
+    """Read a synthetic shot, and the kernels of the live view.
 
-    The shot goes over the disk, as a kernel for arrays that are only read is another one than for arrays of its own.
+    The shot is written to disk first: numba compiles another kernel for read-only arrays than for writable ones.
     """
     from analysis.pipeline import read
     from instrument.files.open_recording import analyse_and_check_hash
@@ -38,7 +38,7 @@ def readings() -> Shot:
 
 
 def fit() -> None:
-    """Fit the base model to a made-up motion, as to a shot of its own."""
+    """Fit the base model to a synthetic motion."""
     from analysis.fitted.fitted_shot import fit_jointly
     from analysis.fitted.kinetic_contact import fitted_contact_cor
 
@@ -46,7 +46,7 @@ def fit() -> None:
 
 
 def bench() -> None:
-    """Push the simulated block once."""
+    """Simulate one shot on the bench."""
     from instrument.bench.digitizer import BenchDigitizer
     from instrument.bench.simulate import simulate
 
@@ -56,7 +56,7 @@ def bench() -> None:
 
 
 def effects() -> None:
-    """Take every effect of the catalogue, as it acts and as it is differentiated."""
+    """Compile every effect of the catalogue, for real and for complex arguments (derivatives)."""
     from analysis.collision.effects import CATALOGUE, WIDER
     from analysis.collision.effects.kernel import address, complex_address
 
@@ -68,14 +68,14 @@ def effects() -> None:
 
 
 def diagnosis() -> None:
-    """Diagnose a made-up motion."""
+    """Diagnose a synthetic motion."""
     from analysis.diagnosis.diagnose import diagnose
 
     diagnose([_motion()])
 
 
 def _inside_m(time_s: Floats) -> Floats:
-    """Return where the block is, over a table that shakes: it strikes a plate on a spring, three times as it turns."""
+    """Return the block's position (n,) in m: it strikes a plate on a spring, over a table that vibrates."""
     grid_s, way_m = 1.0 / _MOTION_HZ, [-_SPEED_M_PER_S * _TOUCH_S]
     x, v, y, u = -_SPEED_M_PER_S * _TOUCH_S, _SPEED_M_PER_S, 0.0, 0.0
     for _ in range(round(_LENGTH_S * _MOTION_HZ)):
@@ -94,7 +94,7 @@ def _motion() -> Motion:
     from analysis.signal.record import motion_from_displacement
 
     t = np.arange(round(_LENGTH_S * _MOTION_HZ)) / _MOTION_HZ
-    x = np.random.default_rng(1).normal(0, 1e-9, t.size) - _inside_m(t)  # it comes in against the axis
+    x = np.random.default_rng(1).normal(0, 1e-9, t.size) - _inside_m(t)  # the block comes in with v < 0
     return motion_from_displacement(t, x, None, None, moving_mass_kg=_MASS_KG)
 
 

@@ -1,6 +1,5 @@
-"""``--replay PATH... --plan [PARAMETER]``: which shots to take next, from those at hand."""
+"""``levimass --replay PATH... --plan [PARAMETER]``: plan the next shots from those analysed."""
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,47 +12,48 @@ from analysis.planning.plan_words import shots as shots_words
 from analysis.planning.precision import plan_precision
 from analysis.planning.shot_log import plan_next
 from analysis.shot.shot import AnalysisError, Shot
+from app.command_line.outputs import own_fault, say
+from levimass.analysis_settings import is_drive
 
 NOTHING_OPEN = "the diagnosis leaves nothing open that another shot would have to decide"
 
 
 @dataclass(frozen=True, slots=True)
-class Ahead:
-    """What to take next, in words and as the result file has it (None: nothing is open)."""
+class PlannedShots:
+    """The next shots in words, and as they stand in the result file (None: nothing is open)."""
 
     words: str
     result: dict[str, Any] | None
 
 
-def plan_ahead(
+def plan_shots(
     shots: Sequence[Shot], diagnosis: Diagnosis | None, parameter: str, reach: Reach | None = None
-) -> Ahead | None:
-    """Return the shots that decide what a diagnosis left open, or that make ``parameter`` ("": none) twice as sure.
+) -> PlannedShots | None:
+    """Return the shots that decide what a diagnosis left open, or that halve the ± of ``parameter`` ("": none).
 
-    ``reach`` is what the rig can do; None: what the planning takes for usual.
-    None, and one line on standard error, where there is nothing to plan from.
+    ``reach`` is what the rig can do; None: the planning's defaults.  Returns None, and says so in one line on standard
+    error, where there is nothing to plan from.
     """
     motions = [shot.motion for shot in shots if shot.motion is not None and shot.fit is not None]
     if diagnosis is None:
-        print("levimass: nothing planned: there is no diagnosis to plan from", file=sys.stderr)
+        say("nothing planned: there is no diagnosis to plan from")
         return None
-    if diagnosis.fit_after.model == "driven":
-        print("levimass: nothing planned: a drive strikes no plate, so no shot of it can be set", file=sys.stderr)
+    if is_drive(diagnosis.fit_after.model):
+        say("nothing planned: a drive strikes no plate, so there is no collision to plan")
         return None
     try:
         if parameter:
             fitted = refit_diagnosed(diagnosis.fit_after, motions, lambda: False)
             sharper = plan_precision(fitted, parameter, reach=reach)
             words = f"{shots_words(sharper.shots)} would make {sharper.words}."
-            return Ahead(words, {**sharper.to_json(), "words": words})
+            return PlannedShots(words, {**sharper.to_json(), "words": words})
         further = plan_next(motions, diagnosis, reach=reach).plan
     except AnalysisError as error:
-        print(f"levimass: nothing planned: {error}", file=sys.stderr)
+        say(f"nothing planned: {error}")
         return None
-    except Exception as error:  # a fault of the program's own must not cost the shots their numbers
-        cause = " ".join(str(error).split())
-        print(f"levimass: nothing planned: a fault of the program: {type(error).__name__}: {cause}", file=sys.stderr)
+    except Exception as error:  # the shots keep their numbers
+        say(f"nothing planned: {own_fault(error)}")
         return None
     if further is None:
-        return Ahead(NOTHING_OPEN, None)
-    return Ahead(plan_sentence(further), with_words(further))
+        return PlannedShots(NOTHING_OPEN, None)
+    return PlannedShots(plan_sentence(further), with_words(further))

@@ -32,6 +32,7 @@ from app.window.presenters.laws import LawsPresenter
 from app.window.presenters.mapping import MappingPresenter
 from app.window.presenters.model import ModelPresenter
 from app.window.presenters.next_shot import NextShotPresenter
+from app.window.presenters.plot_notes import PlotNotesPresenter
 from app.window.presenters.rig import RigPresenter
 from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
@@ -97,8 +98,12 @@ class MainWindow(QMainWindow):
         self.session_presenter.swap_wanted.connect(self.mapping_presenter.swap)
         self.tables_presenter = TablesPresenter(workbench, self.panels, self.selection_presenter.front, self)
         self.model_presenter = ModelPresenter(workbench, choices, self.panels, self.selection_presenter.front, self)
+        self.plot_notes_presenter = PlotNotesPresenter(
+            workbench.session, self.panels, self.selection_presenter.front, self
+        )
         for presenter in (
             self.rig_presenter,
+            self.plot_notes_presenter,
             self.session_presenter,
             self.view_presenter,
             self.model_presenter,
@@ -117,6 +122,7 @@ class MainWindow(QMainWindow):
             self.rig_presenter,
             self.session_presenter,
             self.diagnosis_presenter,
+            self.plot_notes_presenter,
             self.laws_presenter,
             self.view_presenter,
             self.model_presenter,
@@ -153,6 +159,7 @@ class MainWindow(QMainWindow):
         self.session_presenter.rig_doing, self.session_presenter.rig_share = snapshot.doing, snapshot.progress
         self.session_presenter.refresh()
         self.selection_presenter.refresh()
+        self.plot_notes_presenter.refresh()
         self.diagnosis_presenter.refresh()
         self.next_shot_presenter.refresh()
         self.tables_presenter.refresh()

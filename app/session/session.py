@@ -62,6 +62,7 @@ class Session:
         self._next = 0  # highest number given: a removed shot may come back, so none is given twice
         self.problem: str | None = None  # why the session could not be saved or read, in one line
         self.revision = 0
+        self.held: Callable[[Shot], Shot] = lambda shot: shot  # how an analysed shot is held in memory
         self.save_by: Callable[[Callable[[], None]], None] = lambda save: save()
         self.give_free: Callable[[], None] = lambda: (
             None
@@ -109,6 +110,7 @@ class Session:
         words = shot.note if note is None else note
         original = None if copy_of is None else self.entry(copy_of)
         on_plots = () if original is None else original.plot_notes
+        shot = self.held(shot)
         entry = Entry(number, shot.name, shot.path, shot.settings, shot, words, on_plots, copy_of=copy_of)
         self._set((*self._entries, entry))
         return entry
@@ -131,6 +133,8 @@ class Session:
     def fill(self, number: int, shot: Shot, version: str = "") -> None:
         """Give an entry its analysed shot (after reopening, or when the model changed); ``version``: as it was kept."""
 
+        shot = self.held(shot)
+
         def filled(entry: Entry) -> Entry:
             return replace(entry, shot=shot, name=shot.name, settings=shot.settings, version=version)
 
@@ -138,6 +142,8 @@ class Session:
 
     def complete(self, number: int, shot: Shot) -> Entry:
         """Give an entry that was listed at its capture the analysed shot, and return the entry."""
+
+        shot = self.held(shot)
 
         def whole(entry: Entry) -> Entry:
             path = shot.path or entry.path  # it may have been saved elsewhere meanwhile

@@ -28,6 +28,7 @@ from app.session.results import KeptWork, Key, Results
 from app.session.session import Entry, Session
 from app.session.settings import correction_words
 from app.session.shot_work import diagnose_motions, open_shot
+from app.session.spool import Spool
 from app.session.verdict_of import Diagnoses, verdict_of
 from app.session.why import Why
 from app.words.verdict import verdict_words
@@ -51,17 +52,22 @@ class Workbench:
         again: Callable[[], AnalysisSettings] | None = None,
         results: Results | None = None,
         own_laws: OwnLaws | None = None,
+        spool: Spool | None = None,
     ) -> None:
         """``saver``: the session is saved by it, in its thread; ``apart`` does the long work, else the jobs' thread.
 
         ``again``: the settings of an analysis repeated, with what was put right meanwhile; else ``settings``.
         ``results``: where shots and diagnoses are kept for the next start.
         ``own_laws``: the folder of laws that a diagnosis asks beside the catalogue.
+        ``spool``: where the arrays of shots and diagnoses are held; without it in memory.
         """
         self.session = session
         self._saver = saver
         if saver is not None:
             session.save_by = saver.submit
+        self._spool = spool
+        if spool is not None:
+            session.held = spool.moved
         self.own_laws = own_laws or OwnLaws(None)
         self._work = Work(apart)
         self.jobs, self.errands = self._work.jobs, self._work.errands
@@ -314,6 +320,8 @@ class Workbench:
 
     def poll(self) -> list[Event]:
         """Return what ended since the last call."""
+        if self._spool is not None:
+            self._spool.release()
         for job, result in self._work.ended():
             if job.problem is not None:
                 self._waiting.append(Event(Kind.PROBLEM, f"{job.name}: {job.problem}"))
@@ -327,6 +335,7 @@ class Workbench:
             take(result)
 
     def _take_diagnosed(self, result: Diagnosed) -> None:
+        result = self._held(result)
         self.diagnoses.append(result)
         if self._kept is not None:
             entries = filter(None, map(self.session.entry, result.numbers))
@@ -337,6 +346,9 @@ class Workbench:
         self._waiting.append(Event(Kind.DIAGNOSED, result.diagnosis.sentence, result.numbers))
         if result.diagnosis.not_asked:
             self._waiting.append(Event(Kind.PROBLEM, f"no time for {'; '.join(result.diagnosis.not_asked)} (F2)"))
+
+    def _held(self, found: Diagnosed) -> Diagnosed:
+        return found if self._spool is None else replace(found, diagnosis=self._spool.moved(found.diagnosis))
 
     def _take_opened(self, result: Opened) -> None:
         entry = self.session.add(result.shot, copy_of=result.copy_of)
@@ -379,7 +391,7 @@ class Workbench:
             entry = self.session.entry(number)
             if entry is not None and entry.shot is None:
                 self._submit_fill(entry)
-        self.diagnoses[:0] = result.diagnosed  # what was found meanwhile is newer
+        self.diagnoses[:0] = map(self._held, result.diagnosed)  # what was found meanwhile is newer
         if result.shots or result.diagnosed:
             self._waiting.append(Event(Kind.CHANGED, "", tuple(number for number, *_ in result.shots)))
 

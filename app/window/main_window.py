@@ -21,6 +21,7 @@ from app.session.prepare import complete, rehearse
 from app.session.results import Results
 from app.session.rig import Open, Rig
 from app.session.session import Entry
+from app.session.spool import Spool
 from app.session.warm import Kernels
 from app.session.workbench import Workbench
 from app.window import menus, window_state
@@ -296,7 +297,8 @@ def open_window(
         analyst=analyst,
     )
     kept, laws = Results(folder / "kept"), OwnLaws(folder / "laws")
-    workbench = Workbench(session, choices.analysis, Saver(), helper, choices.analysis_again, kept, laws)
+    spool = Spool(folder / "kept")
+    workbench = Workbench(session, choices.analysis, Saver(), helper, choices.analysis_again, kept, laws, spool)
     window = MainWindow(rig, workbench, theme, choices, kernels, log or ProgramLog(folder))
     theme.setParent(window)
     window.resize(first_size(window))

@@ -126,13 +126,19 @@ class LearnedLaw:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One effect that was tried, with what it would have explained and why it was or was not named."""
+    """One effect that was tried, with what it would have explained and why it was or was not named.
+
+    ``explains_m`` is the displacement by which the model with it would differ, refitted, in m: one array of shape (k,)
+    for each of the first shots, means over k equal parts of the record.  It is to first order where the effect was only
+    scored (``delta_bic`` None).  None where there is none; the result file does not have it.
+    """
 
     name: str
     score: float
     delta_bic: float | None
     parameters: Mapping[str, Quantity] = field(default_factory=dict)
     remark: str = ""
+    explains_m: tuple[Floats, ...] | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)

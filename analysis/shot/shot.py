@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from analysis.shot.fit import Fit
 from analysis.shot.impact import Impact
 from analysis.shot.motion import Motion
+from analysis.shot.plot_note import PlotNote
 from analysis.shot.recording import Setup
 from levimass.analysis_settings import AnalysisSettings as AnalysisSettings
 
@@ -41,4 +42,5 @@ class Shot:
     fit_problem: str | None = None  # why the model could not be fitted to a shot that was read
     started_at: str | None = None
     note: str = ""
+    plot_notes: tuple[PlotNote, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)  # "load", "demodulate", "impact", "fit"

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from analysis.diagnosis.result import Diagnosis
 from analysis.diagnosis.verdict.foretold import Foretold
 from analysis.fitted.fitted_shot import readings_model
+from analysis.shot.plot_note import UNITS, PlotNote
 from analysis.shot.shot import Shot
 from analysis.uncertainty.budget import budget
 from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
@@ -109,7 +110,16 @@ def _remarks(shot: Shot) -> Markup:
         parts.append(table([], [[flag, flag_words(flag)] for flag in by_weight(shot.flags)], "flags"))
     if shot.note:
         parts.append(tag("p", tag("b", "Note: "), shot.note, class_="note"))
+    if shot.plot_notes:
+        rows = [[note.plot, *_place_words(note), note.text] for note in shot.plot_notes]
+        parts.append(table(["note on the plot", "at", "value", "text"], rows, "overview"))
     return joined(*parts)
+
+
+def _place_words(note: PlotNote) -> tuple[str, str]:
+    """Return x and y of a note with their units, time from the recording's first sample."""
+    x_unit, y_unit = UNITS[note.plot]
+    return f"{note.x:.6g} {x_unit}", f"{note.y:.4g} {y_unit}"
 
 
 def _program() -> Markup:

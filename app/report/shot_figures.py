@@ -11,7 +11,7 @@ from analysis.shot.quantity import Quantity
 from analysis.shot.shot import Shot
 from analysis.uncertainty.noise_band import band_of
 from app.report.markup import Markup, tag
-from app.report.svg_plot import WIDTH, Band, Line, Plot, draw
+from app.report.svg_plot import WIDTH, Band, Line, Plot, Remark, draw
 
 Floats = NDArray[np.float64]
 MEASURED, SIMULATED = ("measured", "measured"), ("simulated", "simulated")  # class in the style sheet, words
@@ -36,6 +36,12 @@ class _Course:
         zero = time_zero(self.shot)[0]
         instants = (impact.touch_time_s, impact.release_time_s)
         return tuple(1e3 * (t.value - zero) for t in instants if isinstance(t, Quantity) and math.isfinite(t.value))
+
+    def remarks(self, plot: str, per_y: float = 1.0) -> tuple[Remark, ...]:
+        """Return the operator's notes on a plot over time, whose values are drawn in ``1 / per_y`` of their unit."""
+        zero = time_zero(self.shot)[0]
+        noted = (note for note in self.shot.plot_notes if note.plot == plot)
+        return tuple(Remark(1e3 * (note.x - zero), per_y * note.y, note.text) for note in noted)
 
 
 def figures(shot: Shot) -> list[Markup]:
@@ -91,15 +97,19 @@ def _residuals(course: _Course) -> Markup | None:
         return None
     noise = band_of(shot)
     rows = (
-        ("displacement (nm)", 1e9, shot.fit.shots[0].residual_m, noise.displacement_m),
-        ("velocity (µm/s)", 1e6, motion.velocity_m_per_s - over.velocity_m_per_s, noise.velocity_m_per_s),
-        ("force (mN)", 1e3, motion.force_n - over.force_n, noise.force_n),
+        ("displacement", "nm", 1e9, shot.fit.shots[0].residual_m, noise.displacement_m),
+        ("velocity", "µm/s", 1e6, motion.velocity_m_per_s - over.velocity_m_per_s, noise.velocity_m_per_s),
+        ("force", "mN", 1e3, motion.force_n - over.force_n, noise.force_n),
     )
     plots = []
-    for label, scale, residual, std in rows:
+    for kind, unit, scale, residual, std in rows:
         line = Line(course.time_ms, scale * residual, RESIDUAL[0])
         band = Band(course.time_ms, 2.0 * scale * std)
-        plots.append(Plot(course.time_label, label, (line,), (band,), (), course.marks, zero_line=True))
+        remarks = course.remarks(f"residual of {kind}", scale)
+        label = f"{kind} ({unit})"
+        plots.append(
+            Plot(course.time_label, label, (line,), (band,), (), course.marks, zero_line=True, remarks=remarks)
+        )
     words = "Within the band the residual is noise and vibration; outside it the model is incomplete."
     return figure("Residual.", words, plots, [RESIDUAL, NOISE], 165)
 
@@ -138,7 +148,9 @@ def _deflection(course: _Course) -> Markup | None:
         middle = float(np.nanmean(y[deep])) + 1e-3 * slope.value * (ends - float(np.nanmean(x[deep])))
         lines.append(Line(ends, middle, "slope"))
         legend.append(("slope", f"slope, {slope} N/m"))
-    plot = Plot("deflection of the plate from first touch (mm)", "force (N)", tuple(lines))
+    noted = (note for note in shot.plot_notes if note.plot == "force vs deflection")
+    remarks = tuple(Remark(1e3 * note.x, note.y, note.text) for note in noted)
+    plot = Plot("deflection of the plate from first touch (mm)", "force (N)", tuple(lines), remarks=remarks)
     return figure("Force against deflection.", "Its slope is close to the stiffness.", [plot], legend, 300)
 
 
@@ -147,7 +159,8 @@ def _gap(course: _Course) -> Markup | None:
         return None
     lines = (Line(course.overlay_ms, 1e6 * course.overlay.gap_m, SIMULATED[0]),)
     span = contact_span_ms(course.shot)
-    plot = Plot(course.time_label, "gap (µm)", lines, (), (), (), span, zero_line=True)
+    remarks = course.remarks("gap", 1e6)
+    plot = Plot(course.time_label, "gap (µm)", lines, (), (), (), span, zero_line=True, remarks=remarks)
     words = "Distance between block and plate in the fitted model; below zero they overlap."
     return figure("Gap.", words, [plot], [SIMULATED], 190)
 
@@ -158,7 +171,8 @@ def _over_time(
     lines = [Line(course.time_ms, measured, MEASURED[0])]
     if simulated is not None:
         lines.insert(0, Line(course.overlay_ms, simulated, SIMULATED[0]))
-    return Plot(course.time_label, label, tuple(lines), (), (), course.marks, span)
+    remarks = course.remarks(label.partition(" (")[0])
+    return Plot(course.time_label, label, tuple(lines), (), (), course.marks, span, remarks=remarks)
 
 
 def _legend(course: _Course) -> list[tuple[str, str]]:

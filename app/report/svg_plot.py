@@ -46,6 +46,15 @@ class Dot:
 
 
 @dataclass(frozen=True, slots=True)
+class Remark:
+    """A note of the operator's at a place of the plot; outside of the axes it is left out."""
+
+    x: float
+    y: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class Plot:
     """One set of axes.  ``x_span`` None: as far as the lines go.  ``lines`` are drawn in their order."""
 
@@ -57,6 +66,7 @@ class Plot:
     marks: tuple[float, ...] = field(default=())  # upright lines, for instants
     x_span: tuple[float, float] | None = None
     zero_line: bool = False
+    remarks: tuple[Remark, ...] = ()
 
 
 def draw(plot: Plot, *, width: int = WIDTH, height: int = 220) -> Markup:
@@ -67,6 +77,7 @@ def draw(plot: Plot, *, width: int = WIDTH, height: int = 220) -> Markup:
         x_low, x_high = x_low - spare, x_high + spare
     inside = [(np.asarray(line.x) >= x_low) & (np.asarray(line.x) <= x_high) for line in plot.lines]
     ends = [d.y + sign * d.std for d in plot.dots for sign in (-1, 1)] + ([0.0] if plot.zero_line else [])
+    ends += [remark.y for remark in plot.remarks if x_low <= remark.x <= x_high]
     for band in plot.bands:
         seen = band.half[(band.x >= x_low) & (band.x <= x_high) & np.isfinite(band.half)]
         reach = float(np.quantile(seen, 0.95)) if seen.size else 0.0  # at a gap's edge the noise has no bound
@@ -86,6 +97,7 @@ def draw(plot: Plot, *, width: int = WIDTH, height: int = 220) -> Markup:
         parts.append(tag("line", class_="zero", x1=left, x2=width - _RIGHT, y1=level, y2=level))
     parts += [frame.line(line) for line in plot.lines]
     parts += [frame.dot(dot) for dot in plot.dots]
+    parts += [frame.remark(remark) for remark in plot.remarks if x_low <= remark.x <= x_high]
     words = f"{plot.y_label} against {plot.x_label}"
     return tag("svg", parts, viewBox=f"0 0 {width} {height}", role="img", aria_label=words)
 
@@ -171,6 +183,14 @@ class _Frame:
         bar = tag("line", class_="bar", x1=px, x2=px, y1=ends[0], y2=ends[1])
         title = tag("title", dot.words) if dot.words else Markup()
         return tag("g", bar, tag("circle", class_="dot", cx=px, cy=_r(float(self.y(dot.y))), r=3.5), title)
+
+    def remark(self, remark: Remark) -> Markup:
+        px, py = float(self.x(remark.x)), float(self.y(remark.y))
+        right, upper = px > self.left + 0.5 * self.inner_width, py < _TOP + 0.5 * self.inner_height
+        kind = "remark-left" if right else "remark-right"  # where the text lies, seen from the dot
+        at = {"x": _r(px + (-7 if right else 7)), "y": _r(py + (15 if upper else -7))}
+        spot = tag("circle", class_="remark-dot", cx=_r(px), cy=_r(py), r=3)
+        return tag("g", spot, tag("text", remark.text, class_=kind, **at))
 
 
 def _axes(frame: _Frame, plot: Plot, levels: list[tuple[float, str]]) -> list[Markup]:

@@ -70,7 +70,8 @@ class Exports:
 
     def _reported(self, numbers: Sequence[int]) -> tuple[list[Shot], Diagnosis | None]:
         entries = self._entries(numbers)
-        shots = [replace(entry.shot, note=entry.note) for entry in entries if entry.shot is not None]
+        there = [(entry, entry.shot) for entry in entries if entry.shot is not None]
+        shots = [replace(shot, note=entry.note, plot_notes=entry.plot_notes) for entry, shot in there]
         chosen = {entry.number for entry in entries}
         found = self._diagnoses.within(chosen)
         return shots, found.diagnosis if found is not None else None

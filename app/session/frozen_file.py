@@ -39,9 +39,7 @@ class NotStorable(Exception):
 
 def packed(head: Mapping[str, Any], value: object) -> bytes:
     """Return the bytes of a file with ``value``, and with ``head``, which can be read alone.  Raises NotStorable."""
-    arrays: list[np.ndarray] = []
-    seen: dict[int, int] = {}
-    body = _written(value, arrays, seen)
+    body, arrays = parted(value)
     out = io.BytesIO()
     texts = {name: np.frombuffer(json.dumps(text).encode(), np.uint8) for name, text in ((_HEAD, head), (_BODY, body))}
     np.savez(out, **cast(Any, texts), **cast(Any, {f"a{place}": array for place, array in enumerate(arrays)}))
@@ -71,6 +69,17 @@ def unpacked(file: Any) -> object:
             return _read(body, arrays)
     except (OSError, ValueError, KeyError, IndexError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise NotStorable(str(error)) from None  # of another version, or damaged
+
+
+def parted(value: object) -> tuple[Any, list[np.ndarray]]:
+    """Return a value's structure and its arrays, each array once.  Raises NotStorable for what cannot be kept."""
+    arrays: list[np.ndarray] = []
+    return _written(value, arrays, {}), arrays
+
+
+def rejoined(body: Any, arrays: list[np.ndarray]) -> object:
+    """Return the value of a structure and these arrays."""
+    return _read(body, arrays)
 
 
 def _written(value: object, arrays: list[np.ndarray], seen: dict[int, int]) -> Any:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.fitted.fitted_shot import awaits_fit
+from analysis.shot.plot_note import LONGEST, UNITS, PlotNote
 from analysis.shot.recording import NAMES
 from analysis.shot.shot import AnalysisSettings, Shot
 from app.session.verdict_of import ModelEffects, VerdictBasis, known_effects
@@ -30,6 +31,7 @@ class Entry:
     settings: AnalysisSettings
     shot: Shot | None = None
     note: str = ""
+    plot_notes: tuple[PlotNote, ...] = ()  # oldest first
     verdict: str = ""
     verdict_of: VerdictBasis | None = None  # the model and shots of the verdict; None where the file lacks it
     copy_of: int | None = None  # the entry whose recording this one analyses with other settings
@@ -60,6 +62,7 @@ class Session:
         self._next = 0  # highest number used: undo may bring a removed shot back
         self.problem: str | None = None  # why the session could not be saved or read, in one line
         self.revision = 0
+        self.held: Callable[[Shot], Shot] = lambda shot: shot  # how an analysed shot is held in memory
         self.save_by: Callable[[Callable[[], None]], None] = lambda save: save()
         self.unlock: Callable[[], None] = lambda: None  # releases the file for another window
 
@@ -102,7 +105,10 @@ class Session:
         """Add an analysed shot and return its entry."""
         number = self._next = 1 + max(self._next, *(entry.number for entry in self._entries), 0)
         words = shot.note if note is None else note
-        entry = Entry(number, shot.name, shot.path, shot.settings, shot, words, copy_of=copy_of)
+        original = None if copy_of is None else self.entry(copy_of)
+        on_plots = () if original is None else original.plot_notes
+        shot = self.held(shot)
+        entry = Entry(number, shot.name, shot.path, shot.settings, shot, words, on_plots, copy_of=copy_of)
         self._set((*self._entries, entry))
         return entry
 
@@ -124,6 +130,8 @@ class Session:
     def fill(self, number: int, shot: Shot, version: str = "") -> None:
         """Set the shot of an entry; ``version`` is that of a cached result."""
 
+        shot = self.held(shot)
+
         def filled(entry: Entry) -> Entry:
             return replace(entry, shot=shot, name=shot.name, settings=shot.settings, version=version)
 
@@ -131,6 +139,8 @@ class Session:
 
     def complete(self, number: int, shot: Shot) -> Entry:
         """Set the analysed shot of an entry added at its capture; return the entry."""
+
+        shot = self.held(shot)
 
         def whole(entry: Entry) -> Entry:
             path = shot.path or entry.path  # it may have been saved elsewhere meanwhile
@@ -168,6 +178,17 @@ class Session:
         self._remember(f"the note of shot {number}")
         self._change(number, lambda entry: replace(entry, note=note))
 
+    def change_plot_note(self, number: int, before: PlotNote | None, after: PlotNote | None) -> None:
+        """Add a note to a shot's plots (``before`` None), change it, or remove it (``after`` None); can be undone."""
+        entry = self.entry(number)
+        if entry is None or before == after or (before is not None and before not in entry.plot_notes):
+            return
+        notes = list(entry.plot_notes)
+        place = len(notes) if before is None else notes.index(before)
+        notes[place : place + 1] = [] if after is None else [after]
+        self._remember(f"the note on a plot of shot {number}")
+        self._change(number, lambda old: replace(old, plot_notes=tuple(notes)))
+
     def remove(self, numbers: list[int]) -> None:
         """Remove entries from the list, not their recordings; can be undone."""
         self._remember("the removal")
@@ -199,10 +220,12 @@ class Session:
             return None
         state = back.pop()
         there = {entry.number: entry for entry in self._entries}
-        notes = {old.number: old.note for old in state.entries}
+        notes = {old.number: (old.note, old.plot_notes) for old in state.entries}
         returned = [old for old in state.entries if old.number not in there and old.number not in state.without]
         kept = [entry for entry in self._entries if entry.number not in state.without]
-        kept = [replace(entry, note=notes.get(entry.number, entry.note)) for entry in kept]
+        for place, entry in enumerate(kept):
+            note, on_plots = notes.get(entry.number, (entry.note, entry.plot_notes))
+            kept[place] = replace(entry, note=note, plot_notes=on_plots)
         without = frozenset(entry.number for entry in returned)
         forth.append(_State(self._entries, state.what, self._effects, without))
         self._effects = state.effects
@@ -303,7 +326,12 @@ _NOT_SAVED = ("shot", "version")  # fields of an entry: read from recording or c
 def _to_json(entry: Entry) -> dict[str, Any]:
     saved = {field.name: getattr(entry, field.name) for field in fields(entry) if field.name not in _NOT_SAVED}
     settings = asdict(entry.settings) | {"corrections": dict(entry.settings.corrections)}
-    return saved | {"settings": settings, "verdict_of": entry.verdict_of and asdict(entry.verdict_of)}
+    notes = [asdict(note) for note in entry.plot_notes]
+    return saved | {
+        "settings": settings,
+        "verdict_of": entry.verdict_of and asdict(entry.verdict_of),
+        "plot_notes": notes,
+    }
 
 
 def _from_json(item: Checked, unknown: set[str]) -> Entry:
@@ -319,7 +347,25 @@ def _from_json(item: Checked, unknown: set[str]) -> Entry:
 
     if item.get("path") is None:
         raise item.refuse("path", "missing")
-    own = {"settings": settings, "shot": lambda _: None, "version": lambda _: "", "name": _name}
+
+    def plot_notes(item: Checked) -> tuple[PlotNote, ...]:
+        notes = []
+        for listed in item.objects("plot_notes") or ():
+            note = listed.built(PlotNote, {"text": _text})
+            unknown.update(listed.unread())
+            if note.plot in UNITS:
+                notes.append(note)
+            else:
+                unknown.add(f"a note on the plot {shown(note.plot)}")
+        return tuple(notes)
+
+    own = {
+        "settings": settings,
+        "shot": lambda _: None,
+        "version": lambda _: "",
+        "name": _name,
+        "plot_notes": plot_notes,
+    }
     entry = item.built(Entry, own)
     unknown.update(item.unread())
     return entry
@@ -327,6 +373,10 @@ def _from_json(item: Checked, unknown: set[str]) -> Entry:
 
 def _name(item: Checked) -> str:
     return item.text("name", 10_000) or ""
+
+
+def _text(item: Checked) -> str:
+    return item.text("text", LONGEST) or ""
 
 
 def _corrections(chosen: Checked) -> tuple[tuple[str, float | None], ...]:

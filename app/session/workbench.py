@@ -35,6 +35,7 @@ from app.session.result_cache import CacheWork, Key, ResultCache
 from app.session.session import Entry, Session
 from app.session.settings import correction_words
 from app.session.shot_work import diagnose_shots, open_shot
+from app.session.spool import Spool
 from app.session.verdict_of import Diagnoses, verdict_of
 from app.session.why import Why
 from app.words.verdict import verdict_words
@@ -58,16 +59,21 @@ class Workbench:
         again: Callable[[], AnalysisSettings] | None = None,
         results: ResultCache | None = None,
         own_laws: OwnLaws | None = None,
+        spool: Spool | None = None,
     ) -> None:
         """``saver`` saves the session in its thread; ``apart`` does long work, else the jobs' thread does.
 
         ``again`` returns the settings for repeating an analysis, with corrections of the rig; else ``settings``.
-        ``results`` is the cache for the next start; ``own_laws`` are the user's laws that a diagnosis tries too.
+        ``results`` is the cache for the next start; ``own_laws`` are the user's laws that a diagnosis tries too;
+        ``spool`` is where the arrays of shots and diagnoses are held, without it in memory.
         """
         self.session = session
         self._saver = saver
         if saver is not None:
             session.save_by = saver.submit
+        self._spool = spool
+        if spool is not None:
+            session.held = spool.moved
         self.own_laws = own_laws or OwnLaws(None)
         self._work = Work(apart)
         self.jobs, self.short_jobs = self._work.jobs, self._work.short_jobs
@@ -317,6 +323,8 @@ class Workbench:
 
     def poll(self) -> list[Event]:
         """Return the events since the last call."""
+        if self._spool is not None:
+            self._spool.release()
         for job, result in self._work.ended():
             if job.problem is not None:
                 self._waiting.append(Event(EventKind.PROBLEM, f"{job.name}: {job.problem}"))
@@ -330,6 +338,7 @@ class Workbench:
             take(result)
 
     def _take_diagnosed(self, result: Diagnosed) -> None:
+        result = self._held(result)
         self.diagnoses.append(result)
         if self._kept is not None:
             entries = filter(None, map(self.session.entry, result.numbers))
@@ -340,6 +349,9 @@ class Workbench:
         self._waiting.append(Event(EventKind.DIAGNOSED, result.diagnosis.sentence, result.numbers))
         if result.diagnosis.not_asked:
             self._waiting.append(Event(EventKind.PROBLEM, f"no time for {'; '.join(result.diagnosis.not_asked)} (F2)"))
+
+    def _held(self, found: Diagnosed) -> Diagnosed:
+        return found if self._spool is None else replace(found, diagnosis=self._spool.moved(found.diagnosis))
 
     def _take_opened(self, result: OpenedShot) -> None:
         entry = self.session.add(result.shot, copy_of=result.copy_of)
@@ -382,7 +394,7 @@ class Workbench:
             entry = self.session.entry(number)
             if entry is not None and entry.shot is None:
                 self._submit_fill(entry)
-        self.diagnoses[:0] = result.diagnosed  # those made meanwhile are newer
+        self.diagnoses[:0] = map(self._held, result.diagnosed)  # those made meanwhile are newer
         if result.shots or result.diagnosed:
             self._waiting.append(Event(EventKind.CHANGED, "", tuple(number for number, *_ in result.shots)))
 

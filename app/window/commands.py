@@ -40,6 +40,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("Shots", "Previous shot", "previous_shot", ("Ctrl+Up",)),
     Command("Shots", "Next shot", "next_shot", ("Ctrl+Down",)),
     Command("Shots", "Write a note on the shot", "edit_note", ("N",), True),
+    Command("Shots", "Write a note on the plot", "note_on_plot", ("Shift+N",)),
     Command("Shots", "Re-analyse as copies with the present settings", "reanalyse_selected", ("Ctrl+R",)),
     Command("Shots", "Copy the selected lines as a table", "copy_shots", ("Ctrl+C",)),
     Command("Shots", "Filter the shots", "filter_shots", ("Ctrl+F",)),
@@ -94,5 +95,6 @@ MOUSE = (
     ("drag", "move along the axis"),
     ("Shift and drag", "draw the box to zoom to"),
     ("click on a bounce", "zoom to it"),
-    ("right click", "the plot's own menu"),
+    ("right click", "the plot's own menu; on a plot of a shot a note can be written there"),
+    ("double click on a note", "edit it; an empty text removes it"),
 )

@@ -20,6 +20,7 @@ from app.session.own_session import last_session
 from app.session.prepare import complete, warm_up_analysis
 from app.session.result_cache import ResultCache
 from app.session.rig import Open, Rig
+from app.session.spool import Spool
 from app.session.warm import Kernels
 from app.session.workbench import Workbench
 from app.window import menus, window_state
@@ -31,6 +32,7 @@ from app.window.presenters.laws import LawsPresenter
 from app.window.presenters.mapping import MappingPresenter
 from app.window.presenters.model import ModelPresenter
 from app.window.presenters.next_shot import NextShotPresenter
+from app.window.presenters.plot_notes import PlotNotesPresenter
 from app.window.presenters.rig import RigPresenter
 from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
@@ -89,6 +91,9 @@ class MainWindow(QMainWindow):
         self.mapping_presenter = MappingPresenter(workbench, choices, self.panels, self)
         self.tables_presenter = TablesPresenter(workbench, self.panels, self.selection_presenter.front, self)
         self.model_presenter = ModelPresenter(workbench, choices, self.panels, self.selection_presenter.front, self)
+        self.plot_notes_presenter = PlotNotesPresenter(
+            workbench.session, self.panels, self.selection_presenter.front, self
+        )
         self._connect_presenters()
         theme.changed.connect(self.panels.dress)
         self._bind_commands()
@@ -105,6 +110,7 @@ class MainWindow(QMainWindow):
     def _connect_presenters(self) -> None:
         for presenter in (
             self.rig_presenter,
+            self.plot_notes_presenter,
             self.session_presenter,
             self.view_presenter,
             self.model_presenter,
@@ -131,6 +137,7 @@ class MainWindow(QMainWindow):
             self.rig_presenter,
             self.session_presenter,
             self.diagnosis_presenter,
+            self.plot_notes_presenter,
             self.laws_presenter,
             self.view_presenter,
             self.model_presenter,
@@ -163,6 +170,7 @@ class MainWindow(QMainWindow):
         self.session_presenter.rig_doing, self.session_presenter.rig_share = snapshot.doing, snapshot.progress
         self.session_presenter.refresh()
         self.selection_presenter.refresh()
+        self.plot_notes_presenter.refresh()
         self.diagnosis_presenter.refresh()
         self.next_shot_presenter.refresh()
         self.tables_presenter.refresh()
@@ -286,8 +294,8 @@ def open_window(
         open_digitizer=open_digitizer or opened,
         analyst=analyst,
     )
-    kept, laws = ResultCache(folder / "kept"), OwnLaws(folder / "laws")
-    workbench = Workbench(session, choices.analysis, Saver(), helper, choices.analysis_again, kept, laws)
+    kept, laws, spool = ResultCache(folder / "kept"), OwnLaws(folder / "laws"), Spool(folder / "kept")
+    workbench = Workbench(session, choices.analysis, Saver(), helper, choices.analysis_again, kept, laws, spool)
     window = MainWindow(rig, workbench, theme, choices, kernels, log or ProgramLog(folder))
     theme.setParent(window)
     window.resize(first_size(window))

@@ -121,6 +121,7 @@ class Capture:
                 channels=live.channels if live is not None else (),
                 switch_level=capture.run.switch_level,
                 switch_toggles=capture.run.toggles,
+                switch_thresholds_v=capture.run.thresholds_v,
                 disk_free_bytes=live.disk_free_bytes if live is not None else disk_free_bytes(folder),
                 folder=folder,
                 folder_problem=capture.folder_problem,

@@ -19,6 +19,7 @@ class SignalLine:
     channels: tuple[ChannelSignal, ...] = ()
     switch_level: Level = Level.UNKNOWN
     switch_toggles: int = 0
+    switch_thresholds_v: tuple[float | None, float | None] = (None, None)  # low, high; as they are now, set or learned
     disk_free_bytes: int | None = None
     folder: Path | None = None
     folder_problem: str | None = None

@@ -35,7 +35,10 @@ class ReadBlock:
 
 
 class StreamReader:
-    """Reads one digitizer, from the capture thread; ``stream``, ``switch_level`` and ``toggles`` from any thread."""
+    """Reads one digitizer, from the capture thread.
+
+    ``stream``, ``switch_level``, ``toggles`` and ``thresholds_v`` are for any thread.
+    """
 
     def __init__(self, digitizer: Digitizer, clock: Callable[[], float] = time.monotonic) -> None:
         self._digitizer = digitizer
@@ -63,6 +66,24 @@ class StreamReader:
     def toggles(self) -> int:
         """Get how often the light switch changed since the stream began."""
         return self._switch.toggles if self._switch is not None else 0
+
+    @property
+    def thresholds_v(self) -> tuple[float | None, float | None]:
+        """Get the low and the high threshold of the light switch in V as they are now, set or learned.
+
+        None where there is none: the device has its own trigger, or the level on that side is not known.
+        """
+        switch, stream = self._switch, self.stream
+        if switch is None or stream is None or self.hardware_trigger:
+            return None, None
+        channel = next((one for one in stream.channels if one.role is Role.SWITCH), None)
+        if channel is None:
+            return None, None
+        low, high = (
+            None if counts is None else counts * channel.volts_per_count + channel.offset_v
+            for counts in switch.thresholds_counts
+        )
+        return (low, high) if channel.volts_per_count > 0 else (high, low)
 
     def continues(self, settings: CaptureSettings, options: CaptureOptions) -> bool:
         """Return whether the running stream serves these settings too, so that it need not be restarted."""

@@ -109,6 +109,22 @@ class LightSwitch:
         """Get the change of the channel that counts as a step, if thresholds are learned."""
         return max(float(self._state[_SWING]), self._least)
 
+    @property
+    def thresholds_counts(self) -> tuple[float | None, float | None]:
+        """Get the levels at which the next step down and the next step up would be found.
+
+        Where they are learned, they follow the extremes since the last step: None on the side that the switch is on,
+        and None for both before ``LEARNED_FROM`` samples.
+        """
+        state = self._state.copy()  # another thread may advance it
+        if self._settings.low_counts is not None:
+            return float(state[_LOW]), float(state[_HIGH])
+        if not state[_SWING] or not state[_SEEN]:
+            return None, None
+        falls = float(state[_MAXIMUM] - state[_SWING]) if state[_LEVEL] >= 0 else None
+        rises = float(state[_MINIMUM] + state[_SWING]) if state[_LEVEL] <= 0 else None
+        return falls, rises
+
     def first_step(self, counts: NDArray[np.int16], start: int = 0) -> int | None:
         """Return the index of the first triggering step at or after ``start`` in a block (n, channels), or None.
 

@@ -49,6 +49,10 @@ def test_a_shot_and_a_diagnosis_come_back_whole(shot):
     found = unpacked(io.BytesIO(packed({}, synthetic.diagnosis(shot))))
     assert found.verdict is Verdict.EFFECT_FOUND and found.candidates == synthetic.diagnosis(shot).candidates
     assert isinstance(found.effects[0].indistinguishable_from, tuple)
+    curve = np.arange(5, dtype=np.float32)
+    with_curve = replace(synthetic.diagnosis(shot), candidates=(replace(found.candidates[0], explains_m=(curve,)),))
+    kept = unpacked(io.BytesIO(packed({}, with_curve))).candidates[0].explains_m
+    assert np.array_equal(kept[0], curve) and kept[0].dtype == np.float32
 
 
 def test_only_the_analysis_own_classes_are_made():

@@ -5,10 +5,12 @@ import pytest
 from PySide6.QtWidgets import QWidget
 
 from analysis.shot.recording import Channel, Recording, Role, Setup
+from app.window.main_window import open_window
 from app.window.panels.live import LivePanel
 from app.window.panels.shot_raw import RawView, curves_of
 from app.window.theme import LIGHT
 from instrument.live.live_window import LiveWindow
+from tests.app.rigs import still_bench
 
 CHANNELS = tuple(Channel(role, 1e-3, 0.5 if role is Role.SWITCH else 0.0) for role in Role)
 SWITCH = next(n for n, channel in enumerate(CHANNELS) if channel.role is Role.SWITCH)
@@ -65,3 +67,33 @@ def test_live_shows_the_thresholds_that_were_set_and_keeps_them_in_view(qtbot):
     assert not any(lines_of(plot) for n, plot in enumerate(plots) if n != SWITCH)
     panel.show_raw(raw, CHANNELS)
     assert not lines_of(plots[SWITCH])
+
+
+def test_live_shows_learned_thresholds_as_such(qtbot):
+    panel = LivePanel(LIGHT)
+    qtbot.addWidget(panel)
+    panel.resize(1000, 1000)
+    panel.show()
+    raw = LiveWindow(20_000).view(np.arange(2000) / 30e6, np.zeros((2000, 3), np.float32), 2.7e6, None, 0)
+    panel.show_raw(raw, CHANNELS, (None, 0.64), True)
+    (line,) = lines_of(panel.raw.plots[SWITCH])
+    assert (line.value(), line.label.format) == (0.64, "trigger high (learned), 0.64 V")
+
+
+def test_a_running_bench_tells_the_thresholds_that_it_learned(qtbot, tmp_path, warm_kernels):
+    """Only thresholds that were set had a line."""
+    window = open_window(tmp_path, still_bench, apart=False)
+    qtbot.addWidget(window)
+    window.show()
+    try:
+        switch = window.panels.live.raw.plots[SWITCH]
+        qtbot.waitUntil(lambda: bool(switch.levels), timeout=20_000)
+        levels = dict(switch.levels)
+        samples = window.rig.latest().live.raw_v[:, SWITCH]
+        assert [words.split(",")[0] for words in levels] == ["trigger low (learned)", "trigger high (learned)"]
+        low, high = levels.values()  # which side is up is not known before the first step: both stand there
+        assert low < samples.min() <= samples.max() < high
+        range_v = abs(window.rig.channels[SWITCH].volts_per_count) * 2.0**12
+        assert high - low < range_v
+    finally:
+        window.close()

@@ -107,6 +107,27 @@ def test_pointing_at_a_candidate_overlays_what_it_would_explain_at_once(qtbot, t
     assert "not fitted in full yet" in page.why.words
 
 
+def test_the_curve_of_the_diagnosis_is_drawn_until_the_candidates_own_fit_is_there(qtbot, told, shots):
+    """Pointing at a candidate said "not fitted in full yet" for up to 20 s."""
+    sizes = [part.residual_m.size for part in told.fit_before.shots]
+    curves = tuple(0.7e-6 * np.sin(np.linspace(0.0, 20.0, 500)).astype(np.float32) for _ in sizes)
+    with_curves = tuple(replace(one, explains_m=curves) for one in told.candidates)
+    page = _page(qtbot, replace(told, candidates=with_curves), shots)
+    page.why.point_at("tilt")  # which was only scored
+    assert "first order" in page.why.words and "would remain" in page.why.words
+    for over, part, size in zip(page.why.grid.overlays, told.fit_before.shots, sizes, strict=True):
+        assert over.signature_m.shape == (size,)
+        assert np.allclose(over.signature_m, 0.7 * _wave(part), atol=2e-8)
+        assert np.allclose(over.signature_m + over.remains_m, part.residual_m)
+    page.why.point_at("viscous_drag")
+    assert "as fitted in the diagnosis" in page.why.words and len(page.why.grid.overlays) == 3
+    left = tuple(part.residual_m - 0.9 * _wave(part) for part in told.fit_before.shots)
+    page.why.show_found({"viscous_drag": Remainder("viscous_drag", left, 44.0)})
+    page.why.point_at("viscous_drag")
+    assert "44" in page.why.words and "diagnosis" not in page.why.words
+    assert np.array_equal(page.why.grid.overlays[0].remains_m, left[0])
+
+
 def test_the_best_candidate_and_its_neighbour_stand_side_by_side(qtbot, told, shots):
     page = _page(qtbot, told, shots)
     assert not page.why.neighbour.isEnabled()

@@ -116,3 +116,20 @@ def test_a_middle_that_is_not_there_leaves_the_sample_as_it_is() -> None:
     flat = np.full(5_000, 100, np.int16)
     assert middle_of_step(flat, 2_000, 500) == 2_000
     assert middle_of_step(flat, 4_990, 500) == 4_990
+
+
+@pytest.mark.parametrize("how", [LEARNED, GIVEN], ids=["learned", "given"])
+def test_the_thresholds_are_where_the_next_step_is_found(how: TriggerSettings) -> None:
+    tail = stream()[STEP - LEARNED_FROM - 60 :]
+    switch = LightSwitch(how, 1, 12)
+    assert switch.thresholds_counts == ((None, None) if how is LEARNED else (700, 1200))
+    switch.first_step(tail[: LEARNED_FROM + 1])
+    level, steps_seen = switch.level, 0
+    for counts in tail[LEARNED_FROM + 1 :]:
+        falls, rises = switch.thresholds_counts
+        up = rises is not None and counts[1] >= rises and level is not Level.HIGH
+        down = falls is not None and counts[1] <= falls and level is not Level.LOW
+        assert (switch.first_step(counts[None]) is not None) == (up or down)
+        steps_seen += up or down
+        level = switch.level
+    assert steps_seen == 2

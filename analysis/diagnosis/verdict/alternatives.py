@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from analysis.diagnosis import words
 from analysis.diagnosis.result import Candidate, FoundEffect
 from analysis.diagnosis.search.forward_selection import Trail
+from analysis.diagnosis.verdict.candidate_curves import curve_of_fit, curve_to_first_order
 from analysis.diagnosis.verdict.identifiability import least_seen
 from analysis.inference.fit.as_fit import effect_parameters
 from analysis.inference.fit.free_parameters import TrialEffect
@@ -18,6 +19,7 @@ def candidates(best: Fitted, trail: Trail) -> tuple[Candidate, ...]:
     """Return every effect tried, best first: by itself on top of the model before."""
     out = []
     before = trail.start
+    at = trail.projector_of(before)
     for name, score in trail.scores.items():
         fitted = trail.of((*before.names, name))
         if fitted is not None and fitted.log_likelihood < before.log_likelihood:
@@ -30,7 +32,8 @@ def candidates(best: Fitted, trail: Trail) -> tuple[Candidate, ...]:
             remark = "scored only"
         else:
             remark = "does not pay" if delta is None or delta > -trail.least_fall() else "another does better"
-        out.append(Candidate(name, float(score.gain), delta, parameters, remark))
+        curves = curve_of_fit(fitted, before) if fitted is not None else curve_to_first_order(at, score)
+        out.append(Candidate(name, float(score.gain), delta, parameters, remark, curves))
     out.sort(key=lambda c: (c.delta_bic if c.delta_bic is not None else 0.0, -c.score))
     return tuple(out)
 

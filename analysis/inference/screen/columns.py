@@ -166,21 +166,45 @@ def _moved(at: Projector, kind: TrialEffect, start: Mapping[str, float]) -> Poin
         return None
 
 
+def moved_to(at: Projector, kind: TrialEffect, starts: Starts) -> Point | None:
+    """Return a fit's point with an effect's start of each shot beside it, None where there is no such thing."""
+    effective = to_effective(at.fitted.point)
+    values = tuple({**v, kind.name: start} for v, start in zip(effective.values, starts, strict=True))
+    try:
+        return to_actual(Point(effective.base, effective.own, values))
+    except Infeasible:
+        return None
+
+
+def shown_with(at: Projector, kind: TrialEffect, point: Point, index: int) -> Floats:
+    """Return what an effect, with its values in ``point``, adds to one shot's averaged samples, shape (n,).
+
+    Raises Infeasible where the shot has no trajectory with it.
+    """
+    with_it, finely, base = _with_and_without(at, kind, index)
+    return _shown(with_it, index, point, finely) - base
+
+
 def _by_trajectories(at: Projector, kind: TrialEffect, moved: Sequence[Point | None], index: int) -> Floats:
     """Return what points with an effect add to one shot, shape (n, k), not a number where one has no trajectory."""
-    before = at.fitted.hypothesis
-    fixed = {**before.fixed, kind.name: fixed_of(kind, kind.starts[0])}
-    with_it = Hypothesis(before.data, (*before.effects, kind), fixed)
-    # A sensor's ripple is finer than the averaged samples: it is averaged like the data.
-    finely = named(kind.name).sensor is not None
-    show = partial(_shown, before, index, at.fitted.point, finely)
-    base = at.once(f"seen without it {finely} {index}", show)
+    with_it, finely, base = _with_and_without(at, kind, index)
     out = np.full((base.size, len(moved)), np.nan)
     for k, point in enumerate(moved):
         if point is not None:
             with contextlib.suppress(Infeasible):
                 out[:, k] = _shown(with_it, index, point, finely) - base
     return out
+
+
+def _with_and_without(at: Projector, kind: TrialEffect, index: int) -> tuple[Hypothesis, bool, Floats]:
+    """Return the model with an effect, whether it is to be averaged like the data, and one shot without the effect."""
+    before = at.fitted.hypothesis
+    fixed = {**before.fixed, kind.name: fixed_of(kind, kind.starts[0])}
+    with_it = Hypothesis(before.data, (*before.effects, kind), fixed)
+    # A sensor's ripple is finer than the averaged samples: it is averaged like the data.
+    finely = named(kind.name).sensor is not None
+    show = partial(_shown, before, index, at.fitted.point, finely)
+    return with_it, finely, at.once(f"seen without it {finely} {index}", show)
 
 
 def _shown(hypothesis: Hypothesis, index: int, point: Point, finely: bool) -> Floats:

@@ -34,10 +34,11 @@ def _digits(form: str, value: float) -> str:
     return text if float(text) else form.replace("+", " ").format(0.0)
 
 
-def _levels(thresholds_v: tuple[float | None, float | None]) -> dict[str, float]:
-    """Return the thresholds of the trigger that are set, by words with name and value."""
+def _levels(thresholds_v: tuple[float | None, float | None], learned: bool) -> dict[str, float]:
+    """Return the known thresholds of the trigger, by words with name and value."""
     named = zip(("low", "high"), thresholds_v, strict=True)
-    return {f"trigger {name}, {number(v, 3)} V": v for name, v in named if v is not None}
+    how = " (learned)" if learned else ""
+    return {f"trigger {name}{how}, {number(v, 3)} V": v for name, v in named if v is not None}
 
 
 class LivePanel(QWidget):
@@ -190,10 +191,12 @@ class LivePanel(QWidget):
         view: LiveView,
         channels: tuple[Channel, ...],
         thresholds_v: tuple[float | None, float | None] = (None, None),
+        learned: bool = False,
     ) -> None:
         """Show the newest raw samples; ``channels`` names the columns.
 
-        ``thresholds_v`` are the low and the high one of the trigger, None where the signal determines them.
+        ``thresholds_v`` are the low and the high one of the trigger, None where there is none; ``learned``: the signal
+        determines them.
         """
         if self.hold.isChecked() or len(view.raw_time_s) < 2 or view.raw_v.shape[1] != len(channels):
             return
@@ -209,6 +212,6 @@ class LivePanel(QWidget):
                 if plot.title != name:
                     plot.call(name)
                 of_switch = channels[index].role is Role.SWITCH
-                plot.show_levels(_levels(thresholds_v) if of_switch else {})
+                plot.show_levels(_levels(thresholds_v, learned) if of_switch else {})
                 curve.show_samples(0.0, step, view.raw_v[-RAW_SHOWN:, index])
                 plot.fit_y()

@@ -107,6 +107,11 @@ class ShotPanel(QWidget):
         """Get the shot shown."""
         return self._shot
 
+    @property
+    def plots(self) -> tuple[PlotView, ...]:
+        """Get the plots of every view."""
+        return self._plots
+
     def plot_in_front(self) -> PlotView | None:
         """Return the plot in view, or None where there is none."""
         page = self._pages.currentWidget()

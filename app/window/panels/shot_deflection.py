@@ -13,6 +13,7 @@ from app.window.pens import thin, under
 from app.window.plots.crisp import CrispCurve
 from app.window.plots.cursors import CursorAxis
 from app.window.plots.plain_plot import PlainPlot, XyCurve
+from app.window.plots.plot_notes import NoteAxes
 from app.window.theme import Colours
 
 Floats = NDArray[np.float64]
@@ -60,6 +61,7 @@ class DeflectionView(PlainPlot):
         at_touch = np.interp(touch, motion.time_s, motion.displacement_m)
         deflection = 1e3 * (at_touch - motion.displacement_m[chosen])
         force = motion.force_n[chosen]
+        self.notes.describe(self.plot, NoteAxes("force vs deflection", 0.0, 1e3))
         _show_branches(self._measured, deflection, force)
         self.columns = {"deflection_mm": deflection, "force_n": force}
         if shot.fit is not None and shot.fit.shots:

@@ -1,5 +1,7 @@
 """The views of a drive: measured and modelled force against time, speed and position, and the residual."""
 
+from dataclasses import replace
+
 import numpy as np
 from PySide6.QtCore import QObject, Qt, Slot
 from PySide6.QtWidgets import QLabel, QSplitter, QWidget
@@ -10,6 +12,7 @@ from app.window.plots.cursors import SECONDS, CursorAxis
 from app.window.plots.curve import Band
 from app.window.plots.legend import Look
 from app.window.plots.plain_plot import Floats, PlainPlot
+from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
@@ -30,6 +33,8 @@ class DriveView(QObject):
         velocity = self.stack.add_plot("velocity", "m/s", 3)
         force = self.stack.add_plot("force", "N", 4)
         residual = self.stack.add_plot("residual", "N", 3)
+        self._note_axes = {velocity: NoteAxes("velocity"), force: NoteAxes("force")}
+        self._note_axes[residual] = NoteAxes("residual of force")
         self._velocity = velocity.add_points("measured", thin(colours.measured))
         self._modelled = force.add_points("modelled", under(colours.simulated))
         self._measured = force.add_points("measured", thin(colours.measured))
@@ -38,7 +43,7 @@ class DriveView(QObject):
         self.stack.label_time("time from the first sample (s)")
         self.stack.reset_wanted.connect(self.reset)
         self.speed = ForceAgainst("speed", "velocity (m/s)", SPEED, colours, parent)
-        self.place = ForceAgainst("place", "position along the guide (mm)", PLACE, colours, parent)
+        self.place = ForceAgainst("position", "position along the guide (mm)", PLACE, colours, parent)
         self.pages: dict[str, QWidget] = {"whole": self.stack, "contact": self.speed, "deflection": self.place}
         self.say = QLabel(parent)
         self.say.setProperty("faint", True)
@@ -91,6 +96,8 @@ class DriveView(QObject):
             for page in (self.speed, self.place):
                 page.show_force(NOTHING, NOTHING, NOTHING, 0.0)
             return
+        for plot, axes in self._note_axes.items():
+            self.stack.notes.describe(plot, axes)
         time, half = curves.time_s, 2.0 * curves.repeatability.force_n
         self._velocity.show_points(time, curves.velocity_m_per_s)
         self._measured.show_points(time, curves.measured_n)
@@ -124,6 +131,7 @@ class ForceAgainst(QSplitter):
     def __init__(self, what: str, bottom: str, axis: CursorAxis, colours: Colours, parent: QWidget) -> None:
         super().__init__(Qt.Orientation.Vertical, parent)
         self._bottom = bottom
+        self._note_axes = NoteAxes(f"force vs {what}", 0.0, 1.0 / axis.scale)
         self._force = PlainPlot(f"Force against {what}", ("force", "N"), bottom, axis, self)
         self._residual_plot = PlainPlot(f"Residual of force against {what}", ("residual", "N"), bottom, axis, self)
         self._modelled = self._force.add_curve("modelled", under(colours.simulated))
@@ -167,6 +175,9 @@ class ForceAgainst(QSplitter):
         left, right = float(np.nanmin(x)), float(np.nanmax(x))
         spare = 0.04 * (right - left) + 1e-12
         span = (left - spare, right + spare)
+        self._force.notes.describe(self._force.plot, self._note_axes)
+        below = replace(self._note_axes, plot=f"residual of {self._note_axes.plot}")
+        self._residual_plot.notes.describe(self._residual_plot.plot, below)
         self._band.show_band(span[0], span[1] - span[0], np.full(2, half_n))
         both = np.concatenate([measured_n, modelled_n])
         for plot, values in ((self._force, both), (self._residual_plot, np.append(rest, (half_n, -half_n)))):

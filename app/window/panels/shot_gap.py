@@ -6,6 +6,7 @@ from PySide6.QtWidgets import QWidget
 from analysis.shot.shot import Shot
 from app.report.shot_figures import contact_span_ms, time_zero
 from app.window.pens import thin, under
+from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
 
@@ -32,7 +33,10 @@ class GapView:
     def show_shot(self, shot: Shot) -> None:
         """Show an analysed shot."""
         assert shot.motion is not None
-        start, step = 1e3 * (float(shot.motion.time_s[0]) - time_zero(shot)[0]), 1e3 / shot.motion.sample_rate_hz
+        zero, _ = time_zero(shot)
+        start, step = 1e3 * (float(shot.motion.time_s[0]) - zero), 1e3 / shot.motion.sample_rate_hz
+        self.stack.notes.describe(self._gap_plot, NoteAxes("gap", zero, 1e3, 1e6))
+        self.stack.notes.describe(self._force_plot, NoteAxes("force", zero, 1e3))
         self._measured.show_samples(start, step, shot.motion.force_n)
         fit = shot.fit
         if fit is None or not fit.shots:

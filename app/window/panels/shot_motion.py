@@ -12,6 +12,7 @@ from analysis.shot.shot import Shot
 from analysis.uncertainty.noise_band import Floats, NoiseBand, judged_band
 from app.report.shot_figures import contact_span_ms, time_zero
 from app.window.pens import thin, under
+from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
 from app.words.physics_words import prefix_for
@@ -70,6 +71,8 @@ class MotionView(QObject):
         assert motion is not None
         zero, _ = time_zero(shot)
         start, step = _grid(motion, zero)
+        self.stack.notes.describe(self.velocity, NoteAxes("velocity", zero, 1e3))
+        self.stack.notes.describe(self.force, NoteAxes("force", zero, 1e3))
         self._measured[0].show_samples(start, step, motion.velocity_m_per_s)
         self._measured[1].show_samples(start, step, motion.force_n)
         overlay = shot.fit.shots[0].overlay if shot.fit is not None and shot.fit.shots else None
@@ -108,9 +111,11 @@ class MotionView(QObject):
             return
         band, self.band_words = judged_band(shot, self._judged_by)
         rest, std = _residual_of(motion, fit, kind, band)
-        start, step = _grid(motion, time_zero(shot)[0])
+        zero, _ = time_zero(shot)
+        start, step = _grid(motion, zero)
         scale, words = prefix_for(float(np.nanmax(np.abs(rest), initial=0.0)), unit)
         self.residual.count_in(words)
+        self.stack.notes.describe(self.residual, NoteAxes(f"residual of {kind}", zero, 1e3, scale))
         self._residual.show_samples(start, step, scale * rest)
         self._band.show_band(start, step, 2 * scale * std)
         self.residual.free_y()

@@ -7,6 +7,7 @@ from PySide6.QtWidgets import QWidget
 
 from analysis.shot.recording import Recording, Role
 from app.window.pens import thin
+from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.pyramid import Pyramid
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
@@ -85,6 +86,7 @@ class RawView:
             pyramid = curves.volts.get(role)
             self._plots[role].setVisible(pyramid is not None)
             if pyramid is not None:
+                self.stack.notes.describe(self._plots[role], NoteAxes(NAMES[role], self._zero, 1e3))
                 curve.show_samples(-1e3 * self._zero, 1e3 / curves.recording.sample_rate_hz, pyramid)
         level = trigger_level_v(curves.recording)
         self._plots[Role.SWITCH].show_levels({} if level is None else {f"trigger, {number(level, 3)} V": level})

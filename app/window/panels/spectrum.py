@@ -7,12 +7,14 @@ from PySide6.QtWidgets import QLabel, QSplitter, QVBoxLayout, QWidget
 
 from analysis.shot.recording import Role
 from analysis.shot.shot import Shot
+from app.report.shot_figures import time_zero
 from app.session.spectra import NAMES, Spectra
 from app.window.pens import thin, under
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.cursors import TIME, CursorAxis
 from app.window.plots.legend import Legend
 from app.window.plots.plain_plot import PlainPlot
+from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.theme import Colours
 
@@ -87,6 +89,10 @@ class SpectrumPanel(QWidget):
         self._spectrum.show_range((low, high), spectra.power_span_db)
         named = {f"{NAMES[role]} (dB above 1 V²/Hz)": power for role, power in spectra.power_db.items()}
         self._spectrum.columns = {"frequency (MHz)": 1e-6 * spectra.frequency_hz, **named}
+        if shot is not None:
+            self._spectrum.notes.describe(self._spectrum.plot, NoteAxes("spectrum", 0.0, 1e-6))
+            on_image = NoteAxes("spectrogram", time_zero(shot)[0], 1e3, 1e-6)
+            self._image.notes.describe(self._image.plot, on_image)
         if spectra.image_db.size:
             self._picture.setImage(spectra.image_db, levels=spectra.image_levels_db)
             self._picture.setRect(QRectF(left, low, right - left, high - low))

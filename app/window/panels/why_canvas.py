@@ -15,11 +15,18 @@ from analysis.uncertainty.noise_band import diagnosed_band
 from app.report.shot_figures import time_zero
 from app.session.why import Remainder, by_evidence
 from app.window.panels.candidates import CandidateBars
-from app.window.plots.residual_grid import MOST, Cell, Overlay, ResidualGrid
+from app.window.plots.residual_grid import MOST, Cell, Floats, Overlay, ResidualGrid
 from app.window.theme import Colours, Tone
 from app.words.wording import effect_words, number, short_name
 
 BESIDE_SHOTS = 4  # whose two remainders stand side by side
+
+
+def explained(left_m: Floats, curve_m: Floats) -> Overlay:
+    """Return the overlay of a residual, shape (n,), by a curve of means over equal parts of its record, shape (k,)."""
+    middles = (np.arange(curve_m.size) + 0.5) * (left_m.size / max(1, curve_m.size)) - 0.5
+    signature_m = np.interp(np.arange(left_m.size), middles, curve_m)
+    return Overlay(signature_m, left_m - signature_m)
 
 
 class WhyCanvas(QWidget):
@@ -142,6 +149,32 @@ class WhyCanvas(QWidget):
         chi2 = [number(remainder.reduced_chi2, 3) for remainder in (first, second)]
         self._say.setText(f"Joint χ²/ν {chi2[0]} with {names[0]}, {chi2[1]} with {names[1]}")
 
+    def _explained(self, found: Diagnosis, name: str) -> tuple[Sequence[Overlay | None], str]:
+        """Return what a candidate would explain of each shot, and the line that says so.
+
+        Its own fit to all shots gives it; until that is there, the curve that came with the diagnosis.
+        """
+        remainder = self._found.get(name)
+        candidate = next((one for one in found.candidates if one.name == name), None)
+        lefts = [np.asarray(shot.residual_m) for shot in found.fit_before.shots]
+        words = effect_words(name)
+        if remainder is not None and remainder.left_m is not None:
+            pairs = zip(lefts, remainder.left_m, strict=False)
+            overlays = [Overlay(left - remains, remains) for left, remains in pairs if left.shape == remains.shape]
+            how = f"χ²/ν {number(remainder.reduced_chi2, 3)}"
+        elif candidate is not None and candidate.explains_m is not None:
+            overlays = [explained(*pair) for pair in zip(lefts, candidate.explains_m, strict=False)]
+            how = "first order" if candidate.delta_bic is None else "as fitted in the diagnosis"
+        elif remainder is not None:
+            return (), f"{words}: its fit did not converge"
+        else:
+            return (), f"{words}: not fitted in full yet"
+        colour, rest = self._colours.simulated, self._colours.signs[Tone.GOOD]
+        return overlays, (
+            f"<b>{words}</b>: <span style='color:{colour}'>━</span> would explain, "
+            f"<span style='color:{rest}'>━</span> would remain; {how}"
+        )
+
     def _draw_overlay(self) -> None:
         found = self._diagnosis
         if found is None or (self.neighbour.isChecked() and self._pair() is not None):
@@ -149,20 +182,6 @@ class WhyCanvas(QWidget):
         words = "Point at a candidate to see what it would explain and what would remain."
         overlays: Sequence[Overlay | None] = ()
         if self._name:
-            remainder = self._found.get(self._name)
-            name = effect_words(self._name)
-            if remainder is None:
-                words = f"{name}: not fitted in full yet"
-            elif remainder.left_m is None:
-                words = f"{name}: its fit did not converge"
-            else:
-                lefts = [np.asarray(shot.residual_m) for shot in found.fit_before.shots]
-                pairs = zip(lefts, remainder.left_m, strict=False)
-                overlays = [Overlay(left - remains, remains) for left, remains in pairs if left.shape == remains.shape]
-                colour, rest = self._colours.simulated, self._colours.signs[Tone.GOOD]
-                words = (
-                    f"<b>{name}</b>: <span style='color:{colour}'>━</span> would explain, "
-                    f"<span style='color:{rest}'>━</span> would remain; χ²/ν {number(remainder.reduced_chi2, 3)}"
-                )
+            overlays, words = self._explained(found, self._name)
         self.grid.overlay(overlays)
         self._say.setText(words)

@@ -6,11 +6,12 @@ from typing import Generic, TypeVar
 
 import pyqtgraph as pg
 from PySide6.QtCore import QPoint, Qt, QTimer, Signal, Slot
-from PySide6.QtGui import QContextMenuEvent, QGuiApplication, QHideEvent, QKeyEvent, QShowEvent
+from PySide6.QtGui import QContextMenuEvent, QGuiApplication, QHideEvent, QKeyEvent, QMouseEvent, QShowEvent
 from PySide6.QtWidgets import QMenu, QWidget
 
 from app.window.plots.cursors import TIME, CursorAxis, Cursors
 from app.window.plots.legend import Look
+from app.window.plots.plot_notes import PlotNotes
 from app.window.theme import Colours
 
 Span = tuple[float, float]
@@ -37,6 +38,7 @@ class PlotView(pg.GraphicsLayoutWidget):
         self.ci.layout.setSpacing(2)
         self.ci.layout.setContentsMargins(4, 4, 10, 4)
         self.cursors = Cursors(self, axis)
+        self.notes = PlotNotes(self)
         self._history = ViewHistory[tuple[ViewState, ...]]()
         self._settling = QTimer(self)
         self._settling.setSingleShot(True)
@@ -60,12 +62,15 @@ class PlotView(pg.GraphicsLayoutWidget):
         """Set the shots whose curves are drawn; pictures carry the words."""
         if self.shows != tuple(shots):
             self._history.clear()
+        if not shots:
+            self.notes.forget_plots()
         self.shows = tuple(shots)
         self.setAccessibleDescription(words)
 
     def dress(self, colours: Colours) -> None:
         self.setBackground(colours.plot)
         self.cursors.dress(colours)
+        self.notes.dress(colours)
 
     # history of views --------------------------------------------------------------------------------------------
 
@@ -156,15 +161,36 @@ class PlotView(pg.GraphicsLayoutWidget):
 
     def contextMenuEvent(self, event: QContextMenuEvent) -> None:
         """Open the plot's own menu."""
-        self.menu().popup(event.globalPos())
+        self.menu(event.pos()).popup(event.globalPos())
         event.accept()
+
+    def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
+        """Edit the note that was clicked on twice."""
+        note = self.notes.note_at(self.mapToScene(event.position().toPoint()))
+        if note is None or event.button() != Qt.MouseButton.LeftButton:
+            super().mouseDoubleClickEvent(event)
+            return
+        event.accept()
+        self.notes.edit(note)
+
+    @Slot()
+    def write_note(self) -> bool:
+        """Open the line for a note at cursor A where the cursors are shown, else in the middle of the view.
+
+        Return whether the plot can have notes.
+        """
+        left, right = self.span
+        place = self.notes.place_of(self.cursors.places[0] if self.cursors.shown else 0.5 * (left + right))
+        if place is not None:
+            self.notes.write(place)
+        return place is not None
 
     def open_menu(self) -> None:
         """Open the menu by key, at the widget's corner."""
         self.menu().popup(self.mapToGlobal(QPoint(20, 20)))
 
-    def menu(self) -> QMenu:
-        """Return a fresh menu: view, cursors, export."""
+    def menu(self, at: QPoint | None = None) -> QMenu:
+        """Return a fresh menu: view, cursors, notes, export.  ``at``: the place in the widget that it is opened for."""
         menu = QMenu(self)
         menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         menu.addAction("Reset the view", self.reset)
@@ -177,11 +203,30 @@ class PlotView(pg.GraphicsLayoutWidget):
         copy = menu.addAction("Copy the cursor readings", self.copy_cursors)
         copy.setEnabled(self.cursors.shown)
         menu.addSeparator()
+        self._add_notes(menu, at)
         menu.addAction("Save as PNG …", self._png)
         menu.addAction("Save as SVG …", self._svg)
         if self.table_words:
             menu.addAction(self.table_words, self._csv)
         return menu
+
+    def _add_notes(self, menu: QMenu, at: QPoint | None) -> None:
+        """Add what can be done about notes; nothing where the plot can have none."""
+        left, right = self.span
+        if at is None:
+            if self.notes.place_of(0.5 * (left + right)) is not None:
+                menu.addAction("Write a note on the plot", self.write_note)
+                menu.addSeparator()
+            return
+        scene = self.mapToScene(at)
+        note, place = self.notes.note_at(scene), self.notes.place_at(scene)
+        if note is not None:
+            menu.addAction("Edit the note", partial(self.notes.edit, note))
+            menu.addAction("Remove the note", partial(self.notes.remove, note))
+        elif place is not None:
+            menu.addAction("Write a note here", partial(self.notes.write, place))
+        if note is not None or place is not None:
+            menu.addSeparator()
 
     @Slot()
     def _png(self) -> None:

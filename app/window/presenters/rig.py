@@ -67,14 +67,21 @@ class RigPresenter(QObject):
         p.signals.show_folder(str(snapshot.signal.folder or ""))
         if p.tabs.currentIndex() == Layout.LIVE:
             p.live.show_live(snapshot.live)
-            p.live.show_raw(snapshot.live, self._rig.channels, self._thresholds_v())
+            p.live.show_raw(snapshot.live, self._rig.channels, self._thresholds_v(snapshot), self._learned())
         self._take_finished(snapshot)
         self._signal_trigger(snapshot)
         return snapshot
 
-    def _thresholds_v(self) -> tuple[float | None, float | None]:
+    def _thresholds_v(self, snapshot: Snapshot) -> tuple[float | None, float | None]:
+        """Return the trigger's thresholds: the set ones at once, though they hold from the next arming on."""
         settings = self._choices.settings
-        return settings.switch_low_v, settings.switch_high_v
+        set_v = settings.switch_low_v, settings.switch_high_v
+        return snapshot.signal.switch_thresholds_v if self._learned() else set_v
+
+    def _learned(self) -> bool:
+        """Return whether the signal determines the thresholds."""
+        settings = self._choices.settings
+        return settings.switch_low_v is None or settings.switch_high_v is None
 
     def _signal_trigger(self, snapshot: Snapshot) -> None:
         """Beep or flash at the trigger, as chosen, once per shot."""

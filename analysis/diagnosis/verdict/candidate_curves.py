@@ -1,0 +1,53 @@
+"""What each candidate of a diagnosis would explain of the shots: small curves that a screen can draw at once."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.collision.parameters import Infeasible
+from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.inference.screen.columns import moved_to, shown_with
+from analysis.inference.screen.projector import Projector
+from analysis.inference.screen.screening import Score
+
+Floats = NDArray[np.float64]
+POINTS = 800  # of a curve: two to a pixel of a plot that is as wide as a third of a screen
+MOST_SHOTS = 12  # have curves: as many as a page draws
+
+
+def curve_of_fit(fitted: Fitted, before: Fitted) -> tuple[Floats, ...]:
+    """Return by how much a joint fit with a candidate moves the model's displacement in m, as ``averaged_to`` does."""
+    pairs = zip(before.residual_m[:MOST_SHOTS], fitted.residual_m, strict=False)
+    return tuple(averaged_to(POINTS, left_before - left_after) for left_before, left_after in pairs)
+
+
+def curve_to_first_order(at: Projector, score: Score) -> tuple[Floats, ...] | None:
+    """Return what a candidate that was only scored would explain, in m, as ``averaged_to`` does; None without a path.
+
+    ``at`` is the fit before, made linear.  The candidate has the strength that a linear step gives it; what the
+    parameters of that fit take up is left out, also to first order.
+    """
+    shots = at.fitted.hypothesis.data.shots
+    point = moved_to(at, score.kind, score.start)
+    if point is None:
+        return None
+    try:
+        columns = [shown_with(at, score.kind, point, index) for index in range(len(shots))]
+    except Infeasible:
+        return None
+    if not all(np.all(np.isfinite(column)) for column in columns):
+        return None
+    taken_up = at.tangents.solve(at.whitened([column[:, None] for column in columns])[:, 0])
+    curves = []
+    for index in range(min(len(shots), MOST_SHOTS)):
+        _, derivatives = at.lines[index]
+        column = columns[index] - derivatives @ taken_up[at.tangents.places[index]]
+        curves.append(averaged_to(POINTS, column))
+    return tuple(curves)
+
+
+def averaged_to(points: int, values: Floats) -> Floats:
+    """Return means over ``points`` equal parts of a record, or the values themselves where they are fewer: float32."""
+    if values.size <= points:
+        return values.astype(np.float32)
+    edges = np.linspace(0, values.size, points + 1).astype(np.intp)
+    return np.asarray(np.add.reduceat(values, edges[:-1]) / np.diff(edges), dtype=np.float32)

@@ -1,0 +1,104 @@
+"""The arrays of a session's shots in a file that is mapped into memory: 300 shots cost some megabytes, not 220.
+
+Each shot has some fifteen arrays of every sample, and the screen shows those of one shot at a time.  They are written
+to a file without a name and read from there as they are used; what was not used lately takes no memory.
+"""
+
+import contextlib
+import mmap
+import os
+import tempfile
+import time
+import weakref
+from pathlib import Path
+from typing import TypeVar, cast
+
+import numpy as np
+
+from app.session.frozen_file import NotStorable, parted, rejoined
+
+PIECE_BYTES = 16 * 2**20  # of a file; its room is given free once no shot has an array in it
+LEAST_BYTES = 4096  # arrays smaller than this stay in memory
+RELEASE_EVERY_S = 5.0
+_ALIGNED = 64
+Result = TypeVar("Result")
+
+
+class Spool:
+    """Moves the arrays of results to files in ``folder``.
+
+    Where that cannot be written, or on a full disk, they stay in memory.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._piece: _Piece | None = None
+        self._mapped: weakref.WeakSet[mmap.mmap] = weakref.WeakSet()
+        self._released_s = 0.0
+
+    def moved(self, result: Result) -> Result:
+        """Return the same shot or diagnosis, its large arrays read from a file as they are used; they are read-only."""
+        try:
+            body, arrays = parted(result)
+            large = [array for array in arrays if array.nbytes >= LEAST_BYTES]
+            places = iter(self._written(large))
+        except (NotStorable, OSError, ValueError):
+            return result
+        return cast(Result, rejoined(body, [next(places) if a.nbytes >= LEAST_BYTES else a for a in arrays]))
+
+    def _written(self, arrays: list[np.ndarray]) -> list[np.ndarray]:
+        sizes = [-(-array.nbytes // _ALIGNED) * _ALIGNED for array in arrays]
+        whole = sum(sizes)
+        if not whole:
+            return []
+        piece = self._piece
+        if piece is None or piece.used + whole > piece.size:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            piece = self._piece = _Piece(self._folder, max(PIECE_BYTES, whole))
+            self._mapped.add(piece.memory)
+        begin = piece.used
+        content = b"".join(
+            np.ascontiguousarray(array).tobytes().ljust(size, b"\0") for array, size in zip(arrays, sizes, strict=True)
+        )
+        piece.append(content)
+        starts = begin + np.cumsum([0, *sizes[:-1]])
+        return [piece.array(array, int(start)) for array, start in zip(arrays, starts, strict=True)]
+
+    def release(self) -> None:
+        """Let the system take back the memory of arrays that were read, now and then; what is used is read again."""
+        now = time.monotonic()
+        if now - self._released_s < RELEASE_EVERY_S or not hasattr(mmap, "MADV_DONTNEED"):
+            return
+        self._released_s = now
+        for memory in list(self._mapped):
+            memory.madvise(mmap.MADV_DONTNEED)
+
+
+class _Piece:
+    """One file without a name, filled from its start; it goes with the last array that is read from it."""
+
+    def __init__(self, folder: Path, size: int) -> None:
+        self.size, self.used = size, 0
+        with tempfile.TemporaryFile(dir=folder, prefix=".levimass-") as file:
+            os.truncate(file.fileno(), size)
+            self.memory = mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ)  # it keeps the file open
+            self._file = os.dup(file.fileno())
+        weakref.finalize(self.memory, _closed, self._file)
+
+    def append(self, content: bytes) -> None:
+        """Write what comes next, whole.  Raises OSError: nothing of it counts then."""
+        done = 0
+        os.lseek(self._file, self.used, os.SEEK_SET)
+        while done < len(content):
+            done += os.write(self._file, content[done:])
+        self.used += len(content)
+
+    def array(self, like: np.ndarray, start: int) -> np.ndarray:
+        """Return the array of the type and shape of ``like`` at a place of the file."""
+        flat = np.frombuffer(self.memory, like.dtype, like.size, start)
+        return flat.reshape(like.shape)
+
+
+def _closed(file: int) -> None:
+    with contextlib.suppress(OSError):
+        os.close(file)

@@ -20,7 +20,6 @@ STRAIGHT_SIGMAS = 4.0  # rms about a flight's line, in units of the record's whi
 SHORTEST_FLIGHT = 5  # samples
 BENT_OVER = 0.5  # of a flight: how far apart a floor's three places are that tell how it bends its line
 BENDS = 1.4  # times the white noise
-ROUNDED_SAMPLES = 1.0
 LONG_FLIGHT = 24  # samples, after trimming
 LINE_TRIM = 0.12  # of a long flight, left out at each end of its line: the contact may begin before it shows
 EDGE_REACH_SAMPLES = 40  # of contact beyond a long flight: it is followed while its force keeps its sign
@@ -64,8 +63,8 @@ def find_bounces(motion: Motion, touch: Edge, release: Edge, flight_in: Flight, 
                 continue  # the force has not risen yet
             lasts = (last - first) / motion.sample_rate_hz
             bent = float(np.hypot(noise, floor.curve_std_m(BENT_OVER * lasts)))
-            levels = (bent, float(np.hypot(noise, floor.bend_std_m(BENT_OVER * lasts))))
-            edges = _flight_edges(motion, int(inside[first]), int(inside[last]), noise, levels)
+            level = float(np.hypot(noise, floor.end_std_m(lasts, 1)))
+            edges = _flight_edges(motion, int(inside[first]), int(inside[last]), noise, level)
             if edges is not None and _is_flight(edges, releases, onsets, 1.0 / motion.sample_rate_hz):
                 disturbed = disturbed or not _is_straight(motion, edges, bent)
                 edges = _as_it_grazes(edges, (releases[0] if releases else edges[0]).time_s - touch.time_s)
@@ -130,39 +129,32 @@ def _runs(mask: NDArray[np.bool_], shortest: int) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(starts, ends, strict=True) if b - a + 1 >= shortest and b < mask.size - 1]
 
 
-def _flight_edges(
-    motion: Motion, first: int, last: int, noise_m: float, levels_m: tuple[float, float]
-) -> tuple[Edge, Edge] | None:
+def _flight_edges(motion: Motion, first: int, last: int, noise_m: float, level_m: float) -> tuple[Edge, Edge] | None:
     """Return the release before and the onset after the flight about samples ``first`` to ``last``.
 
-    A long flight has a line of its own, which each edge leaves; a short one is fitted whole.  ``levels_m`` are how
-    far a straight line and a parabola through it may be off: the line is bent where a floor bends the flight.
+    A long flight has a line of its own, which each edge leaves: a parabola, found together with each edge, where a
+    floor bends the flight.  A short flight is fitted whole.  ``level_m`` is how far noise and floor put the end of a
+    flight off its straight line.
     """
     trim = round(LINE_TRIM * (last - first))
     if last - first - 2 * trim >= LONG_FLIGHT:
-        curved = levels_m[0] > BENDS * noise_m
+        curved = level_m > BENDS * noise_m
         line = fit_flight(motion, first + trim, last - trim, nearest=(first + last) // 2, curved=curved)
         if line is None:
             return None
-        line = replace(line, noise_std_m=levels_m[1] if curved else levels_m[0])
-        reach = trim + EDGE_REACH_SAMPLES
-        release = edge_of_line(motion, line, until=line.first - reach)
-        onset = edge_of_line(motion, line, until=line.last + reach)
-        if release is None or onset is None:
-            return None
         if not curved:
-            return release, onset
-        # the force is far into its rise before it stands clear of what the floor does, and its shape counts by then:
-        # a departure that grows with the cube of the time is clear the later, the larger the floor
-        unsure = ROUNDED_SAMPLES / motion.sample_rate_hz * float(np.cbrt(max(levels_m[1] / noise_m, 1.0)))
-        return _less_sure(release, unsure), _less_sure(onset, unsure)
+            line = replace(line, noise_std_m=level_m)
+        reach = trim + EDGE_REACH_SAMPLES
+        release = edge_of_line(motion, line, until=line.first - reach, bend=2 if curved else 0)
+        onset = edge_of_line(motion, line, until=line.last + reach, bend=2 if curved else 0)
+        return None if release is None or onset is None else (release, onset)
     low, high = max(first - EDGE_SAMPLES, 0), min(last + EDGE_SAMPLES + 1, motion.time_s.size)
     time = motion.time_s[low:high]
     step = 1.0 / motion.sample_rate_hz
     room = max(6, round(0.45 * (last - first))) * step
     release_range = (time[0] + 2 * step, motion.time_s[first] + room)
     onset_range = (motion.time_s[last] - room, time[-1] - 2 * step)
-    return edges_of_short_flight(time, motion.displacement_m[low:high], levels_m[0], release_range, onset_range)
+    return edges_of_short_flight(time, motion.displacement_m[low:high], level_m, release_range, onset_range)
 
 
 def _as_it_grazes(edges: tuple[Edge, Edge], first_contact_s: float) -> tuple[Edge, Edge]:

@@ -90,15 +90,27 @@ def _bend_of(u_s: Floats, x_m: Floats) -> int:
     return BEND if straight - bent > PLAIN * bent / (u_s.size - BEND - 1) else 1
 
 
-def edge_of_line(motion: Motion, line: Flight, *, until: int) -> Edge | None:
-    """Return the edge of a contact that leaves a flight's own line, on the side of sample ``until``."""
+def edge_of_line(motion: Motion, line: Flight, *, until: int, bend: int = 0) -> Edge | None:
+    """Return the edge of a contact that leaves a flight's own line, on the side of sample ``until``.
+
+    With ``bend`` the flight bends: a polynomial of that degree through it is found together with the edge, and what a
+    shorter departure and one degree more say instead stands in the uncertainty.
+    """
     sign = 1 if until > line.last else -1
     until = min(max(until, 0), motion.time_s.size - 1)
     window = np.arange(line.first if sign > 0 else line.last, until + sign, sign)
     window = window[motion.valid[window] & np.isfinite(motion.displacement_m[window])]
     departure = motion.displacement_m[window] - line.position_m(motion.time_s[window])
     std = max(line.noise_std_m, 1e-15)
-    return _edge_in(motion, window, departure, (std, SHAPED_SIGMAS * std, 0.0), sign, 0)
+    edge = _edge_in(motion, window, departure, (std, SHAPED_SIGMAS * std, 0.0), sign, bend)
+    if edge is None or bend == 0:
+        return edge
+    others = (
+        _edge_in(motion, window, departure, (std, SHAPED_SIGMAS * std / 3.0, 0.0), sign, bend),
+        _edge_in(motion, window, departure, (std, SHAPED_SIGMAS * std, 0.0), sign, bend + 1),
+    )
+    apart = max((abs(edge.time_s - other.time_s) for other in others if other is not None), default=0.0)
+    return Edge(edge.time_s, float(np.hypot(edge.std_s, apart)))
 
 
 def _edge_in(

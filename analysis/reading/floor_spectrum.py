@@ -11,6 +11,8 @@ from analysis.shot.disturbance import Shaking
 
 Floats = NDArray[np.float64]
 
+END_SAMPLES = 33  # of a stretch through which a polynomial is drawn
+
 
 @dataclass(frozen=True, slots=True)
 class FloorSpectrum:
@@ -47,6 +49,14 @@ class FloorSpectrum:
         """Return the std of the floor's second difference: what a straight line through it misses one step beyond."""
         half = np.pi * self.octaves.frequency_hz * lag_s
         return float(np.sqrt(self._power @ (2.0 * np.sin(half)) ** 4))
+
+    def end_std_m(self, lasts_s: float, degree: int) -> float:
+        """Return the std of how far the floor ends off its own least-squares polynomial through so long a stretch."""
+        at = np.linspace(-1.0, 1.0, END_SAMPLES)
+        powers = np.vander(at, degree + 1)
+        off = np.eye(END_SAMPLES)[-1] - powers[-1] @ np.linalg.pinv(powers)
+        seen = np.exp(1j * np.pi * lasts_s * self.octaves.frequency_hz[:, None] * at) @ off
+        return float(np.sqrt(self._power @ np.abs(seen) ** 2))
 
     def bend_std_m(self, lag_s: float) -> float:
         """Return the std of the floor's third difference: what a parabola through it misses one step beyond."""

@@ -226,14 +226,29 @@ def _slope(motion: Motion, touch: Edge, release: Edge, flight: Flight, noise: Fl
     centred = deflection - deflection.mean()
     slope = float(centred @ force / (centred @ centred))
     residual = force - force.mean() - slope * centred
-    # ripples of plate and contact make neighbouring residuals alike: count independent ones by their first zero
-    spectrum = np.abs(np.fft.rfft(residual, 2 * residual.size)) ** 2
-    covariance = np.fft.irfft(spectrum)[: residual.size]
-    length = max(1, int(np.argmax(covariance < 0.0))) if (covariance < 0.0).any() else residual.size
-    std = float(np.sqrt(residual @ residual / residual.size / (centred @ centred) * length))
+    std = _slope_white(motion, index, (centred, residual), slope, noise)
     std = float(np.hypot(std, _slope_sway(motion, motion.time_s[index], centred, slope, noise)))
     how = f"least squares of F on deflection, {(low - touch.time_s) * 1e3:.1f} to {(high - touch.time_s) * 1e3:.1f} ms"
     return Quantity(slope, _with_mass(motion, slope, std), how + " after touch")
+
+
+def _slope_white(
+    motion: Motion, index: NDArray[np.intp], fitted: tuple[Floats, Floats], slope: float, noise: FloorSpectrum
+) -> float:
+    """Return the std in N/m of the slope from the displacement's white noise, which enters force and deflection.
+
+    To first order an error s of the displacement moves the slope by (m c s'' + (slope c - r) s) / (c c), with the
+    centred deflection c and what the line leaves of the force, r (``fitted``, of the samples ``index``): ripples of
+    plate and contact are the collision's own and no noise.
+    """
+    centred, residual = (np.bincount(index - index[0], values) for values in fitted)
+    taps = derivative_filters(motion.sample_rate_hz, motion.bandwidth_hz).acceleration
+    size = centred.size + taps.size - 1
+    whole = next_fast_len(size, real=True)
+    felt = motion.moving_mass_kg * irfft(rfft(centred, whole) * rfft(taps, whole), whole)[:size]
+    reach = taps.size // 2
+    felt[reach : reach + centred.size] += slope * centred - residual
+    return noise.white_std_m * float(np.linalg.norm(felt)) / float(centred @ centred)
 
 
 def _slope_sway(motion: Motion, time_s: Floats, centred_m: Floats, slope: float, noise: FloorSpectrum) -> float:

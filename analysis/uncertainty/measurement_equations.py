@@ -4,6 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from operator import attrgetter
 
+import numpy as np
+
+from analysis.reading.pulse import SLOPE_SPAN
 from analysis.shot.impact import Impact
 from analysis.shot.plate import Number, compliance_of, corrected_slope
 from analysis.shot.quantity import Quantity, Reading
@@ -75,6 +78,41 @@ def velocity(noise: str) -> Equation:
         return None if seen is None else (seen + sources.rest_velocity_m_per_s) * sources.velocity_scale
 
     return equation
+
+
+def deflection(written: Written, reading: Reading, unit: str) -> Number | None:
+    """Return the way from touch to turn: an error of the rest frequency adds its velocity for as long as that takes."""
+    impact, sources = written.shot.impact, written.sources
+    seen = sources.noisy(reading, "beat noise, deflection", unit)
+    if seen is None or impact is None:
+        return None
+    touch, turn = impact.touch_time_s, impact.turnaround_time_s
+    lasts_s = turn.value - touch.value if isinstance(touch, Quantity) and isinstance(turn, Quantity) else 0.0
+    return (seen - lasts_s * sources.rest_velocity_m_per_s) * sources.length_scale
+
+
+def slope_of_force(written: Written, reading: Reading, unit: str) -> Number | None:
+    """Return dF/dy: a stiffness, and an error of the rest frequency shears the deflection that it is fitted over."""
+    impact, sources = written.shot.impact, written.sources
+    seen = sources.noisy(reading, "beat noise, slope", unit, without_mass=True, per_time=2)
+    if seen is None or impact is None:
+        return None
+    sheared = 1.0 + _shear(impact) * sources.rest_velocity_m_per_s
+    return seen * sheared * stiffness(sources) * sources.length_scale / sources.length_scale
+
+
+def _shear(impact: Impact) -> float:
+    """Return by which share of itself a slope grows where the deflection shrinks by 1 m/s times the time, in s/m.
+
+    To first order (c t) / (c c) of a least-squares line over the samples' centred deflections c, here of half a sine.
+    """
+    lasts, deepest = impact.contact_time_s, impact.deflection_max_m
+    if not isinstance(lasts, Quantity) or not isinstance(deepest, Quantity):
+        return 0.0
+    at = np.linspace(*SLOPE_SPAN, 200)
+    depth = deepest.value * np.sin(np.pi * at)
+    centred = depth - depth.mean()
+    return float(centred @ (lasts.value * at) / (centred @ centred))
 
 
 def ratio_of_velocities(written: Written, reading: Reading, unit: str) -> Number | None:

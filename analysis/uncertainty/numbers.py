@@ -175,7 +175,7 @@ NUMBERS = (
     ),
     ResultNumber(
         "deflection_max_m", "deflection", "deflection", "m", MOTION, READ, "Greatest deflection of the plate.",
-        equation=by.scaled("beat noise, deflection", by.length),
+        equation=by.deflection,
     ),
     ResultNumber(
         "plate_stiffness_n_per_m", "k_p", "k_p, fitted", "N/m", PLATE, FITTED, "Stiffness of the plate, fitted.",
@@ -196,10 +196,7 @@ NUMBERS = (
     ResultNumber(
         "stiffness_slope_n_per_m", "slope of F", "slope of force vs deflection", "N/m", PLATE, READ,
         "Slope of force against deflection; lies about 3 % below k_p.",
-        equation=by.scaled(
-            "beat noise and ripple, slope", by.stiffness, per_time=2, without_mass=True, length_cancels=True
-        ),
-        repeats=True,
+        equation=by.slope_of_force, repeats=True,
     ),
     ResultNumber(
         "stiffness_from_slope_n_per_m", "k_p from slope", "k_p, slope corrected", "N/m", PLATE, DERIVED,

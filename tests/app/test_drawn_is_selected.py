@@ -112,9 +112,9 @@ def test_a_driven_record_has_views_and_numbers_of_its_own(window):
 def test_a_drives_diagnosis_draws_what_its_force_leaves_over(window):
     entry = select(window, "driven")
     fit = entry.shot.fit
-    told = replace(synthetic.diagnosis(entry.shot), fit_before=fit, fit_after=fit)
+    told = replace(synthetic.diagnosis(entry.shot), fit_before=fit, fit_after=fit, candidates=())
     slow = select(window, "slow")
-    plain = synthetic.diagnosis(slow.shot)
+    plain = replace(synthetic.diagnosis(slow.shot), candidates=())  # none is fitted meanwhile
     window.workbench.diagnoses += [Diagnosed(told, (entry.number,)), Diagnosed(plain, (slow.number,))]
     window.panels.tabs.setCurrentIndex(Layout.DIAGNOSIS)
     residuals = window.panels.diagnosis.residuals

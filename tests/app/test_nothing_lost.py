@@ -21,7 +21,7 @@ from app.session.choices import Choices
 from app.session.log import NAME, ProgramLog, note
 from app.session.own_session import Unlisted, listed_by, unlisted
 from app.session.result_cache import ResultCache
-from app.session.session import Session
+from app.session.session import Entry, Session
 from app.session.settings import FIELDS, Settings
 from app.session.workbench import Workbench
 from app.window.layout import Layout
@@ -214,6 +214,26 @@ def test_a_shot_whose_fit_is_to_follow_is_listed_at_once_and_takes_it_in_its_pla
     assert "χ²" in panels.model._fit.text()
     presenter.take(_finished(whole, fitted_later=True), stay=False)  # a straggler finds nobody who waits
     assert len(workbench.session.entries) == 1
+
+
+def test_a_shot_its_fit_and_what_was_not_analysed_are_announced_once_each(
+    tmp_path: Path, away: Away, read_shot: Shot
+) -> None:
+    """The banner and a planned shot that is waited for hear of it so."""
+    workbench, _, presenter = away
+    announced: list[Entry] = []
+    presenter.arrived.connect(announced.append)
+    presenter.take(_finished(read_shot), stay=True)
+    assert [(entry.number, entry.shot is not None and entry.shot.fit is None) for entry in announced] == [(1, True)]
+    whole = fitted(_as_from_another_process(read_shot))
+    presenter.take(_finished(whole, fitted_later=True), stay=True)
+    assert announced[1:] == [workbench.session.entry(1)] and announced[1].shot is not None
+    assert announced[1].shot.fit is whole.fit
+    presenter.take(_finished(whole, fitted_later=True), stay=True)  # it waits no longer
+    assert len(announced) == 2
+    stopped = FinishedShot(2, "b", _recording(tmp_path, "b"), CaptureSettings(1e6, 64, 0), None, "it was stopped")
+    presenter.take(stopped, stay=True)
+    assert [entry.name for entry in announced[2:]] == ["b"]
 
 
 def test_killed_between_readings_and_fit_the_next_start_analyses_the_shot_whole(

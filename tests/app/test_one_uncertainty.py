@@ -9,6 +9,7 @@ import pytest
 
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.paper.paper import reproduce
+from analysis.report import result
 from analysis.shot.quantity import Quantity
 from analysis.uncertainty.budget import budget
 from analysis.uncertainty.numbers import Kind, number_of, of_collision
@@ -105,15 +106,30 @@ def test_shots_csv_has_the_combined_uncertainty_and_the_noise_in_a_column_named_
     export([entry.shot], tmp_path)
     with (tmp_path / "shots.csv").open(newline="") as file:
         (row,) = csv.DictReader(file)
-    impact = entry.shot.impact
-    for key in ("velocity_in_m_per_s", "force_peak_n", "cor_quasi_static"):
-        _, std, noise = columns_of(number_of(key))
-        assert float(row[std]) == combined[key].std
-        assert float(row[noise]) == getattr(impact, key).std != combined[key].std
+    seen = 0
+    for key, whole in combined.items():
+        if number_of(key).kind is Kind.DERIVED:  # in budget.csv alone
+            continue
+        value, std, noise = columns_of(number_of(key))
+        assert float(row[std]) == whole.std, key
+        reading = number_of(key).find(entry.shot)
+        if isinstance(reading, Quantity):
+            assert float(row[value]) == reading.value and float(row[noise]) == reading.std, key
+            seen += reading.std < whole.std
+    assert seen > 8
     assert float(row["cor_kinetic_force_peaks_std"]) == combined["cor_kinetic.force_peaks"].std
     noise = entry.shot.fit.parameters["plate_stiffness_n_per_m"].std
     assert float(row["plate_stiffness_n_per_m_std"]) == combined["plate_stiffness_n_per_m"].std
     assert float(row["plate_stiffness_n_per_m_std_noise"]) == noise
+
+
+def test_the_result_file_states_the_combined_uncertainty_of_every_number_of_the_panel(entry, combined):
+    (told,) = result([entry.shot], None)["shots"]
+    stated = told["budget"]["quantities"]
+    assert set(stated) == set(combined)
+    for key, whole in combined.items():
+        assert (stated[key]["value"], stated[key]["std"]) == (whole.value, whole.std), key
+        assert stated[key]["expanded"] == 2.0 * whole.std
 
 
 def test_a_reports_table_of_all_shots_states_the_combined_uncertainty(entry, combined):

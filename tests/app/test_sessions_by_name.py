@@ -87,6 +87,15 @@ def test_the_window_reopens_as_it_was_left(qtbot, tmp_path, warm_kernels):
         assert Path(question.directory().absolutePath()) == data
         question.close()
         qtbot.waitUntil(lambda: not window.findChildren(QFileDialog))
+    window.files_presenter.save_session()
+    (question,) = window.findChildren(QFileDialog)
+    assert question.windowTitle() == "Save the session as" and Path(question.selectedFiles()[0]).name == "session.json"
+    assert question.acceptMode() is QFileDialog.AcceptMode.AcceptSave and question.defaultSuffix() == "json"
+    question.filesSelected.emit([str(data / "wednesday.json")])
+    assert window.windowTitle() == "wednesday – Levimass" and (data / "wednesday.json").is_file()
+    question.close()
+    qtbot.waitUntil(lambda: not window.findChildren(QFileDialog))
+    window.files_presenter.open_named(named)
     window.showMaximized()
     across = window.panels.across.saveState()
     window.close()

@@ -16,7 +16,7 @@ from app.session.jobs import Jobs, Work
 from app.session.why import Remainder, Why, by_evidence
 from app.window.panels.candidates import CandidateBars
 from app.window.panels.diagnosis import DiagnosisPanel
-from app.window.plots.residual_grid import SymLog, scale_of
+from app.window.plots.residual_grid import MOST, Cell, ResidualGrid, SymLog, _thinned, scale_of
 from app.window.theme import LIGHT
 from tests.app import synthetic
 
@@ -213,6 +213,61 @@ def test_the_axis_is_linear_in_the_noise_and_logarithmic_beyond():
     assert 0.0 < at[3] < at[4] < at[5] and at[1] == -at[3]
     ticks = scale.ticks()
     assert 0.0 in ticks and ticks == sorted(ticks) and len(ticks) <= 9
+
+
+def _rows(widget, colour):
+    """Return the mean row of a colour's pixels, from left to right, for every stretch of columns that has some."""
+    image = widget.grab().toImage()
+    wanted, out = QColor(colour).rgb(), []
+    for x in range(image.width()):
+        rows = [y for y in range(image.height()) if image.pixel(x, y) == wanted]
+        if rows and (not out or out[-1][0] < x - 1):
+            out.append([x, x, []])
+        if rows:
+            out[-1][0] = x
+            out[-1][2] += rows
+    return [(first, last, sum(rows) / len(rows)) for last, first, rows in out]
+
+
+def _flat(value_m):
+    return Cell(f"{value_m:g}", np.linspace(0.0, 60.0, 500), None, np.full(500, value_m), 1e-9)
+
+
+def test_each_shot_stands_in_its_place_and_each_value_at_its_height(qtbot):
+    grid = ResidualGrid(LIGHT)
+    qtbot.addWidget(grid)
+    grid.resize(1000, 300)
+    grid.show()
+    grid.show_cells([_flat(value) for value in (1e-6, -1e-6, 0.0, 3e-8)])
+    drawn = _rows(grid, LIGHT.residual)
+    assert len(drawn) == 4
+    (_, _, top), (_, _, bottom), (_, _, middle), (_, _, some) = drawn
+    assert top < some < middle < bottom and middle == pytest.approx((top + bottom) / 2, abs=1.5)
+    share = float(grid.scale.place(np.array([3e-8]))[0])
+    assert 0.2 < share < 0.8 and some == pytest.approx(middle - share * (middle - top), abs=1.5)
+    wide = [last - first for first, last, _ in drawn]
+    assert max(wide) - min(wide) <= 2 and sum(wide) > 0.75 * grid.width()
+    grid.show_cells([_flat(1e-6 if k == 5 else 0.0) for k in range(6)])  # four side by side, two below them
+    drawn = _rows(grid, LIGHT.residual)
+    assert len(drawn) == 4 and drawn[0][2] > drawn[1][2] + 20 and drawn[2][2] == drawn[3][2]
+    assert grid.accessibleDescription().startswith("6 shots; up to 1")
+    grid.show_cells([_flat(0.0) for _ in range(MOST + 3)])
+    assert len(grid.cells) == MOST
+
+
+def test_a_curve_of_many_points_keeps_the_extremes_of_every_column():
+    values = np.zeros(100_000)
+    values[[12, 55_555]], values[99_999] = (3.0, -2.0), 5.0
+    values[70_000:80_000] = np.nan  # a hole of ten columns of a hundred
+    place, shown = _thinned(values, 100)
+    assert shown.size == 200 and np.all(np.diff(place) >= 0.0) and place[0] > 0.0 and place[-1] < 1.0
+    assert {3.0, -2.0, 5.0} <= set(shown)
+    assert [place[shown == value][0] for value in (3.0, -2.0, 5.0)] == pytest.approx([0.005, 0.555, 0.995])
+    assert np.isnan(shown).sum() == 20 and place[np.isnan(shown)] == pytest.approx(
+        np.repeat(np.arange(0.705, 0.8, 0.01), 2)
+    )
+    few = np.array([1.0, 2.0, 3.0])
+    assert [column.tolist() for column in _thinned(few, 100)] == [[0.0, 0.5, 1.0], [1.0, 2.0, 3.0]]
 
 
 def _pixels(widget, colour):

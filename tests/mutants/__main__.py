@@ -64,7 +64,7 @@ def _copied(place: Path) -> Path:
     """Copy the program and its tests, the recordings beside them, and the kernels compiled so far."""
     tree = place / "tree"
     tree.mkdir(parents=True)
-    for name in (*TOPS, "resources", "docs", "packaging"):
+    for name in (*TOPS, "levimass", "resources", "docs", "packaging"):
         shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
     for file in ROOT.iterdir():
         if file.is_file():

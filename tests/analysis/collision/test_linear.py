@@ -135,6 +135,27 @@ def test_what_is_not_linear_is_seen(name: str, asked: list[int]) -> None:
     assert asked == [march.NOT_LINEAR, march.NOT_LINEAR]
 
 
+def test_what_is_linear_only_as_its_coefficient_is_zero_is_seen(asked: list[int]) -> None:
+    """Its motion is linear, but what a change of the coefficient does is not."""
+    none, some = (general.Active(CATALOGUE["cubic_stiffness"], (value,)) for value in (0.0, 1e3))
+    run = general.solve(PAPER, [none], TIME_S, directions=[general.direction(0, 0)])
+    assert asked == [march.NOT_LINEAR]
+    moved = general.solve(PAPER, [some], TIME_S).displacement_m - run.displacement_m
+    assert run.displacement_derivatives[:, 0] * 1e3 == pytest.approx(moved, abs=1e-3 * np.abs(moved).max())
+
+
+@pytest.mark.parametrize("name", ["viscoelastic_arm", "block_mode", "support_compliance"])
+def test_hidden_states_are_shown_between_steps_as_they_are_solved(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of an arm that relaxes one number is shown, by a cubic between steps; of what swings two, by a quintic."""
+    effects, within = active(name), TIME_S[(TIME_S > 0.0) & (TIME_S < 0.028)]
+    closed = general.recorded(PAPER, effects, within).states
+    monkeypatch.setattr(march, "in_closed_form", lambda *_: march.NOT_LINEAR)
+    stepped = general.recorded(PAPER, effects, within).states
+    assert closed.shape == stepped.shape and closed.shape[1] == 6
+    assert np.all(np.abs(stepped - closed).max(axis=0) <= 2e-6 * np.abs(closed).max(axis=0))
+    assert np.abs(closed[:, 4]).max() > 1e-6
+
+
 def test_times_may_lie_anyhow() -> None:
     effects = active("support_compliance")
     some = np.sort(np.random.default_rng(1).uniform(TIME_S[0], TIME_S[-1], 200))

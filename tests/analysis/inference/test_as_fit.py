@@ -1,10 +1,17 @@
 """A diagnosis' own fit beside the fit of the same model to the same shots."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from analysis.diagnosis.search.from_base import accept
 from analysis.inference.fit.as_fit import as_fit
 from analysis.inference.fit.shot_fit import fit_shots
+from analysis.pipeline import analyse
+from analysis.shot.fit import Fit
+from instrument.bench.rig import Bench
+from instrument.bench.simulate import record_shot
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 
@@ -19,3 +26,41 @@ def test_the_velocity_out_is_that_after_the_last_release_with_its_own_uncertaint
         assert out.std == pytest.approx(reference.std, rel=0.4)
         # The velocities in and out hang together through restitution, but are not equally well known.
         assert out.std != pytest.approx(mine.velocity_in_m_per_s.std, rel=1e-3)
+
+
+def test_a_shot_that_its_model_does_not_describe_is_as_unsure_as_what_is_left_says() -> None:
+    """Birge's ratio, from a recording through the whole analysis: 380 times the noise's chi^2, 19.5 times its std."""
+
+    def fit_of(n_per_m3: float) -> Fit:
+        bench = Bench(effects={"cubic_stiffness": {"coefficient_n_per_m3": n_per_m3}} if n_per_m3 else {}, seed=5)
+        fit = analyse(record_shot(bench, 0, 0.265, 10e6, 0.06)[0]).fit
+        assert fit is not None
+        return fit
+
+    described, lacking = fit_of(0.0), fit_of(3e4)
+    assert described.reduced_chi2 < 1.2 and lacking.reduced_chi2 > 100.0
+    for name, parameter in lacking.parameters.items():
+        grown = parameter.std / described.parameters[name].std
+        assert grown == pytest.approx(np.sqrt(lacking.reduced_chi2), rel=0.05), name
+
+
+def test_a_remainder_below_the_noise_makes_nothing_surer_and_one_above_it_does_the_reverse() -> None:
+    motions = shots({}, count=2)
+    fitted = base_fit(motions)
+    freedom = fitted.samples - fitted.hypothesis.size
+
+    def stds(chi2: float) -> np.ndarray:
+        return np.array([q.std for q in as_fit(fitted, motions, "paper", 0.0, chi2=chi2).parameters.values()])
+
+    assert stds(0.25 * freedom) == pytest.approx(stds(0.0), rel=1e-12)
+    assert stds(4.0 * freedom) == pytest.approx(2.0 * stds(0.0), rel=1e-9)
+
+
+def test_the_noise_of_a_sample_is_that_of_the_motion_and_not_of_the_means_that_were_fitted() -> None:
+    motions = shots({}, count=2)
+    fitted = base_fit(motions)
+    white = replace(fitted.floor, white_m=1e-10, rms_m=(3e-10, 0.0))
+    factor = fitted.hypothesis.data.shots[0].factor
+    assert factor > 1
+    fit = as_fit(replace(fitted, floor=white), motions, "paper", 0.0)
+    assert fit.noise_std_m == pytest.approx(np.sqrt(factor * 1e-20 + 9e-20), rel=1e-12)

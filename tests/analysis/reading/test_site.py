@@ -3,7 +3,16 @@
 import numpy as np
 import pytest
 
-from analysis.reading.site import CENTRES_HZ, MachineLine, PlannedShot, expected_cor_std, likely_cause, read_site
+from analysis.reading.site import (
+    CENTRES_HZ,
+    MachineLine,
+    PlannedShot,
+    _most_by_chance,
+    _periodogram,
+    expected_cor_std,
+    likely_cause,
+    read_site,
+)
 from instrument.bench.frame import frame_of
 from instrument.bench.site import Line, Site, site_named
 
@@ -105,3 +114,18 @@ def test_likely_causes(frequency, word):
 def test_too_little_is_no_floor():
     assert read_site(np.zeros(100), RATE) is None
     assert read_site(np.full(TIME.size, np.nan), RATE) is None
+
+
+@pytest.fixture(scope="module")
+def powers():
+    """Return the powers of 30,000 records of white noise of unit density a sample, (30,000, 32)."""
+    return np.array([_periodogram(row, 1.0)[1] for row in np.random.default_rng(3).standard_normal((30_000, 64))])
+
+
+@pytest.mark.parametrize("bins", [1, 2, 5, 12])
+def test_a_band_of_so_many_bins_shows_more_by_chance_as_seldom_as_is_said(powers, bins):
+    """Of 30,000 bands one in two hundred and twenty stands above."""
+    band = powers[:, 6 : 6 + bins].mean(axis=1) / 2.0  # a white density of 1 a sample is 2 one-sided
+    assert band.mean() == pytest.approx(1.0, abs=0.03)
+    expected = 30_000 * 0.05 / 11  # bands of the criteria, 5 % for all of them
+    assert np.count_nonzero(band > _most_by_chance(bins)) == pytest.approx(expected, rel=0.35)

@@ -1,0 +1,44 @@
+"""Every function of a formula: compiled and on arrays it is the same, and compiled it carries a derivative along."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numba import njit
+
+from analysis.collision.laws.functions import FUNCTIONS
+
+AT = (-2.3, -0.4, 0.6, 1.9)
+OTHER = 0.9  # the second value of a function that takes two
+POSITIVE = ("log",)
+
+
+def _compiled(name: str) -> Any:
+    kernel = FUNCTIONS[name].kernel
+    return njit(lambda x: kernel(x)) if FUNCTIONS[name].takes == 1 else njit(lambda x: kernel(x, x * 0.0 + OTHER))
+
+
+def _on_arrays(name: str, x: float | complex) -> Any:
+    function = FUNCTIONS[name]
+    values = (np.array([x]),) if function.takes == 1 else (np.array([x]), np.array([OTHER + 0.0 * x]))
+    return function.arrays(*values)[0]
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_compiled_and_on_arrays_a_function_is_the_same_and_its_slope_is_true(name: str) -> None:
+    compiled = _compiled(name)
+    for x in AT:
+        if x < 0.0 and name in POSITIVE:
+            assert np.isnan(compiled(x)) and np.isnan(compiled(complex(x, 1.0)).real)
+            continue
+        assert compiled(x) == pytest.approx(_on_arrays(name, x), rel=1e-15)
+        carried = compiled(complex(x, 3.0))  # a value, and three times its slope
+        assert carried.real == pytest.approx(compiled(x), rel=1e-15)
+        slope = (compiled(x + 1e-6) - compiled(x - 1e-6)) / 2e-6
+        assert carried.imag == pytest.approx(3.0 * slope, rel=1e-6, abs=1e-9)
+
+
+def test_where_a_function_has_no_value_a_formula_has_none() -> None:
+    logarithm, root = _compiled("log"), _compiled("sqrt")
+    assert np.isnan(logarithm(0.0)) and logarithm(1.0) == 0.0
+    assert root(0.0) == root(-1.0) == 0.0 and root(complex(-1.0, 1.0)) == 0.0

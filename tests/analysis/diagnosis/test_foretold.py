@@ -1,0 +1,86 @@
+"""A saved model of two plates on a shot of one of them, and what is said of how well it predicted."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.diagnosis.model_file import SavedModel
+from analysis.diagnosis.result import Errors
+from analysis.diagnosis.verdict.foretold import ForetoldShot, _all, _on_its_plate, sentence
+from analysis.shot.plate import stated_n_per_m
+from analysis.shot.quantity import Quantity
+from analysis.shot.recording import Plate
+from analysis.shot.shot import AnalysisError
+from tests.analysis.synthetic_collision import Synthetic, motion_of
+
+THIN = Plate(15e-3, 2e-3, 0.3e-3, 10e-3, 8.51e3, 131e9)
+NAMES = ("plate_stiffness_n_per_m", "plate_mass_kg", "contact_stiffness_n_per_m")
+SECOND = ("plate_2_stiffness_n_per_m", "plate_2_mass_kg")
+
+
+def _model(first: float, second: float | None) -> SavedModel:
+    """Return a model of one or two plates that are so many times as stiff as THIN states."""
+    stated = stated_n_per_m(THIN)
+    assert stated is not None
+    values = dict(zip(NAMES, (first * stated, 2e-4, 1e4), strict=True))
+    if second is not None:
+        values |= dict(zip(SECOND, (second * stated, 3e-4), strict=True))
+    parameters = {name: Quantity(value, 0.0) for name, value in values.items()}
+    return SavedModel("paper", (), parameters, np.eye(len(parameters)), (), {})
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "its"),
+    [(1.02, 1.9, 0), (1.9, 1.02, 1), (0.5, 1.9, 1), (2.1, 0.5, 1), (0.6, 2.5, 0)],  # nearest as a ratio
+)
+def test_a_shot_is_predicted_with_the_plate_that_it_states(first: float, second: float, its: int) -> None:
+    motion = replace(motion_of(Synthetic()), plate=THIN)
+    model = _model(first, second)
+    used, base = _on_its_plate(motion, model, model.parameters)
+    stiffness, mass = (model.parameters[name].value for name in (SECOND if its else NAMES[:2]))
+    for parameters in (used.parameters, base):
+        assert set(parameters) == set(NAMES)
+        assert parameters[NAMES[0]].value == stiffness and parameters[NAMES[1]].value == mass
+        assert parameters[NAMES[2]].value == 1e4  # the contact is the same on both
+
+
+def test_a_shot_that_states_no_plate_is_predicted_with_the_first() -> None:
+    motion, model = motion_of(Synthetic()), _model(1.9, 1.02)
+    used, _ = _on_its_plate(motion, model, model.parameters)
+    assert used.parameters[NAMES[0]] == model.parameters[NAMES[0]]
+    alone = _model(1.9, None)
+    assert _on_its_plate(replace(motion, plate=THIN), alone, alone.parameters)[0].parameters == alone.parameters
+
+
+def _errors(rms_m: float, force_n: float = math.nan, chi2: float = 1.0) -> Errors:
+    return Errors(rms_m, 2.0 * rms_m, force_n, chi2)
+
+
+def test_errors_of_several_shots_are_their_rms_and_what_failed_is_left_out() -> None:
+    shots = [
+        ForetoldShot("a", False, _errors(3e-9, 6.0, 1.0), _errors(1e-9)),
+        ForetoldShot("b", False, _errors(4e-9, 8.0, 4.0), _errors(2e-9)),
+        ForetoldShot("c", False, None, None, "no motion"),
+    ]
+    of_base = _all(shots, "error_base")
+    assert of_base.displacement_rms_m == pytest.approx(math.sqrt(12.5) * 1e-9)
+    assert of_base.force_rms_n == pytest.approx(math.sqrt(50.0))
+    assert of_base.reduced_chi2 == 2.5
+    with pytest.raises(AnalysisError, match="no shot could be foretold: no motion"):
+        _all(shots[2:], "error_base")
+
+
+@pytest.mark.parametrize(
+    ("base", "model", "words"),
+    [
+        (_errors(4e-9), _errors(1e-9), "foretold better by 75%: 0.001 µm rms against 0.004 µm of the base alone"),
+        (_errors(1e-9), _errors(2e-9), "foretold not better by 100%: 0.002 µm"),
+        (_errors(math.nan, 8.0), _errors(math.nan, 2.0), "foretold better by 75%: 2 N rms against 8 N"),
+        (_errors(0.0), _errors(2e-9), "foretold not better: 0.002 µm"),
+    ],
+)
+def test_the_sentence_says_by_how_much_and_over_how_many(base: Errors, model: Errors, words: str) -> None:
+    assert sentence(base, model, 1).startswith(words)
+    assert sentence(base, model, 1).endswith("over 1 shot") and sentence(base, model, 2).endswith("over 2 shots")

@@ -233,7 +233,7 @@ def site_of(
     share = 1.0 / len(shakings)
     apart_hz = _APART / length_s
     frequency = np.arange(0.25 * apart_hz, max(float(one.frequency_hz[-1]) for one in known), apart_hz)
-    density = sum(share * np.array([one.density_m2_per_hz(float(f)) for f in frequency]) for one in known)
+    density = sum(share * one.densities_m2_per_hz(frequency) for one in known)
     power = np.asarray(density * apart_hz)
     quick = frequency.size if whole else _of_the_frame(frequency, power)
     frequency, power = frequency[:quick], power[:quick]

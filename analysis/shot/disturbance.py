@@ -37,11 +37,15 @@ class Shaking:
 
     def density_m2_per_hz(self, frequency_hz: float) -> float:
         """Return the density of the random part; beyond its last frequency it falls as a building's does, with f^4."""
+        return float(self.densities_m2_per_hz(np.array([frequency_hz]))[0])
+
+    def densities_m2_per_hz(self, frequency_hz: Floats) -> Floats:
+        """Return the densities at several frequencies, shape (k,)."""
         known, power = self.frequency_hz[self.random], self.power_m2[self.random]
         if known.size < 2:
-            return 0.0
-        density = power / np.gradient(known)
-        return float(np.interp(frequency_hz, known, density) * min(1.0, known[-1] / frequency_hz) ** 4)
+            return np.zeros(frequency_hz.shape)
+        density = np.interp(frequency_hz, known, power / np.gradient(known))
+        return np.asarray(density * np.minimum(1.0, known[-1] / frequency_hz) ** 4)
 
     def with_lines(self, lines: Sequence["VibrationLine"]) -> "Shaking":
         """Return it with lines added, each as two sines at its frequency plus and minus its uncertainty."""

@@ -38,8 +38,10 @@ _FOLLOWED = 3  # guesses
 _LOUDER = 100.0
 
 
-def first_fit(motions: Sequence[Motion], model: str, site: Site | None, stop: Stop) -> Begin:
-    """Return where the base ``model`` comes nearest to ``motions``.
+def first_fit(
+    motions: Sequence[Motion], model: str, site: Site | None, stop: Stop, *, noise: Floor | None = None
+) -> Begin:
+    """Return where the base ``model`` comes nearest to ``motions``; ``noise`` is that of their flights, where known.
 
     Raises ValueError for an unknown model, NoCollision (an AnalysisError) where a motion shows none, AnalysisError
     where no motion of the model comes near, Cancelled when asked to stop.  Cost: 0.1 s for three shots, on a frame
@@ -48,7 +50,7 @@ def first_fit(motions: Sequence[Motion], model: str, site: Site | None, stop: St
     base = base_of(model, motions)
     shots = together(motions)
     own = np.array([shot.course.own for shot in shots])
-    noise, _ = noise_of_flights(shots, site)
+    noise = noise or noise_of_flights(shots, site)[0]
     ends: list[Begin] = []
     why: Infeasible | None = None
     try:

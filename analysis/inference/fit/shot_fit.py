@@ -24,7 +24,7 @@ from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import Fitted, residuals, search
 from analysis.inference.fit.least_squares import Minimum, covariance
 from analysis.inference.fit.likely_noises import likely_beside
-from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ
+from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ, together
 from analysis.inference.fit.with_effect import with_effect
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor
@@ -145,10 +145,12 @@ class _Asked:
     def under(self, site: Site | None) -> _Ended:
         """Return where the search ends if the frame moves as a site says.  AnalysisError, Cancelled as above."""
         self.tell("finding a start", 0.1)
-        begin = first_fit(self.motions, self.model, site, self.stop)
+        noise, trusted = noise_of_flights(together(self.motions), site)
+        begin = first_fit(self.motions, self.model, site, self.stop, noise=noise)
         finely = any(named(name).ripples for name in self.effects)
         data = joint_data(self.motions, begin, site, FINE_RATE_HZ if finely else RATE_HZ)
-        noise, trusted = noise_of_flights(data.shots, data.site)
+        if finely or data.site is not site:
+            noise, trusted = noise_of_flights(data.shots, data.site)
         self.tell("fitting", 0.3)
         try:
             hypothesis, found, undecided = _base(data, begin, noise, self.stop)

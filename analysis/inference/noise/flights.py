@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from analysis.inference.fit.samples import Samples
@@ -151,21 +152,23 @@ def _wandering(angle: Floats, variance: float, memory: float) -> Floats:
     return np.asarray(variance * (1 - memory**2) / (1 - 2 * memory * np.cos(angle) + memory**2))
 
 
-def _two_levels(power: Floats, shape: Floats) -> tuple[float, float]:
+@njit(cache=True, nogil=True, error_model="numpy")
+def _two_levels(power, shape):  # type: ignore[no-untyped-def]
     """Return the levels (a, b) of greatest Whittle likelihood for a density a + b shape, both positive.
 
-    Fisher scoring on the logarithms: positive by construction, and stable from any start.
+    Fisher scoring on the logarithms: positive by construction, and stable from any start.  About 5 ns a bin and step.
     """
-    a = float(np.mean(power[power.size // 2 :])) + 1e-300
-    b = max(float(np.sum(power) / np.sum(shape)) * 0.5, 1e-6 * a / float(np.mean(shape)))
+    count = power.size
+    a = np.mean(power[count // 2 :]) + 1e-300
+    b = max(np.sum(power) / np.sum(shape) * 0.5, 1e-6 * a / np.mean(shape))
     for _ in range(60):
-        model = a + b * shape
-        first = a / model
-        second = 1 - first
-        excess = power / model - 1
-        # Two unknowns: the normal equations are solved by hand, which is quicker than calling for it.
-        score_a, score_b = float(first @ excess), float(second @ excess)
-        aa, ab, bb = float(first @ first) + 1e-9, float(first @ second), float(second @ second) + 1e-9
+        aa, ab, bb, score_a, score_b = 1e-9, 0.0, 1e-9, 0.0, 0.0
+        for i in range(count):
+            model = a + b * shape[i]
+            first, excess = a / model, power[i] / model - 1.0
+            second = 1.0 - first
+            aa, ab, bb = aa + first * first, ab + first * second, bb + second * second
+            score_a, score_b = score_a + first * excess, score_b + second * excess
         determinant = aa * bb - ab * ab
         step_a = min(max((bb * score_a - ab * score_b) / determinant, -1.0), 1.0)
         step_b = min(max((aa * score_b - ab * score_a) / determinant, -1.0), 1.0)

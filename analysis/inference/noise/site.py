@@ -10,11 +10,13 @@ wandering parts, in one covariance.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dtrtri
 
 from analysis.collision.effects.row import Acts, Effect
 from analysis.compiled.side_by_side import side_by_side
@@ -29,8 +31,9 @@ Floats = NDArray[np.float64]
 _APART = 0.45  # of one over a shot's length: sines that stand for what shakes at random
 _SAME_LINE = 0.3  # of the same
 _IN_AN_OCTAVE = 3  # bands
-_REMEMBERED = 8  # noises, with and without the site
+_REMEMBERED = 4  # noises, and shapes of what they are beside the site
 _WANDER = 3.0  # of the least density in the fastest octave, both times f^2: less is the path's own wander
+_NEARLY = 0.05  # orthogonal columns: their cosines, of which one Cholesky factor leaves no more than rounding
 _SEEN = 1e-3  # of the noise's variance: a direction that shakes less is noise
 
 
@@ -53,13 +56,20 @@ class Site:
 
 @dataclass(frozen=True)
 class Seen:
-    """A shot's directions as noise without the site whitens them: ``columns``, shape (n, r), and their triangle.
+    """A shot's directions as white noise of 1 a sample, with what wanders beside it, whitens them.
 
-    ``columns`` times the inverse of ``root``, shape (r, r), upper triangular, are orthonormal.
+    ``columns``, shape (n, r), times the inverse of ``root``, shape (r, r), upper triangular, are orthonormal.
+    ``factors``, shape (r, m), are what the site's numbers do along these at no strength, band after band (stored in the
+    order of Fortran); ``band``, shape (m,), is the band of each, and band k begins at ``first[k]``.  ``logs`` is ln det
+    of what whitened.
     """
 
     columns: Floats
     root: Floats
+    factors: Floats
+    band: NDArray[np.int64]
+    first: NDArray[np.intp]
+    logs: float
 
     def along(self, rows: Floats) -> Floats:
         """Return the coordinates of whitened ``rows``, shape (n,) or (n, k), along the orthonormal directions."""
@@ -92,22 +102,33 @@ class Sway:
         return float(before), float(after)
 
     def seen(self, noise: Floor) -> Seen:
-        """Return the directions as ``noise`` without its site whitens them; cost: 5 ns a value where a part wanders."""
-        known: Seen = self._once(noise.without_site, self._seen)
+        """Return the directions as the shape of ``noise`` without its site whitens them: its white noise is one.
+
+        Cost: some r^2 n multiply-adds where a part wanders; of the last few shapes they are remembered.
+        """
+        known: Seen = self._once("seen", shape_of(noise), self._seen)
         return known
 
     def scaled(self, noise: Floor) -> Floats:
         """Return what unit normal numbers do along the orthonormal whitened directions, shape (r, m)."""
-        size = np.exp(0.5 * np.asarray(noise.site))[self.band]
+        size = np.exp(0.5 * np.asarray(noise.site))[self.band] / noise.white_m
         return np.asarray(self.seen(noise).root @ (self.factors * size))
 
     def whiten(self, rows: Floats, noise: Floor) -> Floats:
         """Return ``rows``, shape (n, k), that ``noise`` without its site has whitened, with the sway whitened, too.
 
-        Cost: 4 n r multiply-adds a column.
+        Cost: 2 n r multiply-adds a column.
         """
         columns = self.seen(noise).columns
-        return np.asarray(rows + columns @ (self._once(noise, self._less) @ (columns.T @ rows)))
+        return np.asarray(rows + columns @ (self.less(noise) @ (columns.T @ rows)))
+
+    def less(self, noise: Floor) -> Floats:
+        """Return what whitening the sway adds to whitened rows, shape (r, r): columns @ less @ columns.T @ rows.
+
+        The ``columns`` are those of ``seen``.
+        """
+        known: Floats = self._once("less", noise, self._less)
+        return known
 
     def likely(self, left_m: Floats, noise: Floor) -> Floats:
         """Return what of a remainder, shape (all averaged samples,), the site has most likely done, at valid ones."""
@@ -127,9 +148,13 @@ class Sway:
     def of_plate_m(self, plate: tuple[float, float]) -> Floats:
         """Return what a plate in this state at first touch (m, m/s) does, shape (all averaged samples,)."""
         out = np.zeros(self.valid.size)
-        numbers = np.divide(plate, self.plate_std)
-        out[self.valid] = self.basis @ (self.factors[:, -len(PLATE_START) :] @ numbers)
+        out[self.valid] = self._plate_columns @ np.divide(plate, self.plate_std)
         return out
+
+    @cached_property
+    def _plate_columns(self) -> Floats:
+        """Get what each unit number of the plate's start does, shape (n, 2)."""
+        return np.asarray(self.basis @ self.factors[:, -len(PLATE_START) :])
 
     def _along(self, left_m: Floats, noise: Floor) -> Floats:
         white = noise.whiten(left_m[:, None], self.valid, self.weight)
@@ -141,17 +166,22 @@ class Sway:
         inner = solve_triangular(root, along, lower=True, check_finite=False)
         return np.asarray(solve_triangular(root, inner, lower=True, trans="T", check_finite=False))
 
-    def _seen(self, noise: Floor) -> Seen:
-        if noise.rms_m[0] == 0.0:
-            white_m = noise.white_m * self.weight
-            return Seen(self.basis / white_m, np.eye(self.basis.shape[1]) / white_m)
-        columns = np.zeros((self.valid.size, self.basis.shape[1]))
-        columns[self.valid] = self.basis
-        white = noise.whiten(columns, self.valid, self.weight)
-        return Seen(white, np.asarray(np.linalg.cholesky(white.T @ white).T))
+    def _seen(self, shape: Floor) -> Seen:
+        if shape.rms_m[0] == 0.0:
+            columns = self.basis / self.weight
+            root = np.eye(self.basis.shape[1]) / self.weight
+        else:
+            raw = np.zeros((self.valid.size, self.basis.shape[1]))
+            raw[self.valid] = self.basis
+            columns = shape.whiten(raw, self.valid, self.weight)
+            root = np.asarray(np.linalg.cholesky(columns.T @ columns).T)
+        order = np.argsort(self.band, kind="stable")
+        band = self.band[order]
+        factors = np.asfortranarray(root @ self.factors[:, order])
+        first = np.searchsorted(band, np.arange(int(band[-1]) + 1))
+        return Seen(columns, root, factors, band, first, shape.log_variances(self.valid, self.weight))
 
     def _less(self, noise: Floor) -> Floats:
-        """Return what turns noise with the sway to white noise along the whitened columns, less one, shape (r, r)."""
         root = root_of(self.scaled(noise))
         less = solve_triangular(root, np.eye(root.shape[0]), lower=True, check_finite=False)
         less[np.diag_indices_from(less)] -= 1.0
@@ -159,15 +189,22 @@ class Sway:
         half = solve_triangular(triangle, less, check_finite=False)
         return np.asarray(solve_triangular(triangle, half.T, check_finite=False).T)
 
-    def _once(self, noise: Floor, make: Callable[[Floor], Any]) -> Any:
+    def _once(self, what: str, noise: Floor, make: Callable[[Floor], Any]) -> Any:
         """Return what ``make`` makes of a noise; of the last few it is remembered."""
-        known = self._known.get(noise)
-        if known is None or make.__name__ not in known:
-            while len(self._known) >= _REMEMBERED:
-                self._known.pop(tuple(self._known)[0], None)  # noqa: RUF015 (a copy: others may add to it)
-            known = self._known.setdefault(noise, {})
-            known[make.__name__] = make(noise)
-        return known[make.__name__]
+        lately = self._known.setdefault(what, {})
+        known = lately.get(noise)
+        if known is None:
+            known = make(noise)
+            while len(lately) >= _REMEMBERED:
+                lately.pop(tuple(lately)[0], None)  # noqa: RUF015 (a copy: others may add to it)
+            lately[noise] = known
+        return known
+
+
+def shape_of(noise: Floor) -> Floor:
+    """Return a noise over its white part, without a site, to twelve digits: rounding makes no other shape."""
+    one, two = (float(f"{rms / noise.white_m:.12g}") for rms in noise.rms_m)
+    return Floor(1.0, (one, two), noise.tau_s, noise.spacing_s)
 
 
 def root_of(scaled: Floats) -> Floats:
@@ -196,7 +233,7 @@ def site_of(
     share = 1.0 / len(shakings)
     apart_hz = _APART / length_s
     frequency = np.arange(0.25 * apart_hz, max(float(one.frequency_hz[-1]) for one in known), apart_hz)
-    density = sum(share * np.array([one.density_m2_per_hz(float(f)) for f in frequency]) for one in known)
+    density = sum(share * one.densities_m2_per_hz(frequency) for one in known)
     power = np.asarray(density * apart_hz)
     quick = frequency.size if whole else _of_the_frame(frequency, power)
     frequency, power = frequency[:quick], power[:quick]
@@ -254,12 +291,16 @@ def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats) -
 def _orthonormal(columns: Floats) -> Floats:
     """Return orthonormal columns that span what nearly orthogonal ones, shape (n, r), do.
 
-    By Cholesky factors, twice (Yamamoto et al., ETNA 44, 2015): a sixth of the time of Householder's way.
+    By Cholesky factors, twice where once leaves more than rounding (Yamamoto et al., ETNA 44, 2015): a tenth of the
+    time of Householder's way.
     """
     out = columns / np.linalg.norm(columns, axis=0)
     try:
         for _ in range(2):
-            out = solve_triangular(np.linalg.cholesky(out.T @ out), out.T, lower=True, check_finite=False).T
+            products = out.T @ out
+            out = np.asarray(out @ np.asarray(dtrtri(np.linalg.cholesky(products), lower=1)[0]).T)
+            if np.abs(products - np.eye(len(products))).max() < _NEARLY:
+                break
     except np.linalg.LinAlgError:
         return np.asarray(np.linalg.qr(columns)[0])
     return np.ascontiguousarray(out)

@@ -14,7 +14,9 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve, solve_triangular
+from scipy.linalg import cho_solve
+from scipy.linalg.blas import dsyrk
+from scipy.linalg.lapack import dpotrf, dtrtrs
 from scipy.optimize import minimize
 
 from analysis.compiled.side_by_side import side_by_side
@@ -22,7 +24,7 @@ from analysis.inference.fit.arrow import Arrow, Places
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor, white_floor
 from analysis.inference.noise.likeliest import LONGEST_TAU_S, SHORTEST_TAU_S
-from analysis.inference.noise.site import Site
+from analysis.inference.noise.site import Seen, Site
 
 Floats = NDArray[np.float64]
 _NEIGHBOURS = 1.0  # std of the logarithm of a strength beside its neighbour's
@@ -42,20 +44,30 @@ _LEAST_LEVEL = 0.05  # of the curvature: a strength nobody knows is known to a f
 class _Shot:
     """What is left of a shot, and its derivatives by q parameters, under noise of a fixed shape.
 
-    ``along``, shape (r, 1 + q), are both along the shot's whitened directions, ``beside``, shape (1 + q, 1 + q), the
-    products of what lies beside these; ``places``, shape (q,), says which parameters they are.  ``factors``, shape
-    (r, m), are what unit normal numbers do along the directions, ``shares``, shape (bands, r r), the covariance along
-    them that each band has at no strength; ``logs`` is ln det of what whitened it.
+    ``along``, shape (r, 1 + q), are both along the shot's whitened directions, ``seen``, ``beside``, shape
+    (1 + q, 1 + q), the products of what lies beside these; ``places``, shape (q,), says which parameters they are.
     """
 
-    factors: Floats
-    band: NDArray[np.int64]
-    shares: Floats
+    seen: Seen
     along: Floats
     beside: Floats
     samples: int
-    logs: float
     places: NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True)
+class _Whitened:
+    """A shot as a covariance whitens it along its directions, over the white variance.
+
+    ``waves``, shape (r, m), are what the site's numbers do, ``half``, shape (r, 1 + q), what is left with its
+    derivatives, both divided by the covariance's ``root``; ``products``, shape (1 + q, 1 + q), are those of what is
+    left and its derivatives, whitened whole.
+    """
+
+    root: Floats
+    waves: Floats
+    half: Floats
+    products: Floats
 
 
 @dataclass(slots=True)
@@ -72,6 +84,17 @@ class _Fitted:
     values: Floats
     covariance: Floats
     logs: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Point:
+    """The log-likelihood with the prior's at (ln white^2, strengths), its gradient, and what both were made of."""
+
+    at: Floats
+    value: float
+    slope: Floats
+    whitened: tuple[_Whitened, ...] = ()
+    fitted: _Fitted | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +222,7 @@ def over_likely(
     left = _Set(series, tangents, shots, site, _prior(site))
     found = left.found(_shape_of(start), np.array([2.0 * math.log(start.white_m), *start.site]))
     parts = left.under(found.shape)
-    level, turn = np.linalg.eigh(_curvature(found.at, parts, left.precision))
+    level, turn = np.linalg.eigh(_curvature(_likelihood(found.at, parts, left.precision), parts, left.precision))
     points = found.at + _normal(found.at.size) @ (turn / np.sqrt(np.maximum(level, _LEAST_LEVEL))).T
     likely = [_fit_at(point, parts) for point in points]
     here = _fit_at(found.at, parts)
@@ -219,9 +242,11 @@ def _normal(size: int) -> Floats:
 
 def _fit_at(at: Floats, shots: Sequence[_Shot]) -> _Fitted:
     """Return what the parameters take under (ln white^2, strengths)."""
-    size = np.exp(at[1:] - at[0])
-    both = [(shot, np.asarray(cho_solve((_root(shot, size), True), shot.along))) for shot in shots]
-    return _fitted(both, math.exp(at[0]))
+    products = []
+    for shot in shots:
+        half = _solved(_root(_scaled(shot.seen, at)), shot.along)
+        products.append(shot.beside + half.T @ half)
+    return _fitted(shots, products, math.exp(at[0]))
 
 
 def _with_a_part(shape: Floor, number: int, tau_s: float) -> Floor:
@@ -269,11 +294,7 @@ def _under(shape: Floor, columns: Floats, places: Places, shot: Samples) -> _Sho
     along = seen.along(white)
     beside = white.T @ white - along.T @ along
     beside[0, 0] = max(float(beside[0, 0]), 0.0)
-    factors, band = seen.root @ shot.sway.factors, shot.sway.band
-    every = [factors[:, band == k] for k in range(int(band.max()) + 1)]
-    shares = np.stack([(some @ some.T).ravel() for some in every])
-    logs = shape.log_variances(shot.valid, shot.weight)
-    return _Shot(factors, band, shares, along, beside, white.shape[0], logs, places[some])
+    return _Shot(seen, along, beside, white.shape[0], places[some])
 
 
 def _likeliest(at: Floats, shots: Sequence[_Shot], precision: Floats, curve: _Curvature) -> tuple[Floats, float]:
@@ -281,83 +302,88 @@ def _likeliest(at: Floats, shots: Sequence[_Shot], precision: Floats, curve: _Cu
 
     The ``curve`` of a noise of nearly this shape serves until it does not.
     """
-    value, slope = _likelihood(at, shots, precision)
-    if not math.isfinite(value):
-        return at, value
+    here = _likelihood(at, shots, precision)
+    if not math.isfinite(here.value):
+        return at, here.value
     fresh = curve.value is None
     if curve.value is None:
-        curve.value = _curvature(at, shots, precision)
+        curve.value = _curvature(here, shots, precision)
     for _ in range(_ITERATIONS):
-        step = np.linalg.solve(curve.value, slope)
-        promise = float(step @ slope)
+        step = np.linalg.solve(curve.value, here.slope)
+        promise = float(step @ here.slope)
         if promise < _ENOUGH:
             break
         step *= min(1.0, _MOST / float(np.abs(step).max()))
         for _ in range(5):
-            found = _likelihood(at + step, shots, precision)
-            if found[0] > value:
+            there = _likelihood(here.at + step, shots, precision)
+            if there.value > here.value:
                 break
             step = 0.3 * step
         else:
             if fresh:
                 break
-            curve.value, fresh = _curvature(at, shots, precision), True
+            curve.value, fresh = _curvature(here, shots, precision), True
             continue
-        gained, at = found[0] - value, at + step
-        value, slope = found
-        fresh = False
+        gained, here, fresh = there.value - here.value, there, False
         if abs(gained / promise - 0.5) > _AS_PROMISED:  # the curvature is another one here
-            curve.value, fresh = _curvature(at, shots, precision), True
-    return at, value
+            curve.value, fresh = _curvature(here, shots, precision), True
+    return here.at, here.value
 
 
-def _likelihood(at: Floats, shots: Sequence[_Shot], precision: Floats) -> tuple[float, Floats]:
+def _likelihood(at: Floats, shots: Sequence[_Shot], precision: Floats) -> _Point:
     """Return log-likelihood with the prior's and its gradient by (ln white^2, strengths); below all where it has none.
 
     Restricted to what the parameters cannot make up for, where there are derivatives by any.
-    Cost: (bands + r) r^2 multiply-adds a shot, r directions.
+    Cost: r^2 (3 m + r / 3) multiply-adds a shot, r directions, m numbers of the site.
     """
     pull = precision @ at[1:]
     value = -0.5 * float(at[1:] @ pull)
     slope = np.concatenate([[0.0], -pull])
     variance = math.exp(at[0])
-    size = np.exp(at[1:] - at[0])
-
-    def weighed(shot: _Shot) -> tuple[float, Floats, Floats]:
-        root = _root(shot, size)
-        inverse = np.asarray(cho_solve((root, True), np.eye(root.shape[0]), check_finite=False))
-        return 2.0 * float(np.log(np.diag(root)).sum()), inverse, inverse @ shot.along
-
     try:
-        weights = side_by_side(weighed, shots)
-        fitted = _fitted([(shot, pulled) for shot, (_, _, pulled) in zip(shots, weights, strict=True)], variance)
+        whitened = tuple(side_by_side(lambda shot: _whitened(shot, at), shots))
+        fitted = _fitted(shots, [one.products for one in whitened], variance)
     except np.linalg.LinAlgError:  # a motion a billion times the white noise: rounding decides
-        return -math.inf, slope
+        return _Point(at, -math.inf, slope)
     value -= fitted.logs
     slope[0] += 0.5 * fitted.values.size
-    for shot, (logs, inverse, pulled) in zip(shots, weights, strict=True):
-        beside = np.concatenate([[1.0], -fitted.values[shot.places]])
-        alone = pulled @ beside
-        square = float(beside @ (shot.beside + shot.along.T @ pulled) @ beside) / variance
-        taken = pulled[:, 1:] @ fitted.covariance[np.ix_(shot.places, shot.places)] @ pulled[:, 1:].T
-        known = inverse - taken / variance
-        seen = size * (shot.shares @ np.outer(alone, alone).ravel()) / variance
-        told = size * (shot.shares @ known.ravel())
-        logs += shot.logs + shot.samples * math.log(2 * math.pi * variance)
+    for shot, one in zip(shots, whitened, strict=True):
+        numbers = np.concatenate([[1.0], -fitted.values[shot.places]])
+        square = float(numbers @ one.products @ numbers) / variance
+        across = one.waves.T @ one.half
+        free = across[:, 1:]
+        known = np.einsum("ij,ij->j", one.waves, one.waves)
+        known -= np.einsum("ij,ij->i", free @ _of_shot(fitted, shot), free) / variance
+        seen = np.add.reduceat((across @ numbers) ** 2, shot.seen.first) / variance
+        told = np.add.reduceat(known, shot.seen.first)
+        logs = 2.0 * float(np.log(np.diag(one.root)).sum()) + shot.seen.logs
+        logs += shot.samples * math.log(2 * math.pi * variance)
         value -= 0.5 * (logs + square)
         slope[1:] += 0.5 * (seen - told)
         slope[0] += 0.5 * (square - float(seen.sum()) - (shot.samples - float(told.sum())))
-    return value, slope
+    return _Point(at, value, slope, whitened, fitted)
 
 
-def _fitted(shots: Sequence[tuple[_Shot, Floats]], variance: float) -> _Fitted:
-    """Return what the parameters take, of shots with what the inverse covariance makes of ``along``, (r, 1 + q)."""
-    size = max((int(shot.places.max(initial=-1)) + 1 for shot, _ in shots), default=0)
+def _whitened(shot: _Shot, at: Floats) -> _Whitened:
+    """Return a shot as its covariance under (ln white^2, strengths) whitens it; LinAlgError where it has no root."""
+    scaled = _scaled(shot.seen, at)
+    root = _root(scaled)
+    half = _solved(root, shot.along)
+    return _Whitened(root, _solved(root, scaled), half, shot.beside + half.T @ half)
+
+
+def _of_shot(fitted: _Fitted, shot: _Shot) -> Floats:
+    """Return the covariance of the parameters that a shot depends on, shape (q, q)."""
+    return fitted.covariance[np.ix_(shot.places, shot.places)]
+
+
+def _fitted(shots: Sequence[_Shot], products: Sequence[Floats], variance: float) -> _Fitted:
+    """Return what the parameters take, of shots with all ``products`` of what is left and its derivatives."""
+    size = max((int(shot.places.max(initial=-1)) + 1 for shot in shots), default=0)
     normal, pull = np.zeros((size, size)), np.zeros(size)
-    for shot, pulled in shots:
-        products = (shot.beside + shot.along.T @ pulled) / variance
-        normal[np.ix_(shot.places, shot.places)] += products[1:, 1:]
-        pull[shot.places] += products[1:, 0]
+    for shot, both in zip(shots, products, strict=True):
+        normal[np.ix_(shot.places, shot.places)] += both[1:, 1:] / variance
+        pull[shot.places] += both[1:, 0] / variance
     if not size:
         return _Fitted(pull, normal, 0.0)
     scale = np.sqrt(np.diag(normal))
@@ -367,37 +393,46 @@ def _fitted(shots: Sequence[tuple[_Shot, Floats]], variance: float) -> _Fitted:
     return _Fitted(inverse @ pull, inverse, float(np.log(np.diag(root)).sum() + np.log(scale).sum()))
 
 
-def _root(shot: _Shot, size: Floats) -> Floats:
-    """Return the Cholesky factor of the covariance along a shot's directions over the white variance, shape (r, r)."""
-    r = shot.along.shape[0]
-    covariance = (size @ shot.shares).reshape(r, r)
+def _scaled(seen: Seen, at: Floats) -> Floats:
+    """Return what the site's numbers do along a shot's directions under (ln white^2, strengths), over the white std."""
+    return np.asarray(seen.factors * np.exp(0.5 * (at[1:] - at[0]))[seen.band])
+
+
+def _root(scaled: Floats) -> Floats:
+    """Return the Cholesky factor of one and what ``scaled``, shape (r, m), makes of covariance, shape (r, r)."""
+    covariance = dsyrk(1.0, scaled, lower=1)
     covariance[np.diag_indices_from(covariance)] += 1.0
-    return np.asarray(np.linalg.cholesky(covariance))
+    root, failed = dpotrf(covariance, lower=1, overwrite_a=1)
+    if failed or not np.isfinite(root[-1, -1]):
+        raise np.linalg.LinAlgError("the covariance has no Cholesky factor")
+    return np.asarray(root)
 
 
-def _curvature(at: Floats, shots: Sequence[_Shot], precision: Floats) -> Floats:
-    """Return the expected curvature by (ln white^2, strengths); cost: (r + m) r m multiply-adds a shot.
+def _solved(root: Floats, rows: Floats) -> Floats:
+    """Return the inverse of a Cholesky factor times ``rows``, shape (r, k)."""
+    return np.asarray(dtrtrs(root, rows, lower=1)[0])
+
+
+def _curvature(point: _Point, shots: Sequence[_Shot], precision: Floats) -> Floats:
+    """Return the expected curvature by (ln white^2, strengths) at a point; cost: m^2 r multiply-adds a shot.
 
     What shots tell of each other's parameters is left out.
     """
     curve = np.zeros((1 + precision.shape[0],) * 2)
     curve[1:, 1:] = precision
-    size, variance = np.exp(at[1:] - at[0]), math.exp(at[0])
-    roots = [_root(shot, size) for shot in shots]
-    both = [(shot, cho_solve((root, True), shot.along)) for shot, root in zip(shots, roots, strict=True)]
-    fitted = _fitted(both, variance)
+    variance, fitted = math.exp(point.at[0]), point.fitted
+    assert fitted is not None
     curve[0, 0] -= 0.5 * fitted.values.size
 
     def of_shot(index: int) -> Floats:
-        shot, root = shots[index], roots[index]
-        waves = solve_triangular(root, shot.factors * np.sqrt(size)[shot.band], lower=True, check_finite=False)
-        gram = waves.T @ waves
+        shot, one = shots[index], point.whitened[index]
+        gram = one.waves.T @ one.waves
         if shot.places.size:
-            taken = waves.T @ solve_triangular(root, shot.along[:, 1:], lower=True, check_finite=False)
-            gram -= taken @ fitted.covariance[np.ix_(shot.places, shot.places)] @ taken.T / variance
-        of = (shot.band[:, None] == np.arange(precision.shape[0])).astype(np.float64)
-        shared = of.T @ gram**2 @ of
-        told = of.T @ np.diag(gram)
+            taken = one.waves.T @ one.half[:, 1:]
+            gram -= taken @ _of_shot(fitted, shot) @ taken.T / variance
+        first = shot.seen.first
+        told = np.add.reduceat(np.diag(gram), first)
+        shared = np.add.reduceat(np.add.reduceat(np.square(gram, out=gram), first, axis=0), first, axis=1)
         across = 0.5 * (told - shared.sum(axis=1))
         out = np.empty_like(curve)
         out[1:, 1:] = 0.5 * shared

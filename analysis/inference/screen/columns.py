@@ -20,6 +20,7 @@ from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.samples import Samples
 from analysis.inference.screen import first_order
+from analysis.inference.screen.columns_beside import ColumnsBeside, column_by_column
 from analysis.inference.screen.projector import FEW_SHOTS, Projector
 
 Floats = NDArray[np.float64]
@@ -71,7 +72,7 @@ def seen(at: Projector, kind: TrialEffect, starts: Starts, few: int, *, kept: bo
             bare = at.once(key, partial(columns, index), nearby=True) if remember else columns(index)
             if bare is None:
                 return None
-            whiten = partial(at.fitted.hypothesis.data.shots[index].whitened, at.floor, bare)
+            whiten = partial(ColumnsBeside.of, at.fitted.hypothesis.data.shots[index], at.floor, bare)
             return _of_shot(at, index, at.once(key, whiten) if remember else whiten())
 
         return _summed(inside, side_by_side(of_shot, range(count)))
@@ -105,7 +106,7 @@ def laid(at: Projector, kinds: Sequence[TrialEffect]) -> dict[str, Seen]:
             with contextlib.suppress(Infeasible):
                 bare = _to_first_order(at, kind, inside[kind.name], index, paths)
                 if bare is not None:
-                    white = at.fitted.hypothesis.data.shots[index].whitened(at.floor, bare)
+                    white = ColumnsBeside.of(at.fitted.hypothesis.data.shots[index], at.floor, bare)
                     out[kind.name] = _of_shot(at, index, white)
         return out
 
@@ -138,10 +139,11 @@ def _inside(at: Projector, starts: Starts) -> list[Mapping[str, float]]:
     return [start for start in starts if within(start, at.fitted.hypothesis.data.shots)]
 
 
-def _of_shot(at: Projector, index: int, white: Floats) -> _OfShot:
-    own = at.basis.own[index].T @ white
-    whole, of_own = (np.einsum("ij,ij->j", one, one) for one in (white, own))
-    return _OfShot(whole, of_own, at.basis.shared[index].T @ white, white.T @ at.tangents.parts(at.left)[index])
+def _of_shot(at: Projector, index: int, columns: ColumnsBeside) -> _OfShot:
+    own, shared, left = at.basis.own[index], at.basis.shared[index], at.tangents.parts(at.left)[index]
+    products = columns.products_with(np.column_stack([own, shared, left]))
+    of_own, of_shared, along = np.split(products, [own.shape[1], own.shape[1] + shared.shape[1]])
+    return _OfShot(columns.products(), column_by_column(of_own, of_own), of_shared, along[0])
 
 
 def _summed(starts: list[Mapping[str, float]], found: Sequence[_OfShot | None]) -> Seen | None:
@@ -220,7 +222,7 @@ def _to_first_order(
     """
     effect, hypothesis, point = named(kind.name), at.fitted.hypothesis, at.fitted.point
     shot = hypothesis.shot_at(index, point)
-    steps = np.array([first_order.steps_for(hypothesis.shot_at(0, point), effect, start) for start in starts])
+    steps = np.array(first_order.steps_for(hypothesis.shot_at(0, point), effect, starts))
     out = np.empty((shot.time_s.size, len(starts)))
     paths = {} if paths is None else paths
     for some in (int(one) for one in np.unique(steps)):

@@ -38,11 +38,12 @@ def path_of(shot: Shot, steps: int) -> LinearPath:
     return linear_path(collision, active, shot.time_s - shot.own[1], steps)
 
 
-def steps_for(shot: Shot, effect: Effect, start: Mapping[str, float]) -> int:
-    """Return how many steps a sample a start of an effect asks for: a power of two, so that many share a path."""
+def steps_for(shot: Shot, effect: Effect, starts: Sequence[Mapping[str, float]]) -> list[int]:
+    """Return how many steps a sample each start of an effect asks for: powers of two, so that many share a path."""
     collision, _ = situation(shot.base, shot.own, {}, shot.mass_kg)
-    values = [start[parameter.name] for parameter in effect.parameters]
-    return steps_of(effect, values, collision, float(shot.time_s[1] - shot.time_s[0]))
+    spacing_s = float(shot.time_s[1] - shot.time_s[0])
+    values = ([start[parameter.name] for parameter in effect.parameters] for start in starts)
+    return [steps_of(effect, given, collision, spacing_s) for given in values]
 
 
 def laid(effect: Effect, starts: Sequence[Mapping[str, float]]) -> Floats:

@@ -65,7 +65,7 @@ def check(row: Effect, have: Any, speed: float, points: int) -> None:
     starts = trial_effect(row).starts
     for k in np.unique(np.linspace(0, len(starts) - 1, points).astype(int)):
         start = starts[k]
-        found = responses(shot, path_of(shot, steps_for(shot, row, start)), row, [small(row, start, SMALL)])
+        found = responses(shot, path_of(shot, steps_for(shot, row, [start])[0]), row, [small(row, start, SMALL)])
         if found is None and row.name not in LINEAR:
             pytest.skip(f"{row.name} is not linear in its hidden state: its trajectories are solved one by one")
         assert found is not None

@@ -1,0 +1,55 @@
+"""Columns of one shot beside its noise: their products once everything is whitened, the frame's motion not one by one.
+
+What whitening a frame's motion adds to a column lies along few directions: products with it are those along them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.inference.fit.samples import Samples
+from analysis.inference.noise.floor import Floor
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnsBeside:
+    """Columns w, shape (n, k), whitened but for the frame's motion, and what whitening that adds to them: C ``moved``.
+
+    C, shape (n, r), are the shot's ``directions`` as they are whitened.  ``half``, like ``moved`` of shape (r, k), is
+    C^T w + C^T C ``moved`` / 2.
+    """
+
+    columns: Floats
+    directions: Floats
+    moved: Floats
+    half: Floats
+
+    @classmethod
+    def of(cls, shot: Samples, floor: Floor, columns: Floats) -> "ColumnsBeside":
+        """Return ``columns``, shape (samples, k) in m, beside a floor; cost: n r multiply-adds a column."""
+        white = floor.whiten(columns, shot.valid, shot.weight)
+        if shot.sway is None or not floor.site:
+            nothing = np.zeros((0, white.shape[1]))
+            return cls(white, np.zeros((white.shape[0], 0)), nothing, nothing)
+        seen = shot.sway.seen(floor)
+        along = seen.columns.T @ white
+        moved = shot.sway.less(floor) @ along
+        return cls(white, seen.columns, moved, along + 0.5 * (seen.root.T @ (seen.root @ moved)))
+
+    def products_with(self, rows: Floats) -> Floats:
+        """Return the products of whitened ``rows``, shape (n, p), with every column, shape (p, k)."""
+        return np.asarray(rows.T @ self.columns + (rows.T @ self.directions) @ self.moved)
+
+    def products(self, some: slice = slice(None), others: slice = slice(None)) -> Floats:
+        """Return the products of some columns with others, each with one."""
+        out = column_by_column(self.columns[:, some], self.columns[:, others])
+        out += column_by_column(self.half[:, some], self.moved[:, others])
+        return np.asarray(out + column_by_column(self.moved[:, some], self.half[:, others]))
+
+
+def column_by_column(one: Floats, other: Floats) -> Floats:
+    """Return the products of columns, shape (n, k), each with that at its place in the other."""
+    return np.asarray(np.einsum("ij,ij->j", one, other))

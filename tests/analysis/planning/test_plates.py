@@ -100,11 +100,11 @@ def test_each_shot_reads_the_contact_on_its_own_plate(five):
         assert abs(fit.parameters["plate_mass_kg"].value - on.plate_mass_kg) < 4 * fit.parameters["plate_mass_kg"].std
         mine = list(fit.parameters).index("plate_mass_kg")
         assert np.sqrt(fit.covariance[mine, mine]) == pytest.approx(fit.parameters["plate_mass_kg"].std)
-        plan_sentence = fitted_contact_cor(fit, on.block_mass_kg)
+        cor = fitted_contact_cor(fit, on.block_mass_kg)
         true = contact_cor(Collision(velocity_in_m_per_s=-1.0, **asdict(on)))
-        assert isinstance(plan_sentence, Quantity) and abs(plan_sentence.value - true) < 4 * plan_sentence.std
+        assert isinstance(cor, Quantity) and abs(cor.value - true) < 4 * cor.std
         read.append(true)
-    assert abs(read[0] - read[1]) > 10 * plan_sentence.std  # the plate's mass has a part in it
+    assert abs(read[0] - read[1]) > 10 * cor.std  # the plate's mass has a part in it
 
 
 def test_the_derivatives_by_both_plates_are_those_of_the_sum_of_squares(five):
@@ -154,8 +154,8 @@ def test_a_model_of_two_plates_foretells_each_shot_on_its_own(five):
     motions, _, found = five
     model = saved(found.fit_after, ("1", "2", "3", "4", "5"), found)
     for motion in (motions[0], motions[4]):
-        plan_sentence = foretell([motion], ["another"], model)
-        assert plan_sentence.error_model.displacement_rms_m < 1.2 * WHITE_M
-        assert plan_sentence.error_base.displacement_rms_m > 2 * WHITE_M
+        prediction = foretell([motion], ["another"], model)
+        assert prediction.error_model.displacement_rms_m < 1.2 * WHITE_M
+        assert prediction.error_base.displacement_rms_m > 2 * WHITE_M
     elsewhere = foretell([replace(motions[4], plate=None)], ["not stated"], model)
     assert elsewhere.error_model.displacement_rms_m > 1e3 * WHITE_M

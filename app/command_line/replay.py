@@ -20,7 +20,7 @@ from analysis.shot.plates_of_set import why_not_together
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Shot
 from analysis.uncertainty.budget import combined_of, stated
-from analysis.uncertainty.numbers import Kind, of_collision
+from analysis.uncertainty.numbers import Origin, of_collision
 from app.command_line.options import known_model
 from app.command_line.outputs import Outputs, check_outputs, in_a_line
 from app.command_line.plan_ahead import Ahead, plan_ahead
@@ -242,7 +242,7 @@ def summary(shot: Shot) -> str:
     if shot.problem:
         lines.append(f"  not analysed: {shot.problem}")
     if shot.impact is not None:
-        for number in of_collision(Kind.READ):
+        for number in of_collision(Origin.READ):
             reading = stated(number.find(shot), number.key, combined)
             shown = reading.scaled(number.scale) if isinstance(reading, Quantity) else f"– ({reading.reason})"
             lines.append(f"  {number.title:<27}{shown} {number.shown_unit}".rstrip())

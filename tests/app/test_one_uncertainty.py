@@ -11,7 +11,7 @@ from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.paper.paper import reproduce
 from analysis.shot.quantity import Quantity
 from analysis.uncertainty.budget import budget
-from analysis.uncertainty.numbers import Kind, number_of, of_collision
+from analysis.uncertainty.numbers import Origin, number_of, of_collision
 from analysis.uncertainty.series import series
 from app.command_line.replay import summary
 from app.report.export import columns_of, export
@@ -41,7 +41,7 @@ def combined(entry):
 
 
 def test_every_number_of_the_panel_that_was_read_has_a_budget(entry, combined):
-    rows = of_collision(Kind.READ, Kind.FITTED)
+    rows = of_collision(Origin.READ, Origin.FITTED)
     read = {row.key for row in rows if value_text(row.find(entry.shot)) != "–"}
     assert read and read <= set(combined)
 

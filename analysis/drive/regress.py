@@ -41,7 +41,6 @@ class Regression:
 
     @property
     def rms_n(self) -> float:
-        """Get the rms residual over the fitted samples."""
         return self.rms_of(self.mask)
 
     def rms_of(self, samples: Mask) -> float:

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
 
 class Status(StrEnum):
-    """The result of the comparison of one number."""
-
     AGREES = "agrees"  # as printed, within its digits
     TRACED = "traced"  # it differs as printed, and agrees when the cause is taken into account
     OPEN = "open"  # a difference remains that the published numbers do not explain
@@ -63,8 +61,6 @@ class PaperRow:
 
 @dataclass(frozen=True, slots=True)
 class Reproduction:
-    """The paper, number by number."""
-
     title: str
     authors: str
     rows: tuple[PaperRow, ...]
@@ -79,7 +75,6 @@ class Reproduction:
 
     @property
     def open_rows(self) -> tuple[PaperRow, ...]:
-        """Get what remains open."""
         return tuple(row for row in self.rows if row.status is Status.OPEN)
 
 

@@ -48,7 +48,6 @@ def thickness_from_mass_m(plate: Plate, mass_kg: float) -> float:
 
 
 def audit_values(rig: PaperRig) -> dict[str, AuditValues]:
-    """Return every row's numbers by its key."""
     simulated = simulate(rig.collision)
     return _simulation(rig, simulated) | _widths(rig, simulated) | _plate(rig) | _instrument(rig)
 

@@ -98,7 +98,6 @@ class Grid:
 
     @property
     def rate_hz(self) -> float:
-        """Get the motion's rate in samples/s."""
         return self.input_rate_hz / self.step
 
     def time_s(self, tuning: Tuning) -> Floats:

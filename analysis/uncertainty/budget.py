@@ -66,17 +66,14 @@ class QuantityBudget:
 
     @property
     def std_a(self) -> float:
-        """Get the combined standard uncertainty of type A."""
         return math.hypot(*(row.contribution for row in self.rows if row.kind == "A"))
 
     @property
     def std_b(self) -> float:
-        """Get the combined standard uncertainty of type B."""
         return math.hypot(*(row.contribution for row in self.rows if row.kind == "B"))
 
     @property
     def std(self) -> float:
-        """Get the combined standard uncertainty."""
         return math.hypot(self.std_a, self.std_b)
 
     @property
@@ -86,20 +83,16 @@ class QuantityBudget:
 
     @property
     def quantity(self) -> Quantity:
-        """Get the result with its combined standard uncertainty."""
         return Quantity(self.value, self.std, "uncertainty budget")
 
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """The budgets of all numbers that a shot shows."""
-
     shot: str
     quantities: tuple[QuantityBudget, ...]
     instrument: InstrumentUncertainty
 
     def of(self, key: str) -> QuantityBudget | None:
-        """Return the budget of one result by its key, or None."""
         return next((q for q in self.quantities if q.key == key), None)
 
 

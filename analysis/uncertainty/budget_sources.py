@@ -18,8 +18,6 @@ _DEFAULT_VACUUM_M = 632.991354e-9  # of the HP 5518A, for the sensitivity to air
 
 @dataclass(frozen=True, slots=True)
 class UncertaintySource:
-    """The meaning of a variable."""
-
     name: str
     kind: str
     unit: str
@@ -27,8 +25,6 @@ class UncertaintySource:
 
 
 class VariableTable:
-    """Makes variables and keeps their meanings."""
-
     def __init__(self) -> None:
         self._sources: dict[Any, UncertaintySource] = {}
 
@@ -41,7 +37,6 @@ class VariableTable:
         return variable
 
     def source(self, variable: Any) -> UncertaintySource:
-        """Return the meaning of a variable."""
         return self._sources[variable]
 
 
@@ -118,7 +113,6 @@ class ShotSources:
         return numbers | {"beam_theory": self.variables.number(1.0, theory, "plate: beam theory", "B", "1", how)}
 
     def _timebase(self) -> Number:
-        """Return the clock's time over the true one."""
         stated = self._instrument.timebase_u
         if not self._rate_error:
             return self.variables.number(1.0, stated, "timebase", "B", "1", "digitizer's clock, rectangular limit")

@@ -16,8 +16,6 @@ from analysis.uncertainty.measurement_equations import Equation
 
 
 class Group(Enum):
-    """The headings under which numbers are shown, in their order."""
-
     RESTITUTION = "RESTITUTION"
     MOTION = "MOTION"
     PLATE = "PLATE AND CONTACT"
@@ -241,12 +239,10 @@ def with_equation() -> list[tuple[ResultNumber, Equation]]:
 
 
 def of_series() -> list[ResultNumber]:
-    """Return the numbers that are followed from shot to shot."""
     return [number for number in of_collision(Origin.READ, Origin.FITTED) if number.in_series]
 
 
 def shown_numbers(group: Group) -> list[ResultNumber]:
-    """Return the numbers that a group shows for a single shot."""
     return [number for number in NUMBERS if number.group is group and number.origin is not Origin.DERIVED]
 
 

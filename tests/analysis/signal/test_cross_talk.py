@@ -80,7 +80,7 @@ def test_what_changes_in_the_shot_is_named_and_the_deflection_withheld() -> None
     shot = analyse(coupled(0.1, varies=1.0), READ)
     assert "cross_talk" in shot.flags and "samples_lost" not in shot.flags
     assert shot.impact is not None and isinstance(shot.impact.deflection_max_m, NotSeen)
-    assert "PD1's beat stands in PD0" in shot.impact.deflection_max_m.reason
+    assert "cross-talk of PD1 in PD0" in shot.impact.deflection_max_m.reason
 
 
 def test_samples_lost_under_cross_talk_are_found_all_the_same() -> None:

@@ -1,4 +1,4 @@
-"""The result file: schema levimass.result/1 of docs/formats.md, from shots and diagnosis."""
+"""Build the result file, schema levimass.result/1 of docs/formats.md, from shots and diagnosis."""
 
 import math
 from collections.abc import Sequence

@@ -52,7 +52,7 @@ def test_clamped_solution() -> None:
     assert clamped.onsets_s[:3] == pytest.approx((0.0, 1.737e-3, 2.792e-3), abs=5e-7)
 
 
-def test_the_audit_reaches_the_list(table: Reproduction) -> None:
+def test_the_audit_has_every_number_of_the_list(table: Reproduction) -> None:
     """docs/physics.md, "the paper against itself", row by row: error before, what it was traced to, error after."""
     thickness = table.of("thickness")
     assert thickness.recomputed == pytest.approx(0.3e-3, rel=1e-3)
@@ -88,7 +88,7 @@ def test_the_audit_reaches_the_list(table: Reproduction) -> None:
     assert wavelength.recomputed == pytest.approx(632.820e-9, abs=5e-13) and "1.000271373" in wavelength.traced_to
 
 
-def test_what_remains_open_says_so(table: Reproduction) -> None:
+def test_open_differences_are_reported_as_open(table: Reproduction) -> None:
     assert {row.key for row in table.open_rows} == {
         "velocity_out",
         "cor_quasi_static",
@@ -119,7 +119,7 @@ def test_rows_are_computed_not_quoted() -> None:
     assert same == {"wavelength"}  # the air alone
 
 
-def test_a_recording_stands_beside() -> None:
+def test_readings_of_a_recording_are_compared() -> None:
     table = reproduce(shot_of("taken"))
     assert table.recording == "taken"
     slope = table.of("slope").recorded

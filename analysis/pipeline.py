@@ -132,7 +132,7 @@ def _impact_read(shot: Shot, progress: Progress | None, cancelled: Stop | None) 
             check_collision(motion)
             impact = with_rate_error(read_impact(motion), motion)
             if CROSS_TALK in motion.flags:
-                unsure = NotSeen("PD1's beat stands in PD0 and could not be taken off: fringes may be lost or gained")
+                unsure = NotSeen("cross-talk of PD1 in PD0 could not be removed: fringes may be lost or gained")
                 impact = replace(impact, deflection_max_m=unsure)
             shot = replace(shot, impact=impact, flags=_merged(shot.flags, impact.flags))
         except (NoImpact, AnalysisError) as error:

@@ -1,4 +1,4 @@
-"""The result file: schema levimass.result/1 of docs/formats.md, from shots and diagnosis."""
+"""Build the result file, schema levimass.result/1 of docs/formats.md, from shots and diagnosis."""
 
 import math
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from analysis.shot.shot import Shot
 from analysis.shot.version import program_version
 from analysis.uncertainty.budget import budget
 from analysis.uncertainty.budget import to_result as budget_result
-from analysis.uncertainty.numbers import Kind, of_collision
+from analysis.uncertainty.numbers import Origin, of_collision
 from analysis.uncertainty.series import series
 from analysis.uncertainty.series import to_result as series_result
 
@@ -51,7 +51,7 @@ def shot_result(shot: Shot, others: Sequence[Shot] = ()) -> dict[str, Any]:
         "trigger_time_s": shot.trigger_time_s,
         "rest_frequency_hz": to_json(shot.motion.rest_frequency_hz) if shot.motion else None,
     }
-    for number in of_collision(Kind.READ):
+    for number in of_collision(Origin.READ):
         group, _, name = number.key.rpartition(".")
         (entry.setdefault(group, {}) if group else entry)[name] = to_json(number.find(shot))
     entry["readings_model"] = readings_model_result(readings_model(shot))

@@ -109,7 +109,7 @@ def fit_accepted(table: Table, laws: Sequence[str], mask: Mask | None = None) ->
         candidates = [g for g in (*screened.pairs, *screened.singles) if set(g.laws) <= set(missing)]
         if not candidates:
             named = missing[0].replace("_", " ")
-            raise AnalysisError(f"{named}: this motion does not tell it from the rest of the model")
+            raise AnalysisError(f"{named}: cannot be distinguished from the rest of the model in this motion")
         candidate = max(candidates, key=lambda g: g.gain_n2)
         found = regress(table, (*found.laws, *candidate.laws), mask, {**found.nonlinear, **candidate.nonlinear})
     return found

@@ -41,7 +41,6 @@ class Regression:
 
     @property
     def rms_n(self) -> float:
-        """Get the rms residual over the fitted samples."""
         return self.rms_of(self.mask)
 
     def rms_of(self, samples: Mask) -> float:
@@ -285,5 +284,5 @@ def independent_count(residual: Floats, record: NDArray[np.int64]) -> float:
 def _why_dependent(laws: Sequence[str]) -> str:
     if laws:
         named = ", ".join(name.replace("_", " ") for name in laws)
-        return f"the motion does not tell {named} from the rest of the model"
-    return "the motion does not tell mass, drag and offset apart: it needs more than one speed and acceleration"
+        return f"{named}: cannot be distinguished from the rest of the model in this motion"
+    return "mass, drag and offset cannot be separated: the motion needs more than one speed and acceleration"

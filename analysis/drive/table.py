@@ -33,8 +33,6 @@ class Table:
 
     @classmethod
     def of(cls, stretches: Sequence[Stretch], stop: Stop = lambda: False) -> "Table":
-        """Return the table of the samples used of ``stretches``."""
-
         def all_of(name: str) -> Floats:
             return np.concatenate([getattr(stretch, name)[stretch.used] for stretch in stretches])
 
@@ -50,7 +48,6 @@ class Table:
 
     @property
     def everything(self) -> Mask:
-        """Get the mask of all samples."""
         return np.ones(self.time_s.size, dtype=np.bool_)
 
     def force(self, later_s: float = 0.0) -> Floats:

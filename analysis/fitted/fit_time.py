@@ -41,7 +41,6 @@ class FitTime:
 
     @property
     def words(self) -> str:
-        """Get the reason of a stopped fit, in words."""
         return f"no end of the fit after {self.seconds:g} s: the model does not come near, or a unit is wrong"
 
 

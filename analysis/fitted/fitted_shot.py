@@ -181,7 +181,6 @@ def in_words(error: Exception) -> str:
 
 
 def flags_of(fit: Fit) -> tuple[str, ...]:
-    """Return the flags of a shot with this fit."""
     return tuple(dict.fromkeys((*fit.flags, *(() if fit.converged else (NOT_CONVERGED,)))))
 
 
@@ -210,7 +209,6 @@ def readings_model(shot: Shot) -> ReadingsModel | None:
 
 
 def readings_model_result(model: ReadingsModel | None) -> dict[str, Any] | None:
-    """Return the result file's entry."""
     if model is None:
         return None
     return {"base": model.base, "effects": list(model.effects), "readings": list(model.readings)}

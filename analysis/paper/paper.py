@@ -18,12 +18,10 @@ from analysis.uncertainty.budget import combined_of, stated
 from analysis.uncertainty.numbers import read
 
 if TYPE_CHECKING:
-    from analysis.paper.paper_audit import Computed, Ground
+    from analysis.paper.paper_audit import AuditValues, PaperRig
 
 
 class Status(StrEnum):
-    """The result of the comparison of one number."""
-
     AGREES = "agrees"  # as printed, within its digits
     TRACED = "traced"  # it differs as printed, and agrees when the cause is taken into account
     OPEN = "open"  # a difference remains that the published numbers do not explain
@@ -63,8 +61,6 @@ class PaperRow:
 
 @dataclass(frozen=True, slots=True)
 class Reproduction:
-    """The paper, number by number."""
-
     title: str
     authors: str
     rows: tuple[PaperRow, ...]
@@ -79,7 +75,6 @@ class Reproduction:
 
     @property
     def open_rows(self) -> tuple[PaperRow, ...]:
-        """Get what remains open."""
         return tuple(row for row in self.rows if row.status is Status.OPEN)
 
 
@@ -130,9 +125,9 @@ def load() -> Mapping[str, Any]:
         return tomllib.load(file)
 
 
-def ground(numbers: Mapping[str, Any]) -> Ground:
+def paper_rig(numbers: Mapping[str, Any]) -> PaperRig:
     """Return the paper's rig and simulation as this program's own types."""
-    from analysis.paper.paper_audit import Ground  # with the model: the window shows the numbers without it
+    from analysis.paper.paper_audit import PaperRig  # with the model: the window shows the numbers without it
 
     rig, simulation = numbers["rig"], numbers["simulation"]
     fields = (
@@ -143,7 +138,7 @@ def ground(numbers: Mapping[str, Any]) -> Ground:
         "density_kg_m3",
         "youngs_modulus_pa",
     )
-    return Ground(
+    return PaperRig(
         plate_printed=Plate(*(float(rig[name]) for name in fields)),
         plate_mass_kg=float(rig["plate_mass_kg"]),
         wavelength_m=float(rig["wavelength_m"]),
@@ -157,10 +152,10 @@ def ground(numbers: Mapping[str, Any]) -> Ground:
 
 def reproduce(shot: Shot | None = None) -> Reproduction:
     """Compute every number of the paper, with a shot's readings where one is given.  About a second once compiled."""
-    from analysis.paper.paper_audit import computed
+    from analysis.paper.paper_audit import audit_values
 
     numbers = load()
-    results = computed(ground(numbers))
+    results = audit_values(paper_rig(numbers))
     given = numbers["rig"] | numbers["simulation"]
     rows = [_input_row(name, given[name], shot) for name in _INPUTS]
     rows += [_row(entry, results[entry["key"]], shot) for entry in numbers["row"]]
@@ -183,7 +178,7 @@ def to_result(result: Reproduction) -> dict[str, Any]:
     }
 
 
-def _row(entry: Mapping[str, Any], value: Computed, shot: Shot | None) -> PaperRow:
+def _row(entry: Mapping[str, Any], value: AuditValues, shot: Shot | None) -> PaperRow:
     paper = float(entry["paper"]) if "paper" in entry else None
     program = value.recomputed if value.recomputed is not None else value.simulated
     before, after = value.error_before, value.error_after

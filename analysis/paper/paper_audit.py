@@ -16,7 +16,7 @@ _VACUUM_M = 632.991354e-9  # of the HP 5518A (docs/physics.md, "from beats to fo
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
+class PaperRig:
     """The paper's numbers as this program's types, thickness as printed."""
 
     plate_printed: Plate
@@ -30,7 +30,7 @@ class Ground:
 
 
 @dataclass(frozen=True, slots=True)
-class Computed:
+class AuditValues:
     """This program's values for one row; errors None: computed from them and the paper's number."""
 
     printed: float | None = None
@@ -47,17 +47,16 @@ def thickness_from_mass_m(plate: Plate, mass_kg: float) -> float:
     return plate.thickness_m * mass_kg / plates.mass_kg(plate)
 
 
-def computed(ground: Ground) -> dict[str, Computed]:
-    """Return every row's numbers by its key."""
-    simulated = simulate(ground.collision)
-    return _simulation(ground, simulated) | _widths(ground, simulated) | _plate(ground) | _instrument(ground)
+def audit_values(rig: PaperRig) -> dict[str, AuditValues]:
+    simulated = simulate(rig.collision)
+    return _simulation(rig, simulated) | _widths(rig, simulated) | _plate(rig) | _instrument(rig)
 
 
-def _simulation(ground: Ground, run: Simulated) -> dict[str, Computed]:
-    paper = ground.claims
-    speed = abs(ground.collision.velocity_in_m_per_s)
-    clamped = simulate(replace(ground.collision, variant=Variant.CLAMPED))
-    no_tension = simulate(replace(ground.collision, variant=Variant.NO_TENSION))
+def _simulation(rig: PaperRig, run: Simulated) -> dict[str, AuditValues]:
+    paper = rig.claims
+    speed = abs(rig.collision.velocity_in_m_per_s)
+    clamped = simulate(replace(rig.collision, variant=Variant.CLAMPED))
+    no_tension = simulate(replace(rig.collision, variant=Variant.NO_TENSION))
     peaks = run.force_peaks_s
     first, second = peaks[1] - peaks[0], peaks[2] - peaks[1]
     kinetic = paper["cor_force_peaks"]
@@ -68,29 +67,29 @@ def _simulation(ground: Ground, run: Simulated) -> dict[str, Computed]:
         "clamped_kinetic": clamped.cor_force_peaks,
     }
     return {
-        "velocity_out": Computed(simulated=run.velocity_out_m_per_s, words=laws),
-        "cor_quasi_static": Computed(
+        "velocity_out": AuditValues(simulated=run.velocity_out_m_per_s, words=laws),
+        "cor_quasi_static": AuditValues(
             simulated=run.cor_quasi_static, words={"paper_ratio": paper["velocity_out"] / speed}
         ),
-        "clamp": Computed(printed=clamped.velocity_out_m_per_s, simulated=run.velocity_out_m_per_s, words=laws),
-        "cor_force_peaks": Computed(
+        "clamp": AuditValues(printed=clamped.velocity_out_m_per_s, simulated=run.velocity_out_m_per_s, words=laws),
+        "cor_force_peaks": AuditValues(
             simulated=run.cor_force_peaks,
             words={"t1": first * 1e3, "t2": second * 1e3, "off_us": (kinetic * first - second) * 1e6},
         ),
-        "cor_onsets": _beside(run.cor_onsets, kinetic),
-        "cor_flights": _beside(run.cor_flights, kinetic),
-        "cor_contact": Computed(simulated=run.cor_contact),
-        "force_peak": Computed(simulated=run.force_peak_n, words={"at_ms": run.force_peak_at_s * 1e3}),
-        "deflection": Computed(simulated=run.deflection_max_m),
+        "cor_onsets": _with_paper_kinetic(run.cor_onsets, kinetic),
+        "cor_flights": _with_paper_kinetic(run.cor_flights, kinetic),
+        "cor_contact": AuditValues(simulated=run.cor_contact),
+        "force_peak": AuditValues(simulated=run.force_peak_n, words={"at_ms": run.force_peak_at_s * 1e3}),
+        "deflection": AuditValues(simulated=run.deflection_max_m),
     }
 
 
-def _beside(value: float, kinetic: float) -> Computed:
-    return Computed(simulated=value, words={"against_paper": value / kinetic - 1.0, "paper_kinetic": kinetic})
+def _with_paper_kinetic(value: float, kinetic: float) -> AuditValues:
+    return AuditValues(simulated=value, words={"against_paper": value / kinetic - 1.0, "paper_kinetic": kinetic})
 
 
-def _widths(ground: Ground, run: Simulated) -> dict[str, Computed]:
-    paper, c = ground.claims, ground.collision
+def _widths(rig: PaperRig, run: Simulated) -> dict[str, AuditValues]:
+    paper, c = rig.claims, rig.collision
     half_sine = half_sine_time_s(c.plate_stiffness_n_per_m, c.block_mass_kg + c.plate_mass_kg)
     smooth, outermost = run.fwhm_smooth_s, run.fwhm_outermost_s
     low, high = run.fwhm_smooth_range_s
@@ -102,12 +101,12 @@ def _widths(ground: Ground, run: Simulated) -> dict[str, Computed]:
         Quantity(c.block_mass_kg, 0.0),
     ).value
     return {
-        "contact_time": Computed(
+        "contact_time": AuditValues(
             printed=half_sine,
             simulated=run.contact_time_s,
             words={"half_sine_ms": half_sine * 1e3, "simulated_ms": run.contact_time_s * 1e3},
         ),
-        "fwhm_simulated": Computed(
+        "fwhm_simulated": AuditValues(
             simulated=smooth,
             error_before=paper["fwhm_simulated"] / smooth - 1.0,
             error_after=paper["fwhm_simulated"] / outermost - 1.0,
@@ -118,7 +117,7 @@ def _widths(ground: Ground, run: Simulated) -> dict[str, Computed]:
                 "high_ms": high * 1e3,
             },
         ),
-        "fwhm_measured": Computed(
+        "fwhm_measured": AuditValues(
             printed=paper["contact_time"],
             simulated=smooth,
             recomputed=2.0 / 3.0 * paper["contact_time"],
@@ -131,7 +130,7 @@ def _widths(ground: Ground, run: Simulated) -> dict[str, Computed]:
                 "rest": paper["fwhm_measured"] / smooth - 1.0,
             },
         ),
-        "slope": Computed(
+        "slope": AuditValues(
             printed=slope,
             simulated=slope,
             recomputed=corrected,
@@ -146,17 +145,17 @@ def _widths(ground: Ground, run: Simulated) -> dict[str, Computed]:
     }
 
 
-def _plate(ground: Ground) -> dict[str, Computed]:
-    printed, stated, k_p = ground.plate_printed, ground.plate_mass_kg, ground.claims["stiffness"]
+def _plate(rig: PaperRig) -> dict[str, AuditValues]:
+    printed, stated, k_p = rig.plate_printed, rig.plate_mass_kg, rig.claims["stiffness"]
     thickness = thickness_from_mass_m(printed, stated)
     plate = replace(printed, thickness_m=round(thickness, 4))  # the digits that the paper prints: 0.1 mm
     millimetres = {"thickness_mm": plate.thickness_m * 1e3}
-    c_paper, c = ground.claims["coefficient_c"], plates.coefficient_c(plate)
+    c_paper, c = rig.claims["coefficient_c"], plates.coefficient_c(plate)
     needed_printed, needed = k_p / _beam(printed), k_p / _beam(plate)
     rigid, bending, neck = (plates.stiffness_n_per_m(plate, disc) for disc in Disc)
     modulus = {disc: plates.youngs_modulus_pa(Quantity(k_p, 0.0), plate, plates.EXACT, disc).value for disc in Disc}
     return {
-        "thickness": Computed(
+        "thickness": AuditValues(
             recomputed=thickness,
             error_before=plates.mass_kg(printed) / stated - 1.0,
             error_after=plates.mass_kg(plate) / stated - 1.0,
@@ -168,41 +167,41 @@ def _plate(ground: Ground) -> dict[str, Computed]:
                 "stated_g": stated * 1e3,
             },
         ),
-        "load_distance": Computed(recomputed=plate.arm_length_m + plate.disc_diameter_m / 2.0),
-        "coefficient_c": Computed(
+        "load_distance": AuditValues(recomputed=plate.arm_length_m + plate.disc_diameter_m / 2.0),
+        "coefficient_c": AuditValues(
             printed=needed_printed,
             recomputed=c,
             error_before=c_paper / needed_printed - 1.0,
             error_after=c / needed - 1.0,
             words=millimetres | {"needed_printed": needed_printed, "needed": needed, "geometry": c},
         ),
-        "stiffness": Computed(
+        "stiffness": AuditValues(
             printed=_beam(printed),
             recomputed=rigid,
             words={"factor": _beam(printed) / k_p, "after": rigid / k_p - 1.0},
         ),
-        "stiffness_disc": Computed(
+        "stiffness_disc": AuditValues(
             printed=_beam(printed), recomputed=bending, words={"softer": 1.0 - bending / rigid, "neck": neck}
         ),
-        "modulus": Computed(
+        "modulus": AuditValues(
             recomputed=modulus[Disc.RIGID],
             words=millimetres
             | {
                 "bending_gpa": modulus[Disc.BENDING] * 1e-9,
             },
         ),
-    } | _plate_masses(ground, plate)
+    } | _plate_masses(rig, plate)
 
 
-def _plate_masses(ground: Ground, plate: Plate) -> dict[str, Computed]:
-    stated, effective_paper = ground.plate_mass_kg, ground.claims["effective_mass"]
-    tuned, k_p = ground.claims["mass_ratio"], ground.claims["stiffness"]
+def _plate_masses(rig: PaperRig, plate: Plate) -> dict[str, AuditValues]:
+    stated, effective_paper = rig.plate_mass_kg, rig.claims["effective_mass"]
+    tuned, k_p = rig.claims["mass_ratio"], rig.claims["stiffness"]
     mass, effective = plates.mass_kg(plate), plates.effective_mass_kg(plate)
     arm = plates.arm_effective_mass_kg(plate)
     bare = plates.bare_beam_mass_ratio()
     root = math.sqrt(effective_paper / k_p)
     return {
-        "mass_ratio": Computed(
+        "mass_ratio": AuditValues(
             printed=bare,
             recomputed=effective / mass,
             words={
@@ -215,7 +214,7 @@ def _plate_masses(ground: Ground, plate: Plate) -> dict[str, Computed]:
                 "rest": effective / mass / tuned - 1.0,
             },
         ),
-        "effective_mass": Computed(
+        "effective_mass": AuditValues(
             printed=tuned * stated,
             recomputed=tuned * stated,
             words={
@@ -225,11 +224,11 @@ def _plate_masses(ground: Ground, plate: Plate) -> dict[str, Computed]:
                 "factor": effective_paper / stated,
             },
         ),
-        "plate_mass": Computed(
+        "plate_mass": AuditValues(
             recomputed=mass,
             words={"volume_mm3": mass / plate.density_kg_m3 * 1e9, "thickness_mm": plate.thickness_m * 1e3},
         ),
-        "period": Computed(
+        "period": AuditValues(
             printed=root,
             recomputed=math.pi * root,
             words={"root_ms": root * 1e3, "with_pi_ms": math.pi * root * 1e3},
@@ -237,25 +236,25 @@ def _plate_masses(ground: Ground, plate: Plate) -> dict[str, Computed]:
     }
 
 
-def _instrument(ground: Ground) -> dict[str, Computed]:
-    seconds = ground.samples / ground.sample_rate_hz
+def _instrument(rig: PaperRig) -> dict[str, AuditValues]:
+    seconds = rig.samples / rig.sample_rate_hz
     index = refractive_index(_VACUUM_M, STANDARD_AIR)
     wavelength = _VACUUM_M / index
     return {
-        "record_length": Computed(
+        "record_length": AuditValues(
             printed=seconds,
             recomputed=seconds,
             settles=False,
             words={
-                "samples": ground.samples * 1e-6,
-                "rate": ground.sample_rate_hz * 1e-6,
+                "samples": rig.samples * 1e-6,
+                "rate": rig.sample_rate_hz * 1e-6,
                 "seconds": seconds,
-                "rate_needed": ground.samples / ground.duration_s * 1e-6,
-                "samples_needed": ground.sample_rate_hz * ground.duration_s * 1e-6,
+                "rate_needed": rig.samples / rig.duration_s * 1e-6,
+                "samples_needed": rig.sample_rate_hz * rig.duration_s * 1e-6,
             },
         ),
-        "wavelength": Computed(
-            recomputed=wavelength, words={"index": index, "ppm": (wavelength / ground.wavelength_m - 1.0) * 1e6}
+        "wavelength": AuditValues(
+            recomputed=wavelength, words={"index": index, "ppm": (wavelength / rig.wavelength_m - 1.0) * 1e6}
         ),
     }
 

@@ -45,8 +45,6 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """One figure of the paper."""
-
     number: int
     title: str
     rows: tuple[Row, ...]

@@ -182,7 +182,6 @@ def promising(distance: float) -> bool:
 
 
 def nearest(distances: Pairs) -> dict[int, float]:
-    """Return the distance of the nearest rival, for every member."""
     out: dict[int, float] = {}
     for (true, _), value in distances.items():
         out[true] = min(out.get(true, inf), value)

@@ -65,7 +65,6 @@ class ModelComparison:
 
     @property
     def likely(self) -> tuple[ComparedModel, ...]:
-        """Get the members that may be the true model."""
         return tuple(m for m in self.members if m.misfit < self.members[0].misfit + _UNLIKELY)
 
     @property

@@ -34,13 +34,11 @@ class NextShot:
 
     @property
     def words(self) -> str:
-        """Get the settings in words."""
         weights = f" with {1e3 * self.added_mass_kg:.4g} g added" if self.added_mass_kg else ""
         record = f", recorded from {1e3 * self.before_s:.0f} ms before the touch to {1e3 * self.after_s:.0f} ms after"
         return f"{self.speed_m_per_s:.2g} m/s{weights}{f'{record} the contact' if self.longer else ''}"
 
     def to_json(self) -> dict[str, float | str]:
-        """Return the shot as the result file has it."""
         names = ("speed_m_per_s", "added_mass_kg", "before_s", "after_s", "words")
         return {name: getattr(self, name) for name in names}
 

@@ -70,7 +70,6 @@ class Plan:
         return min(separable, default=max(self.expected.values(), default=0.0))
 
     def to_json(self) -> dict[str, Any]:
-        """Return the plan as the result file has it (docs/formats.md)."""
         return {
             "shots": [shot.to_json() for shot in self.shots],
             "between": list(self.members),

@@ -15,7 +15,6 @@ _NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 
 
 def plan_sentence(plan: Plan) -> str:
-    """Return the plan as one sentence."""
     *others, last = map(plain, plan.members)
     listed = f"{', '.join(others)} and {last}" if others else last
     if not plan.settles:

@@ -43,13 +43,11 @@ class PrecisionPlan:
 
     @property
     def words(self) -> str:
-        """Get the expected improvement in words, without the shots."""
         if self.parameter == ALL:
             return f"all parameters {1 / self.ratio:.2g} times as sure, on the geometric mean"
         return f"{self.parameter} {1 / self.ratio:.2g} times as sure ({self.std_before:.2g} to {self.std_after:.2g})"
 
     def to_json(self) -> dict[str, Any]:
-        """Return the plan as the result file has it (docs/formats.md)."""
         return {
             "parameter": self.parameter,
             "shots": [shot.to_json() for shot in self.shots],

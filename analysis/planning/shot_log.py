@@ -50,7 +50,6 @@ class PlannedStep:
         return [member for member in self.members if member not in self.expected]
 
     def to_json(self) -> dict[str, Any]:
-        """Return the step as the result file has it (docs/formats.md)."""
         return {
             "shot": self.shot.to_json(),
             "between": list(self.members),
@@ -107,7 +106,6 @@ def plan_next(
 
 
 def next_step(state: PlanningState) -> PlannedStep:
-    """Return the first shot of a plan as a step to be taken."""
     plan = state.plan
     assert plan is not None and plan.shots
     return PlannedStep(plan.shots[0], plan.members, plan.after_first, inseparable_from=plan.inseparable_from)

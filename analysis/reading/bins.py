@@ -25,7 +25,7 @@ class Bins:
 
     @property
     def resolution_hz(self) -> float:
-        """Get how far apart two lines must be to be told apart."""
+        """Get the smallest distance of two lines that can be resolved."""
         return 1.0 / (float(np.ptp(self.time_s)) + self.each * self.step_s)
 
     @property

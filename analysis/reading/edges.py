@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from analysis.reading.flight import Flight
 from analysis.shot.motion import Motion
+from analysis.signal.filters import first_run
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -124,10 +125,10 @@ def _edge_in(
     """
     std_m, shaped_m, omega = levels
     step = 1.0 / motion.sample_rate_hz
-    clear = _first_run(np.abs(departure_m) > CLEAR_SIGMAS * std_m)
+    clear = first_run(np.abs(departure_m) > CLEAR_SIGMAS * std_m, 3)
     if clear is None:
         return None
-    shaped = _first_run(np.abs(departure_m) > shaped_m) or departure_m.size - 1
+    shaped = first_run(np.abs(departure_m) > shaped_m, 3) or departure_m.size - 1
     shaped = min(max(shaped, clear + 6), departure_m.size - 1)
     # a departure that grows with the cube of the time began that long before it was clear
     growth = np.cbrt(max(abs(float(departure_m[shaped])), shaped_m) / (CLEAR_SIGMAS * std_m))
@@ -145,12 +146,6 @@ def _edge_in(
         tension=sign < 0,
     )
     return None if found is None else Edge(anchor + sign * found.time_s, found.std_s)
-
-
-def _first_run(mask: NDArray[np.bool_]) -> int | None:
-    """Return the first index from which three samples in a row are True."""
-    three = np.flatnonzero(mask[:-2] & mask[1:-1] & mask[2:]) if mask.size > 2 else np.empty(0, int)
-    return int(three[0]) if three.size else None
 
 
 def _least_squares_edge(

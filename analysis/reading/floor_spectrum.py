@@ -30,7 +30,6 @@ class FloorSpectrum:
 
     @property
     def shaking(self) -> Shaking:
-        """Get the floor as sines."""
         frequency = self.octaves.frequency_hz
         return Shaking(frequency, self._power, np.ones(frequency.size, dtype=np.bool_))
 
@@ -68,7 +67,6 @@ class FloorSpectrum:
         return np.asarray(self._white + self._moving(frequency_hz))
 
     def velocity_rms_m_per_s(self, bandwidth_hz: float) -> float:
-        """Return the floor's rms velocity below a bandwidth."""
         return self.velocity_std_m_per_s((0.0,), (1.0,), bandwidth_hz)
 
     def velocity_std_m_per_s(self, at_s: Sequence[float], weights: Sequence[float], bandwidth_hz: float) -> float:

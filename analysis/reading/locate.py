@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot.motion import Motion
+from analysis.signal.filters import first_run
 
 Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 TRAVEL_FRACTION = 0.02  # of the record's whole path: the least fall before a turn and rise after it
 TRAVEL_SIGMAS = 30.0  # ... and the same in noise of a sample
@@ -138,11 +138,11 @@ def _span(motion: Motion, x: Floats, turn: _Turn) -> CollisionSpan | None:
     pushed = np.abs(force) > max(FORCE_FRACTION * peak, min(FORCE_SIGMAS * quiet, 0.3 * peak))
     run = max(2, round(FREE_SHARE * contact))
     before, after = pushed[turn.at :: -1], pushed[turn.at :]
-    into, out = _first_run(~before, run), _first_run(~after, run)
+    into, out = first_run(~before, run), first_run(~after, run)
     first = 0 if into is None else turn.at - into
     last = x.size - 1 if out is None else turn.at + out
-    earlier = None if into is None else _first_run(before[into:], max(2, width // 2))
-    later = None if out is None else _first_run(after[out:], max(2, width // 2))
+    earlier = None if into is None else first_run(before[into:], max(2, width // 2))
+    later = None if out is None else first_run(after[out:], max(2, width // 2))
     return CollisionSpan(
         first=_refined_edge(motion, first, 1, width),
         turn=turn.at,
@@ -195,13 +195,6 @@ def _smooth_acceleration(x: Floats, width: int) -> Floats:
     return out
 
 
-def _first_run(mask: Mask, length: int) -> int | None:
-    """Return the first index from which ``length`` samples in a row are True, or None."""
-    count = np.cumsum(np.concatenate([[0], ~mask]))
-    clear = np.flatnonzero(count[length:] == count[:-length])
-    return int(clear[0]) if clear.size else None
-
-
 def _refined_edge(motion: Motion, sample: int, inwards: int, width: int) -> int:
     """Return the sample near ``sample`` at which the force at full bandwidth rises above its noise."""
     low, high = (sample - width // 2, sample + 2 * width) if inwards > 0 else (sample - 2 * width, sample + width // 2)
@@ -217,7 +210,7 @@ def _refined_edge(motion: Motion, sample: int, inwards: int, width: int) -> int:
     with np.errstate(invalid="ignore"):
         peak = float(np.nanmax(np.abs(force), initial=0.0))
         above = np.abs(force) > max(FORCE_SIGMAS * std, FORCE_FRACTION * peak)
-    start = _first_run(above, 2)
+    start = first_run(above, 2)
     if start is None or peak < 2.0 * FORCE_SIGMAS * std:
         return min(max(sample + inwards * width // 2, 0), motion.force_n.size - 1)
     return max(low + start - 1, 0) if inwards > 0 else min(high - start + 1, motion.force_n.size - 1)

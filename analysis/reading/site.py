@@ -1,5 +1,4 @@
-"""The vibration of the site, from a block at rest: its spectrum against the vibration criteria, the lines of machines,
-and the uncertainty of restitution that the next shot can reach.
+"""Read the vibration of the site from a block at rest: spectrum against vibration criteria, lines, reachable u(COR).
 
 The criterion curves (Gordon, "Generic criteria for vibration-sensitive equipment", SPIE 1619, 1991) state the rms
 velocity in every third-octave from 8 to 80 Hz.

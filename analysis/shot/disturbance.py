@@ -56,7 +56,6 @@ class Shaking:
         return self._with(Shaking(two, np.concatenate([power, power]), np.zeros(two.size, dtype=np.bool_)))
 
     def _with(self, other: "Shaking") -> "Shaking":
-        """Return both together."""
         frequency = np.concatenate([self.frequency_hz, other.frequency_hz])
         order = np.argsort(frequency, kind="stable")
         power = np.concatenate([self.power_m2, other.power_m2])
@@ -64,7 +63,6 @@ class Shaking:
 
     @property
     def rms_m(self) -> float:
-        """Get the rms of lines and random part."""
         return float(np.sqrt(self.power_m2.sum()))
 
     def less(self, density: Callable[[Floats], Floats]) -> "Shaking":
@@ -116,10 +114,8 @@ class Disturbance:
 
     @property
     def lines_rms_m(self) -> float:
-        """Get the rms of all lines together in m."""
         return float(sum(0.5 * line.amplitude_m.value**2 for line in self.lines) ** 0.5)
 
     @property
     def rms_m(self) -> float:
-        """Get the rms of lines and floor together in m."""
         return float((self.lines_rms_m**2 + self.floor_rms_m**2) ** 0.5)

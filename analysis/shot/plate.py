@@ -22,8 +22,6 @@ Number = Any
 
 
 class Disc(StrEnum):
-    """The model of the disc's bending."""
-
     RIGID = "rigid"  # the arm alone bends
     BENDING = "bending"  # the disc bends where its chord is wider than the arm; the neck between stays rigid
     BENDING_NECK = "bending_neck"  # the neck, arm_length to where the chord is as wide, bends as arm as well

@@ -30,7 +30,6 @@ def plate_numbers(motions: Sequence[Motion]) -> tuple[int, ...]:
 
 
 def plate_count(motions: Sequence[Motion]) -> int:
-    """Return the number of plates of a set."""
     return 1 + max(plate_numbers(motions), default=0)
 
 

@@ -15,8 +15,6 @@ _NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 class Role(StrEnum):
-    """The signal of a channel."""
-
     REFERENCE = "reference"  # PD0: the rest beat
     MEASUREMENT = "measurement"  # PD1: the beat shifted by the moving corner cube
     SWITCH = "switch"  # the light switch that the block crosses
@@ -33,8 +31,6 @@ class Channel:
 
 @dataclass(frozen=True, slots=True)
 class Air:
-    """The air in the beam path."""
-
     temperature_c: float
     pressure_pa: float
     humidity_percent: float

@@ -202,7 +202,7 @@ class BeatReader:
 
     @property
     def oscillator_hz(self) -> float:
-        """Get the frequency in Hz whose phase is taken off the beat's."""
+        """Get the frequency in Hz whose phase is subtracted from the beat's."""
         return self.tuning.oscillator_hz(self.schedule.nominal)
 
     def feed(self, counts: Counts) -> tuple[int, Floats, Singles]:

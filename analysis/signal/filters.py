@@ -18,6 +18,7 @@ MAX_BANDWIDTH_SHARE = 0.35  # of the motion rate: the widest bandwidth the deriv
 _HALF_LENGTH = 3.0  # of the derivative filters, in 1 / bandwidth
 _KAISER = 5.65  # 60 dB
 _EDGE_DEGREE = 3
+CHI2_MEDIAN = 0.45494  # of one squared standard normal
 
 
 @lru_cache(maxsize=32)
@@ -174,6 +175,13 @@ def stretches(finite: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Return (start, stop) of every run of True in an array of shape (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], finite, [False])).astype(np.int8)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def first_run(mask: NDArray[np.bool_], length: int) -> int | None:
+    """Return the first index from which ``length`` elements in a row are True, or None."""
+    count = np.cumsum(np.concatenate([[0], ~mask]))
+    clear = np.flatnonzero(count[length:] == count[:-length])
+    return int(clear[0]) if clear.size else None
 
 
 def _with_moments(u: Floats, shapes: tuple[Floats, ...], powers: tuple[int, ...], moments: tuple[float, ...]) -> Floats:

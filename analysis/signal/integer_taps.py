@@ -18,7 +18,7 @@ def _round(window, turns, room, taps, gains):  # type: ignore[no-untyped-def]
     """Mix a symmetric window with oscillators and round to whole numbers; 10 ns a tap.
 
     Each error is carried on to the next two taps, e[k] becoming e[k] - 2 cos(w) e[k-1] + e[k-2], which is zero at +-w,
-    the oscillator's frequency.  It is carried towards the centre, where what is left over turns no phase.
+    the oscillator's frequency.  It is carried towards the centre, where the last error shifts no phase.
     """
     length = window.shape[0]
     half = length // 2

@@ -13,6 +13,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from analysis.shot.recording import Gap, Recording, Role
+from analysis.signal.filters import stretches
 from analysis.signal.rest_tones import RestTones, cumulative, jump_of, tone_columns
 from analysis.signal.track import Track
 
@@ -114,7 +115,7 @@ def _wrapped(cycles: Floats) -> Floats:
 
 
 def _block_phases(values: Floats, turns: float, block: int) -> tuple[Floats, Floats]:
-    """Return phase in cycles, the oscillator taken off, and amplitude of blocks that overlap by half, (n,) each."""
+    """Return phase in cycles, minus the oscillator's, and amplitude of blocks that overlap by half, (n,) each."""
     count = values.size // (block // 2) - 1
     halves = values[: (count + 1) * (block // 2)].reshape(count + 1, block // 2)
     window = np.hanning(block + 1)[:-1]
@@ -136,9 +137,8 @@ def _jumps(counts: NDArray[np.int16], turns: float, block: int) -> tuple[float, 
     lit = bright[4:] & bright[:-4]  # a jump of half a cycle darkens only the block that holds it
     usual = 1.4826 * float(np.median(np.abs(step)))
     over = lit & (np.abs(step) > max(JUMP_CYCLES, SUSPECT_SIGMAS * usual))
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], over, [False]]).astype(np.int8)))
     places = []
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in stretches(over):
         # a jump shows in all pairs of blocks on either side of it: it lies in the middle of those
         strong = start + np.flatnonzero(np.abs(step[start:stop]) > 0.7 * np.abs(step[start:stop]).max())
         places.append(int((0.5 * (strong[0] + strong[-1]) + 3.0) * (block // 2)))

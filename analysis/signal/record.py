@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import NotSeen
 from analysis.shot.shot import AnalysisError
-from analysis.signal.filters import FLAT_SHARE, derivative_gains, derivatives
+from analysis.signal.filters import CHI2_MEDIAN, FLAT_SHARE, derivative_gains, derivatives
 
 Floats = NDArray[np.float64]
 BANDWIDTH_SHARE = 0.2  # of the sample rate: the widest bandwidth, and the default
@@ -161,6 +161,6 @@ def _noise(column: Floats, name: str) -> float:
         raise AnalysisError(f"{name}: too few rows without a gap")
     if known.max() == known.min():
         raise AnalysisError(f"{name}: constant at {known[0]:g}")
-    noise = float(np.sqrt(np.median(fourth**2) / 0.45494 / 70.0))
+    noise = float(np.sqrt(np.median(fourth**2) / CHI2_MEDIAN / 70.0))
     levels = np.diff(np.unique(known))
     return max(noise, float(levels.min()) / np.sqrt(12.0) if levels.size < known.size / 2 else 0.0, 1e-30)

@@ -39,12 +39,10 @@ class Survey:
 
     @property
     def low_hz(self) -> float:
-        """Get the lowest frequency at which the beat was seen."""
         return float(self.frequency_hz[self.seen].min())
 
     @property
     def high_hz(self) -> float:
-        """Get the highest frequency at which the beat was seen."""
         return float(self.frequency_hz[self.seen].max())
 
 

@@ -12,6 +12,7 @@ from analysis.shot.shot import AnalysisError, Cancelled, Progress, Stop
 from analysis.signal.beat import BeatReader
 from analysis.signal.bridge import Bridge, Segment
 from analysis.signal.decimate import PhaseDecimator, noise_ratio
+from analysis.signal.filters import CHI2_MEDIAN
 from analysis.signal.survey import Survey
 from analysis.signal.tuning import BATCH, PHASE_STEPS, OscillatorSchedule, Tuning
 
@@ -21,7 +22,6 @@ MIN_MOTION_SAMPLES = 64
 DARK_SHARE = 0.3  # of the surveyed amplitude: below it the phase is not usable
 _STEADY_VARIANCE = 0.005  # of the power's box means, relative, so that noise alone is never taken for darkness
 _NOISE_BLOCK = 512
-_CHI2_MEDIAN = 0.45494  # of one squared standard normal
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,6 @@ class Grid:
 
     @property
     def rate_hz(self) -> float:
-        """Get the motion's rate in samples/s."""
         return self.input_rate_hz / self.step
 
     def time_s(self, tuning: Tuning) -> Floats:
@@ -214,4 +213,4 @@ def local_variance(rough: Floats) -> Floats:
     for holed in np.flatnonzero(np.isnan(levels)):
         levels[holed] = np.median(blocks[holed][np.isfinite(blocks[holed])])
     centres = (np.flatnonzero(enough) + 0.5) * each
-    return np.asarray(np.interp(np.arange(rough.size), centres, levels / _CHI2_MEDIAN))
+    return np.asarray(np.interp(np.arange(rough.size), centres, levels / CHI2_MEDIAN))

@@ -42,7 +42,6 @@ class Tuning:
 
     @property
     def phase_rate_hz(self) -> float:
-        """Get the rate of the decimated samples in samples/s."""
         return self.sample_rate_hz / self.decimation
 
     @property
@@ -68,7 +67,6 @@ class Tuning:
         return round(frequency_hz * self.decimation * PHASE_STEPS / self.sample_rate_hz)
 
     def oscillator_hz(self, steps: int) -> float:
-        """Return the frequency of an oscillator given in steps."""
         return steps * self.sample_rate_hz / (self.decimation * PHASE_STEPS)
 
 
@@ -184,7 +182,6 @@ class OscillatorSchedule:
 
 
 def fixed_schedule(tuning: Tuning, frequency_hz: float) -> OscillatorSchedule:
-    """Return the schedule of a beat that stays near one frequency."""
     return OscillatorSchedule(np.array([tuning.steps(frequency_hz)], np.int64), np.zeros(1, np.int32))
 
 

@@ -3,14 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.signal.filters import stretches
+from analysis.signal.filters import CHI2_MEDIAN, stretches
 
 Floats = NDArray[np.float64]
 BLOCK = 32  # samples a mean
 _FORCED = 8.0  # standard deviations of acceleration: above it a force acts
 _SHIELD = 100  # samples about such a force that are left out
 _LEAST = 40  # second differences
-_CHI2_MEDIAN = 0.45494
 _SIGMA = 4.0
 
 
@@ -35,7 +34,7 @@ def wander(displacement_m: Floats, std_m: Floats, acceleration: Floats, accelera
     joined = np.concatenate(squares)
     if joined.size < _LEAST:
         return 0.0
-    total = float(np.median(joined)) / _CHI2_MEDIAN
+    total = float(np.median(joined)) / CHI2_MEDIAN
     white = 6.0 * float(np.nanmedian(std_m)) ** 2 / BLOCK
     unsure = 2.0 / np.sqrt(joined.size)  # relative, of a variance from a median
     if total < white * (1 + _SIGMA * unsure):

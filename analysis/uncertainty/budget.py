@@ -12,7 +12,7 @@ from analysis.shot.quantity import Quantity, Reading
 from analysis.shot.shot import Shot
 from analysis.uncertainty.budget_sources import ShotSources
 from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
-from analysis.uncertainty.measurement_equations import Written
+from analysis.uncertainty.measurement_equations import EquationInputs
 from analysis.uncertainty.numbers import ResultNumber, with_equation
 from analysis.uncertainty.series import ONE_SPEED, excess_spread, speed
 
@@ -66,17 +66,14 @@ class QuantityBudget:
 
     @property
     def std_a(self) -> float:
-        """Get the combined standard uncertainty of type A."""
         return math.hypot(*(row.contribution for row in self.rows if row.kind == "A"))
 
     @property
     def std_b(self) -> float:
-        """Get the combined standard uncertainty of type B."""
         return math.hypot(*(row.contribution for row in self.rows if row.kind == "B"))
 
     @property
     def std(self) -> float:
-        """Get the combined standard uncertainty."""
         return math.hypot(self.std_a, self.std_b)
 
     @property
@@ -86,20 +83,16 @@ class QuantityBudget:
 
     @property
     def quantity(self) -> Quantity:
-        """Get the result with its combined standard uncertainty."""
         return Quantity(self.value, self.std, "uncertainty budget")
 
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """The budgets of all numbers that a shot shows."""
-
     shot: str
     quantities: tuple[QuantityBudget, ...]
     instrument: InstrumentUncertainty
 
     def of(self, key: str) -> QuantityBudget | None:
-        """Return the budget of one result by its key, or None."""
         return next((q for q in self.quantities if q.key == key), None)
 
 
@@ -112,12 +105,12 @@ def budget(shot: Shot, instrument: InstrumentUncertainty | None = None, others: 
     """
     known = instrument or InstrumentUncertainty()
     sources = ShotSources(shot, known)
-    written, tables = Written(shot, sources), []
+    inputs, tables = EquationInputs(shot, sources), []
     for result, equation in with_equation():
-        number = equation(written, result.find(shot), result.unit)
+        number = equation(inputs, result.find(shot), result.unit)
         if number is None:
             continue
-        written.made[result.key] = number
+        inputs.made[result.key] = number
         if not isinstance(number, AffineScalarFunc) or not math.isfinite(number.nominal_value):
             continue
         size = abs(number.nominal_value)
@@ -180,7 +173,7 @@ def to_rows(result: Budget) -> list[list[str]]:
 
 
 def _row(sources: ShotSources, variable: Any, slope: float, size: float) -> BudgetRow:
-    source, std = sources.ledger.source(variable), float(variable.std_dev)
+    source, std = sources.variables.source(variable), float(variable.std_dev)
     if abs(slope) * std < 1e-15 * size:  # rounding of what cancels
         slope = 0.0
     return BudgetRow(source.name, source.kind, std, source.unit, float(slope), source.how)

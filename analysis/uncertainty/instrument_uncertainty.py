@@ -60,7 +60,6 @@ class InstrumentUncertainty:
 
     @property
     def timebase_u(self) -> float:
-        """Get the timebase's relative standard uncertainty."""
         return self.timebase_limit * _RECTANGLE
 
     @property

@@ -18,7 +18,7 @@ Instants = tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Written:
+class EquationInputs:
     """A shot, its sources, and its numbers ``made`` so far by key: numbers made of one another stay correlated."""
 
     shot: Shot
@@ -26,7 +26,7 @@ class Written:
     made: dict[str, Number] = field(default_factory=dict)
 
 
-Equation = Callable[[Written, Reading, str], Number | None]  # the number's own reading and unit; None: not seen
+Equation = Callable[[EquationInputs, Reading, str], Number | None]  # the number's own reading and unit; None: not seen
 Scale = Callable[[ShotSources], Number]
 
 
@@ -59,11 +59,11 @@ def scaled(
     of the length with a sensitivity of zero.
     """
 
-    def equation(written: Written, reading: Reading, unit: str) -> Number | None:
-        seen = written.sources.noisy(reading, noise, unit, without_mass=without_mass, per_time=per_time)
+    def equation(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
+        seen = inputs.sources.noisy(reading, noise, unit, without_mass=without_mass, per_time=per_time)
         if seen is None or scale is None:
             return seen
-        number, extent = seen * scale(written.sources), length(written.sources)
+        number, extent = seen * scale(inputs.sources), length(inputs.sources)
         return number * extent / extent if length_cancels else number
 
     return equation
@@ -72,17 +72,17 @@ def scaled(
 def velocity(noise: str) -> Equation:
     """Return v = lambda_air f_D / 2 / cos a (Eq. 1); the rest frequency's error adds the same to both flights."""
 
-    def equation(written: Written, reading: Reading, unit: str) -> Number | None:
-        sources = written.sources
+    def equation(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
+        sources = inputs.sources
         seen = sources.noisy(reading, noise, unit, per_time=1)
         return None if seen is None else (seen + sources.rest_velocity_m_per_s) * sources.velocity_scale
 
     return equation
 
 
-def deflection(written: Written, reading: Reading, unit: str) -> Number | None:
+def deflection(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
     """Return the way from touch to turn: an error of the rest frequency adds its velocity for as long as that takes."""
-    impact, sources = written.shot.impact, written.sources
+    impact, sources = inputs.shot.impact, inputs.sources
     seen = sources.noisy(reading, "beat noise, deflection", unit)
     if seen is None or impact is None:
         return None
@@ -91,9 +91,9 @@ def deflection(written: Written, reading: Reading, unit: str) -> Number | None:
     return (seen - lasts_s * sources.rest_velocity_m_per_s) * sources.length_scale
 
 
-def slope_of_force(written: Written, reading: Reading, unit: str) -> Number | None:
+def slope_of_force(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
     """Return dF/dy: a stiffness, and an error of the rest frequency shears the deflection that it is fitted over."""
-    impact, sources = written.shot.impact, written.sources
+    impact, sources = inputs.shot.impact, inputs.sources
     seen = sources.noisy(reading, "beat noise, slope", unit, without_mass=True, per_time=2)
     if seen is None or impact is None:
         return None
@@ -115,15 +115,15 @@ def _shear(impact: Impact) -> float:
     return float(centred @ (lasts.value * at) / (centred @ centred))
 
 
-def ratio_of_velocities(written: Written, reading: Reading, unit: str) -> Number | None:
+def ratio_of_velocities(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
     """Return -v_out / v_in; common sources cancel."""
-    into, out = (written.made.get(f"velocity_{which}_m_per_s") for which in ("in", "out"))
+    into, out = (inputs.made.get(f"velocity_{which}_m_per_s") for which in ("in", "out"))
     return None if into is None or out is None else -out / into
 
 
-def ratio_of_impulses(written: Written, reading: Reading, unit: str) -> Number | None:
+def ratio_of_impulses(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
     """Return the ratio of two impulses, each m_b times a difference of velocities, so that their scales cancel."""
-    sources = written.sources
+    sources = inputs.sources
     impulse, one = sources.noisy(reading, "beat noise, impulses", unit), sources.mass_scale * sources.velocity_scale
     return None if impulse is None else impulse * one / one
 
@@ -145,8 +145,8 @@ def first_flights(impact: Impact) -> tuple[Instants, Instants]:
 def ratio_of_times(instants: Callable[[Impact], tuple[Instants, Instants]]) -> Equation:
     """Return T2 / T1, ``instants`` giving both ends of each; the reading's noise is shared equally between the two."""
 
-    def equation(written: Written, reading: Reading, unit: str) -> Number | None:
-        impact, sources = written.shot.impact, written.sources
+    def equation(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
+        impact, sources = inputs.shot.impact, inputs.sources
         first, second = instants(impact) if impact is not None else ((), ())
         if not isinstance(reading, Quantity) or len(first) != 2 or len(second) != 2:
             return None
@@ -157,9 +157,9 @@ def ratio_of_times(instants: Callable[[Impact], tuple[Instants, Instants]]) -> E
     return equation
 
 
-def peak_force(written: Written, reading: Reading, unit: str) -> Number | None:
+def peak_force(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
     """F = m_b a: the acceleration scales with the length and the inverse square of time."""
-    impact, sources = written.shot.impact, written.sources
+    impact, sources = inputs.shot.impact, inputs.sources
     peak = sources.noisy(reading, "beat noise, force", unit, without_mass=True, per_time=2)
     if peak is None or impact is None:
         return None
@@ -167,12 +167,12 @@ def peak_force(written: Written, reading: Reading, unit: str) -> Number | None:
     return peak * scale * sources.band_scale(impact.contact_time_s)
 
 
-def stiffness_from_slope(written: Written, reading: Reading, unit: str) -> Number | None:
+def stiffness_from_slope(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
     """Return k_p from the slope of force against deflection, corrected for the plate's and the contact's parts.
 
     The fit's m_p* and k_N scale with the mass as well, so their ratios to it are independent of the mass.
     """
-    slope, fit, sources = written.made.get("stiffness_slope_n_per_m"), written.shot.fit, written.sources
+    slope, fit, sources = inputs.made.get("stiffness_slope_n_per_m"), inputs.shot.fit, inputs.sources
     if slope is None or fit is None or not fit.converged:
         return None
     plate = sources.noisy(fit.parameters.get("plate_mass_kg"), "m_p* of the fit", "kg")
@@ -182,9 +182,9 @@ def stiffness_from_slope(written: Written, reading: Reading, unit: str) -> Numbe
     return corrected_slope(slope, plate * sources.mass_scale, contact * stiffness(sources), sources.mass_kg)
 
 
-def youngs_modulus(written: Written, reading: Reading, unit: str) -> Number | None:
+def youngs_modulus(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
     """Return E of a plate whose geometry is stated, from the fitted k_p."""
-    fitted, setup = written.made.get("plate_stiffness_n_per_m"), written.shot.setup
+    fitted, setup = inputs.made.get("plate_stiffness_n_per_m"), inputs.shot.setup
     if fitted is None or setup is None or setup.plate is None:
         return None
-    return fitted * compliance_of(written.sources.plate(setup.plate))
+    return fitted * compliance_of(inputs.sources.plate(setup.plate))

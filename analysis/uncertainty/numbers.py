@@ -16,8 +16,6 @@ from analysis.uncertainty.measurement_equations import Equation
 
 
 class Group(Enum):
-    """The headings under which numbers are shown, in their order."""
-
     RESTITUTION = "RESTITUTION"
     MOTION = "MOTION"
     PLATE = "PLATE AND CONTACT"
@@ -25,7 +23,7 @@ class Group(Enum):
     ANALYSIS = "ANALYSIS"
 
 
-class Kind(Enum):
+class Origin(Enum):
     """The origin of a number, which decides in which files it has an entry."""
 
     READ = "read from the motion"  # result file, shots.csv, series
@@ -48,7 +46,7 @@ class ResultNumber:
     words: str
     unit: str
     group: Group
-    kind: Kind
+    origin: Origin
     meaning: str = ""  # one line
     _: KW_ONLY
     computed: Callable[[Shot], Reading] | None = None
@@ -65,7 +63,7 @@ class ResultNumber:
         """Return its value in SI units with the uncertainty from noise, or why the shot does not show it."""
         if self.computed is not None:
             return self.computed(shot)
-        return _of_impact(shot, self.key) if self.kind is Kind.READ else _of_fit(shot, self.key)
+        return _of_impact(shot, self.key) if self.origin is Origin.READ else _of_fit(shot, self.key)
 
     @property
     def scale(self) -> float:
@@ -117,7 +115,7 @@ def _mass(shot: Shot) -> Reading:
 
 
 RESTITUTION, MOTION, PLATE, DRIVE = Group.RESTITUTION, Group.MOTION, Group.PLATE, Group.DRIVE
-READ, FITTED, DERIVED, STATED = Kind.READ, Kind.FITTED, Kind.DERIVED, Kind.STATED
+READ, FITTED, DERIVED, STATED = Origin.READ, Origin.FITTED, Origin.DERIVED, Origin.STATED
 
 # fmt: off
 NUMBERS = (
@@ -227,9 +225,9 @@ def with_unit(words: str, unit: str) -> str:
     return f"{words} ({unit})" if unit else words
 
 
-def of_collision(*kinds: Kind) -> list[ResultNumber]:
+def of_collision(*origins: Origin) -> list[ResultNumber]:
     """Return the numbers of these kinds that a collision has, in the order of the result file."""
-    return [number for number in NUMBERS if number.kind in kinds and number.group is not Group.DRIVE]
+    return [number for number in NUMBERS if number.origin in origins and number.group is not Group.DRIVE]
 
 
 def with_equation() -> list[tuple[ResultNumber, Equation]]:
@@ -238,13 +236,11 @@ def with_equation() -> list[tuple[ResultNumber, Equation]]:
 
 
 def of_series() -> list[ResultNumber]:
-    """Return the numbers that are followed from shot to shot."""
-    return [number for number in of_collision(Kind.READ, Kind.FITTED) if number.in_series]
+    return [number for number in of_collision(Origin.READ, Origin.FITTED) if number.in_series]
 
 
 def shown_numbers(group: Group) -> list[ResultNumber]:
-    """Return the numbers that a group shows for a single shot."""
-    return [number for number in NUMBERS if number.group is group and number.kind is not Kind.DERIVED]
+    return [number for number in NUMBERS if number.group is group and number.origin is not Origin.DERIVED]
 
 
 def number_of(key: str) -> ResultNumber:

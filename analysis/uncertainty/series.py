@@ -47,7 +47,6 @@ class Trend:
         return abs(self.slope.value) / self.slope.std if self.slope.std > 0.0 else math.inf
 
     def at(self, speed_m_per_s: float) -> float:
-        """Return the line's value at a speed."""
         return self.at_mean_speed.value + self.slope.value * (speed_m_per_s - self.mean_speed_m_per_s)
 
 
@@ -74,15 +73,12 @@ class Summary:
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """Several shots in the order of their impact speed, and their numbers."""
-
     shots: tuple[str, ...]
     speeds: tuple[Reading, ...]
     readings: tuple[Mapping[str, Reading], ...]
     summaries: tuple[Summary, ...]
 
     def of(self, key: str) -> Summary | None:
-        """Return one number's summary by its key, or None where no shot shows it."""
         return next((summary for summary in self.summaries if summary.key == key), None)
 
 

@@ -10,7 +10,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication
 
-from analysis.paper.paper import ground, load
+from analysis.paper.paper import load, paper_rig
 from analysis.paper.paper_figures import Curve, Figure, Row, figures
 from analysis.shot.shot import Shot
 from app.window.plots.save import save_png, save_svg
@@ -28,7 +28,7 @@ def write_figures(shot: Shot | None, folder: Path) -> list[Path]:
     application = QApplication.instance() or QApplication([])
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    for figure in figures(ground(load()).collision, shot):
+    for figure in figures(paper_rig(load()).collision, shot):
         view = draw(figure)
         application.processEvents()  # type: ignore[attr-defined]
         for ending, save in (("png", save_png), ("svg", save_svg)):

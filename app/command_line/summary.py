@@ -7,7 +7,7 @@ from analysis.shot.fit import Fit
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import Shot
 from analysis.uncertainty.budget import combined_of, stated
-from analysis.uncertainty.numbers import Kind, of_collision
+from analysis.uncertainty.numbers import Origin, of_collision
 from app.words.flag_words import by_weight, flag_words
 
 
@@ -17,7 +17,7 @@ def summary(shot: Shot) -> str:
     if shot.problem:
         lines.append(f"  not analysed: {shot.problem}")
     if shot.impact is not None:
-        for number in of_collision(Kind.READ):
+        for number in of_collision(Origin.READ):
             reading = stated(number.find(shot), number.key, combined)
             shown = reading.scaled(number.scale) if isinstance(reading, Quantity) else f"– ({reading.reason})"
             lines.append(f"  {number.title:<27}{shown} {number.shown_unit}".rstrip())

@@ -21,7 +21,7 @@ from analysis.shot.shot import Shot
 from analysis.uncertainty.budget import COLUMNS as BUDGET_COLUMNS
 from analysis.uncertainty.budget import budget, combined_of, to_rows
 from analysis.uncertainty.noise_band import noise_band
-from analysis.uncertainty.numbers import Kind, ResultNumber, of_collision
+from analysis.uncertainty.numbers import Origin, ResultNumber, of_collision
 from analysis.uncertainty.series import series
 from analysis.uncertainty.series import to_rows as series_rows
 from app.words.plain import cell
@@ -48,7 +48,7 @@ MODEL_COLUMNS = ("model_displacement_m", "model_velocity_m_per_s", "model_force_
 
 def columns_of(number: ResultNumber) -> list[str]:
     """Return the columns of ``shots.csv`` for a number, its standard uncertainty and that from noise alone."""
-    if number.kind is Kind.FITTED:
+    if number.origin is Origin.FITTED:
         return [number.key, f"{number.key}_std", f"{number.key}_std_noise"]
     ending = "_" + number.unit.lower().replace("/", "_per_").replace(" ", "_")
     name = number.key.replace(".", "_")
@@ -58,7 +58,7 @@ def columns_of(number: ResultNumber) -> list[str]:
 
 def shot_numbers() -> list[ResultNumber]:
     """Return the numbers in the order of ``shots.csv``: those read, those that are nested, those fitted."""
-    return sorted(of_collision(Kind.READ, Kind.FITTED), key=lambda n: (n.kind is Kind.FITTED, "." in n.key))
+    return sorted(of_collision(Origin.READ, Origin.FITTED), key=lambda n: (n.origin is Origin.FITTED, "." in n.key))
 
 
 def shot_columns() -> list[str]:

@@ -9,7 +9,7 @@ from analysis.shot.fit import Fit
 from analysis.shot.quantity import NotSeen, Quantity, Reading, shown_in
 from analysis.shot.shot import Shot
 from analysis.uncertainty.budget import COVERAGE_FACTOR, Budget, BudgetRow, QuantityBudget
-from analysis.uncertainty.numbers import Kind, number_of, of_collision, with_unit
+from analysis.uncertainty.numbers import Origin, number_of, of_collision, with_unit
 from app.report.markup import Markup, joined, table, tag
 from app.words.physics_words import correlation_words, effect_words, parameter_parts
 
@@ -19,9 +19,9 @@ SMALL = 0.02  # of the combined uncertainty: smaller contributions share one row
 def numbers(shot: Shot, of: Budget | None) -> Markup:
     """Return the table of the numbers read from the motion; one that was not seen says why."""
     rows = []
-    for number in of_collision(Kind.READ, Kind.DERIVED):
+    for number in of_collision(Origin.READ, Origin.DERIVED):
         entry, reading = of.of(number.key) if of is not None else None, number.find(shot)
-        if entry is not None or number.kind is Kind.READ:
+        if entry is not None or number.origin is Origin.READ:
             rows.append([with_unit(number.words, number.shown_unit), *_cells(reading, entry, number.unit)])
     header = ["", "value ± standard uncertainty", "of it type A", "type B", f"expanded, k = {COVERAGE_FACTOR:g}", "how"]
     return table(header, rows, "numbers")

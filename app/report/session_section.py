@@ -9,7 +9,7 @@ import numpy as np
 from analysis.shot.quantity import Quantity, shown_in
 from analysis.shot.shot import Shot
 from analysis.uncertainty.budget import budget, combined_of, stated
-from analysis.uncertainty.numbers import Kind, of_collision, with_unit
+from analysis.uncertainty.numbers import Origin, of_collision, with_unit
 from analysis.uncertainty.series import Series, Summary, Trend, series
 from app.report.markup import Markup, joined, table, tag
 from app.report.number_tables import scaled
@@ -42,7 +42,7 @@ def session_section(shots: Sequence[Shot]) -> Markup:
 
 
 def _overview(shots: Sequence[Shot]) -> Markup:
-    listed = [number for number in of_collision(Kind.READ) if number.listed]
+    listed = [number for number in of_collision(Origin.READ) if number.listed]
     rows = []
     for place, shot in enumerate(shots, 1):
         combined = combined_of(shot)

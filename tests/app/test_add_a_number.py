@@ -29,7 +29,7 @@ def _impulse(shot):
 
 
 IMPULSE = numbers.ResultNumber(
-    *("pulse_impulse_n_s", "impulse", "peak force times width", "N s", numbers.Group.MOTION, numbers.Kind.READ),
+    *("pulse_impulse_n_s", "impulse", "peak force times width", "N s", numbers.Group.MOTION, numbers.Origin.READ),
     "About the impulse of the first contact.",
     computed=_impulse,
     equation=measurement_equations.scaled("beat noise, impulse", measurement_equations.damping),

@@ -190,10 +190,10 @@ def test_resolve_without_a_source_that_is_there_is_one_line(tmp_path, capsys):
 
 @pytest.mark.slow
 def test_the_bench_is_asked_until_one_name_is_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    source, plan_sentence = "bench?effect=coulomb_friction:force_n=2e-7&seed=4", tmp_path / "out.json"
-    where = ["--out", str(tmp_path / "shots"), "--rate", "10e6", "--json", str(plan_sentence)]
+    source, result_file = "bench?effect=coulomb_friction:force_n=2e-7&seed=4", tmp_path / "out.json"
+    where = ["--out", str(tmp_path / "shots"), "--rate", "10e6", "--json", str(result_file)]
     assert main(["--acquire", "2", "--source", source, "--resolve", "2", *where]) == 0
-    result = json.loads(plan_sentence.read_text())
+    result = json.loads(result_file.read_text())
     assert [effect["name"] for effect in result["diagnosis"]["effects"]] == ["coulomb_friction"]
     assert result["next_shots"] is None and 1 <= len(result["plan"]) <= 2
     for step in result["plan"]:

@@ -12,7 +12,7 @@ from analysis.paper.paper import reproduce
 from analysis.report import result
 from analysis.shot.quantity import Quantity
 from analysis.uncertainty.budget import budget
-from analysis.uncertainty.numbers import Kind, number_of, of_collision
+from analysis.uncertainty.numbers import Origin, number_of, of_collision
 from analysis.uncertainty.series import series
 from app.command_line.summary import summary
 from app.report.export import columns_of, export
@@ -42,7 +42,7 @@ def combined(entry):
 
 
 def test_every_number_of_the_panel_that_was_read_has_a_budget(entry, combined):
-    rows = of_collision(Kind.READ, Kind.FITTED)
+    rows = of_collision(Origin.READ, Origin.FITTED)
     read = {row.key for row in rows if value_text(row.find(entry.shot)) != "–"}
     assert read and read <= set(combined)
 
@@ -108,7 +108,7 @@ def test_shots_csv_has_the_combined_uncertainty_and_the_noise_in_a_column_named_
         (row,) = csv.DictReader(file)
     seen = 0
     for key, whole in combined.items():
-        if number_of(key).kind is Kind.DERIVED:  # in budget.csv alone
+        if number_of(key).origin is Origin.DERIVED:  # in budget.csv alone
             continue
         value, std, noise = columns_of(number_of(key))
         assert float(row[std]) == whole.std, key

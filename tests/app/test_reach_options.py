@@ -24,32 +24,32 @@ def test_speeds_weights_and_run_up_are_taken_as_said():
     assert asked("--weights", "0").added_kg == (0.0,)
 
 
-class Told(BaseException):  # which nobody on the way takes for a fault
-    """What a plan was asked with."""
+class PlannedWith(BaseException):  # which nobody on the way takes for a fault
+    """The limits of the rig that a plan was made with."""
 
 
 @pytest.fixture
-def plan_sentence(monkeypatch):
+def stops_at_the_plan(monkeypatch):
     def plan_next(*_, reach, **__):
-        raise Told(reach)
+        raise PlannedWith(reach)
 
     for module in (plan_shots, resolve):
         monkeypatch.setattr(module, "plan_next", plan_next)
-    monkeypatch.setattr(plan_shots, "again", lambda *_: None)
-    monkeypatch.setattr(plan_shots, "sharpen", lambda *_, reach: plan_next(reach=reach))
+    monkeypatch.setattr(plan_shots, "refit_diagnosed", lambda *_: None)
+    monkeypatch.setattr(plan_shots, "plan_precision", lambda *_, reach: plan_next(reach=reach))
     monkeypatch.setattr(resolve, "diagnose", lambda *_, **__: synthetic.diagnosis(synthetic.shot()))
 
 
 @pytest.mark.parametrize("parameter", ["", "plate_stiffness_n_per_m"])
-def test_a_plan_reaches_as_far_as_the_rig_does(plan_sentence, parameter):
+def test_a_plan_reaches_as_far_as_the_rig_does(stops_at_the_plan, parameter):
     shot, reach = synthetic.shot(), Reach((0.1,), (0.0,), 0.02)
-    with pytest.raises(Told) as found:
+    with pytest.raises(PlannedWith) as found:
         plan_shots.plan_shots([shot], synthetic.diagnosis(shot), parameter, reach)
     assert found.value.args == (reach,)
 
 
-def test_shots_that_decide_are_planned_within_the_same_reach(plan_sentence):
+def test_shots_that_decide_are_planned_within_the_same_reach(stops_at_the_plan):
     reach = Reach((0.1,), (0.0,), 0.02)
-    with pytest.raises(Told) as found:
+    with pytest.raises(PlannedWith) as found:
         resolve._standing([synthetic.shot()], (), 2, reach)
     assert found.value.args == (reach,)

@@ -62,8 +62,8 @@ def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutc
     rig = draw(case, bounded=False)
     truth = rig.truth
     began = time.process_time()
-    present_information = _motions(truth)
-    first, like = diagnose(present_information), together(present_information)
+    motions = _motions(truth)
+    first, like = diagnose(motions), together(motions)
     diagnosed = time.process_time()
     spent = (diagnosed - began, 0.0, 0.0)
     outcome = NextOutcome(case, rig.snr, _names(first), undecided(first), truth=dict(truth.effects), cpu_s=spent)

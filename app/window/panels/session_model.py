@@ -10,7 +10,7 @@ from PySide6.QtGui import QFont
 from analysis.shot.quantity import Quantity, Reading
 from analysis.shot.shot import Shot
 from analysis.uncertainty.budget import combined_of, stated
-from analysis.uncertainty.numbers import Kind, ResultNumber, of_collision
+from analysis.uncertainty.numbers import Origin, ResultNumber, of_collision
 from app.session.session import Entry
 from app.window.panels.session_order import Order, ordered
 from app.window.tones import flag_line
@@ -64,7 +64,7 @@ def _flags(entry: Entry) -> str:
 
 def columns() -> list[Column]:
     """Return the columns in order, the hidden ones last."""
-    numbers = [Column(n.head, LETTERS, number=n) for n in of_collision(Kind.READ, Kind.FITTED, Kind.STATED)]
+    numbers = [Column(n.head, LETTERS, number=n) for n in of_collision(Origin.READ, Origin.FITTED, Origin.STATED)]
     return [
         Column("#", 9, _place, lambda entry: float(entry.number)),
         Column("time", 9, lambda entry: _started_at(entry)[11:19] or DASH, _started_at),

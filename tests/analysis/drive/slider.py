@@ -1,4 +1,4 @@
-"""A drive of known truth for the tests, stated here a second time: no line of it is the model's."""
+"""A simulated drive of known truth for the tests, written independently of the model."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

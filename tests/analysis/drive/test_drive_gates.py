@@ -1,4 +1,4 @@
-"""What a law of a drive must pass, with a case refused beside one let pass, and properties over random drives."""
+"""The criteria that a law of a drive must meet, each with a case that does and one that does not."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def drag() -> Table:
 
 
 @pytest.mark.parametrize(("later", "same"), [(1.0, True), (1.3, True), (1.45, False), (-1.0, False), (0.0, False)])
-def test_a_law_is_the_same_in_both_halves_or_is_none(drag: Table, later: float, same: bool) -> None:
+def test_a_law_must_have_the_same_force_in_both_halves(drag: Table, later: float, same: bool) -> None:
     split = Split.of(drag)
     friction = drag.columns(LAWS["coulomb_friction"], ())[:, 0]
     changed = with_force(drag, np.where(split.held, (later - 1.0) * 20.0 * friction, 0.0))
@@ -60,7 +60,7 @@ def trial(split: Split, delta_bic: float, held: float, across: float) -> Trial:
         (-100.0, 0.5, 0.97, True),
     ],
 )
-def test_a_law_pays_in_the_criterion_and_in_both_ways_of_foretelling(
+def test_a_law_must_lower_bic_and_both_errors_of_prediction(
     drag: Table, delta_bic: float, held: float, across: float, joins: bool
 ) -> None:
     split = Split.of(drag)
@@ -68,7 +68,7 @@ def test_a_law_pays_in_the_criterion_and_in_both_ways_of_foretelling(
     assert (law_search._best(split, before, [trial(split, delta_bic, held, across)]) is not None) is joins
 
 
-def test_a_law_that_changes_between_the_halves_does_not_join(drag: Table, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_law_that_changes_between_the_halves_is_not_added(drag: Table, monkeypatch: pytest.MonkeyPatch) -> None:
     split = Split.of(drag)
     before, one = regress(drag, (), split.kept), trial(split, -100.0, 0.5, 0.5)
     assert law_search._best(split, before, [one]) is one
@@ -76,7 +76,7 @@ def test_a_law_that_changes_between_the_halves_does_not_join(drag: Table, monkey
     assert law_search._best(split, before, [one]) is None
 
 
-def test_a_part_of_the_cycle_is_foretold_without_itself(drag: Table) -> None:
+def test_each_part_of_the_cycle_is_predicted_from_the_others(drag: Table) -> None:
     split = Split.of(drag)
     spoilt = split.fold == split.fold[0]
     force = drag.force() + np.where(spoilt, 300.0 * np.sin(drag.time_s), 0.0)
@@ -93,7 +93,7 @@ def test_a_part_of_the_cycle_is_foretold_without_itself(drag: Table) -> None:
 
 
 @pytest.mark.parametrize(("coefficient", "alike"), [(7e7, True), (2e8, False)])
-def test_what_would_do_as_well_is_named_and_what_would_not_is_not(coefficient: float, alike: bool) -> None:
+def test_a_law_that_fits_as_well_is_named_as_look_alike(coefficient: float, alike: bool) -> None:
     law = "cubic_stiffness"  # over so little travel that its force is about the noise
     table = table_of(Drive(lambda x, v: coefficient * x**3, waves=((1e-3, 0.31), (4e-4, 0.97))))
     assert ("bearing_gradient" in look_alikes(table, regress(table, (law,)), law)) is alike
@@ -125,7 +125,7 @@ def test_every_std_is_the_root_of_its_variance(seed: int, laws: tuple[str, ...])
     times=st.floats(0.1, 30.0),
     coefficients=arrays(np.float64, 3, elements=st.floats(-1e3, 1e3)),
 )
-def test_a_force_in_another_unit_has_its_numbers_and_stds_in_it(seed: int, times: float, coefficients: Floats) -> None:
+def test_numbers_and_stds_scale_with_the_unit_of_the_force(seed: int, times: float, coefficients: Floats) -> None:
     table = table_of(Drive(seed=seed, seconds=6.0))
     one = regress(table)
     more = with_force(table, (times - 1.0) * table.force() + table.base() @ coefficients)

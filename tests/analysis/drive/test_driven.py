@@ -1,4 +1,4 @@
-"""The closed loop on a driven slider: synthetic ones of known truth, and the EMPS benchmark where it is present."""
+"""Diagnosis of driven sliders: simulated ones of known truth, and the EMPS benchmark where it is present."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -126,7 +126,7 @@ def test_a_wrong_stated_mass_is_contradicted() -> None:
     assert gain.parameters["fraction"].value == pytest.approx(80.0 / MASS - 1.0, abs=0.01)
 
 
-def test_what_repeats_is_the_floor() -> None:
+def test_the_scatter_between_cycles_is_the_repeatability() -> None:
     """A force that the model cannot give, the same in every cycle, is held against what the cycles repeat to."""
 
     def odd(x: Floats, v: Floats) -> Floats:
@@ -139,7 +139,7 @@ def test_what_repeats_is_the_floor() -> None:
     assert "times what its cycle" in diagnosis.remainder
 
 
-def test_records_of_one_input_are_the_floor() -> None:
+def test_the_scatter_between_records_of_one_input_is_the_repeatability() -> None:
     """No cycle in any of them, but the same motion in all: what they repeat to is the yardstick, clocks apart."""
 
     def odd(x: Floats, v: Floats) -> Floats:
@@ -160,7 +160,7 @@ def test_records_of_one_input_are_the_floor() -> None:
     assert 0.8 * passed < seen.force_n < 1.2 * passed  # the noise of 1 N through the filter, not the 4 N of the odd law
 
 
-def test_force_and_motion_pass_the_very_same_filter() -> None:
+def test_force_and_motion_pass_the_same_filter() -> None:
     """Without noise nothing is left: a filter flatter than the force's left 0.02 N of 60, told as a delay of 57 us."""
     motion = Drive(noise_n=1e-9, encoder_m=1e-12).motion()
     found = regress(Table.of(prepare([motion])))
@@ -180,7 +180,7 @@ def test_quiet_records_count_for_little_beside_a_noisy_one() -> None:
     assert worth((0.1, 0.1, 3.0)) == pytest.approx(1000, rel=0.15)
 
 
-def test_one_way_the_load_is_the_force_itself_and_no_candidate() -> None:
+def test_load_friction_is_no_candidate_in_motion_one_way() -> None:
     motion = Drive(seconds=12.0, steady_m_per_s=2.0, seed=3).motion()
     assert (motion.force_n > 0.0).all() and (np.diff(motion.displacement_m) > 0.0).all()
     screened = screen_laws((table := Table.of(prepare([motion]))), regress(table))

@@ -1,4 +1,4 @@
-"""No record keeps a fit for ever: a span that no collision has is questioned, and every fit has its seconds."""
+"""Every fit has a limit of time, and a record of impossible duration is refused before it."""
 
 import threading
 import time
@@ -27,7 +27,7 @@ def shot_of(rate_hz: float, unit_s: float, settings: AnalysisSettings) -> Shot:
     return analyse_motion(motion, settings, name="record")
 
 
-def test_a_span_that_no_collision_has_is_questioned_before_anything_is_fitted() -> None:
+def test_an_impossible_duration_is_refused_before_a_fit() -> None:
     shot = shot_of(1.7e3, 1e-6, AnalysisSettings())
     assert shot.problem == "time_s: 102 samples over 5.94e+04 s: is the unit right?"
     assert shot.fit is None and shot.seconds["fit"] < 0.1
@@ -37,7 +37,7 @@ def test_a_span_that_no_collision_has_is_questioned_before_anything_is_fitted() 
     assert shot.problem is None and shot.impact is not None
 
 
-def test_a_fit_that_finds_no_end_is_refused_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fit_that_does_not_end_is_stopped_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
     assert shot_of(2e3, 1.0, AnalysisSettings()).fit is not None  # compiled from here on
     monkeypatch.setattr("analysis.reading.record_checks.LONGEST_S", 1e9)
     began = time.process_time()
@@ -48,7 +48,7 @@ def test_a_fit_that_finds_no_end_is_refused_in_time(monkeypatch: pytest.MonkeyPa
     assert "fit_failed" in shot.flags and shot.impact is not None
 
 
-def test_a_drive_s_fit_has_its_seconds_too(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_fit_of_a_drive_has_a_limit_of_time_too(monkeypatch: pytest.MonkeyPatch) -> None:
     fits = []
 
     def endless(table: Table, _effects: tuple[str, ...]) -> Regression:
@@ -65,7 +65,7 @@ def test_a_drive_s_fit_has_its_seconds_too(monkeypatch: pytest.MonkeyPatch) -> N
     assert len(fits) == done  # nothing goes on behind
 
 
-def test_who_asks_for_the_end_gets_it_at_once() -> None:
+def test_a_cancelled_fit_ends_at_once() -> None:
     shot = shot_of(2e3, 1.0, AnalysisSettings(fit=False))
     with pytest.raises(Cancelled):
         fit_again(replace(shot, settings=AnalysisSettings()), (), lambda: True)
@@ -108,7 +108,7 @@ def test_compiling_is_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     assert left() and left.over
 
 
-def test_a_step_that_does_not_end_is_left_alone() -> None:
+def test_a_step_that_does_not_end_is_abandoned() -> None:
     ended = threading.Event()
     began = time.process_time()
 
@@ -127,6 +127,6 @@ def test_a_step_that_does_not_end_is_left_alone() -> None:
         run_in_time(lambda: time.sleep(5.0), 1.0, lambda: True)
 
 
-def test_numpy_s_way_with_overflows_goes_along() -> None:
+def test_the_handling_of_overflows_is_passed_on() -> None:
     with np.errstate(over="raise"):
         assert run_in_time(lambda: np.geterr()["over"], 1.0) == "raise"

@@ -1,4 +1,4 @@
-"""What follows from a fit follows it: flags, the contact's COR, the effects in the settings."""
+"""Flags, the contact's COR and the effects in the settings are those of the shot's present fit."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ def contact(shot: Shot) -> float:
     return reading.value
 
 
-def test_nothing_of_the_old_fit_stays() -> None:
+def test_a_new_fit_replaces_all_of_the_old_one() -> None:
     shot = replace(synthetic.shot(), flags=("clipped",))
     first = with_fit(shot, of_fit(0.4, "contact_damping_n_s_per_m_at_bound"))
     assert first.flags == ("clipped", "contact_damping_n_s_per_m_at_bound")
@@ -40,14 +40,14 @@ def test_nothing_of_the_old_fit_stays() -> None:
     assert others == shot.impact
 
 
-def test_what_the_motion_says_too_outlives_the_fit_that_said_it() -> None:
+def test_a_flag_of_the_motion_is_kept_when_the_fit_is_replaced() -> None:
     shot = synthetic.shot()
     assert shot.motion is not None
     shot = replace(shot, motion=replace(shot.motion, flags=("noise_not_known",)), flags=("noise_not_known",))
     assert with_fit(with_fit(shot, of_fit(0.4, "noise_not_known")), of_fit(0.4)).flags == ("noise_not_known",)
 
 
-def test_a_fit_that_failed_is_flagged_until_one_does_not() -> None:
+def test_a_failed_fit_is_flagged_until_one_succeeds() -> None:
     failed = with_fit(with_fit(synthetic.shot(), of_fit(0.4, "one")), None)
     assert failed.fit is None and failed.flags == ("fit_failed",)
     assert failed.impact is not None and isinstance(failed.impact.cor_kinetic.contact, NotSeen)
@@ -56,12 +56,12 @@ def test_a_fit_that_failed_is_flagged_until_one_does_not() -> None:
 
 
 @pytest.mark.parametrize("missing", ["motion", "impact"])
-def test_what_cannot_be_fitted_stays_as_it_is(missing: str) -> None:
+def test_a_shot_without_anything_to_fit_is_unchanged(missing: str) -> None:
     shot = replace(synthetic.shot(), **{missing: None})
     assert fit_again(shot, ("tilt",)) is shot
 
 
-def test_a_joint_fit_is_each_shots_own_in_its_part() -> None:
+def test_a_joint_fit_gives_each_shot_its_own_part() -> None:
     shot = synthetic.shot()
     assert shot.fit is not None
     parts = tuple(replace(shot.fit.shots[0], reduced_chi2=value) for value in (1.5, 2.5))
@@ -69,7 +69,7 @@ def test_a_joint_fit_is_each_shots_own_in_its_part() -> None:
     assert mine.shots == (parts[1],) and mine.reduced_chi2 == 2.5
 
 
-def test_where_the_table_shakes_the_fitted_numbers_say_so_and_only_they() -> None:
+def test_vibration_flags_concern_the_fitted_numbers_alone() -> None:
     shot = synthetic.shot()
     assert shot.impact is not None
     shaken = replace(shot, impact=replace(shot.impact, flags=("vibration",)), flags=("vibration",))

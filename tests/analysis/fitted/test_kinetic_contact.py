@@ -103,7 +103,7 @@ def test_one_body_fit() -> None:
     assert reading.std > 0.0
 
 
-def test_what_has_no_contact_says_why() -> None:
+def test_a_model_without_contact_states_why() -> None:
     fit = fit_of(PAPER, np.eye(4))
     for other, word in (
         (replace(fit, converged=False), "converge"),

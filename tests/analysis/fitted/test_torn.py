@@ -1,4 +1,4 @@
-"""Recordings that do not hang together: spliced from pieces, a buffer twice; each a sentence, none a fault."""
+"""Recordings that are spliced or repeat a buffer give a sentence, not an exception."""
 
 from dataclasses import replace
 from functools import lru_cache

@@ -8,7 +8,7 @@ import pytest
 from analysis.collision.parameters import PAPER, Variant
 from analysis.paper import paper as papers
 from analysis.paper.paper import Reproduction, Status, reproduce
-from analysis.paper.paper_audit import computed
+from analysis.paper.paper_audit import audit_values
 from analysis.paper.paper_simulation import Simulated, half_sine_time_s, simulate
 from analysis.shot.quantity import NotSeen, Quantity
 from tests.analysis.shots import shot_of
@@ -52,7 +52,7 @@ def test_clamped_solution() -> None:
     assert clamped.onsets_s[:3] == pytest.approx((0.0, 1.737e-3, 2.792e-3), abs=5e-7)
 
 
-def test_the_audit_reaches_the_list(table: Reproduction) -> None:
+def test_the_audit_has_every_number_of_the_list(table: Reproduction) -> None:
     """docs/physics.md, "the paper against itself", row by row: error before, what it was traced to, error after."""
     thickness = table.of("thickness")
     assert thickness.recomputed == pytest.approx(0.3e-3, rel=1e-3)
@@ -88,7 +88,7 @@ def test_the_audit_reaches_the_list(table: Reproduction) -> None:
     assert wavelength.recomputed == pytest.approx(632.820e-9, abs=5e-13) and "1.000271373" in wavelength.traced_to
 
 
-def test_what_remains_open_says_so(table: Reproduction) -> None:
+def test_open_differences_are_reported_as_open(table: Reproduction) -> None:
     assert {row.key for row in table.open_rows} == {
         "velocity_out",
         "cor_quasi_static",
@@ -103,23 +103,23 @@ def test_what_remains_open_says_so(table: Reproduction) -> None:
 def test_rows_are_computed_not_quoted() -> None:
     """Another rig must give other numbers in every row that is computed from it."""
     numbers = papers.load()
-    ground = papers.ground(numbers)
+    paper_rig = papers.paper_rig(numbers)
     other = replace(
-        ground,
-        plate_printed=replace(ground.plate_printed, arm_length_m=18e-3, youngs_modulus_pa=120e9),
+        paper_rig,
+        plate_printed=replace(paper_rig.plate_printed, arm_length_m=18e-3, youngs_modulus_pa=120e9),
         plate_mass_kg=0.3e-3,
         samples=4e6,
-        collision=replace(ground.collision, plate_stiffness_n_per_m=150.0, contact_damping_n_s_per_m=0.3),
-        claims=ground.claims | {"stiffness": 150.0, "effective_mass": 2.2e-4, "contact_time": 30e-3},
+        collision=replace(paper_rig.collision, plate_stiffness_n_per_m=150.0, contact_damping_n_s_per_m=0.3),
+        claims=paper_rig.claims | {"stiffness": 150.0, "effective_mass": 2.2e-4, "contact_time": 30e-3},
     )
-    one, two = computed(ground), computed(other)
+    one, two = audit_values(paper_rig), audit_values(other)
     assert set(one) == {row["key"] for row in numbers["row"]}
     same = {key for key in one if (one[key].printed, one[key].simulated, one[key].recomputed) == (
         two[key].printed, two[key].simulated, two[key].recomputed)}  # fmt: skip
     assert same == {"wavelength"}  # the air alone
 
 
-def test_a_recording_stands_beside() -> None:
+def test_readings_of_a_recording_are_compared() -> None:
     table = reproduce(shot_of("taken"))
     assert table.recording == "taken"
     slope = table.of("slope").recorded

@@ -1,4 +1,4 @@
-"""What figures 4 to 7 show: the same collision twice, and a plate found from the force alone."""
+"""Figures 4 to 7 show the same collision measured and simulated, the plate computed from the force."""
 
 from dataclasses import replace
 
@@ -40,7 +40,7 @@ def test_both_columns_show_the_same_collision() -> None:
             assert rms < allowed * np.ptp(row.simulated.y), (figure.number, row.y_label)
 
 
-def test_without_a_recording_the_left_stays_empty_and_says_why() -> None:
+def test_without_a_recording_the_measured_curves_are_missing_with_a_reason() -> None:
     for figure in figures(PAPER):
         assert all(row.measured is None and row.missing == "no recording" for row in figure.rows)
     impact = shot_of().impact

@@ -1,4 +1,4 @@
-"""The bench's rig for planned shots: two shots at hand, and the planned ones as they are then taken."""
+"""The simulated rig for planned shots: two present shots, and planned ones as they are taken."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What planned shots tell, as properties over random cases: information adds up, and mass on the block counts."""
+"""The information of planned shots over random cases: it adds up, and added mass counts."""
 
 from dataclasses import replace
 
@@ -42,7 +42,7 @@ def test_two_equal_shots_add_twice_the_information(fitted: Fitted, speed: float,
 
 @FEW
 @given(speed=SPEED)
-def test_shots_at_hand_twice_over_know_each_number_by_the_root_of_two_better(fitted: Fitted, speed: float) -> None:
+def test_twice_the_shots_reduce_each_uncertainty_by_the_root_of_two(fitted: Fitted, speed: float) -> None:
     shown = predict(fitted, blank_shot(shot_of(speed, 0.0), fitted))
     information = information_of(fitted, shown, fitted.floor).curvature
     known = present_information(fitted, fitted.floor).curvature + information

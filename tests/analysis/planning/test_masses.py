@@ -1,4 +1,4 @@
-"""Shots with weights on the block beside shots without: one plate, one contact, every shot its own stated mass."""
+"""Joint fits of shots with and without weights: one plate, one contact, each shot's own stated mass."""
 
 from dataclasses import replace
 
@@ -49,7 +49,7 @@ def test_the_order_of_the_shots_does_not_matter(fitted):
 
 
 @pytest.mark.parametrize("held", [0, 1])
-def test_a_shot_of_another_mass_is_foretold_from_the_others(held):
+def test_a_shot_of_another_mass_is_predicted_from_the_others(held):
     found = diagnose(motions_of(_truth()), hold_out=held)
     assert [effect.name for effect in found.effects] == ["coulomb_friction"]
     before, after = found.error_held_out_before, found.error_held_out_after

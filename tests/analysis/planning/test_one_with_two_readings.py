@@ -1,4 +1,4 @@
-"""A clamp that gives is a second mode of the plate: the bench, which knows both, shows the same for any shot."""
+"""A soft clamp and an undamped second mode of the plate are equivalent, in any shot of the simulated bench."""
 
 from dataclasses import replace
 
@@ -45,5 +45,5 @@ def test_a_soft_clamp_is_an_undamped_second_mode_in_every_shot(speed_m_per_s, ad
     assert np.abs(clean_m(_shot(replace(as_mode, effects=damped), speed_m_per_s, added_kg), 0) - soft).max() > 1e-9
 
 
-def test_the_program_says_so():
+def test_a_plan_states_that_they_are_equivalent():
     assert frozenset({"support_compliance", "second_plate_mode"}) in ONE_WITH_TWO_READINGS

@@ -1,4 +1,4 @@
-"""The shot that decides: foreseen by exact derivatives and by refitting, and borne out by the bench."""
+"""Planned shots: their separation is predicted by derivatives and by refitting, and confirmed on the bench."""
 
 import json
 from dataclasses import replace
@@ -43,7 +43,7 @@ def friction() -> tuple[Truth, ModelComparison, Plan]:
     return truth, open_class, plan(open_class, REACH)
 
 
-def test_friction_and_drift_are_told_apart_as_foreseen(friction):
+def test_friction_and_drift_are_separated_as_predicted(friction):
     truth, open_class, wanted = friction
     assert wanted.now < 5.0 and wanted.settles and wanted.separation > 6.5
     samples = open_class.members[0].fitted.hypothesis.data.shots
@@ -71,7 +71,7 @@ def test_the_first_order_agrees_with_a_refit_where_the_models_are_nearly_linear(
             assert fitted[member] == pytest.approx(value, rel=0.03)
 
 
-def test_several_like_shots_add_up_and_cost_more(friction):
+def test_several_equal_shots_add_information_and_effort(friction):
     _, open_class, _ = friction
     shots = open_class.members[0].fitted.hypothesis.data.shots
     shot = next_shots(shots, REACH)[0]
@@ -84,7 +84,7 @@ def test_several_like_shots_add_up_and_cost_more(friction):
     assert effort((shot, laden), 0.0) > effort((shot, shot), 0.0)
 
 
-def test_a_dashpot_is_an_arm_that_relaxes_at_once_and_no_shot_tells_them_apart():
+def test_no_shot_separates_a_dashpot_from_an_arm_that_relaxes_at_once():
     truth = rig({"plate_damping": {"coefficient_n_s_per_m": 4e-7}})
     open_class, _, _ = _stood(truth, ("plate_damping", "viscoelastic_arm"))
     hopeless = plan(open_class, REACH)
@@ -92,7 +92,7 @@ def test_a_dashpot_is_an_arm_that_relaxes_at_once_and_no_shot_tells_them_apart()
     assert hopeless.inseparable == tuple(hopeless.expected) and "two readings" in plan_sentence(hopeless)
 
 
-def test_a_plan_says_what_to_set_and_can_be_stopped(friction):
+def test_a_plan_states_the_settings_and_can_be_cancelled(friction):
     _, open_class, wanted = friction
     assert "m/s" in plan_sentence(wanted) and "coulomb friction and sensor drift" in plan_sentence(wanted)
     fractions: list[float] = []
@@ -101,13 +101,13 @@ def test_a_plan_says_what_to_set_and_can_be_stopped(friction):
     assert fractions and all(np.diff(sorted(fractions)) >= 0)
 
 
-def test_there_is_no_contest_without_one_of_its_members(friction):
+def test_there_is_no_comparison_without_one_of_its_members(friction):
     truth, _, _ = friction
     motions = motions_of(truth)
     assert compare_models(fit_shots(motions), NAMES, motions) is None
 
 
-def test_a_plate_that_swings_is_foretold_to_swing_as_in_one_of_the_shots():
+def test_a_swinging_plate_is_predicted_to_swing_as_in_one_of_the_shots():
     truth = rig({"plate_motion": {"velocity_m_per_s": 4e-7, "displacement_m": 5e-11}})
     fitted = refit_diagnosed(fit_shots(motions_of(truth), effects=("plate_motion",)), motions_of(truth), calm)
     shot = next_shots(fitted.hypothesis.data.shots, REACH)[0]
@@ -116,7 +116,7 @@ def test_a_plate_that_swings_is_foretold_to_swing_as_in_one_of_the_shots():
     assert any(added == pytest.approx(one) for one in starts)
 
 
-def test_a_pair_that_no_shots_part_does_not_keep_its_members_from_a_third():
+def test_an_inseparable_pair_may_be_separated_from_a_third():
     shot = NextShot(0.3, 0.0, 0.012, 0.03)
     says_nothing = Information(np.eye(1), np.zeros(1), 0.0)
     tells = Information(np.eye(1), np.zeros(1), 16.0)
@@ -129,7 +129,7 @@ def test_a_pair_that_no_shots_part_does_not_keep_its_members_from_a_third():
 
 
 @pytest.mark.slow
-def test_two_that_no_shot_parts_are_parted_from_a_third_as_one():
+def test_an_inseparable_pair_is_separated_from_a_third_as_one():
     truth = rig({"plate_damping": {"coefficient_n_s_per_m": 2e-5}})
     open_class, _, _ = _stood(truth, ("plate_damping", "viscoelastic_arm", "second_plate_mode"))
     wanted = plan(open_class, Reach(speeds_m_per_s=(0.6,), added_kg=(0.0,)), most=1)
@@ -138,7 +138,7 @@ def test_two_that_no_shot_parts_are_parted_from_a_third_as_one():
     assert json.loads(json.dumps(wanted.to_json()))["one_with"]["viscoelastic_arm"] == ["plate_damping"]
 
 
-def test_of_a_member_that_nothing_was_foreseen_for_those_count_that_the_plan_could_tell():
+def test_without_an_expectation_only_members_that_the_plan_could_separate_count():
     shot = NextShot(0.3, 0.0, 0.02, 0.02)
     members = ("second_plate_mode", "plate_damping", "viscoelastic_arm")
     inseparable_from = {"plate_damping": members[::2], "viscoelastic_arm": members[:2]}

@@ -1,4 +1,4 @@
-"""Shots on two plates judged together: one contact, stiffness and mass of each plate its own, as the records state."""
+"""Joint fits of shots on two plates: one contact, each plate's own stiffness and mass."""
 
 from dataclasses import asdict, replace
 
@@ -76,14 +76,14 @@ def test_a_joint_diagnosis_finds_both_plates_and_what_is_missing(five):
         assert abs(fit.parameters[name].value - value) < 4 * fit.parameters[name].std, name
 
 
-def test_what_two_plates_say_of_the_one_contact_is_more_than_one_says(five):
+def test_two_plates_determine_the_contact_better_than_one(five):
     motions, _, found = five
     alone = fit_shots(motions[:3], effects=("coulomb_friction",))
     for name in ("contact_stiffness_n_per_m", "contact_damping_n_s_per_m", "coulomb_friction.force_n"):
         assert found.fit_after.parameters[name].std < 0.9 * alone.parameters[name].std, name
 
 
-def test_a_plate_that_one_shot_was_taken_on_is_its_own_when_that_shot_is_held_out():
+def test_a_held_out_shot_alone_on_its_plate_fits_that_plate_itself():
     motions, _ = _taken(2, 1, FRICTION)
     found = diagnose(motions, hold_out=2)
     assert [e.name for e in found.effects] == ["coulomb_friction"]
@@ -91,7 +91,7 @@ def test_a_plate_that_one_shot_was_taken_on_is_its_own_when_that_shot_is_held_ou
     assert found.error_held_out_after.displacement_rms_m < 0.5 * found.error_held_out_before.displacement_rms_m
 
 
-def test_each_shot_reads_the_contact_on_its_own_plate(five):
+def test_the_contact_cor_of_each_shot_uses_its_own_plate(five):
     _, bodies, found = five
     read = []
     for index, on in ((0, bodies[0]), (4, bodies[1])):
@@ -100,11 +100,11 @@ def test_each_shot_reads_the_contact_on_its_own_plate(five):
         assert abs(fit.parameters["plate_mass_kg"].value - on.plate_mass_kg) < 4 * fit.parameters["plate_mass_kg"].std
         mine = list(fit.parameters).index("plate_mass_kg")
         assert np.sqrt(fit.covariance[mine, mine]) == pytest.approx(fit.parameters["plate_mass_kg"].std)
-        prediction = fitted_contact_cor(fit, on.block_mass_kg)
+        cor = fitted_contact_cor(fit, on.block_mass_kg)
         true = contact_cor(Collision(velocity_in_m_per_s=-1.0, **asdict(on)))
-        assert isinstance(prediction, Quantity) and abs(prediction.value - true) < 4 * prediction.std
+        assert isinstance(cor, Quantity) and abs(cor.value - true) < 4 * cor.std
         read.append(true)
-    assert abs(read[0] - read[1]) > 10 * prediction.std  # the plate's mass has a part in it
+    assert abs(read[0] - read[1]) > 10 * cor.std  # the plate's mass has a part in it
 
 
 def test_the_derivatives_by_both_plates_are_those_of_the_sum_of_squares(five):
@@ -123,7 +123,7 @@ def test_the_derivatives_by_both_plates_are_those_of_the_sum_of_squares(five):
         assert slope == pytest.approx(2 * gradient[place], rel=2e-3), base.names[place]
 
 
-def test_the_next_shot_is_planned_on_the_plate_that_is_on_the_rig(five):
+def test_the_next_shot_is_planned_on_the_last_plate(five):
     motions, bodies, found = five
     fitted = refit_diagnosed(found.fit_after, motions, calm)
     shots = fitted.hypothesis.data.shots
@@ -138,7 +138,7 @@ def test_the_next_shot_is_planned_on_the_plate_that_is_on_the_rig(five):
     assert plan_precision(fitted, "plate_2_stiffness_n_per_m").ratio < 0.7
 
 
-def test_records_say_which_shots_share_a_plate():
+def test_shots_of_nearly_equal_stated_plates_share_a_plate():
     one, other = (
         replace(motion, plate=plate) for motion, plate in zip(_taken(1, 1, {})[0], (THIN, THICK), strict=True)
     )
@@ -150,7 +150,7 @@ def test_records_say_which_shots_share_a_plate():
     assert plates_words((one, silent)) == plates_words(()) == ""
 
 
-def test_a_model_of_two_plates_foretells_each_shot_on_its_own(five):
+def test_a_model_of_two_plates_predicts_each_shot_on_its_own(five):
     motions, _, found = five
     model = saved(found.fit_after, ("1", "2", "3", "4", "5"), found)
     for motion in (motions[0], motions[4]):

@@ -1,4 +1,4 @@
-"""Which shot makes a number surer: foretold from derivatives, borne out by a fit with the shot taken."""
+"""Shots that reduce an uncertainty: predicted by derivatives, confirmed by a fit with the shot taken."""
 
 import pytest
 
@@ -21,7 +21,7 @@ def fitted():
     return truth, refit_diagnosed(fit_shots(motions), motions, calm)
 
 
-def test_the_uncertainty_after_the_shot_is_the_one_foretold(fitted):
+def test_the_uncertainty_after_the_shot_is_the_predicted_one(fitted):
     truth, before = fitted
     plan = plan_precision(before, STIFFNESS, REACH)
     assert plan.std_after == pytest.approx(plan.ratio * plan.std_before)
@@ -33,7 +33,7 @@ def test_the_uncertainty_after_the_shot_is_the_one_foretold(fitted):
     assert after.std[place] == pytest.approx(plan.std_after, rel=0.05)
 
 
-def test_what_is_wanted_is_reached_by_the_cheapest_or_the_best_is_given(fitted):
+def test_the_cheapest_shots_that_reach_the_wanted_uncertainty_are_chosen_else_the_best(fitted):
     _, before = fitted
     little = plan_precision(before, STIFFNESS, REACH, wanted=0.9)
     too_much = plan_precision(before, STIFFNESS, REACH, wanted=1e-6)
@@ -43,6 +43,6 @@ def test_what_is_wanted_is_reached_by_the_cheapest_or_the_best_is_given(fitted):
     assert every.ratio <= 0.9 and every.std_after is None and "all parameters" in every.words
 
 
-def test_a_name_that_is_not_there_is_refused_with_those_that_are(fitted):
+def test_an_unknown_parameter_is_refused_with_the_list_of_parameters(fitted):
     with pytest.raises(AnalysisError, match=r"no shared parameter is called 'k_N'; there are plate_stiffness"):
         plan_precision(fitted[1], "k_N", REACH)

@@ -24,7 +24,7 @@ def test_sensitivities(air: Air, change: float, tolerance: float) -> None:
     assert refractive_index(ZEEMAN_VACUUM_M, air) - base == pytest.approx(change, abs=tolerance)
 
 
-def test_the_wavelength_in_air_wins_then_vacuum_with_air_then_the_papers() -> None:
+def test_the_wavelength_is_in_air_else_vacuum_over_index_else_the_papers() -> None:
     given = Setup(0.01785, wavelength_vacuum_m=ZEEMAN_VACUUM_M, wavelength_air_m=632.8e-9, air=LABORATORY)
     assert wavelength_in_air_m(given) == 632.8e-9
     computed = wavelength_in_air_m(Setup(0.01785, wavelength_vacuum_m=ZEEMAN_VACUUM_M, air=LABORATORY))
@@ -34,6 +34,6 @@ def test_the_wavelength_in_air_wins_then_vacuum_with_air_then_the_papers() -> No
 
 
 @pytest.mark.parametrize("air", [Air(float("nan"), 101325.0, 50.0), Air(20.0, -1.0, 50.0), Air(20.0, 1e5, 130.0)])
-def test_air_that_cannot_be_is_refused_by_name(air: Air) -> None:
+def test_impossible_air_is_refused_by_name(air: Air) -> None:
     with pytest.raises(ValueError, match=r"temperature_c|pressure_pa|humidity_percent"):
         refractive_index(ZEEMAN_VACUUM_M, air)

@@ -61,7 +61,7 @@ def integrated_effective_mass(plate: Plate) -> float:
     return sheet * (arm + disc) / shape(load) ** 2
 
 
-def test_check_values_of_the_ground() -> None:
+def test_check_values_of_the_paper() -> None:
     assert plates.stiffness_n_per_m(PAPER_PLATE) == pytest.approx(224.6, abs=0.05)
     assert plates.coefficient_c(PAPER_PLATE) == pytest.approx(3.0 / 7.0, rel=1e-12)
     assert plates.stiffness_n_per_m(PAPER_PLATE, Disc.BENDING) == pytest.approx(223.3, abs=0.05)
@@ -91,7 +91,7 @@ def test_closed_forms_are_the_integrals(length: float, width: float, thickness: 
 
 
 @pytest.mark.parametrize("disc", list(Disc))
-def test_both_ways_round(disc: Disc) -> None:
+def test_modulus_and_stiffness_are_inverse(disc: Disc) -> None:
     stiffness = Quantity(plates.stiffness_n_per_m(PAPER_PLATE, disc), 0.1)
     modulus = plates.youngs_modulus_pa(stiffness, PAPER_PLATE, disc=disc)
     assert modulus.value == pytest.approx(PAPER_PLATE.youngs_modulus_pa, rel=1e-12)
@@ -168,7 +168,7 @@ def test_slope_lies_below_the_stiffness() -> None:
 
 @examples(max_examples=50, deadline=None)
 @given(st.floats(50, 1000), st.floats(0.0, 1e-3), st.floats(2e3, 1e6), st.floats(5e-3, 0.2))
-def test_slope_is_the_slow_mode_and_turns_round(k_p: float, m_p: float, k_n: float, m_b: float) -> None:
+def test_slope_is_the_slow_mode_and_is_inverted_exactly(k_p: float, m_p: float, k_n: float, m_b: float) -> None:
     slope = slope_n_per_m(k_p, m_p, k_n, m_b)
     stiffness = np.array([[k_n, -k_n], [-k_n, k_n + k_p]])
     if m_p > 1e-7:
@@ -178,7 +178,7 @@ def test_slope_is_the_slow_mode_and_turns_round(k_p: float, m_p: float, k_n: flo
     assert back.value == pytest.approx(k_p, rel=1e-9)
 
 
-def test_corrected_slope_carries_every_uncertainty() -> None:
+def test_corrected_slope_includes_every_uncertainty() -> None:
     exact = (Quantity(214.32, 0.0), Quantity(1.984e-4, 0.0), Quantity(1e4, 0.0), Quantity(17.85e-3, 0.0))
     base = plates.stiffness_from_slope(*exact).value
     for index, step in enumerate((0.05, 2e-6, 150.0, 2e-5)):
@@ -203,6 +203,6 @@ def test_corrected_slope_carries_every_uncertainty() -> None:
         ({"arm_width_m": 0.02}, "wider"),
     ],
 )
-def test_a_plate_that_cannot_be(change: dict[str, float], word: str) -> None:
+def test_an_impossible_plate_is_refused(change: dict[str, float], word: str) -> None:
     with pytest.raises(ValueError, match=word):
         plates.stiffness_n_per_m(replace(PAPER_PLATE, **change))

@@ -1,10 +1,11 @@
-"""A number is shown with the last digits of its uncertainty, and never with more."""
+"""A number is shown with two digits of its uncertainty, and its name carries its unit."""
 
 import math
 
 import pytest
 
-from analysis.shot.quantity import NotSeen, Quantity, to_json
+from analysis.collision.effects import CATALOGUE
+from analysis.shot.quantity import NotSeen, Quantity, to_json, words_and_unit
 
 
 @pytest.mark.parametrize(
@@ -31,3 +32,25 @@ def test_json_holds_no_infinity() -> None:
     assert to_json(Quantity(math.nan, 1.0)) is None
     assert to_json(NotSeen("why")) is None
     assert to_json(Quantity(1.0, 0.5)) == {"value": 1.0, "std": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "unit"),
+    [
+        ("coefficient_n_s2_per_m2", "coefficient", "N s²/m²"),
+        ("velocity_in_m_per_s", "velocity in", "m/s"),
+        ("ramp_m_per_s2", "ramp", "m/s²"),
+        ("mobility_m_per_n_s", "mobility", "m/(N s)"),
+        ("order", "order", ""),
+        ("m", "m", ""),
+        ("steps_per_s", "steps per s", ""),
+    ],
+)
+def test_a_name_gives_words_and_unit(name: str, words: str, unit: str) -> None:
+    assert words_and_unit(name) == (words, unit)
+
+
+def test_rows_and_names_agree() -> None:
+    for effect in CATALOGUE.values():
+        for parameter in effect.parameters:
+            assert words_and_unit(parameter.name)[1] == parameter.unit, f"{effect.name}.{parameter.name}"

@@ -1,4 +1,4 @@
-"""Recordings made up for the tests: two beats with a known motion, white noise, and faults on request."""
+"""Simulated recordings for the tests: two beats with a known motion, white noise, and faults."""
 
 from collections.abc import Callable
 

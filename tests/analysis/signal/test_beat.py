@@ -35,7 +35,7 @@ def _read(tuning, counts: np.ndarray, cuts: list[int], start: int = 0) -> Floats
 @pytest.mark.parametrize("tuning", TUNINGS)
 @settings(max_examples=25, deadline=None)
 @given(cuts=st.lists(st.integers(0, 60_000), max_size=12))
-def test_the_same_bits_for_any_cutting(tuning, cuts: list[int]) -> None:
+def test_identical_results_for_any_division_into_blocks(tuning, cuts: list[int]) -> None:
     assert np.array_equal(_read(tuning, COUNTS, cuts), _read(tuning, COUNTS, []))
 
 
@@ -78,7 +78,7 @@ def test_the_angle_is_that_of_the_beat_at_the_window_centre(frequency, phase, am
     exact = np.lib.stride_tricks.sliding_window_view(counts, tuning.length)[first] @ exact_taps
     error = read + turn * first - np.angle(exact) / (2 * np.pi)
     own_noise = noise * np.sqrt(2 / tuning.effective_samples)
-    rounding = 10 ** (-85 / 20) + 0.01 * own_noise  # of the taps: test_whole_taps.py
+    rounding = 10 ** (-85 / 20) + 0.01 * own_noise  # of the taps: test_integer_taps.py
     assert np.max(np.abs(error - np.rint(error))) < rounding / (2 * np.pi) + 1e-7
     assert np.allclose(np.sqrt(power), np.abs(exact), rtol=rounding)
 

@@ -34,7 +34,7 @@ def test_no_fringe_is_lost_between_holes_close_together(apart: int) -> None:
     assert bridge.doubtful == 0 and not bridge.breaks
 
 
-def test_what_comes_out_does_not_hang_on_the_blocks() -> None:
+def test_the_result_does_not_depend_on_the_blocks() -> None:
     holes = [(700, 708), (722, 730), (735, 741)]
     whole, _ = _bridged([], holes)
     for cut in range(690, 760, 3):

@@ -1,4 +1,4 @@
-"""What is in the wrong channel: PD1's beat in PD0, swapped cables, a recording that runs backwards."""
+"""Cross-talk, swapped cables, and recordings with reversed time or direction."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -57,13 +57,13 @@ def check(shot: Shot) -> None:
 
 
 @pytest.mark.parametrize(("share", "turned_deg"), [(0.03, 0.0), (0.05, 0.0), (0.05, 60.0), (0.1, 180.0), (0.4, 0.0)])
-def test_cross_talk_is_taken_off_and_named(share: float, turned_deg: float) -> None:
+def test_cross_talk_is_removed_and_flagged(share: float, turned_deg: float) -> None:
     shot = analyse(coupled(share, turned_deg), READ)
     assert shot.flags == ("cross_talk_removed",)
     check(shot)
 
 
-def test_both_ways_at_once() -> None:
+def test_cross_talk_in_both_directions() -> None:
     shot = analyse(coupled(0.05, back=0.05), READ)
     assert set(shot.flags) == {"cross_talk_removed", "leak_removed"}
     impact = shot.impact
@@ -72,18 +72,18 @@ def test_both_ways_at_once() -> None:
     assert impact.deflection_max_m.value == pytest.approx(truth().deflection_max_m.value, rel=1e-4)
 
 
-def test_a_clean_recording_and_one_with_little_stay_as_they_are() -> None:
+def test_a_recording_with_little_cross_talk_is_unchanged() -> None:
     assert analyse(sound(), READ).flags == () == analyse(coupled(0.004), READ).flags
 
 
-def test_what_changes_in_the_shot_is_named_and_the_deflection_withheld() -> None:
+def test_cross_talk_that_changes_is_flagged_and_no_deflection_given() -> None:
     shot = analyse(coupled(0.1, varies=1.0), READ)
     assert "cross_talk" in shot.flags and "samples_lost" not in shot.flags
     assert shot.impact is not None and isinstance(shot.impact.deflection_max_m, NotSeen)
-    assert "PD1's beat stands in PD0" in shot.impact.deflection_max_m.reason
+    assert "cross-talk of PD1 in PD0" in shot.impact.deflection_max_m.reason
 
 
-def test_samples_lost_under_cross_talk_are_found_all_the_same() -> None:
+def test_lost_samples_are_found_despite_cross_talk() -> None:
     whole = coupled(0.05)
     at = 260_000  # in the contact
     counts = np.delete(whole.counts, slice(at, at + 5), axis=0)
@@ -109,7 +109,7 @@ def test_a_recording_that_runs_backwards_is_named() -> None:
     assert problem is not None and "time runs backwards" in problem
 
 
-def test_a_sense_that_is_reversed_is_named() -> None:
+def test_a_reversed_direction_is_named() -> None:
     rate, rest_hz = sound().sample_rate_hz, 2.73e6
     time = np.arange(sound().samples) / rate
     rest, beat, switch = sound().counts.T.astype(np.float64)

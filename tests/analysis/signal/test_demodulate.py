@@ -36,7 +36,7 @@ def test_free_flight_within_what_the_cramer_rao_bound_allows(seed: int) -> None:
     assert slope - velocity == pytest.approx(0, abs=4.5 * 1.05 * np.sqrt(2) * WAVELENGTH_M / 2 * bound_hz)
 
 
-def test_an_impact_comes_out_with_its_signs_and_its_shape() -> None:
+def test_an_impact_has_the_right_signs_and_shape() -> None:
     truth = collision(0.265, 20e-3)
     recording = make_recording(truth, 400_000, order=(S, M, R), snr_db=40)
     motion = demodulate(recording, AnalysisSettings())
@@ -51,7 +51,7 @@ def test_an_impact_comes_out_with_its_signs_and_its_shape() -> None:
     assert abs(motion.rest_frequency_hz.value - 2.73e6) < 5 * motion.rest_frequency_hz.std
 
 
-def test_the_cutting_into_blocks_does_not_show(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_result_does_not_depend_on_the_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     recording = make_recording(collision(0.2, 10e-3, 5e-3), 200_000)
     whole = demodulate(recording, AnalysisSettings())
     monkeypatch.setattr("analysis.signal.track.BLOCK_SAMPLES", 7919)
@@ -89,20 +89,20 @@ def _spoiled(**changes: object) -> Recording:
         ({"setup": Setup(0.01, wavelength_air_m=-1.0)}, "wavelength"),
     ],
 )
-def test_what_cannot_be_analysed_is_refused_in_one_line(changes: dict[str, object], words: str) -> None:
+def test_a_recording_that_cannot_be_analysed_is_refused_in_one_line(changes: dict[str, object], words: str) -> None:
     with pytest.raises(AnalysisError, match=words) as raised:
         demodulate(_spoiled(**changes), AnalysisSettings())
     assert "\n" not in str(raised.value)
 
 
-def test_a_given_rest_frequency_serves_without_a_reference() -> None:
+def test_a_stated_rest_frequency_replaces_the_reference() -> None:
     recording = make_recording(free_flight(-0.2), 100_000, order=(M,), rest_hz=2.5e6)
     motion = demodulate(recording, AnalysisSettings())
     assert np.mean(motion.velocity_m_per_s) == pytest.approx(-0.2, abs=1e-6)
     assert motion.rest_frequency_hz == Quantity(2.5e6, 0.0, "given")
 
 
-def test_a_request_to_stop_is_heard() -> None:
+def test_demodulation_can_be_cancelled() -> None:
     with pytest.raises(Cancelled):
         demodulate(_spoiled(), AnalysisSettings(), cancelled=lambda: True)
 

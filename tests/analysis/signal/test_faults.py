@@ -1,4 +1,4 @@
-"""What goes wrong on a bench: each fault is bridged, taken off, or flagged; none is silent."""
+"""Faults of a recording: each is bridged, removed, or flagged."""
 
 import dataclasses
 from collections.abc import Callable
@@ -48,7 +48,7 @@ def _with_gap(recording: Recording, start: int, lost: int, known: bool = True) -
 
 
 @pytest.mark.parametrize("lost", [64, 1000, 5000])
-def test_lost_samples_are_bridged_and_the_clock_runs_on(lost: int) -> None:
+def test_lost_samples_are_bridged_and_counted_in_time(lost: int) -> None:
     recording = _with_gap(make_recording(TRUTH, SAMPLES), 123_457, lost)
     motion = demodulate(recording, AnalysisSettings())
     assert "gap" in motion.flags and "fringe_doubtful" not in motion.flags
@@ -56,7 +56,7 @@ def test_lost_samples_are_bridged_and_the_clock_runs_on(lost: int) -> None:
     assert np.allclose(np.diff(motion.time_s), 1 / motion.sample_rate_hz)
 
 
-def test_a_long_gap_in_the_impact_keeps_velocity_right_and_says_that_position_is_doubtful() -> None:
+def test_a_long_gap_in_the_impact_keeps_the_velocity_and_flags_the_position() -> None:
     recording = _with_gap(make_recording(TRUTH, SAMPLES), 155_000, 90_000)
     motion = demodulate(recording, AnalysisSettings())
     assert "fringe_doubtful" in motion.flags
@@ -80,7 +80,7 @@ def test_a_gap_of_unknown_length_ends_the_record_there() -> None:
     assert np.nanmax(np.abs(_error(motion))) < 0.02 * FRINGE_M
 
 
-def test_hum_offset_and_slow_amplitude_modulation_do_no_harm() -> None:
+def test_hum_offset_and_slow_amplitude_modulation_do_not_matter() -> None:
     def spoil(role: Role, t: Floats, signal: Floats) -> Floats:
         light = 1 + 0.4 * np.sin(2 * np.pi * 120 * t)
         return (signal - 100) * light + 1500 + 2000 * np.sin(2 * np.pi * 50 * t + 1)
@@ -91,7 +91,7 @@ def test_hum_offset_and_slow_amplitude_modulation_do_no_harm() -> None:
     assert motion.valid.all()
 
 
-def test_harmonics_are_flagged_and_do_little_harm() -> None:
+def test_harmonics_are_flagged_and_have_little_effect() -> None:
     def bend(role: Role, t: Floats, signal: Floats) -> Floats:
         x = (signal - 100) / 8000
         return 8000 * (x + 0.05 * x**2 + 0.03 * x**3) + 100
@@ -125,7 +125,7 @@ def _bent(order: int, share: float) -> Callable[[Role, Floats, Floats], Floats]:
         (10e6, 2.5e6, 0.003, 3),
     ],
 )
-def test_a_harmonic_that_folds_onto_the_beat_is_flagged_wherever_it_hides(
+def test_a_harmonic_that_folds_onto_the_beat_is_flagged_at_any_frequency(
     rate_hz: float, rest_hz: float, speed: float, order: int
 ) -> None:
     truth = collision(speed, 15e-3)
@@ -170,7 +170,7 @@ def test_a_whole_beat_is_not_called_clipped(amplitude: float, bits: int) -> None
 
 
 @pytest.mark.parametrize("share", [0.01, 0.03])
-def test_a_polarisation_leak_is_taken_off(share: float) -> None:
+def test_a_polarisation_leak_is_removed(share: float) -> None:
     recording = make_recording(TRUTH, SAMPLES, snr_db=35)
     random = np.random.default_rng(1)
     leak = share * 8000 * np.cos(2 * np.pi * 2.73e6 * np.arange(SAMPLES) / 10e6 + random.uniform(0, 2 * np.pi) + 2.0)
@@ -222,7 +222,7 @@ def test_a_rest_frequency_that_drifts_is_followed_and_flagged() -> None:
     assert np.allclose(motion.velocity_m_per_s[100:-100], -0.2, atol=2e-5)
 
 
-def test_a_rest_frequency_that_wanders_is_flagged_and_taken_off_sample_by_sample() -> None:
+def test_a_wandering_rest_frequency_is_flagged_and_subtracted_sample_by_sample() -> None:
     wander = lambda t: 0.5 * np.sin(2 * np.pi * 900 * t)  # noqa: E731
     recording = make_recording(free_flight(-0.2), SAMPLES, rest_phase=wander)
     smoothed = demodulate(recording, AnalysisSettings())
@@ -232,7 +232,7 @@ def test_a_rest_frequency_that_wanders_is_flagged_and_taken_off_sample_by_sample
     assert np.std(instantaneous.velocity_m_per_s) < 1.2 * np.median(instantaneous.velocity_std_m_per_s)
 
 
-def test_instantaneous_costs_the_square_root_of_two() -> None:
+def test_instantaneous_subtraction_raises_noise_by_the_square_root_of_two() -> None:
     recording = make_recording(free_flight(-0.2), SAMPLES)
     stds = [
         np.std(demodulate(recording, AnalysisSettings(rest=rest)).velocity_m_per_s[40:-40])

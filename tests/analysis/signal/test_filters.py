@@ -45,7 +45,7 @@ def test_gains_are_those_of_white_noise_and_of_a_walk() -> None:
             assert scatter == pytest.approx(derivative_gains(finite, RATE, BANDWIDTH, is_walk)[which], rel=0.06)
 
 
-def test_a_gap_parts_what_is_filtered_and_short_stretches_give_nothing() -> None:
+def test_a_gap_separates_stretches_and_short_ones_give_nan() -> None:
     x = np.linspace(0, 1, 500)
     x[200:210] = np.nan
     x[230:240] = np.nan
@@ -67,6 +67,6 @@ def test_decimated_white_noise_is_white_and_parabolas_pass(factor: int) -> None:
     assert abs(np.sum(taps * np.cos(2 * np.pi * 0.7 / factor * n))) < 2e-2
 
 
-def test_a_bandwidth_the_rate_cannot_carry_is_refused() -> None:
+def test_a_bandwidth_too_wide_for_the_rate_is_refused() -> None:
     with pytest.raises(ValueError, match="bandwidth"):
         derivative_filters(10e3, 5e3)

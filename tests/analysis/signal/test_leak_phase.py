@@ -13,7 +13,7 @@ from analysis.signal.leak import Leak, leak_phase
 def test_to_the_second_order_in_the_ratio(ratio: float) -> None:
     """At a slow Doppler shift, where no filter takes anything off."""
     tuning = SimpleNamespace(window=np.ones(1), decimation=1, spread=0.0, phase_rate_hz=1e6)
-    track = SimpleNamespace(wanted=SimpleNamespace(tuning=tuning))
+    track = SimpleNamespace(spec=SimpleNamespace(tuning=tuning))
     grid = SimpleNamespace(rate_hz=1e6, input_rate_hz=1e6, step=1)
     rest = 0.25 * np.arange(20_000)
     true = rest + np.linspace(0.0, 7.0, rest.size)

@@ -1,4 +1,4 @@
-"""Samples that a digitizer drops without a word: found, counted, and the shot read as if they were there."""
+"""Samples that a digitizer lost without reporting it are found and counted, and the shot is read as with gaps."""
 
 from dataclasses import replace
 
@@ -42,7 +42,7 @@ def test_nothing_is_lost_where_nothing_was_lost() -> None:
     assert "samples_lost" not in demodulate(recording, AnalysisSettings()).flags
 
 
-def test_a_rest_beat_that_wobbles_has_lost_nothing() -> None:
+def test_a_modulated_rest_beat_has_no_losses() -> None:
     """A laser whose rest phase moves by a tenth of a cycle within a tenth of a millisecond."""
     recording = recording_of(SHORT)
     time = np.arange(recording.samples) / recording.sample_rate_hz
@@ -52,7 +52,7 @@ def test_a_rest_beat_that_wobbles_has_lost_nothing() -> None:
     assert find_losses(replace(recording, counts=counts), REST_HZ) == ()
 
 
-def test_readings_hold_although_samples_were_lost_in_the_contact() -> None:
+def test_readings_are_right_with_samples_lost_in_the_contact() -> None:
     whole = recording_of(Synthetic(duration_s=0.06, touch_s=0.012003))
     lossy = without_samples(whole, {200_000: 2, 261_000: 4, 300_000: 1})
     shot = analyse(lossy)

@@ -62,7 +62,7 @@ def test_missing_rows_become_nan_and_jitter_is_resampled() -> None:
         (TIME, None, "neither"),
     ],
 )
-def test_what_is_no_record_is_refused(time: np.ndarray, displacement: np.ndarray | None, words: str) -> None:
+def test_a_faulty_record_is_refused(time: np.ndarray, displacement: np.ndarray | None, words: str) -> None:
     with pytest.raises(AnalysisError, match=words):
         motion_from_displacement(time, displacement, None, None, 0.1)
 

@@ -15,7 +15,7 @@ def _joined(chunks: list[LiveChunk], name: str) -> np.ndarray:
     return np.concatenate([getattr(c, name) for c in chunks])
 
 
-def test_the_live_picture_follows_an_impact_and_does_not_depend_on_the_blocks() -> None:
+def test_the_live_signals_follow_an_impact_and_do_not_depend_on_the_blocks() -> None:
     truth = collision(0.265, 25e-3)
     recording = make_recording(truth, 500_000)
     runs = [
@@ -31,7 +31,7 @@ def test_the_live_picture_follows_an_impact_and_does_not_depend_on_the_blocks() 
     assert runs[0][-1].rest_frequency_hz == pytest.approx(2.73e6, abs=0.05)
 
 
-def test_a_gap_parts_the_picture_and_keeps_the_clock() -> None:
+def test_a_gap_separates_the_live_signals_and_is_counted_in_time() -> None:
     recording = make_recording(free_flight(-0.3), 400_000)
     live = LiveDemodulator(10e6, 1, 0, recording.setup)
     chunks = _run(live, recording.counts[:200_000], 20_000)
@@ -44,7 +44,7 @@ def test_a_gap_parts_the_picture_and_keeps_the_clock() -> None:
     assert np.all(np.diff(_joined(chunks, "time_s")) > 0)
 
 
-def test_it_waits_for_light_and_says_so() -> None:
+def test_it_waits_for_light_and_states_so() -> None:
     recording = make_recording(free_flight(0.1), 200_000)
     live = LiveDemodulator(10e6, 1, 0, recording.setup)
     dark = np.random.default_rng(3).normal(0, 5, (60_000, 2)).astype(np.int16)
@@ -65,7 +65,7 @@ def test_memory_does_not_grow() -> None:
     assert max(sizes) < 1.05 * sizes[0]
 
 
-def test_a_given_rest_frequency_serves_without_a_reference() -> None:
+def test_a_stated_rest_frequency_replaces_the_reference() -> None:
     recording = make_recording(free_flight(0.1), 200_000, order=(Role.MEASUREMENT,))
     chunks = _run(LiveDemodulator(10e6, 0, None, recording.setup), recording.counts, 10_000)
     assert np.allclose(_joined(chunks, "velocity_m_per_s"), 0.1, atol=2e-5)

@@ -57,7 +57,7 @@ def test_wavelength_as_printed_is_rounded() -> None:
     assert contribution(v, "wavelength in air") == pytest.approx(0.265 * 0.00005 / 632.8196 / math.sqrt(3), rel=1e-6)
 
 
-def test_what_scales_both_flights_cancels_from_restitution() -> None:
+def test_common_scales_cancel_from_restitution() -> None:
     cor = of(shot_of(setup=LASER), "cor_quasi_static")
     assert cor.std_b == 0.0
     assert cor.std == pytest.approx(0.987556 * math.hypot(1e-8 / 0.265, 1e-8 / 0.2617), rel=1e-3)
@@ -113,7 +113,7 @@ def test_rest_frequency_given_and_measured() -> None:
     assert contribution(cor, "rest frequency") == pytest.approx(expected, rel=1e-3)
 
 
-def test_kinetic_cor_adds_what_the_band_leaves() -> None:
+def test_kinetic_cor_includes_the_shift_by_the_band_limit() -> None:
     for key, std in (("force_peaks", 1e-3), ("onsets", 1e-3), ("flights", 2e-3)):
         q = of(shot_of(), f"cor_kinetic.{key}", instant_limit_s=2e-6)
         assert q.std_a == pytest.approx(std, rel=1e-3)
@@ -123,7 +123,7 @@ def test_kinetic_cor_adds_what_the_band_leaves() -> None:
     assert of(shot_of(), "cor_kinetic.onsets", instant_limit_s=2e-6).std_b == pytest.approx(expected, rel=1e-6)
 
 
-def test_stiffness_knows_mass_and_clock_but_not_the_wavelength() -> None:
+def test_stiffness_depends_on_mass_and_clock_but_not_on_the_wavelength() -> None:
     k = of(shot_of(setup=LASER), "plate_stiffness_n_per_m", wavelength_vacuum_relative=1e-3)
     expected = 221.4 * math.hypot(2e-6 / 17.85e-3, 2 * 25e-6 / math.sqrt(3))
     assert k.std_b == pytest.approx(expected, rel=1e-6)
@@ -132,7 +132,7 @@ def test_stiffness_knows_mass_and_clock_but_not_the_wavelength() -> None:
     assert contribution(corrected, "mass") == pytest.approx(221.4 * 2e-6 / 17.85e-3, rel=1e-3)
 
 
-def test_modulus_carries_the_plate() -> None:
+def test_modulus_includes_the_plates_tolerances() -> None:
     modulus = of(shot_of(setup=LASER), "youngs_modulus_pa")
     assert LASER.plate is not None
     k = of(shot_of(setup=LASER), "plate_stiffness_n_per_m")
@@ -142,7 +142,7 @@ def test_modulus_carries_the_plate() -> None:
     assert modulus.rows[0].source == "plate: thickness"
 
 
-def test_repeatability_is_what_like_shots_scatter_beyond_their_noise() -> None:
+def test_repeatability_is_the_scatter_of_similar_shots_beyond_their_noise() -> None:
     rng = np.random.default_rng(2)
     shots = [at_speed(f"s{i}", 0.26, 0.9876 + rng.normal(0, 1e-4), 1e-6) for i in range(40)]
     far = at_speed("far", 0.5, 0.7, 1e-6)
@@ -203,7 +203,7 @@ def test_the_air_used_is_the_air_of_the_analysis() -> None:
 
 
 @pytest.mark.parametrize("wrong", [{"timebase_limit": -1e-6}, {"mass_u_kg": math.nan}])
-def test_an_uncertainty_that_cannot_be(wrong: dict[str, float]) -> None:
+def test_an_impossible_uncertainty_is_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=next(iter(wrong))):
         InstrumentUncertainty(**wrong)  # type: ignore[arg-type]
 

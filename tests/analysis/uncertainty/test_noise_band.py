@@ -1,4 +1,4 @@
-"""The band drawn about a residual is as wide as what noise and the building leave in it."""
+"""The band about a residual is as wide as the noise and vibration in it."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def test_on_a_usual_floor_force_and_velocity_fill_their_bands(shot):
     assert np.nanmedian(motion.force_std_n) > 3 * np.nanmedian(band.force_n)  # a random walk has more of high tones
 
 
-def test_what_a_slow_floor_leaves_of_the_displacement_stays_inside_its_band(tmp_path):
+def test_the_residual_of_a_slow_floor_stays_inside_its_band(tmp_path):
     """A fit that weighs the floor holds on to the contact: the ends of the record stray, and the band knows it."""
     (path,) = simulate(tmp_path, 1, 24, site=site_named("VC-D"))
     strayed = load_and_analyse(path)
@@ -57,7 +57,7 @@ def test_a_steady_line_is_in_the_band_with_its_own_velocity_and_force():
         assert np.nanmedian(more) == pytest.approx(mass * 5e-9 * (2 * np.pi * 100.0) ** turns, rel=1e-3)
 
 
-def test_where_nothing_is_known_of_the_path_the_motions_own_uncertainty_stands():
+def test_without_a_spectrum_of_the_path_the_band_is_the_motions_own():
     motion = synthetic.shot().motion
     assert noise_band(motion, None).force_n is motion.force_std_n
 

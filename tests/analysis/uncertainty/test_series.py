@@ -1,4 +1,4 @@
-"""Means, repeatability and trends over shots whose truth is drawn."""
+"""Means, repeatability and trends over simulated shots."""
 
 import json
 import math
@@ -24,7 +24,7 @@ def test_excess_spread_finds_what_was_put_in() -> None:
     assert float(np.sqrt(np.mean(np.square(found)))) == pytest.approx(3.0, rel=0.06)
 
 
-def test_excess_spread_is_nothing_where_the_noise_suffices() -> None:
+def test_excess_spread_is_zero_where_the_noise_explains_the_scatter() -> None:
     rng = np.random.default_rng(6)
     assert excess_spread(7.0 + rng.normal(0.0, 1.0, 40), np.full(40, 2.0)) == 0.0
     assert excess_spread(np.array([1.0, 1.0]), np.zeros(2)) == 0.0
@@ -67,7 +67,7 @@ def test_peak_force_grows_with_speed_and_cor_does_not() -> None:
     assert cor.repeatability == 0.0
 
 
-def test_mean_is_weighted_by_what_is_known() -> None:
+def test_mean_is_weighted_by_the_uncertainties() -> None:
     shots = [at_speed("a", 0.3, 0.98, 1e-4), at_speed("b", 0.3, 0.981, 1e-2)]
     summary = series(shots).of("cor_quasi_static")
     assert summary is not None and isinstance(summary.mean, Quantity)
@@ -76,7 +76,7 @@ def test_mean_is_weighted_by_what_is_known() -> None:
     assert isinstance(summary.trend, NotSeen) and "one speed" in summary.trend.reason
 
 
-def test_what_was_not_seen_is_left_out() -> None:
+def test_numbers_not_seen_are_left_out() -> None:
     lost = replace(shot_of("lost"), impact=None, fit=None, problem="no impact")
     unfitted = replace(at_speed("unfitted", 0.2, 0.98, 1e-4), fit=None)
     result = series([lost, unfitted, shot_of("whole")])

@@ -1,8 +1,10 @@
-"""Shots that may be judged together: of one model, whatever their masses and plates."""
+"""The plates and weights of a set of shots: what they are called, and which shots go together."""
 
 from dataclasses import replace
 
-from analysis.shot.plates_of_set import why_not_together
+import pytest
+
+from analysis.shot.plates_of_set import weights_words, why_not_together
 from analysis.shot.recording import Plate, Setup
 from tests.app import synthetic
 
@@ -16,7 +18,21 @@ def test_shots_of_other_weights_and_plates_go_together():
     assert why_not_together(shots) is None
 
 
-def test_shots_of_two_models_are_said():
+def test_shots_of_two_models_are_refused_in_words():
     one = synthetic.shot()
     other = replace(one, settings=replace(one.settings, model="contact"))
     assert "different base models (contact, paper)" in str(why_not_together([one, other]))
+
+
+@pytest.mark.parametrize(
+    ("masses_kg", "words"),
+    [
+        ([0.01785] * 3 + [0.06785] * 2, "shots 1-3 as found, 4-5 with 50.00 g added"),
+        ([0.06785, 0.01785, 0.03785], "shots 1 with 50.00 g added, 2 as found, 3 with 20.00 g added"),
+        ([0.01785, 0.0178504], ""),
+        ([0.02], ""),
+        ([], ""),
+    ],
+)
+def test_weights_in_words(masses_kg, words):
+    assert weights_words(masses_kg) == words

@@ -46,7 +46,7 @@ def test_every_sum_is_that_of_the_products(form: str, start: int, stride: int, v
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize(("sample", "tap"), [(-32768, -2047), (32767, 2047), (-32768, 2047)])
-def test_the_largest_sum_that_is_promised(form: str, sample: int, tap: int):
+def test_the_largest_allowed_sum_is_exact(form: str, sample: int, tap: int):
     taps = np.full((2, 2 * WIDTH), tap, np.int16)
     samples = np.full(2 * WIDTH + TOGETHER, sample, np.int16)
     out = np.empty((2, TOGETHER), np.int32)

@@ -1,4 +1,4 @@
-"""A sample rate against what contradicts it: PD0 where the rest frequency is stated, and the computer's clock."""
+"""A wrong sample rate is detected by PD0 or the computer's clock, and included in the uncertainties."""
 
 from dataclasses import replace
 
@@ -36,7 +36,7 @@ def stating(rest_hz: float | None, rate: float = 1.0, u_hz: float | None = None)
         (1.0003, 0.0001 * REST_HZ, True),
     ],
 )
-def test_a_stated_rest_frequency_that_pd0_contradicts_doubts_the_rate(
+def test_a_rate_is_flagged_where_pd0_contradicts_the_stated_rest_frequency(
     stated: float, u_hz: float | None, contradicted: bool
 ) -> None:
     recording = stating(stated * REST_HZ, u_hz=u_hz)
@@ -60,7 +60,7 @@ def check(shot: Shot) -> None:
         assert isinstance(truth, Quantity) and held(getattr(impact, name), truth.value), name
 
 
-def test_a_rate_stated_a_percent_high_stands_in_the_uncertainties() -> None:
+def test_a_rate_wrong_by_a_percent_is_part_of_the_uncertainties() -> None:
     shot = analyse(stating(REST_HZ, rate=1.01), AnalysisSettings(fit=False))
     check(shot)
     impact = shot.impact
@@ -94,7 +94,7 @@ def test_without_pd0_a_wrong_rate_adds_to_every_velocity() -> None:
         assert abs(read.value - truth.value) <= 2.0 * read.std < 0.2 * abs(truth.value), name
 
 
-def test_the_fitted_parameters_go_with_the_powers_of_time_in_their_units() -> None:
+def test_fitted_parameters_scale_with_the_powers_of_time_in_their_units() -> None:
     shot = analyse(stating(REST_HZ, rate=1.01))
     assert shot.fit is not None and shot.fit.converged
     truth = (PLATE_N_PER_M, PLATE_KG, CONTACT_N_PER_M, DASHPOT)

@@ -1,4 +1,4 @@
-"""Numbers that are free in every shot and do what one shared number of another effect does: a coincidence each time."""
+"""The penalty of parameters with values in every shot, where one shared value of another effect does the same."""
 
 from types import SimpleNamespace
 
@@ -22,7 +22,7 @@ def _fitted(names, here, inverse):
     return SimpleNamespace(hypothesis=SimpleNamespace(offset=0, free_parameters=free), z=here, inverse=inverse)
 
 
-def test_what_unforetold_numbers_cost_is_the_evidence_at_its_likeliest_scatter():
+def test_the_penalty_of_own_values_is_the_evidence_at_its_likeliest_scatter():
     random = np.random.default_rng(1)
     here = random.normal(0, 3.0, 6)
     root = random.normal(0, 0.4, (6, 6)) + np.eye(6)
@@ -41,7 +41,7 @@ def test_what_unforetold_numbers_cost_is_the_evidence_at_its_likeliest_scatter()
     assert got.nats == pytest.approx(nats(got.scatter), abs=1e-6)
 
 
-def test_a_number_far_from_zero_costs_the_logarithm_of_how_far():
+def test_a_value_far_from_zero_costs_the_logarithm_of_its_size():
     got = unforetold(_fitted(["a"], np.array([1e3]), np.eye(1)), "one")
     assert got.nats == pytest.approx(np.log(1e3) + 0.5, abs=1e-3)
     assert unforetold(_fitted(["a"], np.array([0.0]), np.eye(1)), "one").nats < 0.1
@@ -61,7 +61,7 @@ def _contest(truth: Truth, given: str) -> ModelComparison:
     return found
 
 
-def test_what_the_next_shot_brings_against_coincidence_is_foreseen(damped):
+def test_the_penalty_that_a_next_shot_adds_is_predicted(damped):
     truth, now = damped
     shot = NextShot(0.6, 0.0, 0.012, 0.02)
     samples = now.members[0].fitted.hypothesis.data.shots
@@ -74,7 +74,7 @@ def test_what_the_next_shot_brings_against_coincidence_is_foreseen(damped):
     assert then.reached == pytest.approx(foreseen[leader], rel=0.25, abs=3.0)
 
 
-def test_a_swinging_plate_is_given_up_for_a_shared_number_but_never_the_other_way_round(damped):
+def test_a_shared_value_replaces_a_swinging_plate_and_not_the_reverse(damped):
     truth, _ = damped
     shots = [NextShot(0.6, 0.05, 0.012, 0.02)] * 4
     many = _contest(with_shots(truth, shots, 0.025), NAMES[0])

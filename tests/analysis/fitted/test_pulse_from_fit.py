@@ -1,4 +1,4 @@
-"""A collision seen by a camera: what derivatives cannot show is read from the fitted model, and said to be."""
+"""A collision seen by a camera is read from the fitted model, and flagged so."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def test_a_camera_is_read_from_the_model(seed: int) -> None:
         assert "model" in reading.how
 
 
-def test_what_derivatives_show_is_left_as_read() -> None:
+def test_readings_that_derivatives_show_are_unchanged() -> None:
     motion, peak_n, _ = camera(1e-8)
     shot = analysed(motion)
     assert shot.impact is not None

@@ -37,7 +37,7 @@ def test_full_scale_cannot_overflow_and_the_scale_is_used(tuning: Tuning) -> Non
 
 
 @pytest.mark.parametrize("tuning", TUNINGS)
-def test_rounding_turns_no_phase_keeps_the_image_down_and_adds_no_noise(tuning: Tuning) -> None:
+def test_rounding_shifts_no_phase_passes_no_image_and_adds_no_noise(tuning: Tuning) -> None:
     whole, turns = _whole(tuning)
     taps = _restored(whole, tuning.length)
     position = np.arange(tuning.length) - tuning.delay_samples
@@ -54,7 +54,7 @@ def test_rounding_turns_no_phase_keeps_the_image_down_and_adds_no_noise(tuning: 
     assert np.max(np.sum(np.abs(taps) ** 2, axis=1) / np.sum(np.abs(exact) ** 2, axis=1)) < 1.0001
 
 
-def test_a_steady_offset_is_taken_off() -> None:
+def test_a_constant_offset_is_removed() -> None:
     tuning = TUNINGS[0]
     whole, _ = _whole(tuning, 1234.5)
     assert np.allclose(whole.restore[:, 2], 1234.5 * _restored(whole, tuning.length).sum(axis=1).real, atol=1e-4)

@@ -63,7 +63,7 @@ def complete(stage: Stage = Stage.ALL) -> bool:
 def mark_complete(stage: Stage = Stage.ALL) -> None:
     """Write down that this program's kernels are on disk up to a stage."""
     with contextlib.suppress(OSError):  # then the next start looks again, and finds them
-        (kernel_cache.root() / stage).write_text(kernel_cache.whole_program(), encoding="utf-8")
+        (kernel_cache.cache_folder() / stage).write_text(kernel_cache.whole_program(), encoding="utf-8")
 
 
 def prepare(
@@ -119,7 +119,7 @@ def prepare_first_shot(report: Report, ready: Callable[[Stage], None]) -> None:
 
 def _mark(stage: Stage) -> str:
     try:
-        return (kernel_cache.root() / stage).read_text(encoding="utf-8")
+        return (kernel_cache.cache_folder() / stage).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         return ""
 

@@ -42,7 +42,6 @@ def network_name(source: str) -> str:
 
 
 def open_digitizer(address: str, options: "SourceOptions") -> "ScpiOscilloscope":
-    """Open the oscilloscope at an address."""
     from instrument.devices.scpi import EXTERNAL, HardwareTrigger, ScpiOscilloscope
 
     roles = options.assigned(options.wholes("channels", "1,2", "channel"))

@@ -1,4 +1,4 @@
-"""The Runge-Kutta stepper: as exact as the closed form without effects, and true derivatives with every effect."""
+"""The Runge-Kutta stepper: as exact as the closed form without effects, with true derivatives for every effect."""
 
 import time
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""A frame that shakes optics and plate: the bench's motion in the foot's coordinates, and true derivatives."""
+"""A frame that shakes optics and plate: the simulated rig's motion in the clamp's coordinates, and true derivatives."""
 
 import math
 from dataclasses import replace

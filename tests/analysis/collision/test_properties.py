@@ -1,4 +1,4 @@
-"""What every collision obeys at random parameters: scaling, energy, time reversal, derivatives, the hard limit."""
+"""Laws of every collision at random parameters: scaling, energy, time reversal, derivatives, the hard limit."""
 
 import math
 from dataclasses import replace

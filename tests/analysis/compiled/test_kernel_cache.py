@@ -1,4 +1,4 @@
-"""No kernel outlives a source it was made of, and none is compiled anew for anything else."""
+"""A changed source recompiles the kernels that depend on it, and no others."""
 
 import ast
 import os

@@ -1,4 +1,4 @@
-"""Parts of kernels are theirs alone; bundles go by address; arrays are cut from one."""
+"""Kernels made of parts, bundles passed by address, and work arrays cut from one array."""
 
 from typing import Any, NamedTuple
 

@@ -1,4 +1,4 @@
-"""A formula: what is read, what is refused and where, and that kernel and arrays say the same."""
+"""Formulas: what is read, what is refused and at which column, and that kernels and arrays agree."""
 
 import math
 

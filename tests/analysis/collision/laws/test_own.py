@@ -1,4 +1,4 @@
-"""A law that a person wrote: it moves the block as the catalogue's row of the same equation does."""
+"""A user's law moves the block as the catalogue's row with the same equation does."""
 
 import math
 from dataclasses import replace

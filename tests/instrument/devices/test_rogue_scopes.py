@@ -1,4 +1,4 @@
-"""Oscilloscopes that flood, stall and lie: told in time, for what it was, and nothing that came is lost."""
+"""Oscilloscopes that flood, stall and send nonsense: reported in time; no received sample is lost."""
 
 import time
 from pathlib import Path

@@ -16,7 +16,7 @@ from instrument.devices import hantek6022, streamed_codes
 from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
 from instrument.devices.found_devices import found_devices
 from instrument.devices.hantek6022 import Hantek6022
-from instrument.process import conversation
+from instrument.process import device_process
 from instrument.process.subprocess_digitizer import open_in_subprocess
 from tests.instrument.devices.hantek_model import ColdHantek, WarmHantek, packet_numbers
 from tests.instrument.devices.usbfs_emulator import Testbed
@@ -202,7 +202,7 @@ def apart() -> dict:
 def hang() -> dict:
     """A control request of opening, arming or stopping is never answered, under ``levimass --acquire``."""
     bed = Testbed()
-    acquire.LEAST_ARMING_S = conversation.ENDS_S = timeout_s = 1.0
+    acquire.LEAST_ARMING_S = device_process.END_S = timeout_s = 1.0
     ended = {}
     for number, (what, request) in enumerate({"opening": 1, "arming": 5, "stopping": 8}.items(), 1):
         model = WarmHantek()

@@ -11,4 +11,4 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from analysis.compiled import kernel_cache
 
-kernel_cache.keep_true()
+kernel_cache.use_kernel_cache()

@@ -1,1 +1,1 @@
-"""Equations of motion of a collision and their exact solution, effects and laws included."""
+"""The equations of motion of a collision, with effects and laws, and their exact solution."""

@@ -1,7 +1,7 @@
-"""What acts on the motion of one shot, as the solver takes it: effects with their values, and their clocks.
+"""The mechanical effects of one shot with their values, as the solver takes them, and effects on the recording's clock.
 
-What goes on by the recording's clock, shot or no shot, is at another point of its way when the bodies meet; where that
-is depends on the touch time and, as the plate follows it, on the plate.
+A vibration runs on the recording's clock, so its phase at the first touch depends on the touch time and, as the plate
+responds to it, on the plate's stiffness and mass.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,18 +18,18 @@ _PLATE = kernel_order[:2]  # stiffness and mass
 
 
 @dataclass(frozen=True, slots=True)
-class Chained:
-    """The parameters of one shot that come to a kernel by way of others: ``names``, and d(given)/d(those), (3, n)."""
+class ChainRule:
+    """How the three values given to a kernel depend on parameters: their ``names``, and the derivatives, (3, n)."""
 
     slot: int
     names: tuple[str, ...]
     slopes: Floats
 
 
-def acting(
+def active_effects(
     rows: Sequence[Effect], values: Mapping[str, Mapping[str, float]], collision: Collision, touch_time_s: float
 ) -> list[Active]:
-    """Return those of the effects that act on the motion, with their values by effect and parameter; as ``rows``."""
+    """Return the effects that act on the motion, in the order of ``rows``; ``values`` by effect and parameter."""
     out = []
     for row in rows:
         if row.kernel is None:
@@ -37,16 +37,16 @@ def acting(
         given = tuple(values[row.name][p.name] for p in row.parameters)
         if row.clocked is not None:
             plate = collision.plate_stiffness_n_per_m, collision.plate_mass_kg
-            told = row.clocked(given, *plate, touch_time_s + _earlier(rows, values, collision)[0])
-            given = tuple(float(value) for value in told)
+            at_meeting = row.clocked(given, *plate, touch_time_s + _earlier(rows, values, collision)[0])
+            given = tuple(float(value) for value in at_meeting)
         out.append(Active(row, given))
     return out
 
 
-def chained(
+def chain_rules(
     rows: Sequence[Effect], values: Mapping[str, Mapping[str, float]], collision: Collision, touch_time_s: float
-) -> list[Chained]:
-    """Return how what is clocked depends on parameters, by exact complex steps; ``slot`` is a place in ``acting``."""
+) -> list[ChainRule]:
+    """Return the chain rules of clocked effects, by exact complex steps; ``slot`` is as in ``active_effects``."""
     out = []
     for slot, row in enumerate(row for row in rows if row.kernel is not None):
         if row.clocked is None:
@@ -55,21 +55,21 @@ def chained(
         begins = [*(values[row.name][p.name] for p in row.parameters), *collision.vector[:2], touch_time_s + earlier]
         steps = np.array(begins)[:, None] + 1j * _STEP * np.eye(len(begins))
         count = len(row.parameters)
-        told = row.clocked(steps[:count], *steps[count:])
-        slopes = np.stack([np.broadcast_to(np.imag(one) / _STEP, (len(begins),)) for one in told])
+        given = row.clocked(steps[:count], *steps[count:])
+        slopes = np.stack([np.broadcast_to(np.imag(one) / _STEP, (len(begins),)) for one in given])
         names = [*(f"{row.name}.{p.name}" for p in row.parameters), *_PLATE, "touch_time_s"]
         if reach:
             v = collision.velocity_in_m_per_s
             slopes = np.column_stack([slopes, slopes[:, -1] / v, -slopes[:, -1] * earlier / v])
             names += [reach, "velocity_in_m_per_s"]
-        out.append(Chained(slot, tuple(names), slopes))
+        out.append(ChainRule(slot, tuple(names), slopes))
     return out
 
 
-def through(chains: Sequence[Chained], names: Sequence[str], of_base: Mapping[str, int]) -> Floats:
-    """Return what makes derivatives by p ``names`` of those by them and by what c kernels are given, (p + 3 c, p).
+def chain_matrix(chains: Sequence[ChainRule], names: Sequence[str], of_base: Mapping[str, int]) -> Floats:
+    """Return the matrix, (p + 3 c, p), that turns derivatives by p ``names`` and c kernels' values into those by names.
 
-    ``of_base`` says which names are the shot's plate's and contact's in ``kernel_order``.
+    ``of_base`` gives the place in ``kernel_order`` of those names that are the shot's plate or contact parameters.
     """
     rows, here = [np.eye(len(names))], {kernel_order[place]: name for name, place in of_base.items()}
     for chain in chains:
@@ -84,7 +84,7 @@ def through(chains: Sequence[Chained], names: Sequence[str], of_base: Mapping[st
 def _earlier(
     rows: Sequence[Effect], values: Mapping[str, Mapping[str, float]], collision: Collision
 ) -> tuple[float, str]:
-    """Return when the bodies begin to act on each other, in s from the touch, and what gives the reach, if any does."""
+    """Return when the bodies begin to act on each other, in s from the touch, and the name of the longest range."""
     reaches = [(values[row.name][row.parameters[row.range_at].name], row) for row in rows if row.range_at >= 0]
     if not reaches:
         return 0.0, ""

@@ -1,4 +1,4 @@
-"""Where the two bodies come to act on each other, from which a march goes back and on (njit)."""
+"""The state at which the two bodies begin to act on each other, from which the motion is solved both ways (kernels)."""
 
 from analysis.collision.guards import range_at
 from analysis.collision.modes import CONTACT, FREE, INSIDE, NEAR_0, PLATE, SIGN, set_phase
@@ -9,10 +9,10 @@ from analysis.compiled.kernel_parts import part
 
 @part
 def start(system, motion, record, forward):  # type: ignore[no-untyped-def]
-    """Write state and mode where the two bodies come to act on each other; return the block's inertia in kg.
+    """Write state and mode at which the two bodies begin to act on each other; return the block's inertia in kg.
 
-    That is the first touch, at time zero; or where something attracts, the edge of its reach, a time earlier that the
-    block would take with its velocity there, which is what "velocity in" means.
+    That is the first touch, at time zero, or the edge of the longest range of an effect, earlier by the time in which
+    the block would reach the plate with its velocity there ("velocity in").
     """
     p, slots, which = system.p, system.slots, system.which
     here, aside, mode = motion.here, motion.aside, motion.mode
@@ -54,7 +54,7 @@ def start(system, motion, record, forward):  # type: ignore[no-untyped-def]
     for c in range(size):
         aside.z[0, c] = here.z[0, c]
     inertia = rates(aside, rows - rows + 1, which, system, mode)
-    for j in range(1, rows if attracts >= 0 else 1):  # the edge is met the earlier, the farther and the slower
+    for j in range(1, rows if attracts >= 0 else 1):  # the time at the edge depends on range and velocity
         by = which[j - 1]
         moved = -edge / p[4] ** 2 if by == 4 else (1.0 / p[4] if by == range_at(attracts, slots) else 0.0)
         for c in range(size):
@@ -64,7 +64,7 @@ def start(system, motion, record, forward):  # type: ignore[no-untyped-def]
 
 @part
 def after_start(record, system):  # type: ignore[no-untyped-def]
-    """Return the first sample past the instant from which the march sets out."""
+    """Return the first sample after the time at which the solution begins."""
     edge = 0.0
     for slot in range(system.slots.shape[0]):
         if system.slots[slot, RANGE_AT] >= 0.0:

@@ -1,6 +1,6 @@
-"""When does a guard function pass zero first in a step of any stepper?  (njit)
+"""Finds the first zero of a guard function within a step, for any stepper (kernels).
 
-``reach`` is the stepper's: it writes the state some time after the beginning of the step to ``there``.
+``reach`` is the stepper's function that writes the state some time after the beginning of the step to ``there``.
 """
 
 from analysis.collision.guards import VELOCITY, guard, guard_rate, may_touch
@@ -10,9 +10,9 @@ from analysis.compiled.kernel_parts import part
 
 @part
 def _root(reach, stepper, system, motion, item, low, high):  # type: ignore[no-untyped-def]
-    """Return when a guard function passes zero between two times after ``here``, which it does.
+    """Return the time after ``here`` at which a guard function passes zero, between ``low`` and ``high``.
 
-    Newton's method in a bracket that each trial tightens; to the last bit of the time.
+    Newton's method within a bracket, to the last bit of the time.
     """
     one = item - item + 1
     sign = motion.signs[item]
@@ -35,9 +35,9 @@ def _root(reach, stepper, system, motion, item, low, high):  # type: ignore[no-u
 
 @part
 def _lowest(reach, stepper, system, motion, item, h, up):  # type: ignore[no-untyped-def]
-    """Return when a guard function, falling at ``here`` and rising by ``up`` after ``h``, is lowest.
+    """Return the time of the minimum of a guard function that falls at ``here`` and rises with ``up`` after ``h``.
 
-    Or some time when it is past zero.  Chords and halves in turn.
+    Stops earlier at a time when it is below zero.  Secants and bisections alternate.
     """
     one = item - item + 1
     sign = motion.signs[item]
@@ -60,13 +60,13 @@ def _lowest(reach, stepper, system, motion, item, h, up):  # type: ignore[no-unt
 
 @part
 def first_crossing(reach, stepper, system, motion, h):  # type: ignore[no-untyped-def]
-    """Return (guard function, time) of the first to pass zero in a step; -1 where none does.
+    """Return (guard function, time) of the first zero in a step; -1 if there is none.
 
-    The velocity is not asked whether it turned and turned back: what it turns does little in a step.
+    Two zeros of the velocity within one step are not looked for, because their effect is negligible.
     """
     signs, ends = motion.signs, motion.ends
     first, found = h, -1
-    one = found - found + 1  # of the type of other numbers of rows, so that one compiled kernel serves
+    one = found - found + 1  # has the type of ``rows``, so that ``reach`` is compiled once
     rates(motion.here, one, system.which, system, motion.mode)
     reach(stepper, system, motion, h, one)
     for item in range(signs.size):

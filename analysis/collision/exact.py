@@ -1,4 +1,4 @@
-"""The paper's model solved exactly between its contact events: state, events and derivatives at any times."""
+"""The exact solution of the paper's model, without effects: state, events and derivatives at any times."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from analysis.collision.parameters import Collision, Floats
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """A solved collision at the asked times; arrays of shape (n,), time zero is the first touch.
+    """A solved collision; arrays of shape (n,), time zero is the first touch.
 
     ``displacement_derivatives`` has shape (n, 7), by the first seven of ``parameters.kernel_order`` (or (n, 0)).
     """
@@ -52,7 +52,7 @@ class Trajectory:
 
     @property
     def released(self) -> Event | None:
-        """Get the last release, or None while the block is still in contact at the end of the asked times."""
+        """Get the last release, None if the block is still in contact at the end."""
         last = self.events[-1]
         return last if last.kind == "release" else None
 

@@ -1,4 +1,4 @@
-"""From the matrices of a linear mode to its steps: exponentials, what they do to a state, means on the way (njit)."""
+"""Matrix exponentials of a linear mode, their action on a state, and means over a block of steps (kernels)."""
 
 from analysis.collision.matrices import TERMS
 from analysis.compiled.kernel_parts import part
@@ -8,9 +8,9 @@ _MOST_TERMS = 60
 
 @part
 def exponential(form, room, rows, h):  # type: ignore[no-untyped-def]
-    """Write exp(A h) and its derivatives, and return how many terms that took.
+    """Write exp(A h) and its derivatives, and return the number of terms of the series.
 
-    About 1 us, and 4 us for each parameter that A knows.
+    About 1 us, and 4 us for each parameter on which A depends.
     """
     a, by, e, d = form.a, form.by, form.e, form.d
     term, new, d_term, d_new = room.square[0], room.square[1], room.d_term, room.square[2]
@@ -76,7 +76,7 @@ def along(functional, item, z):  # type: ignore[no-untyped-def]
 
 @part
 def step(z, e, d, out):  # type: ignore[no-untyped-def]
-    """Write state and derivatives a step ahead, four at a time, which the processor does at once."""
+    """Write state and derivatives one step ahead, four columns at a time, which vectorises."""
     n = e.shape[0]
     for i in range(n - 1):
         for k in range(0, z.shape[1], 4):
@@ -92,14 +92,14 @@ def step(z, e, d, out):  # type: ignore[no-untyped-def]
 
 @part
 def step_alone(z, e, out):  # type: ignore[no-untyped-def]
-    """Write the state a step ahead."""
+    """Write the state one step ahead, without derivatives."""
     for i in range(e.shape[0] - 1):
         out[i, 0] = along(e, i, z)
 
 
 @part
 def repeat(form, room, rows, times):  # type: ignore[no-untyped-def]
-    """Write ``times`` steps as one, and what is shown of the mean after each; derivatives of the first shown."""
+    """Write the propagator of ``times`` steps and the matrix of the mean over them; derivatives of its first row."""
     e, d, e_all, d_all, e_work, d_work = form.e, form.d, form.whole, form.d_whole, room.square[0], room.d_work
     n = e.shape[0]
     share = 1.0 / times
@@ -141,7 +141,7 @@ def repeat(form, room, rows, times):  # type: ignore[no-untyped-def]
 
 @part
 def show_mean(z, rows, form, states, d_x):  # type: ignore[no-untyped-def]
-    """Add the mean of what is shown over a block ahead, and of the derivatives of the block's position, to rows."""
+    """Add the mean over the next block of steps to the outputs, and that of the derivatives of the block's position."""
     n = z.shape[0]
     for i in range(states.size):
         states[i] += along(form.mean, i, z)

@@ -1,10 +1,10 @@
-"""What a small effect does to a trajectory that is solved, for all starts of its grid at once, by its own function.
+"""The first-order change of a solved trajectory by a small effect, for all starting values of the effect at once.
 
-The effect's function is asked along the path (``linear_path``).  What it adds there is linear in its hidden state for
-every oscillator and relaxation, with constant coefficients: so its hidden state is propagated exactly (for drives that
-are parabolas over a step), and the small change of block and plate by the path's propagators, the drives integrated by
-Simpson's rule.  An effect of size e is right to order e; where its function does not have that form, there is no answer
-and the trajectory has to be solved anew.
+The effect's function is evaluated along the path (``linear_path``).  Every oscillator and relaxation is linear in its
+hidden state with constant coefficients, so the hidden state is propagated exactly (for drives that are parabolas over a
+step), and the small change of block and plate by the path's propagators, with the drives integrated by Simpson's rule.
+The error is of second order in the effect.  If the function does not have that form there is no result, and the
+trajectory has to be solved again.
 """
 
 import math
@@ -15,38 +15,51 @@ import numpy as np
 
 from analysis.collision.effects.kernel import FORCE, MASS, ON_BLOCK, ON_PLATE, OUTPUTS, PAIR, STATES, V, X, address
 from analysis.collision.effects.row import Acts, Effect
-from analysis.collision.forms import ROOM, SEEN, ask, coefficients, hidden_steps, state_coefficients
+from analysis.collision.linear_coefficients import (
+    ROOM,
+    SEEN,
+    call_effect,
+    coefficients,
+    hidden_steps,
+    state_coefficients,
+)
 from analysis.collision.linear_path import LinearPath
 from analysis.collision.parameters import Collision, Floats
 from analysis.collision.path_matrices import INPUTS
 from analysis.collision.slots import function_of
+from analysis.compiled.kernel_bundle import by_address
 from analysis.compiled.kernel_parts import kernel, part
 from analysis.compiled.kernel_room import cut, cut_integers
 
-_PROBED = 16  # points along the trajectory at which the form of an effect's function is looked at
-_SWING = 0.5  # radians a step may take of what is tried
+_PROBED = 16  # points along the trajectory at which the linearity of an effect's function is checked
+_SWING = 0.5  # largest phase step, in rad, of the fastest oscillation of an effect
 _DRIVES = (ON_BLOCK, ON_PLATE, PAIR, MASS)  # in the order of the path's inputs
 
 
 def steps_for(effect: Effect, values: Sequence[float], collision: Collision, spacing_s: float) -> int:
-    """Return how many steps a sample an effect asks for: a power of two, so that many starts share a path."""
+    """Return the steps per sample that an effect needs: a power of two, so that many starts share a path."""
     turns = effect.fastest(np.asarray(values, dtype=np.float64), collision) * spacing_s / _SWING
     return 1 if turns <= 1 else 2 ** math.ceil(math.log2(turns))
 
 
-class _Asked(NamedTuple):
-    """An effect at k starts: its address, what kind it is, its parameters, shape (k, 3), and what its form is."""
+class _EffectAtStarts(NamedTuple):
+    """An effect at k starts: its address, where it acts, its parameters, shape (k, 3), and its linear coefficients.
+
+    ``in_contact``: between the bodies; ``in_flight``: before they meet, too; ``rides``: its hidden state moves with the
+    block before.  ``linear``, shape (6, 2, k): derivatives of the outputs by the hidden state; ``by_state``, shape
+    (6, 8, k): by the state, and the outputs at rest, if they are ``constant``.
+    """
 
     where: int
-    pair: bool
-    before: bool
+    in_contact: bool
+    in_flight: bool
     hidden: bool
     rides: bool
     shift: float
-    known: bool
+    constant: bool
     parameters: Floats
     linear: Floats
-    seen_by: Floats
+    by_state: Floats
 
 
 class _Path(NamedTuple):
@@ -58,9 +71,43 @@ class _Path(NamedTuple):
     linked: Any
     propagator: Floats
     weights: Floats
-    told: Floats
+    effect_inputs: Floats
     kick: Floats
     watch: Floats
+
+
+class _Work(NamedTuple):
+    """Arrays of the march; a "point" is the begin, the middle or the end of a step.
+
+    ``s``, ``values`` and ``effect`` are the arguments of one call of the effect.  ``bare`` are its outputs at each
+    point with the hidden state at zero, ``h`` the hidden state, ``u`` the inputs of the path.  ``rows`` are ``state``
+    and ``u`` as one array.  ``steps``, ``power`` and ``series`` belong to ``hidden_steps``, ``scaled`` are weights of a
+    sum.
+
+    ``active`` marks the inputs that are not zero, ``driven`` the outputs that are not, ``used`` the states on which an
+    output depends; ``terms`` and ``term_count`` list those, ``live`` the rows that are not zero.
+    """
+
+    s: Floats
+    values: Floats
+    effect: Floats
+    bare: Floats
+    rows: Floats
+    state: Floats
+    u: Floats
+    new: Floats
+    h: Floats
+    moved: Floats
+    steps: Floats
+    power: Floats
+    series: Floats
+    scaled: Floats
+    active: Any
+    driven: Any
+    used: Any
+    live: Any
+    terms: Any
+    term_count: Any
 
 
 def along(path: LinearPath, effect: Effect, collision: Collision, parameters: Floats, samples: int) -> Floats | None:
@@ -68,47 +115,41 @@ def along(path: LinearPath, effect: Effect, collision: Collision, parameters: Fl
     if effect.kernel is None or effect.range_at >= 0:
         return None
     function, acts = function_of(effect, collision)
-    pair, hidden = acts is Acts.IN_CONTACT, effect.hidden > 0
-    if pair and hidden:
+    in_contact, hidden = acts is Acts.IN_CONTACT, effect.hidden > 0
+    if in_contact and hidden:
         return None
     count = parameters.shape[0]
     places = np.unique(np.linspace(0, path.size - 1, _PROBED).astype(np.int64))
-    linear, seen_by = np.zeros((OUTPUTS, 2, count)), np.zeros((OUTPUTS, SEEN + 1, count))
+    linear, by_state = np.zeros((OUTPUTS, 2, count)), np.zeros((OUTPUTS, SEEN + 1, count))
     where = address(function)
-    told = np.ascontiguousarray(path.told[places, 1])
-    if hidden and not coefficients(where, told, parameters, linear, np.zeros(ROOM)):
+    inputs = np.ascontiguousarray(path.effect_inputs[places, 1])
+    if hidden and not coefficients(where, inputs, parameters, linear, np.zeros(ROOM)):
         return None
-    known = hidden and state_coefficients(where, told, parameters, seen_by, np.zeros(ROOM))
+    constant = hidden and state_coefficients(where, inputs, parameters, by_state, np.zeros(ROOM))
     out = np.zeros((samples, count))
-    before = acts is Acts.ON_BLOCK and not effect.rides
-    asked = _Asked(
-        where, pair, before, hidden, effect.rides, float(effect.shift), bool(known), parameters, linear, seen_by
-    )
+    in_flight = acts is Acts.ON_BLOCK and not effect.rides
+    at_starts = _EffectAtStarts(
+        where, in_contact, in_flight, hidden, effect.rides, float(effect.shift), bool(constant), parameters, linear,
+        by_state,
+    )  # fmt: skip
     arrays = _Path(
-        path.length_s,
-        path.sample,
-        path.early,
-        path.linked,
-        path.propagator,
-        path.weights,
-        path.told,
-        path.kick,
-        path.watch,
-    )
-    marched = _march(asked, np.array(_DRIVES), arrays, out, np.zeros(_room_for(arrays.propagator.shape[1], count)))
+        path.length_s, path.sample, path.early, path.linked, path.propagator, path.weights, path.effect_inputs,
+        path.kick, path.watch,
+    )  # fmt: skip
+    marched = _march(at_starts, np.array(_DRIVES), arrays, out, np.zeros(_room_for(arrays.propagator.shape[1], count)))
     assert marched
     return out
 
 
 def _room_for(n: int, count: int) -> int:
-    """Return how many numbers the arrays of ``_march`` take, n being those of a state, for ``count`` starts."""
+    """Return the size of the workspace of ``_march`` for states of n numbers and ``count`` starts."""
     fixed = STATES + 3 + INPUTS + OUTPUTS * (2 * SEEN + 5) + 2 * (n + 3 * INPUTS)
     return fixed + count * (3 * OUTPUTS + 3 * INPUTS + 2 * n + 6 + 1 + 32 + 4 + 16)
 
 
 @part
 def _add_up(rows, weights, which, number, out):  # type: ignore[no-untyped-def]
-    """Write the weighted sum of some rows, two at a time: each pass writes ``out`` once."""
+    """Write the weighted sum of some rows; two at a time, which writes ``out`` half as often."""
     count = out.size
     first, last = rows[which[0]], rows[which[number - 1]]
     one, two = weights[0], weights[number - 1]
@@ -125,44 +166,19 @@ def _add_up(rows, weights, which, number, out):  # type: ignore[no-untyped-def]
                 out[c] += one * near[c] + two * far[c]
 
 
-@kernel
-def _march(effect_at, drives, path, out, room):  # type: ignore[no-untyped-def]
-    """Write the change of the block's position at the samples, shape (samples, k), and return whether there was room.
-
-    About 15 ns a step and start where what the effect makes of a state is ``known`` (``seen_by``), else 40.
-    ``room`` is ``_room_for`` zeros.
-    """
-    where, parameters, linear, seen_by = effect_at.where, effect_at.parameters, effect_at.linear, effect_at.seen_by
-    pair, before, hidden, rides = effect_at.pair, effect_at.before, effect_at.hidden, effect_at.rides
-    shift, known = effect_at.shift, effect_at.known
-    length, sample, early, linked, propagator = path.length, path.sample, path.early, path.linked, path.propagator
-    weights, told, kick, watch = path.weights, path.told, path.kick, path.watch
-    count, n = parameters.shape[0], propagator.shape[1]
+@part
+def _workspace(room, n, count):  # type: ignore[no-untyped-def]
+    """Return the arrays of a march, cut from ``room``, and how much of it they take."""
     s, at = cut(room, 0, (STATES,))
     values, at = cut(room, at, (3,))
     effect, at = cut(room, at, (OUTPUTS,))
-    bare, at = cut(room, at, (3, OUTPUTS, count))  # at begin, middle and end, with the hidden state at zero
-    rows, _ = cut(room, at, (n + 3 * INPUTS, count))  # the state, and what acts on it at begin, middle and end
+    bare, at = cut(room, at, (3, OUTPUTS, count))
+    rows, _ = cut(room, at, (n + 3 * INPUTS, count))
     state, at = cut(room, at, (n, count))
     u, at = cut(room, at, (3, INPUTS, count))
-    at_work, at = cut_integers(room, at, (INPUTS,))
+    active, at = cut_integers(room, at, (INPUTS,))
     driven, at = cut_integers(room, at, (OUTPUTS,))
     used, at = cut_integers(room, at, (OUTPUTS, SEEN + 1))
-    for i in range(OUTPUTS):
-        driven[i] = 0 if known else 1
-        for j in range(SEEN + 1):
-            for c in range(count):
-                used[i, j] = 1 if used[i, j] or seen_by[i, j, c] != 0.0 else 0
-            driven[i] = 1 if driven[i] or used[i, j] else 0
-    for i in range(INPUTS):
-        if i >= 4:
-            at_work[i] = 1 if shift != 0.0 else 0
-        elif (i == 2) == pair:
-            from_ = drives[i]
-            at_work[i] = driven[from_]
-            for c in range(count):
-                if linear[from_, 0, c] != 0.0 or linear[from_, 1, c] != 0.0:
-                    at_work[i] = 1
     new, at = cut(room, at, (n, count))
     h, at = cut(room, at, (3, 2, count))
     moved, at = cut(room, at, (count,))
@@ -171,107 +187,182 @@ def _march(effect_at, drives, path, out, room):  # type: ignore[no-untyped-def]
     series, at = cut(room, at, (4, 2, 2, count))
     scaled, at = cut(room, at, (n + 3 * INPUTS,))
     live, at = cut_integers(room, at, (n + 3 * INPUTS,))
-    given, at = cut_integers(room, at, (OUTPUTS, SEEN + 1))  # what an output is made of, and of how many
-    told_of, at = cut_integers(room, at, (OUTPUTS,))
-    if at > room.size:
-        return False
-    acting = n
-    for k in range(n):
-        live[k] = k
-    for k in range(3 * INPUTS):
-        if at_work[k % INPUTS]:
-            live[acting] = n + k
-            acting += 1
+    terms, at = cut_integers(room, at, (OUTPUTS, SEEN + 1))
+    term_count, at = cut_integers(room, at, (OUTPUTS,))
+    work = _Work(
+        s, values, effect, bare, rows, state, u, new, h, moved, steps, power, series, scaled, active, driven, used,
+        live, terms, term_count,
+    )  # fmt: skip
+    return work, at
+
+
+@part
+def _mark_active(effect, drives, work):  # type: ignore[no-untyped-def]
+    """Mark the inputs and outputs that are not zero, and return the number of ``live`` rows."""
+    linear, by_state, active, driven, used = effect.linear, effect.by_state, work.active, work.driven, work.used
+    count, n = linear.shape[2], work.state.shape[0]
     for i in range(OUTPUTS):
+        driven[i] = 0 if effect.constant else 1
         for j in range(SEEN + 1):
+            for c in range(count):
+                used[i, j] = 1 if used[i, j] or by_state[i, j, c] != 0.0 else 0
+            driven[i] = 1 if driven[i] or used[i, j] else 0
             if used[i, j]:
-                given[i, told_of[i]] = j
-                told_of[i] += 1
+                work.terms[i, work.term_count[i]] = j
+                work.term_count[i] += 1
+    for i in range(INPUTS):
+        if i >= 4:
+            active[i] = 1 if effect.shift != 0.0 else 0
+        elif (i == 2) == effect.in_contact:
+            active[i] = driven[drives[i]]
+            for c in range(count):
+                if linear[drives[i], 0, c] != 0.0 or linear[drives[i], 1, c] != 0.0:
+                    active[i] = 1
+    for k in range(n):
+        work.live[k] = k
+    rows = n
+    for k in range(3 * INPUTS):
+        if active[k % INPUTS]:
+            work.live[rows] = n + k
+            rows += 1
+    return rows
+
+
+@part
+def _write_bare(effect, path, r, point, work):  # type: ignore[no-untyped-def]
+    """Write the effect's outputs at one point of a step, the hidden state at zero."""
+    s, bare = work.s, work.bare
+    for i in range(STATES):
+        s[i] = path.effect_inputs[r, point, i]
+    if effect.in_contact:
+        s[FORCE] = 0.0
+    if effect.constant:
+        for i in range(OUTPUTS):
+            if work.driven[i]:
+                for k in range(work.term_count[i]):
+                    work.scaled[k] = s[work.terms[i, k]] if work.terms[i, k] < SEEN else 1.0
+                _add_up(effect.by_state[i], work.scaled, work.terms[i], work.term_count[i], bare[point, i])
+        return
+    for c in range(effect.parameters.shape[0]):
+        call_effect(effect.where, s, effect.parameters, c, work.values, work.effect)
+        for i in range(OUTPUTS):
+            bare[point, i, c] = work.effect[i]
+
+
+@part
+def _step_hidden(work):  # type: ignore[no-untyped-def]
+    """Write the hidden states at the middle and the end of a step."""
+    h, bare, steps, count = work.h, work.bare, work.steps, work.moved.size
+    for half in range(2):
+        for i in range(2):
+            for c in range(count):
+                total = steps[half, 0, i, 0, c] * h[0, 0, c] + steps[half, 0, i, 1, c] * h[0, 1, c]
+                for point in range(3):
+                    total += steps[half, 1 + point, i, 1, c] * bare[point, 4, c]
+                h[1 + half, i, c] = total
+            if work.driven[3]:  # zero for an oscillator, whose position has no drive of its own
+                for c in range(count):
+                    for point in range(3):
+                        h[1 + half, i, c] += steps[half, 1 + point, i, 0, c] * bare[point, 3, c]
+
+
+@part
+def _write_inputs(effect, drives, work):  # type: ignore[no-untyped-def]
+    """Write the inputs of the path at the three points of a step."""
+    linear, h, u, bare, count = effect.linear, work.h, work.u, work.bare, work.moved.size
+    for point in range(3):
+        for i in range(INPUTS):
+            if not work.active[i]:
+                continue
+            if i >= 4:
+                for c in range(count):
+                    u[point, i, c] = effect.shift * h[point, i - 4, c]
+                continue
+            from_ = drives[i]
+            for c in range(count):
+                by_hidden = linear[from_, 0, c] * h[point, 0, c] + linear[from_, 1, c] * h[point, 1, c]
+                u[point, i, c] = bare[point, from_, c] + by_hidden
+
+
+@part
+def _jump_at_event(effect, path, r, work):  # type: ignore[no-untyped-def]
+    """Let the state jump at an event, which comes earlier or later by the change of the state."""
+    state, moved = work.state, work.moved
+    n, count = state.shape
+    for c in range(count):
+        total = path.watch[r, n] * effect.shift * work.h[0, 0, c]
+        for i in range(n):
+            total += path.watch[r, i] * state[i, c]
+        moved[c] = total
+    for i in range(n):
+        if path.kick[r, i] != 0.0:
+            for c in range(count):
+                state[i, c] += path.kick[r, i] * moved[c]
+
+
+@part
+def _step_state(path, r, live_rows, work):  # type: ignore[no-untyped-def]
+    """Propagate state and hidden state to the end of a step."""
+    state, scaled, live, h = work.state, work.scaled, work.live, work.h
+    n, count = state.shape
+    for i in range(n):
+        for k in range(n):
+            scaled[k] = path.propagator[r, i, k]
+        for k in range(n, live_rows):
+            row = live[k] - n
+            scaled[k] = path.weights[r, row // INPUTS, i, row % INPUTS]
+        _add_up(work.rows, scaled, live, live_rows, work.new[i])
+    for i in range(n):
+        for c in range(count):
+            state[i, c] = work.new[i, c]
+    for i in range(2):
+        for c in range(count):
+            h[0, i, c] = h[2, i, c]
+
+
+@kernel
+def _march(effect, drives, path, out, room):  # type: ignore[no-untyped-def]
+    """Write the change of the block's position at the samples, shape (samples, k); False if ``room`` is too small.
+
+    About 15 ns per step and start if the effect's coefficients are ``constant``, else 40.  ``room`` is ``_room_for``
+    zeros.
+    """
+    effect, path = by_address(effect), by_address(path)
+    count, n, early = effect.parameters.shape[0], path.propagator.shape[1], path.early
+    arrays, size = _workspace(room, n, count)
+    if size > room.size:
+        return False
+    work = by_address(arrays)
+    live_rows = _mark_active(effect, drives, work)
     last, begun = 0.0, False
-    for r in range(length.size):
+    for r in range(path.length.size):
         if not early[r] and not begun:
             begun = True
             for c in range(count):
                 for i in range(n):
-                    state[i, c] = 0.0
-                if rides and hidden:
-                    h[0, 0, c], h[0, 1, c] = told[r, 0, X], told[r, 0, V]
-        if early[r] and not before:
+                    work.state[i, c] = 0.0
+                if effect.rides and effect.hidden:
+                    work.h[0, 0, c], work.h[0, 1, c] = path.effect_inputs[r, 0, X], path.effect_inputs[r, 0, V]
+        if early[r] and not effect.in_flight:
             continue
-        if hidden and not early[r] and abs(length[r] - last) > 1e-9 * abs(last):
-            hidden_steps(linear, length[r], steps, power, series)
-            last = length[r]
+        if effect.hidden and not early[r] and abs(path.length[r] - last) > 1e-9 * abs(last):
+            hidden_steps(effect.linear, path.length[r], work.steps, work.power, work.series)
+            last = path.length[r]
         for point in range(3):
-            if point == 0 and r > 0 and linked[r]:
+            if point == 0 and r > 0 and path.linked[r]:
                 for i in range(OUTPUTS):
-                    if driven[i]:
+                    if work.driven[i]:
                         for c in range(count):
-                            bare[0, i, c] = bare[2, i, c]
-                continue
-            for i in range(STATES):
-                s[i] = told[r, point, i]
-            if pair:
-                s[FORCE] = 0.0
-            if known:
-                for i in range(OUTPUTS):
-                    if driven[i]:
-                        for k in range(told_of[i]):
-                            scaled[k] = s[given[i, k]] if given[i, k] < SEEN else 1.0
-                        _add_up(seen_by[i], scaled, given[i], told_of[i], bare[point, i])
-                continue
+                            work.bare[0, i, c] = work.bare[2, i, c]
+            else:
+                _write_bare(effect, path, r, point, work)
+        if effect.hidden and not early[r]:
+            _step_hidden(work)
+        _write_inputs(effect, drives, work)
+        if not path.linked[r]:
+            _jump_at_event(effect, path, r, work)
+        _step_state(path, r, live_rows, work)
+        if path.sample[r] >= 0:
             for c in range(count):
-                ask(where, s, parameters, c, values, effect)
-                for i in range(OUTPUTS):
-                    bare[point, i, c] = effect[i]
-        if hidden and not early[r]:
-            for part in range(2):
-                for i in range(2):
-                    for c in range(count):
-                        total = steps[part, 0, i, 0, c] * h[0, 0, c] + steps[part, 0, i, 1, c] * h[0, 1, c]
-                        for point in range(3):
-                            total += steps[part, 1 + point, i, 1, c] * bare[point, 4, c]
-                        h[1 + part, i, c] = total
-                    if driven[3]:  # nothing pushes the place of what swings
-                        for c in range(count):
-                            for point in range(3):
-                                h[1 + part, i, c] += steps[part, 1 + point, i, 0, c] * bare[point, 3, c]
-        for point in range(3):
-            for i in range(INPUTS):
-                if not at_work[i]:
-                    continue
-                if i >= 4:
-                    for c in range(count):
-                        u[point, i, c] = shift * h[point, i - 4, c]
-                    continue
-                from_ = drives[i]
-                for c in range(count):
-                    by_hidden = linear[from_, 0, c] * h[point, 0, c] + linear[from_, 1, c] * h[point, 1, c]
-                    u[point, i, c] = bare[point, from_, c] + by_hidden
-        if not linked[r]:
-            # A switch: it comes earlier or later by what has changed, and the old forces act so much longer.
-            for c in range(count):
-                total = watch[r, n] * shift * h[0, 0, c]
-                for i in range(n):
-                    total += watch[r, i] * state[i, c]
-                moved[c] = total
-            for i in range(n):
-                if kick[r, i] != 0.0:
-                    for c in range(count):
-                        state[i, c] += kick[r, i] * moved[c]
-        for i in range(n):
-            for k in range(n):
-                scaled[k] = propagator[r, i, k]
-            for k in range(n, acting):
-                row = live[k] - n
-                scaled[k] = weights[r, row // INPUTS, i, row % INPUTS]
-            _add_up(rows, scaled, live, acting, new[i])
-        for i in range(n):
-            for c in range(count):
-                state[i, c] = new[i, c]
-        for i in range(2):
-            for c in range(count):
-                h[0, i, c] = h[2, i, c]
-        if sample[r] >= 0:
-            for c in range(count):
-                out[sample[r], c] = state[0, c]
+                out[path.sample[r], c] = work.state[0, c]
     return True

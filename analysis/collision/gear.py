@@ -1,7 +1,7 @@
 """The paper's own integrator: Gear's predictor-corrector of fifth order at a fixed step (Eq. 5-8), as printed.
 
-It knows nothing of contact events: the force switches on and off between two steps, which limits its accuracy to
-about one step.  Kept as the paper's algorithm; ``exact`` solves the same model without that error.
+It does not locate contact events: the force switches on and off between two steps, which limits its accuracy to about
+one step.  ``exact`` solves the same model without that error.
 """
 
 from dataclasses import dataclass
@@ -93,7 +93,7 @@ class GearRun:
 def simulate(collision: Collision, duration_s: float, *, step_s: float = STEP_S, every: int = 1) -> GearRun:
     """Integrate from first touch for ``duration_s``, keeping every ``every``-th step.
 
-    ValueError for a step or duration that is not positive.
+    Raises ValueError for a step or duration that is not positive.
     """
     if not (step_s > 0 and duration_s > 0 and every >= 1):
         raise ValueError("step_s and duration_s must be positive, every at least 1")

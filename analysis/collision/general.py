@@ -1,4 +1,4 @@
-"""The model with effects: solved at any times, with derivatives by any of its parameters."""
+"""Solves the model with effects at any times, with derivatives by any of its parameters."""
 
 import math
 from collections.abc import Sequence
@@ -12,22 +12,22 @@ from analysis.collision import march
 from analysis.collision.modes import CONTACT, FREE, NEAR_0, OVERLAPPED, PARTING
 from analysis.collision.parameters import Collision, Floats
 from analysis.collision.slots import Active as Active
-from analysis.collision.slots import Swings, lay_out, swings
+from analysis.collision.slots import FastestRates, fastest_rates, lay_out
 from analysis.collision.slots import direction as direction
 from analysis.collision.system import MAX_EVENTS, Record, System
 
-_BASE_STEP = 0.14  # radians of the fastest swing of block, contact and plate a step: 1e-12 of the displacement
-_HIDDEN_STEP = 0.22  # of an effect's own swing, which is small beside the motion
+_BASE_STEP = 0.14  # phase step, in rad, of the fastest oscillation of block, contact and plate: error 1e-12
+_HIDDEN_STEP = 0.22  # of an effect's own oscillation, which is small compared with the motion
 _LONGEST_S = 1e-3
-_RIGHT_M, _ORDER = 1e-18, 12  # what a step longer than safe may be off by, and how it goes with the stride
+_ERROR_M, _ORDER = 1e-18, 12  # allowed error of a step longer than safe, and the power of the stride by which it grows
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """The mode changes: ``kind`` "touch", "release", "damping_off", "damping_on", "turn", ...; time from first touch.
+    """A change of mode: ``kind`` "touch", "release", "damping_off", "damping_on", "turn", ...; time from first touch.
 
-    ``state`` is (x_b, v_b, x_p, v_p, hidden states).  The derivatives are total ones, by the k directions asked for: of
-    the event's time, shape (k,), and of the state at that event, shape (k, 4 or more).
+    ``state`` is (x_b, v_b, x_p, v_p, hidden states).  The derivatives are total, by the k requested directions: of the
+    event's time, shape (k,), and of the state at the event, shape (k, 4 or more).
     """
 
     kind: str
@@ -38,14 +38,14 @@ class Event:
 
 
 class TooManyEvents(ArithmeticError):
-    """The contact chatters, or swings so fast that it would be followed for minutes: no trajectory is given."""
+    """The contact chatters, or oscillates so fast that a solution would take minutes."""
 
 
 @dataclass(frozen=True, slots=True)
 class GeneralRun:
-    """A collision with mechanical effects at the asked times, arrays of shape (n,); time zero is the first touch.
+    """A solved collision with mechanical effects, arrays of shape (n,); time zero is the first touch.
 
-    ``displacement_derivatives`` has shape (n, k), by the ``directions`` asked for.
+    ``displacement_derivatives`` has shape (n, k), by the requested ``directions``.
     """
 
     time_s: Floats
@@ -55,29 +55,29 @@ class GeneralRun:
     plate_velocity_m_per_s: Floats
     contact_point_m: Floats
     displacement_derivatives: Floats
-    happened: "Happened"
+    log: "EventLog"
 
     @property
     def events(self) -> tuple[Event, ...]:
         """Get the changes of mode, in order."""
-        return self.happened.events
+        return self.log.events
 
     @property
     def gap_m(self) -> Floats:
-        """Get the gap between block and contact point; negative: they overlap."""
+        """Get the gap between block and contact point; negative: overlap."""
         return self.displacement_m - self.contact_point_m
 
     @property
     def released(self) -> Event | None:
         """Get the last release, or None while the block is in contact at the end."""
-        return self.happened.released
+        return self.log.released
 
 
 @dataclass(frozen=True, slots=True)
-class Happened:
-    """The events of a march as its kernel leaves them: copied only where somebody asks, as most trajectories' are not.
+class EventLog:
+    """The events as the kernel recorded them, copied only when they are read, as most are not.
 
-    ``numbers`` is how many of a state are told.
+    ``numbers`` is the length of a state.
     """
 
     kinds: tuple[str, ...]
@@ -108,8 +108,8 @@ class Happened:
         return None
 
 
-class RunsAway(ArithmeticError):
-    """The parameters make the motion grow without bound."""
+class UnboundedMotion(ArithmeticError):
+    """The motion grows without bound with these parameters."""
 
 
 def solve(
@@ -120,35 +120,34 @@ def solve(
     directions: Sequence[int] = (),
     stride: float = 1.0,
     block: int = 1,
-    rates: Swings | None = None,
+    rates: FastestRates | None = None,
 ) -> GeneralRun:
     """Solve ``collision`` with mechanical ``effects`` at ``time_s``, shape (n,), ascending.
 
-    ``directions`` are indices into ``parameters.kernel_order`` (0 to 6) and ``direction(slot, place)``, a slot being a
-    place in ``effects``; the block's mass (7) is not among them.  Before the touch only what acts on the block and
-    has no hidden state takes part: what rides inside has come to rest.  ``block``: everything but the events is a mean
-    over so many samples, the last ones left out where they do not fill one.  ``rates`` are what ``swings`` says of
-    them, where that is known.
+    ``directions`` are indices into ``parameters.kernel_order`` (0 to 6; not the block's mass, 7) and
+    ``direction(slot, place)``, a slot being a place in ``effects``.  Before the touch only effects on the block without
+    a hidden state act; a mass inside the block is at rest.  ``block``: all outputs except the events are means over so
+    many samples; an incomplete last block is left out.  ``rates`` are the ``fastest_rates``, if they are known.
 
-    Effects that are linear in the state are solved to rounding.  Where one is not, ``stride`` lengthens the steps: 2
-    takes 0.6 of the time and shows the displacement of a millimetre to 0.05 pm instead of 0.001 pm.  A kink is stepped
-    over, by no more than a stride of 1: a hinge of 5 N/m is right to 3 pm so (of 2: to 130 pm), one of 50 to 30 pm.
-    Raises TooManyEvents, RunsAway, ValueError.
+    Effects that are linear in the state are solved to rounding.  For others ``stride`` lengthens the steps: 2 takes 0.6
+    of the time, with an error of 0.05 pm instead of 0.001 pm for a displacement of a millimetre.  Kinks are not located
+    as events, and the stride is at most 1: the error of a hinge of 5 N/m is 3 pm (with 2: 130 pm), of 50 N/m 30 pm.
+    Raises TooManyEvents, UnboundedMotion, ValueError.
     """
-    asked = _Asked(time_s, tuple(directions), block)
-    record, count, system = _solved(collision, effects, asked, stride, rates or swings(collision, effects))
+    request = _Request(time_s, tuple(directions), block)
+    record, count, system = _solved(collision, effects, request, stride, rates or fastest_rates(collision, effects))
     left = block // record.block
     states, d_x = averaged(record.states, left), averaged(record.d_x, left)
     kinds = tuple(map(_kind, record.event_kind[:count].tolist()))
     x, v, y, u, point = states[:, :5].T
-    return GeneralRun(averaged(record.times, block), x, v, y, u, point, d_x, Happened(kinds, record, system.numbers))
+    return GeneralRun(averaged(record.times, block), x, v, y, u, point, d_x, EventLog(kinds, record, system.numbers))
 
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """A motion as the kernels leave it: of e events the time, kind and mode after them, and states at the asked times.
+    """A motion with its modes: time, kind and mode after each of e events, and states at n times.
 
-    ``modes`` has shape (e, flags); ``states``, shape (n, 4 + hidden), hold the effects' hidden states too.
+    ``modes`` has shape (e, flags); ``states``, shape (n, 4 + hidden), include the effects' hidden states.
     """
 
     time_s: Floats
@@ -158,38 +157,38 @@ class Recorded:
 
 
 def recorded(collision: Collision, effects: Sequence[Active], time_s: Floats, spacing_s: float = 0.0) -> Recorded:
-    """Solve as ``solve`` does, and return whole states and modes; ``spacing_s``: how far apart most times are."""
-    asked = _Asked(time_s, whole=True, spacing_s=spacing_s)
-    record, count, system = _solved(collision, effects, asked, 1.0, swings(collision, effects))
-    states = np.delete(record.states[:, : 1 + system.numbers], 4, axis=1)  # the contact point is none of them
+    """Solve as ``solve`` does, and return whole states and modes; ``spacing_s`` is the spacing of most times."""
+    request = _Request(time_s, whole=True, spacing_s=spacing_s)
+    record, count, system = _solved(collision, effects, request, 1.0, fastest_rates(collision, effects))
+    states = np.delete(record.states[:, : 1 + system.numbers], 4, axis=1)  # without the contact point
     return Recorded(record.event_time[:count], record.event_kind[:count], record.event_mode[:count], states)
 
 
 @dataclass(frozen=True, slots=True)
-class _Asked:
-    """What is asked of a motion: when, by which ``directions``, as means of so many; ``whole``: hidden states too."""
+class _Request:
+    """The requested times and ``directions``, as means over ``block``; ``whole``: with hidden states."""
 
     time_s: Floats
     directions: tuple[int, ...] = ()
     block: int = 1
     whole: bool = False
-    spacing_s: float = 0.0  # how far apart most times are, where that is known
+    spacing_s: float = 0.0  # of most times; 0: unknown
 
 
 def _solved(
-    collision: Collision, effects: Sequence[Active], asked: _Asked, stride: float, rates: Swings
+    collision: Collision, effects: Sequence[Active], request: _Request, stride: float, rates: FastestRates
 ) -> tuple[Record, int, System]:
-    times = np.ascontiguousarray(asked.time_s, dtype=np.float64)
-    if times.ndim != 1 or times.size < asked.block or times.size == 0 or not np.all(times[1:] >= times[:-1]):
+    times = np.ascontiguousarray(request.time_s, dtype=np.float64)
+    if times.ndim != 1 or times.size < request.block or times.size == 0 or not np.all(times[1:] >= times[:-1]):
         raise ValueError("time_s must be one-dimensional, not empty and ascending")
-    system = lay_out(collision, effects, asked.directions)
-    shown = 1 + system.numbers if asked.whole else 5
-    record = _record(times, asked.block, system, shown)
+    system = lay_out(collision, effects, request.directions)
+    shown = 1 + system.numbers if request.whole else 5
+    record = _record(times, request.block, system, shown)
     closed: Any = march.in_closed_form
     count = march.NOT_LINEAR
-    if not any(active.effect.bent for active in effects):
+    if not any(active.effect.nonlinear for active in effects):
         room = np.zeros(march.room_for(system, record))
-        count = closed(system, record, _fastest(rates, asked.spacing_s), room)
+        count = closed(system, record, _fastest(rates, request.spacing_s), room)
     if count == march.NOT_LINEAR:
         record = _record(times, 1, system, shown)
         stepped: Any = march.step_by_step
@@ -199,14 +198,14 @@ def _solved(
     if count == march.TOO_MANY:
         raise TooManyEvents(f"more than {MAX_EVENTS} contact events with {collision}")
     if count == march.TOO_LONG:
-        raise TooManyEvents(f"more steps than a march may take with {collision}")
+        raise TooManyEvents(f"more steps than a solution may take with {collision}")
     if count < 0:
-        raise RunsAway(f"the motion grows without bound with {collision}")
+        raise UnboundedMotion(f"the motion grows without bound with {collision}")
     return record, int(count), system
 
 
 def _record(times: Floats, block: int, system: System, shown: int) -> Record:
-    """Return room for what comes of ``times``; the kernels count numbers of a state in fours."""
+    """Return the arrays that the kernels fill for ``times``; states are padded to a multiple of four numbers."""
     k, slots, samples = system.which.size, system.slots.shape[0], times.size // block
     size = 4 * math.ceil(system.numbers / 4)
     return Record(
@@ -229,7 +228,7 @@ def averaged(columns: Floats, block: int) -> Floats:
         return columns
     count = columns.shape[0] // block
     blocks = columns[: count * block].reshape((count, block, *columns.shape[1:]))
-    return np.asarray(np.einsum("nb...->n...", blocks) / block)  # a mean over so short an axis takes four times as long
+    return np.asarray(np.einsum("nb...->n...", blocks) / block)  # four times faster than mean() on so short an axis
 
 
 _KIND = {
@@ -249,26 +248,26 @@ def _kind(code: int) -> str:
     return _KIND.get((code // 10, code % 10), "range")
 
 
-def _fastest(rates: Swings, spacing_s: float) -> Floats:
-    """Return the fastest rates in rad/s in contact, apart, gone, and before the touch; then ``spacing_s``."""
+def _fastest(rates: FastestRates, spacing_s: float) -> Floats:
+    """Return the fastest rates in rad/s in contact, apart, after the block has gone, and before; then ``spacing_s``."""
     contact, apart = math.hypot(rates.contact, rates.every), math.hypot(rates.plate, rates.every)
     return np.array([contact, apart, rates.inside, 0.0, spacing_s])
 
 
-def _limits(rates: Swings, effects: Sequence[Active], stride: float) -> Floats:
+def _limits(rates: FastestRates, effects: Sequence[Active], stride: float) -> Floats:
     """Return the ``limits`` of ``RungeKutta``."""
     if any(active.effect.kinked for active in effects):
         stride = min(stride, 1.0)
-    swinging = [math.hypot(rates.contact, rates.every), math.hypot(rates.plate, rates.every), rates.inside, 0.0]
+    fastest = [math.hypot(rates.contact, rates.every), math.hypot(rates.plate, rates.every), rates.inside, 0.0]
 
     def longest(base: float, own: float) -> float:
         return min(stride * min(_BASE_STEP / max(base, 1e-9), _HIDDEN_STEP / max(own, 1e-9)), _LONGEST_S)
 
     safe = [longest(rates.contact, rates.every), longest(rates.plate, rates.every)]
     safe += [longest(0.0, rates.inside), _LONGEST_S]
-    # A law that is not smooth where the overlap begins is stepped away from, and up to, in short strides; its slope may
-    # be without bound there, and what a step makes of that goes as its length.
+    # A law that is not smooth where the overlap begins may have an infinite slope there, and the error of a step grows
+    # with its length: short steps are taken before and after.
     rough = any(active.effect.rough for active in effects)
     growth, nearing, shortest = (1.6, 0.4, 1e-8) if rough else (3.0, 0.0, 1e-4)
-    right = _RIGHT_M * stride**_ORDER
-    return np.array([*safe, *swinging, longest(0.0, rates.every), growth, nearing, right, shortest])
+    allowed = _ERROR_M * stride**_ORDER
+    return np.array([*safe, *fastest, longest(0.0, rates.every), growth, nearing, allowed, shortest])

@@ -1,7 +1,7 @@
-"""Guard functions: what ends a mode when it changes its sign (njit).
+"""Guard functions, whose change of sign ends a mode (kernels).
 
-The overlap xi, its rate xi', the force of the contact's law, the block's velocity, and for each effect with a range how
-far inside it the bodies are.
+They are the overlap xi, its rate xi', the force of the contact law, the block's velocity, and for each effect with a
+range the distance by which the bodies are within it.
 """
 
 from analysis.collision.modes import CONTACT, FREE, NEAR_0, OVERLAPPED, PARTING, PHASE, PLATE, SIGN
@@ -14,13 +14,13 @@ CLAMPED, NO_TENSION = 1, 2  # of ``parameters.Variant``
 
 @part
 def expected_signs(mode, variant, slots, forward, signs):  # type: ignore[no-untyped-def]
-    """Write which sign each guard function has in a mode; 0: not watched.  Before the touch nothing is."""
+    """Write the sign of each guard function in a mode; 0: not watched, as all are before the touch."""
     phase = int(mode[PHASE])
     for i in range(signs.size):
         signs[i] = 0.0
     if not forward:
         return
-    if slots.shape[0] > 0:  # two bodies alone do not care which way the block goes
+    if slots.shape[0] > 0:  # without effects the direction of the block does not matter
         signs[VELOCITY] = mode[SIGN]
     if mode[PLATE] > 0.5:
         signs[OVERLAP] = -1.0 if phase == FREE else 1.0
@@ -40,49 +40,49 @@ def expected_signs(mode, variant, slots, forward, signs):  # type: ignore[no-unt
 
 @inlined
 def range_at(slot, slots):  # type: ignore[no-untyped-def]
-    """Return where in ``p`` an effect's range stands."""
+    """Return the index in ``p`` of an effect's range."""
     return int(slots[slot, RANGE_AT])
 
 
 @inlined
 def guard(item, state, system):  # type: ignore[no-untyped-def]
-    """Return a guard function at a state whose rates are known."""
+    """Return the value of a guard function at a state whose rates are known."""
     if item < 3:
-        return state.told[0, item]
+        return state.contact[0, item]
     if item == VELOCITY:
         return state.z[0, 1]
-    return state.told[0, 0] + system.p[range_at(item - RANGE_0, system.slots)]
+    return state.contact[0, 0] + system.p[range_at(item - RANGE_0, system.slots)]
 
 
 @inlined
 def guard_rate(item, state, system):  # type: ignore[no-untyped-def]
-    """Return d/dt of a guard function; of the force only as far as spring and dashpot make it."""
+    """Return d/dt of a guard function; of the force only the part of spring and dashpot."""
     if item == VELOCITY:
         return state.f[0, 1]
     if item == OVERLAP or item > VELOCITY:
-        return state.told[0, 1]
+        return state.contact[0, 1]
     second = state.f[0, 3] - state.f[0, 1]
     for slot in range(system.slots.shape[0]):
         if system.slots[slot, MOVES] != 0.0:
             second += system.slots[slot, MOVES] * state.f[0, 5 + 2 * slot]
-    return second if item == OVERLAP_RATE else system.p[2] * state.told[0, 1] + system.p[3] * second
+    return second if item == OVERLAP_RATE else system.p[2] * state.contact[0, 1] + system.p[3] * second
 
 
 @part
 def guard_derivative(item, row, by, state, system):  # type: ignore[no-untyped-def]
-    """Return a guard function's derivative in a row of a state's derivatives, taken by parameter ``by``."""
+    """Return a guard function's derivative by parameter ``by``, whose derivatives of the state are in ``row``."""
     if item < 3:
-        return state.told[row, item]
+        return state.contact[row, item]
     if item == VELOCITY:
         return state.z[row, 1]
-    return state.told[row, 0] + (1.0 if by == range_at(item - RANGE_0, system.slots) else 0.0)
+    return state.contact[row, 0] + (1.0 if by == range_at(item - RANGE_0, system.slots) else 0.0)
 
 
 @inlined
 def may_touch(value, rate, rate_there, h):  # type: ignore[no-untyped-def]
-    """Return whether a guard function, positive at both ends of a step, may have passed zero in it.
+    """Return whether a guard function, positive at both ends of a step, may have been negative within it.
 
-    Twice as far as a parabola goes.
+    The criterion is twice the depth of a parabola.
     """
     down, up = rate * h, rate_there * h
     return down < 0.0 < up and value < down * down / (up - down)

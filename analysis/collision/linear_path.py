@@ -1,9 +1,9 @@
-"""A solved trajectory cut into steps, each with its propagator: what a small force or shift on the way leads to.
+"""The linearisation of a solved trajectory: steps with propagators, for the response to small forces and shifts.
 
-About a trajectory that is solved, a small change d of the state obeys d' = A(t) d + E(t) u, u being what an effect
-adds: forces on block and plate, a force between them, inertia, a moved contact point and its rate.  A and E are the
-exact derivatives of the model's own equations (``rates``), E by two probes laid out beside the effects that the fit
-has, so that no equation is written a second time.  Where a mode ends, d jumps as every derivative does (``march``).
+A small change d of the state obeys d' = A(t) d + E(t) u, where u is the input of an effect: forces on block and plate,
+a force between them, inertia, a displacement of the contact point and its rate.  A and E are the exact derivatives of
+the model's equations (``rates``), E by two probe effects in addition to those of the fit, so that no equation is
+written twice.  At an event d jumps as every derivative does (``march``).
 """
 
 import math
@@ -17,22 +17,22 @@ from numpy.typing import NDArray
 from analysis.collision import general
 from analysis.collision.effects.kernel import ON_BLOCK, ON_PLATE, PAIR, STATES
 from analysis.collision.effects.row import Acts, Effect, Parameter
-from analysis.collision.general import RunsAway, TooManyEvents
+from analysis.collision.general import TooManyEvents, UnboundedMotion
 from analysis.collision.guards import FORCE, OVERLAP, OVERLAP_RATE, RANGE_0, VELOCITY
 from analysis.collision.march import RANGE, TURN
 from analysis.collision.modes import FREE, NEAR_0, PARTING, PHASE, PLATE, SIGN
 from analysis.collision.parameters import Collision, Floats, Infeasible
 from analysis.collision.path_matrices import FRESH, INPUTS, NONE, Matrices, Steps, room_for, write_matrices
 from analysis.collision.path_steps import cut_at_events, lay_instants
-from analysis.collision.slots import Active, direction, lay_out, swings
+from analysis.collision.slots import Active, direction, fastest_rates, lay_out
 from analysis.collision.system import Integers
 
-_SWING = 0.25  # radians a step may take
+_SWING = 0.25  # largest phase step in rad
 MOST_PIECES = 24
 
 
 def _push(s: Any, p: Any, out: Any) -> None:
-    """Push block and plate; p = (force in N, force in N).  Its hidden state moves the contact point alone."""
+    """Push block and plate; p = (force in N, force in N).  Its hidden state moves the contact point only."""
     out[ON_BLOCK] += p[0]
     out[ON_PLATE] += p[1]
 
@@ -49,13 +49,13 @@ _PRESS = Effect("press", "", Acts.IN_CONTACT, _TWO[:1], "block", _press)
 
 @dataclass(frozen=True, slots=True)
 class LinearPath:
-    """Steps of one shot, the m_0 before the bodies act on each other going backwards, then forwards; n numbers a state.
+    """The m steps of one shot, states of n numbers: first those before the bodies act, backwards, then the others.
 
     ``length_s`` and ``sample`` (index of the sample at the end, or -1), shape (m,); ``early``: before the bodies act;
-    ``linked``: begins as the step before it ended; ``propagator``, shape (m, n, n); ``weights`` of the inputs at
-    begin, middle and end, shape (m, 3, n, 6); ``told``, shape (m, 3, 15), what an effect's function is given there;
-    ``kick``, shape (m, n), and ``watch``, shape (m, n + 1): at the beginning the state jumps by kick times (watch of
-    state and moved contact point).
+    ``linked``: begins at the end of the step before; ``propagator``, shape (m, n, n); ``weights`` of the inputs at
+    begin, middle and end, shape (m, 3, n, 6); ``effect_inputs``, shape (m, 3, 15), the arguments of an effect's
+    function there.  ``kick``, shape (m, n), and ``watch``, shape (m, n + 1): at the beginning the state jumps by kick
+    times the product of watch with the state and the displacement of the contact point.
     """
 
     length_s: Floats
@@ -64,7 +64,7 @@ class LinearPath:
     linked: NDArray[np.bool_]
     propagator: Floats
     weights: Floats
-    told: Floats
+    effect_inputs: Floats
     kick: Floats
     watch: Floats
 
@@ -75,18 +75,18 @@ class LinearPath:
 
 
 def linear_path(collision: Collision, active: Sequence[Active], time_s: Floats, steps: int = 1) -> LinearPath:
-    """Follow a collision with ``active`` effects (those with hidden states first) over ``time_s`` from first touch.
+    """Linearise a collision with ``active`` effects (those with hidden states first) at ``time_s`` from first touch.
 
-    ``time_s`` is an even grid; at least ``steps`` of them a sample.  About 1 us a step.  Raises Infeasible where the
-    steps would be too many or the motion has no end.
+    ``time_s`` is an even grid, with at least ``steps`` steps per sample.  About 1 us per step.  Raises Infeasible if
+    the steps would be too many or the motion cannot be solved.
     """
-    fastest = swings(collision, active)
+    fastest = fastest_rates(collision, active)
     spacing = float(time_s[1] - time_s[0])
     apart = max(steps, math.ceil(max(fastest.plate, fastest.every) * spacing / _SWING))
     pieces = apart * math.ceil(max(steps, max(fastest.contact, fastest.every) * spacing / _SWING) / apart)
     if pieces > MOST_PIECES:
-        raise Infeasible("something would swing faster than any record can show")
-    # Two bodies alone do not care where the block turns; what is tried on them may.
+        raise Infeasible("an oscillation is too fast for the sampling of the record")
+    # Without effects the turn of the block is no event; for the effects that are tried it may be.
     acting = active or [Active(_PRESS, (0.0,))]
     try:
         events = general.recorded(collision, acting, time_s)
@@ -97,7 +97,7 @@ def linear_path(collision: Collision, active: Sequence[Active], time_s: Floats, 
         instants, place = np.empty(2 * int(halves.sum()) + 1), np.empty(begin.size, dtype=np.int64)
         lay_instants(begin, end, halves, int(early.sum()), instants, place)
         run = general.recorded(collision, acting, instants, spacing / (2 * pieces))
-    except (TooManyEvents, RunsAway) as why:
+    except (TooManyEvents, UnboundedMotion) as why:
         raise Infeasible(str(why)) from why
     way = np.where(early, -halves, halves)
     states = run.states[place[:, None] + way[:, None] * np.arange(3)]
@@ -111,21 +111,21 @@ def _with_matrices(
     states: Floats,
     steps: tuple[Floats, Floats, Integers, Integers],
 ) -> LinearPath:
-    """Return the path of steps (begin, end, sample, event); ``states``, shape (m, 3, n), are those of each."""
+    """Return the path of steps (begin, end, sample, event) with ``states``, shape (m, 3, n)."""
     begin, end, sample, event = steps
     early = event < 0
     hidden = sum(one.effect.hidden > 0 for one in active)
-    beside = [*active[:hidden], Active(_PUSH, (0.0, 0.0)), *active[hidden:], Active(_PRESS, (0.0,))]
+    probed = [*active[:hidden], Active(_PUSH, (0.0, 0.0)), *active[hidden:], Active(_PRESS, (0.0,))]
     n = 4 + 2 * hidden
-    probes = [direction(hidden, 0), direction(hidden, 1), direction(len(beside) - 1, 0)]
-    system = lay_out(collision, beside, [*[-1] * (n + 2), *probes])
+    probes = [direction(hidden, 0), direction(hidden, 1), direction(len(probed) - 1, 0)]
+    system = lay_out(collision, probed, [*[-1] * (n + 2), *probes])
     slots = [slot + (slot >= hidden) for slot in range(len(active))]
-    count, mode_of = begin.size, np.zeros((events.time_s.size + 1, NEAR_0 + len(beside)))
+    count, mode_of = begin.size, np.zeros((events.time_s.size + 1, NEAR_0 + len(probed)))
     mode_of[:-1, :NEAR_0] = events.modes[:, :NEAR_0]
     mode_of[:-1, [NEAR_0 + slot for slot in slots]] = events.modes[:, NEAR_0 : NEAR_0 + len(active)]
-    mode_of[:-1, PLATE] = 1.0  # never left to itself: nothing is saved by it here
-    mode_of[-1, SIGN] = -1.0  # of those before the first event
-    states[early, :, 2:] = states[np.argmin(early), 0, 2:] if not early.all() else 0.0  # not met yet
+    mode_of[:-1, PLATE] = 1.0  # the plate is always solved with the block here
+    mode_of[-1, SIGN] = -1.0  # of steps before the first event
+    states[early, :, 2:] = states[np.argmin(early), 0, 2:] if not early.all() else 0.0  # as when the bodies meet
     fresh = np.diff(event, prepend=-2) != 0
     item = np.full(count, NONE)
     item[fresh] = [_guard_of(int(events.kinds[e]), slots) if e > 0 else FRESH for e in event[fresh]]
@@ -140,7 +140,7 @@ def _with_matrices(
 
 
 def _guard_of(kind: int, slots: Sequence[int]) -> int:
-    """Return the guard function that an event of a kind passed, ``slots`` being where the effects stand now."""
+    """Return the guard function of an event of a kind; ``slots`` are the present places of the effects."""
     if kind >= RANGE:
         return RANGE_0 + slots[kind - RANGE]
     if kind == TURN:

@@ -1,16 +1,16 @@
-"""The hybrid system: from event to event, through every event with all derivatives (njit).
+"""Solves the hybrid system of a collision from event to event, with all derivatives (kernels).
 
-A mode is left where a guard function passes zero.  There the derivatives of the state jump by
+A mode ends where a guard function g passes zero.  There the derivatives of the state jump by
 (f_before - f_after) dt/dtheta, dt/dtheta = -(dg/dtheta) / (dg/dt) (the saltation of a hybrid system; Leine and
-Nijmeijer, "Dynamics and Bifurcations of Non-Smooth Mechanical Systems", ch. 7).  All of that stands here, once.
+Nijmeijer, "Dynamics and Bifurcations of Non-Smooth Mechanical Systems", ch. 7).
 
-How the motion goes on within a mode is a stepper's matter: ``propagator`` (closed form, where the equations are linear
-in the state) or ``runge_kutta``.  A stepper is a bundle for which its file has four functions:
+Within a mode a stepper solves the motion: ``propagator`` (closed form, if the equations are linear in the state) or
+``runge_kutta``.  A stepper is a bundle of arrays, and four functions in its file:
 
-``arm``    makes ready for a mode that begins at the state ``here``; False where the stepper cannot follow it
-``run``    goes on from sample to sample; returns (next sample, the step that may meet a guard, why it stopped)
-``reach``  writes the state some time after the beginning of that step, its rates and what is told there to ``there``
-``show``   writes the samples that lie in that step up to a time, and returns the next one
+``arm``    prepares for a mode that begins at the state ``here``; returns False if the stepper cannot solve it
+``run``    steps from sample to sample; returns (next sample, length of the step that may meet a guard, why it stopped)
+``reach``  writes the state, its rates and its contact some time after the beginning of that step to ``there``
+``show``   writes the samples within that step up to a time, and returns the next one
 """
 
 import math
@@ -41,17 +41,17 @@ from analysis.collision.system import (
     state_of,
     take,
 )
-from analysis.compiled.kernel_bundle import held
+from analysis.compiled.kernel_bundle import by_address
 from analysis.compiled.kernel_parts import kernel, part
 from analysis.compiled.kernel_room import cut, cut_integers
 
 TOO_MANY, RUNS_AWAY, NOT_LINEAR, NO_ROOM, TOO_LONG = -1, -2, -3, -4, -5
-TURN, RANGE = 90, 95  # kinds of event: the block turns; plus slot: the bodies leave or enter an effect's range
+TURN, RANGE = 90, 95  # kinds of event: the block turns; the bodies leave or enter an effect's range (plus its slot)
 
 
 @part
 def _change_mode(item, mode, slots):  # type: ignore[no-untyped-def]
-    """Write the mode after a guard function has passed zero, and return the kind of event that is."""
+    """Write the mode after a guard function has passed zero, and return the kind of the event."""
     phase = int(mode[PHASE])
     if item == VELOCITY:
         mode[SIGN] = -mode[SIGN]
@@ -67,7 +67,7 @@ def _change_mode(item, mode, slots):  # type: ignore[no-untyped-def]
     elif item == FORCE:
         after = OVERLAPPED if phase == CONTACT else CONTACT
     set_phase(after, mode)
-    for slot in range(slots.shape[0]):  # what attracts does so while the bodies are apart
+    for slot in range(slots.shape[0]):  # an attraction acts while the bodies are apart
         if slots[slot, RANGE_AT] >= 0.0:
             mode[NEAR_0 + slot] = 1.0 if after == FREE else 0.0
     return 10 * phase + after
@@ -75,11 +75,11 @@ def _change_mode(item, mode, slots):  # type: ignore[no-untyped-def]
 
 @part
 def _cross(item, rows, system, motion, record, event):  # type: ignore[no-untyped-def]
-    """Go through an event at ``here``, whose rates are known: the mode changes, the derivatives jump."""
+    """Process an event at ``here``, whose rates are known: change the mode, and let the derivatives jump."""
     here, aside, mode, which = motion.here, motion.aside, motion.mode, system.which
     size = here.z.shape[1]
     rate = 1.0
-    if rows > 1:  # how fast the guard function passes: its derivative along the motion
+    if rows > 1:  # d/dt of the guard function: its derivative along the motion
         for c in range(size):
             aside.z[0, c], aside.z[1, c] = here.z[0, c], here.f[0, c]
         rates(aside, rows - rows + 2, motion.nothing, system, mode)
@@ -110,7 +110,7 @@ def _note(event, kind, motion, record):  # type: ignore[no-untyped-def]
 
 @part
 def march(arm, run, reach, show, stepper, system, motion, record):  # type: ignore[no-untyped-def]
-    """March from where the bodies come to act on each other back to the first sample, then on to the last.
+    """Solve from the time at which the bodies begin to act on each other back to the first sample, then to the last.
 
     Returns the number of events, or TOO_MANY, RUNS_AWAY, NOT_LINEAR, TOO_LONG.
     """
@@ -121,7 +121,7 @@ def march(arm, run, reach, show, stepper, system, motion, record):  # type: igno
     motion.clock[STEPS_LEFT] = STEPS_IN_ALL + STEPS_A_SAMPLE * samples
     for way in range(0 if split > 0 else 1, 2):
         forward = way == 1
-        if not start(system, motion, record, forward) > 0.0:  # what rides inside outweighs the block
+        if not start(system, motion, record, forward) > 0.0:  # the hidden mass exceeds that of the block
             return RUNS_AWAY
         if forward and motion.mode[PHASE] == CONTACT:
             for j in range(1, rows):
@@ -168,7 +168,7 @@ def march(arm, run, reach, show, stepper, system, motion, record):  # type: igno
 
 @part
 def motion_of(here, effects, room, at):  # type: ignore[no-untyped-def]
-    """Return room for a march, ``here`` being its state, and where ``room`` goes on."""
+    """Return the arrays of a solution with the state ``here``, cut from ``room``, and the position after them."""
     rows, size = here.z.shape
     there, at = state_of(rows, size, room, at)
     aside, at = state_of(max(rows, 2), size, room, at)
@@ -182,7 +182,7 @@ def motion_of(here, effects, room, at):  # type: ignore[no-untyped-def]
 
 
 def room_for(system: System, record: Record) -> int:
-    """Return how many numbers a march's arrays take, by whichever stepper."""
+    """Return the size of the workspace of a solution, for either stepper."""
     rows, size, effects = system.which.size + 1, record.event_state.shape[1], system.slots.shape[0]
     states: int = (3 * rows + 1) * (2 * size + 3) + NEAR_0 + 3 * (RANGE_0 + effects) + effects + 4
     closed = propagator.room_for(system.numbers, system.which.size, effects, record.states.shape[1])
@@ -193,12 +193,12 @@ def room_for(system: System, record: Record) -> int:
 def in_closed_form(system, record, swings, room):  # type: ignore[no-untyped-def]
     """Solve at ``record.times`` (ascending, 0: first touch), in steps of any length.
 
-    An incomplete block is left out; ``swings`` are those of ``Propagator``, then how far apart in s most times are
-    (0.0: as the first); ``room`` is ``room_for`` zeros.  Returns the number of events; TOO_MANY, RUNS_AWAY,
-    TOO_LONG, or NOT_LINEAR where the effects have not the form.  For 60 ms at 100 kS/s the two bodies alone take
-    0.1 ms; with effects 0.3 to 0.5 ms, with derivatives 1 to 2.5 ms; in blocks of five 0.2 ms and 0.4 to 0.8 ms.
+    An incomplete block is left out; ``swings`` are those of ``Propagator``, then the spacing in s of most times (0.0:
+    as the first); ``room`` is ``room_for`` zeros.  Returns the number of events, TOO_MANY, RUNS_AWAY, TOO_LONG, or
+    NOT_LINEAR if an effect is not linear.  For 60 ms at 100 kS/s the two bodies alone take 0.1 ms; with effects 0.3 to
+    0.5 ms, with derivatives 1 to 2.5 ms; in blocks of five 0.2 ms and 0.4 to 0.8 ms.
     """
-    system, record = held(system), held(record)
+    system, record = by_address(system), by_address(record)
     for row in range(record.states.shape[0] if record.block > 1 else 0):  # sums begin at nothing
         for c in range(record.states.shape[1]):
             record.states[row, c] = 0.0
@@ -211,7 +211,7 @@ def in_closed_form(system, record, swings, room):  # type: ignore[no-untyped-def
         return NO_ROOM
     return march(
         propagator.arm, propagator.run, propagator.reach, propagator.show,
-        held(stepper), system, held(motion), record,
+        by_address(stepper), system, by_address(motion), record,
     )  # fmt: skip
 
 
@@ -222,15 +222,15 @@ def step_by_step(system, record, limits, room):  # type: ignore[no-untyped-def]
     ``room`` is ``room_for`` zeros.  Returns the number of events, TOO_MANY, RUNS_AWAY or TOO_LONG.  About 1.3 ms for
     60 ms, and 1 ms for each derivative.
     """
-    system, record = held(system), held(record)
+    system, record = by_address(system), by_address(record)
     rows, size = system.which.size + 1, record.event_state.shape[1]
     stepper, at = runge_kutta.stepper_of(limits, rows, size, room, 0)
     here, at = state_of(rows, size, room, at)
-    here = State(here.z, stepper.slopes[0], here.told)
+    here = State(here.z, stepper.slopes[0], here.contact)
     motion, at = motion_of(here, system.slots.shape[0], room, at)
     if at > room.size:
         return NO_ROOM
     return march(
         runge_kutta.arm, runge_kutta.run, runge_kutta.reach, runge_kutta.show,
-        held(stepper), system, held(motion), record,
+        by_address(stepper), system, by_address(motion), record,
     )  # fmt: skip

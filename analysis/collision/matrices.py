@@ -1,6 +1,6 @@
-"""The matrices of a linear mode and of its derivatives (njit).
+"""The matrices of a linear mode and their derivatives (kernels).
 
-The state is augmented by a constant 1, which carries what drives it: s' = A s.  Columns of ``z``, shape (n + 1, rows),
+The state is augmented by a constant 1 for the constant forces: s' = A s.  The columns of ``z``, shape (n + 1, rows),
 are the state and its derivatives by the parameters, S' = A S + (dA/dtheta) s.
 """
 
@@ -14,14 +14,15 @@ from analysis.compiled.kernel_parts import inlined, part
 from analysis.compiled.kernel_room import cut
 
 _SAME = 1e-11  # of the terms, where two states must agree on A
-BIT, PIECES, TERMS, SLOW = 0, 1, 2, 3  # of ``steps``: length in s, how many a sample, terms of the series, nothing fast
+# indices into ``steps``: length in s, number per sample, terms of the series, whether nothing is fast
+STEP_S, STEPS_PER_SAMPLE, TERMS, SLOW = 0, 1, 2, 3
 
 
 class Form(NamedTuple):
-    """A mode's matrices: A, shape (n + 1, n + 1), its derivatives, and the guard functions and their rates as rows.
+    """The matrices of a mode: A, shape (n + 1, n + 1), its derivatives, and guard functions and their rates as rows.
 
-    Then exp(A h) of a step and its derivatives, shape (n + 1, n + 1, rows), those of a block of steps, what is shown of
-    a state, shape (m, n + 1), and of the mean over a block; ``steps`` under the indices above.
+    Then exp(A h) of a step and its derivatives, shape (n + 1, n + 1, rows), those of a block of steps, the output
+    matrix, shape (m, n + 1), and that of the mean over a block; ``steps`` has the indices above.
     """
 
     a: Floats
@@ -38,10 +39,10 @@ class Form(NamedTuple):
     steps: Floats
 
 
-class Kept(NamedTuple):
-    """The forms of some modes, of which the first axis is one: (A, exp(A h), that of a block), ``by``, (d of the two).
+class StoredForms(NamedTuple):
+    """The forms of several modes, along the first axis: (A, exp(A h), that of a block), ``by``, (``d``, of a block).
 
-    (Guard functions, their rates), (what is shown, its mean), the mean's derivatives, ``steps``.
+    (Guard functions, their rates), (outputs, their means), the derivatives of the means, ``steps``.
     """
 
     square: Floats
@@ -54,7 +55,7 @@ class Kept(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Where matrices are worked out: three of columns, two of one column, three square ones, and derivatives."""
+    """Work arrays: three of columns, two of one column, three square ones, and derivatives."""
 
     columns: Floats
     single: Floats
@@ -65,13 +66,13 @@ class Room(NamedTuple):
 
 @inlined
 def columns(rows):  # type: ignore[no-untyped-def]
-    """Return how many columns a state with derivatives takes: a multiple of four, or one alone."""
+    """Return the number of columns of a state with derivatives: a multiple of four; 1 without derivatives."""
     return 4 * ((rows + 3) // 4) if rows > 1 else 1
 
 
 @part
 def forms_of(modes, n, count, guards, shown, room, at):  # type: ignore[no-untyped-def]
-    """Return the forms of so many modes, cut from ``room``, and where that goes on."""
+    """Return the forms of so many modes, cut from ``room``, and the position after them."""
     m, wide = n + 1, columns(count + 1)
     square, at = cut(room, at, (modes, 3, m, m))
     by, at = cut(room, at, (modes, count, m, m))
@@ -80,12 +81,12 @@ def forms_of(modes, n, count, guards, shown, room, at):  # type: ignore[no-untyp
     what, at = cut(room, at, (modes, 2, shown, m))
     d_mean, at = cut(room, at, (modes, m, wide))
     steps, at = cut(room, at, (modes, 4))
-    return Kept(square, by, d, guard, what, d_mean, steps), at
+    return StoredForms(square, by, d, guard, what, d_mean, steps), at
 
 
 @part
 def room_of(n, count, room, at):  # type: ignore[no-untyped-def]
-    """Return where matrices are worked out, cut from ``room``, and where that goes on."""
+    """Return the work arrays, cut from ``room``, and the position after them."""
     m, wide = n + 1, columns(count + 1)
     some, at = cut(room, at, (3, m, wide))
     single, at = cut(room, at, (2, m, 1))
@@ -96,21 +97,21 @@ def room_of(n, count, room, at):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def form_at(kept, at):  # type: ignore[no-untyped-def]
-    """Return one of the forms that are kept."""
-    square, d, guard, shown = kept.square[at], kept.d[at], kept.guard[at], kept.shown[at]
+def form_at(stored, at):  # type: ignore[no-untyped-def]
+    """Return one of the stored forms."""
+    square, d, guard, shown = stored.square[at], stored.d[at], stored.guard[at], stored.shown[at]
     return Form(
-        square[0], kept.by[at], guard[0], guard[1], square[1], d[0], square[2], d[1], shown[0], shown[1],
-        kept.d_mean[at], kept.steps[at],
+        square[0], stored.by[at], guard[0], guard[1], square[1], d[0], square[2], d[1], shown[0], shown[1],
+        stored.d_mean[at], stored.steps[at],
     )  # fmt: skip
 
 
 @part
-def ask(form, plain, every, system, mode):  # type: ignore[no-untyped-def]
-    """Write A, its derivatives and the guard functions of a mode; False if there is no A.
+def linearise(form, plain, every, system, mode):  # type: ignore[no-untyped-def]
+    """Write A, its derivatives and the guard functions of a mode; return False if the mode is not linear.
 
-    ``every`` holds n times "by none", then the parameters; ``plain`` has room for a state with so many derivatives.
-    Up to n + 3 evaluations of the rates.
+    ``every`` holds n times "by no parameter", then the parameters; ``plain`` is a state with so many derivatives.
+    Takes up to n + 3 evaluations of the rates.
     """
     a, by, z, f = form.a, form.by, plain.z, plain.f
     n, count = a.shape[0] - 1, by.shape[0]
@@ -120,12 +121,12 @@ def ask(form, plain, every, system, mode):  # type: ignore[no-untyped-def]
             z[j, c] = 1.0 if c == j - 1 else 0.0
     rates(plain, total, every, system, mode)
     for j in range(n + 1):
-        row = (j + 1) % (n + 1)  # the state's own last: what drives it
+        row = (j + 1) % (n + 1)  # the state's own row comes last: the constant forces
         for i in range(n):
             a[i, j] = f[row, i]
         a[n, j] = 0.0
         for i in range(3):
-            form.guard[i, j] = plain.told[row, i]
+            form.guard[i, j] = plain.contact[row, i]
     for k in range(count):
         for i in range(n):
             by[k, i, n] = f[1 + n + k, i]
@@ -155,7 +156,7 @@ def ask(form, plain, every, system, mode):  # type: ignore[no-untyped-def]
                     size += abs(term)
                 if not abs((f[0, i] if k < 0 else f[1 + n + k, i]) - total_of) <= _SAME * size:
                     return False
-    if mode[PLATE] < 0.5:  # left to itself, or not yet met: it rings freely
+    if mode[PLATE] < 0.5:  # the plate oscillates freely
         a[2, 3], a[3, 2] = 1.0, -system.p[0] / system.p[1]
     _guards(form, system)
     return True
@@ -163,7 +164,7 @@ def ask(form, plain, every, system, mode):  # type: ignore[no-untyped-def]
 
 @part
 def _guards(form, system):  # type: ignore[no-untyped-def]
-    """Write the guard functions that are not told, and the rates of all."""
+    """Write the guard functions of velocity and ranges, and the rates of all."""
     guard, n = form.guard, form.a.shape[0] - 1
     for c in range(n + 1):
         guard[VELOCITY, c] = 1.0 if c == 1 else 0.0

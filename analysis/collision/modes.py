@@ -1,6 +1,6 @@
-"""The modes of a collision: who touches whom, who takes part, which way the block goes (njit).
+"""The modes of a collision: phase of the contact, whether the plate takes part, direction of the block (kernels).
 
-A mode is a row of flags.  Within one the equations are smooth; what ends it stands in ``guards``.
+A mode is a row of flags, within which the equations are smooth; the guard functions in ``guards`` end it.
 """
 
 import math
@@ -8,22 +8,17 @@ import math
 from analysis.collision.system import MOVES, RANGE_AT
 from analysis.compiled.kernel_parts import inlined, part
 
-FREE, CONTACT, PARTING, OVERLAPPED = 0, 1, 2, 3  # PARTING: without its dashpot; OVERLAPPED: let go, yet pressed in
-# Flags: spring and dashpot at work, sign of the block's velocity, does the plate take part (not before the touch, and
-# not when it is left to itself), what rides inside the block, is the contact's law followed without its force, which
-# of the four the contact is in; then a flag for each effect: within its range.
+# PARTING: contact without its dashpot; OVERLAPPED: released, though the bodies still overlap
+FREE, CONTACT, PARTING, OVERLAPPED = 0, 1, 2, 3
+# Flags: spring and dashpot act, sign of the block's velocity, the plate takes part (not before the touch, nor after the
+# block has gone), the mass inside the block moves, the contact law is evaluated without its force, the phase of the
+# contact; then a flag for each effect: the bodies are within its range.
 SPRING, DASH, SIGN, PLATE, INSIDE, PARTED, PHASE, NEAR_0 = 0, 1, 2, 3, 4, 5, 6, 7
-
-
-@inlined
-def phase_of(mode):  # type: ignore[no-untyped-def]
-    """Return which of FREE, CONTACT, PARTING, OVERLAPPED the contact is in."""
-    return int(mode[PHASE])
 
 
 @part
 def set_phase(phase, mode):  # type: ignore[no-untyped-def]
-    """Write the flags that go with a phase of the contact."""
+    """Write the flags of a phase of the contact."""
     mode[PHASE] = phase
     mode[SPRING] = 1.0 if phase in (CONTACT, PARTING) else 0.0
     mode[DASH] = 1.0 if phase == CONTACT else 0.0
@@ -32,13 +27,13 @@ def set_phase(phase, mode):  # type: ignore[no-untyped-def]
 
 @inlined
 def may_be_gone(x, y, mode):  # type: ignore[no-untyped-def]
-    """Return whether it is worth asking ``is_gone``."""
+    """Return whether ``is_gone`` needs to be evaluated."""
     return mode[PHASE] == FREE and mode[PLATE] > 0.5 and x > 2e-5 + 1.5 * abs(y)
 
 
 @part
 def is_gone(z, mode, system, omega):  # type: ignore[no-untyped-def]
-    """Return whether block and plate, apart, cannot meet again; ``z`` a state, ``omega`` the plate's rate in rad/s."""
+    """Return whether block and plate cannot meet again, for a state ``z`` and the plate's ``omega`` in rad/s."""
     x, v, y, u = z[0], z[1], z[2], z[3]
     if not v > 0.0:
         return False

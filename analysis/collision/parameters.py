@@ -1,4 +1,4 @@
-"""What the paper's model needs to know, in SI units, and the variants of its contact law."""
+"""The parameters of the paper's model, in SI units, and the variants of its contact law."""
 
 import math
 from dataclasses import dataclass, replace
@@ -11,19 +11,19 @@ Floats = NDArray[np.float64]
 
 
 class Infeasible(ArithmeticError):
-    """The parameters give no trajectory; the search turns back."""
+    """The parameters give no trajectory; a search rejects them."""
 
 
 class Variant(IntEnum):
-    """The contact law: what the dashpot may do while the two bodies part."""
+    """The contact law: the action of the dashpot while the two bodies part."""
 
-    PAPER = 0  # Eq. 4, 9: damping both ways, tension allowed until the overlap is gone
+    PAPER = 0  # Eq. 4, 9: damping both ways, tension allowed until the overlap is zero
     CLAMPED = 1  # Eq. 10 as printed: no damping while the bodies part
-    NO_TENSION = 2  # contact never pulls: release where the force reaches zero
+    NO_TENSION = 2  # the contact never pulls: release when the force reaches zero
 
     @classmethod
     def named(cls, name: str) -> "Variant":
-        """Return the variant called ``name``; ValueError names the ones there are."""
+        """Return the variant called ``name``.  Raises ValueError, which lists them."""
         try:
             return cls[name.upper()]
         except KeyError:
@@ -32,9 +32,9 @@ class Variant(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Collision:
-    """A block meeting a spring plate (docs/physics.md, "the model"); time zero is the first touch, right is positive.
+    """A block that hits a spring plate (docs/physics.md, "the model"); time zero is the first touch, right is positive.
 
-    ``plate_mass_kg`` infinite locks the plate: the one-body contact of a motion record.
+    An infinite ``plate_mass_kg`` locks the plate: the one-body contact of a motion record.
     ``plate_displacement_m`` and ``plate_velocity_m_per_s`` are those of the plate at first touch.
     """
 
@@ -74,18 +74,13 @@ class Collision:
             ]
         )
 
-    def with_vector(self, vector: Floats) -> "Collision":
-        """Return the collision whose ``vector`` this is."""
-        k_p, m_p, k_n, gamma_n, v_i, y_0, u_0, m_b = (float(value) for value in vector)
-        return Collision(m_b, v_i, k_p, m_p, k_n, gamma_n, y_0, u_0, self.variant)
-
     def at_speed(self, velocity_in_m_per_s: float) -> "Collision":
-        """Return the same rig met at another velocity."""
+        """Return the same collision at another velocity."""
         return replace(self, velocity_in_m_per_s=velocity_in_m_per_s)
 
     @property
     def contact_time_estimate_s(self) -> float:
-        """Get the half period of block and plate on the plate's spring (on the contact's where the plate is locked)."""
+        """Get the half period of block and plate on the plate's spring (on the contact's if the plate is locked)."""
         if math.isinf(self.plate_mass_kg):
             return math.pi * math.sqrt(self.block_mass_kg / self.contact_stiffness_n_per_m)
         series = 1 / (1 / max(self.plate_stiffness_n_per_m, 1e-9) + 1 / self.contact_stiffness_n_per_m)
@@ -96,8 +91,8 @@ class Collision:
         """Get the fastest angular frequency or decay rate of any phase."""
         inverse = 1 / self.block_mass_kg + 1 / self.plate_mass_kg
         plate = self.plate_stiffness_n_per_m / self.plate_mass_kg
-        swinging = math.sqrt(self.contact_stiffness_n_per_m * inverse + plate)
-        return max(swinging, self.contact_damping_n_s_per_m * inverse)
+        oscillation = math.sqrt(self.contact_stiffness_n_per_m * inverse + plate)
+        return max(oscillation, self.contact_damping_n_s_per_m * inverse)
 
 
 kernel_order = (

@@ -1,4 +1,4 @@
-"""The propagators of a path's steps, and the weights of what acts on the way (njit)."""
+"""The propagators of a path's steps, and the weights of the inputs (kernels)."""
 
 from typing import NamedTuple
 
@@ -7,23 +7,23 @@ from analysis.collision.guards import guard_derivative
 from analysis.collision.parameters import Floats
 from analysis.collision.rates import rates
 from analysis.collision.system import Integers, state_of
-from analysis.compiled.kernel_bundle import held
+from analysis.compiled.kernel_bundle import by_address
 from analysis.compiled.kernel_parts import inlined, kernel, part
 from analysis.compiled.kernel_room import cut
 
-# What a small effect can do: forces in N on block, on plate and between them, kg on the block, m and m/s of the contact
-# point.
+# Inputs of a small effect: forces in N on block, plate and between them, kg on the block, displacement (m) and velocity
+# (m/s) of the contact point.
 INPUTS = 6
 _INERTIA = 3
-_STILL, _HELD = 1e-5, 16  # share by which A may change over a step and still be held for so many more
-_ROUNDING = 1e-12  # of a row's largest number
-NONE, FRESH = -1, -2  # where a step begins: as the one before ended, or anew; otherwise the guard function passed
+_STILL, _HELD = 1e-5, 16  # A that changes by less than this share over a step is reused for so many more
+_ROUNDING = 1e-12  # of the largest element of a row
+NONE, FRESH = -1, -2  # a step begins at the end of the one before, or afresh; otherwise at a guard function's zero
 
 
 class Steps(NamedTuple):
-    """Steps: states at begin, middle and end, shape (m, 3, n), lengths, and the guard function they begin at.
+    """Steps: states at begin, middle and end, shape (m, 3, n), lengths, and the guard functions at which they begin.
 
-    The mode of a step is ``modes[event]``, the last before the first event (-1).
+    The mode of a step is ``modes[event]``; the last row is that before the first event (-1).
     """
 
     states: Floats
@@ -34,18 +34,18 @@ class Steps(NamedTuple):
 
 
 class Matrices(NamedTuple):
-    """What the kernel writes of every step (see ``LinearPath``)."""
+    """The matrices of every step (see ``LinearPath``)."""
 
     propagator: Floats
     weights: Floats
-    told: Floats
+    effect_inputs: Floats
     kick: Floats
     watch: Floats
 
 
 @inlined
 def _inertia(state, z, one, system, mode, e):  # type: ignore[no-untyped-def]
-    """Write what inertia does at a state, -v'/m to v', and let ``system.told`` tell that state."""
+    """Write the column of the inertia at a state, -v'/m, and fill ``system.effect_input`` for that state."""
     for i in range(z.size):
         state.z[0, i] = z[i]
     mass = rates(state, one, system.which, system, mode)
@@ -72,15 +72,15 @@ def _look(state, z, rows, system, mode, a, e):  # type: ignore[no-untyped-def]
 
 @inlined
 def _tell(system, given):  # type: ignore[no-untyped-def]
-    """Write what an effect is given at the state that was looked at last."""
+    """Write the arguments of an effect's function at the last evaluated state."""
     for i in range(STATES):
-        given[i] = system.told[i]
+        given[i] = system.effect_input[i]
     given[Q] = given[W] = given[NEAR] = 0.0
 
 
 @part
 def _alike(one, two):  # type: ignore[no-untyped-def]
-    """Return whether two matrices are the same but for what a step may change."""
+    """Return whether two matrices are equal within the change allowed over a step."""
     for i in range(one.shape[0]):
         size = 0.0
         for j in range(one.shape[1]):
@@ -117,7 +117,7 @@ def _propagate(a0, a1, a2, h, out, work, term):  # type: ignore[no-untyped-def]
 
 @part
 def _jump(r, state, aside, system, steps, kick, watch):  # type: ignore[no-untyped-def]
-    """Write how the state jumps where a step begins with a guard function passed."""
+    """Write the jump of the state at the event with which a step begins."""
     item, n, size = steps.item[r], kick.size, state.z.shape[1]
     for i in range(n):
         state.z[0, i] = steps.states[r, 0, i]
@@ -134,24 +134,24 @@ def _jump(r, state, aside, system, steps, kick, watch):  # type: ignore[no-untyp
 
 
 def room_for(n: int) -> int:
-    """Return how many numbers the arrays of ``write_matrices`` take at most, n being those of a state."""
+    """Return the largest size of the workspace of ``write_matrices`` for states of n numbers."""
     return (n + 8) * (2 * (n + 6) + 3) + 7 * n * n + 3 * n * INPUTS
 
 
 @kernel
 def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
-    """Write the matrices of every step and return whether there was room; about 1 us each, less where they stand still.
+    """Write the matrices of every step; return False if ``room`` is too small.  About 1 us each, less if constant.
 
-    Where A and E stood still over a step (most effects are linear within a mode) they are looked at again _HELD later.
-    ``room`` is ``room_for`` zeros.
+    A and E that were constant over a step (most effects are linear within a mode) are reused for _HELD steps.  ``room``
+    is ``room_for`` zeros.
     """
-    system, steps, out = held(system), held(steps), held(out)
+    system, steps, out = by_address(system), by_address(steps), by_address(out)
     n, size = out.propagator.shape[1], 4 * ((out.propagator.shape[1] + 5) // 4)
     rows = n + 6
     one = rows - rows + 1
     state, at = state_of(rows, size, room, 0)
     aside, at = state_of(2, size, room, at)
-    state, aside = held(state), held(aside)
+    state, aside = by_address(state), by_address(aside)
     for j in range(n + 2):
         state.z[1 + j, j] = 1.0
     a, at = cut(room, at, (4, n, n))  # at begin, middle, end; at three quarters
@@ -168,7 +168,7 @@ def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
             _jump(r, state, aside, system, steps, out.kick[r], out.watch[r])
         if not linked:
             _look(state, steps.states[r, 0], rows, system, mode, a[0], e[0])
-            _tell(system, out.told[r, 0])
+            _tell(system, out.effect_inputs[r, 0])
             hold, resting = 0, False
         rested, resting = resting, hold > 0
         same = rested and resting  # A and E are those of the step before, but for the inertia's column
@@ -179,7 +179,7 @@ def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
                 _put(a[2], a[0])
                 _put(e[2], e[0])
             for j in range(STATES):
-                out.told[r, 0, j] = out.told[r - 1, 2, j]
+                out.effect_inputs[r, 0, j] = out.effect_inputs[r - 1, 2, j]
         if resting:
             hold -= 1
             if not same:
@@ -189,7 +189,7 @@ def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
             _inertia(state, steps.states[r, 2], one, system, mode, e[2])
         else:
             _look(state, steps.states[r, 2], rows, system, mode, a[2], e[2])
-        _tell(system, out.told[r, 2])
+        _tell(system, out.effect_inputs[r, 2])
         if not resting and _alike(a[0], a[2]) and _alike(e[0], e[2]):
             hold = _HELD
         still = resting or hold == _HELD
@@ -200,7 +200,7 @@ def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
             _inertia(state, steps.states[r, 1], one, system, mode, e[1])
         else:
             _look(state, steps.states[r, 1], rows, system, mode, a[1], e[1])
-        _tell(system, out.told[r, 1])
+        _tell(system, out.effect_inputs[r, 1])
         if same and abs(length - steps.length_s[r - 1]) < 1e-9 * abs(length):
             _weigh_again(r, length, e, half, out)
             continue
@@ -230,7 +230,7 @@ def _put(one, to):  # type: ignore[no-untyped-def]
 
 @part
 def _weigh_again(r, at, e, half, out):  # type: ignore[no-untyped-def]
-    """Write a step's matrices where only what inertia does differs from the step before."""
+    """Write a step's matrices if only the column of the inertia differs from the step before."""
     n = half.shape[0]
     _put(out.propagator[r - 1], out.propagator[r])
     for point in range(3):

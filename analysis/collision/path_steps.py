@@ -1,4 +1,4 @@
-"""Where the steps of a path lie: between samples and events, none longer than its mode allows."""
+"""Lays the steps of a path between samples and events, none longer than its mode allows."""
 
 import math
 
@@ -14,9 +14,9 @@ from analysis.compiled.kernel_parts import kernel
 def cut_at_events(
     events: general.Recorded, time_s: Floats, each: tuple[int, int]
 ) -> tuple[Floats, Floats, Integers, Integers]:
-    """Return (begin, end, sample at the end or -1, event that the mode began with or -1) of steps, mode by mode.
+    """Return (begin, end, sample at the end or -1, event at which the mode began or -1) of steps, mode by mode.
 
-    ``each``: steps a sample in contact and apart.
+    ``each``: steps per sample in contact and apart.
     """
     most = (time_s.size + events.time_s.size) * (max(each) + 1)
     begin, end = np.empty(most), np.empty(most)
@@ -65,9 +65,9 @@ def _lay_steps(time_s, starts, whole, begin, end, sample, event):  # type: ignor
 
 @kernel
 def lay_instants(begin, end, halves, early, instants, place):  # type: ignore[no-untyped-def]
-    """Write the instants, twice ``halves`` a step, in order, and where among them each step begins.
+    """Write the times, two for each of ``halves`` per step, in order, and the index at which each step begins.
 
-    All lie on the grid of the shortest steps, on which the solver is quickest; the ``early`` ones from the last on.
+    All are on the grid of the shortest steps, on which the solver is fastest; the ``early`` ones in reverse order.
     """
     at = 0
     for k in range(begin.size):

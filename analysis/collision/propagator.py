@@ -1,10 +1,10 @@
-"""The stepper for what is linear in the state, the two bodies and most of the catalogue: every mode in closed form.
+"""The stepper in closed form, for equations that are linear in the state: the two bodies and most effects.
 
-Within a mode s' = A s, the state augmented by a constant 1 that carries what drives it.  A and dA/dtheta are asked from
-the one place where the equations stand (``rates``), at unit states; every step is exp(A h), summed as its Taylor
-series, and so are the derivatives by the parameters, S' = A S + (dA/dtheta) s: exact to rounding at any length of step,
-where a Runge-Kutta method needs a dozen evaluations every quarter of a radian.  Whether that form is true is asked at
-other states in every mode that is met; where it is not, ``runge_kutta`` goes on.
+Within a mode s' = A s, the state augmented by a constant 1.  A and dA/dtheta come from the equations (``rates``) at
+unit states; every step is exp(A h) as a Taylor series, and so are the derivatives by the parameters, S' = A S +
+(dA/dtheta) s.  The solution is exact to rounding for any step, where a Runge-Kutta method needs a dozen evaluations
+every quarter of a radian.  Linearity is checked at other states in every mode; a mode that is not linear is left to
+``runge_kutta``.
 """
 
 import math
@@ -12,7 +12,19 @@ from typing import NamedTuple
 
 from analysis.collision.exponentials import along, exponential, repeat, series, show_mean, step, step_alone
 from analysis.collision.guards import OVERLAP, RANGE_0, VELOCITY, may_touch
-from analysis.collision.matrices import BIT, PIECES, SLOW, TERMS, Kept, Room, ask, columns, form_at, forms_of, room_of
+from analysis.collision.matrices import (
+    SLOW,
+    STEP_S,
+    STEPS_PER_SAMPLE,
+    TERMS,
+    Room,
+    StoredForms,
+    columns,
+    form_at,
+    forms_of,
+    linearise,
+    room_of,
+)
 from analysis.collision.modes import FREE, NEAR_0, PHASE, PLATE, is_gone, may_be_gone
 from analysis.collision.rates import rates
 from analysis.collision.system import (
@@ -30,28 +42,29 @@ from analysis.collision.system import (
     state_of,
 )
 from analysis.collision.two_bodies import glide, glide_in_blocks
-from analysis.compiled.kernel_bundle import held
+from analysis.compiled.kernel_bundle import by_address
 from analysis.compiled.kernel_parts import inlined, part
 from analysis.compiled.kernel_room import cut, cut_integers
 
-_STEP = 0.7  # longest step times the fastest rate: nine steps a period, so that no touch is stepped over
+_STEP = 0.7  # longest step times the fastest rate: nine steps per period, so that no touch is missed
 _LONGEST_S = 1e-3
-_MODES = 16  # whose matrices are kept
-# Of ``at``: the present mode, how many were met, pieces left to a sample, first sample of a block to be looked at.
+_MODES = 16  # whose matrices are stored
+# Indices into ``at``: the present mode, the number of modes met, steps left to the next sample, first sample of a block
+# that must be checked step by step.
 NOW, MET, LEFT, CAREFUL = 0, 1, 2, 3
 
 
 class Propagator(NamedTuple):
-    """``swings``: the fastest rates in rad/s in contact, apart, left to itself and before the touch.
+    """``swings``: the fastest rates in rad/s in contact, apart, after the block has gone, and before the touch.
 
-    ``kept``: the matrices of the ``modes`` met, shape (16, flags); ``z``: the state and its derivatives as columns, and
-    room for them a step ahead, shape (2, n + 1, rows up to a multiple of four); ``active``: how many guard functions
-    are watched, and which.
+    ``kept``: the matrices of the ``modes`` met, shape (16, flags); ``z``: the state and its derivatives as columns, now
+    and a step ahead, shape (2, n + 1, rows up to a multiple of four); ``active``: the number of watched guard
+    functions, and which they are.
     """
 
     swings: Floats
     spacing_s: float
-    kept: Kept
+    kept: StoredForms
     modes: Floats
     at: Integers
     active: Integers
@@ -87,25 +100,25 @@ def arm(stepper, system, motion, record, forward):  # type: ignore[no-untyped-de
     at[MET] += 1
     for c in range(mode.size):
         stepper.modes[at[NOW], c] = mode[c]
-    return _learn(stepper, held(form_at(stepper.kept, at[NOW])), system, mode, record.block, forward)
+    return _learn(stepper, by_address(form_at(stepper.kept, at[NOW])), system, mode, record.block, forward)
 
 
 @part
 def _learn(stepper, form, system, mode, block, forward):  # type: ignore[no-untyped-def]
-    """Write the matrices of a mode that is met for the first time; False where it is not linear."""
-    if not ask(form, stepper.plain, stepper.every, system, mode):
+    """Write the matrices of a mode that is met for the first time; return False if it is not linear."""
+    if not linearise(form, stepper.plain, stepper.every, system, mode):
         return False
     rows, swings, apart, there = system.which.size + 1, stepper.swings, mode[PHASE] == FREE, mode[PLATE] > 0.5
     swing = swings[3] if not forward else swings[0 if not apart else (1 if there else 2)]
     pieces = max(1, math.ceil(stepper.spacing_s / min(_STEP / max(swing, 1e-9), _LONGEST_S) - 1e-9))
-    form.steps[PIECES] = pieces
-    form.steps[BIT] = (stepper.spacing_s if forward else -stepper.spacing_s) / pieces
-    form.steps[TERMS] = exponential(form, stepper.room, rows, form.steps[BIT])
+    form.steps[STEPS_PER_SAMPLE] = pieces
+    form.steps[STEP_S] = (stepper.spacing_s if forward else -stepper.spacing_s) / pieces
+    form.steps[TERMS] = exponential(form, stepper.room, rows, form.steps[STEP_S])
     form.steps[SLOW] = 0.0 if there and swing * stepper.spacing_s * block > _STEP else 1.0
     for c in range(form.shown.shape[1]):
         for j in range(form.shown.shape[0]):
             form.shown[j, c] = 1.0 if c == (j if j < 4 else j - 1) else 0.0
-        # The overlap and the block's position make the contact point; left to itself, it is the plate.
+        # the contact point is the block's position plus the overlap; after the block has gone, the plate
         form.shown[4, c] = (form.guard[OVERLAP, c] if there else 0.0) if c != 0 and c != 2 else 0.0
     form.shown[4, 2] = 1.0
     if block > 1 and pieces == 1:
@@ -115,7 +128,7 @@ def _learn(stepper, form, system, mode, block, forward):  # type: ignore[no-unty
 
 @inlined
 def _crosses(z, z_end, h, form, active, signs):  # type: ignore[no-untyped-def]
-    """Return whether a guard function has passed zero in a step, or may have gone there and come back."""
+    """Return whether a guard function has passed zero in a step, or may have passed it twice."""
     for k in range(1, active[0] + 1):
         item = active[k]
         sign = signs[item]
@@ -132,13 +145,13 @@ def _crosses(z, z_end, h, form, active, signs):  # type: ignore[no-untyped-def]
 
 @part
 def _may_cross(z, form, block, motion, stepper):  # type: ignore[no-untyped-def]
-    """Return whether a guard function may pass zero in a block: the state alone is looked at, on every sample."""
+    """Return whether a guard function may pass zero in a block, from the state at every sample."""
     near, further = stepper.room.single[0], stepper.room.single[1]
     for c in range(z.shape[0]):
         near[c, 0] = further[c, 0] = z[c, 0]
     for _ in range(block):
         step_alone(near, form.e, further)
-        if _crosses(near, further, form.steps[BIT], form, stepper.active, motion.signs):
+        if _crosses(near, further, form.steps[STEP_S], form, stepper.active, motion.signs):
             return True
         for c in range(z.shape[0] - 1):
             near[c, 0] = further[c, 0]
@@ -147,10 +160,10 @@ def _may_cross(z, form, block, motion, stepper):  # type: ignore[no-untyped-def]
 
 @part
 def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
-    form, times, block = held(form_at(stepper.kept, stepper.at[NOW])), record.times, record.block
+    form, times, block = by_address(form_at(stepper.kept, stepper.at[NOW])), record.times, record.block
     rows, forward, last, cleared = system.which.size + 1, ahead.forward, ahead.last, ahead.cleared
     alone = rows == 1 and system.numbers == 4 and stepper.active[0] <= 2 and (block == 1 or form.steps[SLOW] > 0.5)
-    bit, pieces, spacing, share = form.steps[BIT], int(form.steps[PIECES]), stepper.spacing_s, 1.0 / block
+    bit, pieces, spacing, share = form.steps[STEP_S], int(form.steps[STEPS_PER_SAMPLE]), stepper.spacing_s, 1.0 / block
     z, z_end, odd = stepper.z[0], stepper.z[1], False
     i, t, left, h, why = ahead.i, motion.clock[TIME], stepper.at[LEFT], 0.0, DONE
     omega, way, steps_left = math.sqrt(system.p[0] / system.p[1]), 1 if forward else -1, motion.clock[STEPS_LEFT]
@@ -223,7 +236,7 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
                 stepper.z[0, c, k] = z[c, k]
     _lay(stepper.z[0], motion.here, 1)
     motion.clock[TIME], motion.clock[STEPS_LEFT], stepper.at[LEFT] = t, steps_left, left
-    if why == GONE:  # with all its derivatives: another mode begins here
+    if why == GONE:  # another mode begins here, with all derivatives
         _lay(stepper.z[0], motion.here, rows)
     return i, h, why
 
@@ -238,7 +251,7 @@ def _lay(z, state, rows):  # type: ignore[no-untyped-def]
 
 @inlined
 def _emit(z, form, row, share, rows, record):  # type: ignore[no-untyped-def]
-    """Add a sample to the mean that it belongs to; a mean of one is that sample."""
+    """Add a sample to the mean of its block."""
     states, d_x = record.states, record.d_x
     sums = share < 1.0
     for j in range(4):
@@ -252,20 +265,20 @@ def _emit(z, form, row, share, rows, record):  # type: ignore[no-untyped-def]
 @part
 def reach(stepper, system, motion, h, rows):  # type: ignore[no-untyped-def]
     probe = stepper.room.columns[2]
-    series(stepper.z[0], rows, held(form_at(stepper.kept, stepper.at[NOW])), h, probe, stepper.room)
+    series(stepper.z[0], rows, by_address(form_at(stepper.kept, stepper.at[NOW])), h, probe, stepper.room)
     _lay(probe, motion.there, rows)
     rates(motion.there, rows, system.which, system, motion.mode)
 
 
 @part
 def show(stepper, system, motion, record, i, h):  # type: ignore[no-untyped-def]
-    """Return ``i``: the steps go from sample to sample, none lies between."""
+    """Return ``i``: steps end at samples, so there is none within a step."""
     return i
 
 
 @part
 def _spacing(times):  # type: ignore[no-untyped-def]
-    """Return how far apart the times are, or the first two."""
+    """Return the spacing of the times, or of the first two if it is uneven."""
     samples = times.size
     if samples < 2:
         return _LONGEST_S
@@ -275,7 +288,7 @@ def _spacing(times):  # type: ignore[no-untyped-def]
 
 @part
 def stepper_of(system, record, swings, room, at):  # type: ignore[no-untyped-def]
-    """Return a stepper cut from ``room``, and where that goes on; ``swings`` as for ``march.in_closed_form``."""
+    """Return a stepper cut from ``room``, and the position after it; ``swings`` as for ``march.in_closed_form``."""
     n, count, slots = system.numbers, system.which.size, system.slots.shape[0]
     rows, shown = count + 1, record.states.shape[1]
     every, at = cut_integers(room, at, (n + count,))
@@ -297,7 +310,7 @@ def stepper_of(system, record, swings, room, at):  # type: ignore[no-untyped-def
 
 
 def room_for(n: int, count: int, effects: int, shown: int) -> int:
-    """Return how many numbers the arrays of a stepper take at most; ``shown`` of a state's are asked for."""
+    """Return the largest size of a stepper's arrays; ``shown`` is the number of outputs."""
     m, guards = n + 1, RANGE_0 + effects
     wide: int = columns.py_func(count + 1)
     form = m * m * (3 + count + 2 * wide) + 2 * m * (guards + shown) + m * wide + 4

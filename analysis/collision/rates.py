@@ -1,9 +1,8 @@
-"""d/dt of block, plate and the effects' hidden states, with its derivatives, at one instant of one mode (njit).
+"""The equations of motion: d/dt of block, plate and the effects' hidden states, with derivatives (kernels).
 
-This is the one place where the base model's equations and the catalogue's functions meet: ``state_rates`` in real
-numbers, for the motion, and ``rates``, which adds the derivatives by the parameters.  The base model's derivatives are
-written out; those of the effects come from complex steps through their own functions, so that an effect is its
-equation and nothing else.
+``state_rates`` evaluates them in real numbers; ``rates`` adds the derivatives by the parameters.  The base model's
+derivatives are written out; those of the effects come from complex steps through their functions, so that an effect
+needs only its equation.
 """
 
 from analysis.collision.effects.kernel import (
@@ -41,9 +40,9 @@ _H = 1e-40  # the complex step: far below any rounding, far above the smallest n
 
 @part
 def rates(state, rows, which, system, mode):  # type: ignore[no-untyped-def]
-    """Write d/dt of a state and of ``rows - 1`` derivatives, and what is told there; return the block's inertia in kg.
+    """Write d/dt of a state and of ``rows - 1`` derivatives, and their contact; return the block's inertia in kg.
 
-    About 10 ns, and 15 ns an effect; a derivative 15 ns, and 20 ns for each effect in it.
+    About 10 ns, and 15 ns per effect; a derivative 15 ns, and 20 ns for each effect in it.
     """
     mass = state_rates(state, system, mode)
     if rows > 1:
@@ -52,16 +51,16 @@ def rates(state, rows, which, system, mode):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _ask(slot, told, p, functions, slots):  # type: ignore[no-untyped-def]
-    """Ask an effect; its answer stands behind what it is told."""
+def _call_effect(slot, s, p, functions, slots):  # type: ignore[no-untyped-def]
+    """Call an effect; its outputs follow its inputs in ``s``."""
     for i in range(STATES, STATES + OUTPUTS):
-        told[i] = 0.0
-    call_within(functions[slot], told, p, int(slots[slot, FIRST]))
+        s[i] = 0.0
+    call_within(functions[slot], s, p, int(slots[slot, FIRST]))
 
 
 @inlined
 def _takes_part(slot, slots, flags):  # type: ignore[no-untyped-def]
-    """Return whether an effect acts in this phase: before the touch the plate's and what rides inside do not."""
+    """Return whether an effect acts in this mode; before the touch those of the plate and inside the block do not."""
     if slots[slot, IS_PAIR] > 0.5:
         return flags[PLATE] > 0.5 or flags[NEAR_0 + slot] > 0.5
     if slots[slot, ON_PLATE_SIDE] > 0.5:
@@ -71,16 +70,16 @@ def _takes_part(slot, slots, flags):  # type: ignore[no-untyped-def]
 
 @inlined
 def state_rates(state, system, flags):  # type: ignore[no-untyped-def]
-    """Write d/dt of the state alone and what is told there; return the block's inertia in kg."""
-    z, out, told = state.z, state.f, state.told
-    p, slots, s, functions = system.p, system.slots, system.told, system.functions[0]
+    """Write d/dt of the state alone and their contact; return the block's inertia in kg."""
+    z, out, contact = state.z, state.f, state.contact
+    p, slots, s, functions = system.p, system.slots, system.effect_input, system.functions[0]
     x, v, y, u = z[0, 0], z[0, 1], z[0, 2], z[0, 3]
     xi, xi_rate = y - x, u - v
     for slot in range(slots.shape[0]):
         if slots[slot, MOVES] != 0.0:
             xi += slots[slot, MOVES] * z[0, 4 + 2 * slot]
             xi_rate += slots[slot, MOVES] * z[0, 5 + 2 * slot]
-    # Overlapping yet parted (a contact that never pulls): the law is followed, but no force acts.
+    # released though the bodies overlap (a contact that never pulls): the law is evaluated, but no force acts
     parted = flags[PARTED] > 0.5
     touching = 1.0 if parted else flags[SPRING]
     dash = 1.0 if parted else flags[DASH]
@@ -91,7 +90,7 @@ def state_rates(state, system, flags):  # type: ignore[no-untyped-def]
         s[SIGN_V] = flags[SIGN]
         s[TOUCHING] = touching
         s[PLATE_STIFFNESS], s[CONTACT_STIFFNESS], s[BLOCK_MASS] = p[0], p[2], p[7]
-    for side in range(2):  # those between the bodies first: the others are told the contact's whole force
+    for side in range(2):  # effects between the bodies first, as the contact force is an input of the others
         force = 0.0 if parted else law
         block, plate, mass = force, -force - p[0] * y, p[7]
         for slot in range(slots.shape[0]):
@@ -106,7 +105,7 @@ def state_rates(state, system, flags):  # type: ignore[no-untyped-def]
             s[FORCE] = 0.0 if pair else force
             s[Q], s[W] = z[0, at], z[0, at + 1]
             s[NEAR] = flags[NEAR_0 + slot]
-            _ask(slot, s, p, functions, slots)
+            _call_effect(slot, s, p, functions, slots)
             if pair:
                 law += s[STATES + PAIR]
                 continue
@@ -116,7 +115,7 @@ def state_rates(state, system, flags):  # type: ignore[no-untyped-def]
             if hidden:
                 out[0, at] = s[STATES + Q_RATE]
                 out[0, at + 1] = s[STATES + W_RATE]
-    told[0, 0], told[0, 1], told[0, 2] = xi, xi_rate, law
+    contact[0, 0], contact[0, 1], contact[0, 2] = xi, xi_rate, law
     out[0, 0], out[0, 1] = v, block / mass
     if flags[PLATE] > 0.5:
         out[0, 2], out[0, 3] = u, plate / p[1]
@@ -127,41 +126,41 @@ def state_rates(state, system, flags):  # type: ignore[no-untyped-def]
 
 @inlined
 def _fill(row, state, system, flags):  # type: ignore[no-untyped-def]
-    """Lay out what every effect is told: the state in the real parts, its derivative of this row in the imaginary."""
-    z, told, p, s = state.z, state.told, system.carried_p, system.carried
+    """Write the inputs of all effects: the state in the real parts, its derivative of this row in the imaginary."""
+    z, contact, p, s = state.z, state.contact, system.p_complex, system.effect_input_complex
     s[X] = complex(z[0, 0], _H * z[row, 0])
     s[V] = complex(z[0, 1], _H * z[row, 1])
     s[Y] = complex(z[0, 2], _H * z[row, 2])
     s[U] = complex(z[0, 3], _H * z[row, 3])
-    s[XI] = complex(told[0, 0], _H * told[row, 0])
-    s[XI_RATE] = complex(told[0, 1], _H * told[row, 1])
+    s[XI] = complex(contact[0, 0], _H * contact[row, 0])
+    s[XI_RATE] = complex(contact[0, 1], _H * contact[row, 1])
     s[SIGN_V] = flags[SIGN]
     s[TOUCHING] = max(flags[SPRING], flags[PARTED])
     s[PLATE_STIFFNESS], s[CONTACT_STIFFNESS], s[BLOCK_MASS] = p[0], p[2], p[7]
 
 
 @inlined
-def _ask_carrying(slot, row, state, system, flags, force):  # type: ignore[no-untyped-def]
-    """Ask an effect for its derivative of this row."""
-    z, slots, s = state.z, system.slots, system.carried
+def _call_effect_derivative(slot, row, state, system, flags, force):  # type: ignore[no-untyped-def]
+    """Call an effect for its derivative of this row."""
+    z, slots, s = state.z, system.slots, system.effect_input_complex
     at = 4 + 2 * slot if slots[slot, HIDDEN] > 0.0 else 0
     s[FORCE] = force
     s[Q] = complex(z[0, at], _H * z[row, at])
     s[W] = complex(z[0, at + 1], _H * z[row, at + 1])
     s[NEAR] = flags[NEAR_0 + slot]
-    _ask(slot, s, system.carried_p, system.functions[1], slots)
+    _call_effect(slot, s, system.p_complex, system.functions[1], slots)
 
 
 @part
 def derivative_rates(state, rows, which, system, flags, mass):  # type: ignore[no-untyped-def]
-    """Write d/dt of the derivatives and tell theirs, ``state_rates`` having gone before."""
-    z, out, told = state.z, state.f, state.told
-    p, slots, carried_p, answer = system.p, system.slots, system.carried_p, system.carried
+    """Write d/dt of the derivatives and those of the contact, after ``state_rates``."""
+    z, out, contact = state.z, state.f, state.contact
+    p, slots, p_complex, answer = system.p, system.slots, system.p_complex, system.effect_input_complex
     k_n, g_n = p[2], p[3]
     parted = flags[PARTED] > 0.5
     touching = 1.0 if parted else flags[SPRING]
     dash = 1.0 if parted else flags[DASH]
-    force = 0.0 if parted else told[0, 2]
+    force = 0.0 if parted else contact[0, 2]
     for row in range(1, rows):
         by = which[row - 1]
         d_xi = z[row, 2] - z[row, 0]
@@ -170,21 +169,21 @@ def derivative_rates(state, rows, which, system, flags, mass):  # type: ignore[n
             if slots[slot, MOVES] != 0.0:
                 d_xi += slots[slot, MOVES] * z[row, 4 + 2 * slot]
                 d_rate += slots[slot, MOVES] * z[row, 5 + 2 * slot]
-        told[row, 0], told[row, 1] = d_xi, d_rate
+        contact[row, 0], contact[row, 1] = d_xi, d_rate
         if slots.shape[0] > 0:
             if by >= 0:
-                carried_p[by] = complex(p[by], _H)
+                p_complex[by] = complex(p[by], _H)
             _fill(row, state, system, flags)
         law = touching * (k_n * d_xi + g_n * dash * d_rate)
         if by == 2:
-            law += touching * told[0, 0]
+            law += touching * contact[0, 0]
         elif by == 3:
-            law += touching * dash * told[0, 1]
+            law += touching * dash * contact[0, 1]
         for slot in range(slots.shape[0]):
             if slots[slot, IS_PAIR] > 0.5 and _takes_part(slot, slots, flags):
-                _ask_carrying(slot, row, state, system, flags, complex(0.0, 0.0))
+                _call_effect_derivative(slot, row, state, system, flags, complex(0.0, 0.0))
                 law += answer[STATES + PAIR].imag / _H
-        told[row, 2] = law
+        contact[row, 2] = law
         d_force = 0.0 if parted else law
         d_block, d_plate, d_mass = d_force, -d_force - p[0] * z[row, 2], 0.0
         if by == 0:
@@ -199,7 +198,7 @@ def derivative_rates(state, rows, which, system, flags, mass):  # type: ignore[n
                 out[row, at + 1] = 0.0
             if slots[slot, IS_PAIR] > 0.5 or not _takes_part(slot, slots, flags):
                 continue
-            _ask_carrying(slot, row, state, system, flags, complex(force, _H * d_force))
+            _call_effect_derivative(slot, row, state, system, flags, complex(force, _H * d_force))
             d_block += answer[STATES + ON_BLOCK].imag / _H
             d_plate += answer[STATES + ON_PLATE].imag / _H
             d_mass += answer[STATES + MASS].imag / _H
@@ -207,7 +206,7 @@ def derivative_rates(state, rows, which, system, flags, mass):  # type: ignore[n
                 out[row, at] = answer[STATES + Q_RATE].imag / _H
                 out[row, at + 1] = answer[STATES + W_RATE].imag / _H
         if by >= 0 and slots.shape[0] > 0:
-            carried_p[by] = p[by]
+            p_complex[by] = p[by]
         out[row, 0] = z[row, 1]
         out[row, 1] = (d_block - out[0, 1] * d_mass) / mass
         if flags[PLATE] > 0.5:

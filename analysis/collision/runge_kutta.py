@@ -1,10 +1,10 @@
-"""The stepper for any effect: a Runge-Kutta method of order eight at a step well inside the mode's fastest period.
+"""The stepper for any effect: a Runge-Kutta method of order eight with steps well below the mode's fastest period.
 
-A step that would pass a guard function is refused and the event approached in ever shorter steps; after it the steps
-grow again.  Where the contact's swing has died away they grow on, as far as the displacement between steps allows.  A
-law that is not smooth where the overlap begins (an exponent) then still comes out to 1e-10, smooth ones to 1e-12 of the
-displacement.  The derivatives by the parameters go through the very same steps.  Between steps the displacement is the
-quintic through position, velocity and acceleration at both ends.
+A step that passes a guard function is rejected, and the event is approached in shorter and shorter steps; after it the
+steps grow again.  When the oscillation of the contact has decayed they grow further, as far as the interpolation of the
+displacement allows.  The error is 1e-10 of the displacement for a law that is not smooth where the overlap begins (an
+exponent), 1e-12 for smooth ones.  The derivatives by the parameters use the same steps.  Between steps the displacement
+is the quintic through position, velocity and acceleration at both ends.
 """
 
 import math
@@ -31,37 +31,38 @@ from analysis.collision.system import (
     State,
     take,
 )
-from analysis.compiled.kernel_bundle import held
+from analysis.compiled.kernel_bundle import by_address
 from analysis.compiled.kernel_parts import inlined, part
 from analysis.compiled.kernel_room import cut
 
 Places = NDArray[np.int64]
 _SHRINK = 0.25
-_SLOWLY = 6  # steps taken without growing after one was refused
-# Of the memory: the next step, the longest that is safe in this mode, the longest of all, steps to be taken as long as
-# the last, and what is known of the motion's sixth derivative over 720 (below zero: nothing yet).
+_SLOWLY = 6  # steps without growth after a rejected one
+# Indices into ``memory``: the next step, the longest safe step in this mode, the longest step of all, number of steps
+# that must not grow, and the motion's sixth derivative over 720 (below zero: unknown).
 STEP, LONGEST, EVER, HELD, SIXTH = 0, 1, 2, 3, 4
 _MEMORY = 5
-# Of the limits: the first of the safe steps and of the swings, one a mode (see ``_mode_at``), and what follows them.
-SAFE, SWINGS, EFFECTS, GROWTH, NEARING, RIGHT, SHORTEST = 0, 4, 8, 9, 10, 11, 12
+# Indices into ``limits``: the first of the safe steps and of the rates, one per mode (see ``_mode_at``), and the rest.
+SAFE, SWINGS, EFFECTS, GROWTH, NEARING, ALLOWED, SHORTEST = 0, 4, 8, 9, 10, 11, 12
 _COSTS = 20.0  # times the time of a step in closed form
-_RADIANS = 2.0  # of the fastest swing a step may take once that is still: the method is stable to three
-_MIDWAY = 1.0 / 64.0  # of the sixth derivative over 720, times h^6: how far a quintic is off between two states
-_PLATE = 0.02  # of an error of the plate's: what it is worth beside the block's
-_NEARING = 0.4  # of the way to the next touch or release that a step longer than safe may go
-_CHANGE = 1e-3  # of a parameter, by which a derivative is seen
-_FORGOTTEN = 0.5  # of the sixth derivative a radian: it passes zero twice a period
-_SUDDEN = 4.0  # times what was known of the motion's bends: a kink was passed, and the step is taken once more, safely
-_REFUSED = 30.0  # times the error that is allowed: taken once more in a safe step
+_RADIANS = 2.0  # largest phase step of the fastest oscillation once it has decayed: the method is stable up to three
+_MIDWAY = 1.0 / 64.0  # of the sixth derivative over 720, times h^6: error of a quintic between two states
+_PLATE = 0.02  # weight of an error of the plate relative to one of the block
+_NEARING = 0.4  # of the distance to the next touch or release, for a step longer than safe
+_CHANGE = 1e-3  # relative change of a parameter at which the error of a derivative is judged
+_FORGOTTEN = 0.5  # decay per radian of the remembered sixth derivative, which passes zero twice per period
+_SUDDEN = 4.0  # growth of the sixth derivative that means a kink: the step is repeated as a safe one
+_REFUSED = 30.0  # times the allowed error: the step is repeated as a safe one
 
 
 class RungeKutta(NamedTuple):
-    """``limits``: safe step in s in contact, apart, left to itself, and before the touch, and the fastest swing then in
-    rad/s; the longest step that the effects allow; the factor by which steps grow; the share of the way to the next
-    touch or release that a step may go (0: all of it); the error in m that a step longer than safe may make; and the
-    share of a safe step within which an event is met.
+    """The arrays of the stepper.
 
-    The stages' weights times the step, their rates (the first are those of ``here``), and a stage's state.
+    ``limits``: safe step in s in contact, apart, after the block has gone, and before the touch, and the fastest rate
+    then in rad/s; the longest step that the effects allow; the growth factor of steps; the largest share of the
+    distance to the next touch or release (0: no limit); the allowed error in m of a step longer than safe; and the
+    length of the last step before an event as a share of a safe step.  Then the stages' weights times the step, their
+    rates (the first are those of ``here``), and a stage's state.
     """
 
     limits: Floats
@@ -72,11 +73,11 @@ class RungeKutta(NamedTuple):
 
 
 def _cooper_verner() -> tuple[Places, Places, Floats]:
-    """Return the explicit Runge-Kutta method of order 8 in 11 stages as (stage of, begins, weights) of its terms.
+    """Return the explicit Runge-Kutta method of order 8 in 11 stages as (stage, begins, weights) of its terms.
 
-    The terms that are not zero, stage after stage (the second first) and the new state's last: those of the i-th lie
-    from ``begins[i - 1]`` to ``begins[i]``.  G. J. Cooper and J. H. Verner, SIAM J. Numer. Anal. 9 (1972) 389.  Closed
-    form in sqrt(21).
+    Only terms that are not zero, stage by stage (from the second on), the new state's last: those of the i-th are
+    ``begins[i - 1]`` to ``begins[i]``.  G. J. Cooper and J. H. Verner, SIAM J. Numer. Anal. 9 (1972) 389.  Closed form
+    in sqrt(21).
     """
     r = math.sqrt(21.0)
     rows: list[dict[int, float]] = [
@@ -105,7 +106,7 @@ _TABLE, _BEGINS, _WEIGHTS = _cooper_verner()
 
 @inlined
 def _combine(z, slopes, scaled, stage, rows, out):  # type: ignore[no-untyped-def]
-    """Write a stage's state: ``z`` plus weighted slopes; four numbers at a time, which the processor does at once."""
+    """Write a stage's state: ``z`` plus weighted slopes; four numbers at a time, which vectorises."""
     begin, end = _BEGINS[stage - 1], _BEGINS[stage]
     for row in range(rows):
         for c in range(0, z.shape[1], 4):
@@ -121,14 +122,14 @@ def _combine(z, slopes, scaled, stage, rows, out):  # type: ignore[no-untyped-de
 
 @part
 def _step(stepper, system, here, there, mode, h, rows):  # type: ignore[no-untyped-def]
-    """Write the state ``h`` after ``here``, its rates and what is told there to ``there``."""
+    """Write the state ``h`` after ``here``, its rates and contact to ``there``."""
     slopes, scaled = stepper.slopes, stepper.scaled
     for j in range(scaled.size):
         scaled[j] = h * _WEIGHTS[j]
     for stage in range(1, 12):
         z, f = (there.z, there.f) if stage == 11 else (stepper.trial, slopes[stage])
         _combine(here.z, slopes, scaled, stage, rows, z)
-        state = held(State(z, f, there.told))
+        state = by_address(State(z, f, there.contact))
         mass = state_rates(state, system, mode)
         if rows > 1:
             derivative_rates(state, rows, system.which, system, mode, mass)
@@ -169,14 +170,14 @@ def _fifth(one, other, place, row, h):  # type: ignore[no-untyped-def]
 
 @inlined
 def _still_enough(stepper, system, here, there, swing, h):  # type: ignore[no-untyped-def]
-    """Return whether a step was right to what is allowed, and note how long the next one may be.
+    """Return whether the error of a step is allowed, and remember the sixth derivative for the next one.
 
-    What swings at ``swing`` bends the quintic by its sixth derivative and is followed by the method to its ninth; a
-    step that is no longer than safe is always right.  Derivatives by parameters count as a change of a thousandth.
+    For an oscillation of rate ``swing`` the error of the quintic goes with the sixth derivative and that of the method
+    with the ninth; a safe step is always accepted.  Derivatives by parameters count as a change of a thousandth.
     """
-    memory, allowed = stepper.memory, stepper.limits[RIGHT]
+    memory, allowed = stepper.memory, stepper.limits[ALLOWED]
     longest, ever = memory[LONGEST], memory[EVER]
-    if h < 0.5 * longest or ever <= longest:  # too short to tell, or nothing to be gained
+    if h < 0.5 * longest or ever <= longest:  # too short to estimate the error, or no longer step is possible
         return True
     fifth = max(_fifth(here, there, 0, 0, h), _PLATE * _fifth(here, there, 2, 0, h))
     for row in range(1, system.which.size + 1):
@@ -191,22 +192,22 @@ def _still_enough(stepper, system, here, there, swing, h):  # type: ignore[no-un
 
 @inlined
 def _next(stepper, swing):  # type: ignore[no-untyped-def]
-    """Return the longest step that the motion allows now."""
+    """Return the longest step that the motion allows at present."""
     memory = stepper.memory
     longest, sixth = memory[LONGEST], memory[SIXTH]
     if sixth < 0.0:
         return longest
     long = memory[EVER]
     if sixth > 0.0:
-        long = (stepper.limits[RIGHT] / (_MIDWAY * sixth)) ** (1.0 / 6.0)
-        if long * swing > 1.0:  # there the ninth power of the step counts
+        long = (stepper.limits[ALLOWED] / (_MIDWAY * sixth)) ** (1.0 / 6.0)
+        if long * swing > 1.0:  # there the ninth power of the step dominates
             long = (swing * long) ** (2.0 / 3.0) / swing
     return max(longest, min(long, memory[EVER]))
 
 
 @inlined
 def _crossed(motion, system, h):  # type: ignore[no-untyped-def]
-    """Return whether a guard function has passed zero in a step, or may have gone there and come back."""
+    """Return whether a guard function has passed zero in a step, or may have passed it twice."""
     signs = motion.signs
     for item in range(signs.size):
         if signs[item] != 0.0 and guard(item, motion.there, system) * signs[item] < 0.0:
@@ -240,9 +241,9 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
         if remaining <= 0.0:
             remaining = longest
         h = min(memory[STEP], _next(stepper, swing))
-        if (nearing > 0.0 or h > longest) and here.told[0, 1] * signs[0] < 0.0 < here.told[0, 0] * signs[0]:
-            least = shortest if nearing > 0.0 else longest  # a touch or release is met in safe steps
-            h = min(h, max((nearing or _NEARING) * abs(here.told[0, 0] / here.told[0, 1]), least))
+        if (nearing > 0.0 or h > longest) and here.contact[0, 1] * signs[0] < 0.0 < here.contact[0, 0] * signs[0]:
+            least = shortest if nearing > 0.0 else longest  # a touch or release is approached in safe steps
+            h = min(h, max((nearing or _NEARING) * abs(here.contact[0, 0] / here.contact[0, 1]), least))
         h = min(h, remaining)
         signed = way * h
         _step(stepper, system, here, there, motion.mode, signed, rows)
@@ -254,7 +255,7 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
         cleared = False
         if not math.isfinite(there.z[0, 0] + there.z[0, 1] + there.z[0, 3]):
             return i, signed, AWAY
-        if not _still_enough(stepper, system, here, there, swing, h):  # what bends there was not foreseen
+        if not _still_enough(stepper, system, here, there, swing, h):  # repeat as a safe step
             memory[STEP] = longest
             continue
         if (times[i] - t) * way <= h:
@@ -320,7 +321,7 @@ def show(stepper, system, motion, record, i, h):  # type: ignore[no-untyped-def]
             states[i, 4] += moves * q
         for j in range(1, system.which.size + 1):
             record.d_x[i, j - 1] = here.z[j, 0] if h == 0.0 else _quintic(here, there, 0, j, h, at)[0]
-        if motion.mode[PLATE] < 0.5:  # left to itself, or still at its start: the plate rings freely
+        if motion.mode[PLATE] < 0.5:  # the plate oscillates freely
             omega = math.sqrt(system.p[0] / system.p[1])
             since = record.times[i] - motion.clock[LEFT_AT]
             cosine, sine = math.cos(omega * since), math.sin(omega * since)
@@ -334,7 +335,7 @@ def show(stepper, system, motion, record, i, h):  # type: ignore[no-untyped-def]
 
 @part
 def stepper_of(limits, rows, size, room, at):  # type: ignore[no-untyped-def]
-    """Return a stepper cut from ``room``, and where that goes on; ``limits`` are those of ``RungeKutta``."""
+    """Return a stepper cut from ``room``, and the position after it; ``limits`` are those of ``RungeKutta``."""
     slopes, at = cut(room, at, (11, rows, size))
     scaled, at = cut(room, at, (_WEIGHTS.size,))
     trial, at = cut(room, at, (rows, size))
@@ -343,5 +344,5 @@ def stepper_of(limits, rows, size, room, at):  # type: ignore[no-untyped-def]
 
 
 def room_for(rows: int, size: int) -> int:
-    """Return how many numbers the arrays of a stepper take."""
+    """Return the size of a stepper's arrays."""
     return 12 * rows * size + _WEIGHTS.size + _MEMORY

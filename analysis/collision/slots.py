@@ -1,4 +1,4 @@
-"""A collision and its effects as the solver takes them: numbers, slots, addresses, and how fast things swing."""
+"""Lays out a collision and its effects as arrays for the solver's kernels, and estimates their fastest rates."""
 
 import math
 from collections.abc import Sequence
@@ -16,19 +16,19 @@ _MOST_PARAMETERS = 4096  # of one effect
 
 @dataclass(frozen=True, slots=True)
 class Active:
-    """An effect switched on, with its parameters' values in the row's order, or what ``clocked`` makes of them."""
+    """An effect with the values of its parameters in the row's order, or the result of ``clocked`` for them."""
 
     effect: Effect
     values: tuple[float, ...]
 
 
 def direction(slot: int, place: int) -> int:
-    """Return the direction of an effect's parameter: the ``place``-th of the effect in ``slot``."""
+    """Return the number by which a derivative by the ``place``-th parameter of the effect in ``slot`` is requested."""
     return SLOT_PARAMETERS + _MOST_PARAMETERS * slot + place
 
 
 def _place(direction: int, begins: Sequence[int]) -> int:
-    """Return where in ``p`` the parameter of a direction stands; -1: none."""
+    """Return the index in ``p`` of the parameter of a direction; -1: none."""
     slot, place = divmod(direction - SLOT_PARAMETERS, _MOST_PARAMETERS)
     return direction if direction < SLOT_PARAMETERS else begins[slot] + place
 
@@ -36,8 +36,8 @@ def _place(direction: int, begins: Sequence[int]) -> int:
 def lay_out(collision: Collision, effects: Sequence[Active], which: Sequence[int]) -> System:
     """Lay out a collision with mechanical effects, and derivatives by ``which``.
 
-    Those are places in ``kernel_order``, -1 for none, or an effect's parameter's ``direction``.
-    ValueError for an effect that does not act on the motion.
+    Those are places in ``kernel_order``, -1 for none, or the ``direction`` of an effect's parameter.  Raises ValueError
+    for an effect that does not act on the motion.
     """
     count, first, hidden = len(effects), SLOT_PARAMETERS, 0
     begins, values = [], list(collision.vector)
@@ -60,7 +60,7 @@ def lay_out(collision: Collision, effects: Sequence[Active], which: Sequence[int
 
 
 def function_of(row: Effect, collision: Collision) -> tuple[Kernel, Acts]:
-    """Return the function by which an effect acts on a collision, and where; ValueError where it does not."""
+    """Return the function of an effect on a collision, and where it acts.  Raises ValueError if it does not act."""
     if row.kernel is None:
         raise ValueError(f"{row.name} does not act on the motion")
     if row.locked is not None and math.isinf(collision.plate_mass_kg):
@@ -69,10 +69,10 @@ def function_of(row: Effect, collision: Collision) -> tuple[Kernel, Acts]:
 
 
 @dataclass(frozen=True, slots=True)
-class Swings:
-    """The fastest rates in rad/s: of the bodies in ``contact``, of the ``plate`` alone, and what the effects bring.
+class FastestRates:
+    """The fastest rates in rad/s: of the bodies in ``contact``, of the ``plate`` alone, and of the effects.
 
-    ``inside`` is what of the effects' stays with the block when it has left; ``every`` is theirs altogether.
+    ``every`` is the fastest of all effects, ``inside`` that of effects on the block, which go on after the release.
     """
 
     contact: float
@@ -81,18 +81,18 @@ class Swings:
     inside: float
 
 
-def swings(collision: Collision, effects: Sequence[Active]) -> Swings:
-    """Return how fast a collision with mechanical effects swings or fades at most."""
+def fastest_rates(collision: Collision, effects: Sequence[Active]) -> FastestRates:
+    """Return the fastest rates of oscillation or decay of a collision with mechanical effects."""
     c = collision
     values = [np.asarray(active.values) for active in effects]
     rows = [active.effect for active in effects]
     factor = math.prod(row.stiffens(v, c) for row, v in zip(rows, values, strict=True))
     inverse = 1 / c.block_mass_kg + 1 / c.plate_mass_kg
     plate = c.plate_stiffness_n_per_m / c.plate_mass_kg
-    swinging = math.sqrt(factor * c.contact_stiffness_n_per_m * inverse + plate)
+    oscillation = math.sqrt(factor * c.contact_stiffness_n_per_m * inverse + plate)
     each = [(row.fastest(v, c), row.acts is Acts.ON_BLOCK) for row, v in zip(rows, values, strict=True)]
-    return Swings(
-        contact=max(swinging, c.contact_damping_n_s_per_m * inverse),
+    return FastestRates(
+        contact=max(oscillation, c.contact_damping_n_s_per_m * inverse),
         plate=math.sqrt(plate),
         every=max((rate for rate, _ in each), default=0.0),
         inside=max((rate for rate, block in each if block), default=0.0),

@@ -1,25 +1,25 @@
-"""Two bodies and what has no state of its own, from sample to sample: the propagator kept in registers (njit)."""
+"""Steps two bodies without hidden states from sample to sample, with the propagator in registers (kernels)."""
 
 from analysis.collision.guards import OVERLAP, VELOCITY
-from analysis.collision.matrices import BIT
+from analysis.collision.matrices import STEP_S
 from analysis.collision.modes import may_be_gone
 from analysis.compiled.kernel_parts import inlined, part
 
 
 @inlined
 def _along(g, sign):  # type: ignore[no-untyped-def]
-    """Return a functional's coefficients, that of the constant last."""
+    """Return the coefficients of a row, that of the constant last."""
     return sign * g[0], sign * g[1], sign * g[2], sign * g[3], sign * g[4]
 
 
 @part
 def glide(z, form, motion, active, record, ahead, t):  # type: ignore[no-untyped-def]
-    """Follow block and plate while the grid is even and no guard function (at most two) comes near zero.
+    """Step block and plate while the grid is even and no guard function (at most two) may pass zero.
 
     Returns (next sample, time reached); ``z`` is the state, shape (5, 1).  The same arithmetic as ``step_alone``, about
-    10 ns a sample.
+    10 ns per sample.
     """
-    h, states, times, signs = form.steps[BIT], record.states, record.times, motion.signs
+    h, states, times, signs = form.steps[STEP_S], record.states, record.times, motion.signs
     e00, e01, e02, e03, e04 = _along(form.e[0], 1.0)
     e10, e11, e12, e13, e14 = _along(form.e[1], 1.0)
     e20, e21, e22, e23, e24 = _along(form.e[2], 1.0)
@@ -28,7 +28,7 @@ def glide(z, form, motion, active, record, ahead, t):  # type: ignore[no-untyped
     two = active[2] if watched > 1 else one
     a0, a1, a2, a3, a4 = _along(form.guard[one], signs[one])
     b0, b1, b2, b3, b4 = _along(form.guard[two], signs[two])
-    # What it turns does little in a step: the velocity is not asked whether it turned and turned back.
+    # two zeros of the velocity within one step are not looked for, because their effect is negligible
     r0, r1, r2, r3, r4 = _along(form.guard_rate[one], 0.0 if one == VELOCITY else signs[one] * h)
     s0, s1, s2, s3, s4 = _along(form.guard_rate[two], 0.0 if two == VELOCITY else signs[two] * h)
     x, v, y, u = z[0, 0], z[1, 0], z[2, 0], z[3, 0]
@@ -65,12 +65,12 @@ def glide(z, form, motion, active, record, ahead, t):  # type: ignore[no-untyped
 
 @part
 def glide_in_blocks(z, form, motion, active, record, ahead, t):  # type: ignore[no-untyped-def]
-    """Follow block and plate from mean to mean as ``glide`` does from sample to sample.
+    """Step block and plate from mean to mean as ``glide`` does from sample to sample.
 
-    Returns (next sample, time reached); about 30 ns a mean.  No guard function may pass zero and back within one but as
-    its rate shows.
+    Returns (next sample, time reached); about 30 ns per mean.  Two zeros of a guard function within a block are found
+    from its rate only.
     """
-    block, bit, states, times, signs = record.block, form.steps[BIT], record.states, record.times, motion.signs
+    block, bit, states, times, signs = record.block, form.steps[STEP_S], record.states, record.times, motion.signs
     h = block * bit
     e00, e01, e02, e03, e04 = _along(form.whole[0], 1.0)
     e10, e11, e12, e13, e14 = _along(form.whole[1], 1.0)

@@ -1,1 +1,1 @@
-"""How kernels are compiled, kept between runs, and run side by side on the cores there are."""
+"""How kernels are compiled, cached between runs, and run in parallel."""

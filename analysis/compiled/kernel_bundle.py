@@ -1,8 +1,8 @@
-"""A bundle of arrays that kernels hand on by its address: ``held(bundle)``, with the fields of the NamedTuple.
+"""Passes a NamedTuple of arrays between kernels by its address: ``by_address(bundle)`` has the same fields.
 
-numba hands a NamedTuple on by value, and every array in it as seven values and more: a call with four bundles of a
-solver is five hundred of them, which take longer to compile, and to push, than what the call is for.  A field of a
-held bundle is read when it is asked for; loops take theirs into a variable before they begin.
+numba passes a NamedTuple by value, and every array in it as seven values or more: a call with four bundles of the
+solver has five hundred arguments, which take longer to compile and to pass than the work of the call.  A field is read
+from memory at every access, so loops copy their arrays into local variables first.
 """
 
 import hashlib
@@ -15,53 +15,52 @@ from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.extending import intrinsic, models, register_model
 
 
-class Held(types.Type):
-    """The address of a NamedTuple; a field that is one itself is held in it."""
+class BundleAddress(types.Type):
+    """The type of the address of a NamedTuple; a field that is a NamedTuple is an address too."""
 
     def __init__(self, bundle: Any) -> None:
-        """Name it shortly: the names stand in all that is compiled."""
-        self.bundle = bundle
+        self.bundle = bundle  # its name is replaced by a digest, as names of types are part of all compiled code
         digest = hashlib.sha256(bundle.name.encode()).hexdigest()[:12]
         super().__init__(f"{bundle.instance_class.__name__}_{digest}")  # type: ignore[no-untyped-call]
 
     def field(self, name: str) -> Any:
-        """Return the type of a field, None where there is none of that name."""
+        """Return the type of a field, None if there is no field of that name."""
         if name not in self.bundle.fields:
             return None
         kind = self.bundle.types[self.bundle.fields.index(name)]
-        return Held(kind) if isinstance(kind, types.BaseNamedTuple) else kind
+        return BundleAddress(kind) if isinstance(kind, types.BaseNamedTuple) else kind
 
 
-@register_model(Held)
+@register_model(BundleAddress)
 class _Model(models.PrimitiveModel):  # type: ignore[misc]
-    def __init__(self, manager: Any, held: Held) -> None:
-        super().__init__(manager, held, manager.lookup(held.bundle).get_value_type().as_pointer())  # type: ignore[no-untyped-call]
+    def __init__(self, manager: Any, kind: BundleAddress) -> None:
+        super().__init__(manager, kind, manager.lookup(kind.bundle).get_value_type().as_pointer())  # type: ignore[no-untyped-call]
 
 
 @infer_getattr
 class _Fields(AttributeTemplate):  # type: ignore[misc]
-    key = Held
+    key = BundleAddress
 
-    def generic_resolve(self, held: Held, name: str) -> Any:  # type: ignore[override]
-        return held.field(name)
+    def generic_resolve(self, kind: BundleAddress, name: str) -> Any:  # type: ignore[override]
+        return kind.field(name)
 
 
-@lower_getattr_generic(Held)  # type: ignore[no-untyped-call]
-def _field(context: Any, builder: Any, held: Held, address: Any, name: str) -> Any:
-    kind = held.field(name)
-    at = cgutils.gep_inbounds(builder, address, 0, held.bundle.fields.index(name))  # type: ignore[no-untyped-call]
-    if isinstance(kind, Held):
+@lower_getattr_generic(BundleAddress)  # type: ignore[no-untyped-call]
+def _field(context: Any, builder: Any, kind: BundleAddress, address: Any, name: str) -> Any:
+    field = kind.field(name)
+    at = cgutils.gep_inbounds(builder, address, 0, kind.bundle.fields.index(name))  # type: ignore[no-untyped-call]
+    if isinstance(field, BundleAddress):
         return at
-    return impl_ret_borrowed(context, builder, kind, builder.load(at))  # type: ignore[no-untyped-call]
+    return impl_ret_borrowed(context, builder, field, builder.load(at))  # type: ignore[no-untyped-call]
 
 
-def _held(_context: Any, bundle: Any) -> Any:
-    """Lay a bundle where its address stays good until this function returns (for kernels)."""
+def _by_address(_context: Any, bundle: Any) -> Any:
+    """Store a bundle on the stack of the calling kernel and return its address, valid until that kernel returns."""
 
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         return cgutils.alloca_once_value(builder, arguments[0])  # type: ignore[no-untyped-call]
 
-    return Held(bundle)(bundle), generate
+    return BundleAddress(bundle)(bundle), generate
 
 
-held: Any = intrinsic(_held)
+by_address: Any = intrinsic(_by_address)

@@ -1,13 +1,12 @@
-"""Where numba keeps compiled kernels, so that no changed source is ever answered by an old binary.
+"""The cache of compiled kernels, which never uses an old binary for a changed source.
 
-numba's own cache looks at the file of the function that is called and at nothing else: a kernel that calls one in
-another file, or has a constant from there compiled into it, goes on with the old one after that file has changed.
-Here every kernel file has a stamp of all the sources its kernels can be made of: the file itself, what it imports
-from this program, what those import, and so on, beside the versions of Python, numba, llvmlite and numpy.  Kernels
-lie in a folder named after the file and its stamp.  So a change reaches just the kernels that depend on it, whatever
-else was edited or reinstalled with the same text stays compiled, and two versions of the program can run side by side.
+numba's own cache checks only the file of the called function: a kernel that calls a function of another file, or has a
+constant of it compiled in, is not compiled again when that file changes.  Here every kernel file has a stamp: a digest
+of the file, of all modules of this program that it imports, directly or not, and of the versions of Python, numba,
+llvmlite and numpy.  Its kernels are in a folder named after the file and its stamp.  A change therefore recompiles just
+the kernels that depend on it, and two versions of the program can be used at the same time.
 
-Where the sources are not there to be read (a frozen application) the stamp is that of the whole installation.
+Without sources (a frozen application) the stamp is that of the whole installation.
 """
 
 import ast
@@ -32,11 +31,11 @@ _PREFIX = __name__.rpartition("analysis.")[0]  # in the wheel "levimass."
 _BASE = Path(__file__).resolve().parents[__name__.count(".")]
 _TOPS = tuple(_PREFIX + name for name in ("analysis", "instrument", "app", "tests"))
 _BEGAN_NS = time.time_ns()
-KEPT_VERSIONS = 4  # of one kernel file: branches and versions that are in use at a time
+KEPT_VERSIONS = 4  # of one kernel file: branches and versions in use at the same time
 
 
-def keep_true() -> None:
-    """Let numba keep this program's kernels under their stamps; kernels of other programs are left alone."""
+def use_kernel_cache() -> None:
+    """Let numba use this cache for the kernels of this program; other kernels are not affected."""
     import_numba()
     from numba.core import caching
 
@@ -45,7 +44,7 @@ def keep_true() -> None:
         return
 
     class Locator(caching._CacheLocator):  # type: ignore[misc]
-        """What numba asks where a function is kept, and whether what it finds there is of these sources."""
+        """Tells numba the folder of a function's binaries, and the stamp that they must have."""
 
         def __init__(self, module: str, line: int) -> None:
             self._module, self._line = module, line
@@ -57,7 +56,7 @@ def keep_true() -> None:
                 return None
             source = source_of(module)
             if source is not None and not _same_file(source, py_file):
-                return None  # of another program that has a package of this name
+                return None  # another program has a package of this name
             locator = cls(module, py_func.__code__.co_firstlineno)
             _ready(locator.get_cache_path())
             return locator
@@ -76,36 +75,36 @@ def keep_true() -> None:
             return str(self._line)
 
     class Binaries(caching.IndexDataCacheFile):  # type: ignore[misc]
-        """One function's binaries, under names of their own.
+        """The binaries of one function, under unique names.
 
-        numba counts them: two processes that compile one function for two types at the same time both write number
-        1, and the index may keep one's name with the other's code.
+        numba numbers them: two processes that compile a function for two types at the same time both write number 1,
+        and the index may then give the name of one to the code of the other.
         """
 
         def _data_name(self, number: int) -> str:
             return str(self._data_name_pattern).replace("{number:d}", f"{number}-{uuid.uuid4().hex[:12]}")
 
         def save(self, key: Any, data: Any) -> None:
-            with contextlib.suppress(OSError):  # a full disk: it is compiled, and will be again the next time
+            with contextlib.suppress(OSError):  # on a full disk it is compiled again the next time
                 super().save(key, data)  # type: ignore[no-untyped-call]
 
     locators.insert(0, Locator)
     caching.IndexDataCacheFile = Binaries  # type: ignore[misc]
 
 
-def root() -> Path:
-    """Return the folder of all kernels: the environment's where the user chose one, else the user's cache folder.
+def cache_folder() -> Path:
+    """Return the folder of all kernels: NUMBA_CACHE_DIR, else the user's cache folder, else a temporary one.
 
-    Where neither can be written to, or may hold what somebody else laid there, they are kept with the temporary files.
+    A folder that this user cannot write to, or another user can, is not used.
     """
     chosen = os.environ.get("NUMBA_CACHE_DIR", "")
     if chosen and _writable(Path(chosen) / "levimass"):
         return Path(chosen) / "levimass"
-    return _root_unless_chosen()
+    return _default_cache_folder()
 
 
 @cache
-def _root_unless_chosen() -> Path:
+def _default_cache_folder() -> Path:
     folder = Path(platformdirs.user_cache_dir("levimass", appauthor=False)) / "kernels"
     if _writable(folder):
         return folder
@@ -119,20 +118,20 @@ def _root_unless_chosen() -> Path:
 
 
 def folder_of(module: str) -> Path:
-    """Return the folder of a module's kernels, as its sources are now."""
-    folder = root() / f"{module.removeprefix(_PREFIX)}-{stamp(module)[:16]}"
+    """Return the folder of a module's kernels for its present sources."""
+    folder = cache_folder() / f"{module.removeprefix(_PREFIX)}-{stamp(module)[:16]}"
     return folder if only_own(folder) else _private() / folder.name
 
 
 @cache
 def _private() -> Path:
-    """Return a folder of this process alone: binaries that somebody else may have laid are not run."""
+    """Return a folder of this process alone, because binaries that another user may have written are not run."""
     return Path(tempfile.mkdtemp(prefix="levimass-kernels-"))
 
 
 @cache
 def stamp(module: str) -> str:
-    """Return a digest of everything that kernels in ``module`` can be made of."""
+    """Return a digest of everything that the kernels of ``module`` depend on."""
     digest = hashlib.sha256(f"{module}\n{_makers()}\n".encode())
     for name in sorted(closure(module)):
         digest.update(f"{name}:{_text_digest(name)}\n".encode())
@@ -140,7 +139,7 @@ def stamp(module: str) -> str:
 
 
 def whole_program() -> str:
-    """Return a digest of every source of the program, and of what compiles them and for which processor."""
+    """Return a digest of all sources of the program, of the compilers' versions and of the processor."""
     from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
 
     digest = hashlib.sha256(f"{_makers()}\n{get_host_cpu_name()}\n{get_host_cpu_features().flatten()}\n".encode())
@@ -156,7 +155,7 @@ def whole_program() -> str:
 
 @cache
 def closure(module: str) -> frozenset[str]:
-    """Return ``module`` and every module of this program that it can have a name from, directly or not."""
+    """Return ``module`` and every module of this program that it imports, directly or not."""
     found, waiting = {module}, [module]
     while waiting:
         new = _imported(waiting.pop()) - found
@@ -167,7 +166,7 @@ def closure(module: str) -> frozenset[str]:
 
 @cache
 def source_of(module: str) -> Path | None:
-    """Return the file that holds a module of this program, None where there is no such source."""
+    """Return the source file of a module of this program, None if there is none."""
     path = _BASE.joinpath(*module.split("."))
     for candidate in (path.with_name(path.name + ".py"), path / "__init__.py"):
         if candidate.is_file():
@@ -177,7 +176,7 @@ def source_of(module: str) -> Path | None:
 
 @cache
 def _imported(module: str) -> frozenset[str]:
-    """Return the modules of this program that one imports, wherever in its text."""
+    """Return the modules of this program that a module imports, anywhere in its text."""
     source = source_of(module)
     if source is None:
         return frozenset()
@@ -200,9 +199,9 @@ _UNUSUAL = re.compile(r"[:;][ \t]*(?:from|import)[ \t]|^[ \t]*from\b.*\\$", re.M
 
 
 def import_statements(text: str) -> list[ast.Import | ast.ImportFrom]:
-    """Return the import statements of a source; ten times as fast as taking all of it apart, as every start does it.
+    """Return the import statements of a source; ten times faster than parsing all of it, as this runs at every start.
 
-    A line of prose that reads like one counts too: a stamp may hold more than it needs.
+    A line of prose that looks like an import counts too, which only makes a stamp depend on more.
     """
     if _UNUSUAL.search(text):
         return [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Import | ast.ImportFrom)]
@@ -226,13 +225,13 @@ def _text_digest(module: str) -> str:
     if source is None:
         return _installation()
     if _BEGAN_NS < source.stat().st_mtime_ns <= time.time_ns():
-        return uuid.uuid4().hex  # changed since this process began: what is loaded may be old, and is not kept
+        return uuid.uuid4().hex  # changed since this process began: the loaded code may be old, and is not cached
     return hashlib.sha256(source.read_bytes()).hexdigest()
 
 
 @cache
 def _installation() -> str:
-    """Return what stands for the sources where there are none: the installation's own list, or the executable."""
+    """Return a digest that replaces that of missing sources: of the installation's file list, or of the executable."""
     if getattr(sys, "frozen", False):
         return hashlib.sha256(Path(sys.executable).read_bytes()).hexdigest()
     from importlib import metadata
@@ -240,7 +239,7 @@ def _installation() -> str:
     with contextlib.suppress(metadata.PackageNotFoundError):
         distribution = metadata.distribution("levimass")
         return hashlib.sha256((distribution.read_text("RECORD") or distribution.version).encode()).hexdigest()
-    return uuid.uuid4().hex  # nothing tells versions apart: kept for this process alone
+    return uuid.uuid4().hex  # the version is unknown: cached for this process only
 
 
 def _makers() -> str:
@@ -253,9 +252,9 @@ def _makers() -> str:
 
 @cache
 def _ready(folder: str) -> None:
-    """Make a folder for kernels, mark it as used, and let go of the oldest of the same file."""
+    """Create a folder for kernels, mark it as used, and remove the oldest folders of the same file."""
     path = Path(folder)
-    with contextlib.suppress(OSError):  # no room for it, or another process is clearing the same folders
+    with contextlib.suppress(OSError):  # the disk is full, or another process is removing the same folders
         new = not path.is_dir()
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
         os.utime(path)
@@ -278,4 +277,4 @@ def _same_file(source: Path, other: str) -> bool:
     try:
         return os.path.samefile(source, other)
     except OSError:
-        return not Path(other).is_absolute()  # a frozen application tells where the source once was
+        return not Path(other).is_absolute()  # a frozen application has the path of the source when it was built

@@ -1,10 +1,9 @@
-"""Parts of kernels: compiled into the kernels that call them, and into nothing else.
+"""Functions that are compiled only as parts of the kernels that call them, which compiles three times faster.
 
-numba makes every function that a kernel calls a whole program: it optimises it together with all that it calls, turns
-that into machine code, lays wrappers about it by which Python could call it, and then does the same for its caller,
-with all of it once more.  A kernel of thirty functions, eight calls deep, so takes a minute.  A part is only typed and
-turned into LLVM's language; the kernel at the top is linked, optimised and turned into machine code once: a third of
-that.
+numba optimises every function that a kernel calls together with all its callees, turns it into machine code with
+wrappers for Python, and then does the same for the caller with everything once more.  A kernel of thirty functions,
+eight calls deep, takes a minute.  A part is only typed and turned into LLVM's intermediate code; the kernel is linked,
+optimised and turned into machine code once.
 """
 
 from typing import Any
@@ -24,36 +23,35 @@ from numba.core.typed_passes import (
 )
 from numba.core.untyped_passes import FixupArgs, IRProcessing, ReconstructSSA, TranslateByteCode
 
-# Neither makes arrays, so nothing is counted, which costs more than an inner kernel's sums.
+# Neither allocates arrays, so reference counting is off: it would cost more than the arithmetic of an inner kernel.
 _PLAIN: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}
 _PART: dict[str, Any] = _PLAIN | {"nopython": True, "boundscheck": None, "no_cpython_wrapper": True}
 
 
 def kernel(function: Any) -> Any:
-    """Compile as a function that Python calls, kept on disk; it makes no arrays."""
+    """Compile a function that Python calls, cached on disk; it must not allocate arrays."""
     return njit(cache=True, **_PLAIN)(function)
 
 
 def part(function: Any) -> Any:
-    """Compile as a part of kernels; it makes no arrays and raises nothing."""
+    """Compile as a part of kernels; it must not allocate arrays nor raise."""
     return _Part(function, targetoptions=dict(_PART), pipeline_class=_Compiler)
 
 
 def inlined(function: Any) -> Any:
-    """Compile as ``part`` does, into its callers' own code."""
+    """Compile as ``part`` does, and inline it."""
     return _Part(function, targetoptions=_PART | {"forceinline": True}, pipeline_class=_Compiler)
 
 
 class _Part(CPUDispatcher):  # type: ignore[misc]
-    """A function that kernels call; Python cannot."""
+    """A function that only kernels can call."""
 
     def __call__(self, *_: Any) -> Any:
-        """Refuse."""
         raise TypeError(f"{self.py_func.__name__} is a part of kernels: a kernel calls it, Python cannot")
 
 
 class _Compiler(CompilerBase):  # type: ignore[misc]
-    """numba's way without the passes for what a part does not have: closures, exceptions, array expressions."""
+    """numba's pipeline without the passes that a part does not need: closures, exceptions, array expressions."""
 
     def define_pipelines(self) -> Any:
         if self.state.library is None:
@@ -70,7 +68,7 @@ class _Compiler(CompilerBase):  # type: ignore[misc]
 
 
 class _Unfinished(JITCodeLibrary):  # type: ignore[misc]
-    """A function's code, not optimised and not turned into machine code: that is done with its callers'."""
+    """A function's intermediate code, which is optimised and turned into machine code together with its callers'."""
 
     @property
     def codegen(self) -> Any:
@@ -90,7 +88,7 @@ class _Unfinished(JITCodeLibrary):  # type: ignore[misc]
 
 
 class _NoEnvironment:
-    """Where numba lays what a function that Python calls needs of Python; a part needs nothing."""
+    """Replaces the environment that numba gives to functions which Python calls; a part needs none."""
 
     def set_env(self, name: str, environment: Any) -> None:
         pass

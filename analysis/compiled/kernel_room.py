@@ -1,7 +1,7 @@
-"""Room for a kernel's arrays, all cut from one that Python gives it: to compile making one costs a quarter of a second.
+"""Work arrays of a kernel, cut from one array that Python passes in, because each allocation compiles for 0.25 s.
 
-``array, at = cut(room, at, shape)`` is what lies in ``room`` (float64, one-dimensional) from ``at`` on, and where the
-next may begin; ``cut_integers`` gives int64.  Nothing is set to zero, and nothing looks whether there is so much room.
+``array, at = cut(room, at, shape)`` is the part of ``room`` (float64, one-dimensional) that begins at ``at``, and the
+position after it; ``cut_integers`` gives int64.  Nothing is set to zero, and the size of ``room`` is not checked.
 """
 
 from typing import Any

@@ -1,4 +1,4 @@
-"""What keeps strange code out of compiled kernels: no configuration of the working folder, no folder of others."""
+"""Keeps foreign code out of the kernel cache: no configuration file of the working folder, no folder of other users."""
 
 import os
 import stat
@@ -10,9 +10,8 @@ from pathlib import Path
 def import_numba() -> None:
     """Import numba without its configuration file.
 
-    numba reads ``.numba_config.yaml`` from the working folder, where PyYAML is there, at its import and at every
-    compilation: beside recordings from elsewhere it could lead to binaries from elsewhere.
-    Only the environment counts.
+    numba reads ``.numba_config.yaml`` from the working folder, if PyYAML is installed, at its import and at every
+    compilation.  Such a file in a folder of foreign recordings could name a cache of foreign binaries.
     """
     absent = object()
     before = sys.modules.get("yaml", absent)
@@ -27,16 +26,16 @@ def import_numba() -> None:
             else:
                 sys.modules["yaml"] = before  # type: ignore[assignment]
     config._config_fname = os.devnull + "/never"
-    # what was read before, where another program imported numba first
+    # discards what was read if another program imported numba first
     config._env_reloader.reset()  # type: ignore[no-untyped-call]
     if os.environ.get("NUMBA_CACHE_DIR", "") != config.CACHE_DIR:  # type: ignore[attr-defined]
         raise ImportError("numba's folder of compiled kernels is not the one of the environment")
 
 
 def only_own(folder: Path) -> bool:
-    """Return whether nobody but this user, or root, can have laid anything in ``folder``, or it does not exist.
+    """Return whether only this user and root can have written to ``folder``, or it does not exist.
 
-    What lies there is loaded as code.  A group that has no other member than its user's is nobody else.
+    Its files are loaded as code.  A group whose only member is this user counts as this user.
     """
     if not hasattr(os, "getuid"):
         return True

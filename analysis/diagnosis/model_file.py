@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects import TAKEN_ALONG, WIDER, findings
+from analysis.collision.effects import NUISANCES, WIDER, findings
 from analysis.collision.laws.own import is_law
 from analysis.diagnosis.result import Diagnosis, Errors
 from analysis.drive.catalogue import LAWS
@@ -113,7 +113,7 @@ def from_text(text: str) -> SavedModel:
         raise ModelFileError(f"base: {str(base)[:40]!r} is none of {', '.join(BASES)}")
     effects = _strings(data, "effects")
     own = set(filter(is_law, effects))
-    known = set(LAWS) if base == "driven" else own | {kind.name for kind in trial_effects()} | {*TAKEN_ALONG, *WIDER}
+    known = set(LAWS) if base == "driven" else own | {kind.name for kind in trial_effects()} | {*NUISANCES, *WIDER}
     if twice := [name for name in effects if effects.count(name) > 1]:
         raise ModelFileError(f"effects: {twice[0][:40]!r} is named twice")
     if unknown := [name for name in effects if name not in known]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from analysis.collision.effects import TAKEN_ALONG, named
+from analysis.collision.effects import NUISANCES, named
 from analysis.collision.laws.own import from_key
 from analysis.diagnosis import contact_family
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
@@ -144,7 +144,7 @@ def taken_along(fit: Fit) -> str:
     own: dict[str, list[float]] = {}
     for shot in fit.shots:
         for full, quantity in shot.own_parameters.items():
-            if full.split(".")[0] in TAKEN_ALONG:
+            if full.split(".")[0] in NUISANCES:
                 own.setdefault(full, []).append(quantity.value)
     if not own:
         return ""

@@ -62,7 +62,7 @@ def complete(stage: Stage = Stage.ALL) -> bool:
 def mark_complete(stage: Stage = Stage.ALL) -> None:
     """Mark this program's kernels as compiled up to a stage."""
     with contextlib.suppress(OSError):  # the next start then checks again
-        (kernel_cache.root() / stage).write_text(kernel_cache.whole_program(), encoding="utf-8")
+        (kernel_cache.cache_folder() / stage).write_text(kernel_cache.whole_program(), encoding="utf-8")
 
 
 def prepare(
@@ -118,7 +118,7 @@ def prepare_first_shot(report: Progress, ready: Callable[[Stage], None]) -> None
 
 def _mark(stage: Stage) -> str:
     try:
-        return (kernel_cache.root() / stage).read_text(encoding="utf-8")
+        return (kernel_cache.cache_folder() / stage).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         return ""
 

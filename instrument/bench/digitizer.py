@@ -68,7 +68,6 @@ class BenchDigitizer(Digitizer):
 
     @property
     def capabilities(self) -> Capabilities:
-        """Get what the bench can do."""
         optics = self._rig.optics
         return Capabilities(
             name="Simulated bench",
@@ -83,7 +82,6 @@ class BenchDigitizer(Digitizer):
 
     @property
     def setup(self) -> Setup:
-        """Get the rig's setup."""
         return self._rig.setup
 
     def prepare(self) -> None:
@@ -122,7 +120,6 @@ class BenchDigitizer(Digitizer):
         self._push.set()
 
     def read_into(self, buffer: NDArray[np.int16], timeout_s: float) -> Block:
-        """Fill ``buffer`` with the samples that are due."""
         channels = self._chunk.shape[1]
         if buffer.ndim != 2 or buffer.shape[1] != channels or buffer.dtype != np.int16:
             raise DigitizerError(f"a buffer of shape {buffer.shape}, {buffer.dtype} for {channels} channels of int16")
@@ -154,11 +151,9 @@ class BenchDigitizer(Digitizer):
         return self._deliver(buffer, wanted, lost)
 
     def stop(self) -> None:
-        """End the stream; a read under way returns."""
         self._stop.set()
 
     def close(self) -> None:
-        """Close the bench for good."""
         self.stop()
         self._closed = True
 

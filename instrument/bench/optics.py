@@ -71,7 +71,6 @@ class Optics:
 
     @property
     def channels(self) -> tuple[Channel, ...]:
-        """Get the channels of a recording."""
         return tuple(Channel(role, self.volts_per_count) for role in self.roles)
 
     def light(self, time_s: Floats) -> Floats:

@@ -104,7 +104,6 @@ class SimulatedShot:
 
 
 def simulate_shot(rig: Bench, index: int, speed_m_per_s: float, duration_s: float) -> SimulatedShot:
-    """Simulate the motion in shot ``index`` of the rig."""
     effects = effects_of_shot(complete(rig.effects), index, rig.seed)
     distance = max(speed_m_per_s * BEFORE_TOUCH_S, rig.optics.switch_m + 1e-3)
     seed = int(np.random.default_rng((rig.seed, index, 0xC)).integers(2**62))
@@ -122,7 +121,6 @@ def record_shot(
 
 
 def recording_of(rig: Bench, index: int, played: SimulatedShot, sample_rate_hz: float, duration_s: float) -> Recording:
-    """Return the recording of a simulated motion."""
     optics = with_leak(rig.optics, played.effects)
     samples = round(duration_s * sample_rate_hz)
     time_s = node_times_s(0, samples, sample_rate_hz)

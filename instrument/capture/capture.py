@@ -100,7 +100,6 @@ class Capture:
         return self._finished.save_pending(folder)
 
     def latest(self) -> Snapshot:
-        """Return a snapshot of the instrument."""
         capture, live = self._capture, self._live
         status, stream, folder = capture.machine.status, capture.run.stream, capture.options.folder
         state, message, remedy = status.state, status.message, status.remedy

@@ -93,7 +93,6 @@ class Hantek6022(Digitizer):
 
     @property
     def setup(self) -> Setup:
-        """Get the setup given; else the paper's block is assumed and the setup says so."""
         return self._setup
 
     def default_settings(self) -> CaptureSettings:
@@ -163,7 +162,6 @@ class Hantek6022(Digitizer):
         return self._codes.deliver(buffer)
 
     def stop(self) -> None:
-        """Stop sampling; from any thread, harmless when not armed."""
         with self._lock:
             stream, self._stream = self._stream, None
             if stream is None:
@@ -176,7 +174,6 @@ class Hantek6022(Digitizer):
                 return  # the device is gone or hangs: the next arm reports it
 
     def close(self) -> None:
-        """Stop and release the device."""
         self.stop()
         self._forget_device()
 

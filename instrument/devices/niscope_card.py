@@ -99,7 +99,6 @@ class NiscopeCard(Digitizer):
 
     @property
     def setup(self) -> Setup:
-        """Get the setup given; else the paper's block is assumed and the setup says so."""
         return self._setup
 
     def default_settings(self) -> CaptureSettings:
@@ -130,7 +129,6 @@ class NiscopeCard(Digitizer):
         self._worker.start()
 
     def read_into(self, buffer: NDArray[np.int16], timeout_s: float) -> Block:
-        """Fill ``buffer`` from the record; nothing comes before the trigger."""
         if self._counts is None:
             if not self._armed:
                 return Block(0, ended=True)
@@ -159,7 +157,6 @@ class NiscopeCard(Digitizer):
         return Block(count, clipped=clipped, ended=ended, trigger_sample=at if 0 <= at < count else None)
 
     def stop(self) -> None:
-        """Stop waiting; from any thread."""
         self._cancel.set()
         with self._lock:
             worker, self._worker = self._worker, None
@@ -167,7 +164,6 @@ class NiscopeCard(Digitizer):
                 worker.join(timeout=10.0)
 
     def close(self) -> None:
-        """Stop and close the session."""
         self.stop()
         session, self._session = self._session, None
         if session is not None:

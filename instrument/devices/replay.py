@@ -61,7 +61,6 @@ class ReplayDigitizer(Digitizer):
 
     @property
     def capabilities(self) -> Capabilities:
-        """Get the capabilities of the digitizer that took the present recording."""
         shot = self._upcoming()
         return Capabilities(
             name=f"replay of {shot.name}",
@@ -75,7 +74,6 @@ class ReplayDigitizer(Digitizer):
 
     @property
     def setup(self) -> Setup:
-        """Get the setup saved with the present recording."""
         return self._upcoming().setup
 
     def default_settings(self) -> CaptureSettings:
@@ -128,7 +126,6 @@ class ReplayDigitizer(Digitizer):
         return block
 
     def stop(self) -> None:
-        """End the playing; the next ``arm`` begins the next recording."""
         self._stopped.set()
 
     def _wait_for_due(self, shot: Recording, wanted: int, timeout_s: float) -> int:

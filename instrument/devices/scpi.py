@@ -88,7 +88,6 @@ class ScpiOscilloscope(Digitizer):
 
     @property
     def setup(self) -> Setup:
-        """Get the setup given; else the paper's block is assumed and the setup says so."""
         return self._setup
 
     @property
@@ -97,7 +96,6 @@ class ScpiOscilloscope(Digitizer):
         return self._fetched, self._wanted
 
     def default_settings(self) -> CaptureSettings:
-        """Return the settings of the instrument."""
         with self._exchange:
             timing = self._dialect.set_now(self._link.query, next(iter(self._roles)))
         return CaptureSettings(timing.sample_rate_hz, timing.samples, timing.trigger_sample or 0)
@@ -126,7 +124,6 @@ class ScpiOscilloscope(Digitizer):
         self._worker.start()
 
     def read_into(self, buffer: NDArray[np.int16], timeout_s: float) -> Block:
-        """Fill ``buffer`` with fetched samples; nothing comes before the trigger."""
         if self._piece is None:
             if not self._armed:
                 return Block(0, ended=True)
@@ -163,7 +160,6 @@ class ScpiOscilloscope(Digitizer):
         return block
 
     def stop(self) -> None:
-        """Stop waiting or fetching; from any thread."""
         self._cancel.set()
         with self._lock:
             worker, self._worker = self._worker, None
@@ -171,7 +167,6 @@ class ScpiOscilloscope(Digitizer):
                 worker.join(timeout=15.0)
 
     def close(self) -> None:
-        """Stop and release the instrument."""
         self.stop()
         self._link.close()
 

@@ -24,14 +24,14 @@ def network_source(typed: str) -> str:
     """
     text = typed.strip()
     text = text[5:] if text.lower().startswith("scpi:") else text
-    address, asked, options = text.partition("?")
+    address, question_mark, options = text.partition("?")
     host = _HOST.fullmatch(address)
     port = int(host[2]) if host is not None and host[2] else 1
     if not ((host is not None and 0 < port < 65536) or _VISA.fullmatch(address)):
         raise DigitizerError(f"{text[:60]!r} is no address" if text else "no address was given", _REMEDY)
     if address.lower() == "usb":
         raise DigitizerError("an oscilloscope on USB is found by itself", "plug it in and look again")
-    if asked and not _OPTIONS.fullmatch(options):
+    if question_mark and not _OPTIONS.fullmatch(options):
         raise DigitizerError(f"{options[:60]!r} are no options", _REMEDY)
     return f"scpi:{text}"
 
@@ -42,7 +42,6 @@ def network_name(source: str) -> str:
 
 
 def open_digitizer(address: str, options: "SourceOptions") -> "ScpiOscilloscope":
-    """Open the oscilloscope at an address."""
     from instrument.devices.scpi import EXTERNAL, HardwareTrigger, ScpiOscilloscope
 
     roles = options.assigned(options.wholes("channels", "1,2", "channel"))

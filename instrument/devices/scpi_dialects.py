@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from instrument.devices.digitizer import DigitizerError
 
-Ask = Callable[[str], str]
+Query = Callable[[str], str]
 
 
 class ImplausibleAnswer(DigitizerError):
@@ -74,10 +74,10 @@ class Dialect:
     set_time_per_division: str
     set_trigger_delay: str  # s from the trigger to the middle of the record
     max_samples: int
-    set_now: Callable[[Ask, int], Timing]  # of the next shot, by the instrument's settings; channel number
-    timing: Callable[[Ask, int], Timing]  # of the shot in memory
+    set_now: Callable[[Query, int], Timing]  # of the next shot, by the instrument's settings; channel number
+    timing: Callable[[Query, int], Timing]  # of the shot in memory
     select: tuple[str, ...]  # before reading a channel's points
-    scaling: Callable[[Ask, int], Scaling]
+    scaling: Callable[[Query, int], Scaling]
     fetch: tuple[str, ...]  # the last one is answered with the block
     decode: Callable[[bytes], NDArray[np.int16]]
 
@@ -110,52 +110,52 @@ def _timing(rate_hz: float, samples: float, trigger_sample: float) -> Timing:
     return Timing(rate_hz, int(samples), round(trigger_sample) if 0 <= trigger_sample < samples - 0.5 else None)
 
 
-def _preamble_timing(ask: Ask, channel: int) -> Timing:
-    _, _, points, _, step_s, origin_s, reference, *_ = numbers(ask(":WAV:PRE?"), 10, "the waveform's preamble")
+def _preamble_timing(query: Query, channel: int) -> Timing:
+    _, _, points, _, step_s, origin_s, reference, *_ = numbers(query(":WAV:PRE?"), 10, "the waveform's preamble")
     if not 1e-12 <= step_s <= 1e3:
         raise ImplausibleAnswer(f"the oscilloscope reports a sample every {step_s:g} s", "set its time base anew")
     return _timing(1 / step_s, points, reference - origin_s / step_s)
 
 
-def _rigol_set_now(ask: Ask, channel: int) -> Timing:
-    (rate,) = numbers(ask(":ACQ:SRAT?"), 1, "the sample rate")
-    (delay,) = numbers(ask(":TIM:MAIN:OFFS?"), 1, "the trigger delay")
-    depth = ask(":ACQ:MDEP?")
+def _rigol_set_now(query: Query, channel: int) -> Timing:
+    (rate,) = numbers(query(":ACQ:SRAT?"), 1, "the sample rate")
+    (delay,) = numbers(query(":TIM:MAIN:OFFS?"), 1, "the trigger delay")
+    depth = query(":ACQ:MDEP?")
     if depth.upper() == "AUTO":
-        samples = 12 * rate * numbers(ask(":TIM:MAIN:SCAL?"), 1, "the time base")[0]
+        samples = 12 * rate * numbers(query(":TIM:MAIN:SCAL?"), 1, "the time base")[0]
     else:
         (samples,) = numbers(depth, 1, "the memory depth")
     return _timing(rate, samples, samples / 2 - delay * rate)
 
 
-def _keysight_set_now(ask: Ask, channel: int) -> Timing:
-    (rate,) = numbers(ask(":ACQ:SRAT?"), 1, "the sample rate")
-    (length_s,) = numbers(ask(":TIM:RANG?"), 1, "the time range")
-    (delay,) = numbers(ask(":TIM:POS?"), 1, "the trigger delay")
+def _keysight_set_now(query: Query, channel: int) -> Timing:
+    (rate,) = numbers(query(":ACQ:SRAT?"), 1, "the sample rate")
+    (length_s,) = numbers(query(":TIM:RANG?"), 1, "the time range")
+    (delay,) = numbers(query(":TIM:POS?"), 1, "the trigger delay")
     samples = rate * length_s
     return _timing(rate, samples, samples / 2 - delay * rate)
 
 
-def _rigol_scaling(ask: Ask, channel: int) -> Scaling:
-    volts, origin, reference = numbers(ask(":WAV:PRE?"), 10, "the waveform's preamble")[7:10]
+def _rigol_scaling(query: Query, channel: int) -> Scaling:
+    volts, origin, reference = numbers(query(":WAV:PRE?"), 10, "the waveform's preamble")[7:10]
     return Scaling(volts, (128 - origin - reference) * volts)
 
 
-def _keysight_scaling(ask: Ask, channel: int) -> Scaling:
-    volts, origin_v, reference = numbers(ask(":WAV:PRE?"), 10, "the waveform's preamble")[7:10]
+def _keysight_scaling(query: Query, channel: int) -> Scaling:
+    volts, origin_v, reference = numbers(query(":WAV:PRE?"), 10, "the waveform's preamble")[7:10]
     return Scaling(volts, origin_v - reference * volts)
 
 
-def _siglent_scaling(ask: Ask, channel: int) -> Scaling:
-    (per_division,) = numbers(ask(f"C{channel}:VDIV?"), 1, "the volts a division")
-    (offset,) = numbers(ask(f"C{channel}:OFST?"), 1, "the offset")
+def _siglent_scaling(query: Query, channel: int) -> Scaling:
+    (per_division,) = numbers(query(f"C{channel}:VDIV?"), 1, "the volts a division")
+    (offset,) = numbers(query(f"C{channel}:OFST?"), 1, "the offset")
     return Scaling(per_division / 25, -offset)
 
 
-def _siglent_timing(ask: Ask, channel: int) -> Timing:
-    (rate,) = numbers(ask("SARA?"), 1, "the sample rate")
-    (samples,) = numbers(ask(f"SANU? C{channel}"), 1, "the number of samples")
-    (delay,) = numbers(ask("TRDL?"), 1, "the trigger delay")
+def _siglent_timing(query: Query, channel: int) -> Timing:
+    (rate,) = numbers(query("SARA?"), 1, "the sample rate")
+    (samples,) = numbers(query(f"SANU? C{channel}"), 1, "the number of samples")
+    (delay,) = numbers(query("TRDL?"), 1, "the trigger delay")
     return _timing(rate, samples, samples / 2 - delay * rate)
 
 

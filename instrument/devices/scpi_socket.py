@@ -40,7 +40,6 @@ class SocketTransport:
         raise DigitizerError(f"{self.name} does not answer ({problem})", _REMEDY) from problem
 
     def write(self, command: str) -> None:
-        """Send a command."""
         try:
             if self._socket is None:
                 self._connect()
@@ -70,7 +69,6 @@ class SocketTransport:
     def query_block(
         self, command: str, max_bytes: int, cancelled: Callable[[], bool] = never, timeout_s: float = 10.0
     ) -> bytes:
-        """Send a command and return the bytes of the block in its answer."""
         deadline = Deadline(timeout_s)
         self.write(command)
         start = None

@@ -99,4 +99,4 @@ def block_start(received: bytes | bytearray, name: str) -> tuple[int, int] | Non
 def check_size(size: int, max_bytes: int, name: str) -> None:
     """Refuse a block larger than requested: a damaged head must not exhaust the memory."""
     if size > max_bytes:
-        raise DigitizerError(f"{name} announced {size} bytes where at most {max_bytes} were asked for", "re-arm")
+        raise DigitizerError(f"{name} announced {size} bytes where at most {max_bytes} were requested", "re-arm")

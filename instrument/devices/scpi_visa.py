@@ -42,11 +42,9 @@ class VisaTransport:
             raise DigitizerError(f"{self.name} cannot be opened ({_line(error)})", "check the resource name") from error
 
     def write(self, command: str) -> None:
-        """Send a command."""
         self._guard(lambda: self._session.write(command))
 
     def query(self, command: str, timeout_s: float = 5.0) -> str:
-        """Send a command and return its answer, stripped."""
         self.write(command)
         self._session.timeout = round(1000 * timeout_s)
         answer = str(self._guard(self._session.read))
@@ -57,7 +55,6 @@ class VisaTransport:
     def query_block(
         self, command: str, max_bytes: int, cancelled: Callable[[], bool] = never, timeout_s: float = 10.0
     ) -> bytes:
-        """Send a command and return the bytes of the block in its answer."""
         deadline = Deadline(timeout_s)
         self.write(command)
         self._session.timeout = round(1000 * timeout_s)
@@ -83,7 +80,6 @@ class VisaTransport:
         return bytes(received[first:])
 
     def close(self) -> None:
-        """Close the session."""
         self._guard(self._session.close)
 
     def _guard(self, call: Callable[[], Any]) -> Any:

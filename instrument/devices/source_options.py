@@ -38,7 +38,6 @@ class SourceOptions:
         return name in self.given
 
     def text(self, name: str, default: str) -> str:
-        """Return an option as text."""
         return self.given.get(name, default)
 
     def number(self, name: str, default: str, what: str = "") -> float:

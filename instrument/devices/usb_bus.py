@@ -52,7 +52,6 @@ def find_backend() -> Any:
 
 
 def identify(device: Any) -> UsbIdentity:
-    """Return the identity of a pyusb device."""
     return UsbIdentity(device.idVendor, device.idProduct, device.bcdDevice, device.bus or 0, device.address or 0)
 
 

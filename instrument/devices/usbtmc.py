@@ -77,7 +77,6 @@ class UsbtmcTransport:
             self._device.write(self._out, message, timeout=3000)
 
     def query(self, command: str, timeout_s: float = 5.0) -> str:
-        """Send a command and return the message of its answer, stripped."""
         deadline = Deadline(timeout_s)
         self.write(command)
         answer = bytearray()
@@ -125,7 +124,6 @@ class UsbtmcTransport:
         return bytes(memoryview(received)[start[0] : start[0] + start[1]])
 
     def close(self) -> None:
-        """Release the instrument."""
         usb_bus.release(self._device)
 
     def _head(self, kind: int, size: int, attributes: int) -> bytes:

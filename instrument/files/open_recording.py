@@ -70,8 +70,8 @@ def _why_no_recording(folder: Path) -> str:
     except OSError as error:
         return error.strerror or str(error)
     if foreign is None:
-        return "no recording lies in this folder"
-    return f"no recording lies in this folder, but {foreign.name} does; {_advice(foreign)}"
+        return "this folder holds no recording"
+    return f"this folder holds no recording, but {foreign.name}; {_advice(foreign)}"
 
 
 def _advice(path: Path) -> str:

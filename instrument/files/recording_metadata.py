@@ -57,7 +57,7 @@ def read_metadata(path: Path) -> Metadata:
             raise head.refuse(key, "only recordings whose data file holds nothing but samples can be read")
     dataset = head.text("core:dataset")
     if dataset is not None and dataset != f"{path.name.removesuffix('.sigmf-meta')}.sigmf-data":
-        raise head.refuse("core:dataset", "names another file; the samples are read from beside the metadata alone")
+        raise head.refuse("core:dataset", "names another file; samples are read only from the file of the same name")
     trigger = head.whole("lmm:trigger_sample", 0, _MOST_SAMPLES)
     declared = head.whole("lmm:samples", 0, _MOST_SAMPLES)
     sha512 = head.text("core:sha512", 1000)

@@ -26,7 +26,6 @@ class LiveWindow:
         self._values = np.empty((4, 2 * self.length + 1))
 
     def clear(self) -> None:
-        """Forget all points."""
         self._end = self._dropped = 0
 
     def add(self, chunk: LiveChunk) -> None:
@@ -69,7 +68,6 @@ class LiveWindow:
         problem: str | None,
         skipped: int,
     ) -> LiveView:
-        """Return the picture of this moment."""
         raw_time_s.flags.writeable = False
         raw_v.flags.writeable = False
         return LiveView(*self.curves(), raw_time_s, raw_v, rest_frequency_hz, problem, skipped)

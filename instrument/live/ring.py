@@ -34,7 +34,6 @@ class Ring:
 
     @property
     def channels(self) -> int:
-        """Get the number of channels."""
         return int(self._counts.shape[1])
 
     @property

@@ -67,14 +67,12 @@ class SubprocessDigitizer(Digitizer):
 
     @property
     def capabilities(self) -> Capabilities:
-        """Get what the device can do, as it last reported."""
         able = self._child.device.capabilities
         assert able is not None
         return able
 
     @property
     def setup(self) -> Setup:
-        """Get what the device knows of the rig, as it last reported."""
         setup = self._child.device.setup
         assert setup is not None
         return setup
@@ -90,7 +88,6 @@ class SubprocessDigitizer(Digitizer):
             self._child.request("prepare", PREPARE_S, give_up=self._stopped.is_set)
 
     def default_settings(self) -> CaptureSettings | None:
-        """Return the device's default settings."""
         with self._exchange:
             if self._child.over:
                 self._child = DeviceProcess(self._opener, lambda: False, self._arm_s)
@@ -120,7 +117,6 @@ class SubprocessDigitizer(Digitizer):
             self._beats, self._alive_s = -1, time.monotonic()
 
     def read_into(self, buffer: NDArray[np.int16], timeout_s: float) -> Block:
-        """Fill ``buffer`` with the samples that the child has read."""
         with self._exchange:
             try:
                 if self._block is None and not self._next_block(timeout_s):
@@ -138,13 +134,11 @@ class SubprocessDigitizer(Digitizer):
             return self._part(ready, ring, buffer)
 
     def stop(self) -> None:
-        """Stop sampling; from any thread."""
         self._stopped.set()
         with contextlib.suppress(DigitizerError):  # the next read or arm reports that the child is gone
             self._child.send("stop")
 
     def close(self) -> None:
-        """End the child."""
         self._closed = True
         self._stopped.set()
         with self._exchange:

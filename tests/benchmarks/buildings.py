@@ -122,9 +122,9 @@ def judge(case: Case) -> Outcome:
 
 
 def _one(case: Case) -> Outcome:
-    from analysis.compiled.kernel_cache import keep_true
+    from analysis.compiled.kernel_cache import use_kernel_cache
 
-    keep_true()
+    use_kernel_cache()
     return judge(case)
 
 

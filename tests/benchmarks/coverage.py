@@ -47,9 +47,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 def one(at: tuple[int, int]) -> dict[str, Any]:
     """Return the outcome of shot (seed, index): each number as [value, std, truth], null where it was refused."""
-    from analysis.compiled.kernel_cache import keep_true
+    from analysis.compiled.kernel_cache import use_kernel_cache
 
-    keep_true()
+    use_kernel_cache()
     from analysis.pipeline import analyse
     from analysis.report import shot_result
     from tests.benchmarks.coverage_shots import Case, draw

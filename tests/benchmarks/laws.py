@@ -42,9 +42,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _one(case: LawCase) -> LawOutcome:
-    from analysis.compiled.kernel_cache import keep_true
+    from analysis.compiled.kernel_cache import use_kernel_cache
 
-    keep_true()
+    use_kernel_cache()
     from analysis.diagnosis.diagnose import diagnose
 
     return judge(case, diagnose)

@@ -201,9 +201,9 @@ def _end(outcome: NextOutcome) -> str:
 
 
 def _one(every: int, case: Case) -> NextOutcome:
-    from analysis.compiled.kernel_cache import keep_true
+    from analysis.compiled.kernel_cache import use_kernel_cache
 
-    keep_true()
+    use_kernel_cache()
     from analysis.diagnosis.diagnose import diagnose
 
     return judge(case, diagnose, at_random=bool(every) and case.seed % every == 0)

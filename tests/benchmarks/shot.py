@@ -10,7 +10,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from analysis.compiled.kernel_cache import keep_true
+from analysis.compiled.kernel_cache import use_kernel_cache
 
 ROUNDS = 5
 SAMPLES, RATE_HZ = 5_000_000, 30e6
@@ -19,7 +19,7 @@ STEPS = ("load", "demodulate", "impact", "fit")
 
 def main() -> int:
     """Print what each step takes over what the analytic signal of both channels takes; return 1 where one is missed."""
-    keep_true()
+    use_kernel_cache()
     from app.session.load import load_and_analyse
     from instrument.bench.simulate import simulate
     from instrument.files.open_recording import open_recording

@@ -1,4 +1,4 @@
-"""A capture of a known digitizer, for tests: run in a folder, waited for, its samples checked."""
+"""A capture of a known digitizer, for tests: runs in a folder, waits for states, checks the samples."""
 
 import time
 from collections.abc import Callable

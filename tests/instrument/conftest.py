@@ -1,4 +1,4 @@
-"""A small recording with everything in it."""
+"""A small recording that uses every part of the format."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A digitizer whose every sample is known, and that fails in every way a test asks for."""
+"""A digitizer whose samples are all known, and that fails in every way that a test needs."""
 
 import threading
 import time

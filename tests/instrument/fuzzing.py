@@ -1,4 +1,4 @@
-"""Recordings, motion records and settings, spoilt at random: each opens or is refused in one line, never more."""
+"""Recordings, motion records and settings, damaged at random: each opens or is refused in one line."""
 
 import json
 import random

@@ -1,4 +1,4 @@
-"""Killing a capture at random moments, and looking at what it left."""
+"""Kills a capture at random moments and checks the files that it left."""
 
 import json
 import random

@@ -1,4 +1,4 @@
-"""Spoiling files at random: bits, bytes, pieces, and the values inside JSON and TOML."""
+"""Damages files at random: bits, bytes, pieces, and the values inside JSON and TOML."""
 
 import copy
 import json

@@ -1,4 +1,4 @@
-"""Follow docs/add-a-digitizer.md with the code that stands there: the row is all that has to be registered."""
+"""Follows docs/add-a-digitizer.md with the code on that page: the row is all that has to be registered."""
 
 import re
 import sys

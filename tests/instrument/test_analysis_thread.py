@@ -1,4 +1,4 @@
-"""A shot's readings are told before its fit; what goes wrong with the fit costs the readings nothing."""
+"""A shot's readings are reported before its fit, and a failed fit does not lose them."""
 
 import threading
 

@@ -1,4 +1,4 @@
-"""A file that another program holds for a moment (a virus scanner, a synchronised folder) is replaced all the same."""
+"""A file that another program has open for a moment (a virus scanner, a synchronised folder) is still replaced."""
 
 import os
 import time

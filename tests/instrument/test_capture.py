@@ -1,4 +1,4 @@
-"""Taking shots end to end with a digitizer whose every sample is known."""
+"""Taking shots end to end with a digitizer whose samples are all known."""
 
 import gc
 import threading

@@ -1,4 +1,4 @@
-"""Disks that are full, folders that are gone or taken: said, and no shot lost."""
+"""Disks that are full, folders that are gone or locked: reported, and no shot is lost."""
 
 import builtins
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Devices that fail, analyses that fail, and the end of a capture in whatever state it is."""
+"""Devices and analyses that fail, and closing a capture in every state."""
 
 import threading
 import time

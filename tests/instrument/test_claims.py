@@ -1,4 +1,4 @@
-"""What a recording's metadata claim: bounded by what its data hold; what changed in the data is said."""
+"""The metadata of a recording are checked against its data, and altered data are flagged."""
 
 import dataclasses
 import json

@@ -1,4 +1,4 @@
-"""The computer's clock against the samples that come: a device at another rate than it says makes all speeds wrong."""
+"""The rate of the samples by the computer's clock: a wrong rate makes all speeds wrong."""
 
 import time
 from pathlib import Path

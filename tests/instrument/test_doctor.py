@@ -1,4 +1,4 @@
-"""What the doctor finds, on buses and disks made for it."""
+"""The checks of the computer, with simulated buses and disks."""
 
 import re
 from collections import namedtuple

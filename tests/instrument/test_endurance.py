@@ -1,4 +1,4 @@
-"""Many shots in a row leave nothing behind; thousands of simulated ones: python -m tests.benchmarks.soak."""
+"""Many shots in a row leave no thread or memory behind; thousands: python -m tests.benchmarks.soak."""
 
 import gc
 import threading

@@ -1,4 +1,4 @@
-"""Raw beats of other programs: what is in a file, read by a mapping, refused in one line where that fails."""
+"""Raw beats in files of other programs: their channels listed, read by a mapping, refused in one line."""
 
 import struct
 import wave

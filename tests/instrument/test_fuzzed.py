@@ -1,4 +1,4 @@
-"""A few hundred spoilt files; ten thousand and more: python -m tests.benchmarks.fuzz."""
+"""A few hundred damaged files; ten thousand and more: python -m tests.benchmarks.fuzz."""
 
 from pathlib import Path
 

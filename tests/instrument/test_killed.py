@@ -1,4 +1,4 @@
-"""A capture killed in the middle: completed shots are whole, the last opens as far as it got, settings are intact."""
+"""A capture that is killed: complete shots are whole, the last one opens as far as it got, settings are intact."""
 
 import random
 from pathlib import Path

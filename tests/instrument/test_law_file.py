@@ -1,4 +1,4 @@
-"""A law as a file: what is read, and the one line for what is not."""
+"""A law as a file: what is read, and the one line for an error."""
 
 from pathlib import Path
 

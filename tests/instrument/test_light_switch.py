@@ -1,4 +1,4 @@
-"""The light switch: one answer however the stream is cut, no answer from noise."""
+"""The light switch: the same steps for any lengths of blocks, and none from noise."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A displacement in mm, um or nm comes out in m, whatever its header looks like."""
+"""A displacement in mm, um or nm is converted to m, whatever its header looks like."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Motion records: what is read, and one clear line for what is not."""
+"""Motion records: what is read, and one clear line for an error."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The block as its own trigger: found soon after it moves, never at rest, one answer for any cutting."""
+"""Trigger by the motion of the block: soon after it moves, never at rest, the same for any lengths of blocks."""
 
 import itertools
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What may be typed as an oscilloscope's address, and what is refused before anything is connected."""
+"""Addresses of oscilloscopes: which are accepted and refused, before anything is connected."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What differs on Windows and macOS, with their answers put in: none of it can be run here, all of it can be asked."""
+"""The parts that differ on Windows and macOS, tested here with the answers of those systems."""
 
 import importlib.util
 import os

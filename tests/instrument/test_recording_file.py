@@ -1,4 +1,4 @@
-"""Recordings on disk: round trip, what is flagged, what is refused, and that a crash leaves what came so far."""
+"""Recordings on disk: round trip, flags, errors, and that a crash leaves the samples so far."""
 
 import json
 import os

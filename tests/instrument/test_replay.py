@@ -1,4 +1,4 @@
-"""Replay honours the digitizer contract: every sample once, gaps as data, paced by the clock."""
+"""Replay as a digitizer: every sample once, gaps as data, paced by the clock."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A disk that fills while shots are taken without a screen: what is only in memory is saved where there is room."""
+"""A disk that fills during a capture without a screen: shots in memory are saved where there is room."""
 
 from pathlib import Path
 

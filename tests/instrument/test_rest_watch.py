@@ -1,4 +1,4 @@
-"""The floor is read from rest alone, and stands while the block moves."""
+"""The motion of the site is measured at rest only, and kept while the block moves."""
 
 import numpy as np
 import pytest

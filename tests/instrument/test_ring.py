@@ -1,4 +1,4 @@
-"""The ring: what was written comes out, and never half replaced."""
+"""The ring: readers get the samples that were written, never partly replaced ones."""
 
 import threading
 

@@ -1,4 +1,4 @@
-"""The guided set-up's verdicts on signals made for them."""
+"""The checks of the guided set-up on synthetic signals."""
 
 import numpy as np
 import pytest

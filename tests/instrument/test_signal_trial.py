@@ -1,4 +1,4 @@
-"""A look at a source's signals without a screen."""
+"""The check of a source's signals without a screen."""
 
 import numpy as np
 import pytest

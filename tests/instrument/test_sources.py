@@ -1,4 +1,4 @@
-"""The text of --source: what it opens, and the one line where it opens nothing."""
+"""The text of --source: the digitizer that it opens, and the one line for an error."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""A source that stops: whether samples came before, and what the light switch did, is told apart."""
+"""A source that stops: the message says whether samples came before, and what the light switch did."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The one reader of small text files: whatever lies there, it answers at once, in one line, and takes little."""
+"""Reading small text files: every content is answered quickly, in one line, with little memory."""
 
 import os
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A process that takes shots into a folder without end, to be killed at any moment."""
+"""A process that takes shots into a folder until it is killed."""
 
 import json
 import sys

@@ -71,8 +71,8 @@ def _copied(place: Path) -> Path:
             shutil.copy2(file, tree / file.name)
     if (ROOT.parent / "shared").is_dir():
         (place / "shared").symlink_to(ROOT.parent / "shared", target_is_directory=True)
-    if kernel_cache.root().is_dir():
-        shutil.copytree(kernel_cache.root(), place / "kernels" / "levimass")
+    if kernel_cache.cache_folder().is_dir():
+        shutil.copytree(kernel_cache.cache_folder(), place / "kernels" / "levimass")
     return tree
 
 

@@ -1,11 +1,11 @@
-"""Effects between block and plate: another law of the contact's spring, dashpot and reach (njit by the integrator)."""
+"""Effects between block and plate: other laws of the contact's spring, dashpot and range."""
 
 from typing import Any
 
 from analysis.collision.effects.kernel import CONTACT_STIFFNESS, NEAR, PAIR, TOUCHING, XI, XI_RATE, power
 from analysis.collision.effects.row import Acts, Effect, Parameter
 
-REFERENCE_OVERLAP_M = 50e-6  # xi_0: where the law with an exponent and the linear one agree; about the paper's deepest
+REFERENCE_OVERLAP_M = 50e-6  # xi_0, at which both laws are equal; about the paper's largest overlap
 
 
 def contact_exponent(s: Any, p: Any, out: Any) -> None:
@@ -21,10 +21,10 @@ def nonlinear_contact_damping(s: Any, p: Any, out: Any) -> None:
 
 
 def adhesion(s: Any, p: Any, out: Any) -> None:
-    """Add an attraction -F_a while the bodies are apart by less than d; p = (F_a in N, d in m).
+    """Add an attraction -F_a while the gap is smaller than d; p = (F_a in N, d in m).
 
-    Both ways, so it does no net work over a whole flight past; a capillary bridge in its simplest form.  "Velocity in"
-    is that of the flight up to its reach, the touch the instant to which that flight would lead.
+    It acts on approach and retreat, so its net work is zero; the simplest form of a capillary bridge.  "Velocity in" is
+    that of the flight before the gap is d, and the touch is where that flight would lead.
     """
     out[PAIR] -= p[0] * s[NEAR].real
 

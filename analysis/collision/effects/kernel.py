@@ -1,11 +1,11 @@
-"""What an effect's function is given and what it may add to: the one contract of all mechanical effects.
+"""The contract of all mechanical effects: the inputs of an effect's function, and the outputs to which it adds.
 
-An effect is ``def name(s, p, out)``: ``s`` holds the state under the indices below, ``p`` its up to three parameters,
-and it adds to ``out``.  The same text is compiled twice.  Once all three are real: the motion itself, and the searches
-of the diagnosis.  Once they are complex: the value travels in the real part, one derivative in the imaginary part (the
-complex step, exact to rounding).  So a function must be analytic within a phase: it asks ``s[SIGN_V].real`` instead of
-the sign of the velocity, compares real parts only, and takes ``sine`` and ``power`` from here (numpy's ``exp``, ``log``
-and the like serve both as well).  The integrators (njit) never change for a new effect.
+An effect is ``def name(s, p, out)``: ``s`` is the state with the indices below, ``p`` its up to three parameters, and
+it adds to ``out``.  It is compiled twice: with real numbers for the motion and for the searches of the diagnosis, and
+with complex numbers, whose imaginary parts carry one derivative (the complex step, exact to rounding).  The function
+must therefore be analytic within a mode: it uses ``s[SIGN_V].real`` as the sign of the velocity, compares real parts
+only, and takes ``sine`` and ``power`` from here (numpy's ``exp``, ``log`` and the like work for both).  The solver does
+not change for a new effect.
 """
 
 import math
@@ -19,26 +19,26 @@ from llvmlite import ir
 from numba import cfunc, types
 from numba.extending import intrinsic, overload
 
-# State: of the block and the plate from the undeflected rest, SI units.
+# Inputs: positions and velocities of block and plate from the undeflected rest, SI units.
 X, V, Y, U = 0, 1, 2, 3
-XI, XI_RATE = 4, 5  # overlap of contact point and block, and its rate; negative overlap: they are apart
-FORCE = 6  # on the block from contact, complete; not yet known to a "pair" effect
+XI, XI_RATE = 4, 5  # overlap of contact point and block, and its rate; negative overlap: a gap
+FORCE = 6  # total contact force on the block; not yet known to an effect between the bodies
 Q, W = 7, 8  # the effect's own hidden state
-SIGN_V = 9  # +1 or -1, switched exactly where the block's velocity changes its sign
-NEAR = 10  # 1 where the bodies are apart by less than the effect's range, switched exactly there
+SIGN_V = 9  # +1 or -1, which changes exactly when the block's velocity changes its sign
+NEAR = 10  # 1 while the gap is smaller than the effect's range; it changes exactly there
 TOUCHING = 11  # 1 in contact
 PLATE_STIFFNESS, CONTACT_STIFFNESS, BLOCK_MASS = 12, 13, 14
 STATES = 15
 
-# What an effect may add to.
+# Outputs.
 ON_BLOCK = 0  # force on the block in N
 ON_PLATE = 1  # force on the plate in N
-PAIR = 2  # force on the block that the plate feels reversed, in N ("pair" effects)
+PAIR = 2  # force on the block, with its reaction on the plate, in N
 Q_RATE, W_RATE = 3, 4  # d/dt of the hidden state
 MASS = 5  # added to the block's inertia in kg
 OUTPUTS = 6
 
-WRITTEN = "law"  # the file, so to say, of functions that the program wrote and named by their own text
+WRITTEN = "law"  # file name of functions that the program generated, whose names are digests of their text
 
 Kernel = Callable[[Any, Any, Any], None]
 
@@ -47,7 +47,7 @@ _compiling = Lock()
 
 
 def _compiled(function: Kernel, number: Any) -> Any:
-    # Two threads that both miss the cache would compile twice, and the address that one of them holds would be freed.
+    # two threads that both miss the cache would compile twice, and free the address that one of them uses
     with _compiling:
         return _compiled_once(function, number)
 
@@ -55,19 +55,19 @@ def _compiled(function: Kernel, number: Any) -> Any:
 @cache
 def _compiled_once(function: Kernel, number: Any) -> Any:
     pointer = types.CPointer(number)  # type: ignore[no-untyped-call]
-    # What is defined at a prompt has neither a file nor a name of its own by which a kept kernel could be told.
+    # a function defined at a prompt has no file, and cannot be cached
     source = function.__code__.co_filename
     options: Any = {"cache": source == WRITTEN or Path(source).is_file(), "error_model": "numpy"}
     return cfunc(types.void(pointer, pointer, pointer), **options)(function)
 
 
 def address(function: Kernel) -> int:
-    """Return where the effect lies, compiled for real numbers; about 0.2 s the first time ever, then kept."""
+    """Return the address of the effect compiled for real numbers; compiling takes 0.2 s, and is cached."""
     return int(_compiled(function, types.float64).address)
 
 
 def complex_address(function: Kernel) -> int:
-    """Return where the effect lies, compiled for complex numbers, which carry its derivatives; costs as ``address``."""
+    """Return the address of the effect compiled for complex numbers, which carry its derivatives."""
     return int(_compiled(function, types.complex128).address)
 
 
@@ -78,7 +78,7 @@ def _called(context: Any, builder: Any, at: Any, pointers: Any) -> Any:
 
 
 def _call(_context: Any, at: Any, s: Any, p: Any, out: Any) -> Any:
-    """Call the compiled effect that lies at an address (for kernels); about 2 ns."""
+    """Call the compiled effect at an address (for kernels); about 2 ns."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         arrays = zip(signature.args[1:], arguments[1:], strict=True)
@@ -88,18 +88,18 @@ def _call(_context: Any, at: Any, s: Any, p: Any, out: Any) -> Any:
     return types.void(types.int64, s, p, out), generate
 
 
-def _call_within(_context: Any, at: Any, told: Any, p: Any, first: Any) -> Any:
-    """Call the effect at an address (for kernels): parameters from ``p[first]`` on, answers behind the told state."""
+def _call_within(_context: Any, at: Any, s: Any, p: Any, first: Any) -> Any:
+    """Call the effect at an address (for kernels): parameters from ``p[first]`` on, outputs after inputs in ``s``."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        s, values = (
+        state, values = (
             context.make_array(kind)(context, builder, value).data
             for kind, value in zip(signature.args[1:3], arguments[1:3], strict=True)
         )
-        out = builder.gep(s, [ir.Constant(ir.IntType(64), STATES)])
-        return _called(context, builder, arguments[0], [s, builder.gep(values, [arguments[3]]), out])
+        out = builder.gep(state, [ir.Constant(ir.IntType(64), STATES)])
+        return _called(context, builder, arguments[0], [state, builder.gep(values, [arguments[3]]), out])
 
-    return types.void(types.int64, told, p, types.int64), generate
+    return types.void(types.int64, s, p, types.int64), generate
 
 
 call: Any = intrinsic(_call)
@@ -107,12 +107,12 @@ call_within: Any = intrinsic(_call_within)
 
 
 def sine(x: Any) -> Any:
-    """Return sin x of a real number or of one that carries a derivative (for kernels)."""
+    """Return sin x of a real or complex number (for kernels)."""
     raise NotImplementedError("for compiled kernels only")
 
 
 def power(x: Any, y: Any) -> Any:
-    """Return x^y of a positive x, real or carrying a derivative (for kernels); the library's complex one is slow."""
+    """Return x^y of a positive x, real or complex (for kernels); faster than the library's complex power."""
     raise NotImplementedError("for compiled kernels only")
 
 

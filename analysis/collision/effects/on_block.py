@@ -1,4 +1,4 @@
-"""Effects on the block: what brakes, pushes or rings in it, in flight as in contact (njit by the integrator)."""
+"""Effects on the block, in flight as in contact: friction, drag, bearing and tilt, an internal mode."""
 
 import math
 from typing import Any
@@ -35,11 +35,11 @@ def bearing_gradient(s: Any, p: Any, out: Any) -> None:
 
 
 def block_mode(s: Any, p: Any, out: Any) -> None:
-    """Carry a part m_h of the block's mass on a spring and dashpot; p = (m_h in kg, f in Hz, zeta).
+    """Put a part m_h of the block's mass on a spring and dashpot; p = (m_h in kg, f in Hz, zeta).
 
     With z = Q its position from the block's rest, w = W its velocity and omega = 2 pi f:
     m_h w' = -R, R = m_h (omega^2 (z - x) + 2 zeta omega (w - v)), (m_b - m_h) v' = ... + R.
-    A mounted corner cube that is loose; Den Hartog, "Mechanical Vibrations", ch. 3.
+    A loose corner cube; Den Hartog, "Mechanical Vibrations", ch. 3.
     """
     omega = 2.0 * math.pi * p[1]
     pull = omega * omega * (s[Q] - s[X]) + 2.0 * p[2] * omega * (s[W] - s[V])
@@ -48,6 +48,28 @@ def block_mode(s: Any, p: Any, out: Any) -> None:
     out[Q_RATE] += s[W]
     out[W_RATE] -= pull
 
+
+def flight_acceleration(s: Any, p: Any, out: Any) -> None:
+    """Add m_b a, a = p[0] on the way in and p[1] on the way out; p = (both in m/s^2), different in every shot.
+
+    The track may be bent or tilted where this shot flew, and air and cable differ: no law that the shots share.
+    """
+    out[ON_BLOCK] += s[BLOCK_MASS] * (p[0] if s[SIGN_V].real < 0.0 else p[1])
+
+
+NUISANCES = (  # fitted per shot together with all other effects, never searched for or named
+    Effect(
+        "flight_acceleration",
+        "an acceleration in flight that each shot has for itself",
+        Acts.ON_BLOCK,
+        (
+            Parameter("before_m_per_s2", "m/s²", 1e-3, tried=(0.0,), own=True),
+            Parameter("after_m_per_s2", "m/s²", 1e-3, tried=(0.0,), own=True),
+        ),
+        "before_m_per_s2",
+        flight_acceleration,
+    ),
+)
 
 ROWS = (
     Effect(

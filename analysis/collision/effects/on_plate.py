@@ -1,4 +1,4 @@
-"""Effects on the plate: its spring, its losses, its other modes, its clamp (njit by the integrator)."""
+"""Effects on the plate: its spring, its losses, its other modes, its clamp."""
 
 import math
 from typing import Any
@@ -19,36 +19,36 @@ from analysis.collision.effects.kernel import (
 )
 from analysis.collision.effects.row import Acts, Effect, Parameter, frequencies
 
-_LIGHTEST = 1e-300  # of a mode's mass: a search may step on nothing, which swings faster than anything follows
+_LIGHTEST = 1e-300  # of a mode's mass, as a search may try zero
 
 
 def cubic_stiffness(s: Any, p: Any, out: Any) -> None:
-    """Add -k_3 y^3; p = (k_3 in N/m^3).  A plate that stiffens (or softens) with its deflection; Duffing, 1918."""
+    """Add -k_3 y^3; p = (k_3 in N/m^3).  The plate stiffens or softens with its deflection; Duffing, 1918."""
     out[ON_PLATE] -= p[0] * s[Y] * s[Y] * s[Y]
 
 
 def cubic_contact(s: Any, p: Any, out: Any) -> None:
-    """Add k_3 xi^3 between one body and its spring, where that is all there is; p = (k_3 in N/m^3)."""
+    """Add k_3 xi^3 between one body and its spring, if the plate is locked; p = (k_3 in N/m^3)."""
     if s[TOUCHING].real > 0.5:
         out[PAIR] += p[0] * s[XI] * s[XI] * s[XI]
 
 
 def plate_damping(s: Any, p: Any, out: Any) -> None:
-    """Add -c_p y'; p = (c_p in N s/m).  Kelvin-Voigt: the plate's dashpot beside its spring."""
+    """Add -c_p y'; p = (c_p in N s/m).  Kelvin-Voigt: a dashpot parallel to the plate's spring."""
     out[ON_PLATE] -= p[0] * s[U]
 
 
 def viscoelastic_arm(s: Any, p: Any, out: Any) -> None:
-    """Add -F_m with F_m' = k_1 y' - F_m / tau; p = (k_1 in N/m, tau in s).  A Maxwell arm beside the spring."""
+    """Add -F_m with F_m' = k_1 y' - F_m / tau; p = (k_1 in N/m, tau in s).  A Maxwell element."""
     out[ON_PLATE] -= s[Q]
     out[Q_RATE] += p[0] * s[U] - s[Q] / p[1]
 
 
 def second_plate_mode(s: Any, p: Any, out: Any) -> None:
-    """Let the contact point move by q more: m_2 (q'' + 2 zeta omega q' + omega^2 q) = -F_N.
+    """Displace the contact point by q: m_2 (q'' + 2 zeta omega q' + omega^2 q) = -F_N.
 
-    p = (m_2 in kg, f in Hz, zeta); m_2 is the modal mass seen at the contact point; a torsion or the second
-    bending of the arm.
+    p = (m_2 in kg, f in Hz, zeta); m_2 is the modal mass at the contact point; a torsion or the second bending mode of
+    the arm.
     """
     omega = 2.0 * math.pi * p[1]
     out[Q_RATE] += s[W]
@@ -56,9 +56,9 @@ def second_plate_mode(s: Any, p: Any, out: Any) -> None:
 
 
 def support_compliance(s: Any, p: Any, out: Any) -> None:
-    """Let the clamp give by z: z'' = omega^2 (C k_p (y - z) - z), the spring feels y - z; p = (C in m/N, f in Hz).
+    """Displace the clamp by z: z'' = omega^2 (C k_p (y - z) - z), the spring is bent by y - z; p = (C in m/N, f in Hz).
 
-    The clamp's own mass follows from both; at low frequency z = C times the plate's spring force.
+    The clamp's mass follows from both; at low frequency z = C times the plate's spring force.
     """
     omega = 2.0 * math.pi * p[1]
     out[ON_PLATE] += s[PLATE_STIFFNESS] * s[Q]

@@ -1,7 +1,7 @@
-"""Effects on what is measured: the displacement is not quite that of the block.
+"""Effects on the measurement: the measured displacement differs from that of the block.
 
-Each takes the displacements, shape (n, k), and its parameters, shape (3, k), and returns what the optics would show;
-times are on the recording's clock.  Both may be complex, the imaginary part then carrying one derivative.
+Each function takes displacements, shape (n, k), and its parameters, shape (3, k), and returns the measured
+displacements; times are on the recording's clock.  Both may be complex, with one derivative in the imaginary part.
 """
 
 import math
@@ -13,8 +13,8 @@ from numba import njit
 from analysis.collision.effects.kernel import Q_RATE, W_RATE, Q, W
 from analysis.collision.effects.row import Acts, Effect, Floats, Parameter, Sensed, frequencies
 
-_PLATE_QUALITY = 1e4  # the equations know no loss of the plate: it only keeps a resonance finite
-_CHIRP_PASSES, _CHIRP_STOPS = 0.38, 0.66  # of the record's rate: where the demodulator's decimator begins and ends
+_PLATE_QUALITY = 1e4  # the base model's plate has no damping: this only keeps a resonance finite
+_CHIRP_PASSES, _CHIRP_STOPS = 0.38, 0.66  # of the record's rate: pass band and stop band of the decimator
 
 
 def sensor_drift(seen: Sensed, x: Any, p: Any) -> Any:
@@ -28,11 +28,11 @@ def sensor_drift(seen: Sensed, x: Any, p: Any) -> Any:
 def demodulation_lag(seen: Sensed, x: Any, p: Any) -> Any:
     """Measure x_m with tau x_m' = x - x_m; p = (tau in s).  A first-order low-pass in the optics' electronics.
 
-    Solved exactly for a path whose velocity is straight between two samples; at the first the flight has long been
-    steady.  A pure delay is no effect: the touch time takes it up; what shows in the bounces is of order tau^2.
+    Solved exactly for a velocity that is linear between samples, from a steady flight.  A pure delay has no effect, as
+    the touch time absorbs it; the effect on the bounces is of order tau^2.
     """
     velocity = np.repeat(seen.velocity_m_per_s[:, None], x.shape[1], axis=1)
-    if np.iscomplexobj(x):  # the velocity's derivative is not given: the displacement's, sample to sample, will do
+    if np.iscomplexobj(x):  # the derivative of the velocity is approximated from that of the displacement
         velocity = velocity + 1j * np.gradient(x.imag, seen.time_s, axis=0)
     out = np.empty_like(x)
     _lag(seen.time_s, np.ascontiguousarray(x), velocity, np.ascontiguousarray(p[0]), out)
@@ -41,7 +41,7 @@ def demodulation_lag(seen: Sensed, x: Any, p: Any) -> Any:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _lag(time_s, x, v, lag, out):  # type: ignore[no-untyped-def]
-    """Write the lagging displacements; about 10 ns a value, 60 ns a complex one."""
+    """Write the lagging displacements; about 10 ns per value, 60 ns if complex."""
     for k in range(x.shape[1]):
         tau = lag[k]
         behind = x[0, k] - tau * v[0, k]
@@ -57,13 +57,13 @@ def _lag(time_s, x, v, lag, out):  # type: ignore[no-untyped-def]
 
 
 def frame_vibration(seen: Sensed, x: Any, p: Any) -> Any:
-    """Measure v + A sin(omega t + phi); p = (A in m/s, f in Hz, phi in rad at time zero).  The frame swings."""
+    """Measure v + A sin(omega t + phi); p = (A in m/s, f in Hz, phi in rad at time zero).  The frame vibrates."""
     omega = 2 * math.pi * p[1]
     return x - p[0] / omega * np.cos(omega * seen.time_s[:, None] + p[2])
 
 
-def frame_of_wave(frequency_hz: float, cosine_and_sine_m: Floats) -> list[dict[str, float]]:
-    """Return the frame's velocity amplitude (that of all shots) and each shot's phase, of -A/omega cos(omega t + phi).
+def vibration_from_wave(frequency_hz: float, cosine_and_sine_m: Floats) -> list[dict[str, float]]:
+    """Return the common velocity amplitude and each shot's phase of a vibration -A/omega cos(omega t + phi).
 
     ``cosine_and_sine_m`` has shape (shots, 2).
     """
@@ -75,11 +75,11 @@ def frame_of_wave(frequency_hz: float, cosine_and_sine_m: Floats) -> list[dict[s
     ]
 
 
-def of_plate_on_frame(p: Any, stiffness: Any, mass: Any, time_s: Any) -> tuple[Any, Any, Any]:
-    """Return (m, m/s, rad/s): displacement, velocity and rate of a plate whose clamp a frame has long shaken.
+def plate_response_to_frame(p: Any, stiffness: Any, mass: Any, time_s: Any) -> tuple[Any, Any, Any]:
+    """Return (m, m/s, rad/s): displacement, velocity and rate of a plate in its stationary response to the frame.
 
-    p = (A in m/s, f in Hz, phi in rad, factor): the clamp moves by factor A/omega cos(omega t + phi), the plate follows
-    it as a mass on a spring does in the long run (of quality 10,000, next to none).
+    p = (A in m/s, f in Hz, phi in rad, factor): the clamp moves by factor A/omega cos(omega t + phi), and the plate
+    responds as a mass on a spring (of quality 10,000, nearly undamped).
     """
     omega, own = 2 * math.pi * p[1], stiffness / mass
     turn = omega * time_s + p[2]
@@ -91,25 +91,25 @@ def of_plate_on_frame(p: Any, stiffness: Any, mass: Any, time_s: Any) -> tuple[A
 
 
 def plate_on_frame(s: Any, p: Any, out: Any) -> None:
-    """Let the contact point move by q more: q'' = -omega^2 (q + q_0), q = 0 at first touch; p = (q_0, q' then, omega).
+    """Displace the contact point by q: q'' = -omega^2 (q + q_0), q = 0 at first touch; p = (q_0, q' then, omega).
 
-    A plate on a spring that is moved at its foot does what it does in the long run, and beside it what it would do on a
-    foot at rest: that is y.
+    The motion of a plate whose clamp vibrates is the sum of the stationary response, q + q_0, and of the motion with a
+    clamp at rest, y.
     """
     out[Q_RATE] += s[W]
     out[W_RATE] -= p[2] * p[2] * (s[Q] + p[0])
 
 
-def wider_of_wave(frequency_hz: float, cosine_and_sine_m: Floats) -> list[dict[str, float]]:
-    """Return what ``frame_of_wave`` does, and that the plate takes part by half."""
-    return [{**values, "plate_factor": 0.5} for values in frame_of_wave(frequency_hz, cosine_and_sine_m)]
+def vibration_with_plate_from_wave(frequency_hz: float, cosine_and_sine_m: Floats) -> list[dict[str, float]]:
+    """Return the values of ``vibration_from_wave`` with a plate factor of one half."""
+    return [{**values, "plate_factor": 0.5} for values in vibration_from_wave(frequency_hz, cosine_and_sine_m)]
 
 
 def cyclic_error(seen: Sensed, x: Any, p: Any) -> Any:
     """Measure x + A sin(4 pi n x / lambda + phi); p = (A in m, n, phi in rad).
 
-    Polarisation leak (Wu and Deslattes, Appl. Opt. 37 (1998) 6696).  Only what the demodulator passes shows: the
-    chirp near the turnaround, where 2 n |v| / lambda lies within its band.
+    Polarisation leak (Wu and Deslattes, Appl. Opt. 37 (1998) 6696).  The demodulator passes only the chirp near the
+    turnaround, where 2 n |v| / lambda is within its band.
     """
     line = 2 * np.abs(p[1, :1].real) * np.abs(seen.velocity_m_per_s)[:, None] / seen.wavelength_m / seen.rate_hz
     beyond = np.clip((line - _CHIRP_PASSES) / (_CHIRP_STOPS - _CHIRP_PASSES), 0.0, 1.0)
@@ -141,7 +141,7 @@ ROWS = (
         (Parameter("time_s", "s", 1e-5, lower=2e-7, upper=5e-4, logarithmic=True),),
         "time_s",
         sensor=demodulation_lag,
-        grows_as=2.0,  # a mere delay is the touch time's
+        grows_as=2.0,  # the touch time absorbs a pure delay
         delays="time_s",
         remembers=True,
     ),
@@ -152,7 +152,7 @@ ROWS = (
         _LINE,
         "amplitude_m_per_s",
         sensor=frame_vibration,
-        wave=frame_of_wave,
+        wave=vibration_from_wave,
         at_rest=True,
     ),
     Effect(
@@ -162,7 +162,7 @@ ROWS = (
         (
             Parameter("amplitude_m", "m", 1e-9, lower=0.0),
             Parameter("order", "", 1.0, lower=0.5, upper=4.0, grid=(1.0, 2.0), fixed=True),
-            Parameter("phase_rad", "rad", 0.0, grid=(0.0, math.pi / 2), tried=(0.0,), own=True, nuisance=True),
+            Parameter("phase_rad", "rad", 0.0, grid=(0.0, math.pi / 2), tried=(0.0,), own=True),
         ),
         "amplitude_m",
         sensor=cyclic_error,
@@ -182,9 +182,9 @@ WIDER = (
         sensor=frame_vibration,
         hidden=2,
         shift=1.0,
-        wave=wider_of_wave,
+        wave=vibration_with_plate_from_wave,
         at_rest=True,
-        clocked=of_plate_on_frame,
+        clocked=plate_response_to_frame,
         widens="frame_vibration",
         fastest=lambda values, _: float(values[2]),
     ),

@@ -1,4 +1,4 @@
-"""One row of the catalogue: what an effect is called, what it takes and where it acts."""
+"""A row of the catalogue of effects: name, parameters, where the effect acts, and its function."""
 
 import math
 from collections.abc import Callable
@@ -16,25 +16,24 @@ Floats = NDArray[np.float64]
 
 
 class Acts(Enum):
-    """Where an effect comes in."""
+    """Where an effect acts."""
 
     ON_BLOCK = "block"  # on the block, in flight too
     ON_PLATE = "plate"  # on the plate
     IN_CONTACT = "contact"  # between the two
-    AT_START = "start"  # the plate's state at first touch
-    ON_SENSOR = "sensor"  # on what is measured, not on what moves
+    AT_START = "start"  # on the plate's state at first touch
+    ON_SENSOR = "sensor"  # on the measurement, not on the motion
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
     """A parameter of an effect.
 
-    ``scale`` is a natural size (a first guess, of the order that one shot can just show or somewhat above);
-    ``lower`` and ``upper`` keep it physical; ``grid`` holds the values at which a linear score is to be taken where
-    the effect is not linear in it; ``tried`` those from which the diagnosis starts, where they are not the grid (or,
-    without one, the scale); ``logarithmic`` says that the diagnosis searches it by its logarithm, as fits a size not
-    known to a power of ten; ``own`` that every shot has its own; ``fixed`` that a fit chooses among the grid instead of
-    moving it; ``nuisance`` that it belongs to the fit but to no result.
+    ``scale`` is a natural size (a first guess, about the smallest that one shot can show); ``lower`` and ``upper`` are
+    physical limits.  ``grid`` are the values at which a linear score is computed, if the effect is not linear in the
+    parameter; ``tried`` are the starting values of the diagnosis, if they are not the grid (or, without one, the
+    scale).  ``logarithmic``: it is searched by its logarithm; ``own``: every shot has its own value; ``fixed``: a fit
+    chooses among the grid.
     """
 
     name: str
@@ -47,7 +46,6 @@ class Parameter:
     logarithmic: bool = False
     own: bool = False
     fixed: bool = False
-    nuisance: bool = False
 
     def to_search(self, value: float) -> float:
         """Return the search coordinate of a value: its logarithm, or the value in units of its ``scale``."""
@@ -69,9 +67,9 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Sensed:
-    """What a sensor effect may ask: times on the recording's clock, the block's velocity, the optics.
+    """The inputs of a sensor effect: times on the recording's clock, the block's velocity, the optics.
 
-    ``rate_hz`` is that of the demodulated record, which may hold more samples than ``time_s``, shape (n,).
+    ``rate_hz`` is that of the demodulated record, which may have more samples than ``time_s``, shape (n,).
     """
 
     time_s: Floats
@@ -90,23 +88,23 @@ Wave = Callable[[float, Floats], list[dict[str, float]]]  # (frequency in Hz, co
 class Effect:
     """A row of the catalogue (docs/catalogue.md).
 
-    ``amplitude`` names the parameter in which the effect is linear near nothing; ``inverse`` says that the effect
-    vanishes as that parameter grows.  ``kernel`` is the mechanical function, ``sensor`` the one on the displacement,
-    shape (n, k), of a sensor effect; ``locked`` takes the kernel's place, between the two bodies, where the base model
-    is one body on a contact (without it what acts on the plate has no meaning there).  ``hidden`` states follow the
-    block before the touch if they ride with it, and move the contact point by ``shift`` times the first of them.  Of
-    its values and the collision ``fastest`` gives the fastest rate in rad/s that the effect brings, ``stiffens`` by
-    what factor it may raise the contact's stiffness, ``rough`` says that its law is not smooth where the overlap
-    begins: the integrators suit their steps to them.  What goes on by the recording's clock is told when the bodies
-    meet: ``clocked`` makes the kernel's three parameters of the values, plate stiffness and mass, and that time (all of
-    them may be complex); the second is the rate at which the hidden state changes then.
+    ``amplitude`` names the parameter in which a small effect is linear; ``inverse``: the effect vanishes as that
+    parameter grows.  ``kernel`` is the mechanical function; ``sensor`` that on the displacement, shape (n, k), of a
+    sensor effect; ``locked`` replaces the kernel, between the two bodies, if the base model is one body on a contact
+    (without it an effect on the plate has no meaning there).  ``hidden`` is the number of hidden states, which move the
+    contact point by ``shift`` times the first of them; ``rides``: before the touch they move with the block.
 
-    What a search makes use of: ``grows_as`` is the power of the amplitude in which the effect grows where it is small;
-    ``delays`` names the parameter by which everything is shown late; ``in_series`` those of a spring's compliance and
-    frequency that stands in series with the plate's; ``wave`` makes the values of a sensor's wave from the cosine and
-    the sine it adds to every shot.  ``widens`` names the effect of which this is the wider one: it is asked only where
-    that one was found.  ``ripples`` says that it shows only at the record's own rate, ``at_rest`` that a
-    record without a collision shows it.
+    The solver chooses its steps by ``fastest``, the fastest rate in rad/s of the effect for its values and the
+    collision, by ``stiffens``, the factor by which it may raise the contact's stiffness, and by ``rough``: its law is
+    not smooth where the overlap begins.  For an effect on the recording's clock ``clocked`` computes the kernel's three
+    parameters from the values, the plate's stiffness and mass, and the time at which the bodies meet (all of them may
+    be complex); the second is the rate of the hidden state at that time.
+
+    For the search: ``grows_as`` is the power of the amplitude with which a small effect grows; ``delays`` names the
+    parameter that is a delay of the measurement; ``in_series`` those of compliance and frequency of a spring in series
+    with the plate's; ``wave`` computes the values of a sensor's wave from its cosine and sine in every shot.
+    ``widens`` names the effect of which this is a variant with more parameters, tried only if that one was found.
+    ``ripples``: it is visible only at the record's own rate; ``at_rest``: a record without a collision shows it.
     """
 
     name: str
@@ -120,12 +118,12 @@ class Effect:
     shift: float = 0.0
     rides: bool = False
     rough: bool = False
-    bent: bool = False  # not linear in the state, wherever that is asked: it may well be zero there
-    kinked: bool = False  # has corners or steps where no event lies
-    range_at: int = -1  # which parameter is the range within which the bodies must be
+    nonlinear: bool = False  # in the state; it need not be checked, and may be zero where it would be
+    kinked: bool = False  # has corners or steps that are no events
+    range_at: int = -1  # index of the parameter that is the range of the effect
     inverse: bool = False
-    remembers: bool = False  # what the sensor shows at an instant depends on what it saw before
-    optical: bool = False  # has a meaning only where light of a known wavelength measures
+    remembers: bool = False  # the measurement depends on earlier displacements
+    optical: bool = False  # applies only to a measurement with light of known wavelength
     grows_as: float = 1.0
     delays: str = ""
     in_series: tuple[str, str] | None = None
@@ -141,21 +139,21 @@ class Effect:
 
     @property
     def one_body(self) -> bool:
-        """Return whether the effect has a meaning where the plate does not move."""
+        """Get whether the effect can act when the plate is locked."""
         return self.acts not in (Acts.ON_PLATE, Acts.AT_START) or self.locked is not None
 
     @property
     def changes_contact(self) -> bool:
-        """Return whether the first contact is no longer that of two bodies, a spring and a dashpot with it."""
+        """Get whether the first contact is no longer that of two bodies with a spring and a dashpot."""
         return self.acts in (Acts.ON_PLATE, Acts.IN_CONTACT, Acts.AT_START) or self.hidden > 0
 
     @property
     def own(self) -> bool:
-        """Return whether every shot has its own values of all parameters."""
+        """Get whether every shot has its own values of all parameters."""
         return all(parameter.own for parameter in self.parameters)
 
     def index(self, name: str) -> int:
-        """Return the place of a parameter; ValueError where there is none of that name."""
+        """Return the index of a parameter.  Raises ValueError."""
         for place, parameter in enumerate(self.parameters):
             if parameter.name == name:
                 return place
@@ -163,6 +161,6 @@ class Effect:
 
 
 def frequencies(low_hz: float, high_hz: float, step: float = 0.03) -> tuple[float, ...]:
-    """Return a geometric grid; steps of at most 3 % keep a line from falling between two points."""
+    """Return a geometric grid; steps of at most 3 % are fine enough to find a line between two points."""
     count = math.ceil(math.log(high_hz / low_hz) / math.log1p(step)) + 1
     return tuple(float(f) for f in np.geomspace(low_hz, high_hz, count))

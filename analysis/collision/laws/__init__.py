@@ -1,1 +1,1 @@
-"""Laws that no catalogue holds: those that a person writes down as a formula."""
+"""Laws that are not in the catalogue: formulas that the user writes, and curves of one argument."""

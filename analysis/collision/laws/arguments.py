@@ -1,6 +1,6 @@
-"""What a force may depend on when its law is not known: one small kernel an argument (compiled by the integrators).
+"""The arguments on which a force of unknown law may depend, with one effect function each.
 
-Every kernel is given p = (factor, address of a curve): it adds factor times the curve of its argument where it acts.
+Every function has p = (factor, address of a curve), and adds the factor times the curve of its argument.
 """
 
 from collections.abc import Callable
@@ -29,7 +29,7 @@ from analysis.collision.laws.curve import Curve, curve_at
 from analysis.collision.parameters import Collision
 
 Floats = NDArray[np.float64]
-Told = Floats  # states as an effect is told them, shape (n, STATES)
+Inputs = Floats  # of an effect's function, shape (n, STATES)
 
 
 def of_place(s: Any, p: Any, out: Any) -> None:
@@ -93,11 +93,11 @@ def of_overlap_times_rate(s: Any, p: Any, out: Any) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Argument:
-    """What a force depends on: ``value`` of the told states, and ``times`` what the curve is multiplied by there.
+    """The argument of a force: ``value`` computes it from the inputs of an effect's function.
 
-    ``expression`` is the argument as a formula names it, ``factor`` what stands beside the curve ("" for nothing).
-    ``touching``: only in contact.  ``gauge`` lists curves that the base model holds already
-    ("1", "x": constant, linear), ``unseen`` says so in words.
+    ``expression`` is the argument in a formula, ``factor`` the factor of the curve there ("": none).  ``touching``: the
+    force acts only in contact.  ``gauge`` lists curves that the base model has already ("1", "x": constant, linear),
+    and ``unseen`` says so in words.
     """
 
     where: str
@@ -107,14 +107,14 @@ class Argument:
     factor: str
     kernel: Kernel
     acts: Acts
-    value: Callable[[Told], Floats]
+    value: Callable[[Inputs], Floats]
     touching: bool = False
     gauge: tuple[str, ...] = ()
-    unseen: str = ""  # what of its law no shot can show, in words
-    slow: bool = False  # by the speed: its slope is a rate, not a rate squared
+    unseen: str = ""  # the part of its law that no shot can show, in words
+    slow: bool = False  # a speed: the slope of the curve over a mass is a rate, not a rate squared
 
     def row(self, curve: Curve) -> Effect:
-        """Return the law of this argument and a curve as a row of the catalogue; keep the curve alive."""
+        """Return the force of this argument by a curve, which must be kept alive, as a row of the catalogue."""
         return Effect(
             f"law_{self.where}_{self.name}".replace(" ", "_"),
             f"a force of the {self.name}",
@@ -123,13 +123,13 @@ class Argument:
             "factor",
             self.kernel,
             rough=self.touching,
-            kinked=self.factor == "sign(u)",  # the plate's turn is no event
+            kinked=self.factor == "sign(u)",  # the turn of the plate is no event
             fastest=lambda _values, collision: self._rate(curve, collision),
         )
 
     def _rate(self, curve: Curve, c: Collision) -> float:
         mass = c.block_mass_kg if self.acts is Acts.ON_BLOCK else min(c.block_mass_kg, c.plate_mass_kg)
-        slope = curve.steepest / mass
+        slope = curve.largest_slope / mass
         return slope if self.slow else float(np.sqrt(slope))
 
 

@@ -1,7 +1,7 @@
-"""A force that is a curve of one argument: a cubic spline, for kernels a table that they find by its address.
+"""A force as a curve of one argument: a cubic spline, whose table kernels read by its address.
 
-An effect's parameters are numbers; a curve travels as the address of its table in one of them (addresses lie below
-2^53, which a float holds exactly).  ``Curve`` owns the table: it must outlive every solve that uses it.
+An effect's parameters are numbers, so one of them is the address of the table (addresses are below 2^53, which a float
+represents exactly).  ``Curve`` owns the table and must outlive every solution that uses it.
 """
 
 import math
@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline, PPoly
 
 Floats = NDArray[np.float64]
-_GRADE = 1.6  # knots crowd towards zero, where laws have their kinks and cusps
+_GRADE = 1.6  # power by which knots are denser near zero, where laws have kinks and cusps
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A piecewise cubic in N over its argument; beyond its ends it keeps the value it has there.
+    """A piecewise cubic in N over its argument, constant beyond its ends.
 
     ``breaks``, shape (m + 1,), ascending; ``pieces``, shape (m, 4), the powers of (argument - break), lowest first.
     """
@@ -38,7 +38,7 @@ class Curve:
 
     @property
     def address(self) -> float:
-        """Get where kernels find the table."""
+        """Get the address of the table."""
         return float(self.table.ctypes.data)
 
     def __call__(self, argument: Floats) -> Floats:
@@ -49,19 +49,19 @@ class Curve:
         return np.asarray(((c[..., 3] * t + c[..., 2]) * t + c[..., 1]) * t + c[..., 0])
 
     @cached_property
-    def steepest(self) -> float:
-        """Get the largest slope anywhere, in N per unit of the argument."""
+    def largest_slope(self) -> float:
+        """Get the largest slope, in N per unit of the argument."""
         fine = np.linspace(self.breaks[0], self.breaks[-1], 40 * self.pieces.shape[0] + 1)
         return float(np.max(np.abs(np.diff(self(fine)) / np.diff(fine))))
 
 
 @dataclass(frozen=True)
 class Basis:
-    """Cubic B-splines over the range that was visited; ``knots`` ascending, from its low end to its high one."""
+    """Cubic B-splines over a range; ``knots`` ascending, from its low end to its high end."""
 
     knots: tuple[float, ...]
-    # Every basis function as a curve.  Kernels read them by address: they are made once, with the basis, and not at
-    # first use, where each of two threads would make its own (from Python 3.12 on) and one would be freed while in use.
+    # Every basis function as a curve.  Kernels read them by address, so they are created with the basis: at first use
+    # each of two threads could create its own (from Python 3.12 on), and one would be freed while in use.
     members: tuple[Curve, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -91,7 +91,7 @@ class Basis:
     def roughness(self) -> Floats:
         """Get the matrix whose quadratic form is the integral of the squared second derivative, shape (count, count).
 
-        Over the range scaled to one, each side of zero by itself where the range holds both: without unit.
+        The range is scaled to one, so that it has no unit.
         """
         fine = np.concatenate(
             [np.linspace(a, b, 5)[:-1] + (b - a) / 8 for a, b in zip(self.knots, self.knots[1:], strict=False)]
@@ -102,10 +102,10 @@ class Basis:
         return np.asarray((second * widths[:, None]).T @ second) * span**4
 
 
-def graded(low: float, high: float, pieces: int) -> Basis:
-    """Return a basis of about ``pieces`` pieces over [low, high], finer towards zero where the range holds it."""
+def graded_basis(low: float, high: float, pieces: int) -> Basis:
+    """Return a basis of about ``pieces`` pieces over [low, high], finer near zero if the range includes it."""
     if not low < high:
-        raise ValueError("an argument that does not move has no law")
+        raise ValueError("an argument that is constant has no law")
     if low < 0 < high:
         below = max(1, round(pieces * -low / (high - low)))
         above = max(1, pieces - below)
@@ -131,7 +131,7 @@ _doubles: Any = intrinsic(_pointer)
 
 
 def curve_at(address: Any, argument: Any) -> Any:
-    """Return the curve whose table lies at ``address`` (for kernels); about 10 ns."""
+    """Return the value of the curve whose table is at ``address`` (for kernels); about 10 ns."""
     raise NotImplementedError("for compiled kernels only")
 
 
@@ -161,8 +161,8 @@ def _curve_at(address: Any, argument: Any) -> Any:
     return of
 
 
-def spread(values: Sequence[Floats]) -> tuple[float, float]:
-    """Return the range that is visited, [low, high], a hundredth wider: every sample lies inside."""
+def visited_range(values: Sequence[Floats]) -> tuple[float, float]:
+    """Return the range of the values, [low, high], widened by a hundredth so that every sample is inside."""
     low, high = min(float(v.min()) for v in values), max(float(v.max()) for v in values)
     margin = 0.01 * (high - low) or math.ulp(1.0)
     return low - margin, high + margin

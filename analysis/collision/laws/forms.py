@@ -1,7 +1,6 @@
-"""Closed forms that a learned curve may be: each a formula of its argument, and where a search of it begins.
+"""Closed forms of a learned curve: each is a formula of its argument, with starting values of its parameters.
 
-A form is written once, as the text of a formula; what is fitted to the curve and what is fitted to the shots are that
-same text.  ``a`` is always the size, in which a form is linear.
+The text of the formula is used both to fit the curve and to fit the shots.  A form is linear in ``a``, its size.
 """
 
 import math
@@ -20,42 +19,45 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """A closed form: ``text`` in which {z} stands for the argument; ``lengths`` are parameters in its unit, of size
-    and sign as the range allows, ``positive`` those that are above 0, ``powers`` numbers without unit."""
+    """A closed form: ``text`` with {z} for the argument.
+
+    ``lengths`` are parameters in its unit, ``positive`` those of them that are above 0, ``powers`` have no unit.
+    """
 
     name: str
     text: str
     lengths: tuple[str, ...] = ()
     positive: tuple[str, ...] = ()
     powers: tuple[str, ...] = ()
-    even: bool = False  # the same on both sides of zero: without news where the argument has one sign
+    even: bool = False  # symmetric about zero: redundant if the argument has one sign
     odd: bool = False
 
     @property
-    def bent(self) -> tuple[str, ...]:
-        """Get the parameters in which the form is not linear."""
+    def nonlinear_parameters(self) -> tuple[str, ...]:
+        """Get the names of the parameters in which the form is not linear."""
         return (*self.lengths, *self.powers)
 
     def formula(self, argument: Argument) -> Formula:
-        """Return the force as a formula of the named state."""
+        """Return the force as a formula of the state."""
         inner = self.text.format(z=argument.expression)
         whole = f"({inner})*{argument.factor}" if argument.factor else inner
-        return read(whole, ("a", *self.bent))
+        return read(whole, ("a", *self.nonlinear_parameters))
 
     def values(self, z: Floats, parameters: Mapping[str, float]) -> Floats:
         """Return the curve at arguments ``z``, any shape, in N."""
         text = self.text.format(z="x")
         state = {name: z if name == "x" else 0.0 for name in STATE}
-        return np.asarray(Formula(text, ("a", *self.bent), ()).values(state, parameters)) + 0.0 * z
+        return np.asarray(Formula(text, ("a", *self.nonlinear_parameters), ()).values(state, parameters)) + 0.0 * z
 
     def starts(self, low: float, high: float) -> list[dict[str, float]]:
-        """Return where the bent parameters may begin for an argument in [low, high].
+        """Return starting values of the nonlinear parameters for an argument in [low, high].
 
-        A place off zero begins everywhere, as close as the form is wide: a search from beside a bump never meets it.
+        A position off zero has starting values at distances of its width, because a search does not find a bump that it
+        does not overlap.
         """
         span = max(abs(low), abs(high))
         out: list[dict[str, float]] = [{}]
-        for name in self.bent:
+        for name in self.nonlinear_parameters:
             if name in self.positive:
                 out = [one | {name: span * f} for one in out for f in (0.02, 0.07, 0.2, 0.6, 2.0)]
             elif name in self.powers:
@@ -69,9 +71,9 @@ class Form:
         return [low + (high - low) * (k + 0.5) / count for k in range(count)]
 
     def law(self, argument: Argument, parameters: Mapping[str, float], span: float) -> OwnLaw:
-        """Return the form with these values as a law that the exact solver takes."""
+        """Return the form with these values as a law for the exact solver."""
         table = {}
-        for name in ("a", *self.bent):
+        for name in ("a", *self.nonlinear_parameters):
             entry: dict[str, object] = {"unit": self._unit(name, argument), "start": float(parameters[name]) or 1e-12}
             if name in self.positive:
                 entry |= {"lower": 1e-5 * span, "upper": 1e3 * span}

@@ -1,8 +1,8 @@
-"""A force written as a formula: read by a whitelist, turned into a kernel of the catalogue's kind, never evaluated.
+"""Reads a force written as a formula by a whitelist, and turns it into an effect's function.
 
-The text is parsed into Python's syntax tree and every node of it is looked at: numbers, the named state, the named
-parameters, ``+ - * / **`` and the functions of ``functions.FUNCTIONS``; whatever else stands in it is refused with its
-place.  From the tree a kernel is written, or an array computed; the text itself is run nowhere.
+The text is parsed into Python's syntax tree, every node of which is checked: numbers, the state, the parameters,
+``+ - * / **`` and the functions of ``functions.FUNCTIONS`` are allowed, anything else is refused with its column.  The
+effect's function is generated from the tree; the text itself is never executed.
 """
 
 import ast
@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 
 from analysis.collision.effects.kernel import Q_RATE, SIGN_V, TOUCHING, WRITTEN, XI, XI_RATE, Kernel, Q, U, V, X, Y
-from analysis.collision.laws.functions import FUNCTIONS, divided, multiplied, raised, raised_arrays
+from analysis.collision.laws.functions import FUNCTIONS, positive_power, positive_power_of_arrays, quotient, whole_power
 
-LONGEST = 400  # characters: a law that one can read
+LONGEST = 400  # characters
 _DEEPEST = 40
 _GREATEST_POWER = 12  # of a whole exponent, multiplied out
 
-TIME = "t"  # since the first touch: a hidden state that grows by a second a second
+TIME = "t"  # since the first touch: a hidden state of rate one
 STATE = {"x": X, "v": V, "y": Y, "u": U, "d": XI, "d_rate": XI_RATE, TIME: Q}
 UNITS = {"x": "m", "v": "m/s", "y": "m", "u": "m/s", "d": "m", "d_rate": "m/s", TIME: "s"}
 _CONSTANTS = {"pi": math.pi}
@@ -30,7 +30,7 @@ _SIGNS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 
 
 class FormulaError(ValueError):
-    """Why a formula cannot be read, in one line that names the place; ``column`` counts from 1 (0: the whole)."""
+    """Why a formula cannot be read, in one line with the column; ``column`` counts from 1 (0: the whole formula)."""
 
     def __init__(self, what: str, column: int = 0) -> None:
         super().__init__(f"column {column}: {what}" if column else what)
@@ -39,7 +39,7 @@ class FormulaError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Formula:
-    """A formula that was read: its text, the parameters it may name (in the kernel's order), the state it names."""
+    """A formula that was read: its text, its parameters in the kernel's order, and the states in it."""
 
     text: str
     parameters: tuple[str, ...]
@@ -47,26 +47,26 @@ class Formula:
 
     @property
     def straight(self) -> bool:
-        """Get whether the formula is linear in the state between two turns of the block."""
+        """Get whether the formula is linear in the state for each direction of the block."""
         return _degree(_tree(self.text)) <= 1 and not self.timed
 
     @property
     def kinked(self) -> bool:
-        """Get whether the formula has corners or steps that are none of the events of a collision."""
+        """Get whether the formula has corners or steps that are no events of a collision."""
         return any(map(_bends_sharply, ast.walk(_tree(self.text))))
 
     @property
     def timed(self) -> bool:
-        """Get whether the formula names the time since the first touch."""
+        """Get whether the formula depends on the time since the first touch."""
         return TIME in self.state
 
     def values(self, state: Mapping[str, Any], parameters: Mapping[str, Any]) -> Any:
-        """Return the formula on arrays of the named state (SI units; real, or complex to carry a derivative)."""
+        """Return the formula on arrays of the state (SI units; real, or complex to carry a derivative)."""
         return _on_arrays(_tree(self.text), {**_CONSTANTS, **state, **parameters})
 
 
 def read(text: str, parameters: Sequence[str]) -> Formula:
-    """Read a formula over the state and ``parameters``; FormulaError says what cannot be, and where."""
+    """Read a formula of the state and ``parameters``.  Raises FormulaError."""
     for name in parameters:
         if name in STATE or name in FUNCTIONS or name in _CONSTANTS:
             raise FormulaError(f"a parameter cannot be called {name!r}: the word is taken")
@@ -75,7 +75,7 @@ def read(text: str, parameters: Sequence[str]) -> Formula:
     _look(tree, frozenset(parameters), named, 0)
     unused = [name for name in parameters if name not in named]
     if unused:
-        raise FormulaError(f"the parameter {unused[0]!r} does not stand in the formula")
+        raise FormulaError(f"the parameter {unused[0]!r} is not in the formula")
     state = tuple(name for name in STATE if name in named)
     return Formula(text, tuple(parameters), state)
 
@@ -84,8 +84,8 @@ def read(text: str, parameters: Sequence[str]) -> Formula:
 def kernel_of(formula: Formula, adds_to: int, while_touching: bool = False) -> Kernel:
     """Return the formula as a mechanical effect that adds to the output ``adds_to`` (see ``effects.kernel``).
 
-    ``while_touching``: only in contact.  Written once a formula; compiled where it is first used ever, in half a
-    second, and kept under a name that is a digest of what was written: it can never be another's.
+    ``while_touching``: only in contact.  Compiled at its first use, in half a second, and cached under a name that is a
+    digest of the generated text, which therefore is unique.
     """
     force = _written(_tree(formula.text), formula.parameters)
     condition = f"if s[{TOUCHING}].real > 0.5: " if while_touching else ""
@@ -93,8 +93,8 @@ def kernel_of(formula: Formula, adds_to: int, while_touching: bool = False) -> K
     body = f"(s, p, out):\n{clock}    {condition}out[{adds_to}] += {force}\n"
     name = f"law_{hashlib.sha256(body.encode()).hexdigest()[:24]}"
     names: dict[str, Any] = {f.kernel.__name__: f.kernel for f in FUNCTIONS.values()} | {"__name__": __name__}
-    names |= {helper.__name__: helper for helper in (raised, multiplied, divided)}
-    # What is run here was written above, node by node from the whitelist.
+    names |= {helper.__name__: helper for helper in (positive_power, whole_power, quotient)}
+    # the executed text was generated above, node by node from the whitelist
     exec(compile(f"def {name}{body}", WRITTEN, "exec"), names)
     law: Kernel = names[name]
     return law
@@ -109,8 +109,8 @@ def _tree(text: str) -> ast.expr:
     if "\n" in text.strip() or "\0" in text:
         raise FormulaError("more than one line")
     for place, character in enumerate(text.strip(), 1):
-        if character == "#" or not character.isascii():  # Python would pass over the first, and rename some letters
-            raise FormulaError(f"{character!r} does not belong into a formula", place)
+        if character == "#" or not character.isascii():  # Python would skip a comment, and normalise some letters
+            raise FormulaError(f"{character!r} is not allowed in a formula", place)
     try:
         return ast.parse(text.strip(), mode="eval").body
     except SyntaxError as error:
@@ -120,7 +120,7 @@ def _tree(text: str) -> ast.expr:
 
 
 def _look(node: ast.expr, parameters: frozenset[str], named: set[str], depth: int) -> None:
-    """Look at every node; FormulaError at the first that is not of a formula."""
+    """Check every node.  Raises FormulaError for the first that is not allowed."""
     column = node.col_offset + 1
     if depth > _DEEPEST:
         raise FormulaError("nested too deep", column)
@@ -154,7 +154,7 @@ def _look(node: ast.expr, parameters: frozenset[str], named: set[str], depth: in
 
 
 def _degree(node: ast.expr) -> int:
-    """Return the power of the state in a formula: 0 where it names none, 2 for whatever is not linear."""
+    """Return the power of the state in a formula: 0 if it has none, 2 if it is not linear."""
     match node:
         case ast.Name(id=name):
             return int(name in STATE)
@@ -167,7 +167,7 @@ def _degree(node: ast.expr) -> int:
         case ast.BinOp(left=left, op=ast.Div(), right=right) if _degree(right) == 0:
             return _degree(left)
         case ast.Call(func=ast.Name(id="sign"), args=[ast.Name(id="v")]):
-            return 0  # switched exactly where the block turns
+            return 0  # constant between the turns of the block, which are events
         case ast.Call(func=ast.Name(id="abs"), args=[ast.Name(id="v")]):
             return 1
         case _:
@@ -178,14 +178,14 @@ def _degree(node: ast.expr) -> int:
 def _bends_sharply(node: ast.AST) -> bool:
     match node:
         case ast.Call(func=ast.Name(id="sign" | "abs"), args=[ast.Name(id="v" | "d")]):
-            return False  # the block turns, or the bodies meet
+            return False  # the turn of the block and the touch are events
         case ast.Call(func=ast.Name(id="sign" | "abs" | "step" | "min" | "max")):
             return any(isinstance(inner, ast.Name) and inner.id in STATE for inner in ast.walk(node))
     return False
 
 
 def _whole(node: ast.expr) -> int | None:
-    """Return a whole exponent that is multiplied out, or None."""
+    """Return a whole exponent that is written as a product, or None."""
     sign = 1
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
         node, sign = node.operand, -1
@@ -197,7 +197,7 @@ def _whole(node: ast.expr) -> int | None:
 
 
 def _written(node: ast.expr, parameters: tuple[str, ...]) -> str:
-    """Return the node as a kernel's source."""
+    """Return the source text of a node in the effect's function."""
     match node:
         case ast.Constant(value=value):
             return f"({float(value)!r})"  # type: ignore[arg-type]
@@ -210,20 +210,20 @@ def _written(node: ast.expr, parameters: tuple[str, ...]) -> str:
         case ast.BinOp(left=left, op=ast.Pow(), right=right):
             base, whole = _written(left, parameters), _whole(right)
             if whole is None:
-                return f"raised({base}, {_written(right, parameters)})"
-            product = f"multiplied({base}, {abs(whole)})"
-            return product if whole > 0 else f"divided(1.0, {product})"
+                return f"positive_power({base}, {_written(right, parameters)})"
+            product = f"whole_power({base}, {abs(whole)})"
+            return product if whole > 0 else f"quotient(1.0, {product})"
         case ast.BinOp(left=left, op=ast.Div(), right=right):
-            return f"divided({_written(left, parameters)}, {_written(right, parameters)})"
+            return f"quotient({_written(left, parameters)}, {_written(right, parameters)})"
         case ast.BinOp(left=left, op=op, right=right):
             return f"({_written(left, parameters)} {_SIGNS[type(op)]} {_written(right, parameters)})"
         case ast.Call(func=ast.Name(id=name), args=arguments):
             if name in ("sign", "abs") and isinstance(arguments[0], ast.Name) and arguments[0].id == "v":
-                # The integrators switch the block's direction exactly where it turns.
+                # the solver changes the block's direction exactly at its turn
                 return f"s[{SIGN_V}].real" if name == "sign" else f"(s[{V}] * s[{SIGN_V}].real)"
             inside = ", ".join(_written(a, parameters) for a in arguments)
             return f"{FUNCTIONS[name].kernel.__name__}({inside})"
-    raise AssertionError(ast.dump(node))  # ``_look`` lets nothing else pass
+    raise AssertionError(ast.dump(node))  # ``_look`` allows no other node
 
 
 def _on_arrays(node: ast.expr, names: Mapping[str, Any]) -> Any:
@@ -238,7 +238,7 @@ def _on_arrays(node: ast.expr, names: Mapping[str, Any]) -> Any:
         case ast.BinOp(left=left, op=ast.Pow(), right=right):
             base, whole = _on_arrays(left, names), _whole(right)
             if whole is None:
-                return raised_arrays(base, _on_arrays(right, names))
+                return positive_power_of_arrays(base, _on_arrays(right, names))
             return np.asarray(base) ** whole if whole > 0 else 1.0 / np.asarray(base) ** -whole
         case ast.BinOp(left=left, op=op, right=right):
             a, b = _on_arrays(left, names), _on_arrays(right, names)

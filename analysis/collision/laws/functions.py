@@ -1,7 +1,7 @@
-"""The functions that a formula may use, for kernels (real, or carrying a derivative) and for numpy arrays alike.
+"""The functions that a formula may use, for kernels (real or complex numbers) and for numpy arrays.
 
-In a kernel a derivative travels in the imaginary part (the complex step); each function passes it on by its own slope,
-which is quicker than the library's complex functions and right where those are not defined so (``size``, ``least``).
+In a kernel the imaginary part carries a derivative (the complex step); each function multiplies it by its slope, which
+is faster than the library's complex functions and right where those are defined otherwise (``absolute``, ``smaller``).
 """
 
 import math
@@ -18,27 +18,27 @@ from analysis.collision.effects.kernel import power, sine
 Of = Callable[..., Any]
 
 
-def size(x: Any) -> Any:
+def absolute(x: Any) -> Any:
     """Return |x| (for kernels)."""
     raise NotImplementedError("for compiled kernels only")
 
 
-def side(x: Any) -> Any:
+def sign_of(x: Any) -> Any:
     """Return -1, 0 or 1, the sign of x (for kernels)."""
     raise NotImplementedError("for compiled kernels only")
 
 
-def beyond(x: Any) -> Any:
+def unit_step(x: Any) -> Any:
     """Return 1 where x > 0, otherwise 0 (for kernels)."""
     raise NotImplementedError("for compiled kernels only")
 
 
-def least(a: Any, b: Any) -> Any:
+def smaller(a: Any, b: Any) -> Any:
     """Return the smaller of two (for kernels)."""
     raise NotImplementedError("for compiled kernels only")
 
 
-def most(a: Any, b: Any) -> Any:
+def larger(a: Any, b: Any) -> Any:
     """Return the larger of two (for kernels)."""
     raise NotImplementedError("for compiled kernels only")
 
@@ -58,33 +58,33 @@ def logarithm(x: Any) -> Any:
     raise NotImplementedError("for compiled kernels only")
 
 
-def root(x: Any) -> Any:
+def square_root(x: Any) -> Any:
     """Return the square root of x, 0 where x is negative (for kernels)."""
     raise NotImplementedError("for compiled kernels only")
 
 
-def saturation(x: Any) -> Any:
+def hyperbolic_tangent(x: Any) -> Any:
     """Return tanh x (for kernels)."""
     raise NotImplementedError("for compiled kernels only")
 
 
-def raised(x: Any, y: Any) -> Any:
+def positive_power(x: Any, y: Any) -> Any:
     """Return x^y, 0 where x is not positive (for kernels)."""
     raise NotImplementedError("for compiled kernels only")
 
 
-def multiplied(x: Any, times: Any) -> Any:
+def whole_power(x: Any, times: Any) -> Any:
     """Return x^times of a whole ``times`` above 0 (for kernels)."""
     raise NotImplementedError("for compiled kernels only")
 
 
-def divided(x: Any, by: Any) -> Any:
-    """Return x / by, not a number where ``by`` is 0 (for kernels): the trajectory is then none, and nothing raises."""
+def quotient(x: Any, by: Any) -> Any:
+    """Return x / by, NaN if ``by`` is 0 (for kernels): the solver then finds no trajectory, and nothing raises."""
     raise NotImplementedError("for compiled kernels only")
 
 
-@overload(divided)
-def _divided(x: Any, by: Any) -> Any:
+@overload(quotient)
+def _quotient(x: Any, by: Any) -> Any:
     def of_real(x: Any, by: Any) -> Any:
         return x / by if by != 0.0 else math.nan
 
@@ -97,8 +97,8 @@ def _divided(x: Any, by: Any) -> Any:
     return carrying if isinstance(x, types.Complex) or isinstance(by, types.Complex) else of_real
 
 
-@overload(multiplied)
-def _multiplied(x: Any, times: Any) -> Any:
+@overload(whole_power)
+def _whole_power(x: Any, times: Any) -> Any:
     def of(x: Any, times: Any) -> Any:
         product = x
         for _ in range(times - 1):
@@ -108,16 +108,16 @@ def _multiplied(x: Any, times: Any) -> Any:
     return of
 
 
-@overload(size)
-def _size(x: Any) -> Any:
+@overload(absolute)
+def _absolute(x: Any) -> Any:
     def of(x: Any) -> Any:
         return -x if x.real < 0.0 else x
 
     return of
 
 
-@overload(side)
-def _side(x: Any) -> Any:
+@overload(sign_of)
+def _sign_of(x: Any) -> Any:
     def of(x: Any) -> Any:
         if x.real > 0.0:
             return 1.0
@@ -126,24 +126,24 @@ def _side(x: Any) -> Any:
     return of
 
 
-@overload(beyond)
-def _beyond(x: Any) -> Any:
+@overload(unit_step)
+def _unit_step(x: Any) -> Any:
     def of(x: Any) -> Any:
         return 1.0 if x.real > 0.0 else 0.0
 
     return of
 
 
-@overload(least)
-def _least(a: Any, b: Any) -> Any:
+@overload(smaller)
+def _smaller(a: Any, b: Any) -> Any:
     def of(a: Any, b: Any) -> Any:
         return a if a.real < b.real else b
 
     return of
 
 
-@overload(most)
-def _most(a: Any, b: Any) -> Any:
+@overload(larger)
+def _larger(a: Any, b: Any) -> Any:
     def of(a: Any, b: Any) -> Any:
         return b if a.real < b.real else a
 
@@ -186,8 +186,8 @@ def _logarithm(x: Any) -> Any:
     return carrying if isinstance(x, types.Complex) else of_real
 
 
-@overload(root)
-def _root(x: Any) -> Any:
+@overload(square_root)
+def _square_root(x: Any) -> Any:
     def of_real(x: Any) -> Any:
         return math.sqrt(x) if x > 0.0 else 0.0
 
@@ -200,8 +200,8 @@ def _root(x: Any) -> Any:
     return carrying if isinstance(x, types.Complex) else of_real
 
 
-@overload(saturation)
-def _saturation(x: Any) -> Any:
+@overload(hyperbolic_tangent)
+def _hyperbolic_tangent(x: Any) -> Any:
     def of_real(x: Any) -> Any:
         return math.tanh(x)
 
@@ -212,8 +212,8 @@ def _saturation(x: Any) -> Any:
     return carrying if isinstance(x, types.Complex) else of_real
 
 
-@overload(raised)
-def _raised(x: Any, y: Any) -> Any:
+@overload(positive_power)
+def _positive_power(x: Any, y: Any) -> Any:
     def of(x: Any, y: Any) -> Any:
         return power(x, y) if x.real > 0.0 else 0.0 * x
 
@@ -222,33 +222,39 @@ def _raised(x: Any, y: Any) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A function of a formula: how many values it takes, what it is in a kernel, and on arrays (real or complex)."""
+    """A function of a formula: the number of its arguments, and its versions for kernels and arrays."""
 
     takes: int
     kernel: Of
     arrays: Of
 
 
-def _by_side(x: Any) -> Any:
+def _by_sign(x: Any) -> Any:
     return np.where(np.real(x) < 0, -1.0, 1.0) * x
 
 
-def raised_arrays(x: Any, y: Any) -> Any:
+def _root_of_arrays(x: Any) -> Any:
+    return np.where(np.real(x) > 0, np.sqrt(np.where(np.real(x) > 0, x, 1.0)), 0.0)
+
+
+def positive_power_of_arrays(x: Any, y: Any) -> Any:
     """Return x^y of arrays, 0 where x is not positive; shapes as numpy broadcasts them."""
     positive = np.real(x) > 0
     return np.where(positive, np.power(np.where(positive, x, 1.0), y), 0.0)
 
 
 FUNCTIONS: dict[str, Function] = {
-    "abs": Function(1, size, _by_side),
-    "sign": Function(1, side, lambda x: np.sign(np.real(x))),
-    "step": Function(1, beyond, lambda x: np.where(np.real(x) > 0, 1.0, 0.0)),
-    "min": Function(2, least, lambda a, b: np.where(np.real(a) < np.real(b), a, b)),
-    "max": Function(2, most, lambda a, b: np.where(np.real(a) < np.real(b), b, a)),
+    "abs": Function(1, absolute, _by_sign),
+    "sign": Function(1, sign_of, lambda x: np.sign(np.real(x))),
+    "step": Function(1, unit_step, lambda x: np.where(np.real(x) > 0, 1.0, 0.0)),
+    "min": Function(2, smaller, lambda a, b: np.where(np.real(a) < np.real(b), a, b)),
+    "max": Function(2, larger, lambda a, b: np.where(np.real(a) < np.real(b), b, a)),
     "sin": Function(1, sine, np.sin),
     "cos": Function(1, cosine, np.cos),
     "exp": Function(1, exponential, np.exp),
     "log": Function(1, logarithm, np.log),
-    "sqrt": Function(1, root, lambda x: np.where(np.real(x) > 0, np.sqrt(np.where(np.real(x) > 0, x, 1.0)), 0.0)),
-    "tanh": Function(1, saturation, np.tanh),
+    "sqrt": Function(
+        1, square_root, lambda x: np.where(np.real(x) > 0, np.sqrt(np.where(np.real(x) > 0, x, 1.0)), 0.0)
+    ),
+    "tanh": Function(1, hyperbolic_tangent, np.tanh),
 }

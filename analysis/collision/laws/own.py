@@ -1,7 +1,7 @@
-"""A law that a person wrote: where it acts, its formula and its parameters, as a row like those of the catalogue.
+"""A law that the user wrote: where it acts, its formula and its parameters, as a row like those of the catalogue.
 
-What the integrators must know beside the force (how fast it makes things swing, by what it stiffens the contact) is
-taken from the formula's own slopes over the motion that a collision spans.
+The fastest rate of the law, by which the solver chooses its steps, comes from the slopes of the formula over the motion
+of a collision.
 """
 
 import json
@@ -39,7 +39,7 @@ class LawError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class OwnLaw:
-    """A law as it was written; hashable, so that it travels with the settings of an analysis.
+    """A law as it was written; hashable, so that it can be part of the settings of an analysis.
 
     ``where`` is "block", "plate" or "contact" (between the two, the force on the block); the formula's force is in N,
     positive to the right; ``parameters`` in the order in which they were written.
@@ -53,12 +53,12 @@ class OwnLaw:
 
     @property
     def key(self) -> str:
-        """Get the name under which the law travels: its own, and all of it as JSON, so that a key alone is enough."""
+        """Get the name of the law followed by all of it as JSON, from which ``from_key`` reads it again."""
         return self.name + json.dumps(self.written(), ensure_ascii=False, separators=(",", ":"))
 
     @property
     def effect(self) -> Effect:
-        """Get the row of the catalogue that this law is."""
+        """Get the law as a row of the catalogue."""
         return _row(self)
 
     def written(self) -> dict[str, Any]:
@@ -77,7 +77,7 @@ class OwnLaw:
 
 
 def from_mapping(table: Mapping[str, Any]) -> OwnLaw:
-    """Return the law that a table describes (docs/own-laws.md); LawError names the key and what is wrong with it."""
+    """Return the law that a table describes (docs/own-laws.md).  Raises LawError, which names the key."""
     for key in table:
         if key not in ("name", "words", "where", "formula", "parameters"):
             raise LawError(f"unknown key {key!r}; there are name, words, where, formula, parameters")
@@ -97,20 +97,20 @@ def from_mapping(table: Mapping[str, Any]) -> OwnLaw:
         formula = read(text, [p.name for p in parameters])
     except FormulaError as error:
         raise LawError(f"formula: {error}") from None
-    if not formula.state and where != "contact":  # there a constant acts while they touch, and only then
+    if not formula.state and where != "contact":  # in contact a constant acts only while the bodies touch
         raise LawError(f"formula: it names nothing of the motion ({', '.join(STATE)})")
     if formula.timed and where == "contact":
         raise LawError(
             "formula: t is for laws of the block or the plate; in contact name d, d_rate or the plate's bend"
         )
     law = OwnLaw(name, words, where, formula, parameters)
-    _ = law.effect  # says now, not in the middle of a fit, what makes it useless
+    _ = law.effect  # raises now, not during a fit
     return law
 
 
 @cache
 def from_key(key: str) -> OwnLaw:
-    """Return the law that travelled under ``key``; LawError where it is none."""
+    """Return the law with this ``key``.  Raises LawError."""
     name, brace, rest = key.partition("{")
     try:
         return from_mapping(json.loads(brace + rest))
@@ -119,7 +119,7 @@ def from_key(key: str) -> OwnLaw:
 
 
 def is_law(name: str) -> bool:
-    """Return whether a law can be read from a name."""
+    """Return whether a name is the key of a law."""
     try:
         return "{" in name and from_key(name).key == name
     except LawError:
@@ -127,7 +127,7 @@ def is_law(name: str) -> bool:
 
 
 def called(name: str) -> str:
-    """Return an effect's or a parameter's name as people read it: that of a law without the law itself."""
+    """Return the name of an effect or parameter for display: that of a law without its JSON."""
     return name.partition("{")[0] + name.rpartition("}")[2] if "{" in name else name
 
 
@@ -157,7 +157,7 @@ def _parameter(name: str, table: object) -> Parameter:
     if not start or not math.isfinite(start):
         raise LawError(f"parameters.{name}.start: a finite number other than 0, of the size to be expected")
     if not lower <= start <= upper or lower == upper:
-        raise LawError(f"parameters.{name}: start {start:g} does not lie between {lower:g} and {upper:g}")
+        raise LawError(f"parameters.{name}: start {start:g} is not between {lower:g} and {upper:g}")
     return Parameter(name, unit, abs(start), lower, upper, tried=(start,), own=own)
 
 
@@ -182,7 +182,7 @@ def _row(law: OwnLaw) -> Effect:
         _amplitude(law),
         kernel_of(law.formula, adds_to, while_touching=acts is Acts.IN_CONTACT),
         rough=acts is Acts.IN_CONTACT,
-        bent=not law.formula.straight,
+        nonlinear=not law.formula.straight,
         kinked=law.formula.kinked,
         hidden=int(law.formula.timed),
         fastest=lambda values, collision: _fastest(law, values, collision),
@@ -190,7 +190,7 @@ def _row(law: OwnLaw) -> Effect:
 
 
 def _amplitude(law: OwnLaw) -> str:
-    """Return the shared parameter without which the law is nothing; one in which it is linear before any other."""
+    """Return a shared parameter that turns the law off at 0, preferably one in which the law is linear."""
     states, start = _states(PAPER), {p.name: p.tried[0] for p in law.parameters}
     with np.errstate(all="ignore"):
         here = np.broadcast_to(law.formula.values(states, start), (_DRAWN,))
@@ -212,7 +212,7 @@ def _amplitude(law: OwnLaw) -> str:
 
 
 def _states(collision: Collision) -> dict[str, Floats]:
-    """Return states drawn over the motion that a collision spans, arrays of shape (_DRAWN,)."""
+    """Return random states within the motion of a collision, arrays of shape (_DRAWN,)."""
     c = collision
     speed = abs(c.velocity_in_m_per_s)
     inverse = 1 / c.block_mass_kg + 1 / c.plate_mass_kg
@@ -227,7 +227,7 @@ def _states(collision: Collision) -> dict[str, Floats]:
 
 
 def _fastest(law: OwnLaw, values: Floats, collision: Collision) -> float:
-    """Return the fastest rate in rad/s that the law brings: of its slopes by place and by speed, over the motion."""
+    """Return the fastest rate of the law in rad/s, from its slopes by position and velocity over the motion."""
     given = {p.name: float(v) for p, v in zip(law.parameters, values, strict=True)}
     on_plate = law.where != "block" and math.isfinite(collision.plate_mass_kg)
     mass = min(collision.block_mass_kg, collision.plate_mass_kg) if on_plate else collision.block_mass_kg
@@ -244,7 +244,7 @@ def _fastest(law: OwnLaw, values: Floats, collision: Collision) -> float:
 
 
 def _of_time(law: OwnLaw, given: Mapping[str, float], states: Mapping[str, Floats]) -> float:
-    """Return how fast the law itself changes in time, in rad/s: its rate over its size."""
+    """Return the rate in rad/s at which the law changes in time: its derivative over its size."""
     with np.errstate(all="ignore"):
         moved = law.formula.values({**states, TIME: states[TIME] + 1j * _H}, given)
     force, rate = np.real(moved), np.imag(moved) / _H

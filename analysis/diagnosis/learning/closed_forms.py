@@ -60,7 +60,7 @@ def compress(learned: Learned, which: int = 0) -> list[Fitting]:
         for form, values, distance in laid
     ]
     samples = learned.samples
-    return sorted(found, key=lambda one: one.distance + (1 + len(one.form.bent)) * np.log(samples))
+    return sorted(found, key=lambda one: one.distance + (1 + len(one.form.nonlinear_parameters)) * np.log(samples))
 
 
 def _toll(learned: Learned, which: int) -> Floats:
@@ -112,7 +112,7 @@ def is_its_own(form: Form, low: float, high: float) -> bool:
 def _laid(form: Form, fine: Floats, seen, target: Floats, low: float, high: float) -> tuple[dict[str, float], float]:  # type: ignore[no-untyped-def]
     """Return the parameters with which a form lies nearest to the curve, and its squared distance."""
     span = max(abs(low), abs(high))
-    names = form.bent
+    names = form.nonlinear_parameters
     unit = np.array([1.0 if name in form.powers else span for name in names])
 
     def size_and_rest(u: Floats) -> tuple[float, Floats]:

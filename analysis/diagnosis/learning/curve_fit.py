@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision.laws.arguments import Argument
-from analysis.collision.laws.curve import graded
+from analysis.collision.laws.curve import graded_basis
 from analysis.collision.parameters import Infeasible
 from analysis.compiled.side_by_side import side_by_side
 from analysis.diagnosis.learning.curve_motion import Ground, Motions, Term, displacements, motions
@@ -94,7 +94,7 @@ def screen(ground: Ground, argument: Argument, pieces: int, stop: Stop, *, steps
     """
     start = ground.fitted
     low, high = ground.visited(argument)
-    basis = graded(low, high, pieces)
+    basis = graded_basis(low, high, pieces)
     term = Term(argument, basis, np.zeros(basis.count))
     left = np.concatenate([r[s.valid] for r, s in zip(start.residual_m, start.hypothesis.data.shots, strict=True)])
     rough = white_floor(float(np.sqrt(np.mean(left**2))), start.floor.spacing_s)
@@ -114,7 +114,7 @@ def likeliest_pairs(ground: Ground, arguments: Sequence[Argument], pieces: int, 
 
     def columns(argument: Argument) -> tuple[Term, Floats] | None:
         try:
-            basis = graded(*ground.visited(argument), pieces)
+            basis = graded_basis(*ground.visited(argument), pieces)
             term = Term(argument, basis, np.zeros(basis.count))
             both = zip(start.residual_m, ground.beside(term).derivatives, strict=True)
             return term, _whitened(start.hypothesis, [np.column_stack([one, j]) for one, j in both], rough)
@@ -146,7 +146,7 @@ def refine(learned: Learned, pieces: int, stop: Stop, *, steps: int) -> Learned:
     """Fit on with the last curve in about ``pieces`` pieces, from where it stands; Infeasible, Cancelled."""
     *others, term = learned.terms
     knots = np.array(term.basis.knots)
-    basis = graded(float(knots[0]), float(knots[-1]), pieces)
+    basis = graded_basis(float(knots[0]), float(knots[-1]), pieces)
     fine = np.unique(np.concatenate([knots, np.linspace(knots[0], knots[-1], 8 * basis.count), basis.knots]))
     coefficients = np.linalg.lstsq(basis.design(fine), term.curve(fine), rcond=None)[0]
     finer = (*others, Term(term.argument, basis, np.asarray(coefficients, dtype=np.float64)))

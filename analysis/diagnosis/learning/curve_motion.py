@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision import general
-from analysis.collision.acting import acting
+from analysis.collision.acting import active_effects
 from analysis.collision.effects import named
 from analysis.collision.effects.kernel import TOUCHING
 from analysis.collision.effects.row import Effect
 from analysis.collision.first_order import along
 from analysis.collision.laws.arguments import Argument
-from analysis.collision.laws.curve import Basis, Curve, spread
+from analysis.collision.laws.curve import Basis, Curve, visited_range
 from analysis.collision.linear_path import LinearPath, linear_path
 from analysis.collision.parameters import Collision, Infeasible
 from analysis.compiled.side_by_side import side_by_side
@@ -64,11 +64,11 @@ class Ground:
         """Return the range of the argument that the shots visit where a law of it acts."""
         values = []
         for path, _ in self.paths:
-            told = path.told[:, 1] if argument.where == "block" else path.told[~path.early, 1]
+            told = path.effect_inputs[:, 1] if argument.where == "block" else path.effect_inputs[~path.early, 1]
             if argument.touching:
                 told = told[told[:, TOUCHING] > 0.5]
             values.append(argument.value(told))
-        return spread(values)
+        return visited_range(values)
 
     def beside(self, term: Term) -> Motions:
         """Return the motions with a law that is still nothing; Infeasible where it cannot be followed."""
@@ -137,7 +137,7 @@ def _path(hypothesis: Hypothesis, point: Point, laws: Sequence[Effect], index: i
     base = hypothesis.data.base
     collision = base.collision(point.base, own[0], shot.moving_mass_kg, plate_number=shot.plate_number)
     rows = [named(kind.name) for kind in hypothesis.effects]
-    active = acting(rows, point.values[index], collision, float(own[1]))
+    active = active_effects(rows, point.values[index], collision, float(own[1]))
     active += [general.Active(row, tuple(p.scale for p in row.parameters)) for row in laws]
     active.sort(key=lambda one: one.effect.hidden == 0)
     return linear_path(collision, active, shot.centre_s - own[1]), collision

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.moments import rings
 from analysis.collision.parameters import Floats
 from analysis.inference.fit.base import OWN_NAMES
 from analysis.inference.fit.response import Response
@@ -15,6 +14,10 @@ from analysis.shot.fit import Fit, Overlay, ShotFit
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import Quantity
 from analysis.signal.filters import derivatives
+
+_WINDOW = 150  # samples
+_LOUD_SIGMAS = 8.0  # of the scatter that noise alone gives to a window's chi^2
+_MOST_LOUD = 0.4  # of all windows: with more the model lacks something throughout
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,9 +61,7 @@ class Path:
     @classmethod
     def of(cls, response: Response, touch_time_s: float) -> "Path":
         """Return the path of a solved shot."""
-        shown = tuple(
-            (e.kind, e.time_s + touch_time_s) for e in response.happened.events if e.kind in ("touch", "release")
-        )
+        shown = tuple((e.kind, e.time_s + touch_time_s) for e in response.log.events if e.kind in ("touch", "release"))
         return cls(response.displacement_m, response.plate_displacement_m, response.gap_m, shown, response.velocity_out)
 
 
@@ -133,7 +134,7 @@ def _shot_fit(estimate: Estimate, part: Part) -> ShotFit:
         residual_m=np.where(part.used, motion.displacement_m - path.displacement_m, np.nan),
         reduced_chi2=float(part.whitened @ part.whitened) / max(1, part.whitened.size - len(places)),
         own_parameters=own,
-        rings=rings(part.whitened),
+        rings=_has_loud_moment(part.whitened),
         sway_std_m=part.sway_std_m,
         plate_number=part.plate_number,
     )
@@ -161,3 +162,14 @@ def _overlay(
         gap_m=gap_m,
         events_s=events_s,
     )
+
+
+def _has_loud_moment(whitened: Floats) -> bool:
+    """Return whether a whitened residual, shape (n,), exceeds the noise for a moment only, as a ringing plate does."""
+    count = whitened.size // _WINDOW
+    if count < 2:
+        return False
+    chi2 = (whitened[: count * _WINDOW] ** 2).reshape(count, _WINDOW).sum(axis=1)
+    quiet = float(np.median(chi2)) / _WINDOW
+    loud = chi2 / max(quiet, 1e-300) - _WINDOW > _LOUD_SIGMAS * math.sqrt(2.0 * _WINDOW)
+    return bool(loud.any() and loud.mean() <= _MOST_LOUD)

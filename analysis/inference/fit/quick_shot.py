@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision import general
-from analysis.collision.acting import acting
+from analysis.collision.acting import active_effects
 from analysis.collision.effects import named, sensors
 from analysis.collision.effects.row import Sensed
 from analysis.collision.parameters import Collision, Infeasible
-from analysis.collision.slots import Active, swings
+from analysis.collision.slots import Active, fastest_rates
 
 Floats = NDArray[np.float64]
 Values = Mapping[str, Mapping[str, float]]
@@ -51,7 +51,7 @@ def too_fast(base: Floats, own: Floats, values: Values, mass_kg: float, spacing_
     Or faster than ``respond`` follows, at samples ``spacing_s`` apart.
     """
     collision, active = situation(base, own, values, mass_kg)
-    rates = swings(collision, active)
+    rates = fastest_rates(collision, active)
     return max(rates.contact, rates.every) > fastest_shown(spacing_s, factor)
 
 
@@ -67,12 +67,12 @@ def respond(time_s: Floats, base: Floats, own: Floats, values: Values, mass_kg: 
     Raises Infeasible where the parameters give no trajectory.
     """
     collision, active = situation(base, own, values, mass_kg)
-    rates = swings(collision, active)
+    rates = fastest_rates(collision, active)
     if max(rates.contact, rates.every) * float(time_s[1] - time_s[0]) > _MOST_RADIANS:
         raise Infeasible("something would swing faster than any record can show")
     try:
         run = general.solve(collision, active, time_s - own[1], stride=_STRIDE, rates=rates)
-    except (general.TooManyEvents, general.RunsAway) as why:
+    except (general.TooManyEvents, general.UnboundedMotion) as why:
         raise Infeasible(str(why)) from why
     shown = seen(run.displacement_m, run.velocity_m_per_s, time_s, values, optics) + own[2]
     changes = tuple(float(event.time_s + own[1]) for event in run.events if event.kind in ("touch", "release"))
@@ -94,7 +94,7 @@ def situation(base: Floats, own: Floats, values: Values, mass_kg: float) -> tupl
     except ValueError as why:
         raise Infeasible(str(why)) from why
     rows = [named(name) for name in values]
-    active = acting(rows, values, collision, float(own[1]))
+    active = active_effects(rows, values, collision, float(own[1]))
     if any(math.isnan(value) for one in active for value in one.values):
         raise Infeasible("a parameter is not a number")
     return collision, sorted(active, key=lambda one: one.effect.hidden == 0)

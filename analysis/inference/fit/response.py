@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision import general
-from analysis.collision.acting import acting, chained, through
+from analysis.collision.acting import active_effects, chain_matrix, chain_rules
 from analysis.collision.effects import sensors
 from analysis.collision.effects.row import Effect, Parameter, Sensed
-from analysis.collision.general import Happened, TooManyEvents
+from analysis.collision.general import EventLog, TooManyEvents
 from analysis.collision.parameters import Collision, Floats, Infeasible
-from analysis.collision.slots import Swings, swings
+from analysis.collision.slots import FastestRates, fastest_rates
 from analysis.inference.fit.base import OWN_NAMES, Base
 from analysis.inference.fit.starts import Course
 
@@ -112,7 +112,7 @@ class Response:
     velocity_m_per_s: Floats
     plate_displacement_m: Floats
     gap_m: Floats
-    happened: Happened
+    log: EventLog
     velocity_out: tuple[float, Floats] | None
 
 
@@ -138,8 +138,8 @@ def respond(
     if collision.fastest_rate_rad_per_s * (shot.time_s[-1] - shot.time_s[0]) > _MOST_RADIANS:
         raise Infeasible("the contact would swing faster than any that a record can show")
     given = model.by_effect(values)
-    active = acting(model.effects, given, collision, float(own[1]))
-    chains = chained(model.effects, given, collision, float(own[1])) if derivatives else []
+    active = active_effects(model.effects, given, collision, float(own[1]))
+    chains = chain_rules(model.effects, given, collision, float(own[1])) if derivatives else []
     names = (*model.shared_names, *model.own_names)
     of_base = model.base.columns(shot.plate_number)
     wanted = {name: _direction(of_base, active, name) for name in names} if derivatives else {}
@@ -148,7 +148,7 @@ def respond(
     times = shot.time_s - own[1]
     seeing = sensors(e.name for e in model.effects)
     inner = 1 if seeing else block  # a sensor sees every sample
-    rates = swings(collision, active)
+    rates = fastest_rates(collision, active)
     if max(rates.contact, rates.every) > fastest_rad_per_s:
         raise Infeasible("something would swing faster than any record can show")
     response = _solved(collision, active, rates, times, wanted, stride, inner)
@@ -157,7 +157,7 @@ def respond(
     if derivatives:
         columns[:, names.index("touch_time_s")] = -response.velocity_m_per_s
         if chains:
-            by_names = through(chains, names, of_base)
+            by_names = chain_matrix(chains, names, of_base)
             columns = columns @ by_names
             velocity_out = None if velocity_out is None else (velocity_out[0], velocity_out[1] @ by_names)
     for effect in seeing:
@@ -171,7 +171,7 @@ def respond(
         general.averaged(response.velocity_m_per_s, left),
         general.averaged(response.plate_displacement_m, left),
         general.averaged(response.gap_m, left),
-        response.happened,
+        response.log,
         velocity_out,
     )
 
@@ -194,7 +194,7 @@ def _direction(of_base: Mapping[str, int], active: Sequence[general.Active], nam
 def _solved(
     collision: Collision,
     active: Sequence[general.Active],
-    rates: Swings,
+    rates: FastestRates,
     times: Floats,
     wanted: dict[str, int | None],
     stride: float,
@@ -205,7 +205,7 @@ def _solved(
     directions = [at for at in wanted.values() if at is not None]
     try:
         run = general.solve(collision, active, times, directions=directions, stride=stride, block=block, rates=rates)
-    except (TooManyEvents, general.RunsAway) as why:
+    except (TooManyEvents, general.UnboundedMotion) as why:
         raise Infeasible(str(why)) from why
     columns = np.zeros((run.time_s.size if wanted else 0, len(wanted)))
     slope = np.zeros(len(wanted))
@@ -219,7 +219,7 @@ def _solved(
             used += 1
     out = None if released is None else (float(released.state[1]), slope)
     return Response(
-        run.displacement_m, columns, run.velocity_m_per_s, run.plate_displacement_m, run.gap_m, run.happened, out
+        run.displacement_m, columns, run.velocity_m_per_s, run.plate_displacement_m, run.gap_m, run.log, out
     )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision.exact import Event, solve
-from analysis.collision.general import RunsAway, TooManyEvents
+from analysis.collision.general import TooManyEvents, UnboundedMotion
 from analysis.collision.parameters import Collision, Floats, Infeasible
 from analysis.shot.disturbance import Shaking
 
@@ -52,7 +52,7 @@ def responses(collision: Collision, at_s: Floats, omega: Floats) -> tuple[Comple
     out: Complex = np.zeros((at_s.size, omega.size), dtype=np.complex128)
     try:
         events = solve(collision, np.array([0.0, max(float(at_s[-1]), 1e-9)])).events
-    except (TooManyEvents, RunsAway) as why:
+    except (TooManyEvents, UnboundedMotion) as why:
         raise Infeasible(str(why)) from why
     before = np.flatnonzero(at_s <= 0)
     out[before] = 1.0 + 1j * at_s[before, None] * omega - _turned(at_s[before], omega)

@@ -64,9 +64,9 @@ def responses(shot: Shot, path: LinearPath, effect: Effect, starts: Sequence[Map
     if change is None:
         return None
     x, v = np.empty(shot.time_s.size), np.empty(shot.time_s.size)
-    x[:], v[:] = path.told[0, 0, kernel.X], path.told[0, 0, kernel.V]
+    x[:], v[:] = path.effect_inputs[0, 0, kernel.X], path.effect_inputs[0, 0, kernel.V]
     at = path.sample >= 0
-    x[path.sample[at]], v[path.sample[at]] = path.told[at, 2, kernel.X], path.told[at, 2, kernel.V]
+    x[path.sample[at]], v[path.sample[at]] = path.effect_inputs[at, 2, kernel.X], path.effect_inputs[at, 2, kernel.V]
     rows = [named(name) for name in shot.values]
     if all(row.sensor is None for row in rows):
         return change

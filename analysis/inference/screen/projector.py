@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.slots import swings
+from analysis.collision.slots import fastest_rates
 from analysis.inference.fit.arrow import Arrow, Span
 from analysis.inference.fit.hypothesis_fit import Fitted, whitened_tangents
 from analysis.inference.fit.quick_shot import situation
@@ -38,7 +38,7 @@ class Trajectories:
         for index, shot in enumerate(mine.hypothesis.data.shots):
             at = mine.hypothesis.shot_at(index, point)
             collision, _ = situation(at.base, at.own, {}, at.mass_kg)
-            swing_m = abs(shot.course.velocity_in_m_per_s) / swings(collision, []).contact
+            swing_m = abs(shot.course.velocity_in_m_per_s) / fastest_rates(collision, []).contact
             moved_m = np.abs(mine.residual_m[index] - other.residual_m[index])[shot.valid]
             if not float(moved_m.max(initial=0.0)) < _NEARBY * swing_m:
                 return False

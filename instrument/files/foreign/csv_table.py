@@ -37,7 +37,7 @@ class _Layout:
     names: tuple[str, ...]
     units: tuple[str, ...]
     time_column: int | None
-    step_s: float | None = None  # stated in the header, beside the names
+    step_s: float | None = None  # stated in the header
 
 
 def contents(path: Path) -> ForeignContents:

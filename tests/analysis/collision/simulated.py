@@ -7,7 +7,7 @@ import numpy as np
 from analysis.collision import general
 from analysis.collision.effects import CATALOGUE
 from analysis.collision.effects.row import Sensed
-from analysis.collision.parameters import PAPER, Collision
+from analysis.collision.parameters import PAPER, Collision, Floats
 from analysis.shot.motion import Motion
 
 WAVELENGTH_M = 632.8e-9
@@ -66,3 +66,9 @@ def shot(
         moving_mass_u_kg=1e-6,
         wavelength_m=WAVELENGTH_M,
     )
+
+
+def with_vector(collision: Collision, vector: Floats) -> Collision:
+    """Return a collision with the parameters ``vector``, in the order of ``Collision.vector``."""
+    k_p, m_p, k_n, gamma_n, v_i, y_0, u_0, m_b = (float(value) for value in vector)
+    return Collision(m_b, v_i, k_p, m_p, k_n, gamma_n, y_0, u_0, collision.variant)

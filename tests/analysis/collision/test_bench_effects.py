@@ -1,4 +1,4 @@
-"""Joint fits of what the independent bench makes, which shares no code with the model: the truth within its error."""
+"""Joint fits of recordings of the independent simulated rig: the truth is within the stated error."""
 
 import pytest
 

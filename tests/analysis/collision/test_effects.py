@@ -1,4 +1,4 @@
-"""Every effect: the sign of its force, what it does to the energy, and the closed forms where there are some."""
+"""Every effect: the sign of its force, its effect on the energy, and closed forms where there are any."""
 
 import math
 from dataclasses import replace

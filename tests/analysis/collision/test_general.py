@@ -1,4 +1,4 @@
-"""The Runge-Kutta stepper: as exact as the closed form without effects, and true derivatives with every effect."""
+"""The Runge-Kutta stepper: as exact as the closed form without effects, with true derivatives for every effect."""
 
 import time
 from dataclasses import replace
@@ -90,7 +90,7 @@ def test_what_swings_too_fast_to_be_followed_is_refused(stepper: str, monkeypatc
     stiff = replace(PAPER, plate_stiffness_n_per_m=1e-3, contact_damping_n_s_per_m=5e6)
     general.solve(PAPER, [], TIME_S)  # compiled from here on
     began = time.thread_time()
-    with pytest.raises(general.TooManyEvents, match="more steps than a march may take"):
+    with pytest.raises(general.TooManyEvents, match="more steps than a solution may take"):
         general.solve(stiff, [], TIME_S)
     assert time.thread_time() - began < 5.0  # minutes, before
     damped = replace(PAPER, contact_damping_n_s_per_m=100.0 if stepper == "step by step" else 1e3)

@@ -1,4 +1,4 @@
-"""The closed form of effects that are linear: the same motion as step by step, refused where an effect is not."""
+"""The closed form of linear effects: the same motion as step by step, refused for an effect that is not linear."""
 
 from collections.abc import Sequence
 from dataclasses import replace

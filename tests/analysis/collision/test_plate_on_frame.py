@@ -1,4 +1,4 @@
-"""A frame that shakes optics and plate: the bench's motion in the foot's coordinates, and true derivatives."""
+"""A frame that shakes optics and plate: the simulated rig's motion in the clamp's coordinates, and true derivatives."""
 
 import math
 from dataclasses import replace
@@ -8,7 +8,7 @@ import pytest
 
 from analysis.collision.effects import CATALOGUE, WIDER, named, on_sensor, sensors
 from analysis.collision.effects.kernel import Q_RATE, W_RATE, Q, W
-from analysis.collision.effects.on_sensor import of_plate_on_frame, plate_on_frame
+from analysis.collision.effects.on_sensor import plate_on_frame, plate_response_to_frame
 from analysis.collision.parameters import Variant
 from analysis.inference.fit.base import Base
 from analysis.inference.fit.response import Model, ShotData, respond
@@ -87,8 +87,8 @@ def test_derivatives_are_those_of_the_solution(beside: dict[str, dict[str, float
 
 def test_the_contact_point_swings_as_a_foot_moves_it() -> None:
     values = (5e-5, 90.0, 0.4, 0.8)
-    at_rest, rate, omega = of_plate_on_frame(values, 221.4, 1.984e-4, 0.01)
-    ahead = [of_plate_on_frame(values, 221.4, 1.984e-4, 0.01 + h)[0] for h in (-1e-6, 1e-6)]
+    at_rest, rate, omega = plate_response_to_frame(values, 221.4, 1.984e-4, 0.01)
+    ahead = [plate_response_to_frame(values, 221.4, 1.984e-4, 0.01 + h)[0] for h in (-1e-6, 1e-6)]
     assert rate == pytest.approx((ahead[1] - ahead[0]) / 2e-6, rel=1e-6)
     own = 221.4 / 1.984e-4
     foot = 0.8 * 5e-5 / omega * math.cos(omega * 0.01 + 0.4)

@@ -1,4 +1,4 @@
-"""No kernel outlives a source it was made of, and none is compiled anew for anything else."""
+"""A changed source recompiles the kernels that depend on it, and no others."""
 
 import ast
 import os
@@ -17,7 +17,7 @@ from analysis.compiled import kernel_cache, kernel_safety
 HOUSE = Path(__file__).resolve().parents[3]
 
 SOURCES = {
-    "__init__": "from analysis.compiled import kernel_cache\nkernel_cache.keep_true()\n",
+    "__init__": "from analysis.compiled import kernel_cache\nkernel_cache.use_kernel_cache()\n",
     "compiled/__init__": "",
     "plain": "FACTOR = 2.0\n",
     "small": (
@@ -116,7 +116,7 @@ def test_two_types_compiled_at_once_do_not_share_a_name(tmp_path: Path) -> None:
 
 
 def _root(environment: dict[str, str]) -> str:
-    ask = "from analysis import kernel_cache; print(kernel_cache.root())"
+    ask = "from analysis import kernel_cache; print(kernel_cache.cache_folder())"
     command = [sys.executable, "-c", ask]
     done = subprocess.run(command, cwd=HOUSE, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -157,7 +157,7 @@ def doubled(x):
     return 2 * x
 
 assert doubled(2) == 4  # numba looks for its configuration at every compilation
-print(numba.config.CACHE_DIR, numba.config.DISABLE_JIT, kernel_cache.root(), doubled.signatures)
+print(numba.config.CACHE_DIR, numba.config.DISABLE_JIT, kernel_cache.cache_folder(), doubled.signatures)
 """
 
 

@@ -1,11 +1,11 @@
-"""Parts of kernels are theirs alone; bundles go by address; arrays are cut from one."""
+"""Kernels made of parts, bundles passed by address, and work arrays cut from one array."""
 
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
-from analysis.compiled.kernel_bundle import held
+from analysis.compiled.kernel_bundle import by_address
 from analysis.compiled.kernel_parts import inlined, kernel, part
 from analysis.compiled.kernel_room import cut, cut_integers
 
@@ -38,13 +38,13 @@ def _fill(bundle, begin):  # type: ignore[no-untyped-def]
 def _laid(room, rows, columns):  # type: ignore[no-untyped-def]
     numbers, at = cut(room, 1, (rows, columns))
     places, at = cut_integers(room, at, (rows,))
-    _fill(held(Outer(Inner(numbers, 0.5), places)), 10.0)
+    _fill(by_address(Outer(Inner(numbers, 0.5), places)), 10.0)
     return at
 
 
 @kernel
 def _total(outer):  # type: ignore[no-untyped-def]
-    bundle, total = held(outer), 0.0
+    bundle, total = by_address(outer), 0.0
     for i in range(bundle.places.size):
         total += bundle.inner.numbers[bundle.places[i], 0]
     return total

@@ -1,4 +1,4 @@
-"""Two at a time, at every depth, and every core given back."""
+"""Parallel work: two items at a time, nested too, and every core is released."""
 
 import threading
 import time

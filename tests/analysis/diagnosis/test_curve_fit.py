@@ -56,7 +56,7 @@ def test_old_derivatives_lead_to_the_same_curve(ground: Ground, monkeypatch: pyt
 
 
 def test_a_law_that_is_nothing_yet_leaves_the_shots_as_they_are(ground: Ground) -> None:
-    term = curve_fit.Term(PLACE, basis := curve_fit.graded(*ground.visited(PLACE), 12), np.zeros(basis.count))
+    term = curve_fit.Term(PLACE, basis := curve_fit.graded_basis(*ground.visited(PLACE), 12), np.zeros(basis.count))
     laid = ground.beside(term)
     solved = curve_fit.motions(ground.fitted.hypothesis, ground.fitted.z, (term,))
     for shown, other in zip(laid.displacement_m, solved.displacement_m, strict=True):
@@ -73,7 +73,7 @@ def test_threads_that_come_first_share_the_members_of_a_basis() -> None:
         seen.append(basis.members)
 
     for _ in range(20):
-        basis = curve_fit.graded(-1.0, 1.0, 12)
+        basis = curve_fit.graded_basis(-1.0, 1.0, 12)
         threads = [threading.Thread(target=look, args=(basis,)) for _ in range(4)]
         for thread in threads:
             thread.start()

@@ -21,6 +21,7 @@ from instrument.bench.rig import Bench
 from instrument.bench.simulate import record_shot
 from instrument.bench.sines import Sines
 from instrument.bench.site import QUIET, Knock, Line, Site, site_named
+from tests.analysis.collision.simulated import with_vector
 
 TRUTH = Bodies()
 SIGMAS = 4.5
@@ -37,7 +38,7 @@ def test_the_sway_adds_what_the_two_bodies_make_of_it(frequency_hz: float) -> No
     x_p, v_p = (float(run.states[at, column]) for column in (slot.PLATE_X, slot.PLATE_V))
     rig = PAPER.vector.copy()
     rig[4:7] = float(run.states[at, slot.BLOCK_V]), x_p, v_p
-    collision = PAPER.with_vector(rig)
+    collision = with_vector(PAPER, rig)
     time_s = np.linspace(-0.006, 0.045, 400)
     still = solve(collision, time_s).displacement_m
     still += float(run.states[at, slot.BLOCK_X]) - solve(collision, np.zeros(1)).displacement_m[0]

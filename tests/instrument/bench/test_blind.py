@@ -1,4 +1,4 @@
-"""Blind sets: what a record holds, how strong an effect stands out, and what could be known of it at best."""
+"""Blind sets: the content of a record, the strength of an effect in it, and the best possible knowledge of it."""
 
 from dataclasses import fields, replace
 

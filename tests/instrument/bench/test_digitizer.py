@@ -1,4 +1,4 @@
-"""The simulated bench behind the digitizer's contract: pace, loss, stop, pushes, and the same counts every time."""
+"""The simulated rig as a digitizer: pace, loss, stop, pushes, and reproducible counts."""
 
 import threading
 import time

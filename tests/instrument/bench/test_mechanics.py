@@ -1,4 +1,4 @@
-"""The collision against the reference solution of the physics, and the bookkeeping of energy and momentum."""
+"""The simulated collision against the reference solution, and its balance of energy and momentum."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Recordings of the simulated rig: readable, reproducible, with the truth kept apart; effects act the right way."""
+"""Recordings of the simulated rig: readable, reproducible, the truth hidden; effects act in the right direction."""
 
 import base64
 import json

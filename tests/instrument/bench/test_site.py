@@ -1,4 +1,4 @@
-"""The building: criterion curves, lines, knocks, a measured spectrum, and what they do to block and plate."""
+"""The site of the simulated rig: criterion curves, lines, knocks, a measured spectrum, their effects."""
 
 import numpy as np
 import pytest

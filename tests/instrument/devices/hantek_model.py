@@ -1,4 +1,4 @@
-"""A Hantek 6022 as usbfs sees it: cold it takes firmware, warm it streams packets that carry their own number."""
+"""A model of a Hantek 6022 for usbfs: it takes firmware, then streams packets that contain their own number."""
 
 import threading
 import time

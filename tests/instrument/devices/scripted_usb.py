@@ -1,4 +1,4 @@
-"""A USB bus for pyusb that plays a script: the exact requests, in their order, each with its answer."""
+"""A USB bus for pyusb that follows a script: the exact requests in their order, each with its answer."""
 
 import errno
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""Lost packets are found where they are lost, and nothing is called lost that is not."""
+"""Lost packets are found at the right place, and nothing else is reported as lost."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The NI-SCOPE driver: NI's real package over a stub of its C library, and what is said where it is absent."""
+"""The NI-SCOPE driver: NI's real package over a stub of its C library, and the message if the package is missing."""
 
 import importlib.util
 import json

@@ -1,4 +1,4 @@
-"""Drivers under the capture that uses them: from the device's bytes to a recording on disk."""
+"""Drivers in a capture: from the device's bytes to a recording on disk."""
 
 import threading
 import time

@@ -1,4 +1,4 @@
-"""Oscilloscopes that flood, stall and lie: told in time, for what it was, and nothing that came is lost."""
+"""Oscilloscopes that flood, stall and send nonsense: reported in time; no received sample is lost."""
 
 import time
 from pathlib import Path
@@ -77,7 +77,7 @@ def test_scales_that_cannot_be_are_refused_before_arming(maker: str, number: str
     }
     with RogueScope(scope, Mischief("none", 10**9)) as server:
         digitizer = ScpiOscilloscope(Hasty("127.0.0.1", server.port))
-        with pytest.raises(DigitizerError, match=r"V a count|due"):
+        with pytest.raises(DigitizerError, match=r"V per count|due"):
             digitizer.arm(SETTINGS)
         digitizer.close()
         assert not {":SING", "ARM"} & set(scope.log)

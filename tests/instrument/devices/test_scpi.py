@@ -144,7 +144,7 @@ def test_a_transfer_is_cancelled_and_the_next_shot_is_whole(maker: str) -> None:
     [
         (":WAV:PRE?", b"nonsense\n", "answered 'nonsense' where the waveform's preamble is due"),
         (":WAV:PRE?", b"0,2,6,1,nan,0,0,nan,nan,nan\n", "where the waveform's preamble is due"),
-        (":WAV:DATA?", b"#9999999999" + bytes(100), "announced 999999999 bytes where at most 60000 were asked for"),
+        (":WAV:DATA?", b"#9999999999" + bytes(100), "announced 999999999 bytes where at most 60000 were requested"),
         (":WAV:DATA?", b"#9000000010" + bytes(10) + b"\n", "sent 10 of 60000 samples of channel 1"),
         (":WAV:DATA?", bytes(100), "answered no data block"),
         (":WAV:DATA?", b"#x123", "damaged data block head"),

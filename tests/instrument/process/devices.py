@@ -1,4 +1,4 @@
-"""Digitizers that a child process can be told to open by name, and that fail in a known way."""
+"""Digitizers that a subprocess can open by name, and that fail in a known way."""
 
 import os
 import signal

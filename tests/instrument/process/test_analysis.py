@@ -1,4 +1,4 @@
-"""Shots analysed in a process of their own come out the same; its end costs one shot and is said."""
+"""Shots analysed in a subprocess give the same results; if it dies, one shot fails with a message."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""A digitizer in a process of its own: the same samples, gaps and faults, and an end that is always seen."""
+"""A digitizer in a subprocess: the same samples, gaps and faults, and its end is always noticed."""
 
 import errno
 import os

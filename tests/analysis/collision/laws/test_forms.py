@@ -1,4 +1,4 @@
-"""Closed forms: which are forms of their own over a range, and where their search begins."""
+"""Closed forms: which are distinct over a range, and their starting values."""
 
 import numpy as np
 import pytest

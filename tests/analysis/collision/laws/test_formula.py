@@ -1,4 +1,4 @@
-"""A formula: what is read, what is refused and where, and that kernel and arrays say the same."""
+"""Formulas: what is read, what is refused and at which column, and that kernels and arrays agree."""
 
 import math
 
@@ -56,7 +56,7 @@ def test_what_is_named_is_known() -> None:
         ("c*v^2", "column 1: a power is written"),
         ("c*1e999", "column 3: a number beyond"),
         ("c*", "not a formula"),
-        ("x", "'c' does not stand in the formula"),
+        ("x", "'c' is not in the formula"),
         ("", "empty"),
         ("c*x" + "+x" * 300, "longer than"),
         ("c*" + "abs(" * 60 + "x" + ")" * 60, "nested too deep"),
@@ -97,6 +97,6 @@ def test_a_corner_anywhere_else_is_a_kink(text: str) -> None:
     ("text", "place"), [("-a*v # and -b*x", 6), ("-a*v#", 5), ("# a", 1), ("-a*ｖ", 4), ("-a*v − x", 6)]
 )
 def test_no_part_of_a_formula_is_passed_over_in_silence(text: str, place: int) -> None:
-    with pytest.raises(FormulaError, match="does not belong into a formula") as caught:
+    with pytest.raises(FormulaError, match="is not allowed in a formula") as caught:
         read(text, ["a"])
     assert caught.value.column == place

@@ -1,4 +1,4 @@
-"""A law that a person wrote: it moves the block as the catalogue's row of the same equation does."""
+"""A user's law moves the block as the catalogue's row with the same equation does."""
 
 import math
 from dataclasses import replace
@@ -189,7 +189,7 @@ def test_what_was_written_is_read_again() -> None:
         ({"parameters": {}}, "one to 3"),
         ({"parameters": {"a": 3}}, "write it as"),
         ({"parameters": {"a": {"unit": "N", "start": 0}}}, "parameters.a.start"),
-        ({"parameters": {"a": {"unit": "N", "start": 1, "upper": 0.5}}}, "does not lie between"),
+        ({"parameters": {"a": {"unit": "N", "start": 1, "upper": 0.5}}}, "is not between"),
         ({"parameters": {"a": {"unit": "N", "start": 10**400}}}, "parameters.a.start: beyond all size"),
         ({"parameters": {"a": {"start": 1.0}}}, "parameters.a.unit: missing"),
         ({"parameters": {"a": {"unit": "N", "start": 1.0, "own": 1}}}, "parameters.a.own: true"),
@@ -227,7 +227,7 @@ def test_a_division_by_zero_is_no_trajectory_and_raises_nothing_else(where: str,
         return  # said before any collision is followed
     try:
         run = general.solve(PAPER, [general.Active(effect, (1e-6,))], TIMES_S, directions=[0, 2])
-    except general.RunsAway as why:
+    except general.UnboundedMotion as why:
         assert "without bound" in str(why)
     else:
         assert run.displacement_m.shape == TIMES_S.shape

@@ -1,20 +1,20 @@
-"""Is an effect's function linear in its hidden state, and in the state it is told?  Then it need not be asked again.
+"""Linear coefficients of an effect's function in its hidden state and in the state, if it is linear (kernels).
 
-Asked at some points along a trajectory; what is linear in the hidden state is stepped exactly.
+The function is checked at some points along a trajectory; a linear hidden state is propagated exactly.
 """
 
 from analysis.collision.effects.kernel import OUTPUTS, STATES, Q, W, call
 from analysis.compiled.kernel_parts import kernel, part
 from analysis.compiled.kernel_room import cut
 
-SEEN = 7  # of what an effect is told: positions, velocities, overlap and force, which come first
+SEEN = 7  # the first inputs of an effect: positions, velocities, overlap, its rate and force
 _ALIKE = 1e-9
 ROOM = 64  # numbers, for the arrays of a kernel here
 _TERMS = 14  # of the exponential series for a step of no more than ``first_order`` takes
 
 
 @part
-def ask(where, s, parameters, c, values, effect):  # type: ignore[no-untyped-def]
+def call_effect(where, s, parameters, c, values, effect):  # type: ignore[no-untyped-def]
     for i in range(3):
         values[i] = parameters[c, i]
     for i in range(OUTPUTS):
@@ -23,8 +23,8 @@ def ask(where, s, parameters, c, values, effect):  # type: ignore[no-untyped-def
 
 
 @kernel
-def coefficients(where, told, parameters, linear, room):  # type: ignore[no-untyped-def]
-    """Write d(outputs)/d(q, w), shape (6, 2, k); False where they are not constant.  Ten calls a start and point.
+def coefficients(where, inputs, parameters, linear, room):  # type: ignore[no-untyped-def]
+    """Write d(outputs)/d(q, w), shape (6, 2, k); return False if not constant.  Ten calls per start and point.
 
     ``room`` are ``ROOM`` zeros.
     """
@@ -32,11 +32,11 @@ def coefficients(where, told, parameters, linear, room):  # type: ignore[no-unty
     outputs, at = cut(room, at, (4, OUTPUTS))
     hidden = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.4, -0.7))
     for c in range(parameters.shape[0]):
-        for place in range(told.shape[0]):
-            s = told[place]
+        for place in range(inputs.shape[0]):
+            s = inputs[place]
             for trial in range(4):
                 s[Q], s[W] = hidden[trial]
-                ask(where, s, parameters, c, values, outputs[trial])
+                call_effect(where, s, parameters, c, values, outputs[trial])
             for i in range(OUTPUTS):
                 by_q, by_w = outputs[1, i] - outputs[0, i], outputs[2, i] - outputs[0, i]
                 if place == 0:
@@ -49,34 +49,34 @@ def coefficients(where, told, parameters, linear, room):  # type: ignore[no-unty
 
 
 @kernel
-def state_coefficients(where, told, parameters, seen_by, room):  # type: ignore[no-untyped-def]
-    """Write the outputs at rest and their derivatives by the state, shape (6, 8, k); False where they are not constant.
+def state_coefficients(where, inputs, parameters, by_state, room):  # type: ignore[no-untyped-def]
+    """Write the outputs at rest and their derivatives by the state, shape (6, 8, k); return False if not constant.
 
-    The hidden state is at rest.  Nine calls a start, and one a start and point.  ``room`` are ``ROOM`` zeros.
+    The hidden state is zero.  Nine calls per start, and one per start and point.  ``room`` are ``ROOM`` zeros.
     """
     values, at = cut(room, 0, (3,))
     outputs, at = cut(room, at, (OUTPUTS,))
     s, at = cut(room, at, (STATES,))
     for i in range(STATES):
-        s[i] = told[0, i]
+        s[i] = inputs[0, i]
     for c in range(parameters.shape[0]):
-        for place in range(-1 - SEEN, told.shape[0]):
+        for place in range(-1 - SEEN, inputs.shape[0]):
             for i in range(STATES):
-                s[i] = told[max(place, 0), i]
+                s[i] = inputs[max(place, 0), i]
             s[Q] = s[W] = 0.0
             if place < 0:
                 for i in range(SEEN):
                     s[i] = 1.0 if i == SEEN + place else 0.0  # at rest first
-            ask(where, s, parameters, c, values, outputs)
+            call_effect(where, s, parameters, c, values, outputs)
             for i in range(OUTPUTS):
                 if place < 0:
                     column = SEEN + place
-                    seen_by[i, column, c] = outputs[i] - (seen_by[i, SEEN, c] if column >= 0 else 0.0)
+                    by_state[i, column, c] = outputs[i] - (by_state[i, SEEN, c] if column >= 0 else 0.0)
                     continue
-                total, size = seen_by[i, SEEN, c], abs(seen_by[i, SEEN, c])
+                total, size = by_state[i, SEEN, c], abs(by_state[i, SEEN, c])
                 for j in range(SEEN):
-                    total += seen_by[i, j, c] * s[j]
-                    size += abs(seen_by[i, j, c] * s[j])
+                    total += by_state[i, j, c] * s[j]
+                    size += abs(by_state[i, j, c] * s[j])
                 if not abs(outputs[i] - total) <= _ALIKE * size:
                     return False
     return True
@@ -84,10 +84,10 @@ def state_coefficients(where, told, parameters, seen_by, room):  # type: ignore[
 
 @part
 def hidden_steps(linear, h, out, power, series):  # type: ignore[no-untyped-def]
-    """Write how the hidden states step by ``h`` to ``out``, shape (2, 4, 2, 2, k).
+    """Write the propagators of the hidden states over ``h`` to ``out``, shape (2, 4, 2, 2, k).
 
-    First to the middle, then to the end: the factor of the state, then those of the drive at begin, middle and end
-    (phi functions of a parabola; Hochbruck and Ostermann, Acta Numerica 19 (2010) 209).
+    To the middle and to the end: the factor of the state, then those of the drive at begin, middle and end (phi
+    functions of a parabola; Hochbruck and Ostermann, Acta Numerica 19 (2010) 209).
     """
     count = linear.shape[2]
     for end in range(2):

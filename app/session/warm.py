@@ -34,8 +34,8 @@ class Kernels:
     def work(self, report: Progress, cancelled: Stop) -> None:
         """Make the kernels ready, as a job.  Where a process fails its kernels are compiled when they are needed."""
         try:
-            with ThreadPoolExecutor(1, "levimass kernels") as beside:
-                loading = beside.submit(self._load, cancelled)
+            with ThreadPoolExecutor(1, "levimass kernels") as executor:
+                loading = executor.submit(self._load, cancelled)
                 if complete(Stage.FIT):
                     self._reached(Stage.FIT)
                 if not complete():

@@ -118,7 +118,7 @@ class MappingSheet(SideSheet):
         column.addWidget(self._problem)
         apply = QPushButton("Remember and open", self)
         apply.setProperty("primary", True)
-        apply.setToolTip("Keep the answer beside the file, and open the file  (Enter in a field)")
+        apply.setToolTip("Save the assignment with the file, and open the file  (Enter in a field)")
         apply.clicked.connect(self.apply)
         column.addWidget(apply)
         column.addStretch(1)

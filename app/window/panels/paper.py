@@ -48,10 +48,10 @@ class PaperPanel(QWidget):
         """Show the comparison, a line per section."""
         self._result = result
         count = {status: sum(row.status is status for row in result.rows) for status in Status}
-        beside = f" Recording: {result.recording}." if result.recording else ""
+        recording = f" Recording: {result.recording}." if result.recording else ""
         self._say.setText(
             f"{result.authors}: {result.title}. {count[Status.AGREES]} numbers agree as printed, "
-            f"{count[Status.TRACED]} were traced, {count[Status.OPEN]} remain open.{beside}"
+            f"{count[Status.TRACED]} were traced, {count[Status.OPEN]} remain open.{recording}"
         )
         lines = []
         for section, words in SECTIONS.items():

@@ -285,7 +285,7 @@ class SessionTable(QFrame):
         return "".join("\t".join(" ".join(cell.split()) for cell in line) + "\n" for line in lines)
 
     def edit_note(self) -> None:
-        """Start editing the note of the shot in front."""
+        """Edit the note of the last selected shot."""
         rows = self.table.selectionModel().selectedRows()
         if rows:
             self.table.edit(self.model.index(rows[-1].row(), NOTE))

@@ -78,13 +78,13 @@ class ModelPresenter(QObject):
         ask(self._panels, "Open a model", Want.FILE, self._load_asked, self._folder, KINDS)
 
     @Slot()
-    def foretell(self) -> None:
+    def test_model(self) -> None:
         """Ask for a model file and test its predictions on the selected shots, or on all."""
-        ask(self._panels, "Test a model's predictions", Want.FILE, self._foretell_asked, self._folder, KINDS)
+        ask(self._panels, "Test a model's predictions", Want.FILE, self._test_asked, self._folder, KINDS)
 
-    def _foretell_asked(self, paths: list[Path]) -> None:
+    def _test_asked(self, paths: list[Path]) -> None:
         self._chosen = paths[0].parent
-        self._workbench.exports.foretell(self._panels.table.numbers, paths[0])
+        self._workbench.exports.test_model(self._panels.table.numbers, paths[0])
 
     def _load_asked(self, paths: list[Path]) -> None:
         self._chosen = paths[0].parent

@@ -10,9 +10,8 @@ from app.window.pens import thin
 from app.window.plots.pyramid import Pyramid
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
+from app.words.physics_words import CHANNEL_NAMES
 from app.words.wording import number
-
-NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "light switch"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,7 +25,7 @@ class RawCurves:
 def curves_of(recording: Recording) -> RawCurves:
     """Return the curves of a recording; cost: two passes over its samples, 0.1 s for 5 M of them and three channels."""
     volts = {}
-    for role in NAMES:
+    for role in CHANNEL_NAMES:
         index = recording.column(role)
         if index is not None:
             channel = recording.channels[index]
@@ -51,7 +50,7 @@ class RawView:
 
     def __init__(self, colours: Colours, parent: QWidget) -> None:
         self.stack = TimeStack("Raw signals", colours, parent)
-        self._plots = {role: self.stack.add_plot(name, "V", 2) for role, name in NAMES.items()}
+        self._plots = {role: self.stack.add_plot(name, "V", 2) for role, name in CHANNEL_NAMES.items()}
         self._curves = {role: plot.add_curve("samples", thin(colours.measured)) for role, plot in self._plots.items()}
         self._recording: Recording | None = None
         self._zero = 0.0

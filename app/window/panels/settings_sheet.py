@@ -16,7 +16,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.window.file_question import Want, ask
+from app.window.file_dialog import Want, ask
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone
 from app.words.wording import local, typed_number, typed_numbers

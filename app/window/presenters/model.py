@@ -11,7 +11,7 @@ from app.session.choices import Choices
 from app.session.model_in_use import drift_words
 from app.session.session import Entry
 from app.session.workbench import Workbench
-from app.window.file_question import Want, ask
+from app.window.file_dialog import Want, ask
 from app.window.layout import Layout
 from app.window.theme import Tone
 

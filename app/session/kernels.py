@@ -63,7 +63,7 @@ class Kernels:
             if not complete(Stage.READINGS):
                 self._analyst.await_ready(cancelled)
                 mark_complete(Stage.READINGS)
-            from instrument.live.live import warm  # brings the numerics: only now, beside the screen
+            from instrument.live.live import warm  # slow to import
 
             warm()
         self._ready[Stage.READINGS].set()

@@ -10,7 +10,7 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 @pytest.fixture(scope="session")
 def warm_kernels():
     """Compile, or load from the cache, what the first shot needs; windows opened later in this process have it."""
-    from app.session import warm_up
+    from app.session import kernels, warm_up
 
     warm_up.readings()
     warm_up.fit()

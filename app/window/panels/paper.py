@@ -1,12 +1,13 @@
 """PAPER: the paper's numbers compared with this program's; a line unfolds into the cause of a difference."""
 
-from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from analysis.paper.paper import Reproduction, Status
 from analysis.shot.quantity import Quantity
 from app.report.paper_rows import SECTIONS, cells, readable_unit
 from app.window.panels.tree_table import Line, TreeTable
 from app.window.theme import Colours, Tone
+from app.window.widgets import text_label
 from app.words.wording import concise_text, local
 
 COLUMNS = ("number", "paper", "as printed", "simulated", "recomputed", "recording", "difference")
@@ -23,8 +24,7 @@ class PaperPanel(QWidget):
         self._result: Reproduction | None = None
         column = QVBoxLayout(self)
         column.setContentsMargins(6, 6, 6, 6)
-        self._say = QLabel(self)
-        self._say.setWordWrap(True)
+        self._say = text_label("", self, wrap=True)
         self.table = TreeTable("The paper, reproduced and audited", COLUMNS, (1, 2, 3, 4, 5), self)
         self.table.header().moveSection(COLUMNS.index("difference"), 1)  # visible also where the page is narrow
         column.addWidget(self._say)

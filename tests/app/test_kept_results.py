@@ -57,7 +57,7 @@ def test_only_the_analysis_own_classes_are_made():
     np.savez(file, head=body, body=body)
     with pytest.raises(NotStorable):
         unpacked(io.BytesIO(file.getvalue()))
-    with pytest.raises(NotStorable, match="Path cannot be kept"):
+    with pytest.raises(NotStorable, match="Path cannot be stored"):
         packed({}, (Path("a"),))
     for spoilt in (b"", b"PK", file.getvalue()[:-40]):
         with pytest.raises(NotStorable):

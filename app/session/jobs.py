@@ -59,6 +59,7 @@ class Jobs:
         """Queue a job; its function gets (report, cancelled) and returns the result."""
         job = Job(name, work, kind)
         with self._wake:
+            job.cancelled = self._closing
             for other in (*self._waiting, self._current):
                 if other is not None and other.kind in YIELDING and kind not in YIELDING:
                     other.cancel()  # it is queued again when the screen needs it
@@ -105,10 +106,10 @@ class Jobs:
 
     def close(self, timeout_s: float = 10.0, *, finish: bool = False) -> bool:
         """Cancel all jobs, or let them ``finish``, and wait for the thread; return whether it ended."""
-        if not finish:
-            self.cancel()
         with self._wake:
             self._closing = True
+            if not finish:
+                self.cancel()
             self._wake.notify()
         self._thread.join(timeout_s)
         return not self._thread.is_alive()

@@ -53,7 +53,7 @@ def test_the_package_of_the_wheel_works_under_its_one_name(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    "text", ["import analysis\n", "import analysis.shot.shot\n", "x = 'app.session.warm'\n", "if x: import app as a\n"]
+    "text", ["import analysis\n", "import analysis.shot.shot\n", "x = 'app.session.jobs'\n", "if x: import app as a\n"]
 )
 def test_what_has_no_name_in_the_wheel_stops_the_build(text: str) -> None:
     with pytest.raises(ValueError, match="has no name in the wheel"):

@@ -66,7 +66,7 @@ def _replay(options: argparse.Namespace) -> Run:
     request = ReplayRequest(
         diagnosis=not options.no_diagnose,
         laws=tuple(options.law or ()),
-        foretell=options.foretell,
+        test_model=options.foretell,
         plan=options.plan,
         reach=reach_of(options) if options.plan is not None else None,
     )

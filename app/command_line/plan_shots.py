@@ -20,7 +20,7 @@ NOTHING_OPEN = "the diagnosis leaves nothing open that another shot would have t
 
 @dataclass(frozen=True, slots=True)
 class PlannedShots:
-    """The next shots in words, and as they stand in the result file (None: nothing is open)."""
+    """The next shots in words, and as in the result file (None: nothing is open)."""
 
     words: str
     result: dict[str, Any] | None

@@ -28,7 +28,7 @@ from app.command_line.outputs import (
 )
 from app.command_line.plan_shots import PlannedShots, plan_shots
 from app.command_line.summary import summary
-from app.report.export import export, export_foretold, export_laws
+from app.report.export import export, export_laws, export_prediction
 from app.report.export_hdf5 import export_hdf5
 from app.report.page import report_of
 from app.session.load import load_and_analyse
@@ -44,14 +44,14 @@ from levimass.analysis_settings import is_drive
 class ReplayRequest:
     """What to do with the shots beyond their own analysis.
 
-    ``laws`` are files of a person's own laws, which the diagnosis tries too.  ``foretell`` tests a model file, as it
+    ``laws`` are files of a person's own laws, which the diagnosis tries too.  ``test_model`` tests a model file, as it
     is, on these shots.  ``plan`` names the next shots: those that decide between candidates (""), or that determine a
     parameter better; ``reach`` is what the rig can do.
     """
 
     diagnosis: bool = True
     laws: Sequence[Path] = ()
-    foretell: bool = False
+    test_model: bool = False
     plan: str | None = None
     reach: Reach | None = None
 
@@ -99,11 +99,11 @@ def replay(
         shots = [fit_again(shot, diagnosis.fit_after.effects) for shot in shots]
     elif diagnosis is not None and diagnosis.verdict is Verdict.EFFECT_FOUND:
         shots = read_together(shots, diagnosis.fit_after)
-    prediction = _prediction(shots, known) if request.foretell and known is not None else None
+    prediction = _prediction(shots, known) if request.test_model and known is not None else None
     planned = plan_shots(shots, diagnosis, request.plan, request.reach) if request.plan is not None else None
     found = _Results(shots, diagnosis, prediction, planned, known.tried if known is not None else ())
     ok = _write(found, outputs) and not failed
-    ok &= (prediction is not None or not request.foretell) and (planned is not None or request.plan is None)
+    ok &= (prediction is not None or not request.test_model) and (planned is not None or request.plan is None)
     if known is not None and diagnosis is not None:
         _say_drift(known, diagnosis)
     if outputs.model is not None:
@@ -189,7 +189,7 @@ def _write(found: _Results, outputs: Outputs) -> bool:
 
     def write_report(path: Path) -> None:
         words = planned.words if planned is not None else ""
-        page = report_of(shots, diagnosis, foretold=prediction, tried=found.tried, next_shots=words)
+        page = report_of(shots, diagnosis, prediction=prediction, tried=found.tried, next_shots=words)
         write_text_atomic(path, page, sync=True)
 
     ok = _written(make_text, "the result") if outputs.json else True
@@ -198,7 +198,7 @@ def _write(found: _Results, outputs: Outputs) -> bool:
         if diagnosis is not None:
             ok &= _written(lambda: export_laws(diagnosis, folder), folder)
         if prediction is not None:
-            ok &= _written(lambda: export_foretold(prediction, folder), folder)
+            ok &= _written(lambda: export_prediction(prediction, folder), folder)
         if outputs.hdf5:
             ok &= _written(lambda: export_hdf5(shots, folder), folder)
     if (report := outputs.report) is not None:

@@ -33,8 +33,8 @@ def headless_shot() -> int:
     from instrument.files.open_recording import open_recording
 
     ready = {stage: threading.Event() for stage in (Stage.READINGS, Stage.FIT)}
-    with ThreadPoolExecutor(1) as beside, tempfile.TemporaryDirectory(prefix="levimass-") as folder:
-        beside.submit(prepare_first_shot, progress_lines(), lambda stage: ready[stage].set())
+    with ThreadPoolExecutor(1) as executor, tempfile.TemporaryDirectory(prefix="levimass-") as folder:
+        executor.submit(prepare_first_shot, progress_lines(), lambda stage: ready[stage].set())
         ready[Stage.READINGS].wait()
         (path,) = simulate(Path(folder), 1, site=site_named(USUAL_SITE))
         shot = read(open_recording(path))

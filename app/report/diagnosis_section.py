@@ -157,22 +157,22 @@ def _parameters(parameters: Mapping[str, Quantity]) -> str:
     return ", ".join(parts)
 
 
-def foretold_section(foretold: "Foretold") -> Markup:
+def prediction_section(prediction: "Foretold") -> Markup:
     """Return the section on a model file tested on these shots: sentence, errors of all shots and of each."""
-    effects = " + ".join(effect_words(name) for name in foretold.effects) or "no effect"
-    columns: list[tuple[str, Errors]] = [("base alone", foretold.error_base), ("whole model", foretold.error_model)]
+    effects = " + ".join(effect_words(name) for name in prediction.effects) or "no effect"
+    columns: list[tuple[str, Errors]] = [("base alone", prediction.error_base), ("whole model", prediction.error_model)]
     shots = []
-    for shot in foretold.shots:
+    for shot in prediction.shots:
         remark = shot.problem or ("took part in the model\u2019s fit: no test" if shot.took_part else "")
         rows = error_rows([("", e) for e in (shot.error_base, shot.error_model) if e is not None])
         shots.append([shot.name, *(rows[0][1:] if rows else ["\u2013", "\u2013"]), remark])
     which = error_rows(columns)[0][0]
     said = (
-        f"Model {foretold.model} with {effects}, as it was saved; only the parameters of each shot (speed, touch and "
+        f"Model {prediction.model} with {effects}, as it was saved; only the parameters of each shot (speed, touch and "
         "offset; a drive\u2019s constant force) were fitted."
     )
     body = joined(
-        tag("p", tag("b", f"{foretold.sentence[0].upper()}{foretold.sentence[1:]}.")),
+        tag("p", tag("b", f"{prediction.sentence[0].upper()}{prediction.sentence[1:]}.")),
         tag("p", said),
         table(["", *(name for name, _ in columns)], error_rows(columns), "numbers"),
         table(["shot", f"base alone: {which}", "whole model", "remarks"], shots, "numbers"),

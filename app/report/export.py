@@ -217,7 +217,7 @@ def law_columns(law: LearnedLaw) -> dict[str, list[float]]:
 KEYS = tuple(field.name for field in fields(Errors))
 
 
-def export_foretold(foretold: "Foretold", folder: Path) -> Path:
+def export_prediction(prediction: "Foretold", folder: Path) -> Path:
     """Write ``foretold.csv``: the errors of a prediction, a row per shot and one for all.  Raises OSError."""
     header = ["name", "took_part", "problem"]
     header += [f"{which}_{key}" for which in ("base", "model") for key in KEYS]
@@ -229,9 +229,10 @@ def export_foretold(foretold: "Foretold", folder: Path) -> Path:
             *_error_cells(shot.error_base),
             *_error_cells(shot.error_model),
         ]
-        for shot in foretold.shots
+        for shot in prediction.shots
     ]
-    rows.append(["all", "", foretold.sentence, *_error_cells(foretold.error_base), *_error_cells(foretold.error_model)])
+    errors = [*_error_cells(prediction.error_base), *_error_cells(prediction.error_model)]
+    rows.append(["all", "", prediction.sentence, *errors])
     write_table(header, rows, folder / "foretold.csv")
     return folder / "foretold.csv"
 

@@ -11,7 +11,7 @@ from analysis.shot.shot import Shot
 from analysis.uncertainty.budget import budget
 from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
 from app.report import provenance
-from app.report.diagnosis_section import diagnosis_section, foretold_section
+from app.report.diagnosis_section import diagnosis_section, prediction_section
 from app.report.markup import Markup, joined, table, tag
 from app.report.number_tables import budgets, disturbance_section, fitted, model_of_readings, numbers
 from app.report.session_section import session_section
@@ -30,7 +30,7 @@ def report_of(
     instrument: InstrumentUncertainty | None = None,
     title: str | None = None,
     made_at: datetime | None = None,
-    foretold: Foretold | None = None,
+    prediction: Foretold | None = None,
     tried: Collection[str] = (),
     next_shots: str = "",
 ) -> str:
@@ -58,8 +58,8 @@ def report_of(
         body.append(session_section(shots))
     if diagnosis is not None:
         body.append(diagnosis_section(diagnosis, shots, next_shots))
-    if foretold is not None:
-        body.append(foretold_section(foretold))
+    if prediction is not None:
+        body.append(prediction_section(prediction))
     drawn = len(shots) <= MOST_DRAWN
     if not drawn:
         said = f"Figures and budgets of single shots are left out beyond {MOST_DRAWN} shots; a report of one has them."

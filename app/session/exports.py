@@ -31,7 +31,7 @@ class Exports:
         shots, _ = self._reported(numbers)
         self._submit("export", partial(write_hdf5, shots, folder))
 
-    def foretell(self, numbers: Sequence[int], path: Path) -> None:
+    def test_model(self, numbers: Sequence[int], path: Path) -> None:
         """Queue the test of a model file, unchanged, on these entries."""
         entries = self._entries(numbers)
         shots = [entry.shot for entry in entries if entry.shot is not None]

@@ -46,19 +46,20 @@ class Job:
 class Jobs:
     """A queue of jobs, done one after another in a thread that ends with ``close``."""
 
-    def __init__(self) -> None:
+    def __init__(self, name: str = "jobs") -> None:
         self._waiting: deque[Job] = deque()
         self._finished: deque[Job] = deque()
         self._current: Job | None = None
         self._wake = threading.Condition()
         self._closing = False
-        self._thread = threading.Thread(target=self._work, name="levimass-jobs", daemon=True)
+        self._thread = threading.Thread(target=self._work, name=f"levimass {name}", daemon=True)
         self._thread.start()
 
     def submit(self, name: str, work: Step, kind: str = "") -> Job:
         """Queue a job; its function gets (report, cancelled) and returns the result."""
         job = Job(name, work, kind)
         with self._wake:
+            job.cancelled = self._closing
             for other in (*self._waiting, self._current):
                 if other is not None and other.kind in YIELDING and kind not in YIELDING:
                     other.cancel()  # it is queued again when the screen needs it
@@ -103,11 +104,12 @@ class Jobs:
                 if job is not None and (kind is None or job.kind == kind):
                     job.cancel()
 
-    def close(self, timeout_s: float = 10.0) -> bool:
-        """Cancel everything and wait for the thread; return whether it ended."""
-        self.cancel()
+    def close(self, timeout_s: float = 10.0, *, finish: bool = False) -> bool:
+        """Cancel all jobs, or let them ``finish``, and wait for the thread; return whether it ended."""
         with self._wake:
             self._closing = True
+            if not finish:
+                self.cancel()
             self._wake.notify()
         self._thread.join(timeout_s)
         return not self._thread.is_alive()
@@ -117,7 +119,7 @@ class Jobs:
             with self._wake:
                 while not self._waiting and not self._closing:
                     self._wake.wait()
-                if self._closing:
+                if not self._waiting:
                     return
                 job = self._waiting.popleft()
                 self._current = job
@@ -149,35 +151,17 @@ class Saver:
     """Does the newest task it was given, in a thread; a newer task replaces a waiting one."""
 
     def __init__(self) -> None:
-        self._wake = threading.Condition()
-        self._newest: Callable[[], None] | None = None
-        self._closing = False
-        self._thread = threading.Thread(target=self._work, name="levimass saver", daemon=True)
-        self._thread.start()
+        self._jobs = Jobs("saver")
 
     def submit(self, save: Callable[[], None]) -> None:
         """Do this soon, in the thread.  ``save`` raises nothing."""
-        with self._wake:
-            self._newest = save
-            self._wake.notify()
+        self._jobs.cancel()
+        self._jobs.finished()  # nobody asks for their results
+        self._jobs.submit("saving", lambda _, __: save())
 
     def close(self, timeout_s: float = 10.0) -> bool:
         """Do the waiting task and end the thread; return whether it ended."""
-        with self._wake:
-            self._closing = True
-            self._wake.notify()
-        self._thread.join(timeout_s)
-        return not self._thread.is_alive()
-
-    def _work(self) -> None:
-        while True:
-            with self._wake:
-                while self._newest is None and not self._closing:
-                    self._wake.wait()
-                save, self._newest = self._newest, None
-            if save is None:
-                return
-            save()
+        return self._jobs.close(timeout_s, finish=True)
 
 
 OF_A_SESSION = ("open", "refit", "diagnosis", "plan", "kept")  # kinds that are dropped when another session is opened

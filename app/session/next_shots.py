@@ -69,7 +69,7 @@ class NextShots:
             return
         step, shots, source = next_step(standing), self._shots(found.numbers), self._rig.source
         shot = step.shot
-        asked = pushed(source, shot.speed_m_per_s, shot.added_mass_kg, len(shots)) if self.sets_itself else source
+        wanted = pushed(source, shot.speed_m_per_s, shot.added_mass_kg, len(shots)) if self.sets_itself else source
 
         def changed(options: CaptureOptions) -> CaptureOptions:
             rate_hz = options.settings.sample_rate_hz if options.settings is not None else None
@@ -78,7 +78,7 @@ class NextShots:
             return replace(options, settings=settings, setup=setup)
 
         self._under = _Capture(step, found.numbers, standing.steps, source)
-        self._rig.take(asked, changed)
+        self._rig.take(wanted, changed)
 
     def give_up(self) -> None:
         """Cancel the planned shot, and reopen the source used before."""

@@ -15,8 +15,8 @@ from analysis.diagnosis.result import Diagnosis
 from analysis.shot.shot import AnalysisSettings, Progress, Shot, Stop
 from analysis.shot.version import program, program_version
 from app.session.event import CachedResults, Diagnosed
-from app.session.frozen_file import NotStorable, head_of, packed, unpacked
 from app.session.jobs import Work
+from app.session.result_archive import NotStorable, head_of, packed, unpacked
 from instrument.files.atomic_file import write_atomic
 from instrument.files.foreign.mapping import is_foreign
 from instrument.files.recording_error import RecordingError

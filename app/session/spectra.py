@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from analysis.shot.recording import Recording, Role
 from analysis.shot.shot import Cancelled, Progress, Stop
+from app.words.physics_words import CHANNEL_NAMES
 
 Floats = NDArray[np.float64]
-NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1"}
+BEATS = (Role.REFERENCE, Role.MEASUREMENT)
 BINS = 4096
 COLUMNS = 400
 
@@ -35,7 +36,7 @@ def spectra_of(recording: Recording, zero_s: float, report: Progress, cancelled:
     frequency = np.asarray(np.fft.rfftfreq(BINS, 1 / recording.sample_rate_hz), dtype=np.float64)
     power: dict[Role, Floats] = {}
     image = np.zeros((0, len(frequency)))
-    for role in NAMES:
+    for role in BEATS:
         column = recording.column(role)
         if column is None or count == 0:
             continue
@@ -53,7 +54,7 @@ def spectra_of(recording: Recording, zero_s: float, report: Progress, cancelled:
             total += row
             rows.append(row)
             if first % (per_row * 16) == 0:
-                report(f"spectrum of {NAMES[role]}", first / count)
+                report(f"spectrum of {CHANNEL_NAMES[role]}", first / count)
         power[role] = 10 * np.log10(total / max(1, len(rows)) + 1e-30)
         if role is Role.MEASUREMENT:
             image = 10 * np.log10(np.array(rows) + 1e-30)

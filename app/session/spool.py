@@ -15,7 +15,7 @@ from typing import TypeVar, cast
 
 import numpy as np
 
-from app.session.frozen_file import NotStorable, parted, rejoined
+from app.session.result_archive import NotStorable, parted, rejoined
 
 PIECE_BYTES = 16 * 2**20  # of a file; its room is given free once no shot has an array in it
 LEAST_BYTES = 4096  # arrays smaller than this stay in memory

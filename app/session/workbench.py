@@ -30,9 +30,9 @@ from app.session.jobs import Job, Saver, Work
 from app.session.load import unanalysed
 from app.session.model_in_use import OwnLaws
 from app.session.model_work import ModelWork
-from app.session.own_session import Unlisted, listed_by, lock_session, named_session, own_session, unlisted
 from app.session.result_cache import CacheWork, Key, ResultCache
 from app.session.session import Entry, Session
+from app.session.session_files import Unlisted, listed_by, lock_session, named_session, own_session, unlisted
 from app.session.settings import correction_words
 from app.session.shot_work import diagnose_shots, open_shot
 from app.session.spool import Spool

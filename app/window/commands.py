@@ -73,7 +73,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("Model", "Propose a law of your own …", "propose_law", ("Ctrl+L",)),
     Command("Model", "Open a model file …", "load_model", ("Ctrl+Shift+O",), True),
     Command("Model", "Save the model of the selected shots, or of all …", "save_model", ("Ctrl+Shift+S",)),
-    Command("Model", "Test a model's predictions on the selected shots, or on all …", "foretell", ("Ctrl+Shift+T",)),
+    Command("Model", "Test a model's predictions on the selected shots, or on all …", "test_model", ("Ctrl+Shift+T",)),
     Command("Help", "Keys", "toggle_keys", ("F1",)),
     Command("Help", "The short tour", "toggle_tour", ("F4",)),
     Command("Help", "Tutorial and manual", "show_manual"),

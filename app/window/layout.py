@@ -38,7 +38,7 @@ class Layout(QWidget):
 
     def __init__(self, theme: Theme, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._number: int | None = None  # of the shot in front
+        self._number: int | None = None  # of the last selected shot
         c = theme.colours
         self.controls = Controls(self)
         self.banner = Banner(c, self)

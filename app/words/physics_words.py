@@ -7,10 +7,12 @@ from analysis.collision.effects import CATALOGUE, WIDER
 from analysis.collision.laws.own import from_key
 from analysis.drive.catalogue import LAWS
 from analysis.shot.quantity import words_and_unit
+from analysis.shot.recording import Role
 from levimass.analysis_settings import is_drive
 
 PREFIXES = ((1e-12, "p"), (1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""), (1e3, "k"), (1e6, "M"))
 _OTHER_WORDS = {"gain_error": "an error of the force's scale"}  # in no catalogue
+CHANNEL_NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "light switch"}
 _BASE_WORDS = {
     "paper": "paper model",
     "clamped": "clamped plate",

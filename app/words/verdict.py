@@ -38,7 +38,7 @@ VERDICTS: Mapping[Verdict, VerdictWords] = {
 def verdict_words(conclusion: Verdict, found: Sequence[str], *, short: bool = False) -> str:
     """Return the effects and laws that were found, by their names, else the conclusion, such as "adequate".
 
-    ``short``: the first by its short name, and how many besides.
+    ``short``: the short name of the first, and the number of others.
     """
     said = VERDICTS[conclusion]
     if not said.names or not found:

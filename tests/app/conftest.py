@@ -10,13 +10,13 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 @pytest.fixture(scope="session")
 def warm_kernels():
     """Compile, or load from the cache, what the first shot needs; windows opened later in this process have it."""
-    from app.session import warm, warm_up
+    from app.session import kernels, warm_up
 
     warm_up.readings()
     warm_up.fit()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(warm, "readings", lambda: None)  # each window would read a made-up shot to load them
-        patch.setattr(warm, "complete", lambda *_: True)  # and, where not all is on disk, compile all
+        patch.setattr(kernels, "readings", lambda: None)  # each window would read a made-up shot to load them
+        patch.setattr(kernels, "complete", lambda *_: True)  # and, where not all is on disk, compile all
         yield
 
 

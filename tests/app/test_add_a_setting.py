@@ -18,7 +18,7 @@ from app.session import session as session_module
 from app.session import settings_file
 from app.session import workbench as workbench_module
 from app.session.event import EventKind
-from app.session.frozen_file import packed, unpacked
+from app.session.result_archive import packed, unpacked
 from app.session.session import Session
 from app.session.settings import FIELDS, Settings
 from app.session.verdict_of import VerdictBasis

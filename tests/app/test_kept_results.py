@@ -11,9 +11,9 @@ import pytest
 
 from analysis.diagnosis.result import Verdict
 from analysis.shot.version import program_version
-from app.session import frozen_file, result_cache
+from app.session import result_archive, result_cache
 from app.session.event import Diagnosed
-from app.session.frozen_file import NotStorable, head_of, packed, unpacked
+from app.session.result_archive import NotStorable, head_of, packed, unpacked
 from app.session.result_cache import Key, ResultCache
 from app.session.session import Session
 from app.session.workbench import Workbench
@@ -105,7 +105,7 @@ def test_a_result_whose_class_has_changed_is_analysed_again(tmp_path, saved, mon
     def other(**_: object) -> None:
         raise TypeError("unexpected keyword argument 'flags'")
 
-    monkeypatch.setitem(frozen_file.KNOWN, "Impact", other)
+    monkeypatch.setitem(result_archive.KNOWN, "Impact", other)
     assert kept.shot(Key(saved.path, saved.settings)) is None
 
 

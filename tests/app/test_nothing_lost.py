@@ -19,9 +19,9 @@ from analysis.shot.recording import Channel, Recording, Role, Setup
 from analysis.shot.shot import AnalysisSettings, Cancelled, Shot
 from app.session.choices import Choices
 from app.session.log import NAME, ProgramLog, note
-from app.session.own_session import Unlisted, listed_by, unlisted
 from app.session.result_cache import ResultCache
 from app.session.session import Entry, Session
+from app.session.session_files import Unlisted, listed_by, unlisted
 from app.session.settings import FIELDS, Settings
 from app.session.workbench import Workbench
 from app.window.layout import Layout

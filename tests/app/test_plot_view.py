@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QWidget
 
 from analysis.drive.curves import drive_curves
 from app.session.session import Session
-from app.window.file_question import Want, ask
+from app.window.file_dialog import Want, ask
 from app.window.layout import Layout
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.plot_view import PlotView

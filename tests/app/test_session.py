@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 
 from analysis.shot.shot import AnalysisSettings
-from app.session.own_session import own_session
 from app.session.session import Session
+from app.session.session_files import own_session
 from tests.app import synthetic
 
 

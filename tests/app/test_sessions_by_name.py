@@ -8,8 +8,8 @@ import pytest
 from PySide6.QtWidgets import QFileDialog
 
 from app.session.event import Diagnosed
-from app.session.own_session import last_session, named_session
 from app.session.session import Session
+from app.session.session_files import last_session, named_session
 from app.session.workbench import Workbench
 from app.window.main_window import open_window
 from instrument.files.recording_error import RecordingError

@@ -12,7 +12,8 @@ import pytest
 from analysis.compiled import kernel_cache
 from analysis.shot.shot import AnalysisSettings, Cancelled
 from app.command_line.cli import main
-from app.session import prepare, warm
+from app.session import kernels as kernels_module
+from app.session import prepare
 from app.session.rig import Rig
 from instrument.bench.simulate import simulate
 from instrument.bench.site import USUAL_SITE, site_named
@@ -25,8 +26,8 @@ from tests.app import rigs
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.setattr(kernel_cache, "root", lambda: tmp_path)
-    monkeypatch.setattr(warm, "readings", lambda: None)
-    monkeypatch.setattr(warm, "complete", prepare.complete)
+    monkeypatch.setattr(kernels_module, "readings", lambda: None)
+    monkeypatch.setattr(kernels_module, "complete", prepare.complete)
     return tmp_path
 
 
@@ -82,9 +83,9 @@ def test_a_mark_holds_for_what_comes_before_it_and_not_for_what_comes_after(fold
 
 def test_what_is_not_on_disk_is_compiled_elsewhere_and_only_once(folder, order, monkeypatch):
     read_here = []
-    monkeypatch.setattr(warm, "readings", lambda: read_here.append(len(order)))
+    monkeypatch.setattr(kernels_module, "readings", lambda: read_here.append(len(order)))
     for _ in range(2):
-        kernels = warm.Kernels()
+        kernels = kernels_module.Kernels()
         kernels.work(quietly, lambda: False)
         for stage in prepare.Stage:
             kernels.wait(stage, lambda: True)

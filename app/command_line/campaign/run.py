@@ -70,8 +70,8 @@ def campaign(
 
 
 def _journal(json_to: str | None, export_to: Path | None, tasks: Sequence[Task]) -> Journal:
-    beside = Path(json_to + ".journal") if json_to and json_to != "-" else None
-    return Journal(export_to / JOURNAL if export_to is not None else beside, {task.stamp for task in tasks})
+    by_result = Path(json_to + ".journal") if json_to and json_to != "-" else None
+    return Journal(export_to / JOURNAL if export_to is not None else by_result, {task.stamp for task in tasks})
 
 
 def _worker_pool(workers: WorkerChoice, todo: Sequence[Task]) -> WorkerPool:

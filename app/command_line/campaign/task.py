@@ -99,9 +99,9 @@ def failed_entry(task: Task, cause: str) -> Entry:
 def _state(path: Path) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Return sizes and dates of the files that make up a shot."""
     stem = recording_stem(path)
-    beside = (stem.with_name(stem.name + ".sigmf-data"), path.with_suffix(".toml"), find_mapping(path) or path)
+    others = (stem.with_name(stem.name + ".sigmf-data"), path.with_suffix(".toml"), find_mapping(path) or path)
     sizes, dates = [], []
-    for file in (path, *beside):
+    for file in (path, *others):
         try:
             state = file.stat()
         except (OSError, ValueError):

@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 
-from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from analysis.shot.quantity import shown_in
 from analysis.shot.shot import Shot
 from analysis.uncertainty.budget import COVERAGE_FACTOR, BudgetRow, QuantityBudget, budget
 from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
 from app.window.panels.tree_table import Line, TreeTable
+from app.window.widgets import text_label
 from app.words.wording import DASH, number, value_text
 
 COLUMNS = (
@@ -30,9 +31,7 @@ class BudgetPanel(QWidget):
         super().__init__(parent)
         column = QVBoxLayout(self)
         column.setContentsMargins(6, 6, 6, 6)
-        self._say = QLabel(self)
-        self._say.setWordWrap(True)
-        self._say.setProperty("faint", True)
+        self._say = text_label("", self, faint=True, wrap=True)
         self.table = TreeTable("Uncertainty budget", COLUMNS, (1, 3, 4, 5, 6), self)
         column.addWidget(self._say)
         column.addWidget(self.table, 1)

@@ -2,7 +2,7 @@
 
 import pyqtgraph as pg
 from PySide6.QtCore import QObject, Qt, Slot
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QSplitter, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QPushButton, QSplitter, QVBoxLayout, QWidget
 
 from analysis.uncertainty.numbers import of_series, with_unit
 from app.report.shot_figures import contact_span_ms, time_zero
@@ -17,6 +17,7 @@ from app.window.plots.plot_view import PlotView, in_front
 from app.window.plots.time_plot import TimePlot
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
+from app.window.widgets import text_label
 from app.words.wording import short_name
 
 MOST = 8
@@ -78,9 +79,7 @@ class ComparePanel(QWidget):
             button.setToolTip(tip)
             button.clicked.connect(slot)
             bar.addWidget(button)
-        self._say = QLabel(self)
-        self._say.setProperty("faint", True)
-        self._say.setWordWrap(True)
+        self._say = text_label("", self, faint=True, wrap=True)
         bar.addWidget(self._say, 1)
         self._which = QComboBox(self)
         self._which.setAccessibleName("Number whose trend is shown")
@@ -105,9 +104,7 @@ class ComparePanel(QWidget):
         right_column = QVBoxLayout(right)
         right_column.setContentsMargins(6, 0, 0, 0)
         self.trend = TrendPlot(colours, right)
-        self._repeatability = QLabel(right)
-        self._repeatability.setWordWrap(True)
-        self._repeatability.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self._repeatability = text_label("", right, selectable=True, wrap=True)
         right_column.addWidget(self.trend, 1)
         right_column.addWidget(self._repeatability)
         split.setSizes([620, 380])

@@ -1,9 +1,10 @@
 """The controls of the rig: source, ARM, Abort, automatic re-arm."""
 
 from PySide6.QtCore import Qt, Signal, Slot
-from PySide6.QtWidgets import QCheckBox, QComboBox, QHBoxLayout, QPushButton, QWidget
+from PySide6.QtWidgets import QCheckBox, QComboBox, QHBoxLayout, QWidget
 
 from app.window.theme import sized
+from app.window.widgets import push_button
 
 
 class Controls(QWidget):
@@ -24,11 +25,8 @@ class Controls(QWidget):
         self.source.setToolTip("Where the samples come from: the simulated bench, a recording, or a device  (S)")
         self.source.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         self.source.setMinimumContentsLength(19)  # "Simulated bench with a flaw"
-        self.arm = QPushButton("ARM", self)
-        self.arm.setProperty("primary", True)
-        self.arm.setToolTip("Wait for the light switch and record the next shot  (space)")
-        self.abort = QPushButton("Abort", self)
-        self.abort.setToolTip("Stop waiting or recording; finished shots are kept  (Esc)")
+        self.arm = push_button("ARM", "Wait for the light switch and record the next shot  (space)", self, primary=True)
+        self.abort = push_button("Abort", "Stop waiting or recording; finished shots are kept  (Esc)", self)
         for button, words in ((self.arm, "ARM"), (self.abort, "Abort")):
             button.setFont(sized(self.font(), 1.35, bold=True))
             button.setAccessibleName(words)

@@ -6,7 +6,6 @@ from PySide6.QtWidgets import (
     QHBoxLayout,
     QLabel,
     QProgressBar,
-    QPushButton,
     QScrollArea,
     QSplitter,
     QToolButton,
@@ -25,6 +24,7 @@ from app.window.panels.residuals import Residuals
 from app.window.panels.why_canvas import WhyCanvas
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.theme import MARKS, Colours, Tone, sized
+from app.window.widgets import push_button, text_label
 from app.words.verdict import OUTDATED, VERDICTS
 from app.words.wording import kept_words, local_words, short_name
 from levimass.analysis_settings import is_drive
@@ -99,26 +99,24 @@ class DiagnosisPanel(QWidget):
         self.progress.setRange(0, 1000)
         self.progress.setAccessibleName("Progress of the diagnosis")
         self.progress.setMinimumWidth(120)
-        self.cancel = QPushButton("Cancel", self)
-        self.cancel.setToolTip("Stop the diagnosis; the previous one is kept")
-        self.cancel.clicked.connect(self.cancel_wanted)
+        self.cancel = push_button("Cancel", "Stop the diagnosis; the previous one is kept", self, self.cancel_wanted)
         for widget in (self.progress, self.cancel):
             policy = widget.sizePolicy()
             policy.setRetainSizeWhenHidden(True)
             widget.setSizePolicy(policy)
-        self.diagnose = QPushButton("Diagnose", self)
-        self.diagnose.setProperty("primary", True)
-        self.diagnose.setToolTip("Find out what the model lacks, from all selected shots together  (D)")
-        self.diagnose.clicked.connect(self.diagnose_wanted)
+        self.diagnose = push_button(
+            "Diagnose",
+            "Find out what the model lacks, from all selected shots together  (D)",
+            self,
+            self.diagnose_wanted,
+            primary=True,
+        )
         for widget in (self.progress, self.cancel, self.diagnose):
             top.addWidget(widget)
         column.addLayout(top)
-        self._of = QLabel(self)  # names of the shots
-        self._of.setProperty("faint", True)
-        self._of.setWordWrap(True)
+        self._of = text_label("", self, faint=True, wrap=True)  # names of the shots
         column.addWidget(self._of)
-        self._sentence = QLabel(self)
-        self._sentence.setWordWrap(True)
+        self._sentence = text_label("", self, wrap=True)
         self._sentence.setFont(sized(self.font(), 1.2))
         self._sentence.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         column.addWidget(self._sentence)
@@ -129,9 +127,7 @@ class DiagnosisPanel(QWidget):
         left = QWidget(split)
         left_column = QVBoxLayout(left)
         left_column.setContentsMargins(0, 0, 0, 0)
-        heading = QLabel("CANDIDATES, BY EVIDENCE", left)
-        heading.setProperty("heading", True)
-        heading.setWordWrap(True)
+        heading = text_label("CANDIDATES, BY EVIDENCE", left, heading=True, wrap=True)
         left_column.addWidget(heading)
         self.bars = CandidateBars(self._colours, left)
         left_column.addWidget(self.bars, 1)
@@ -154,10 +150,7 @@ class DiagnosisPanel(QWidget):
         column.addWidget(self.fold)
         self.residuals = Residuals(self._colours, self)
         column.addWidget(self.residuals, 1)
-        self._blind = QLabel(self)
-        self._blind.setWordWrap(True)
-        self._blind.setProperty("faint", True)
-        self._blind.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self._blind = text_label("", self, faint=True, selectable=True, wrap=True)
         column.addWidget(self._blind)
 
     @Slot(bool)

@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 
 from PySide6.QtCore import Qt, Signal, Slot
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
 from analysis.diagnosis.result import FoundEffect
 from app.window.flow_layout import clear_layout
+from app.window.widgets import text_label
 from app.words.wording import effect_numbers, effect_words
 
 TRIED = "tried; not named by a diagnosis"
@@ -53,9 +54,7 @@ class EffectRows(QWidget):
         line = QHBoxLayout(row)
         line.setContentsMargins(0, 0, 0, 0)
         title = effect_words(name).capitalize()
-        label = QLabel(f"<b>{title}</b>  {words}", row)
-        label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        label.setWordWrap(True)
+        label = text_label(f"<b>{title}</b>  {words}", row, selectable=True, wrap=True)
         button = QPushButton("Remove from the model" if in_model else "Add to the model", row)
         button.setProperty("effect", name)
         button.setAccessibleDescription(title)

@@ -5,6 +5,7 @@ from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QScrollArea, QVBoxLay
 
 from app.window.commands import COMMANDS, MOUSE, ON_PLOT
 from app.window.theme import sized
+from app.window.widgets import text_label
 
 
 class KeySheet(QFrame):
@@ -71,8 +72,7 @@ def _list(sides: int) -> QWidget:
     lines = [0] * sides
     for name, rows in groups.items():
         side = lines.index(min(lines))
-        heading = QLabel(name.upper(), inside)
-        heading.setProperty("heading", True)
+        heading = text_label(name.upper(), inside, heading=True)
         grid.addWidget(heading, lines[side], 3 * side, 1, 2)
         lines[side] += 1
         for sequence, words in rows:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from PySide6.QtCore import Signal, Slot
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
 from analysis.diagnosis.result import LearnedLaw
 from analysis.shot.shot import Shot
@@ -15,6 +15,7 @@ from app.window.plots.cursors import CursorAxis
 from app.window.plots.legend import Legend, Look
 from app.window.plots.plain_plot import PlainPlot
 from app.window.theme import Colours
+from app.window.widgets import text_label
 from app.words.physics_words import prefix_for
 from app.words.wording import local_words, short_name
 
@@ -35,9 +36,7 @@ class LawCurve(QWidget):
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
         line = QHBoxLayout()
-        self._heading = QLabel(self)
-        self._heading.setProperty("heading", True)
-        self._heading.setWordWrap(True)
+        self._heading = text_label("", self, heading=True, wrap=True)
         line.addWidget(self._heading, 1)
         self.other = self._button("The other law", "Two laws were learned; show the other", self._turn)
         self.compare = self._button("Compare forms", "Overlay the other closed forms that fit", self._draw)
@@ -56,9 +55,7 @@ class LawCurve(QWidget):
         self.plot.setMinimumHeight(9 * self.fontMetrics().lineSpacing())
         column.addWidget(self.plot, 1)
         column.addWidget(CursorReadout(self.plot, self))
-        self._words = QLabel(self)
-        self._words.setWordWrap(True)
-        self._words.setProperty("faint", True)
+        self._words = text_label("", self, faint=True, wrap=True)
         column.addWidget(self._words)
         self.dress(colours)
         self.show_laws(())

@@ -10,7 +10,6 @@ from PySide6.QtWidgets import (
     QGridLayout,
     QLabel,
     QLineEdit,
-    QPushButton,
     QWidget,
 )
 
@@ -18,6 +17,7 @@ from analysis.collision.laws.functions import FUNCTIONS
 from analysis.collision.laws.own import MOST_PARAMETERS, LawError, from_mapping
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone
+from app.window.widgets import push_button, text_label
 from app.words.wording import typed_number
 
 PLACES = (("block", "on the block"), ("plate", "on the plate"), ("contact", "between block and plate, in contact"))
@@ -38,9 +38,7 @@ class LawSheet(SideSheet):
         super().__init__("Propose a law", parent)
         self._colours = colours
         column, _ = self.head("Propose a law", "Close; what is typed stays  (Esc)")
-        hint = QLabel(HINT, self)
-        hint.setProperty("faint", True)
-        hint.setWordWrap(True)
+        hint = text_label(HINT, self, faint=True, wrap=True)
         column.addWidget(hint)
         form = QFormLayout()
         self.name = self._line("Name", "a word of letters, digits and _")
@@ -56,8 +54,7 @@ class LawSheet(SideSheet):
         ):  # fmt: skip
             form.addRow(words, editor)
         column.addLayout(form)
-        heading = QLabel("PARAMETERS", self)
-        heading.setProperty("heading", True)
+        heading = text_label("PARAMETERS", self, heading=True)
         column.addWidget(heading)
         grid = QGridLayout()
         for place, name in enumerate((*(name for name, _ in COLUMNS), "fitted per shot")):
@@ -78,15 +75,17 @@ class LawSheet(SideSheet):
             grid.addWidget(own, row, len(COLUMNS))
             self.own.append(own)
         column.addLayout(grid)
-        self._said = QLabel(self)
-        self._said.setWordWrap(True)
+        self._said = text_label("", self, wrap=True)
         self._said.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
         column.addWidget(self._said)
         column.addStretch(1)
-        self.save = QPushButton("Save and diagnose", self)
-        self.save.setProperty("primary", True)
-        self.save.setToolTip("Save the law in your folder of laws and diagnose the selected shots with it")
-        self.save.clicked.connect(self._save)
+        self.save = push_button(
+            "Save and diagnose",
+            "Save the law in your folder of laws and diagnose the selected shots with it",
+            self,
+            self._save,
+            primary=True,
+        )
         column.addWidget(self.save)
         self.where.currentIndexChanged.connect(self._check)
         for line in self.findChildren(QLineEdit):

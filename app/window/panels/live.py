@@ -12,15 +12,13 @@ from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours, sized
+from app.words.physics_words import CHANNEL_NAMES
 from app.words.wording import DASH, local, number
 from instrument.live.live_view import LiveView
 
 WINDOW_MS = 2000.0  # fixed, so that the axis does not move
 LEAST_RAW = 9  # least height of the raw signals, in lines of text
 RAW_SHOWN = 150  # samples: some forty periods of the beat
-NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "switch"}
-
-
 ROWS = (
     ("beat", "beat of PD1", "MHz", 1e-6, "{:.5f}", "-0.00000"),
     ("velocity", "velocity", "m/s", 1.0, "{:+.4f}", "+0.0000"),
@@ -80,7 +78,7 @@ class LivePanel(QWidget):
         grid.addWidget(self.hold, 3, 1)
         self.raw = TimeStack("Raw signals, live", colours, self)
         self.raw.reset_wanted.connect(self.reset)
-        self._raw_plots = [self.raw.add_plot(title, "V") for title in ("PD0", "PD1", "switch")]
+        self._raw_plots = [self.raw.add_plot(title, "V") for title in CHANNEL_NAMES.values()]
         self._raw_curves = [plot.add_curve("samples", thin(colours.measured)) for plot in self._raw_plots]
         for plot in self._raw_plots:
             plot.minimum_span = 0.1
@@ -208,7 +206,7 @@ class LivePanel(QWidget):
             present = index < len(channels)
             plot.setVisible(present)
             if present:
-                name = NAMES[channels[index].role]
+                name = CHANNEL_NAMES[channels[index].role]
                 if plot.title != name:
                     plot.call(name)
                 of_switch = channels[index].role is Role.SWITCH

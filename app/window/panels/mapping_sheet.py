@@ -4,14 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
-from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
     QFormLayout,
-    QLabel,
     QLineEdit,
-    QPushButton,
     QWidget,
 )
 
@@ -19,6 +17,7 @@ from analysis.shot.recording import Role, Setup
 from app.session.channel_looks import ChannelKind, ChannelLook, proposed
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone
+from app.window.widgets import push_button, text_label
 from app.words.wording import local, number, typed_number
 from instrument.files.foreign.contents import ForeignContents
 from instrument.files.foreign.mapping import ForeignMapping, MappedChannel
@@ -78,12 +77,9 @@ class MappingSheet(SideSheet):
         self._colours = colours
         self._contents: ForeignContents | None = None
         column, _ = self.head("Assign channels", "Do not open this file  (Esc)")
-        self._file = QLabel(self)
-        self._file.setWordWrap(True)
+        self._file = text_label("", self, wrap=True)
         column.addWidget(self._file)
-        self._looks = QLabel(self)
-        self._looks.setWordWrap(True)
-        self._looks.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self._looks = text_label("", self, selectable=True, wrap=True)
         column.addWidget(self._looks)
         form = QFormLayout()
         form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
@@ -112,14 +108,16 @@ class MappingSheet(SideSheet):
         self.for_folder = QCheckBox("for every file of this format in its folder", self)
         self.for_folder.setToolTip("The other files there have the same channels: do not ask again")
         column.addWidget(self.for_folder)
-        self._problem = QLabel(self)
-        self._problem.setWordWrap(True)
+        self._problem = text_label("", self, wrap=True)
         self._problem.setMinimumHeight(3 * self.fontMetrics().lineSpacing())
         column.addWidget(self._problem)
-        apply = QPushButton("Remember and open", self)
-        apply.setProperty("primary", True)
-        apply.setToolTip("Keep the answer beside the file, and open the file  (Enter in a field)")
-        apply.clicked.connect(self.apply)
+        apply = push_button(
+            "Remember and open",
+            "Save the assignment with the file, and open the file  (Enter in a field)",
+            self,
+            self.apply,
+            primary=True,
+        )
         column.addWidget(apply)
         column.addStretch(1)
 

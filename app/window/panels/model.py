@@ -9,6 +9,7 @@ from analysis.fitted.fitted_shot import awaits_fit
 from analysis.shot.fit import Fit
 from analysis.shot.shot import Shot
 from app.window.theme import MARKS, Colours, Tone
+from app.window.widgets import push_button, text_label
 from app.words.physics_words import base_words, correlation_words, parameter_parts
 from app.words.verdict import OUTDATED
 from app.words.wording import model_in_words, number, with_prefix
@@ -42,13 +43,11 @@ class ModelPanel(QFrame):
         column.setContentsMargins(10, 2, 8, 4)
         column.setSpacing(1)
         top = QHBoxLayout()
-        heading = QLabel("MODEL", self)
-        heading.setProperty("heading", True)
+        heading = text_label("MODEL", self, heading=True)
         top.addWidget(heading, 1)
         self.diagnose = QPushButton("Diagnose", self)
         self.diagnose.setToolTip("Find out what the model lacks, from all selected shots together  (D)")
-        self.details = QPushButton("Evidence", self)
-        self.details.setToolTip("Candidates, residual before and after  (Ctrl+5)")
+        self.details = push_button("Evidence", "Candidates, residual before and after  (Ctrl+5)", self)
         top.addWidget(self.diagnose)
         top.addWidget(self.details)
         column.addLayout(top)

@@ -1,12 +1,13 @@
 """The card NEXT SHOT: which shot decides between the candidates, and the buttons that plan and take it."""
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
 from analysis.diagnosis.result import Diagnosis
 from analysis.planning.next_shot import NextShot, undecided
 from analysis.planning.plan_words import plan_sentence
 from analysis.planning.shot_log import PlannedStep, PlanningState
+from app.window.widgets import push_button, text_label
 from app.words.wording import local_words
 
 UNPLANNED = (
@@ -35,24 +36,19 @@ class NextShotCard(QFrame):
         column = QVBoxLayout(self)
         column.setContentsMargins(8, 4, 8, 4)
         column.setSpacing(2)
-        heading = QLabel("NEXT SHOT", self)
-        heading.setProperty("heading", True)
+        heading = text_label("NEXT SHOT", self, heading=True)
         column.addWidget(heading)
-        self._sentence = QLabel(self)
-        self._sentence.setWordWrap(True)
+        self._sentence = text_label("", self, wrap=True)
         self._sentence.setToolTip(NORMS)
         column.addWidget(self._sentence)
-        self._log = QLabel(self)
-        self._log.setWordWrap(True)
-        self._log.setProperty("faint", True)
+        self._log = text_label("", self, faint=True, wrap=True)
         column.addWidget(self._log)
         row = QHBoxLayout()
         self.plan = QPushButton("Plan the deciding shot", self)
         self.plan.setToolTip("Predict every shot this rig can take; find the one that separates the models best")
         self.take = QPushButton(ARM, self)
         self.take.setToolTip(ARM_TIP)
-        self.give_up = QPushButton("Give up", self)
-        self.give_up.setToolTip("Stop waiting for the planned shot")
+        self.give_up = push_button("Give up", "Stop waiting for the planned shot", self)
         for button in (self.plan, self.take, self.give_up):
             row.addWidget(button)
         row.addStretch(1)

@@ -1,10 +1,11 @@
 """What to do where a residual is unexplained: try a candidate, propose a law, take another shot."""
 
 from PySide6.QtCore import Signal, Slot
-from PySide6.QtWidgets import QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QPushButton, QVBoxLayout, QWidget
 
 from analysis.diagnosis.result import Diagnosis, Verdict
 from app.window.flow_layout import FlowLayout, clear_layout
+from app.window.widgets import text_label
 from app.words.wording import effect_words, local_words
 
 MOST_TRIED = 3
@@ -27,14 +28,12 @@ class NextSteps(QWidget):
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(2)
-        heading = QLabel("NEXT STEP", self)
-        heading.setProperty("heading", True)
+        heading = text_label("NEXT STEP", self, heading=True)
         column.addWidget(heading)
         row = QWidget(self)
         self._row = FlowLayout(row)
         column.addWidget(row)
-        self._shot = QLabel(self)
-        self._shot.setWordWrap(True)
+        self._shot = text_label("", self, wrap=True)
         column.addWidget(self._shot)
         self.hide()
 

@@ -11,7 +11,6 @@ from PySide6.QtGui import QColor, QGuiApplication, QResizeEvent
 from PySide6.QtWidgets import (
     QFrame,
     QHBoxLayout,
-    QLabel,
     QListWidget,
     QListWidgetItem,
     QPushButton,
@@ -21,6 +20,7 @@ from PySide6.QtWidgets import (
 
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone
+from app.window.widgets import push_button, text_label
 
 KEPT = 20
 LISTED = 200  # messages that the list keeps
@@ -52,17 +52,12 @@ class NoticeLine(QFrame):
         self.history: deque[tuple[datetime, Notice]] = deque(maxlen=LISTED)
         row = QHBoxLayout(self)
         row.setContentsMargins(12, 0, 4, 0)
-        self._words = QLabel(self)
-        self._words.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self._words = text_label("", self, selectable=True)
         self._words.setAccessibleName("Newest message")
         self._words.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)  # a path must not widen it
         self._whole = ""
-        self._do = QPushButton("Do it", self)
-        self._do.setToolTip("Do what the message offers")
-        self._do.clicked.connect(self._done)
-        self._close = QPushButton("Dismiss", self)
-        self._close.setToolTip("Dismiss this message")
-        self._close.clicked.connect(self.next)
+        self._do = push_button("Do it", "Do what the message offers", self, self._done)
+        self._close = push_button("Dismiss", "Dismiss this message", self, self.next)
         self._list = QPushButton("All …", self)
         self._list.setAccessibleName("All messages")
         self._list.setToolTip("All messages of this run, with their times  (F6)")
@@ -178,9 +173,7 @@ class NoticeList(SideSheet):
         self.list.setSelectionMode(QListWidget.SelectionMode.ExtendedSelection)
         self.list.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         column.addWidget(self.list, 1)
-        self.copy = QPushButton("Copy", self)
-        self.copy.setToolTip("Copy the selected messages, or all")
-        self.copy.clicked.connect(self._copy)
+        self.copy = push_button("Copy", "Copy the selected messages, or all", self, self._copy)
         column.addWidget(self.copy)
         notices.changed.connect(self._refresh)
 

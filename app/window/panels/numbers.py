@@ -10,7 +10,6 @@ from PySide6.QtWidgets import (
     QGridLayout,
     QHBoxLayout,
     QLabel,
-    QPushButton,
     QScrollArea,
     QSizePolicy,
     QToolButton,
@@ -25,6 +24,7 @@ from analysis.uncertainty.budget import combined_of, stated
 from analysis.uncertainty.numbers import Group, ResultNumber, shown_numbers
 from app.window.theme import MARKS, Colours, Tone, sized
 from app.window.tones import flag_line, flag_tone
+from app.window.widgets import push_button, text_label
 from app.words.flag_words import by_weight, flag_words
 from app.words.wording import (
     COMBINED,
@@ -91,9 +91,7 @@ class NumbersPanel(QScrollArea):
         self.title.setFont(sized(self.font(), 1.25, bold=True))
         self.title.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         top = QHBoxLayout()
-        self.budget = QPushButton("Budget", inner)
-        self.budget.setToolTip("Where each ± comes from, source by source  (B)")
-        self.budget.clicked.connect(self.budget_wanted)
+        self.budget = push_button("Budget", "Where each ± comes from, source by source  (B)", inner, self.budget_wanted)
         top.addWidget(self.title, 1)
         top.addWidget(self.budget)
         column.addLayout(top)
@@ -106,13 +104,10 @@ class NumbersPanel(QScrollArea):
         grid.setColumnStretch(1, 1)
         column.addLayout(grid)
         self._add_groups(grid, inner)
-        self.effects = QLabel("", inner)  # parameters of the effects in the model
-        self.effects.setWordWrap(True)
+        self.effects = text_label("", inner, wrap=True)  # parameters of the effects in the model
         self.effects.setToolTip(NOISE_ONLY)
         self.effects.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.flags = QLabel("", inner)
-        self.flags.setWordWrap(True)
-        self.flags.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.flags = text_label("", inner, selectable=True, wrap=True)
         column.addWidget(self.noise_only)  # below: the numbers themselves need the height
         column.addWidget(self.effects)
         column.addWidget(self.flags)
@@ -129,8 +124,7 @@ class NumbersPanel(QScrollArea):
         """Add all numbers below their groups' headings."""
         line = 0
         for heading, numbers in ((group, shown_numbers(group)) for group in Group if group is not Group.ANALYSIS):
-            label = QLabel(heading.value, inner)
-            label.setProperty("heading", True)
+            label = text_label(heading.value, inner, heading=True)
             grid.addWidget(label, line, 0, 1, 3)
             self._groups[heading] = [label]
             label.setMinimumHeight(int(1.15 * self.fontMetrics().height()) if line else 0)  # none where it is hidden
@@ -156,8 +150,7 @@ class NumbersPanel(QScrollArea):
     def _add_row(self, grid: QGridLayout, line: int, row: ResultNumber, inner: QWidget) -> list[QWidget]:
         name = QLabel(row.name, inner)
         value = QLabel("–", inner)
-        unit = QLabel(row.shown_unit, inner)
-        unit.setProperty("faint", True)
+        unit = text_label(row.shown_unit, inner, faint=True)
         value.setFont(sized(self.font(), 1.4 if row.headline else 1.06, bold=True))
         name.setMinimumWidth(name.fontMetrics().horizontalAdvance("kinetic, flights") + 16)  # with room for a mark
         value.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
@@ -174,8 +167,7 @@ class NumbersPanel(QScrollArea):
 
     def _add_fold(self, grid: QGridLayout, line: int, inner: QWidget) -> list[QWidget]:
         """Add the remark which kinetic COR is the paper's, and the button that unfolds the others."""
-        note = QLabel(f"the paper's ({local(f'{PAPERS_VALUE:.4f}')} there)", inner)
-        note.setProperty("faint", True)
+        note = text_label(f"the paper's ({local(f'{PAPERS_VALUE:.4f}')} there)", inner, faint=True)
         note.setToolTip("The paper times T1 and T2 between peaks of the force; PAPER (Ctrl+7) has all its numbers")
         self.others = QToolButton(inner)
         self.others.setProperty("fold", True)
@@ -191,9 +183,7 @@ class NumbersPanel(QScrollArea):
 
     def _add_sentence(self, grid: QGridLayout, line: int, row: ResultNumber, inner: QWidget) -> QWidget:
         """Add the sentence below a folded number."""
-        sentence = QLabel(row.folded, inner)
-        sentence.setProperty("faint", True)
-        sentence.setWordWrap(True)
+        sentence = text_label(row.folded, inner, faint=True, wrap=True)
         grid.addWidget(sentence, line, 0, 1, 3)
         self._foldable += [*self._widgets[row.name], sentence]
         return sentence

@@ -1,12 +1,13 @@
 """PAPER: the paper's numbers compared with this program's; a line unfolds into the cause of a difference."""
 
-from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from analysis.paper.paper import Reproduction, Status
 from analysis.shot.quantity import Quantity
 from app.report.paper_rows import SECTIONS, cells, readable_unit
 from app.window.panels.tree_table import Line, TreeTable
 from app.window.theme import Colours, Tone
+from app.window.widgets import text_label
 from app.words.wording import concise_text, local
 
 COLUMNS = ("number", "paper", "as printed", "simulated", "recomputed", "recording", "difference")
@@ -23,8 +24,7 @@ class PaperPanel(QWidget):
         self._result: Reproduction | None = None
         column = QVBoxLayout(self)
         column.setContentsMargins(6, 6, 6, 6)
-        self._say = QLabel(self)
-        self._say.setWordWrap(True)
+        self._say = text_label("", self, wrap=True)
         self.table = TreeTable("The paper, reproduced and audited", COLUMNS, (1, 2, 3, 4, 5), self)
         self.table.header().moveSection(COLUMNS.index("difference"), 1)  # visible also where the page is narrow
         column.addWidget(self._say)
@@ -48,10 +48,10 @@ class PaperPanel(QWidget):
         """Show the comparison, a line per section."""
         self._result = result
         count = {status: sum(row.status is status for row in result.rows) for status in Status}
-        beside = f" Recording: {result.recording}." if result.recording else ""
+        recording = f" Recording: {result.recording}." if result.recording else ""
         self._say.setText(
             f"{result.authors}: {result.title}. {count[Status.AGREES]} numbers agree as printed, "
-            f"{count[Status.TRACED]} were traced, {count[Status.OPEN]} remain open.{beside}"
+            f"{count[Status.TRACED]} were traced, {count[Status.OPEN]} remain open.{recording}"
         )
         lines = []
         for section, words in SECTIONS.items():

@@ -17,6 +17,7 @@ from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.cursors import SECONDS
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
+from app.window.widgets import text_label
 from app.words.physics_words import prefix_for
 from app.words.wording import number, repeatability_words, short_name
 from levimass.analysis_settings import is_drive
@@ -31,9 +32,7 @@ class Residuals(QWidget):
         super().__init__(parent)
         column = QVBoxLayout(self)
         column.setContentsMargins(6, 0, 0, 0)
-        self._heading = QLabel("RESIDUAL OF DISPLACEMENT", self)
-        self._heading.setProperty("heading", True)
-        self._heading.setWordWrap(True)
+        self._heading = text_label("RESIDUAL OF DISPLACEMENT", self, heading=True, wrap=True)
         column.addWidget(self._heading)
         self.stack = TimeStack("Residual before and after", colours, self)
         self._plots = [self.stack.add_plot(name, "nm", 1) for name in ("before", "after")]

@@ -19,7 +19,6 @@ from PySide6.QtWidgets import (
     QFrame,
     QHBoxLayout,
     QHeaderView,
-    QLabel,
     QLineEdit,
     QMenu,
     QPushButton,
@@ -33,6 +32,7 @@ from PySide6.QtWidgets import (
 from app.session.session import Entry, Session
 from app.window.panels.session_model import FLAGS, NOTE, VERDICT, SessionModel
 from app.window.panels.session_order import GROUPS, Order
+from app.window.widgets import push_button, text_label
 
 
 class _FromTheLeft(QStyledItemDelegate):
@@ -62,8 +62,7 @@ class SessionTable(QFrame):
         column.setContentsMargins(6, 2, 6, 2)
         column.setSpacing(2)
         bar = QHBoxLayout()
-        self._count = QLabel("SHOTS", self)
-        self._count.setProperty("heading", True)
+        self._count = text_label("SHOTS", self, heading=True)
         bar.addWidget(self._count)
         bar.addStretch(1)
         self._buttons: list[QPushButton] = []
@@ -151,8 +150,7 @@ class SessionTable(QFrame):
             self.group.addItem(f"by {words}", name)
         self.group.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         self.group.setMinimumContentsLength(8)
-        self.columns = QPushButton("Columns …", self)
-        self.columns.setToolTip("Choose which columns are shown  (Ctrl+Shift+F)")
+        self.columns = push_button("Columns …", "Choose which columns are shown  (Ctrl+Shift+F)", self)
         self.filter.textChanged.connect(self._arrange)
         self.filter.returnPressed.connect(self._leave_filter)
         self.group.currentIndexChanged.connect(self._arrange)
@@ -285,7 +283,7 @@ class SessionTable(QFrame):
         return "".join("\t".join(" ".join(cell.split()) for cell in line) + "\n" for line in lines)
 
     def edit_note(self) -> None:
-        """Start editing the note of the shot in front."""
+        """Edit the note of the last selected shot."""
         rows = self.table.selectionModel().selectedRows()
         if rows:
             self.table.edit(self.model.index(rows[-1].row(), NOTE))

@@ -16,9 +16,10 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.window.file_question import Want, ask
+from app.window.file_dialog import Want, ask
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone
+from app.window.widgets import push_button, text_label
 from app.words.wording import local, typed_number, typed_numbers
 from levimass.setting import Setting, Value
 
@@ -45,14 +46,12 @@ class SettingsSheet(SideSheet):
         self._scroll.setWidgetResizable(True)
         self._scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         column.addWidget(self._scroll, 1)
-        self._problem = QLabel(self)
-        self._problem.setWordWrap(True)
+        self._problem = text_label("", self, wrap=True)
         self._problem.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
         column.addWidget(self._problem)
-        self._apply = QPushButton("Apply", self)
-        self._apply.setProperty("primary", True)
-        self._apply.setToolTip("Use these from the next shot on  (Enter in a field)")
-        self._apply.clicked.connect(self.apply)
+        self._apply = push_button(
+            "Apply", "Use these from the next shot on  (Enter in a field)", self, self.apply, primary=True
+        )
         column.addWidget(self._apply)
 
     def offer(self, fields: tuple[Setting, ...]) -> None:
@@ -67,8 +66,7 @@ class SettingsSheet(SideSheet):
         for field in fields:
             if field.group != group:
                 group = field.group
-                heading = QLabel(group.upper(), inner)
-                heading.setProperty("heading", True)
+                heading = text_label(group.upper(), inner, heading=True)
                 form.addRow(heading)
             editor = self._editor(field, inner)
             editor.setToolTip(field.hover)

@@ -9,6 +9,7 @@ from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QLineEdit, QPush
 from app.window.flow_layout import clear_layout
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone, sized
+from app.window.widgets import push_button, text_label
 from app.words.wording import local_words
 from instrument.devices.doctor import Check, Grade
 from instrument.devices.found_devices import FoundDevice
@@ -41,14 +42,11 @@ class SetupSheet(SideSheet):
 
     def _add_sources(self, column: QVBoxLayout) -> None:
         row = QHBoxLayout()
-        row.addWidget(self._heading("1   CHOOSE THE SOURCE"), 1)
-        self.look = QPushButton("Look again", self)
-        self.look.setToolTip("Search again for devices")
-        self.look.clicked.connect(self.look_wanted)
+        row.addWidget(text_label("1   CHOOSE THE SOURCE", self, heading=True), 1)
+        self.look = push_button("Look again", "Search again for devices", self, self.look_wanted)
         row.addWidget(self.look)
         column.addLayout(row)
-        self._found = QLabel(self)
-        self._found.setWordWrap(True)
+        self._found = text_label("", self, wrap=True)
         column.addWidget(self._found)
         self._devices = QGridLayout()
         self._devices.setColumnStretch(0, 1)
@@ -67,8 +65,7 @@ class SetupSheet(SideSheet):
         row.addWidget(self.address, 1)
         row.addWidget(self.use_address)
         column.addLayout(row)
-        self._refusal = QLabel(self)
-        self._refusal.setWordWrap(True)
+        self._refusal = text_label("", self, wrap=True)
         self._refusal.hide()
         column.addWidget(self._refusal)
 
@@ -77,26 +74,21 @@ class SetupSheet(SideSheet):
         permission = QVBoxLayout(self._permission)
         permission.setContentsMargins(0, 8, 0, 0)
         row = QHBoxLayout()
-        row.addWidget(self._heading("PERMISSION TO USE IT"), 1)
-        copy = QPushButton("Copy", self)
-        copy.setToolTip("Copy these lines for a terminal")
-        copy.clicked.connect(self._copy)
+        row.addWidget(text_label("PERMISSION TO USE IT", self, heading=True), 1)
+        copy = push_button("Copy", "Copy these lines for a terminal", self, self._copy)
         row.addWidget(copy)
         permission.addLayout(row)
-        self._remedy = QLabel(self)
-        self._remedy.setWordWrap(True)
-        self._remedy.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self._remedy = text_label("", self, selectable=True, wrap=True)
         permission.addWidget(self._remedy)
         self._permission.hide()
         column.addWidget(self._permission)
 
     def _add_checks(self, column: QVBoxLayout) -> None:
         column.addSpacing(10)
-        column.addWidget(self._heading("2   CHECK THE SIGNALS, THE BLOCK AT REST"))
+        column.addWidget(text_label("2   CHECK THE SIGNALS, THE BLOCK AT REST", self, heading=True))
         self._lines: list[QLabel] = []
         for _ in range(MOST_CHECKS):
-            line = QLabel(self)
-            line.setWordWrap(True)
+            line = text_label("", self, wrap=True)
             line.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
             line.setAlignment(Qt.AlignmentFlag.AlignTop)
             line.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
@@ -104,21 +96,14 @@ class SetupSheet(SideSheet):
             self._lines.append(line)
             column.addWidget(line)
         column.addSpacing(10)
-        column.addWidget(self._heading("3   ARM"))
-        self._verdict = QLabel(self)
-        self._verdict.setWordWrap(True)
+        column.addWidget(text_label("3   ARM", self, heading=True))
+        self._verdict = text_label("", self, wrap=True)
         self._verdict.setFont(sized(self.font(), 1.15, bold=True))
         column.addWidget(self._verdict)
-        self.arm = QPushButton("ARM", self)
-        self.arm.setProperty("primary", True)
-        self.arm.setToolTip("Close the set-up and wait for the light switch  (space)")
-        self.arm.clicked.connect(self.arm_wanted)
+        self.arm = push_button(
+            "ARM", "Close the set-up and wait for the light switch  (space)", self, self.arm_wanted, primary=True
+        )
         column.addWidget(self.arm)
-
-    def _heading(self, words: str) -> QLabel:
-        label = QLabel(words, self)
-        label.setProperty("heading", True)
-        return label
 
     # devices ----------------------------------------------------------------------------------------------------
 
@@ -148,8 +133,7 @@ class SetupSheet(SideSheet):
         words = f"<b>{name}</b><br>{where}"
         if problem:
             words += f"<br><span style='color:{self._colours.signs[Tone.BAD]}'>{MARKS[Tone.BAD]} {problem}</span>"
-        label = QLabel(words, self)
-        label.setWordWrap(True)
+        label = text_label(words, self, wrap=True)
         button = QPushButton("In use" if source == present else "Use", self)
         button.setEnabled(source != present)
         button.setAccessibleName(f"Use {name}")

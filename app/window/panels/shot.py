@@ -328,7 +328,7 @@ class ShotPanel(QWidget):
 
     @Slot()
     def open_menu(self) -> None:
-        """Open the menu of the plot in front."""
+        """Open the menu of the plot shown."""
         plot = self.plot_in_front()
         if plot is not None:
             plot.open_menu()

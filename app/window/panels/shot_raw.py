@@ -11,9 +11,8 @@ from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.pyramid import Pyramid
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
+from app.words.physics_words import CHANNEL_NAMES
 from app.words.wording import number
-
-NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "light switch"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +26,7 @@ class RawCurves:
 def curves_of(recording: Recording) -> RawCurves:
     """Return the curves of a recording; cost: two passes over its samples, 0.1 s for 5 M of them and three channels."""
     volts = {}
-    for role in NAMES:
+    for role in CHANNEL_NAMES:
         index = recording.column(role)
         if index is not None:
             channel = recording.channels[index]
@@ -52,7 +51,7 @@ class RawView:
 
     def __init__(self, colours: Colours, parent: QWidget) -> None:
         self.stack = TimeStack("Raw signals", colours, parent)
-        self._plots = {role: self.stack.add_plot(name, "V", 2) for role, name in NAMES.items()}
+        self._plots = {role: self.stack.add_plot(name, "V", 2) for role, name in CHANNEL_NAMES.items()}
         self._curves = {role: plot.add_curve("samples", thin(colours.measured)) for role, plot in self._plots.items()}
         self._recording: Recording | None = None
         self._zero = 0.0
@@ -86,7 +85,7 @@ class RawView:
             pyramid = curves.volts.get(role)
             self._plots[role].setVisible(pyramid is not None)
             if pyramid is not None:
-                self.stack.notes.describe(self._plots[role], NoteAxes(NAMES[role], self._zero, 1e3))
+                self.stack.notes.describe(self._plots[role], NoteAxes(CHANNEL_NAMES[role], self._zero, 1e3))
                 curve.show_samples(-1e3 * self._zero, 1e3 / curves.recording.sample_rate_hz, pyramid)
         level = trigger_level_v(curves.recording)
         self._plots[Role.SWITCH].show_levels({} if level is None else {f"trigger, {number(level, 3)} V": level})

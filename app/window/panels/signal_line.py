@@ -7,6 +7,7 @@ from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QSizePolicy, QWidget
 
 from app.window.theme import MARKS, Colours, Tone
+from app.window.widgets import text_label
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +54,7 @@ class SignalLine(QFrame):
                 row.addWidget(widget)
             row.addSpacing(4)
             self._marks[name], self._values[name] = mark, value
-        self._folder = QLabel(self)
-        self._folder.setProperty("faint", True)
+        self._folder = text_label("", self, faint=True)
         self._folder.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self._folder.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         row.addWidget(self._folder, 1)

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QLabel, QSplitter, QVBoxLayout, QWidget
 from analysis.shot.recording import Role
 from analysis.shot.shot import Shot
 from app.report.shot_figures import time_zero
-from app.session.spectra import NAMES, Spectra
+from app.session.spectra import BEATS, Spectra
 from app.window.pens import thin, under
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.cursors import TIME, CursorAxis
@@ -17,6 +17,7 @@ from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.theme import Colours
+from app.words.physics_words import CHANNEL_NAMES
 
 FREQUENCY = CursorAxis("MHz", "MHz")
 
@@ -41,7 +42,7 @@ class SpectrumPanel(QWidget):
         self._image = PlainPlot(
             "Spectrogram of PD1", ("frequency of PD1", "MHz"), "time from first touch (ms)", TIME, split, False
         )
-        self._curves = {role: self._spectrum.add_curve(NAMES[role]) for role in (Role.REFERENCE, Role.MEASUREMENT)}
+        self._curves = {role: self._spectrum.add_curve(CHANNEL_NAMES[role]) for role in BEATS}
         self._picture = pg.ImageItem()
         self._picture.setColorMap(pg.colormap.get("viridis"))
         self._image.plot.addItem(self._picture)
@@ -87,7 +88,7 @@ class SpectrumPanel(QWidget):
         low, high = 1e-6 * spectra.image_span_hz[0], 1e-6 * spectra.image_span_hz[1]
         left, right = 1e3 * spectra.image_span_s[0], 1e3 * spectra.image_span_s[1]
         self._spectrum.show_range((low, high), spectra.power_span_db)
-        named = {f"{NAMES[role]} (dB above 1 V²/Hz)": power for role, power in spectra.power_db.items()}
+        named = {f"{CHANNEL_NAMES[role]} (dB above 1 V²/Hz)": power for role, power in spectra.power_db.items()}
         self._spectrum.columns = {"frequency (MHz)": 1e-6 * spectra.frequency_hz, **named}
         if shot is not None:
             self._spectrum.notes.describe(self._spectrum.plot, NoteAxes("spectrum", 0.0, 1e-6))

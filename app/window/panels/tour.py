@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 from PySide6.QtCore import QPoint, QRect, Qt, Signal, Slot
 from PySide6.QtGui import QHideEvent
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from app.window.theme import Colours, sized
+from app.window.widgets import push_button, text_label
 
 GAP = 10
 
@@ -40,16 +41,13 @@ class Tour(QFrame):
         column.setContentsMargins(16, 12, 16, 12)
         self._title = QLabel(self)
         self._title.setFont(sized(self.font(), 1.2, bold=True))
-        self._words = QLabel(self)
-        self._words.setWordWrap(True)
+        self._words = text_label("", self, wrap=True)
         column.addWidget(self._title)
         column.addWidget(self._words)
         row = QHBoxLayout()
         self._count = QLabel(self)
-        self._skip = QPushButton("Skip the tour", self)
-        self._skip.setToolTip("Do not show it again  (Esc); F4 brings it back")
-        self.onward = QPushButton("Next", self)
-        self.onward.setToolTip("Next callout  (Enter)")
+        self._skip = push_button("Skip the tour", "Do not show it again  (Esc); F4 brings it back", self)
+        self.onward = push_button("Next", "Next callout  (Enter)", self)
         row.addWidget(self._count, 1)
         row.addWidget(self._skip)
         row.addWidget(self.onward)

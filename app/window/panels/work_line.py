@@ -8,6 +8,7 @@ from PySide6.QtWidgets import QHBoxLayout, QProgressBar, QPushButton, QWidget
 from app.session.jobs import Job, Jobs
 from app.window.panels.notice import NoticeLine
 from app.window.theme import Colours
+from app.window.widgets import push_button
 
 
 def _remaining(job: Job) -> str:
@@ -37,20 +38,17 @@ class WorkLine(QWidget):
             self.fontMetrics().horizontalAdvance("M first start: compiling the simulated bench (+12)")
         )
         self.progress.setAccessibleName("Work under way")
-        self._cancel = QPushButton("Cancel", self)
-        self._cancel.setToolTip("Cancel all background work")
+        self._cancel = push_button("Cancel", "Cancel all background work", self)
         policy = self._cancel.sizePolicy()
         policy.setRetainSizeWhenHidden(True)
         self._cancel.setSizePolicy(policy)
         for widget in (self.progress, self._cancel):  # without work the messages use their room
             widget.hide()
-        settings = QPushButton("Settings", self)
-        settings.setToolTip("Mass, air, wavelength, bandwidth, trigger, folders  (F2)")
+        settings = push_button("Settings", "Mass, air, wavelength, bandwidth, trigger, folders  (F2)", self)
         setup = QPushButton("Set-up", self)
         setup.setToolTip("Find devices, permission, check the signals before arming  (F3)")
         setup.clicked.connect(self.setup_wanted)
-        keys = QPushButton("Keys", self)
-        keys.setToolTip("All keys on one sheet  (F1)")
+        keys = push_button("Keys", "All keys on one sheet  (F1)", self)
         row.addWidget(self.notices, 1)
         row.addWidget(self.progress, 1)
         for widget in (self._cancel, setup, settings, keys):

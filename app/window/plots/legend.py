@@ -4,10 +4,11 @@ from collections.abc import Iterator, Sequence
 
 from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QColor, QFont, QFontMetrics, QPainter, QPaintEvent, QPen
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QWidget
 
 from app.window.flow_layout import FlowLayout, clear_layout
 from app.window.pens import density
+from app.window.widgets import text_label
 
 Look = QPen | tuple[str, str]
 
@@ -103,8 +104,7 @@ class Legend(QWidget):
             pair.setContentsMargins(0, 0, 2 * _GAP, 0)
             pair.setSpacing(_GAP)
             pair.addWidget(LineSample(look, entry), 0, Qt.AlignmentFlag.AlignVCenter)
-            label = QLabel(name, entry)
-            label.setProperty("faint", True)
+            label = text_label(name, entry, faint=True)
             pair.addWidget(label)
             self._row.addWidget(entry)
             entry.show()

@@ -135,15 +135,15 @@ class PlotView(pg.GraphicsLayoutWidget):
         """Move and zoom with arrows; with Shift move cursor A, with Ctrl cursor B; Home resets."""
         left, right = self.span
         width = right - left
-        key, held = event.key(), event.modifiers()
-        if held & Qt.KeyboardModifier.AltModifier:  # Alt+arrows are commands of the window
+        key, modifiers = event.key(), event.modifiers()
+        if modifiers & Qt.KeyboardModifier.AltModifier:  # Alt+arrows are commands of the window
             event.ignore()
             return
         side = int(key == Qt.Key.Key_Right) - int(key == Qt.Key.Key_Left)
-        if side and held & (Qt.KeyboardModifier.ShiftModifier | Qt.KeyboardModifier.ControlModifier):
+        if side and modifiers & (Qt.KeyboardModifier.ShiftModifier | Qt.KeyboardModifier.ControlModifier):
             if not self.cursors.shown:
                 self.show_cursors(True)
-            self.cursors.step("A" if held & Qt.KeyboardModifier.ShiftModifier else "B", side * NUDGE * width)
+            self.cursors.step("A" if modifiers & Qt.KeyboardModifier.ShiftModifier else "B", side * NUDGE * width)
         elif side:
             self.show_span(left + side * PAN * width, right + side * PAN * width)
             self.note_view()

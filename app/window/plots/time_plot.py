@@ -42,8 +42,8 @@ class QuietView(pg.ViewBox):
 
     def wheelEvent(self, event: object, axis: int | None = None) -> None:
         """Zoom time with the wheel; with Ctrl, or over the left axis, zoom the value."""
-        held = event.modifiers() & Qt.KeyboardModifier.ControlModifier  # type: ignore[attr-defined]
-        chosen = 1 if (axis == 1 or held) else 0
+        by_control = event.modifiers() & Qt.KeyboardModifier.ControlModifier  # type: ignore[attr-defined]
+        chosen = 1 if (axis == 1 or by_control) else 0
         if chosen == 1:
             self.y_taken.emit(True)
         super().wheelEvent(event, axis=chosen)
@@ -54,8 +54,8 @@ class QuietView(pg.ViewBox):
         if axis is None and event.modifiers() & Qt.KeyboardModifier.ShiftModifier:  # type: ignore[attr-defined]
             self._draw_box(event)
             return
-        held = event.modifiers() & Qt.KeyboardModifier.ControlModifier  # type: ignore[attr-defined]
-        chosen = 1 if (axis == 1 or held) else 0
+        by_control = event.modifiers() & Qt.KeyboardModifier.ControlModifier  # type: ignore[attr-defined]
+        chosen = 1 if (axis == 1 or by_control) else 0
         if chosen == 1:
             self.y_taken.emit(True)
         super().mouseDragEvent(event, axis=chosen)

@@ -11,7 +11,7 @@ from app.session.choices import Choices
 from app.session.model_in_use import drift_words
 from app.session.session import Entry
 from app.session.workbench import Workbench
-from app.window.file_question import Want, ask
+from app.window.file_dialog import Want, ask
 from app.window.layout import Layout
 from app.window.theme import Tone
 
@@ -78,13 +78,13 @@ class ModelPresenter(QObject):
         ask(self._panels, "Open a model", Want.FILE, self._load_asked, self._folder, KINDS)
 
     @Slot()
-    def foretell(self) -> None:
+    def test_model(self) -> None:
         """Ask for a model file and test its predictions on the selected shots, or on all."""
-        ask(self._panels, "Test a model's predictions", Want.FILE, self._foretell_asked, self._folder, KINDS)
+        ask(self._panels, "Test a model's predictions", Want.FILE, self._test_asked, self._folder, KINDS)
 
-    def _foretell_asked(self, paths: list[Path]) -> None:
+    def _test_asked(self, paths: list[Path]) -> None:
         self._chosen = paths[0].parent
-        self._workbench.exports.foretell(self._panels.table.numbers, paths[0])
+        self._workbench.exports.test_model(self._panels.table.numbers, paths[0])
 
     def _load_asked(self, paths: list[Path]) -> None:
         self._chosen = paths[0].parent

@@ -11,7 +11,7 @@ from app.session.rig import Rig
 from app.session.session import Entry
 from app.session.settings import FIELDS
 from app.window import state_words
-from app.window.file_question import Want, ask
+from app.window.file_dialog import Want, ask
 from app.window.layout import Layout
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import Tone

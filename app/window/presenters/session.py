@@ -12,7 +12,7 @@ from app.session.channel_looks import is_swapped
 from app.session.choices import Choices
 from app.session.event import Event, EventKind
 from app.session.workbench import Workbench
-from app.window.file_question import Want, ask
+from app.window.file_dialog import Want, ask
 from app.window.layout import Layout
 from app.window.presenters.rig import RECORDINGS
 from app.window.presenters.selection import SelectionPresenter

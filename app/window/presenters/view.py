@@ -6,7 +6,7 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Signal, Slot
 from PySide6.QtGui import QGuiApplication
 
-from app.window.file_question import Want, ask
+from app.window.file_dialog import Want, ask
 from app.window.layout import Layout
 from app.window.plots import save
 from app.window.plots.plain_plot import PlainPlot

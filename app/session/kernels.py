@@ -34,8 +34,8 @@ class Kernels:
     def work(self, report: Progress, cancelled: Stop) -> None:
         """Make the kernels ready, as a job.  Where a process fails its kernels are compiled when they are needed."""
         try:
-            with ThreadPoolExecutor(1, "levimass kernels") as beside:
-                loading = beside.submit(self._load, cancelled)
+            with ThreadPoolExecutor(1, "levimass kernels") as executor:
+                loading = executor.submit(self._load, cancelled)
                 if complete(Stage.FIT):
                     self._reached(Stage.FIT)
                 if not complete():
@@ -63,7 +63,7 @@ class Kernels:
             if not complete(Stage.READINGS):
                 self._analyst.await_ready(cancelled)
                 mark_complete(Stage.READINGS)
-            from instrument.live.live_thread import warm  # brings the numerics: only now, beside the screen
+            from instrument.live.live_thread import warm  # slow to import
 
             warm()
         self._ready[Stage.READINGS].set()

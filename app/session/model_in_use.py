@@ -15,7 +15,7 @@ from analysis.shot.plates_of_set import why_not_together
 from analysis.shot.shot import AnalysisError, Shot, Stop
 from app.report.session_section import shared_stds
 from app.session.verdict_of import ModelEffects
-from app.words.wording import effect_words, local, model_in_words, parameter_parts
+from app.words.physics_words import effect_words, model_in_words, parameter_parts
 from instrument.files.atomic_file import write_text_atomic
 from instrument.files.law_file import read_laws, write_law
 from instrument.files.recording_error import RecordingError
@@ -82,6 +82,8 @@ def model_words(model: SavedModel) -> str:
 
 def drift_words(known: SavedModel, fit: Fit) -> str:
     """Return the parameters of a fit that differ significantly from the file's, largest first; "" for none."""
+    from app.words.wording import local  # needs Qt, which the commands without a screen do without
+
     if fit.model != known.base or not fit.converged:
         return ""
     far = {name: deviation for name, deviation in drift(known, fit).items() if abs(deviation) > DRIFT_SIGMAS}

@@ -20,7 +20,20 @@ def test_light_and_floors_are_what_was_put_in(snr_db: float) -> None:
     assert quality.times_bound == pytest.approx(1.0, abs=0.1)
     scatter = np.std(motion.velocity_m_per_s[40:-40])
     assert quality.velocity_floor_m_per_s == pytest.approx(scatter, rel=0.15)
+    straight = np.polyval(np.polyfit(motion.time_s, motion.displacement_m, 1), motion.time_s)
+    assert quality.displacement_floor_m == pytest.approx(np.std(motion.displacement_m - straight), rel=0.15)
+    assert quality.force_floor_n == pytest.approx(np.std(motion.force_n[40:-40]), rel=0.15)
+    assert quality.displacement_floor_m / quality.displacement_bound_m == pytest.approx(1.0, abs=0.1)
+    assert quality.force_floor_n / quality.force_bound_n == pytest.approx(1.0, abs=0.1)
     assert quality.flags == ()
+
+
+def test_a_reference_taken_off_sample_by_sample_brings_its_noise_along() -> None:
+    recording = make_recording(free_flight(-0.2), 300_000, snr_db=25.0)
+    motion = demodulate(recording, AnalysisSettings(rest="instantaneous"))
+    both, alone = (assess(motion, recording.sample_rate_hz, instantaneous=at_once) for at_once in (True, False))
+    assert both.velocity_bound_m_per_s == pytest.approx(np.sqrt(2.0) * alone.velocity_bound_m_per_s, rel=0.05)
+    assert both.times_bound == pytest.approx(1.0, abs=0.1)
 
 
 def test_flags_are_put_in_words() -> None:

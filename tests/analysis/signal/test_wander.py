@@ -1,4 +1,4 @@
-"""The random walk of the optical path, read from flight: its strength, nothing where there is none, nothing of a push."""
+"""The random walk of the optical path, read from flight: its strength, and nothing of noise or of a push."""
 
 import numpy as np
 import pytest

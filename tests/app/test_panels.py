@@ -309,6 +309,31 @@ def test_compare_overlays_and_shows_the_trend_against_speed(qtbot):
     assert panel.trend.points == []
 
 
+def test_the_last_eight_are_overlaid_from_their_touch_on_and_bars_reach_one_std_up_and_down(qtbot):
+    session = Session()
+    for index in range(1, 11):
+        shot = synthetic.shot(f"shot-{index}", 0.2 + 0.01 * index, index)
+        later = replace(shot.motion, time_s=shot.motion.time_s + 0.3 * index)
+        touch = shot.impact.touch_time_s
+        impact = replace(shot.impact, touch_time_s=replace(touch, value=touch.value + 0.3 * index))
+        session.add(replace(shot, motion=later, impact=impact))
+    panel = ComparePanel(LIGHT)
+    qtbot.addWidget(panel)
+    panel.show()
+    panel.show_entries(list(session.entries))
+    assert [curve.label.split()[0] for curve in panel._velocity_curves] == [str(n) for n in range(3, 11)]
+    assert len(panel.trend.points) == 10 and "the last 8 of 10" in panel._say.text()
+    for curve in (*panel._velocity_curves, *panel._force_curves):
+        assert curve.grid[0] == pytest.approx(panel._velocity_curves[0].grid[0], abs=0.02)  # ms
+        assert curve.grid[0] < 0.0 < curve.grid[0] + curve.grid[1] * len(curve.samples)
+    panel.choose_trend("force_peak_n")
+    stds = [entry.shot.impact.force_peak_n.std for entry in session.entries]
+    assert list(panel.trend._bars.opts["height"]) == pytest.approx([2.0 * std for std in stds])
+    values = np.array([y for _, y in panel.trend.points])
+    said = panel.repeatability.split("spread ")[1].split()[0].replace(",", ".")
+    assert float(said) == pytest.approx(float(np.std(values, ddof=1)), rel=0.01)
+
+
 def test_the_diagnosis_says_the_verdict_first_and_offers_to_add_the_effect(qtbot, shot):
     panel = DiagnosisPanel(LIGHT)
     qtbot.addWidget(panel)

@@ -33,6 +33,25 @@ def test_a_rest_of_seconds_shows_the_floor_and_a_push_leaves_the_last_one_standi
     assert watch.floor is not before and watch.floor.seconds < 2.0
 
 
+def test_rest_begins_after_the_last_push_of_a_block_of_samples():
+    still = 1e-6 * np.random.default_rng(2).standard_normal(round(0.8 * RATE))
+    twice = np.concatenate((still, np.full(400, 0.2), still[:4000], np.full(400, 0.2), still))
+    watch = _fed(RestWatch(RATE, PlannedShot()), twice, blocks=(twice.size,))
+    assert watch.floor is None  # 0.8 s since the second push are too short
+    _fed(watch, still, blocks=(still.size,))
+    assert watch.floor.seconds == pytest.approx(1.6, abs=1e-3)
+
+
+def test_a_floor_is_read_anew_once_a_second_of_stream():
+    still = 1e-6 * np.random.default_rng(3).standard_normal(round(1.5 * RATE))
+    watch = _fed(RestWatch(RATE, PlannedShot()), still, blocks=(still.size,))
+    first = watch.floor
+    _fed(watch, still[: round(0.9 * RATE)], blocks=(1000,))
+    assert watch.floor is first
+    _fed(watch, still[: round(0.2 * RATE)], blocks=(1000,))
+    assert watch.floor is not first and watch.floor.seconds == pytest.approx(2.5, abs=0.11)
+
+
 def test_what_never_rests_has_no_floor():
     assert _fed(RestWatch(RATE, PlannedShot()), np.full(30_000, 0.1)).floor is None
 

@@ -5,7 +5,9 @@ import threading
 import numpy as np
 import pytest
 
-from instrument.live.ring import Overwritten, Ring
+from analysis.shot.recording import Setup
+from instrument.devices.digitizer import CaptureSettings
+from instrument.live.ring import Overwritten, Ring, Stream
 
 
 def numbered(start: int, length: int, channels: int = 2) -> np.ndarray:
@@ -70,3 +72,14 @@ def test_a_reader_never_sees_a_sample_half_replaced() -> None:
     finally:
         done.set()
         writer.join()
+
+
+def test_losses_are_counted_together_and_those_that_left_the_ring_are_forgotten() -> None:
+    ring = Ring(1000, 1)
+    stream = Stream(ring, 0, CaptureSettings(1e6, 500, 10), (), Setup(17.85e-3), "bench")
+    for number in range(1, 101):
+        ring.append(numbered(0, 50, 1))
+        stream.note_loss(ring.total, None if number % 10 == 0 else number)
+    assert stream.losses == 100 and stream.lost == sum(n for n in range(1, 101) if n % 10)
+    assert stream.gaps[-1] == (5000, None) and stream.gaps[-2] == (4950, 99)
+    assert len(stream.gaps) <= 65 and {at for at, _ in stream.gaps} >= set(range(ring.oldest, 5001, 50))

@@ -33,7 +33,21 @@ def test_light_and_noise_are_what_was_put_in(snr_db: float) -> None:
     stated = float(np.nanmedian(motion.velocity_std_m_per_s))
     assert stated / velocity_bound_m_per_s(motion, recording.sample_rate_hz) == pytest.approx(1.0, abs=0.1)
     assert stated == pytest.approx(np.std(motion.velocity_m_per_s[40:-40]), rel=0.15)
+    straight = np.polyval(np.polyfit(motion.time_s, motion.displacement_m, 1), motion.time_s)
+    displacement_m = float(np.nanmedian(motion.displacement_std_m))
+    assert displacement_m == pytest.approx(np.std(motion.displacement_m - straight), rel=0.15)
+    force_n = float(np.nanmedian(motion.force_std_n))
+    assert force_n == pytest.approx(np.std(motion.force_n[40:-40]), rel=0.15)
     assert motion.flags == ()
+
+
+def test_a_reference_taken_off_sample_by_sample_brings_its_noise_along() -> None:
+    recording = make_recording(free_flight(-0.2), 300_000, snr_db=25.0)
+    motion = demodulate(recording, AnalysisSettings(rest="instantaneous"))
+    stated = float(np.nanmedian(motion.velocity_std_m_per_s))
+    of_one = velocity_bound_m_per_s(motion, recording.sample_rate_hz)
+    assert stated / of_one == pytest.approx(np.sqrt(2.0), rel=0.1)
+    assert stated == pytest.approx(np.std(motion.velocity_m_per_s[40:-40]), rel=0.15)
 
 
 def test_a_clipped_beat_is_flagged_and_has_words() -> None:

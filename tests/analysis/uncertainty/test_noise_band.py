@@ -1,10 +1,13 @@
 """The band about a residual is as wide as the noise and vibration in it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from analysis.diagnosis.result import Verdict
 from analysis.shot.disturbance import Shaking
-from analysis.uncertainty.noise_band import band_of, noise_band
+from analysis.uncertainty.noise_band import band_of, diagnosed_band, judged_band, noise_band
 from app.session.load import load_and_analyse
 from instrument.bench.simulate import simulate
 from instrument.bench.site import USUAL_SITE, site_named
@@ -71,3 +74,28 @@ def test_a_path_that_wanders_is_in_the_band_of_the_displacement(tmp_path):
     assert np.sqrt(np.mean(left[seen] ** 2)) > 1.5 * np.nanmedian(calm.motion.displacement_std_m)  # it does wander
     inside = np.abs(left[seen]) < 2.0 * band_of(calm).displacement_m[seen]
     assert inside.mean() > 0.95
+
+
+@pytest.mark.parametrize(
+    ("verdict", "times", "learnt"),
+    [
+        (Verdict.ADEQUATE, 3.0, True),
+        (Verdict.EFFECT_FOUND, 3.0, True),
+        (Verdict.PARTLY_EXPLAINED, 3.0, False),  # what is left over might pass for a path that wanders
+        (Verdict.UNEXPLAINED, 3.0, False),
+        (Verdict.ADEQUATE, 1.05, False),  # no more than the samples' own
+    ],
+)
+def test_the_noise_that_a_diagnosis_learnt_is_drawn_where_it_explained_its_shots(verdict, times, learnt):
+    shot = synthetic.shot()
+    white_m = float(np.nanmedian(shot.motion.displacement_std_m))
+    found = synthetic.diagnosis(shot)
+    found = replace(found, verdict=verdict, fit_after=replace(found.fit_after, noise_std_m=times * white_m))
+    shown, words = diagnosed_band(found, shot)
+    if learnt:
+        assert shown == pytest.approx(times * white_m) and words == "noise as all shots show it"
+    else:
+        assert shown == pytest.approx(band_of(shot).displacement_m, nan_ok=True) and words == "noise and building"
+    band, said = judged_band(shot, found)
+    assert said == words and band.displacement_m == pytest.approx(shown, nan_ok=True)
+    assert band.force_n == pytest.approx(band_of(shot).force_n, nan_ok=True)

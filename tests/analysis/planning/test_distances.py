@@ -1,0 +1,60 @@
+"""How far rivals stay off after shots not yet taken, over sums of squares whose least is known."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from analysis.planning.distances import Distances, Pair, nearest
+from analysis.planning.next_shot import NextShot
+from analysis.planning.predictions import Information
+
+SLOW, FAST = (NextShot(speed, 0.0, 0.012, 0.03) for speed in (0.2, 0.4))
+PAIR: Pair = (0, 1)
+AT_HAND, EACH = 40, 25
+
+
+def _squares(seed: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return what a rival with two parameters leaves of so many samples, and its columns."""
+    random = np.random.default_rng(seed)
+    return random.normal(0.0, 3.0, samples), random.normal(0.0, 1.0, (samples, 2))
+
+
+def _informs(left: np.ndarray, columns: np.ndarray, coincidence: float = 0.0) -> Information:
+    return Information(columns.T @ columns, columns.T @ left, float(left @ left), coincidence)
+
+
+def _least(*parts: tuple[np.ndarray, np.ndarray]) -> float:
+    """Return the least sum of squares over all parts together, solved as one."""
+    left, columns = (np.concatenate(which) for which in zip(*parts, strict=True))
+    return float(np.sum((left - columns @ np.linalg.lstsq(columns, left, rcond=None)[0]) ** 2))
+
+
+@settings(max_examples=20, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**31), own=st.floats(0.0, 30.0), shots=st.lists(st.sampled_from((SLOW, FAST)), max_size=4))
+def test_a_rivals_distance_is_what_all_shots_together_leave_it_beyond_the_members_own(
+    seed: int, own: float, shots: list[NextShot]
+) -> None:
+    known, slow, fast = (_squares(seed + k, size) for k, size in enumerate((AT_HAND, EACH, EACH)))
+    says = {SLOW: {PAIR: _informs(*slow, 2.0)}, FAST: {PAIR: _informs(*fast, 5.0)}}
+    distances = Distances({PAIR: _informs(*known, 1.0)}, says, {0: own, 1: 1e6})
+    taken = [slow if shot is SLOW else fast for shot in shots]
+    coincidence = 1.0 + sum(2.0 if shot is SLOW else 5.0 for shot in shots)
+    expected = math.sqrt(max(0.0, _least(known, *taken) + coincidence - own))
+    assert distances.pair_distances(tuple(shots))[PAIR] == pytest.approx(expected, rel=1e-8)
+    assert distances.penalty(PAIR, tuple(shots)) == pytest.approx(coincidence)
+
+
+def test_no_rival_is_nearer_than_nothing() -> None:
+    known = _squares(1, AT_HAND)
+    distances = Distances({PAIR: _informs(*known)}, {}, {0: _least(known) + 10.0})
+    assert distances.pair_distances(()) == {PAIR: 0.0}
+
+
+@pytest.mark.parametrize("order", [(5.0, 2.0, 9.0), (9.0, 5.0, 2.0), (2.0, 9.0, 5.0)])
+def test_the_nearest_rival_counts_whichever_comes_first(order: tuple[float, ...]) -> None:
+    of_first = {(0, rival): value for rival, value in enumerate(order, 1)}
+    assert nearest(of_first | {(1, 0): 7.0}) == {0: 2.0, 1: 7.0}
+    assert nearest({}) == {}

@@ -201,6 +201,11 @@ class Rig:
             state, self._since_s, None, False, message, remedy, self.source, SignalLine(), empty_view()
         )  # fmt: skip
 
+    def watch(self, on: bool) -> None:
+        """Say whether the live curves are looked at."""
+        if self._running is not None:
+            self._running.capture.watch(on)
+
     def arming(self, snapshot: Snapshot) -> bool:
         """Return whether ARM was pressed and the digitizer has not answered yet (at first it may take seconds)."""
         if self._asked is None or self._running is None:

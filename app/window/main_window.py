@@ -51,6 +51,7 @@ from instrument.process.digitizer import open_apart
 from instrument.process.work import AnalysisApart, WorkApart
 
 PULL_MS = 35
+STILL_MS = 140  # between two looks while nothing moves: no curve runs, nothing is under way
 FRAMED_MS = 300  # after the first show: by then the system has given the window its title bar
 SWITCH_S = 5e-4  # a busy thread gives way this soon; Python's own 5 ms, at each of a frame's many calls, adds up
 
@@ -143,10 +144,10 @@ class MainWindow(QMainWindow):
         self.session_presenter.refresh()
         if workbench.session.entries:  # a session reopens where it was: at its last shot
             self.panels.table.select([workbench.session.entries[-1].number])
-        self.pull()
         self._timer = QTimer(self)
         self._timer.setTimerType(Qt.TimerType.PreciseTimer)
         self._timer.timeout.connect(self.pull)
+        self.pull()
         self._timer.start(PULL_MS)
         self.panels.controls.arm.setFocus()
 
@@ -167,6 +168,15 @@ class MainWindow(QMainWindow):
         self.model_presenter.refresh()
         self.mapping_presenter.refresh()
         self.setup_presenter.refresh(snapshot)
+        pace = STILL_MS if self._is_still(snapshot) else PULL_MS
+        if self._timer.interval() != pace:
+            self._timer.setInterval(pace)
+
+    def _is_still(self, snapshot: Snapshot) -> bool:
+        """Return whether the screen changes at a person's hand alone."""
+        work = self.workbench.jobs.open_jobs or self.workbench.errands.open_jobs or snapshot.analysing
+        page = self.panels.tabs.currentIndex()
+        return snapshot.state is State.IDLE and page != Layout.LIVE and not (work or self.panels.setup.isVisible())
 
     @Slot(str, Tone)
     def say(self, words: str, tone: Tone) -> None:

@@ -89,6 +89,11 @@ class Capture:
         """Go back to idle from whatever is going on; samples that came after a trigger are kept."""
         self._orders.put(("abort", None))
 
+    def watch(self, on: bool) -> None:
+        """Say whether somebody looks at the live curves; else they are not made, which is most of the work at rest."""
+        if self._live is not None:
+            self._live.watched = on
+
     def trigger_now(self) -> None:
         """Let the operator stand in for the light switch."""
         self._orders.put(("fire", None))

@@ -232,8 +232,8 @@ class NoteEditor(QLineEdit):
 
     def event(self, event: QEvent) -> bool:
         """Take Esc before the window does, which aborts by it."""
-        wanted = event.type() == QEvent.Type.ShortcutOverride and isinstance(event, QKeyEvent)
-        if wanted and event.key() == Qt.Key.Key_Escape:
+        shortcut = event.type() == QEvent.Type.ShortcutOverride
+        if shortcut and isinstance(event, QKeyEvent) and event.key() == Qt.Key.Key_Escape:
             event.accept()
             return True
         return super().event(event)

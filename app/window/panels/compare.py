@@ -1,6 +1,7 @@
 """COMPARE: several shots over one another from first touch on, and any number's trend against impact velocity."""
 
 from PySide6.QtCore import Qt, Slot
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QSplitter, QVBoxLayout, QWidget
 
 from analysis.uncertainty.numbers import of_series, with_unit
@@ -18,6 +19,7 @@ from app.window.theme import Colours
 from app.words.wording import short_name
 
 MOST = 8
+LOW_LINES = 18  # of text: a page lower than these has no room for words beside its plots
 
 
 class ComparePanel(QWidget):
@@ -135,6 +137,19 @@ class ComparePanel(QWidget):
         self._trend_chosen(0)
         self.show_whole()
 
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Keep room for the plots."""
+        super().resizeEvent(event)
+        self._show_words()
+
+    def _show_words(self) -> None:
+        """Show legend and repeatability; on a low page the plots need their room, and the words come on hovering."""
+        low = self.height() < LOW_LINES * self.fontMetrics().lineSpacing()
+        self._legend.setVisible(not low)
+        self._repeatability.setVisible(not low)
+        self.stack.setToolTip("<br>".join(words for words, _ in self._legend.entries) if low else "")
+        self.trend.setToolTip(self._repeatability.text() if low else "")
+
     def choose_trend(self, key: str) -> None:
         """Show the trend of the number with this key."""
         self._which.setCurrentIndex(self._which.findData(key))
@@ -164,6 +179,7 @@ class ComparePanel(QWidget):
     def _trend_chosen(self, _: int) -> None:
         shots = [entry.shot for entry in self._entries if entry.shot is not None]
         self._repeatability.setText(self.trend.show_trend(self._numbers_followed[self._which.currentIndex()], shots))
+        self._show_words()
 
     def plot_in_front(self) -> PlotView:
         """Return the trend where it has the keyboard, else the overlaid shots."""

@@ -202,6 +202,11 @@ class Rig:
             state, self._since_s, None, False, message, remedy, self.source, SignalLine(), empty_view()
         )  # fmt: skip
 
+    def watch(self, on: bool) -> None:
+        """Say whether the live curves are looked at."""
+        if self._running is not None:
+            self._running.capture.watch(on)
+
     def arming(self, snapshot: Snapshot) -> bool:
         """Return whether ARM was pressed and the digitizer is not armed yet, which may take seconds at first."""
         if self._arm_pressed is None or self._running is None:

@@ -50,6 +50,7 @@ from instrument.process.subprocess_digitizer import open_in_subprocess
 from instrument.process.subprocess_worker import SubprocessAnalysis, SubprocessWorker
 
 PULL_MS = 35
+STILL_MS = 140  # between two pulls while nothing moves: no curve runs, nothing is under way
 FRAMED_MS = 300  # after the first show: the system has then drawn the title bar
 SWITCH_S = 5e-4  # after which a busy thread yields; Python's default of 5 ms would delay frames
 
@@ -100,10 +101,10 @@ class MainWindow(QMainWindow):
         self._start_work(kernels)
         if workbench.session.entries:  # a session opens at its last shot
             self.panels.table.select([workbench.session.entries[-1].number])
-        self.pull()
         self._timer = QTimer(self)
         self._timer.setTimerType(Qt.TimerType.PreciseTimer)
         self._timer.timeout.connect(self.pull)
+        self.pull()
         self._timer.start(PULL_MS)
         self.panels.controls.arm.setFocus()
 
@@ -177,6 +178,15 @@ class MainWindow(QMainWindow):
         self.model_presenter.refresh()
         self.mapping_presenter.refresh()
         self.setup_presenter.refresh(snapshot)
+        pace = STILL_MS if self._is_still(snapshot) else PULL_MS
+        if self._timer.interval() != pace:
+            self._timer.setInterval(pace)
+
+    def _is_still(self, snapshot: Snapshot) -> bool:
+        """Return whether nothing changes on the screen unless the operator does something."""
+        work = self.workbench.jobs.open_jobs or self.workbench.short_jobs.open_jobs or snapshot.analysing
+        page = self.panels.tabs.currentIndex()
+        return snapshot.state is State.IDLE and page != Layout.LIVE and not (work or self.panels.setup.isVisible())
 
     @Slot(str, Tone)
     def say(self, words: str, tone: Tone) -> None:

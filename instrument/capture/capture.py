@@ -84,6 +84,11 @@ class Capture:
         """Return to idle from any state; samples that came after a trigger are kept."""
         self._orders.put(("abort", None))
 
+    def watch(self, on: bool) -> None:
+        """Say whether somebody looks at the live curves; else they are not made, which is most of the work at rest."""
+        if self._live is not None:
+            self._live.watched = on
+
     def trigger_now(self) -> None:
         """Trigger now, in place of the light switch."""
         self._orders.put(("fire", None))

@@ -13,6 +13,7 @@ from PySide6.QtWidgets import QApplication, QWidget
 
 from app.window.layout import Layout
 from app.window.main_window import FRAMED_MS, MainWindow, open_window
+from app.window.plots.plot_notes import NoteEditor
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.bench.rig import Bench
 from instrument.bench.simulate import simulate
@@ -126,7 +127,22 @@ class Photographer:
         self.press(Qt.Key.Key_1)
         self.press(Qt.Key.Key_C)
         self.take("cursors", self.window.panels.shot)
+        self._note()
         self.press(Qt.Key.Key_C)
+
+    def _note(self) -> None:
+        """Write a note at cursor A, and take it back once its picture is taken."""
+        shot = self.window.panels.shot
+        shot.stack.cursors.place(0.0, 3.0)
+        self.press(Qt.Key.Key_N, Qt.KeyboardModifier.ShiftModifier)
+        (line,) = (editor for editor in shot.findChildren(NoteEditor) if editor.isVisible())
+        QTest.keyClicks(line, "a knock at the table here?")
+        QTest.keyClick(line, Qt.Key.Key_Return)
+        QTest.qWait(120)
+        self.take("note", shot)
+        self.press(Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
+        if any(entry.plot_notes for entry in self.window.workbench.session.entries):
+            raise ScreenshotError("the note was not taken back")
 
     def _sheets(self) -> None:
         self.press(Qt.Key.Key_F2)

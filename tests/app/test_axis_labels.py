@@ -2,12 +2,14 @@
 
 import itertools
 
+import pyqtgraph as pg
 import pytest
 from PySide6.QtCore import QRectF
 from PySide6.QtGui import QPainter, QPicture
 from PySide6.QtTest import QTest
 
 from app.window.plots.cursors import TIME
+from app.window.plots.plain_axis import PlainAxis
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import LIGHT
@@ -103,21 +105,48 @@ def test_a_name_longer_than_the_plot_ends_in_dots(qapp):
         plot.deleteLater()
 
 
-@pytest.mark.parametrize("wide", range(160, 420, 20))
-def test_the_numbers_under_a_narrow_plot_do_not_lie_over_one_another(qapp, wide):
+NARROW = (  # width and height of a plot, and where both its axes begin and end: pyqtgraph's own ticks overlap in each
+    (221, 187, -0.000659, 0.0199),
+    (195, 279, 0.06727, 0.08686),
+    (184, 195, -0.000208, 0.002884),
+    (245, 277, -21.1196, -20.9049),
+    (145, 130, 57.609, 58.791),
+    (118, 178, -27.03, -7.93),
+    (291, 155, -0.000211323, -0.000209537),
+    (305, 74, -6.863784, -6.854308),
+    (269, 80, -6988.0, 2049.0),
+    (118, 76, -260.81, -258.17),
+    (148, 94, 531.6, 1577.8),
+)
+
+
+def _numbers(axis) -> list[tuple[float, float, str]]:
+    """Return from where to where each number of an axis goes along it, and its text, as they are drawn."""
+    picture = QPicture()
+    painter = QPainter(picture)
+    _, _, texts = axis.generateDrawSpecs(painter)
+    painter.end()
+    upright = axis.orientation == "left"
+    return sorted((r.top(), r.bottom(), t) if upright else (r.left(), r.right(), t) for r, _, t in texts)
+
+
+def _overlaps(plot) -> list[tuple[str, str]]:
+    found = (_numbers(plot.plot.getAxis(side)) for side in ("left", "bottom"))
+    return [(a[2], b[2]) for numbers in found for a, b in itertools.pairwise(numbers) if a[1] > b[0]]
+
+
+@pytest.mark.parametrize(("wide", "high", "least", "most"), NARROW)
+def test_the_numbers_of_a_small_plot_do_not_lie_over_one_another(qapp, monkeypatch, wide, high, least, most):
     plot = PlainPlot("Trend", ("restitution", ""), "speed (m/s)", TIME)
-    plot.resize(wide, 300)
+    plot.resize(wide, high)
     plot.show()
-    plot.plot.view.setXRange(-0.26543, -0.26519, padding=0.0)
+    plot.plot.view.setRange(xRange=(least, most), yRange=(least, most), padding=0.0)
     QTest.qWait(20)
     try:
-        axis = plot.plot.getAxis("bottom")
-        picture = QPicture()
-        painter = QPainter(picture)
-        _, _, texts = axis.generateDrawSpecs(painter)
-        painter.end()
-        boxes = sorted((rect.left(), rect.right()) for rect, _, _ in texts)
-        assert boxes and all(a[1] < b[0] for a, b in itertools.pairwise(boxes))
+        assert _overlaps(plot) == []
+        assert any(_numbers(plot.plot.getAxis(side)) for side in ("left", "bottom"))
+        monkeypatch.setattr(PlainAxis, "tickSpacing", pg.AxisItem.tickSpacing)
+        assert _overlaps(plot)  # what is looked for is found where it is
     finally:
         plot.close()
         plot.deleteLater()

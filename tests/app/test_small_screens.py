@@ -26,7 +26,9 @@ from analysis.collision.effects import CATALOGUE, WIDER
 from analysis.diagnosis.result import Candidate, Verdict
 from analysis.drive.catalogue import LAWS
 from analysis.drive.curves import drive_curves
+from analysis.shot.plot_note import PlotNote
 from analysis.signal.flag_meanings import MEANINGS
+from app.report.shot_figures import time_zero
 from app.session.jobs import Jobs
 from app.session.prepare import PIECES
 from app.session.session import Session
@@ -419,3 +421,63 @@ def test_apply_is_within_reach_on_every_screen(window):
     assert apply.isVisible() and window.panels.rect().contains(
         QRect(apply.mapTo(window.panels, apply.rect().topLeft()), apply.size())
     )
+
+
+def test_the_time_that_work_still_takes_is_never_cut(window):
+    """It stood behind the name of the work, which had the room: "compiling the diagnosis (+1), 19 s l…"."""
+    line, jobs, going_on = window.panels.work, Jobs(), threading.Event()
+    long = "joint fit of many shots with the new model, finding a start for each of them"
+
+    def work(report, _):
+        report(long, 0.1)
+        going_on.wait(20.0)
+
+    jobs.submit("first start", work)
+    jobs.submit("another", lambda _, __: None)
+    try:
+        while jobs.current is None or not jobs.current.what:
+            QTest.qWait(5)
+        jobs.current.started_s -= 30.0
+        for _ in range(2):  # the bar is as wide as it will be once it is shown
+            line.show_work(jobs, None, None)
+            QTest.qWait(20)
+        shown = line.progress.format()
+        assert shown.startswith("first start: joint fit") and " (+1), " in shown and shown.endswith(" left")
+        assert line.fontMetrics().horizontalAdvance(shown) < line.progress.width()
+    finally:
+        going_on.set()
+        line.show_work(jobs, None, None)
+        assert jobs.close()
+
+
+def test_the_trend_keeps_its_room_on_a_low_page(window):
+    """At 960 x 540 the words under it took all but 15 pixels."""
+    panels = window.panels
+    panels.tabs.setCurrentIndex(Layout.COMPARE)
+    QTest.qWait(30)
+    compare = panels.compare
+    plots = (compare.trend.plot, *compare.stack.plots)
+    assert all(plot.view.height() > 2 * window.fontMetrics().height() for plot in plots)
+    hover = compare.trend.toolTip()
+    assert compare._repeatability.isVisible() == (hover == "")
+    assert "spread" in (hover or compare.repeatability) and not (hover and compare._legend.isVisible())
+    assert (window.width() > SMALLEST[0]) == (hover == "")
+
+
+def test_a_note_in_a_low_plot_is_a_dot_whose_text_is_read_on_hovering(window, shots):
+    panels = window.panels
+    panels.tabs.setCurrentIndex(Layout.SHOT)
+    panels.shot.set_view("whole")
+    zero, _ = time_zero(shots[0])
+    notes = panels.shot.stack.notes
+    notes.show([PlotNote("velocity", zero - 0.03, 0.0, "quiet"), PlotNote("force", zero + 0.01, 0.2, "a knock")])
+    QTest.qWait(30)
+    try:
+        assert [text for text, *_ in notes.drawn] == ["quiet", "a knock"]
+        for drawn in notes._drawn:
+            text = drawn._text
+            inside = drawn.plot.view.sceneBoundingRect().height() >= 4 * text.boundingRect().height()
+            assert drawn.is_whole == inside and drawn._dot.toolTip() == drawn.note.text
+        assert (window.width() > SMALLEST[0]) == all(drawn.is_whole for drawn in notes._drawn)
+    finally:
+        notes.show([])

@@ -2,6 +2,7 @@
 
 import pyqtgraph as pg
 from PySide6.QtCore import QObject, Qt, Slot
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QPushButton, QSplitter, QVBoxLayout, QWidget
 
 from analysis.uncertainty.numbers import of_series, with_unit
@@ -21,6 +22,7 @@ from app.window.widgets import text_label
 from app.words.wording import short_name
 
 MOST = 8
+LOW_LINES = 18  # of text: a page lower than these has no room for words beside its plots
 
 
 class _CurveNumbers(QObject):
@@ -171,6 +173,19 @@ class ComparePanel(QWidget):
         self._trend_chosen(0)
         self.show_whole()
 
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Keep room for the plots."""
+        super().resizeEvent(event)
+        self._show_words()
+
+    def _show_words(self) -> None:
+        """Show legend and repeatability; on a low page the plots need their room, and the words come on hovering."""
+        low = self.height() < LOW_LINES * self.fontMetrics().lineSpacing()
+        self._legend.setVisible(not low)
+        self._repeatability.setVisible(not low)
+        self.stack.setToolTip("<br>".join(words for words, _ in self._legend.entries) if low else "")
+        self.trend.setToolTip(self._repeatability.text() if low else "")
+
     def choose_trend(self, key: str) -> None:
         """Show the trend of the number with this key."""
         self._which.setCurrentIndex(self._which.findData(key))
@@ -200,6 +215,7 @@ class ComparePanel(QWidget):
     def _trend_chosen(self, _: int) -> None:
         shots = [entry.shot for entry in self._entries if entry.shot is not None]
         self._repeatability.setText(self.trend.show_trend(self._numbers_followed[self._which.currentIndex()], shots))
+        self._show_words()
 
     def plot_in_front(self) -> PlotView:
         """Return the trend where it has the focus, else the overlaid shots."""

@@ -69,13 +69,16 @@ class WorkLine(QWidget):
             waiting = jobs.open_jobs - 1
             more = f" (+{waiting})" if waiting > 0 else ""
             doing = f"{job.name}: {job.what}" if job.what else job.name
-            self._show(f"{doing}{more}{_remaining(job)}", job.fraction)
+            self._show(doing, f"{more}{_remaining(job)}", job.fraction)
         elif rig_doing is not None:
-            self._show(rig_doing, rig_share or 0.0)
+            self._show(rig_doing, "", rig_share or 0.0)
 
-    def _show(self, words: str, share: float) -> None:
-        room = self.progress.width() - self.fontMetrics().horizontalAdvance("M")
-        fitting = self.fontMetrics().elidedText(words, Qt.TextElideMode.ElideRight, room)
+    def _show(self, doing: str, left: str, share: float) -> None:
+        """Show what is done and what is left of it, which is never cut."""
+        metrics = self.fontMetrics()
+        room = self.progress.width() - metrics.horizontalAdvance("M") - metrics.horizontalAdvance(left)
+        words = f"{doing}{left}"
+        fitting = f"{metrics.elidedText(doing, Qt.TextElideMode.ElideRight, room)}{left}"
         if self.progress.format() != fitting:
             self.progress.setFormat(fitting)
             self.progress.setToolTip(words)

@@ -16,6 +16,9 @@ from app.window.theme import Colours
 _IN_FRONT = 15  # of the curves, behind the cursors
 _NEAR_PX = 9  # this far from a note's dot a press still means the note
 _EDITOR_WIDTH = 24  # characters
+_LEAST_HEIGHT = (
+    4  # of a plot, in heights of the text: lower, a note's text lies over the curves and is shown on hovering
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,10 +175,21 @@ class _DrawnNote:
         for item in (self._dot, self._text):
             item.setZValue(_IN_FRONT)
             plot.addItem(item, ignoreBounds=True)
+        self._dot.setToolTip(note.text)
         plot.view.sigRangeChanged.connect(self._turn)
+        plot.view.sigResized.connect(self._fit)
         if colours is not None:
             self.dress(colours)
         self._turn()
+        self._fit()
+
+    @property
+    def is_whole(self) -> bool:
+        """Get whether the text is shown too."""
+        return bool(self._text.isVisible())
+
+    def _fit(self, *_: object) -> None:
+        self._text.setVisible(self.plot.view.height() >= _LEAST_HEIGHT * self._text.boundingRect().height())
 
     def dress(self, colours: Colours) -> None:
         """Set the colours."""
@@ -198,11 +212,13 @@ class _DrawnNote:
             return False
         dot = self.plot.view.mapViewToScene(pg.Point(*self.place))
         near = abs(dot.x() - scene.x()) <= _NEAR_PX and abs(dot.y() - scene.y()) <= _NEAR_PX
-        return near or bool(self._text.mapRectToScene(self._text.boundingRect()).contains(scene))
+        on_text = self._text.mapRectToScene(self._text.boundingRect()).contains(scene)
+        return near or (self.is_whole and bool(on_text))
 
     def remove(self) -> None:
         """Take the note off the plot."""
         self.plot.view.sigRangeChanged.disconnect(self._turn)
+        self.plot.view.sigResized.disconnect(self._fit)
         for item in (self._dot, self._text):
             self.plot.view.removeItem(item)
 

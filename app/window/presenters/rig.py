@@ -19,6 +19,7 @@ from app.words.wording import duration
 from instrument.capture.acquisition import State
 from instrument.capture.snapshot import Snapshot
 from instrument.devices.sources import is_bench
+from instrument.live.live_view import LiveView
 from levimass.setting import Value
 
 RECORDINGS = "Recordings (*.sigmf-meta *.sigmf-data *.csv *.toml);;All files (*)"
@@ -38,6 +39,7 @@ class RigPresenter(QObject):
         self._rig, self._choices, self._panels = rig, choices, panels
         self._last_shot: state_words.LastShot | None = None
         self._before = (State.IDLE, 0)  # state and number of shots at the last refresh
+        self._live_shown: LiveView | None = None
         panels.controls.arm_wanted.connect(self.arm)
         panels.controls.abort_wanted.connect(self.abort)
         panels.controls.rearm_changed.connect(self._set_rearm)
@@ -65,7 +67,10 @@ class RigPresenter(QObject):
         ).items():
             p.signals.show_sign(name, sign)
         p.signals.show_folder(str(snapshot.signal.folder or ""))
-        if p.tabs.currentIndex() == Layout.LIVE:
+        on_live = p.tabs.currentIndex() == Layout.LIVE
+        self._rig.watch(on_live or p.setup.isVisible())
+        if on_live and snapshot.live is not self._live_shown:
+            self._live_shown = snapshot.live
             p.live.show_live(snapshot.live)
             p.live.show_raw(snapshot.live, self._rig.channels, self._thresholds_v(snapshot), self._learned())
         self._take_finished(snapshot)

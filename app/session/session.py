@@ -59,6 +59,7 @@ class Session:
         self._left_out: tuple[str, ...] = ()  # recordings that a person does not want listed, newest last
         self._next = 0  # highest number given: a removed shot may come back, so none is given twice
         self.problem: str | None = None  # why the session could not be saved or read, in one line
+        self.unsaved = False  # whether the newest change is not on disk, as saving it failed
         self.revision = 0
         self.save_by: Callable[[Callable[[], None]], None] = lambda save: save()
         self.give_free: Callable[[], None] = lambda: (
@@ -230,6 +231,11 @@ class Session:
         if path is not None:
             self.save_by(lambda: self._write(path, entries, effects, left_out))
 
+    def save_again(self) -> None:
+        """Try once more to save what could not be saved: a full disk may have room by now."""
+        if self.unsaved:
+            self._save()
+
     def _write(self, path: Path, entries: tuple[Entry, ...], effects: ModelEffects, left_out: tuple[str, ...]) -> None:
         shots = [_to_json(entry) for entry in entries if entry.path]
         accepted = {
@@ -244,6 +250,7 @@ class Session:
             write_json_beside(path, document, sync=True)
         except (OSError, RecordingError) as error:
             problem = f"the session could not be saved: {error}"
+        self.unsaved = problem is not None
         if problem != self.problem:
             self.problem = problem
             self.revision += 1  # whoever looks tells it

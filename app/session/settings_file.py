@@ -52,6 +52,8 @@ def save(path: Path, settings: Settings) -> str | None:
         into_place(beside, path)
         sync_folder(path.parent)
     except OSError as error:
+        with contextlib.suppress(OSError):
+            beside.unlink()
         return f"The settings could not be saved: {error}"
     return None
 

@@ -37,6 +37,7 @@ from instrument.files.recording_file import find_recordings, rewrite_note
 from instrument.process.work import WorkApart
 
 MOST_NAMED = 6  # shots, in the name of a diagnosis under way
+SAVE_AGAIN_S = 5.0  # after saving the session failed: the disk may have room again
 
 
 class Workbench:
@@ -85,11 +86,13 @@ class Workbench:
             Reopened: self._take_reopened,
             Unlisted: self._take_unlisted,
         }
+        self._tried_at_s = -SAVE_AGAIN_S  # when a session that could not be saved was last saved again
         self._captured: dict[tuple[str, str | None], int] = {}  # numbers of shots that wait for the rig's analysis
 
     def close(self) -> bool:
         """Cancel all work and wait for it; return whether the threads ended."""
         ended = self._work.close()
+        self.session.save_again()
         ended &= self._saver is None or self._saver.close()
         self.session.give_free()
         return ended
@@ -319,6 +322,9 @@ class Workbench:
                 self._waiting.append(Event(Kind.PROBLEM, f"{job.name}: {job.problem}"))
             else:
                 self._take(result)
+        if self.session.unsaved and time.monotonic() - self._tried_at_s > SAVE_AGAIN_S:
+            self._tried_at_s = time.monotonic()
+            self.session.save_again()
         happened, self._waiting = self._waiting, []
         return happened
 

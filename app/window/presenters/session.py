@@ -49,6 +49,7 @@ class SessionPresenter(QObject):
         super().__init__(parent)
         self._workbench, self._panels, self._selection = workbench, panels, selection
         self._seen = -1
+        self._not_saved = False  # when it was last looked at
         self._choose_next = False  # whether the next shot that was opened comes to the front
         self._choices = choices
         self._chosen: Path | None = None  # the folder of the last question
@@ -81,6 +82,9 @@ class SessionPresenter(QObject):
             self._selection.show_verdict()
             if session.problem:
                 self.said.emit(session.problem, Tone.BAD)
+            elif self._not_saved:
+                self.said.emit("The session is saved again", Tone.GOOD)
+            self._not_saved = session.unsaved
 
     def _happened(self, event: Event) -> None:
         self._show_table()

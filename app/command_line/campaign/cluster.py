@@ -1,11 +1,12 @@
 """The machines of a dask scheduler: each worker is asked before it gets a shot; one that dies costs none."""
 
+import contextlib
 import ipaddress
 import logging
 import sys
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ SCHEDULER_ANSWERS_S = 10.0
 SCHEDULER_HANGS_S = 60.0  # without an answer in the middle of a campaign: a busy machine is no dead one
 WORKERS_COME_S = 5.0  # the longest wait for one that can do the work, when a campaign begins
 WORKERS_RETURN_S = 15.0  # and later on: a nanny needs some seconds to start another process
+SILENT_S = 60.0  # a worker reports twice a second; dask itself waits five minutes before it gives one up
 ASKED_S = 60.0  # a worker that does not say in this time whether it can is taken for one that cannot
 _WATCH_S = 1.0
 _MOST_FOLDERS = 200  # looked for by each worker beforehand; what lies in others is told with each shot
@@ -38,7 +40,7 @@ class Cluster:
             from distributed import Client
         except ImportError:
             raise OSError(0, "needs dask.distributed: pip install 'levimass[cluster]'", "--scheduler") from None
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters of it is said here, in one line
+        _silence_libraries()
         self._address = address
         try:
             self._client: Any = Client(address, timeout=SCHEDULER_ANSWERS_S, set_as_default=False)
@@ -50,7 +52,9 @@ class Cluster:
         self._watcher = ThreadPoolExecutor(1)  # so that a scheduler that hangs does not hang the campaign
         self._watching: Any = None
         self._watched_at = 0.0
-        self._threads: dict[str, int] = {}  # of every worker there is
+        self._threads: dict[str, int] = {}  # of every worker that is there and not silent
+        self._reports: dict[str, tuple[float, float]] = {}  # of each worker the last, and since when it is that
+        self._silent: set[str] = set()
         self._asked: dict[str, tuple[Any, float]] = {}
         self._unfit: dict[str, str] = {}
         self._fit: set[str] = set()
@@ -83,12 +87,21 @@ class Cluster:
     def close(self) -> None:
         """Let go of the scheduler; what was not taken is done by the next call."""
         self._watcher.shutdown(wait=False, cancel_futures=True)
-        self._client.close(timeout=2.0)
+        with contextlib.suppress(Exception):  # over a broken line it times out; what there was to say has been said
+            self._client.close(timeout=2.0)
 
     def _hand_on(self, task: Task) -> None:
         workers = frozenset(self._fit)
-        future = self._client.submit(analyse_one, task, workers=sorted(workers), pure=False)
+        future = self._submit(analyse_one, task, workers=sorted(workers), pure=False)
         self._running[future] = task, workers
+
+    def _submit(self, work: Callable[..., object], *arguments: object, **how: object) -> Any:
+        try:
+            return self._client.submit(work, *arguments, **how)
+        except Exception:  # the connection may break at any moment, and the client then takes nothing more
+            if self._client.status == "running":
+                raise
+            raise self._lost("the scheduler is gone") from None
 
     def _taken(self, future: Any) -> tuple[Task, Outcome] | None:
         task, _ = self._running.pop(future)
@@ -106,10 +119,10 @@ class Cluster:
         """Look, at most once a second, who came and who went, and whether anybody is left."""
         now = time.monotonic()
         if self._watching is None and now - self._watched_at >= _WATCH_S:
-            self._watching, self._watched_at = self._watcher.submit(self._client.nthreads), now
+            self._watching, self._watched_at = self._watcher.submit(self._asked_scheduler), now
         if self._watching is not None:
             if self._watching.done():
-                self._look(self._watching)
+                self._look(self._watching, now)
                 self._watching = None
             elif now - self._watched_at > SCHEDULER_HANGS_S:
                 raise self._lost("the scheduler does not answer any more")
@@ -119,24 +132,45 @@ class Cluster:
         elif not self._asked:
             self._nobody(now)
 
-    def _look(self, watching: Any) -> None:
+    def _asked_scheduler(self) -> tuple[dict[str, Any], dict[str, Sequence[str]]]:
+        """Return what the scheduler knows of each worker, and the keys of its work; waits for the answer."""
+        known = self._client.sync(self._client.scheduler.identity)["workers"]
+        return known, self._client.processing()
+
+    def _look(self, watching: Any, now: float) -> None:
         try:
-            self._threads = dict(watching.result())
+            known, keys = watching.result()
         except Exception as error:
             raise self._lost(f"the scheduler is gone ({_in_words(error)})") from None
+        self._listen_for_silence({worker: about["last_seen"] for worker, about in known.items()}, now)
+        self._threads = {worker: about["nthreads"] for worker, about in known.items() if worker not in self._silent}
         there = set(self._threads)
         self._fit &= there
+        stuck = {key for worker in self._silent for key in keys.get(worker, ())}
         for future, (task, workers) in list(self._running.items()):
-            if not workers & there and not future.done():  # all it may run on are gone
+            if (not workers & there or future.key in stuck) and not future.done():  # nobody is left to finish it
                 del self._running[future]
-                future.cancel()
+                with contextlib.suppress(Exception):  # a client whose connection broke refuses even that
+                    future.cancel()
                 self._waiting.appendleft(task)
         for worker in list(self._asked):
             if worker not in there:
                 del self._asked[worker]
         for worker in there - self._fit - set(self._asked) - set(self._unfit):
-            question = self._client.submit(unfit, *self._question, workers=[worker], pure=False, priority=10)
+            question = self._submit(unfit, *self._question, workers=[worker], pure=False, priority=10)
             self._asked[worker] = question, time.monotonic()
+
+    def _listen_for_silence(self, last_s: dict[str, float], now: float) -> None:
+        """Leave out workers whose reports no longer come: stopped, swapped out, or behind a broken line."""
+        self._reports = {
+            worker: before if (before := self._reports.get(worker)) is not None and before[0] == last else (last, now)
+            for worker, last in last_s.items()
+        }
+        silent = {worker for worker, (_, since) in self._reports.items() if now - since > SILENT_S}
+        for worker in sorted(silent - self._silent):
+            cause = f"has not reported for {SILENT_S:g} s; its shots go to others"
+            print(f"levimass: worker {worker} is left out: it {cause}", file=sys.stderr)
+        self._silent = silent
 
     def _listen(self, now: float) -> None:
         """Take the answers of workers that were asked whether they can do the work."""
@@ -162,6 +196,16 @@ class Cluster:
             raise self._lost("none of its workers can do this work")
         start = f"start some on each machine: dask worker {self._address} --nworkers auto --nthreads 1"
         raise self._lost(f"it has no worker; {start}")
+
+
+def _silence_libraries() -> None:
+    """Keep dask's log off standard error: what matters of it is said here, in one line.
+
+    Its configuration gives some of its loggers a level of their own, which the level of "distributed" does not reach.
+    """
+    for name in list(logging.root.manager.loggerDict):
+        if name.partition(".")[0] in ("distributed", "tornado"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 def guarded(address: str) -> bool:

@@ -21,6 +21,10 @@ from tests.attack.trial import REFUSED, SURVIVED, Attempt, refused_in_a_line
 
 BOUNDED = AnalysisSettings(fit_seconds=2.0)
 UNITS = (*[1.0] * 20, 1e-3, 1e-6, 1e-9, 1e3, 1e6, 1e9, 60.0)
+_SPOILT = (
+    "step", "spikes", "constant", "noise", "sine", "holes", "turned", "far away", "small", "counted", "pushed on",
+    "cut", "late in the day", "uneven", "jumbled", "no numbers",
+)  # fmt: skip
 VALUES = (0.0, -205.0, 1e300, 1e-300, 1e15, 1e-15, float("nan"), float("inf"), 221.4, 1e3, 5e6, 1e-3, -1.0, 1e9)
 
 
@@ -36,7 +40,7 @@ def _record(stem: Path, random_: random.Random) -> Attempt:
     time = np.arange(0.0, rig.duration_s, 1.0 / rate)[:20_000]
     noise = np.random.default_rng(random_.randrange(2**32))
     x = position_m(rig, time) + noise.normal(0.0, 10 ** random_.uniform(-12, -3), time.size)
-    kind = random_.choice(("as it is", "as it is", "step", "spikes", "constant", "noise", "sine", "holes", "turned"))
+    kind = random_.choice(("as it is", "as it is", *_SPOILT))
     middle = time.size // 2
     if kind == "step":
         x[middle:] += random_.choice((1e-6, 1.0, -1e6))
@@ -50,6 +54,27 @@ def _record(stem: Path, random_: random.Random) -> Attempt:
         x = np.sin(2 * np.pi * random_.uniform(1, 2000) * time)
     elif kind == "turned":
         x = -x
+    elif kind == "far away":
+        x += 10 ** random_.uniform(0, 12)
+    elif kind == "small":
+        x *= 10 ** random_.uniform(-9, -1)
+    elif kind == "counted":
+        step = 10 ** random_.uniform(-9, -3)
+        x = step * np.rint(x / step)
+    elif kind == "pushed on":
+        x += random_.choice((-1.0, 1.0)) * 10 ** random_.uniform(-3, 3) * (time - time[middle]) ** 2
+    elif kind == "cut":
+        first = random_.randrange(time.size - 2)
+        part = slice(first, random_.randrange(first + 1, time.size + 1))
+        time, x = time[part], x[part]
+    elif kind == "late in the day":
+        time = time + 10 ** random_.uniform(2, 9)
+    elif kind == "uneven":
+        time = time + noise.uniform(-0.45, 0.45, time.size) / rate
+    elif kind == "jumbled":
+        noise.shuffle(time)
+    elif kind == "no numbers":
+        x[noise.integers(0, time.size, 5)] = random_.choice((np.nan, np.inf, -np.inf, 1e300, 5e-324))
     unit_s, unit_m = random_.choice(UNITS), random_.choice(UNITS)
     keep = noise.uniform(size=time.size) > 0.3 if kind == "holes" else np.ones(time.size, dtype=np.bool_)
     mass = random_.choice((*[0.01785] * 6, 1e-9, 1e6, 1.0, 1e-3))
@@ -82,20 +107,29 @@ def models(folder: Path, random_: random.Random) -> Iterator[Attempt]:
         values = dict(zip(names, (221.4, 1.984e-4, 1e4, 0.4), strict=True))
         for name in random_.sample(names, random_.choice((1, 1, 2))):
             values[name] = random_.choice(VALUES)
-        text = "".join(f"{name} = {{ value = {value!r}, std = 1e-3 }}\n" for name, value in values.items())
+        std = random_.choice((1e-3, 1e-3, 1e-3, *VALUES))
+        if random_.random() < 0.2:
+            del values[random_.choice(names)]
+        lines = [f"{name} = {{ value = {value!r}, std = {std!r} }}\n" for name, value in values.items()]
+        base = random_.choice(("paper", "paper", "paper", "contact", "clamped", "no_tension"))
+        rows = random_.choice((0.0, 0.0, 1e-6, *VALUES)) * np.identity(len(values))
+        rows[0, -1] = rows[-1, 0] = random_.choice((0.0, 0.0, 1e-9, *VALUES))
+        head = f'schema = "levimass.model/1"\nbase = "{base}"\neffects = []\n[parameters]\n'
+        text = head + "".join(lines) + random_.choice(("", f"[covariance]\nrows = {rows.tolist()}\n"))
 
         def attempt(text: str = text) -> str:
-            head = 'schema = "levimass.model/1"\nbase = "paper"\neffects = []\n'
-            base = text.replace("nan", "1.0").replace("inf", "1.0")
             try:
-                known = from_text(f"{head}[parameters]\n{text}")
-                told = waited_for(lambda: foretell([motion], ["s"], known), 3.0)
+                known = from_text(text)
+                predicted = waited_for(lambda: foretell([motion], ["s"], known), 3.0)
             except AnalysisError as error:
                 return refused_in_a_line(str(error))
-            assert "inf%" not in told.sentence and "-0%" not in told.sentence and base
+            assert "inf%" not in predicted.sentence and "-0%" not in predicted.sentence
             return SURVIVED
 
-        yield ", ".join(f"{value:g}" for value in values.values()), attempt
+        yield (
+            f"{base}, {', '.join(f'{value:g}' for value in values.values())}, std {std:g}, {rows[0].tolist()}",
+            attempt,
+        )
 
 
 def laws(folder: Path, random_: random.Random) -> Iterator[Attempt]:

@@ -18,6 +18,7 @@ from instrument.files.text_file import read_json
 SCHEMA = "levimass.session/1"
 UNDO_DEPTH = 100
 MOST_LEFT_OUT = 10_000
+NOT_SAVED = "the session could not be saved"  # how such a problem begins
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +60,6 @@ class Session:
         self._left_out: tuple[str, ...] = ()  # recordings that a person does not want listed, newest last
         self._next = 0  # highest number given: a removed shot may come back, so none is given twice
         self.problem: str | None = None  # why the session could not be saved or read, in one line
-        self.unsaved = False  # whether the newest change is not on disk, as saving it failed
         self.revision = 0
         self.save_by: Callable[[Callable[[], None]], None] = lambda save: save()
         self.give_free: Callable[[], None] = lambda: (
@@ -92,6 +92,11 @@ class Session:
     def path(self) -> Path | None:
         """Get the file the session is kept in."""
         return self._path
+
+    @property
+    def unsaved(self) -> bool:
+        """Get whether the newest change is not on disk, as saving it failed."""
+        return (self.problem or "").startswith(NOT_SAVED)
 
     @property
     def can_undo(self) -> bool:
@@ -249,8 +254,7 @@ class Session:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_json_beside(path, document, sync=True)
         except (OSError, RecordingError) as error:
-            problem = f"the session could not be saved: {error}"
-        self.unsaved = problem is not None
+            problem = f"{NOT_SAVED}: {error}"
         if problem != self.problem:
             self.problem = problem
             self.revision += 1  # whoever looks tells it

@@ -140,6 +140,8 @@ class Cluster:
     def _look(self, watching: Any, now: float) -> None:
         try:
             known, keys = watching.result()
+        except OSError:  # a closed line, which dask describes with sockets and coroutines
+            raise self._lost("the scheduler is gone") from None
         except Exception as error:
             raise self._lost(f"the scheduler is gone ({_in_words(error)})") from None
         self._listen_for_silence({worker: about["last_seen"] for worker, about in known.items()}, now)
@@ -215,6 +217,8 @@ def guarded(address: str) -> bool:
         scheme, rest = "tcp", address
     if scheme.lower() in ("tls", "wss", "inproc"):
         return True
+    if "@" in rest:  # dask looks for a machine of that whole name
+        return False
     try:
         host = urlsplit(f"//{rest}").hostname or ""
         return host.lower() == "localhost" or ipaddress.ip_address(host).is_loopback

@@ -19,6 +19,7 @@ from instrument.files.text_file import read_json
 SCHEMA = "levimass.session/1"
 UNDO_DEPTH = 100
 MOST_LEFT_OUT = 10_000
+NOT_SAVED = "the session could not be saved"  # how such a problem begins
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +93,11 @@ class Session:
     def path(self) -> Path | None:
         """Get the file the session is kept in."""
         return self._path
+
+    @property
+    def unsaved(self) -> bool:
+        """Get whether the newest change is not on disk, as saving it failed."""
+        return (self.problem or "").startswith(NOT_SAVED)
 
     @property
     def can_undo(self) -> bool:
@@ -250,6 +256,11 @@ class Session:
         if path is not None:
             self.save_by(lambda: self._write(path, entries, effects, left_out))
 
+    def save_again(self) -> None:
+        """Try once more to save what could not be saved: a full disk may have room by now."""
+        if self.unsaved:
+            self._save()
+
     def _write(self, path: Path, entries: tuple[Entry, ...], effects: ModelEffects, left_out: tuple[str, ...]) -> None:
         shots = [_to_json(entry) for entry in entries if entry.path]
         accepted = {
@@ -263,7 +274,7 @@ class Session:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_json_atomic(path, document, sync=True)
         except (OSError, RecordingError) as error:
-            problem = f"the session could not be saved: {error}"
+            problem = f"{NOT_SAVED}: {error}"
         if problem != self.problem:
             self.problem = problem
             self.revision += 1  # so that the screen shows it

@@ -52,6 +52,8 @@ def save(path: Path, settings: Settings) -> str | None:
         replace_file(temporary, path)
         sync_folder(path.parent)
     except OSError as error:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
         return f"The settings could not be saved: {error}"
     return None
 

@@ -45,6 +45,7 @@ from instrument.files.recording_file import find_recordings, rewrite_note
 from instrument.process.subprocess_worker import SubprocessWorker
 
 MOST_NAMED = 6  # shots in the name of a running diagnosis
+SAVE_AGAIN_S = 5.0  # after saving the session failed: the disk may have room again
 
 
 class Workbench:
@@ -97,11 +98,13 @@ class Workbench:
             CachedResults: self._take_reopened,
             Unlisted: self._take_unlisted,
         }
+        self._tried_at_s = -SAVE_AGAIN_S  # when a session that could not be saved was last saved again
         self._captured: dict[tuple[str, str | None], int] = {}  # entries awaiting the rig's analysis
 
     def close(self) -> bool:
         """Cancel all work and wait for it; return whether the threads ended."""
         ended = self._work.close()
+        self.session.save_again()
         ended &= self._saver is None or self._saver.close()
         self.session.unlock()
         return ended
@@ -330,6 +333,9 @@ class Workbench:
                 self._waiting.append(Event(EventKind.PROBLEM, f"{job.name}: {job.problem}"))
             else:
                 self._take(result)
+        if self.session.unsaved and time.monotonic() - self._tried_at_s > SAVE_AGAIN_S:
+            self._tried_at_s = time.monotonic()
+            self.session.save_again()
         events, self._waiting = self._waiting, []
         return events
 

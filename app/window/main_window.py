@@ -201,6 +201,8 @@ class MainWindow(QMainWindow):
             found[name] = f"{_shots(len(snapshot.unsaved))} only in memory: save elsewhere (Ctrl+S), or lose them"
         if snapshot.state in (State.ARMED, State.TRIGGERED, State.TRANSFERRING):
             found["rig"] = "The rig is armed" if snapshot.state is State.ARMED else "A shot is being recorded"
+        if self.workbench.session.unsaved:
+            found["session"] = f"{self.workbench.session.problem}; its notes and verdicts would be lost"
         jobs = self.workbench.jobs
         if files := jobs.waiting("open"):
             found["files"] = f"{files} recording{'' if files == 1 else 's'} still to be opened"

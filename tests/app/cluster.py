@@ -3,8 +3,10 @@
 import contextlib
 import json
 import os
+import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -35,7 +37,7 @@ class LoopbackCluster:
     def close(self) -> None:
         """End every process."""
         for process in self._processes:
-            process.kill()
+            process.kill()  # a stopped one, too
             process.wait()
 
     def _start(self, what: str, folder: Path, *more: str) -> subprocess.Popen[bytes]:
@@ -55,3 +57,40 @@ def kill(process: "subprocess.Popen[bytes]") -> None:
     with contextlib.suppress(ProcessLookupError):
         process.kill()
     process.wait()
+
+
+class Line:
+    """A line of the network between a client and the scheduler, that can be cut; ``address`` is its near end."""
+
+    def __init__(self, scheduler: str) -> None:
+        host, _, port = scheduler.removeprefix("tcp://").rpartition(":")
+        self._far = host, int(port)
+        self._near = socket.create_server(("127.0.0.1", 0))
+        self._ends: list[socket.socket] = []
+        self.address = f"tcp://127.0.0.1:{self._near.getsockname()[1]}"
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def cut(self) -> None:
+        """End every connection, and take no other."""
+        for end in (self._near, *self._ends):
+            with contextlib.suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+            end.close()
+
+    def _serve(self) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                near, _ = self._near.accept()
+                far = socket.create_connection(self._far)
+                self._ends += (near, far)
+                for one, other in ((near, far), (far, near)):
+                    threading.Thread(target=_carry, args=(one, other), daemon=True).start()
+
+
+def _carry(one: socket.socket, other: socket.socket) -> None:
+    with contextlib.suppress(OSError):
+        while piece := one.recv(65536):
+            other.sendall(piece)
+    for end in (one, other):
+        with contextlib.suppress(OSError):
+            end.shutdown(socket.SHUT_RDWR)

@@ -4,7 +4,6 @@ import csv
 import os
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,8 +11,8 @@ from pathlib import Path
 import pytest
 
 import hatch_build
-from app.command_line.campaign.journal import JOURNAL
 from app.command_line.cli import main
+from tests.app.campaign_call import Call, in_journal
 from tests.app.cluster import HOUSE, LoopbackCluster, kill
 
 pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
@@ -40,35 +39,6 @@ def cluster(tmp_path: Path) -> Iterator[LoopbackCluster]:
     running.close()
 
 
-def _in_journal(out: Path) -> int:
-    journal = out / JOURNAL
-    return len(journal.read_bytes().splitlines()) if journal.exists() else 0
-
-
-class _Call(threading.Thread):
-    """A campaign under way."""
-
-    def __init__(self, *arguments: str) -> None:
-        super().__init__()
-        self._arguments, self.status = list(arguments), -1
-        self.start()
-
-    def run(self) -> None:
-        self.status = main(self._arguments)
-
-    def ended(self) -> int:
-        self.join(120)
-        assert not self.is_alive(), "it hangs"
-        return self.status
-
-
-def _wait_for(out: Path, lines: int, call: _Call) -> None:
-    end = time.monotonic() + 90
-    while _in_journal(out) < lines:
-        assert time.monotonic() < end and call.is_alive(), "no shot was analysed"
-        time.sleep(0.02)
-
-
 @pytest.mark.slow
 def test_no_worker_wrong_folder_a_worker_killed_the_scheduler_killed(
     place: Path, cluster: LoopbackCluster, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -88,11 +58,11 @@ def test_no_worker_wrong_folder_a_worker_killed_the_scheduler_killed(
     assert main(["--replay", "/proc/self/cwd/shots", "--export", str(place / "out"), *over]) == 1
     said = capsys.readouterr().err
     assert "does not see the folder /proc/self/cwd/shots" in said and "Traceback" not in said
-    assert _in_journal(place / "out") == 0
+    assert in_journal(place / "out") == 0
 
     cluster.worker(place / "elsewhere")
-    call = _Call("--replay", "shots", "--export", "out", *over)  # relative, and the workers stand elsewhere
-    _wait_for(place / "out", 1, call)
+    call = Call("--replay", "shots", "--export", "out", *over)  # relative, and the workers stand elsewhere
+    call.has_come_to(place / "out", 1)
     kill(first)
     assert call.ended() == 0
     assert f"{SHOTS} shots, {SHOTS} analysed, 0 failed\n" in capsys.readouterr().out
@@ -103,17 +73,17 @@ def test_no_worker_wrong_folder_a_worker_killed_the_scheduler_killed(
 
     # the other worker goes on, and this time the scheduler dies
     command = ("--replay", "shots", "--export", "again")
-    call = _Call(*command, "--scheduler", cluster.address)
-    _wait_for(place / "again", 1, call)
+    call = Call(*command, "--scheduler", cluster.address)
+    call.has_come_to(place / "again", 1)
     kill(cluster.scheduler)
     assert call.ended() == 1
     said = capsys.readouterr().err
     assert said.count("\n") == 1 and "the same command goes on" in said
-    done = _in_journal(place / "again")
+    done = in_journal(place / "again")
     assert 1 <= done < SHOTS
     assert main([*command, "--jobs", "1"]) == 0
     assert f"{SHOTS} shots, {SHOTS} analysed" in capsys.readouterr().out
-    assert _in_journal(place / "again") == SHOTS  # nothing was done twice
+    assert in_journal(place / "again") == SHOTS  # nothing was done twice
 
 
 def test_workers_that_have_the_wheel_do_the_work(tmp_path: Path) -> None:
@@ -136,4 +106,4 @@ def test_workers_that_have_the_wheel_do_the_work(tmp_path: Path) -> None:
     finally:
         cluster.close()
     assert ran.stdout == "1 shots, 0 analysed, 1 failed\n" and "bad.sigmf-meta: not JSON" in ran.stderr, ran.stderr
-    assert _in_journal(tmp_path / "out") == 1
+    assert in_journal(tmp_path / "out") == 1

@@ -10,12 +10,17 @@ import multiprocessing
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
-from tests.attack.kinds import KINDS, attacked
-from tests.attack.trial import Outcome
+from tests.attack.kinds import KINDS, TRIAL, attacked
+from tests.attack.trial import UNDER_WAY, Outcome
 
-CLUSTER_TESTS = ("tests/app/test_cluster.py", "tests/app/test_campaign.py")
+BY_TESTS = {
+    "cluster": ("tests/app/test_cluster.py", "tests/app/test_cluster_parts.py", "tests/app/test_campaign.py"),
+    "full disk": ("tests/app/test_full_disk.py", "tests/instrument/test_capture_disk.py"),
+}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -23,18 +28,17 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--share", type=float, default=1.0, help="of the usual number of attempts")
-    parser.add_argument("kinds", nargs="*", metavar="KIND", help=f"of {', '.join(KINDS)}, cluster (default: all)")
+    parser.add_argument("kinds", nargs="*", metavar="KIND", help=f"of {', '.join([*KINDS, *BY_TESTS])} (default: all)")
     options = parser.parse_args(arguments)
     outcomes = []
-    for name in options.kinds or [*KINDS, "cluster"]:
+    for name in options.kinds or [*KINDS, *BY_TESTS]:
         print(f"{name} ...", file=sys.stderr, flush=True)
         with tempfile.TemporaryDirectory(prefix="levimass-attack-") as folder:
-            if name == "cluster":
-                outcomes.append(_cluster())
+            if name in BY_TESTS:
+                outcomes.append(_by_tests(name))
             else:
                 count = max(1, round(options.share * KINDS[name].count))
-                with multiprocessing.get_context("spawn").Pool(1) as process:
-                    outcomes.append(process.apply(attacked, (name, Path(folder), count, options.seed)))
+                outcomes.append(_apart(name, Path(folder), count, options.seed))
     print(f"{'attack':<14}{'tried':>7}{'survived':>10}{'one line':>10}{'failed':>8}{'s at most':>11}{'MB at most':>12}")
     for o in outcomes:
         print(
@@ -47,19 +51,32 @@ def main(arguments: list[str] | None = None) -> int:
     return int(failed > 0)
 
 
-def _cluster() -> Outcome:
-    """Run the tests of a real scheduler and its workers: they are the attack."""
-    outcome = Outcome("cluster")
-    if importlib.util.find_spec("distributed") is None:
+def _apart(name: str, folder: Path, count: int, seed: int) -> Outcome:
+    """Attack in a process of its own; one that dies, or hangs and is ended, is a failure and says at which attempt."""
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
+        try:
+            return process.submit(attacked, name, folder, count, seed).result()
+        except BrokenProcessPool:
+            begun = folder / TRIAL / UNDER_WAY
+            number, _, words = (begun.read_text() if begun.exists() else "0: warming up").strip().partition(": ")
+    outcome = Outcome(name, tried=int(number))
+    outcome.failed.append(f"{name}: the process ended at attempt {number}: {words}")
+    return outcome
+
+
+def _by_tests(name: str) -> Outcome:
+    """Run tests of a real cluster, or of a real disk: they are the attack."""
+    outcome = Outcome(name)
+    if name == "cluster" and importlib.util.find_spec("distributed") is None:
         outcome.failed.append("cluster: dask.distributed is not installed")
         return outcome
-    for tests in CLUSTER_TESTS:
+    for tests in BY_TESTS[name]:
         ran = subprocess.run([sys.executable, "-m", "pytest", tests], capture_output=True, text=True, check=False)
         outcome.tried += 1
         if ran.returncode == 0:
             outcome.survived += 1
         else:
-            outcome.failed.append(f"cluster: {tests}: {' '.join(ran.stdout.split())[-300:]}")
+            outcome.failed.append(f"{name}: {tests}: {' '.join(ran.stdout.split())[-300:]}")
     return outcome
 
 

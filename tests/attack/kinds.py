@@ -21,11 +21,12 @@ from tests.attack.planted import journals, planted
 from tests.attack.recordings import analysed, claims, moving_data
 from tests.attack.scopes import scopes
 from tests.attack.texts import texts, travelling
-from tests.attack.trial import SURVIVED, Attack, Attempt, Outcome, carry_out
+from tests.attack.trial import HANGS_S, SURVIVED, Attack, Attempt, Outcome, carry_out
 from tests.attack.untrue import untrue
 from tests.instrument.fuzzing import fuzz
 
 SPOILT_A_TIME = 20
+TRIAL = "trial"  # the folder of the attempts
 
 
 def spoilt(folder: Path, random_: random.Random) -> Iterator[Attempt]:
@@ -107,4 +108,4 @@ def attacked(name: str, folder: Path, count: int, seed: int) -> Outcome:
     """Make ``count`` attempts of the kind ``name`` and return what became of them."""
     kind = KINDS[name]
     kind.warm(folder / "warm")
-    return carry_out(name, kind.attack, folder / "trial", count, seed)
+    return carry_out(name, kind.attack, folder / TRIAL, count, seed, HANGS_S)

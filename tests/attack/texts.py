@@ -87,6 +87,9 @@ def _session(path: Path) -> str:
     assert all(entry.path for entry in session.entries)
     if session.problem is None:
         return SURVIVED
+    if session.problem.startswith("unknown to this version"):  # the rest of it was read
+        assert path.is_file()
+        return refused_in_a_line(session.problem)
     assert not path.exists() and not path.is_symlink()
     assert path.with_name(path.name + ".unreadable").exists() or path.with_name(path.name + ".unreadable").is_symlink()
     return refused_in_a_line(session.problem)

@@ -1,5 +1,7 @@
 """One attempt of an attack: it survives, or is refused with one line; anything else is a fault of the program."""
 
+import contextlib
+import faulthandler
 import random
 import resource
 import sys
@@ -10,6 +12,8 @@ from pathlib import Path
 
 SURVIVED, REFUSED = "survived", "refused"
 LONGEST_S, MOST_MB = 10.0, 500.0  # that one attempt may take on a quiet machine
+HANGS_S = 180.0  # by the clock, on a busy one: an attempt that has not ended by then never does
+UNDER_WAY = "attempt.txt"  # in the folder of the attempts: the one under way, where the process does not outlive it
 
 Attempt = tuple[str, Callable[[], str]]  # what is tried in words; it returns SURVIVED or REFUSED
 Attack = Callable[[Path, random.Random], Iterator[Attempt]]  # without end, or as many as there are
@@ -24,23 +28,30 @@ class Outcome:
     survived: int = 0
     refused: int = 0
     seconds: float = 0.0  # processor time of the slowest attempt, its threads included
-    megabytes: float = 0.0  # that memory grew beyond what it was before
+    megabytes: float = 0.0  # of the greediest attempt, beyond what was held before it
     failed: list[str] = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         self.failed = []
 
 
-def carry_out(kind: str, attack: Attack, folder: Path, count: int, seed: int) -> Outcome:
-    """Make at most ``count`` attempts in ``folder``; what fails is told, never raised."""
+def carry_out(kind: str, attack: Attack, folder: Path, count: int, seed: int, hangs_s: float | None = None) -> Outcome:
+    """Make at most ``count`` attempts in ``folder``; a failure is listed in the outcome, never raised.
+
+    An attempt that takes longer than ``hangs_s`` by the clock ends this process, with its stacks on standard error.
+    """
     outcome = Outcome(kind)
     folder.mkdir(parents=True, exist_ok=True)
-    before = most_megabytes()
     for what, attempt in attack(folder, random.Random(seed)):
         words = ascii(what)[1:-1]
         if outcome.tried == count:
             break
         outcome.tried += 1
+        _forget_the_most()
+        before = most_megabytes()
+        if hangs_s is not None:
+            (folder / UNDER_WAY).write_text(f"{outcome.tried}: {words}\n")
+            faulthandler.dump_traceback_later(hangs_s, exit=True)
         begun = time.process_time()
         try:
             ended = attempt()
@@ -51,13 +62,15 @@ def carry_out(kind: str, attack: Attack, folder: Path, count: int, seed: int) ->
         else:
             outcome.survived += ended == SURVIVED
             outcome.refused += ended == REFUSED
-        spent = time.process_time() - begun
+        spent, grown = time.process_time() - begun, most_megabytes() - before
         if spent > LONGEST_S:
             outcome.failed.append(f"{kind}: {words}: {spent:.0f} s of processor time")
+        if grown > MOST_MB:
+            outcome.failed.append(f"{kind}: {words}: {grown:.0f} MB")
         outcome.seconds = max(outcome.seconds, spent)
-    outcome.megabytes = most_megabytes() - before
-    if outcome.megabytes > MOST_MB:
-        outcome.failed.append(f"{kind}: {outcome.megabytes:.0f} MB")
+        outcome.megabytes = max(outcome.megabytes, grown)
+    if hangs_s is not None:
+        faulthandler.cancel_dump_traceback_later()
     return outcome
 
 
@@ -72,6 +85,16 @@ def refused_in_a_line(words: str, *named: str) -> str:
 
 
 def most_megabytes() -> float:
-    """Return the most memory this process ever held."""
+    """Return the most memory this process held since it was last forgotten, or ever where that cannot be."""
+    with contextlib.suppress(OSError):
+        for line in Path("/proc/self/status").read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) / 1024
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return most / 1024 if sys.platform != "darwin" else most / 2**20
+
+
+def _forget_the_most() -> None:
+    """Let the system count anew, on Linux alone: what one attempt takes is not hidden behind a greedy one before it."""
+    with contextlib.suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")

@@ -1,10 +1,11 @@
 """Workers of a dask scheduler; each is checked before it gets a shot, and a shot of one that dies is repeated."""
 
+import contextlib
 import ipaddress
 import logging
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -23,9 +24,8 @@ SCHEDULER_ANSWERS_S = 10.0
 SCHEDULER_HANGS_S = 60.0  # longest wait for an answer during a campaign: the machine may be busy
 WORKERS_COME_S = 5.0  # longest wait for a usable worker when a campaign begins
 WORKERS_RETURN_S = 15.0  # and later: a nanny needs some seconds to start another process
+SILENT_S = 60.0  # a worker reports twice a second; dask itself waits five minutes before it gives one up
 CHECK_S = 60.0  # longest wait for a worker's check
-_WATCH_S = 1.0
-_MOST_FOLDERS = 200  # that each worker checks beforehand; a missing one beyond is reported with each shot
 
 
 class Cluster:
@@ -38,7 +38,7 @@ class Cluster:
             from distributed import Client
         except ImportError:
             raise OSError(0, "needs dask.distributed: pip install 'levimass[cluster]'", "--scheduler") from None
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # errors are reported here, in one line
+        _silence_libraries()
         self._address = address
         try:
             self._client: Any = Client(address, timeout=SCHEDULER_ANSWERS_S, set_as_default=False)
@@ -50,7 +50,9 @@ class Cluster:
         self._watcher = ThreadPoolExecutor(1)  # a scheduler that hangs must not block the campaign
         self._watching: Any = None
         self._watched_at = 0.0
-        self._threads: dict[str, int] = {}  # of every worker there is
+        self._threads: dict[str, int] = {}  # of every worker that is there and not silent
+        self._reports: dict[str, tuple[float, float]] = {}  # of each worker the last, and since when it is that
+        self._silent: set[str] = set()
         self._checking: dict[str, tuple[Any, float]] = {}
         self._unfit: dict[str, str] = {}
         self._fit: set[str] = set()
@@ -82,12 +84,21 @@ class Cluster:
     def close(self) -> None:
         """Disconnect from the scheduler; unfinished shots are left to the next call."""
         self._watcher.shutdown(wait=False, cancel_futures=True)
-        self._client.close(timeout=2.0)
+        with contextlib.suppress(Exception):  # over a broken line it times out; what there was to say has been said
+            self._client.close(timeout=2.0)
 
     def _hand_on(self, task: Task) -> None:
         workers = frozenset(self._fit)
-        future = self._client.submit(analyse_one, task, workers=sorted(workers), pure=False)
+        future = self._submit(analyse_one, task, workers=sorted(workers), pure=False)
         self._running[future] = task, workers
+
+    def _submit(self, work: Callable[..., object], *arguments: object, **how: object) -> Any:
+        try:
+            return self._client.submit(work, *arguments, **how)
+        except Exception:  # the connection may break at any moment, and the client then takes nothing more
+            if self._client.status == "running":
+                raise
+            raise self._lost("the scheduler is gone") from None
 
     def _taken(self, future: Any) -> tuple[Task, Outcome] | None:
         task, _ = self._running.pop(future)
@@ -105,10 +116,10 @@ class Cluster:
         """Update the list of workers, at most once a second.  Raises WorkersLost where none is left."""
         now = time.monotonic()
         if self._watching is None and now - self._watched_at >= _WATCH_S:
-            self._watching, self._watched_at = self._watcher.submit(self._client.nthreads), now
+            self._watching, self._watched_at = self._watcher.submit(self._asked_scheduler), now
         if self._watching is not None:
             if self._watching.done():
-                self._update(self._watching)
+                self._update(self._watching, now)
                 self._watching = None
             elif now - self._watched_at > SCHEDULER_HANGS_S:
                 raise self._lost("the scheduler does not answer any more")
@@ -118,27 +129,50 @@ class Cluster:
         elif not self._checking:
             self._none_usable(now)
 
-    def _update(self, watching: Any) -> None:
+    def _asked_scheduler(self) -> tuple[dict[str, Any], dict[str, Sequence[str]]]:
+        """Return what the scheduler knows of each worker, and the keys of its work; waits for the answer."""
+        known = self._client.sync(self._client.scheduler.identity)["workers"]
+        return known, self._client.processing()
+
+    def _update(self, watching: Any, now: float) -> None:
         try:
-            self._threads = dict(watching.result())
+            known, keys = watching.result()
+        except OSError:  # a closed line, which dask describes with sockets and coroutines
+            raise self._lost("the scheduler is gone") from None
         except Exception as error:
             raise self._lost(f"the scheduler is gone ({error_words(error)})") from None
+        self._listen_for_silence({worker: about["last_seen"] for worker, about in known.items()}, now)
+        self._threads = {worker: about["nthreads"] for worker, about in known.items() if worker not in self._silent}
         there = set(self._threads)
         self._fit &= there
+        stuck = {key for worker in self._silent for key in keys.get(worker, ())}
         for future, (task, workers) in list(self._running.items()):
-            if not workers & there and not future.done():  # all workers it may run on are gone
+            if (not workers & there or future.key in stuck) and not future.done():  # nobody is left to finish it
                 del self._running[future]
-                future.cancel()
+                with contextlib.suppress(Exception):  # a client whose connection broke refuses even that
+                    future.cancel()
                 self._waiting.appendleft(task)
         for worker in list(self._checking):
             if worker not in there:
                 del self._checking[worker]
         for worker in there - self._fit - set(self._checking) - set(self._unfit):
-            check = self._client.submit(unfit, *self._check_of_folders, workers=[worker], pure=False, priority=10)
-            self._checking[worker] = check, time.monotonic()
+            question = self._submit(unfit, *self._check_of_folders, workers=[worker], pure=False, priority=10)
+            self._checking[worker] = question, time.monotonic()
+
+    def _listen_for_silence(self, last_s: dict[str, float], now: float) -> None:
+        """Leave out workers whose reports no longer come: stopped, swapped out, or behind a broken line."""
+        self._reports = {
+            worker: before if (before := self._reports.get(worker)) is not None and before[0] == last else (last, now)
+            for worker, last in last_s.items()
+        }
+        silent = {worker for worker, (_, since) in self._reports.items() if now - since > SILENT_S}
+        for worker in sorted(silent - self._silent):
+            cause = f"has not reported for {SILENT_S:g} s; its shots go to others"
+            say(f"worker {worker} is left out: it {cause}")
+        self._silent = silent
 
     def _take_checks(self, now: float) -> None:
-        """Take the results of the workers' checks."""
+        """Take the answers of workers that were asked whether they can do the work."""
         for worker, (answer, checked_since) in list(self._checking.items()):
             if not answer.done() and now - checked_since < CHECK_S:
                 continue
@@ -163,6 +197,16 @@ class Cluster:
         raise self._lost(f"it has no worker; {start}")
 
 
+def _silence_libraries() -> None:
+    """Keep dask's log off standard error: what matters of it is said here, in one line.
+
+    Its configuration gives some of its loggers a level of their own, which the level of "distributed" does not reach.
+    """
+    for name in list(logging.root.manager.loggerDict):
+        if name.partition(".")[0] in ("distributed", "tornado"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+
+
 def guarded(address: str) -> bool:
     """Return whether a scheduler's address is on this machine, or protected by TLS."""
     scheme, there, rest = address.partition("://")
@@ -170,6 +214,8 @@ def guarded(address: str) -> bool:
         scheme, rest = "tcp", address
     if scheme.lower() in ("tls", "wss", "inproc"):
         return True
+    if "@" in rest:  # dask looks for a machine of that whole name
+        return False
     try:
         host = urlsplit(f"//{rest}").hostname or ""
         return host.lower() == "localhost" or ipaddress.ip_address(host).is_loopback

@@ -11,6 +11,7 @@ from app.report.pdf import document_of
 from app.session.channel_looks import is_swapped
 from app.session.choices import Choices
 from app.session.event import Event, EventKind
+from app.session.session import NOT_SAVED
 from app.session.workbench import Workbench
 from app.window.file_dialog import Want, ask
 from app.window.layout import Layout
@@ -49,6 +50,7 @@ class SessionPresenter(QObject):
         super().__init__(parent)
         self._workbench, self._panels, self._selection = workbench, panels, selection
         self._seen = -1
+        self._not_saved = False  # at the last refresh
         self._choose_next = False  # whether to select the next opened shot
         self._choices = choices
         self._chosen: Path | None = None  # the folder chosen last
@@ -79,8 +81,12 @@ class SessionPresenter(QObject):
             self._seen = session.revision
             self._panels.table.show_session(session)
             self._selection.show_verdict()
-            if session.problem:
-                self.said.emit(session.problem, Tone.BAD)
+            problem = session.problem or ""  # read once: the saver works beside
+            if problem:
+                self.said.emit(problem, Tone.BAD)
+            elif self._not_saved:
+                self.said.emit("The session is saved again", Tone.GOOD)
+            self._not_saved = problem.startswith(NOT_SAVED)
 
     def _show_event(self, event: Event) -> None:
         self._show_table()

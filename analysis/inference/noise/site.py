@@ -79,7 +79,7 @@ class Sway:
     """What a site may do to one shot, at its valid averaged samples.
 
     ``basis``, shape (n, r), are nearly orthonormal directions; ``factors``, shape (r, m), what independent unit normal
-    numbers do along them, in m; ``band``, shape (m,), says which strength each follows.  The last are of the plate, which
+    numbers do along them, in m; ``band``, shape (m,), says which strength each follows.  The last are of the plate: it
     is displaced and moves at first touch by that number of ``plate_std`` (m, m/s).  ``valid`` are the averaged samples
     that ``n`` counts, ``weight`` is the shot's white noise over that of the set.  ``speed_powers``, shape (bands, 2),
     are the variances by which speeds against the frame differ from those in space, at the touch and after the release.

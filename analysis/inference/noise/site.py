@@ -274,7 +274,11 @@ def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats) -
     start = np.concatenate([own[:3], np.zeros(len(PLATE_START))])
     swings = respond(model, shot.for_model, shared, start, block=shot.factor).derivatives[:, -len(PLATE_START) :]
     plate_std = plate_swing_std(site.shaking, collision)
-    columns = np.hstack([moved.real * each, moved.imag * each, swings * plate_std])[shot.valid]
+    columns = np.empty((int(shot.valid.sum()), 2 * each.size + len(PLATE_START)))
+    seen = moved[shot.valid]
+    np.multiply(seen.real, each, out=columns[:, : each.size])
+    np.multiply(seen.imag, each, out=columns[:, each.size : 2 * each.size])
+    columns[:, 2 * each.size :] = swings[shot.valid] * plate_std
     own_hz = np.sqrt(collision.plate_stiffness_n_per_m / collision.plate_mass_kg) / (2 * np.pi)
     nearest = int(np.argmin(np.abs(site.shaking.frequency_hz[site.shaking.random] - own_hz)))
     band = np.concatenate([site.band, site.band, np.repeat(site.band[nearest], len(PLATE_START))])

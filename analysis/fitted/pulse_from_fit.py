@@ -113,7 +113,8 @@ def _pulse(fit: Fit, motion: Motion) -> _Pulse:
         base = np.array([known[name] for name in data.base.names])
         point = Point(base, np.array([[speed, *own[1:]]]), (values,))
         run = hypothesis.run(0, point)
-        return _read(fine, run.velocity_m_per_s, run.displacement_m, run.changes_s, motion.moving_mass_kg)
+        changes_s = tuple(e.time_s + own[1] for e in run.log.events if e.kind in ("touch", "release"))
+        return _read(fine, run.velocity_m_per_s, run.displacement_m, changes_s, motion.moving_mass_kg)
 
     here = pulse(at, own[0])
     columns = _derivatives(

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from app.command_line.campaign import cluster as parts
-from app.command_line.campaign.crew import CrewLost
 from app.command_line.campaign.task import Task
+from app.command_line.campaign.worker_pool import WorkersLost
 from app.command_line.cli import main
 from tests.app.campaign_call import Call, in_journal
 from tests.app.cluster import Line, LoopbackCluster, kill
@@ -158,9 +158,9 @@ class _BrokenClient:
 def test_a_client_that_breaks_while_work_is_handed_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", types.SimpleNamespace(Client=_BrokenClient))
     task = Task("/shots/a.sigmf-meta", None, None, None, True, "stamp", ())  # type: ignore[arg-type]
-    crew = parts.Cluster("tcp://127.0.0.1:2", [task])
-    crew.give(task)
-    with pytest.raises(CrewLost, match="the scheduler is gone; what was done is kept"):
+    workers = parts.Cluster("tcp://127.0.0.1:2", [task])
+    workers.give(task)
+    with pytest.raises(WorkersLost, match="the scheduler is gone; what was done is kept"):
         for _ in range(100):
-            crew.take()
-    crew.close()
+            workers.take()
+    workers.close()

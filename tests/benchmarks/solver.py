@@ -24,8 +24,9 @@ def tasks() -> dict[str, Callable[[], object]]:
     from analysis.collision import exact, general
     from analysis.collision.effects import CATALOGUE
     from analysis.collision.parameters import PAPER
-    from analysis.inference.fit.quick_shot import Optics, respond
+    from analysis.inference.fit.situation import Optics
     from analysis.inference.screen.first_order import Shot, path_of
+    from tests.analysis.inference.shown import shown
 
     out: dict[str, Callable[[], object]] = {
         "two bodies": lambda: exact.solve(PAPER, TIME_S).displacement_m,
@@ -49,7 +50,7 @@ def tasks() -> dict[str, Callable[[], object]]:
     for name in ("cubic_stiffness", "contact_exponent"):
         values = {name: {p.name: p.scale for p in CATALOGUE[name].parameters}}
         out[f"a score by a trajectory: {name}"] = lambda v=values: (
-            respond(SCREENED_S, PAPER.vector[:4], own, v, PAPER.block_mass_kg, optics).displacement_m
+            shown(SCREENED_S, PAPER.vector[:4], own, v, PAPER.block_mass_kg, optics).displacement_m
         )
     shot = Shot(SCREENED_S, PAPER.vector[:4], own, {}, PAPER.block_mass_kg, optics)
     for steps in (1, 4):

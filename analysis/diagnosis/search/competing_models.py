@@ -98,7 +98,8 @@ def _nearest(effect: str, distances: Separation, catalogue: Sequence[TrialEffect
     near = sorted(
         (distance, name) for name, distance in distances.from_other.items() if distance < _ALIKE * distances.snr
     )
-    names = [name for _, name in near[:_FITTED]]
+    twins = named(effect).look_alikes  # what is large is no straight line: the true one may stand third
+    names = [name for place, (_, name) in enumerate(near) if place < _FITTED or name in twins]
     names += [name for name in distances.from_other if name not in names and _ring_alike(effect, name)]
     return [kind for name in names for kind in catalogue if kind.name == name]
 

@@ -23,7 +23,7 @@ from analysis.inference.fit.arrow import Arrow
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.hypothesis_fit import Fitted, learn_floor
-from analysis.inference.fit.quick_shot import Run
+from analysis.inference.fit.response import Response
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor
 from analysis.inference.screen.projector import Projector
@@ -197,7 +197,7 @@ def free_laws(hypothesis: Hypothesis, point: Point) -> dict[str, list[Floats]]:
     return laws
 
 
-def _inside(run: Run) -> Floats:
+def _inside(run: Response) -> Floats:
     """Return 1 from the first touch to the last release, else 0."""
     touching = np.flatnonzero(run.gap_m < 0)
     out = np.zeros(run.gap_m.size)

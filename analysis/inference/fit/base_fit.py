@@ -10,8 +10,8 @@ from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trials_named
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import Fitted, first_floor, fit
-from analysis.inference.fit.quick_shot import too_fast
 from analysis.inference.fit.samples import Samples
+from analysis.inference.fit.situation import too_fast
 from analysis.inference.noise.floor import white_by_differences
 from analysis.shot.shot import AnalysisError, Stop
 

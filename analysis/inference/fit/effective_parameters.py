@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.collision.effects import named
 from analysis.collision.parameters import Infeasible
-from analysis.inference.fit.quick_shot import Values
+from analysis.inference.fit.situation import Values
 
 Floats = NDArray[np.float64]
 _SOFTEST = 0.9  # of the whole compliance is the clamp's, at most

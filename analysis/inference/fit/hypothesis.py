@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from analysis.compiled.side_by_side import side_by_side
 from analysis.inference.fit.derivatives import linearised_shot, solved
 from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.quick_shot import Run, respond
+from analysis.inference.fit.response import Response
 from analysis.inference.fit.search_vector import JointData, SearchVector
 
 Floats = NDArray[np.float64]
@@ -39,11 +39,9 @@ class Hypothesis(SearchVector):
         """Return one shot's displacement at the averaged samples' centres, not averaged: near enough for a score."""
         return self.run(index, point, coarse=True).displacement_m
 
-    def run(self, index: int, point: Point, coarse: bool = False) -> Run:
+    def run(self, index: int, point: Point, coarse: bool = False) -> Response:
         """Return one shot's motion on the motion's grid (``coarse``: at the averaged samples' centres)."""
-        shot = self.shot_at(index, point)
-        time_s = shot.time_s if coarse else self.data.shots[index].time_s
-        return respond(time_s, shot.base, shot.own, shot.values, shot.mass_kg, shot.optics)
+        return solved(self, index, point, averaged=False, centres=coarse)[1]
 
     def displacement(self, z: Floats) -> list[Floats]:
         """Return every shot's averaged displacement at a vector; one of the last few is remembered, not solved anew."""

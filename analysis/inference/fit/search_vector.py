@@ -14,9 +14,9 @@ from analysis.inference.fit.base import OWN_NAMES, Base
 from analysis.inference.fit.coordinates import Coordinates
 from analysis.inference.fit.effective_parameters import Point, chained, to_actual, to_effective
 from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.quick_shot import Optics, Values
 from analysis.inference.fit.response import Model
 from analysis.inference.fit.samples import Samples
+from analysis.inference.fit.situation import Optics, Values
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.site import Site
 from analysis.inference.screen.first_order import Shot

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
-from scipy.linalg.lapack import dtrtri
 
 from analysis.collision.effects.row import Acts, Effect
 from analysis.compiled.side_by_side import side_by_side
@@ -33,7 +32,6 @@ _SAME_LINE = 0.3  # of the same
 _IN_AN_OCTAVE = 3  # bands
 _REMEMBERED = 4  # noises, and shapes of what they are beside the site
 _WANDER = 3.0  # of the least density in the fastest octave, both times f^2: less is the path's own wander
-_NEARLY = 0.05  # orthogonal columns: their cosines, of which one Cholesky factor leaves no more than rounding
 _SEEN = 1e-3  # of the noise's variance: a direction that shakes less is noise
 
 
@@ -80,8 +78,8 @@ class Seen:
 class Sway:
     """What a site may do to one shot, at its valid averaged samples.
 
-    ``basis``, shape (n, r), are orthonormal directions; ``factors``, shape (r, m), what independent unit normal numbers
-    do along them, in m; ``band``, shape (m,), says which strength each follows.  The last are of the plate, which
+    ``basis``, shape (n, r), are nearly orthonormal directions; ``factors``, shape (r, m), what independent unit normal
+    numbers do along them, in m; ``band``, shape (m,), says which strength each follows.  The last are of the plate: it
     is displaced and moves at first touch by that number of ``plate_std`` (m, m/s).  ``valid`` are the averaged samples
     that ``n`` counts, ``weight`` is the shot's white noise over that of the set.  ``speed_powers``, shape (bands, 2),
     are the variances by which speeds against the frame differ from those in space, at the touch and after the release.
@@ -169,12 +167,11 @@ class Sway:
     def _seen(self, shape: Floor) -> Seen:
         if shape.rms_m[0] == 0.0:
             columns = self.basis / self.weight
-            root = np.eye(self.basis.shape[1]) / self.weight
         else:
             raw = np.zeros((self.valid.size, self.basis.shape[1]))
             raw[self.valid] = self.basis
             columns = shape.whiten(raw, self.valid, self.weight)
-            root = np.asarray(np.linalg.cholesky(columns.T @ columns).T)
+        root = np.asarray(np.linalg.cholesky(columns.T @ columns).T)
         order = np.argsort(self.band, kind="stable")
         band = self.band[order]
         factors = np.asfortranarray(root @ self.factors[:, order])
@@ -272,38 +269,27 @@ def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats) -
     omega = 2 * np.pi * site.shaking.frequency_hz
     # what a frame does is slow: the mean over an averaged sample is what it does at its middle, to a millionth
     moved, after = responses(collision, shot.centre_s - own[1], omega)
-    size = np.sqrt(site.shaking.power_m2)
+    each = np.sqrt(site.shaking.power_m2)
     model = Model(replace(base, swings=True))
     start = np.concatenate([own[:3], np.zeros(len(PLATE_START))])
     swings = respond(model, shot.for_model, shared, start, block=shot.factor).derivatives[:, -len(PLATE_START) :]
     plate_std = plate_swing_std(site.shaking, collision)
-    columns = np.hstack([moved.real * size, moved.imag * size, swings * plate_std])[shot.valid]
+    columns = np.empty((int(shot.valid.sum()), 2 * each.size + len(PLATE_START)))
+    seen = moved[shot.valid]
+    np.multiply(seen.real, each, out=columns[:, : each.size])
+    np.multiply(seen.imag, each, out=columns[:, each.size : 2 * each.size])
+    columns[:, 2 * each.size :] = swings[shot.valid] * plate_std
     own_hz = np.sqrt(collision.plate_stiffness_n_per_m / collision.plate_mass_kg) / (2 * np.pi)
     nearest = int(np.argmin(np.abs(site.shaking.frequency_hz[site.shaking.random] - own_hz)))
     band = np.concatenate([site.band, site.band, np.repeat(site.band[nearest], len(PLATE_START))])
     level, turn = np.linalg.eigh(columns.T @ columns)
-    basis = _orthonormal(columns @ turn[:, level > _SEEN * shot.white_m**2])
+    felt = level > _SEEN * shot.white_m**2
+    turn, size = turn[:, felt], np.sqrt(level[felt])
+    basis = np.ascontiguousarray((columns @ turn) / size)
     speeds = np.zeros((site.bands, 2))
     np.add.at(speeds, site.band, site.shaking.power_m2[:, None] * np.stack([omega, np.abs(after)], axis=1) ** 2)
-    return Sway(basis, basis.T @ columns, band, shot.valid, shot.weight, speeds, plate_std)
-
-
-def _orthonormal(columns: Floats) -> Floats:
-    """Return orthonormal columns that span what nearly orthogonal ones, shape (n, r), do.
-
-    By Cholesky factors, twice where once leaves more than rounding (Yamamoto et al., ETNA 44, 2015): a tenth of the
-    time of Householder's way.
-    """
-    out = columns / np.linalg.norm(columns, axis=0)
-    try:
-        for _ in range(2):
-            products = out.T @ out
-            out = np.asarray(out @ np.asarray(dtrtri(np.linalg.cholesky(products), lower=1)[0]).T)
-            if np.abs(products - np.eye(len(products))).max() < _NEARLY:
-                break
-    except np.linalg.LinAlgError:
-        return np.asarray(np.linalg.qr(columns)[0])
-    return np.ascontiguousarray(out)
+    # The columns are basis times factors to rounding, however near to orthonormal the basis came out.
+    return Sway(basis, size[:, None] * turn.T, band, shot.valid, shot.weight, speeds, plate_std)
 
 
 def on_site(

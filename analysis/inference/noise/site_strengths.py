@@ -14,7 +14,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve
 from scipy.linalg.blas import dsyrk
 from scipy.linalg.lapack import dpotrf, dtrtrs
 from scipy.optimize import minimize
@@ -224,12 +223,11 @@ def over_likely(
     parts = left.under(found.shape)
     level, turn = np.linalg.eigh(_curvature(_likelihood(found.at, parts, left.precision), parts, left.precision))
     points = found.at + _normal(found.at.size) @ (turn / np.sqrt(np.maximum(level, _LEAST_LEVEL))).T
-    likely = [_fit_at(point, parts) for point in points]
-    here = _fit_at(found.at, parts)
-    apart = np.stack([one.values - here.values for one in likely])
-    covariance = np.mean([one.covariance for one in likely], axis=0) + apart.T @ apart / len(likely)
-    unseen = tangents.size - here.values.size
-    return Likely(found.floor, np.pad(covariance, (0, unseen)), np.pad(here.values, (0, unseen)))
+    values, covariances, _ = _fits_at(np.vstack([found.at, points]), parts)
+    apart = values[1:] - values[0]
+    covariance = np.mean(covariances[1:], axis=0) + apart.T @ apart / len(points)
+    unseen = tangents.size - values.shape[1]
+    return Likely(found.floor, np.pad(covariance, (0, unseen)), np.pad(values[0], (0, unseen)))
 
 
 @lru_cache(maxsize=8)
@@ -240,13 +238,14 @@ def _normal(size: int) -> Floats:
     return np.concatenate([half, -half])
 
 
-def _fit_at(at: Floats, shots: Sequence[_Shot]) -> _Fitted:
-    """Return what the parameters take under (ln white^2, strengths)."""
-    products = []
-    for shot in shots:
-        half = _solved(_root(_scaled(shot.seen, at)), shot.along)
-        products.append(shot.beside + half.T @ half)
-    return _fitted(shots, products, math.exp(at[0]))
+def _fits_at(points: Floats, shots: Sequence[_Shot]) -> tuple[Floats, Floats, Floats]:
+    """Return what ``_solved_for`` says of the parameters under each (ln white^2, strengths), shape (p, 1 + bands)."""
+
+    def products(shot: _Shot) -> Floats:
+        halves = (_solved(_root(_scaled(shot.seen, at)), shot.along) for at in points)
+        return np.stack([shot.beside + half.T @ half for half in halves])
+
+    return _solved_for(shots, side_by_side(products, shots), np.exp(points[:, 0]))
 
 
 def _with_a_part(shape: Floor, number: int, tau_s: float) -> Floor:
@@ -379,18 +378,34 @@ def _of_shot(fitted: _Fitted, shot: _Shot) -> Floats:
 
 def _fitted(shots: Sequence[_Shot], products: Sequence[Floats], variance: float) -> _Fitted:
     """Return what the parameters take, of shots with all ``products`` of what is left and its derivatives."""
+    values, covariance, logs = _solved_for(shots, [one[None] for one in products], np.array([variance]))
+    return _Fitted(values[0], covariance[0], float(logs[0]))
+
+
+def _solved_for(shots: Sequence[_Shot], products: Sequence[Floats], variance: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return what q parameters take under p noises, (p, q), their covariances, (p, q, q), and half ln det of inverses.
+
+    ``products``, shape (p, 1 + q, 1 + q) a shot, are those of what is left and its derivatives, over ``variance``,
+    shape (p,).  LinAlgError where they do not determine the parameters.
+    """
     size = max((int(shot.places.max(initial=-1)) + 1 for shot in shots), default=0)
-    normal, pull = np.zeros((size, size)), np.zeros(size)
-    for shot, both in zip(shots, products, strict=True):
-        normal[np.ix_(shot.places, shot.places)] += both[1:, 1:] / variance
-        pull[shot.places] += both[1:, 0] / variance
+    normal, pull = np.zeros((variance.size, size, size)), np.zeros((variance.size, size))
     if not size:
-        return _Fitted(pull, normal, 0.0)
-    scale = np.sqrt(np.diag(normal))
-    scale[scale == 0.0] = 1.0
-    root = np.linalg.cholesky(normal / np.outer(scale, scale) + np.diag((np.diag(normal) == 0.0).astype(np.float64)))
-    inverse = np.asarray(cho_solve((root, True), np.eye(size), check_finite=False)) / np.outer(scale, scale)
-    return _Fitted(inverse @ pull, inverse, float(np.log(np.diag(root)).sum() + np.log(scale).sum()))
+        return pull, normal, np.zeros(variance.size)
+    for shot, both in zip(shots, products, strict=True):
+        both = both / variance[:, None, None]
+        normal[:, shot.places[:, None], shot.places] += both[:, 1:, 1:]
+        pull[:, shot.places] += both[:, 1:, 0]
+    level = np.diagonal(normal, axis1=1, axis2=2)
+    scale = np.where(level == 0.0, 1.0, np.sqrt(level))
+    outer = scale[:, :, None] * scale[:, None, :]
+    unit = normal / outer
+    unit[:, range(size), range(size)] += level == 0.0  # what no shot depends on is known to a unit
+    root = np.linalg.cholesky(unit)
+    half = np.linalg.inv(root)
+    inverse = half.transpose(0, 2, 1) @ half / outer
+    logs = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1) + np.log(scale).sum(axis=1)
+    return (inverse @ pull[:, :, None])[:, :, 0], inverse, logs
 
 
 def _scaled(seen: Seen, at: Floats) -> Floats:

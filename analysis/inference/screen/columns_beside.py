@@ -30,7 +30,11 @@ class ColumnsBeside:
     @classmethod
     def of(cls, shot: Samples, floor: Floor, columns: Floats) -> "ColumnsBeside":
         """Return ``columns``, shape (samples, k) in m, beside a floor; cost: n r multiply-adds a column."""
-        white = floor.whiten(columns, shot.valid, shot.weight)
+        return cls.whitened(shot, floor, floor.whiten(columns, shot.valid, shot.weight))
+
+    @classmethod
+    def whitened(cls, shot: Samples, floor: Floor, white: Floats) -> "ColumnsBeside":
+        """Return columns, shape (n, k), that are whitened but for the frame's motion."""
         if shot.sway is None or not floor.site:
             nothing = np.zeros((0, white.shape[1]))
             return cls(white, np.zeros((white.shape[0], 0)), nothing, nothing)

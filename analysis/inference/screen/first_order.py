@@ -14,7 +14,7 @@ from analysis.collision.effects.row import Effect
 from analysis.collision.first_order import along
 from analysis.collision.first_order import steps_for as steps_of
 from analysis.collision.linear_path import LinearPath, linear_path
-from analysis.inference.fit.quick_shot import Optics, Values, seen, situation
+from analysis.inference.fit.situation import Optics, Values, seen, situation
 
 Floats = NDArray[np.float64]
 _STEP = 1e-40  # the complex step
@@ -22,7 +22,7 @@ _STEP = 1e-40  # the complex step
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """One shot of a fit: the times at which it is seen, its parameters as ``quick_shot.respond`` takes them."""
+    """One shot of a fit: the times at which it is seen, its parameters by name."""
 
     time_s: Floats
     base: Floats

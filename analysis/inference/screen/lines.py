@@ -1,13 +1,17 @@
 """Lines in what a fit leaves over: which frequencies stand out, whatever rings there."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.inference.fit.free_parameters import TrialEffect
+from analysis.inference.fit.samples import Samples
+from analysis.inference.noise.floor import Floor
 from analysis.inference.screen.columns_beside import ColumnsBeside, column_by_column
-from analysis.inference.screen.projector import Projector
+from analysis.inference.screen.projector import FEW_SHOTS, Projector
 
 Floats = NDArray[np.float64]
 _LOUD = 5  # lines that are looked at more closely
@@ -38,24 +42,58 @@ def _scan(at: Projector) -> tuple[Floats, Floats]:
     total = np.zeros(grid.size)
     if not at.left.any():
         return grid, total
+    few = len(shots) <= FEW_SHOTS
     for index, (shot, left) in enumerate(zip(shots, at.tangents.parts(at.left), strict=True)):
         # Projecting inside the shot: the shared parameters take little of a line, the shot's own take what they can.
         fitted = np.column_stack([at.basis.of_shot(index), left])
         for first in range(0, grid.size, _AT_ONCE):
             some = grid[first : first + _AT_ONCE]
-            waves = ColumnsBeside.of(shot, at.floor, _waves(some, shot.centre_s))
-            products = waves.products_with(fitted)
-            taken, along = products[:-1], products[-1]
-            c, s = slice(0, some.size), slice(some.size, None)
-            a, b, d = (
-                waves.products(one, other) - column_by_column(taken[:, one], taken[:, other])
-                for one, other in ((c, c), (c, s), (s, s))
-            )
-            determinant = np.maximum(a * d - b * b, 1e-12 * a * d + 1e-300)
-            p, q = along[c], along[s]
-            x, y = (d * p - b * q) / determinant, (a * q - b * p) / determinant
-            total[first : first + some.size] += x * p + y * q
+            white = at.floor.whiten(_waves(some, shot.centre_s), shot.valid, shot.weight)
+            make = partial(_Waves.of, shot, at.floor, white)
+            waves = at.once(f"lines {index} from {first}", make) if few else make()
+            total[first : first + some.size] += waves.gain(white, fitted)
     return grid, total
+
+
+@dataclass(frozen=True, slots=True)
+class _Waves:
+    """Cosines and sines of f frequencies beside a shot's noise: what is the same whatever is fitted there.
+
+    ``products``, shape (3, f), are of cosine and cosine, cosine and sine, sine and sine; what whitening the frame's
+    motion adds to them is ``directions`` times ``moved``, shape (r, 2 f).
+    """
+
+    products: Floats
+    directions: Floats
+    moved: Floats
+
+    @classmethod
+    def of(cls, shot: Samples, floor: Floor, white: Floats) -> "_Waves":
+        """Return waves, shape (n, 2 f), that are whitened but for the frame's motion."""
+        columns = ColumnsBeside.whitened(shot, floor, white)
+        c, s = _halves(white)
+        products = np.stack([columns.products(one, other) for one, other in ((c, c), (c, s), (s, s))])
+        return cls(products, columns.directions, columns.moved)
+
+    def gain(self, white: Floats, fitted: Floats) -> Floats:
+        """Return what each line takes of chi^2, shape (f,), beside whitened ``fitted`` columns, of the last of them."""
+        both = fitted.T @ white + (fitted.T @ self.directions) @ self.moved
+        taken, along = both[:-1], both[-1]
+        c, s = _halves(white)
+        a, b, d = (
+            whole - column_by_column(taken[:, one], taken[:, other])
+            for whole, (one, other) in zip(self.products, ((c, c), (c, s), (s, s)), strict=True)
+        )
+        determinant = np.maximum(a * d - b * b, 1e-12 * a * d + 1e-300)
+        p, q = along[c], along[s]
+        x, y = (d * p - b * q) / determinant, (a * q - b * p) / determinant
+        return np.asarray(x * p + y * q)
+
+
+def _halves(white: Floats) -> tuple[slice, slice]:
+    """Return where the cosines and where the sines stand among columns, shape (n, 2 f)."""
+    count = white.shape[1] // 2
+    return slice(0, count), slice(count, None)
 
 
 def _waves(frequency_hz: Floats, time_s: Floats) -> Floats:

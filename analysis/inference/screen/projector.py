@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from analysis.collision.slots import fastest_rates
 from analysis.inference.fit.arrow import Arrow, Span
 from analysis.inference.fit.hypothesis_fit import Fitted, whitened_tangents
-from analysis.inference.fit.quick_shot import situation
+from analysis.inference.fit.situation import situation
 from analysis.inference.noise.floor import Floor
 
 Floats = NDArray[np.float64]

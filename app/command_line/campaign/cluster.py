@@ -26,6 +26,8 @@ WORKERS_COME_S = 5.0  # longest wait for a usable worker when a campaign begins
 WORKERS_RETURN_S = 15.0  # and later: a nanny needs some seconds to start another process
 SILENT_S = 60.0  # a worker reports twice a second; dask itself waits five minutes before it gives one up
 CHECK_S = 60.0  # longest wait for a worker's check
+_WATCH_S = 1.0
+_MOST_FOLDERS = 200  # that each worker checks beforehand; a missing one beyond is reported with each shot
 
 
 class Cluster:

@@ -1,9 +1,9 @@
 """A look-alike is fitted in an effect's place, and takes it where it does better."""
 
-from analysis.diagnosis.search.competing_models import with_look_alikes_tried
+from analysis.diagnosis.search.competing_models import _nearest, with_look_alikes_tried
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.identifiability import separation
+from analysis.diagnosis.verdict.identifiability import Separation, separation
 from analysis.inference.fit.added_effect import refit
 from analysis.inference.fit.hypothesis_fit import fit
 from analysis.inference.screen.projector import projector
@@ -40,3 +40,13 @@ def test_what_rings_in_the_same_place_is_asked_however_far_apart_it_is_to_first_
     trail.keep(wrong)
     best, _, _ = with_look_alikes_tried(wrong, projector(wrong), trail, lambda _: True)
     assert best.names == (true,) and best.bic < wrong.bic
+
+
+def test_a_look_alike_that_the_catalogue_names_is_fitted_where_others_stand_nearer_to_first_order() -> None:
+    """In a building a strong damping was named an arm at its shortest relaxation time, and damping was not fitted."""
+    names = ("support_compliance", "second_plate_mode", "plate_damping", "block_mode")
+    far = Separation(94.2, dict(zip(names, (42.26, 42.28, 44.44, 80.4), strict=True)), {})
+    near = [kind.name for kind in _nearest("viscoelastic_arm", far, [KINDS[name] for name in names])]
+    assert near == ["support_compliance", "second_plate_mode", "plate_damping"]
+    further = Separation(70.0, far.from_other, {})  # what does less than half of the same is none
+    assert "plate_damping" not in [kind.name for kind in _nearest("viscoelastic_arm", further, list(KINDS.values()))]

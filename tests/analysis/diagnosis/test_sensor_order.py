@@ -3,7 +3,8 @@
 import numpy as np
 
 from analysis.collision.parameters import PAPER
-from analysis.inference.fit.quick_shot import Optics, respond
+from analysis.inference.fit.situation import Optics
+from tests.analysis.inference.shown import shown
 
 LAG, RIPPLE = {"time_s": 8e-6}, {"amplitude_m": 1e-9, "order": 2.0, "phase_rad": 0.3}
 
@@ -11,18 +12,18 @@ LAG, RIPPLE = {"time_s": 8e-6}, {"amplitude_m": 1e-9, "order": 2.0, "phase_rad":
 def test_the_ripple_repeats_with_the_path_that_is_shown_whichever_was_found_first() -> None:
     time_s = np.arange(0.0, 0.05, 1e-5)
     own = np.array([-0.27, 0.01, 0.0])
-    shown = [
-        respond(time_s, PAPER.vector[:4], own, values, PAPER.block_mass_kg, Optics(632.8e-9, 1e5)).displacement_m
+    both = [
+        shown(time_s, PAPER.vector[:4], own, values, PAPER.block_mass_kg, Optics(632.8e-9, 1e5)).displacement_m
         for values in (
             {"cyclic_error": RIPPLE, "demodulation_lag": LAG},
             {"demodulation_lag": LAG, "cyclic_error": RIPPLE},
         )
     ]
-    assert np.array_equal(shown[0], shown[1])
-    late = respond(
+    assert np.array_equal(both[0], both[1])
+    late = shown(
         time_s, PAPER.vector[:4], own, {"demodulation_lag": LAG}, PAPER.block_mass_kg, Optics(632.8e-9, 1e5)
     ).displacement_m
     turn = int(np.argmin(late))
     near = slice(turn - 15, turn + 15)  # slow enough for the demodulator
     ripple = 1e-9 * np.sin(8 * np.pi / 632.8e-9 * late[near] + 0.3)
-    assert np.abs(shown[0][near] - late[near] - ripple).max() < 1e-12
+    assert np.abs(both[0][near] - late[near] - ripple).max() < 1e-12

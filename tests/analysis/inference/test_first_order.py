@@ -16,14 +16,15 @@ from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trial_effect
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import fit
-from analysis.inference.fit.quick_shot import Optics, respond
 from analysis.inference.fit.samples import together
+from analysis.inference.fit.situation import Optics
 from analysis.inference.noise.floor import Floor
 from analysis.inference.screen import screening
 from analysis.inference.screen.first_order import Shot, path_of, responses, steps_for
 from analysis.inference.screen.projector import projector
 from tests.analysis.collision.simulated import shot as simulated
 from tests.analysis.diagnosis.test_made_up import SLOSHING
+from tests.analysis.inference.shown import shown
 
 TIME_S = np.arange(1200) * 5e-5
 OPTICS = Optics(632.8e-9, 1e6)
@@ -51,7 +52,7 @@ def small(row: Effect, start: Mapping[str, float], size: float) -> dict[str, flo
 def difference(row: Effect, start: Mapping[str, float], have: Any, own: np.ndarray) -> np.ndarray:
     """Return what an effect does, by two solutions; both hold it, so that their steps are the same."""
     runs = [
-        respond(
+        shown(
             TIME_S, PAPER.vector[:4], own, {**have, row.name: small(row, start, size)}, PAPER.block_mass_kg, OPTICS
         ).displacement_m
         for size in (SMALL, 0.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.parameters import Collision
-from analysis.inference.fit.quick_shot import Optics, seen
+from analysis.inference.fit.situation import Optics, seen
 from analysis.inference.noise.sway import responses
 from analysis.inference.screen.lines import _waves
 

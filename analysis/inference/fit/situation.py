@@ -1,4 +1,4 @@
-"""One shot of the model: named parameters in, what the optics would show out."""
+"""One shot of the model by the names of its parameters: which collision that is, what acts in it, what is too fast."""
 
 import math
 from collections.abc import Mapping
@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import general
 from analysis.collision.acting import active_effects
 from analysis.collision.effects import named, sensors
 from analysis.collision.effects.row import Sensed
@@ -18,7 +17,6 @@ from analysis.collision.slots import Active, fastest_rates
 Floats = NDArray[np.float64]
 Values = Mapping[str, Mapping[str, float]]
 _MOST_RADIANS = 60.0  # of the fastest swing between two samples
-_STRIDE = 2.0  # of a law that is not linear: right to 0.05 pm, far below any noise
 _AT_REST = {"displacement_m": 0.0, "velocity_m_per_s": 0.0}
 
 
@@ -30,25 +28,10 @@ class Optics:
     sample_rate_hz: float
 
 
-@dataclass(frozen=True, slots=True)
-class Run:
-    """One shot's modelled motion, arrays of shape (n,).
-
-    ``displacement_m`` as the optics see it, with the offset; ``gap_m`` negative: overlap; ``changes_s`` are touch,
-    release, touch, ... on the record's clock.
-    """
-
-    displacement_m: Floats
-    velocity_m_per_s: Floats
-    plate_m: Floats
-    gap_m: Floats
-    changes_s: tuple[float, ...]
-
-
 def too_fast(base: Floats, own: Floats, values: Values, mass_kg: float, spacing_s: float, factor: int) -> bool:
     """Return whether something swings faster than samples ``spacing_s / factor`` apart can show.
 
-    Or faster than ``respond`` follows, at samples ``spacing_s`` apart.
+    Or faster than a trajectory is followed, at samples ``spacing_s`` apart.
     """
     collision, active = situation(base, own, values, mass_kg)
     rates = fastest_rates(collision, active)
@@ -58,25 +41,6 @@ def too_fast(base: Floats, own: Floats, values: Values, mass_kg: float, spacing_
 def fastest_shown(spacing_s: float, factor: int) -> float:
     """Return the fastest swing in rad/s that ``too_fast`` allows."""
     return min(math.pi * factor, _MOST_RADIANS) / spacing_s
-
-
-def respond(time_s: Floats, base: Floats, own: Floats, values: Values, mass_kg: float, optics: Optics) -> Run:
-    """Solve one shot; ``base`` is (k_p, m_p*, k_N, gamma_N), m_p* infinite for a locked plate.
-
-    ``own`` is (v_i, t, x_0) and, where the plate moves by then, its displacement and velocity at first touch.
-    Raises Infeasible where the parameters give no trajectory.
-    """
-    collision, active = situation(base, own, values, mass_kg)
-    rates = fastest_rates(collision, active)
-    if max(rates.contact, rates.every) * float(time_s[1] - time_s[0]) > _MOST_RADIANS:
-        raise Infeasible("something would swing faster than any record can show")
-    try:
-        run = general.solve(collision, active, time_s - own[1], stride=_STRIDE, rates=rates)
-    except (general.TooManyEvents, general.UnboundedMotion) as why:
-        raise Infeasible(str(why)) from why
-    shown = seen(run.displacement_m, run.velocity_m_per_s, time_s, values, optics) + own[2]
-    changes = tuple(float(event.time_s + own[1]) for event in run.events if event.kind in ("touch", "release"))
-    return Run(shown, run.velocity_m_per_s, run.contact_point_m, run.gap_m, changes)
 
 
 def situation(base: Floats, own: Floats, values: Values, mass_kg: float) -> tuple[Collision, list[Active]]:

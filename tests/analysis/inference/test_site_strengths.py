@@ -1,0 +1,93 @@
+"""The restricted likelihood of a site's strengths, against the covariance written down."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from analysis.inference.noise import site_strengths
+from analysis.inference.noise.floor import Floor
+from tests.analysis.inference.test_columns_beside import a_shot
+
+AT = np.array([math.log(0.3**2), -1.0, 0.7])  # ln white^2, strengths of both bands
+PRECISION = np.array([[0.4, -0.1], [-0.1, 0.3]])
+PARAMETERS = 3
+
+
+def a_shape(wander: float) -> Floor:
+    """Return white noise of one with a part that wanders ``wander`` times as far."""
+    return Floor(1.0, (wander, 0.0), (1e-3, 1e-2), 5e-5)
+
+
+def two_shots() -> list[tuple[SimpleNamespace, np.ndarray]]:
+    """Return two shots, each with what is left and three derivatives; the last parameter is the second shot's own."""
+    random = np.random.default_rng(5)
+    columns = [random.standard_normal((62, 1 + PARAMETERS)) for _ in range(2)]
+    columns[0][:, -1] = 0.0
+    return [(a_shot(), one) for one in columns]
+
+
+def moved_by(at: np.ndarray, shot: SimpleNamespace) -> np.ndarray:
+    """Return what unit normal numbers of the site do to a shot's valid samples."""
+    return shot.sway.basis @ shot.sway.factors * np.exp(0.5 * at[1:])[shot.sway.band]
+
+
+def covariance_of(at: np.ndarray, shot: SimpleNamespace, wander: float) -> np.ndarray:
+    """Return the covariance of a shot's valid samples, written down."""
+    index = np.flatnonzero(shot.valid)
+    apart_s = np.abs(np.subtract.outer(index, index)) * 5e-5
+    noise = math.exp(at[0]) * (shot.weight**2 * np.eye(index.size) + wander**2 * np.exp(-apart_s / 1e-3))
+    moved = moved_by(at, shot)
+    return noise + moved @ moved.T
+
+
+def written_down(at: np.ndarray, wander: float) -> float:
+    """Return the restricted log-likelihood with the prior's by dense algebra."""
+    value = -0.5 * at[1:] @ PRECISION @ at[1:]
+    normal, pull, square = np.zeros((PARAMETERS,) * 2), np.zeros(PARAMETERS), 0.0
+    for shot, columns in two_shots():
+        covariance = covariance_of(at, shot, wander)
+        left, tangents = columns[shot.valid, 0], columns[shot.valid, 1:]
+        solved = np.linalg.solve(covariance, np.column_stack([left, tangents]))
+        value -= 0.5 * (np.linalg.slogdet(covariance)[1] + left.size * math.log(2 * math.pi))
+        square += float(left @ solved[:, 0])
+        pull += tangents.T @ solved[:, 0]
+        normal += tangents.T @ solved[:, 1:]
+    taken = pull @ np.linalg.solve(normal, pull)
+    return float(value - 0.5 * (np.linalg.slogdet(normal)[1] + square - taken))
+
+
+def shots_under(wander: float):
+    places = np.arange(PARAMETERS)
+    return [site_strengths._under(a_shape(wander), columns, places, shot) for shot, columns in two_shots()]
+
+
+@pytest.mark.parametrize("wander", [0.0, 3.0])
+def test_the_likelihood_and_its_gradient_are_those_of_the_dense_covariance(wander: float) -> None:
+    found = site_strengths._likelihood(AT, shots_under(wander), PRECISION)
+    assert found.value == pytest.approx(written_down(AT, wander), abs=1e-7)
+    step = 1e-4
+    for k, unit in enumerate(np.eye(AT.size)):
+        slope = (written_down(AT + step * unit, wander) - written_down(AT - step * unit, wander)) / (2 * step)
+        assert found.slope[k] == pytest.approx(slope, rel=1e-6)
+
+
+def test_the_curvature_is_that_of_the_mean_over_what_the_noise_may_be() -> None:
+    shots = shots_under(3.0)
+    curvature = site_strengths._curvature(site_strengths._likelihood(AT, shots, PRECISION), shots, PRECISION)
+    assert np.allclose(curvature, curvature.T) and np.linalg.eigvalsh(curvature)[0] > 0.0
+    normal = np.zeros((PARAMETERS,) * 2)
+    for shot, columns in two_shots():
+        tangents = columns[shot.valid, 1:]
+        normal += tangents.T @ np.linalg.solve(covariance_of(AT, shot, 3.0), tangents)
+    everything = np.linalg.inv(normal)
+    for k in range(1, AT.size):  # half the trace of (P dC)^2 for each strength, its prior beside
+        expected = PRECISION[k - 1, k - 1]
+        for shot, columns in two_shots():
+            inverse = np.linalg.inv(covariance_of(AT, shot, 3.0))
+            tangents = columns[shot.valid, 1:]
+            projected = inverse - inverse @ tangents @ everything @ tangents.T @ inverse
+            part = moved_by(AT, shot)[:, shot.sway.band == k - 1]
+            expected += 0.5 * float(np.sum((part.T @ projected @ part) ** 2))
+        assert curvature[k, k] == pytest.approx(expected, rel=1e-7)

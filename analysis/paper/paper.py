@@ -130,16 +130,8 @@ def paper_rig(numbers: Mapping[str, Any]) -> PaperRig:
     from analysis.paper.paper_audit import PaperRig  # with the model: the window shows the numbers without it
 
     rig, simulation = numbers["rig"], numbers["simulation"]
-    fields = (
-        "arm_length_m",
-        "arm_width_m",
-        "thickness_m",
-        "disc_diameter_m",
-        "density_kg_m3",
-        "youngs_modulus_pa",
-    )
     return PaperRig(
-        plate_printed=Plate(*(float(rig[name]) for name in fields)),
+        plate_printed=Plate(*(float(rig[entry.name]) for entry in fields(Plate))),
         plate_mass_kg=float(rig["plate_mass_kg"]),
         wavelength_m=float(rig["wavelength_m"]),
         sample_rate_hz=float(rig["sample_rate_hz"]),

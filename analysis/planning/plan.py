@@ -179,8 +179,8 @@ def _chosen(
 
     for length in range(1, most + 1):
         listed = _ranked(distances, length, on_the_block_kg)
-        promising = [one for one in listed if promising(max(distances.nearest(one).values()))]
-        for sequence in promising[:_REFITTED] or (listed[:1] if length == most else ()):
+        likely = [one for one in listed if promising(max(distances.nearest(one).values()))]
+        for sequence in likely[:_REFITTED] or (listed[:1] if length == most else ()):
             if stop():
                 raise Cancelled
             tell((length - 1) / most)

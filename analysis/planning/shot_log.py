@@ -35,11 +35,6 @@ class PlannedStep:
         """Get the separation expected if the leader is true; before the shot is taken, if the first member is."""
         return self.expected.get(self.leader or "", next(iter(self.expected.values())))
 
-    @property
-    def has_expectation(self) -> bool:
-        """Get whether ``expected`` holds the member that turned out the likeliest."""
-        return self.leader in self.expected
-
     def excluded(self, leader: str) -> Collection[str]:
         """Return the members from which no separation was expected where ``leader`` is the true one.
 

@@ -1,6 +1,7 @@
 """The measured motion of the block: displacement and its derivatives over time, each with its noise."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import get_origin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,15 +63,4 @@ class Motion:
             getattr(self, name).flags.writeable = False
 
 
-ARRAYS = (
-    "time_s",
-    "displacement_m",
-    "velocity_m_per_s",
-    "acceleration_m_per_s2",
-    "force_n",
-    "displacement_std_m",
-    "velocity_std_m_per_s",
-    "acceleration_std_m_per_s2",
-    "force_std_n",
-    "valid",
-)
+ARRAYS = tuple(entry.name for entry in fields(Motion) if get_origin(entry.type) is np.ndarray)

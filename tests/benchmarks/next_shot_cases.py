@@ -91,7 +91,7 @@ def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutc
         cpu_s=(spent[0], settled - diagnosed, 0.0),
         named=_names(said),
         open_last=undecided(said),
-        steps=tuple((s.expected_separation if s.has_expectation else 0.0, s.reached) for s in standing.steps),
+        steps=tuple((s.expected_separation if s.leader in s.expected else 0.0, s.reached) for s in standing.steps),
         proven=standing.plan is not None and not standing.plan.settles,
         best=0.0 if standing.plan is None else standing.plan.best,
     )

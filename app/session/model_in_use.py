@@ -15,7 +15,7 @@ from analysis.shot.plates_of_set import why_not_together
 from analysis.shot.shot import AnalysisError, Shot, Stop
 from app.report.session_section import shared_stds
 from app.session.verdict_of import ModelEffects
-from app.words.wording import effect_words, local, model_in_words, parameter_parts
+from app.words.physics_words import effect_words, model_in_words, parameter_parts
 from instrument.files.law_file import read_laws, write_law
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_writer import write_text_beside
@@ -86,7 +86,7 @@ def drift_words(known: SavedModel, fit: Fit) -> str:
         return ""
     far = {name: deviation for name, deviation in drift(known, fit).items() if abs(deviation) > DRIFT_SIGMAS}
     ordered = sorted(far.items(), key=lambda item: -abs(item[1]))
-    return ", ".join(f"{_named(name)} {local(f'{deviation:+.1f}')} σ" for name, deviation in ordered)
+    return ", ".join(f"{_named(name)} {deviation:+.1f} σ" for name, deviation in ordered)
 
 
 def _named(name: str) -> str:

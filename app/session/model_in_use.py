@@ -16,9 +16,9 @@ from analysis.shot.shot import AnalysisError, Shot, Stop
 from app.report.session_section import shared_stds
 from app.session.verdict_of import ModelEffects
 from app.words.physics_words import effect_words, model_in_words, parameter_parts
-from instrument.files.atomic_file import write_text_atomic
 from instrument.files.law_file import read_laws, write_law
 from instrument.files.recording_error import RecordingError
+from instrument.files.recording_writer import write_text_beside
 from instrument.files.text_file import read_toml_text
 
 DRIFT_SIGMAS = 4.0  # of the joint standard uncertainty
@@ -51,7 +51,7 @@ def save_model(
         raise AnalysisError("the joint fit did not converge: misfit exceeds noise, run Diagnose first")
     named = {effect.name for effect in diagnosis.findings} if diagnosis is not None else set()
     model = saved(fit, [shot.path or shot.name for shot in fitted], diagnosis, set(accepted.tried) - named)
-    write_text_atomic(path, with_combined(to_text(model), fit, fitted), sync=True)
+    write_text_beside(path, with_combined(to_text(model), fit, fitted), sync=True)
     return f"Model {model_words(model)} saved as {path}"
 
 
@@ -82,13 +82,11 @@ def model_words(model: SavedModel) -> str:
 
 def drift_words(known: SavedModel, fit: Fit) -> str:
     """Return the parameters of a fit that differ significantly from the file's, largest first; "" for none."""
-    from app.words.wording import local  # needs Qt, which the commands without a screen do without
-
     if fit.model != known.base or not fit.converged:
         return ""
     far = {name: deviation for name, deviation in drift(known, fit).items() if abs(deviation) > DRIFT_SIGMAS}
     ordered = sorted(far.items(), key=lambda item: -abs(item[1]))
-    return ", ".join(f"{_named(name)} {local(f'{deviation:+.1f}')} σ" for name, deviation in ordered)
+    return ", ".join(f"{_named(name)} {deviation:+.1f} σ" for name, deviation in ordered)
 
 
 def _named(name: str) -> str:

@@ -166,7 +166,7 @@ def test_ctrl_c_in_mid_run_is_a_line(monkeypatch: pytest.MonkeyPatch, capsys: py
     def interrupted() -> int:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "_work", lambda arguments: interrupted)
+    monkeypatch.setattr(cli, "run_of", lambda options, arguments: interrupted)
     assert main(["--replay", "x"]) == INTERRUPTED
     assert capsys.readouterr().err == "levimass: interrupted\n"
 

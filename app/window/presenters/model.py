@@ -14,6 +14,7 @@ from app.session.workbench import Workbench
 from app.window.file_dialog import Want, ask
 from app.window.layout import Layout
 from app.window.theme import Tone
+from app.words.wording import local_words
 
 KINDS = "Levimass model (*.toml)"
 
@@ -99,6 +100,6 @@ def _agreement(known: SavedModel | None, fit: Fit | None, behind: bool) -> tuple
         return "", Tone.NEUTRAL
     if fit.model != known.base:
         return f"the model file is of base {known.base}, this fit of {fit.model}", Tone.WARNING
-    far = drift_words(known, fit)
+    far = local_words(drift_words(known, fit))
     words = f"differs from the model file: {far}" if far else "agrees with the model file"
     return words, Tone.WARNING if far else Tone.GOOD

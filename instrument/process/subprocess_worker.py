@@ -104,7 +104,7 @@ class SubprocessWorker:
             self._end(0.0)
             if cancelled():
                 raise Cancelled from error
-            what = "the process of the analysis ended by itself: start it again; a shot's recording is saved"
+            what = "the analysis's process ended by itself: start it again; a shot's recording is saved"
             raise AnalysisError(what) from error
 
     def await_ready(self, cancelled: Callable[[], bool]) -> None:

@@ -1,15 +1,18 @@
 """The noise learnt from quiet flights: white level, what wanders, and what is none of either."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from analysis.inference.fit.samples import Samples, take
-from analysis.inference.noise.flights import noise_of_flights
+from analysis.inference.noise.flights import Spectrum, likeliest_noise, noise_of_flights, spectrum_of
 from tests.analysis.collision.simulated import shot
 
 WHITE_M, FLOOR_M, MEMORY_S = 1e-10, 3e-10, 0.03
+SPACING_S = 5e-5
 
 
 def with_flights(incoming: int, outgoing: int, seed: int, floor_m: float = FLOOR_M) -> Samples:
@@ -49,3 +52,39 @@ def test_too_little_flight_is_not_trusted() -> None:
     found, trusted = noise_of_flights([with_flights(20, 10, 5, 0.0)])
     assert not trusted
     assert found.white_m == pytest.approx(WHITE_M, rel=0.5)
+
+
+def _flights_of(seed: int, rms_m: float, tau_s: float) -> list[Spectrum]:
+    """Return the spectra of three flights of white noise, 0.1 nm, with an Ornstein-Uhlenbeck part."""
+    random, memory = np.random.default_rng(seed), math.exp(-SPACING_S / tau_s)
+    out = []
+    for _ in range(3):
+        walk = lfilter([math.sqrt(1 - memory**2) * rms_m], [1.0, -memory], random.normal(0.0, 1.0, 2400))[400:]
+        out.append(spectrum_of(1e-10 * random.normal(0.0, 1.0, 2000) + walk))
+    return out
+
+
+def test_white_noise_is_seldom_given_a_part_that_wanders_and_a_part_that_does_is_found() -> None:
+    calm = [likeliest_noise(_flights_of(seed, 0.0, 5e-3), SPACING_S) for seed in range(60)]
+    assert sum(noise.rms_m[0] > 0.0 for noise in calm) <= 3
+    white = np.array([noise.white_m for noise in calm if noise.rms_m[0] == 0.0])
+    assert float(np.median(white)) == pytest.approx(1e-10, rel=0.01)
+    moved = [likeliest_noise(_flights_of(seed, 3e-10, 5e-3), SPACING_S) for seed in range(20)]
+    assert all(noise.rms_m[0] > 0.0 for noise in moved)
+    # of the correlation times that are as likely the longest: how fast it wanders is known, how far it errs upwards
+    fast = [noise.rms_m[0] / math.sqrt(noise.tau_s[0]) for noise in moved]
+    assert float(np.median(fast)) == pytest.approx(3e-10 / math.sqrt(5e-3), rel=0.1)
+    assert float(np.median([noise.rms_m[0] for noise in moved])) > 2.7e-10
+    assert float(np.median([noise.white_m for noise in moved])) == pytest.approx(1e-10, rel=0.03)
+
+
+def test_known_lines_are_left_out_of_a_flights_noise_and_what_is_slower_than_a_frame_too() -> None:
+    random = np.random.default_rng(4)
+    values, at = random.normal(0.0, 1e-10, 1500), np.arange(1500)
+    above, lines = 0.2, np.array([0.7, 1.9])
+    _, calm = spectrum_of(values, above, lines)
+    loud = values + 3e-9 * np.cos(lines[0] * at) + 3e-9 * np.cos(lines[1] * at + 1.0) + 3e-8 * np.cos(0.01 * at)
+    angle, power = spectrum_of(loud, above, lines)
+    assert angle.min() >= above and np.abs(angle[:, None] - lines).min() > 4.0 * 2 * np.pi / 1498
+    assert np.mean(power) == pytest.approx(np.mean(calm), rel=0.05)
+    assert np.mean(calm) == pytest.approx(1e-20, rel=0.12)

@@ -44,3 +44,28 @@ def test_what_lies_elsewhere_is_asked_anew(before_and_beside: tuple[Projector, F
     assert not at.trajectories.serve(replace(at.fitted, z=z))
     other = base_fit(shots({}, seed=4))
     assert not at.trajectories.serve(other)
+
+
+def test_a_drag_that_drives_explains_nothing_and_one_that_brakes_what_a_fit_gains(
+    before_and_beside: tuple[Projector, Fitted],
+) -> None:
+    at, beside = before_and_beside
+    drag = KINDS["viscous_drag"]
+    (brakes,) = scores(at, drag)
+    assert brakes.gain == pytest.approx(at.fitted.chi2(at.floor) - beside.chi2(at.floor), rel=0.05)
+    assert brakes.start[0]["coefficient_n_s_per_m"] == pytest.approx(2e-6, rel=0.2)
+    (drives,) = scores(replace(at, left=-at.left, whole=-at.whole, done={}), drag)
+    assert drives.gain == 0.0 and drives.start[0]["coefficient_n_s_per_m"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "shared", "of_each_shot"),
+    [("viscous_drag", 1, 0), ("block_mode", 3, 0), ("plate_motion", 0, 2), ("frame_vibration", 2, 1)],
+)
+def test_an_effect_pays_for_what_all_shots_share_and_for_each_shots_own(
+    before_and_beside: tuple[Projector, Fitted], name: str, shared: int, of_each_shot: int
+) -> None:
+    at, _ = before_and_beside
+    count = len(at.fitted.hypothesis.data.shots)
+    assert count > 1
+    assert {score.freedom for score in scores(at, KINDS[name])} == {shared + of_each_shot * count}

@@ -6,17 +6,19 @@ mass is known, and the force is smoothed at one cut-off, so that nothing but noi
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from analysis.reading import pulse
-from analysis.reading.read import _ratio, read_impact
+from analysis.reading.read import _agree, _ratio, _shares, read_impact
 from analysis.shot.impact import Impact
-from analysis.shot.quantity import Quantity
+from analysis.shot.quantity import NotSeen, Quantity
 from tests.analysis.disturbance import Disturbance, disturbed_motion
+from tests.analysis.impacts import impact_of
 from tests.analysis.synthetic_collision import MASS_KG, Synthetic, motion_of
 
 SHOTS = 100
@@ -101,3 +103,18 @@ def test_a_ratio_knows_what_both_velocities_share(shared: float) -> None:
     drawn = np.random.default_rng(2).multivariate_normal([-0.265, 0.2617], spread, 20_000)
     ratio = _ratio(Quantity(0.2617, out_std), Quantity(-0.265, into_std), covariance, "")
     assert ratio.std == pytest.approx(float(np.std(np.abs(drawn[:, 1] / drawn[:, 0]))), rel=0.03)
+
+
+@pytest.mark.parametrize(("apart", "agree"), [(2.9, True), (3.1, False), (-2.9, True), (-3.1, False)])
+def test_two_restitutions_agree_within_three_of_both_uncertainties_together(apart: float, agree: bool) -> None:
+    one, std = Quantity(0.9876, 3e-4), 5e-4  # together, with 4e-4
+    assert _agree(one, Quantity(0.9876 + apart * std, 4e-4)) is agree
+    assert _agree(one, NotSeen("the force is interrupted within the contact"))
+
+
+def test_a_disturbance_has_the_share_of_the_variance_that_white_noise_alone_would_not_leave() -> None:
+    quiet = cast(Any, SimpleNamespace(plain=(3e-6, 9e-6)))
+    impact = impact_of(velocity_in_m_per_s=Quantity(-0.265, 5e-6), velocity_out_m_per_s=Quantity(0.26, 8e-6))
+    assert _shares(quiet, impact) == pytest.approx({"velocity_in_m_per_s": 0.64, "velocity_out_m_per_s": 0.0})
+    unseen = impact_of(velocity_in_m_per_s=Quantity(-0.265, 5e-6), velocity_out_m_per_s=NotSeen("no release"))
+    assert _shares(quiet, unseen) == pytest.approx({"velocity_in_m_per_s": 0.64})

@@ -78,6 +78,7 @@ def test_live_shows_learned_thresholds_as_such(qtbot):
     panel.show_raw(raw, CHANNELS, (None, 0.64), True)
     (line,) = lines_of(panel.raw.plots[SWITCH])
     assert (line.value(), line.label.format) == (0.64, "trigger high (learned), 0.64 V")
+    assert line.toolTip() == line.label.format  # in a low plot its name is read there
 
 
 def test_a_running_bench_tells_the_thresholds_that_it_learned(qtbot, tmp_path, warm_kernels):

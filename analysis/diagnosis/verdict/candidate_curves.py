@@ -23,8 +23,8 @@ def curve_of_fit(fitted: Fitted, before: Fitted) -> tuple[Floats, ...]:
 def curve_to_first_order(at: Projector, score: Score) -> tuple[Floats, ...] | None:
     """Return what a candidate that was only scored would explain, in m, as ``averaged_to`` does; None without a path.
 
-    ``at`` is the fit before, made linear.  The candidate has the strength that a linear step gives it; what the
-    parameters of that fit take up is left out, also to first order.
+    ``at`` is the fit before, made linear.  The candidate has the strength that a linear step gives it; the parameters
+    of that fit move, also to first order, to where they fit best beside it.
     """
     shots = at.fitted.hypothesis.data.shots
     point = moved_to(at, score.kind, score.start)
@@ -36,13 +36,11 @@ def curve_to_first_order(at: Projector, score: Score) -> tuple[Floats, ...] | No
         return None
     if not all(np.all(np.isfinite(column)) for column in columns):
         return None
-    taken_up = at.tangents.solve(at.whitened([column[:, None] for column in columns])[:, 0])
-    curves = []
-    for index in range(min(len(shots), MOST_SHOTS)):
-        _, derivatives = at.lines[index]
-        column = columns[index] - derivatives @ taken_up[at.tangents.places[index]]
-        curves.append(averaged_to(POINTS, column))
-    return tuple(curves)
+    left = at.whole - at.whitened([column[:, None] for column in columns])[:, 0]
+    moved = at.tangents.solve(left)
+    own = zip(columns, at.lines, at.tangents.places, strict=True)
+    curves = [column + derivatives @ moved[places] for column, (_, derivatives), places in own]
+    return tuple(averaged_to(POINTS, curve) for curve in curves[:MOST_SHOTS])
 
 
 def averaged_to(points: int, values: Floats) -> Floats:

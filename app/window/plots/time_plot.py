@@ -156,6 +156,7 @@ class TimePlot(FramedPlot):
             level, angle=0, label=words, labelOpts={"position": 0.97, "anchors": [(1, 0), (1, 0)], "color": "#888888"}
         )
         line.setPen(straight("#888888", Qt.PenStyle.DotLine))
+        line.setToolTip(words)  # in a low plot it has no name beside it
         line.setZValue(-5)
         self.addItem(line, ignoreBounds=True)
         self._levels.append(line)

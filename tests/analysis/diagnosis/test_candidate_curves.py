@@ -7,6 +7,7 @@ import pytest
 
 from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.result import Candidate, to_result
+from analysis.diagnosis.verdict import candidate_curves
 from analysis.diagnosis.verdict.candidate_curves import POINTS, averaged_to, curve_of_fit, curve_to_first_order
 from analysis.inference.fit.added_effect import refit
 from analysis.inference.screen.projector import projector
@@ -15,14 +16,18 @@ from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 
 @pytest.mark.parametrize(
-    ("name", "effects"),
+    ("name", "effects", "off"),
     [
-        ("viscous_drag", {"viscous_drag": {"coefficient_n_s_per_m": 2e-5}}),
-        ("cyclic_error", {"cyclic_error": {"amplitude_m": 1e-9, "order": 2.0}}),  # of each shot's own phase
-        ("block_mode", {"block_mode": {"mass_kg": 2e-5, "frequency_hz": 870.0, "damping_ratio": 0.01}}),
+        ("viscous_drag", {"viscous_drag": {"coefficient_n_s_per_m": 2e-5}}, 0.02),
+        ("cyclic_error", {"cyclic_error": {"amplitude_m": 5e-9, "order": 2.0}}, 0.02),  # of each shot's own phase
+        (
+            "block_mode",
+            {"block_mode": {"mass_kg": 2e-5, "frequency_hz": 870.0, "damping_ratio": 0.01}},
+            0.25,
+        ),  # of a grid
     ],
 )
-def test_the_first_order_is_near_to_what_the_fit_with_the_effect_gives(name: str, effects: dict) -> None:
+def test_the_first_order_is_near_to_what_the_fit_with_the_effect_gives(name: str, effects: dict, off: float) -> None:
     before = base_fit(shots(effects))
     at = projector(before)
     best = scores(at, KINDS[name])[0]
@@ -32,20 +37,19 @@ def test_the_first_order_is_near_to_what_the_fit_with_the_effect_gives(name: str
     assert quick is not None and [curve.shape for curve in quick] == [curve.shape for curve in exact]
     left, near = np.concatenate(exact), np.concatenate(quick)
     assert np.sqrt(np.mean(left**2)) > 3e-11  # above what the means over so many samples have as noise
-    assert np.sqrt(np.mean((near - left) ** 2)) < 0.25 * np.sqrt(np.mean(left**2))
+    assert np.sqrt(np.mean((near - left) ** 2)) < off * np.sqrt(np.mean(left**2))
 
 
-def test_what_the_fitted_parameters_take_up_is_no_part_of_a_curve() -> None:
-    before = base_fit(shots({}))
+def test_no_fitted_parameter_could_explain_more_beside_the_candidate(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(candidate_curves, "POINTS", 10**6)  # every sample, so that whitening does not see steps
+    before = base_fit(shots({"viscous_drag": {"coefficient_n_s_per_m": 2e-5}}))
     at = projector(before)
-    best = scores(at, KINDS["bearing_gradient"])[0]
-    curve = curve_to_first_order(at, best)
+    curve = curve_to_first_order(at, scores(at, KINDS["bearing_gradient"])[0])
     assert curve is not None
-    whole = at.fitted.hypothesis.data.shots[0].centre_s.size
-    spread = [np.interp(np.arange(whole), (np.arange(c.size) + 0.5) * whole / c.size - 0.5, c) for c in curve]
-    white = at.whitened([column[:, None] for column in spread])[:, 0]
-    along = at.basis.projected(white)
-    assert np.linalg.norm(along) > 0.9 * np.linalg.norm(white)
+    remains = [left - explained for left, explained in zip(before.residual_m, curve, strict=True)]
+    white = at.whitened([column[:, None] for column in remains])[:, 0]
+    beside = at.basis.projected(white)
+    assert np.linalg.norm(white - beside) < 1e-3 * np.linalg.norm(white)
 
 
 def test_every_candidate_of_a_diagnosis_has_its_curve_and_the_result_file_has_none() -> None:

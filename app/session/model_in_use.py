@@ -16,9 +16,9 @@ from analysis.shot.shot import AnalysisError, Shot, Stop
 from app.report.session_section import shared_stds
 from app.session.verdict_of import ModelEffects
 from app.words.physics_words import effect_words, model_in_words, parameter_parts
+from instrument.files.atomic_file import write_text_atomic
 from instrument.files.law_file import read_laws, write_law
 from instrument.files.recording_error import RecordingError
-from instrument.files.recording_writer import write_text_beside
 from instrument.files.text_file import read_toml_text
 
 DRIFT_SIGMAS = 4.0  # of the joint standard uncertainty
@@ -51,7 +51,7 @@ def save_model(
         raise AnalysisError("the joint fit did not converge: misfit exceeds noise, run Diagnose first")
     named = {effect.name for effect in diagnosis.findings} if diagnosis is not None else set()
     model = saved(fit, [shot.path or shot.name for shot in fitted], diagnosis, set(accepted.tried) - named)
-    write_text_beside(path, with_combined(to_text(model), fit, fitted), sync=True)
+    write_text_atomic(path, with_combined(to_text(model), fit, fitted), sync=True)
     return f"Model {model_words(model)} saved as {path}"
 
 

@@ -72,6 +72,24 @@ def test_a_scheduler_that_does_not_answer(
     assert "127.0.0.1:9" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("address", "words"),
+    [
+        ("tls://127.0.0.1:9", "no certificate of your own"),
+        ("tcp://127.0.0.1:port", "is no address of a scheduler"),
+        ("inproc://here", "is no address of a scheduler"),
+        ("TCP://127.0.0.1:9", "is no address of a scheduler"),
+    ],
+)
+def test_a_scheduler_that_cannot_be_connected_to_is_said_in_one_line(
+    shots: Path, capsys: pytest.CaptureFixture[str], address: str, words: str
+) -> None:
+    pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+    assert main(["--replay", str(shots / "a"), "--scheduler", address]) == 1
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and said.startswith(f"levimass: {address}: ") and words in said
+
+
 def test_what_was_not_reached_is_no_result(shots: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A data file that is not there yet is told, counted apart, and tried again by the next call."""
     folder = tmp_path / "late"

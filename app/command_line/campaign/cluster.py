@@ -20,6 +20,8 @@ _UNSAFE = (
     "a scheduler in the network without TLS takes work, which is code, from anybody who reaches it: give it as "
     "tls://HOST:PORT (docs/installing.md), or say --insecure"
 )
+_NO_ADDRESS = "is no address of a scheduler: tcp://HOST:PORT or tls://HOST:PORT is expected"
+_NO_CERTIFICATE = "no certificate of your own is in dask's configuration, which TLS needs (docs/installing.md)"
 SCHEDULER_ANSWERS_S = 10.0
 SCHEDULER_HANGS_S = 60.0  # longest wait for an answer during a campaign: the machine may be busy
 WORKERS_COME_S = 5.0  # longest wait for a usable worker when a campaign begins
@@ -44,8 +46,8 @@ class Cluster:
         self._address = address
         try:
             self._client: Any = Client(address, timeout=SCHEDULER_ANSWERS_S, set_as_default=False)
-        except (OSError, ValueError) as error:  # no scheduler there; not an address
-            raise WorkersLost(0, getattr(error, "strerror", None) or str(error) or "does not answer", address) from None
+        except (OSError, ValueError, TypeError, RuntimeError) as error:
+            raise WorkersLost(0, _why_not_connected(error), address) from None
         folders = sorted({str(Path(task.path).parent) for task in todo})[:_MOST_FOLDERS]
         csv = next((task.motion_csv for task in todo if task.motion_csv), None)
         self._check_of_folders = (program(), folders, None if csv is None else str(Path(csv).parent))
@@ -223,3 +225,11 @@ def guarded(address: str) -> bool:
         return host.lower() == "localhost" or ipaddress.ip_address(host).is_loopback
     except ValueError:  # a host's name
         return False
+
+
+def _why_not_connected(error: Exception) -> str:
+    if "ssl_context" in str(error):
+        return _NO_CERTIFICATE
+    if isinstance(error, ValueError):
+        return _NO_ADDRESS
+    return getattr(error, "strerror", None) or error_words(error)

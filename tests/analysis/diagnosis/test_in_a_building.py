@@ -33,7 +33,7 @@ def test_friction_is_named_beside_a_building_and_a_path_that_wanders() -> None:
 
 @pytest.mark.slow  # quicker: which look-alikes are fitted, in test_competing_models.py
 def test_damping_of_the_plate_is_not_called_an_arm() -> None:
-    """An arm at its shortest relaxation time is damping with a number more; damping ended in another valley at first."""
+    """An arm at its shortest relaxation time is damping with a number more, and was found first."""
     found = diagnose(Rig("VC-C").with_bodies(plate_damping_n_s_per_m=4e-3).shots(93000362, (0.2, 0.265, 0.33)))
     assert [effect.name for effect in found.effects] == ["plate_damping"]
     coefficient = found.effects[0].parameters["coefficient_n_s_per_m"]

@@ -137,7 +137,9 @@ def fitted_instead(
     trial = min(trials, key=lambda fitted: fitted.bic, default=None)
     if trial is None or trial.bic > best.bic + _HOPELESS:
         return trial
-    return fit(trial.hypothesis, trial.z, trial.floor, evaluations=16, cancelled=stop)
+    # In a building what wanders keeps its shape here: that of the best, or what the effect left would be the noise.
+    floor = best.floor if best.floor.site else trial.floor
+    return fit(trial.hypothesis, trial.z, floor, evaluations=16, cancelled=stop)
 
 
 def _of_one_line(at: Projector, kind: TrialEffect, start: Start, frequency_hz: float) -> list[Start]:

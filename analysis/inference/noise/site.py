@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dtrtri
 
 from analysis.collision.effects.row import Acts, Effect
 from analysis.compiled.side_by_side import side_by_side
@@ -32,6 +33,7 @@ _SAME_LINE = 0.3  # of the same
 _IN_AN_OCTAVE = 3  # bands
 _REMEMBERED = 4  # noises, and shapes of what they are beside the site
 _WANDER = 3.0  # of the least density in the fastest octave, both times f^2: less is the path's own wander
+_NEARLY = 0.05  # orthonormal columns: their cosines, of which one Cholesky factor leaves no more than rounding
 _SEEN = 1e-3  # of the noise's variance: a direction that shakes less is noise
 
 
@@ -78,7 +80,7 @@ class Seen:
 class Sway:
     """What a site may do to one shot, at its valid averaged samples.
 
-    ``basis``, shape (n, r), are nearly orthonormal directions; ``factors``, shape (r, m), what independent unit normal
+    ``basis``, shape (n, r), are orthonormal directions; ``factors``, shape (r, m), what independent unit normal
     numbers do along them, in m; ``band``, shape (m,), says which strength each follows.  The last are of the plate: it
     is displaced and moves at first touch by that number of ``plate_std`` (m, m/s).  ``valid`` are the averaged samples
     that ``n`` counts, ``weight`` is the shot's white noise over that of the set.  ``speed_powers``, shape (bands, 2),
@@ -285,11 +287,32 @@ def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats) -
     level, turn = np.linalg.eigh(columns.T @ columns)
     felt = level > _SEEN * shot.white_m**2
     turn, size = turn[:, felt], np.sqrt(level[felt])
-    basis = np.ascontiguousarray((columns @ turn) / size)
+    basis, triangle = _orthonormal((columns @ turn) / size)
     speeds = np.zeros((site.bands, 2))
     np.add.at(speeds, site.band, site.shaking.power_m2[:, None] * np.stack([omega, np.abs(after)], axis=1) ** 2)
-    # The columns are basis times factors to rounding, however near to orthonormal the basis came out.
-    return Sway(basis, size[:, None] * turn.T, band, shot.valid, shot.weight, speeds, plate_std)
+    # What is felt of the columns is basis times factors to rounding, however far off the eigenvectors came out.
+    return Sway(basis, triangle @ (size[:, None] * turn.T), band, shot.valid, shot.weight, speeds, plate_std)
+
+
+def _orthonormal(columns: Floats) -> tuple[Floats, Floats]:
+    """Return orthonormal columns, shape (n, r), that span what nearly orthogonal ones do, and their triangle, (r, r).
+
+    The triangle turns the first into the second.  By Cholesky factors, twice where once leaves more than rounding
+    (Yamamoto et al., ETNA 44, 2015): a sixth of the time of Householder's way or less.
+    """
+    out, triangle = columns, np.eye(columns.shape[1])
+    try:
+        for _ in range(2):
+            products = out.T @ out
+            root = np.linalg.cholesky(products)
+            out = np.asarray(out @ np.asarray(dtrtri(root, lower=1)[0]).T)
+            triangle = root.T @ triangle
+            if np.abs(products - np.eye(len(products))).max() < _NEARLY:
+                break
+    except np.linalg.LinAlgError:
+        basis, triangle = np.linalg.qr(columns)
+        return np.asarray(basis), np.asarray(triangle)
+    return np.ascontiguousarray(out), triangle
 
 
 def on_site(

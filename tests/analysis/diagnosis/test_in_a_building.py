@@ -29,3 +29,12 @@ def test_friction_is_named_beside_a_building_and_a_path_that_wanders() -> None:
     force_n = found.effects[0].parameters["force_n"]
     assert force_n.std < 1e-5
     assert abs(force_n.value - 1.2e-4) < 3 * force_n.std
+
+
+@pytest.mark.slow  # quicker: which look-alikes are fitted, in test_competing_models.py
+def test_damping_of_the_plate_is_not_called_an_arm() -> None:
+    """An arm at its shortest relaxation time is damping with a number more, and was found first."""
+    found = diagnose(Rig("VC-C").with_bodies(plate_damping_n_s_per_m=4e-3).shots(93000362, (0.2, 0.265, 0.33)))
+    assert [effect.name for effect in found.effects] == ["plate_damping"]
+    coefficient = found.effects[0].parameters["coefficient_n_s_per_m"]
+    assert abs(coefficient.value - 4e-3) < 3 * coefficient.std

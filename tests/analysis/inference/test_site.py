@@ -10,15 +10,17 @@ import pytest
 from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.inference.fit.base import base_of
 from analysis.inference.fit.begin import begin_of
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.hypothesis_fit import residuals
+from analysis.inference.fit.samples import together
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise import site_strengths
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.joint_data import joint_data, shakings_of, site_under, with_plates
-from analysis.inference.noise.site import Site, Sway, site_of
+from analysis.inference.noise.site import Site, Sway, site_of, swayed
 from analysis.shot.disturbance import Shaking
 from analysis.shot.quantity import Quantity
 from instrument.bench.effects import Effects
@@ -26,6 +28,7 @@ from instrument.bench.site import site_named
 from tests.analysis.diagnosis.shots import KINDS, WHITE_M, motions_of
 from tests.bench.blind import drawn
 from tests.bench.displacement_noise import Noise, NoiseKind
+from tests.building_rig import Rig
 
 
 def shots_at(site: str, seed: int, effects: Effects | None = None):
@@ -203,3 +206,13 @@ def test_friction_is_named_in_an_ordinary_building() -> None:
     force = diagnosis.effects[0].parameters["force_n"]
     assert abs(force.value - 1e-3) < 4 * force.std
     assert force.std < 5e-6
+
+
+def test_directions_are_orthonormal_where_a_frame_moves_a_million_times_the_noise() -> None:
+    motions = Rig("VC-A").shots(40, (0.265,))
+    site = site_under(motions, shakings_of(motions, "paper", None), CRITERIA.site_nm)
+    assert site is not None
+    (shot,) = together(motions)
+    base, shared = base_of("paper", motions), np.array([221.4, 1.984e-4, 1e4, 0.4])
+    sway = swayed(shot, site, base, shared, np.array(shot.course.own))
+    assert np.abs(sway.basis.T @ sway.basis - np.eye(sway.basis.shape[1])).max() < 1e-12

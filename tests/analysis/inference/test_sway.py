@@ -111,7 +111,7 @@ def test_a_plate_swings_with_what_shakes_it_near_its_own_note() -> None:
     assert shaking is not None
     rig = Bench(site=site_named("VC-C"), seed=4)
     own = float(np.sqrt(PAPER.plate_stiffness_n_per_m / PAPER.plate_mass_kg))
-    swings = [frame_of(rig.site, seed).swing(own)[0] for seed in range(40)]
+    swings = [frame_of(rig.site, seed).plate_response(own)[0] for seed in range(40)]
     displacement, velocity = plate_swing_std(shaking, PAPER)
     assert velocity == pytest.approx(own * displacement)
     assert 0.4 < displacement / float(np.std(swings)) < 4.0

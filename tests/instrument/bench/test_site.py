@@ -103,13 +103,13 @@ def test_a_knock_begins_gently_rings_and_dies():
     assert not x[:1000].any() and np.abs(x).max() == pytest.approx(50e-9, rel=0.01)
     assert np.abs(x[15_000:]).max() < 1e-10
     assert np.gradient(x, 1e-5)[2:-2] == pytest.approx(v[2:-2], abs=1e-3 * np.abs(v).max())
-    spacing, a, jerk = frame.pull(0.3)
+    spacing, a, jerk = frame.acceleration(0.3)
     at_nodes = frame.motion(spacing * np.arange(a.size))[1]
     assert np.gradient(at_nodes, spacing)[2:900] == pytest.approx(a[2:900], abs=5e-3 * np.abs(a).max())
     begun = round(0.012 / spacing)  # a difference over the kink at the beginning is no slope
     assert np.gradient(a, spacing)[begun:900] == pytest.approx(jerk[begun:900], abs=1e-2 * np.abs(jerk).max())
     never = Site(knocks=(Knock(50e-9, share=0.0),))
-    assert not frame_of(never, 1).knocked(0.0, 0).struck
+    assert not frame_of(never, 1).knocked(0.0, 0).ringing
 
 
 def test_the_stream_is_one_whatever_the_stretch_asked_for_and_runs_smoothly_through_the_hand():

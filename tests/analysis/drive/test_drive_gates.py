@@ -10,6 +10,7 @@ from analysis.drive import search
 from analysis.drive.alike import look_alikes
 from analysis.drive.catalogue import LAWS
 from analysis.drive.regress import Regression, regress
+from analysis.drive.repeat import floor
 from analysis.drive.run import prepare
 from analysis.drive.search import Ground, Trial, crossed, stable
 from analysis.drive.table import Table
@@ -133,3 +134,35 @@ def test_a_force_in_another_unit_has_its_numbers_and_stds_in_it(seed: int, times
     other = regress(more)
     np.testing.assert_allclose(other.values, times * one.values + coefficients, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(other.covariance, times**2 * one.covariance, rtol=1e-5)
+
+
+def test_the_earlier_half_of_each_record_is_fitted_and_the_later_foretold() -> None:
+    ground = Ground.of(table_of(Drive(seed=1, seconds=6.0), Drive(seed=2, seconds=9.0)))
+    assert np.array_equal(ground.held, ~ground.kept)
+    for record in np.unique(ground.table.record):
+        of = ground.table.record == record
+        time_s = ground.table.time_s
+        assert time_s[of & ground.kept].max() < time_s[of & ground.held].min()
+        assert ground.kept[of].mean() == pytest.approx(0.5, abs=0.02)
+
+
+@pytest.mark.parametrize(("friction_n", "stays"), [(20.0, True), (0.0, False)])
+def test_a_law_without_which_no_more_is_missed_is_taken_out_again(
+    friction_n: float, stays: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever the criterion says of it."""
+    monkeypatch.setattr(search, "falls", lambda *_: 100.0)
+    ground = Ground.of(table_of(Drive(lambda x, v: friction_n * np.sign(v))))
+    found = regress(ground.table, ("coulomb_friction",), ground.kept)
+    left, pays = search._pruned(ground, found, ())
+    assert left.laws == (("coulomb_friction",) if stays else ()) and set(pays) == set(left.laws)
+
+
+def test_what_a_drive_repeats_to_is_the_scatter_of_one_pass_and_not_of_two() -> None:
+    table = table_of(Drive(waves=((0.05, 0.5),), seconds=12.0))
+    noisy = with_force(table, np.random.default_rng(6).normal(0.0, 5.0, table.time_s.size))
+    found = regress(noisy)
+    repeats = floor(noisy, found, 0.1)
+    assert repeats.repeats and repeats.cycle_s == pytest.approx(2.0, abs=0.02)
+    assert repeats.force_n == pytest.approx(5.0, rel=0.05)
+    assert floor(noisy, found, 8.0).force_n == 8.0  # never below the noise of the force

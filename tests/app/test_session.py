@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from analysis.fitted.fitted_shot import with_fit_to_follow
 from analysis.shot.shot import AnalysisSettings
 from app.session.session import Session
 from app.session.session_files import own_session
@@ -118,3 +119,45 @@ def test_an_effect_that_was_tried_stays_marked_until_it_is_taken_out(tmp_path):
     again = Session.reopen(tmp_path / "session.json")
     assert again.effects.tried == ("adhesion",) and again.effects.of("paper") == ("tilt", "adhesion")
     assert again.effects.with_effects("paper", ("tilt",)).tried == ()
+
+
+def test_what_was_not_saved_yet_is_on_disk_before_another_session_takes_its_place(tmp_path):
+    session = Session(tmp_path / "one.json")
+    session.add(_saved("a", str(tmp_path / "a.csv")))
+    session.save_by = lambda save: None  # a disk that is slow
+    session.set_note(1, "the last word")
+    session.become(Session(tmp_path / "two.json"))
+    assert [entry.note for entry in Session.reopen(tmp_path / "one.json").entries] == ["the last word"]
+    assert session.entries == () and session.path == tmp_path / "two.json"
+
+
+def test_a_note_written_before_the_analysis_came_is_kept_and_else_that_of_the_recording_is_taken():
+    session = Session()
+    for name in ("a", "b"):
+        session.add_captured(name, None, synthetic.bare_shot(name).settings)
+    session.set_note(1, "wobbled")
+    notes = [session.complete(n, replace(synthetic.bare_shot("x"), note="of the recording")).note for n in (1, 2)]
+    assert notes == ["wobbled", "of the recording"]
+
+
+def test_of_two_shots_of_one_name_the_newest_is_meant(tmp_path):
+    session = Session()
+    shot = with_fit_to_follow(replace(synthetic.shot("a"), fit=None))
+    for _ in range(2):
+        session.add(shot)
+    assert session.awaiting(synthetic.shot("a")).number == 2
+    assert session.set_path("a", str(tmp_path / "a.csv"))
+    assert [entry.path for entry in session.entries] == [None, str(tmp_path / "a.csv")]
+    assert session.entries[1].shot.path == str(tmp_path / "a.csv")
+    assert session.set_path("a", str(tmp_path / "b.csv")) and not session.set_path("a", str(tmp_path / "c.csv"))
+
+
+def test_shots_that_were_not_read_again_yet_are_saved_with_the_others(tmp_path):
+    path = tmp_path / "session.json"
+    session = Session(path)
+    for name in ("a", "b"):
+        session.add(_saved(name, str(tmp_path / f"{name}.csv")))
+    again = Session.reopen(path)
+    again.fill(2, _saved("b", str(tmp_path / "b.csv")))
+    again.set_note(2, "read")
+    assert [(entry.name, entry.note) for entry in Session.reopen(path).entries] == [("a", ""), ("b", "read")]

@@ -12,7 +12,7 @@ from app.report.diagnosis_section import diagnosis_section
 from app.session.choices import Choices
 from app.session.event import Diagnosed
 from app.session.session import Session
-from app.session.verdict_of import VerdictBasis, verdict_of
+from app.session.verdict_of import Diagnoses, VerdictBasis, verdict_of
 from app.session.workbench import Workbench
 from app.window.layout import Layout
 from app.window.panels.session_model import VERDICT, SessionModel
@@ -138,3 +138,12 @@ def test_every_conclusion_is_worded_in_one_place(qtbot):
         model.show_entries((_entry(conclusion, found, whole),))
         assert model.data(model.index(0, VERDICT)) == short
         assert model.data(model.index(0, VERDICT), Qt.ItemDataRole.EditRole) == whole
+
+
+def test_of_several_diagnoses_the_newest_of_just_the_selection_is_shown_else_one_with_its_last_shot():
+    one, both, again, other = (Diagnosed(None, numbers) for numbers in ((1,), (1, 2), (2, 1), (2,)))
+    kept = Diagnoses([one, both, again, other])
+    assert kept.newest is other and Diagnoses().newest is None
+    assert kept.of([1, 2]) is again and kept.of([1]) is one
+    assert kept.of([3, 1]) is again and kept.of([3]) is None  # of some with the last that was selected
+    assert kept.within({1, 2, 3}) is other and kept.within({1, 3}) is one and kept.within({3}) is None

@@ -88,3 +88,18 @@ def test_settings_keep_their_rights_too(tmp_path: Path) -> None:
     for _ in range(2):
         assert save(path, Settings()) is None
         assert path.stat().st_mode & 0o777 == 0o600
+
+
+@pytest.mark.skipif(os.name != "posix", reason="rights as POSIX has them")
+def test_a_file_that_is_moved_over_another_takes_its_rights(tmp_path: Path) -> None:
+    new, old = tmp_path / "new", tmp_path / "old"
+    new.write_text("new")
+    old.write_text("old")
+    old.chmod(0o600)
+    new.chmod(0o644)
+    replace_file(new, old)
+    assert old.read_text() == "new" and old.stat().st_mode & 0o777 == 0o600 and not new.exists()
+    new.write_text("newer")
+    new.chmod(0o640)
+    replace_file(new, tmp_path / "nobody")  # where there was none it keeps its own
+    assert (tmp_path / "nobody").stat().st_mode & 0o777 == 0o640

@@ -83,3 +83,27 @@ def test_losses_are_counted_together_and_those_that_left_the_ring_are_forgotten(
     assert stream.losses == 100 and stream.lost == sum(n for n in range(1, 101) if n % 10)
     assert stream.gaps[-1] == (5000, None) and stream.gaps[-2] == (4950, 99)
     assert len(stream.gaps) <= 65 and {at for at, _ in stream.gaps} >= set(range(ring.oldest, 5001, 50))
+
+
+def test_what_the_writer_replaces_during_the_copy_is_said() -> None:
+    ring = Ring(10, 1)
+    ring.append(numbered(0, 10, 1))
+
+    class Lapping:
+        """The ring's memory, of which the writer replaces a part between the reader's look and its copy."""
+
+        def __init__(self, counts: np.ndarray) -> None:
+            self.counts, self.shape, self.lapped = counts, counts.shape, False
+
+        def __getitem__(self, where: slice) -> np.ndarray:
+            if not self.lapped:
+                self.lapped = True
+                ring.append(numbered(10, 4, 1))
+            return self.counts[where]
+
+    ring._counts = Lapping(ring._counts)  # type: ignore[assignment]
+    with pytest.raises(Overwritten):
+        ring.copy_into(2, np.empty((5, 1), np.int16))
+    out = np.empty((5, 1), np.int16)
+    ring.copy_into(6, out)
+    np.testing.assert_array_equal(out, numbered(6, 5, 1))

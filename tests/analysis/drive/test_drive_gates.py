@@ -10,6 +10,7 @@ from analysis.drive import law_search
 from analysis.drive.catalogue import LAWS
 from analysis.drive.law_search import Split, Trial, cross_validated_n, look_alikes, same_in_both_halves
 from analysis.drive.regress import Regression, regress
+from analysis.drive.repeatability import repeatability_of
 from analysis.drive.stretch import prepare
 from analysis.drive.table import Table
 from tests.analysis.drive.slider import Drive, Floats
@@ -132,3 +133,35 @@ def test_numbers_and_stds_scale_with_the_unit_of_the_force(seed: int, times: flo
     other = regress(more)
     np.testing.assert_allclose(other.values, times * one.values + coefficients, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(other.covariance, times**2 * one.covariance, rtol=1e-5)
+
+
+def test_the_earlier_half_of_each_record_is_fitted_and_the_later_foretold() -> None:
+    split = Split.of(table_of(Drive(seed=1, seconds=6.0), Drive(seed=2, seconds=9.0)))
+    assert np.array_equal(split.held, ~split.kept)
+    for record in np.unique(split.table.record):
+        of = split.table.record == record
+        time_s = split.table.time_s
+        assert time_s[of & split.kept].max() < time_s[of & split.held].min()
+        assert split.kept[of].mean() == pytest.approx(0.5, abs=0.02)
+
+
+@pytest.mark.parametrize(("friction_n", "stays"), [(20.0, True), (0.0, False)])
+def test_a_law_without_which_no_more_is_missed_is_taken_out_again(
+    friction_n: float, stays: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever the criterion says of it."""
+    monkeypatch.setattr(law_search, "bic_change", lambda *_: 100.0)
+    split = Split.of(table_of(Drive(lambda x, v: friction_n * np.sign(v))))
+    found = regress(split.table, ("coulomb_friction",), split.kept)
+    left, pays = law_search._without_useless(split, found, ())
+    assert left.laws == (("coulomb_friction",) if stays else ()) and set(pays) == set(left.laws)
+
+
+def test_what_a_drive_repeats_to_is_the_scatter_of_one_pass_and_not_of_two() -> None:
+    table = table_of(Drive(waves=((0.05, 0.5),), seconds=12.0))
+    noisy = with_force(table, np.random.default_rng(6).normal(0.0, 5.0, table.time_s.size))
+    found = regress(noisy)
+    repeats = repeatability_of(noisy, found, 0.1)
+    assert repeats.repeats and repeats.cycle_s == pytest.approx(2.0, abs=0.02)
+    assert repeats.force_n == pytest.approx(5.0, rel=0.05)
+    assert repeatability_of(noisy, found, 8.0).force_n == 8.0  # never below the noise of the force

@@ -1,12 +1,16 @@
 """How far rivals stay off after shots not yet taken, over sums of squares whose least is known."""
 
 import math
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.planning import distances as planned
 from analysis.planning.distances import Distances, Pair, nearest
 from analysis.planning.next_shot import NextShot
 from analysis.planning.predictions import Information
@@ -58,3 +62,26 @@ def test_the_nearest_rival_counts_whichever_comes_first(order: tuple[float, ...]
     of_first = {(0, rival): value for rival, value in enumerate(order, 1)}
     assert nearest(of_first | {(1, 0): 7.0}) == {0: 2.0, 1: 7.0}
     assert nearest({}) == {}
+
+
+@pytest.mark.parametrize(("before", "searched"), [(0.9, False), (1.1, True)])
+def test_rivals_with_a_grid_are_searched_anew_where_all_seemed_far_enough(
+    before: float, searched: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[list[str]] = []
+
+    def rivals(_fitted: Any, _member: str, others: list[str], *_: Any) -> list[SimpleNamespace]:
+        asked.append(others)
+        return [SimpleNamespace(effect=name, chi2=20.0) for name in others]
+
+    for name in ("blank", "foretold", "as_if_taken"):
+        monkeypatch.setattr(planned, name, lambda *_: None)
+    monkeypatch.setattr(planned, "rivals", rivals)
+    names = ("viscous_drag", "tilt", "block_mode")  # the last alone has a grid to be searched
+    members = [SimpleNamespace(effect=name, fitted=None) for name in names]
+    contest = cast(Any, SimpleNamespace(members=members, floor=None))
+    known = {(0, 1): before * CRITERIA.separation, (0, 2): 9.0 * CRITERIA.separation}
+    distances = Distances({}, {}, {0: 4.0})
+    found = planned.searched_anew(contest, (SLOW,), known, distances, lambda: False)
+    assert asked == ([["block_mode"]] if searched else [])
+    assert found == (known | {(0, 2): 4.0} if searched else known)

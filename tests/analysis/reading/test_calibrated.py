@@ -14,7 +14,7 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from analysis.reading import pulse
-from analysis.reading.read import _agree, _ratio, _shares, read_impact
+from analysis.reading.read import _agree, _between_flights, _ratio, _shares, read_impact
 from analysis.shot.impact import Impact
 from analysis.shot.quantity import NotSeen, Quantity
 from tests.analysis.disturbance import Disturbance, disturbed_motion
@@ -118,3 +118,17 @@ def test_a_disturbance_has_the_share_of_the_variance_that_white_noise_alone_woul
     assert _shares(quiet, impact) == pytest.approx({"velocity_in_m_per_s": 0.64, "velocity_out_m_per_s": 0.0})
     unseen = impact_of(velocity_in_m_per_s=Quantity(-0.265, 5e-6), velocity_out_m_per_s=NotSeen("no release"))
     assert _shares(quiet, unseen) == pytest.approx({"velocity_in_m_per_s": 0.64})
+
+
+def test_the_impulse_of_the_pulse_scatters_as_its_uncertainty_says_in_a_building() -> None:
+    off = []
+    for seed in range(25):
+        rig = Synthetic(touch_s=0.012 + 1e-5 * float(np.random.default_rng(seed).uniform()))
+        motion = disturbed_motion(rig, Disturbance(criterion="VC-C", seed=seed), seed)
+        _, touch, release, quiet = _between_flights(motion)
+        assert release is not None
+        unknown = Quantity(0.0, 0.0), Quantity(0.0, 0.0)
+        momentum = pulse.read_momentum(motion, touch, release, (0.0, 0.0), unknown, quiet.floor)
+        assert momentum is not None
+        off.append((momentum[0].value - MASS_KG * (0.265 + 0.261702343)) / momentum[0].std)
+    assert 0.65 < float(np.sqrt(np.mean(np.square(off)))) < 1.35

@@ -114,3 +114,11 @@ def test_a_mean_scatters_as_its_uncertainty_says_whatever_the_shots_scatter_beyo
         values.append(summary.mean.value)
         stds.append(summary.mean.std)
     assert 0.9 < float(np.std(values, ddof=1) / np.sqrt(np.mean(np.square(stds)))) < 1.1
+
+
+def test_the_scatter_of_a_few_shots_is_that_of_a_sample_and_of_one_is_not_known() -> None:
+    shots = [at_speed(f"s{k}", 0.26, cor, 1e-9) for k, cor in enumerate((0.986, 0.988, 0.993))]
+    found = series(shots).of("cor_quasi_static")
+    assert found is not None and found.scatter == pytest.approx(np.sqrt((3e-3**2 + 1e-3**2 + 4e-3**2) / 2.0))
+    alone = series(shots[:1]).of("cor_quasi_static")
+    assert alone is not None and np.isnan(alone.scatter) and np.isnan(alone.repeatability)

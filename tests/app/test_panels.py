@@ -604,3 +604,22 @@ def test_the_model_panel_unfolds_the_correlations_that_the_report_states(qtbot, 
     assert page.count("-0.60") == 2 and page.count("1.00") >= 3
     panel.show_shot(replace(shot, fit=replace(fit, converged=False)))
     assert not panel.correlations.isVisible() and not panel.correlated.isEnabled()
+
+
+def test_the_first_contact_of_the_last_shot_is_what_is_zoomed_to(qtbot, shot, monkeypatch):
+    session = Session()
+    for name in ("a", "b", "c"):
+        session.add(replace(shot, name=name))
+    monkeypatch.setattr(
+        "app.window.panels.compare.contact_span_ms", lambda of: (-1.0, {"a": 2.0, "b": 3.0}.get(of.name, 4.0))
+    )
+    panel = ComparePanel(LIGHT)
+    qtbot.addWidget(panel)
+    panel.show()
+    panel.show_entries(list(session.entries))
+    asked = []
+    monkeypatch.setattr(panel.stack, "zoom", lambda *span: asked.append(span))
+    panel.show_contact()
+    panel.show_whole()
+    assert asked[0] == (-1.0, 4.0)
+    assert asked[1][0] < -5.0 and asked[1][1] > 40.0

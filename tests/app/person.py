@@ -12,11 +12,12 @@ from pathlib import Path
 from PySide6.QtCore import QPoint, QRect, Qt
 from PySide6.QtGui import QAccessible, QAccessibleInterface, QGuiApplication, QKeySequence, QWindow
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QApplication
+from PySide6.QtWidgets import QApplication, QScrollArea
 
 Role = QAccessible.Role
 NO_KEYS = Qt.KeyboardModifier.NoModifier
 LONGEST_S = 60.0
+_MOST_TABS = 80  # to something that lies further down in a sheet
 _HAND_MS = 60  # between two movements of a quick hand
 
 
@@ -34,6 +35,7 @@ class Thing:
     value: str
     place: QRect
     enabled: bool
+    in_view: bool = True  # not scrolled out of sight
 
 
 class Person:
@@ -101,8 +103,13 @@ class Person:
     # hands --------------------------------------------------------------------------------------------------------
 
     def click(self, name: str, role: Role | None = None, keys: Qt.KeyboardModifier = NO_KEYS) -> None:
-        """Press the left button in the middle of the thing of this name."""
-        self.click_at(self.see(name, role).place.center(), keys)
+        """Press the left button in the middle of the thing of this name; one out of view is gone to by Tab first."""
+        for _ in range(_MOST_TABS):
+            thing = self.see(name, role)
+            if thing.in_view:
+                break
+            self.press("Tab")
+        self.click_at(thing.place.center(), keys)
 
     def click_at(self, where: QPoint, keys: Qt.KeyboardModifier = NO_KEYS, twice: bool = False) -> None:
         """Press the left button at a place of the screen."""
@@ -198,7 +205,8 @@ def _label(box: QAccessibleInterface) -> str:
     return next((label.text(QAccessible.Text.Name) for label in labels), "")
 
 
-def _walk(thing: QAccessibleInterface) -> Iterator[Thing]:
+def _walk(thing: QAccessibleInterface, seen_through: QRect | None = None) -> Iterator[Thing]:
+    """Yield a thing and all within it; ``seen_through`` is the part of the screen that areas around it scroll in."""
     state = thing.state()
     if not thing.isValid() or state.invisible:
         return
@@ -210,8 +218,13 @@ def _walk(thing: QAccessibleInterface) -> Iterator[Thing]:
         thing.text(text.Value),
         thing.rect(),
         not state.disabled,
+        seen_through is None or seen_through.contains(thing.rect().center()),
     )
+    if isinstance(area := thing.object(), QScrollArea):
+        port = area.viewport()
+        rect = QRect(port.mapToGlobal(QPoint(0, 0)), port.size())
+        seen_through = rect if seen_through is None else rect.intersected(seen_through)
     for index in range(thing.childCount()):
         child = thing.child(index)
         if child is not None:
-            yield from _walk(child)
+            yield from _walk(child, seen_through)

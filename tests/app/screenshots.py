@@ -143,6 +143,7 @@ class Photographer:
         self.press(Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
         if any(entry.plot_notes for entry in self.window.workbench.session.entries):
             raise ScreenshotError("the note was not taken back")
+        self.window.panels.work.notices.next()  # the message that says so is in no other picture
 
     def _sheets(self) -> None:
         self.press(Qt.Key.Key_F2)

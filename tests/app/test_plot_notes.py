@@ -174,6 +174,14 @@ def test_a_note_keeps_its_place_when_the_residual_counts_in_another_unit(panels,
     assert y == pytest.approx(3e-10 * per_unit)
 
 
+def test_a_note_is_text_and_no_markup(panels, session):
+    session.change_plot_note(1, None, replace(BOUNCE, text='v < 0 <img src="/etc/passwd">'))
+    panels.presenter.refresh()
+    (drawn,) = panels.shot.stack.notes._drawn
+    assert drawn._text.toPlainText() == drawn.note.text
+    assert "<img" not in drawn._dot.toolTip() and "&lt;img" in drawn._dot.toolTip()
+
+
 def test_every_plot_of_a_shot_takes_notes(panels):
     """The names that plots give themselves are those that the session can read again."""
     shot, named = panels.shot, set()

@@ -477,7 +477,7 @@ def test_a_note_in_a_low_plot_is_a_dot_whose_text_is_read_on_hovering(window, sh
         for drawn in notes._drawn:
             text = drawn._text
             inside = drawn.plot.view.sceneBoundingRect().height() >= 4 * text.boundingRect().height()
-            assert drawn.is_whole == inside and drawn._dot.toolTip() == drawn.note.text
+            assert drawn.is_whole == inside and drawn.note.text in drawn._dot.toolTip()
         assert (window.width() > SMALLEST[0]) == all(drawn.is_whole for drawn in notes._drawn)
     finally:
         notes.show([])

@@ -1,5 +1,6 @@
 """The operator's notes on a plot: a dot and a short text in its place, written into a line that opens there."""
 
+import html
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -175,7 +176,7 @@ class _DrawnNote:
         for item in (self._dot, self._text):
             item.setZValue(_IN_FRONT)
             plot.addItem(item, ignoreBounds=True)
-        self._dot.setToolTip(note.text)
+        self._dot.setToolTip(f"<span>{html.escape(note.text)}</span>")  # Qt would take a "<" for its own markup
         plot.view.sigRangeChanged.connect(self._turn)
         plot.view.sigResized.connect(self._fit)
         if colours is not None:

@@ -49,7 +49,7 @@ bench-soak: $(READY)
 	$(BIN)/python -m tests.benchmarks.kill --times 100
 	$(BIN)/python -m tests.benchmarks.fuzz --times 12000
 
-# crafted files, untrue recordings, extremes, rogue devices, crowds and a cluster on this machine: half an hour
+# crafted files, untrue recordings, extremes, rogue devices, crowds, a cluster and a full disk on this machine: half an hour
 attack: $(READY)
 	QT_QPA_PLATFORM=offscreen $(BIN)/python -m tests.attack
 

@@ -159,6 +159,8 @@ def _check_values(table: str, quantities: Mapping[str, Quantity]) -> None:
 def _check_covariance(covariance: NDArray[np.float64], parameters: Mapping[str, Quantity]) -> None:
     """Refuse what is no covariance; a row of a parameter whose uncertainty the data did not tell may be no number."""
     told = np.array([math.isfinite(quantity.std) for quantity in parameters.values()])
+    if not told.any():
+        return
     known = covariance[np.ix_(told, told)]
     if not np.all(np.isfinite(known)):
         raise ModelFileError("covariance.rows: a number is not finite")

@@ -135,7 +135,7 @@ def models(folder: Path, random_: random.Random) -> Iterator[Attempt]:
             del values[random_.choice(names)]
         lines = [f"{name} = {{ value = {value!r}, std = {std!r} }}\n" for name, value in values.items()]
         base = random_.choice(("paper", "paper", "paper", "contact", "clamped", "no_tension"))
-        rows = random_.choice((0.0, 0.0, 1e-6, *VALUES)) * np.identity(len(values))
+        rows = np.diag([random_.choice((0.0, 0.0, 1e-6, *VALUES))] * len(values))
         rows[0, -1] = rows[-1, 0] = random_.choice((0.0, 0.0, 1e-9, *VALUES))
         head = f'schema = "levimass.model/1"\nbase = "{base}"\neffects = []\n[parameters]\n'
         text = head + "".join(lines) + random_.choice(("", f"[covariance]\nrows = {rows.tolist()}\n"))

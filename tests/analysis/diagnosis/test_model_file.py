@@ -118,3 +118,10 @@ def test_what_the_data_did_not_tell_may_be_no_number() -> None:
     covariance[:2, :2] = MODEL.covariance
     back = from_text(to_text(dataclasses.replace(MODEL, parameters=parameters, covariance=covariance)))
     np.testing.assert_array_equal(back.covariance, covariance)
+
+
+@pytest.mark.parametrize("std", [math.inf, math.nan])
+def test_a_model_without_any_known_uncertainty_is_read(std: float) -> None:
+    parameters = {name: dataclasses.replace(value, std=std) for name, value in MODEL.parameters.items()}
+    model = dataclasses.replace(MODEL, parameters=parameters, covariance=np.full_like(MODEL.covariance, std))
+    np.testing.assert_array_equal(from_text(to_text(model)).covariance, model.covariance)

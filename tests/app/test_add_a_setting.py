@@ -11,6 +11,7 @@ import pytest
 
 from analysis.diagnosis.model_file import SavedModel, from_text, to_text
 from analysis.diagnosis.result import Errors
+from analysis.shot.plot_note import PlotNote
 from analysis.shot.quantity import Quantity
 from app.command_line import options, parser
 from app.command_line.campaign.task import tasks_of
@@ -75,6 +76,7 @@ def test_every_field_survives_a_session(kind, tmp_path, monkeypatch):
     session.add(replace(synthetic.bare_shot("shot-1"), path="/data/1"))
     session.add(replace(synthetic.bare_shot("shot-2"), path="/data/2", settings=changed(kind)), "a note", copy_of=1)
     session.set_verdict(2, "adequate", VerdictBasis(("a",), ("b",), (1, 2)))
+    session.change_plot_note(2, None, PlotNote("force", 0.01, 0.5, "the plate's own note"))
     before, after = session.entries[1], Session.reopen(tmp_path / "session.json").entries[1]
     for of in fields(before):
         if of.name not in ("shot", "version"):

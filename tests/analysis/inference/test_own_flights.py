@@ -53,7 +53,7 @@ def test_a_shot_fitted_with_its_own_bends_gives_them() -> None:
 
 def test_what_is_taken_along_is_no_finding_and_a_foretold_shot_has_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     # The search itself is tested elsewhere: here nothing is searched but the shots' own bends.
-    monkeypatch.setattr(sys.modules["analysis.diagnosis.diagnose"], "trial_effects", lambda _laws=(): ())
+    monkeypatch.setattr(sys.modules["analysis.diagnosis.question"], "trial_effects", lambda _laws=(): ())
     motions = shots(OWN)
     found = diagnose(motions[:3], model="contact")
     assert "its own flight acceleration" in found.sentence

@@ -13,7 +13,7 @@ from instrument.bench.rig import Bench, SimulatedStream
 @pytest.mark.parametrize("added", [0.0, 1.0])
 def test_a_rig_at_its_limits_can_be_made(velocity: float, spread: float, added: float) -> None:
     bench = Bench(velocity_m_per_s=velocity, velocity_spread=spread, added_kg=added)
-    assert bench.laden.block_mass_kg == bench.bodies.block_mass_kg + added == bench.setup.moving_mass_kg
+    assert bench.loaded_bodies.block_mass_kg == bench.bodies.block_mass_kg + added == bench.setup.moving_mass_kg
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ to a file without a name and read from there as they are used; what was not used
 import contextlib
 import mmap
 import os
+import sys
 import tempfile
 import time
 import weakref
@@ -67,7 +68,7 @@ class Spool:
     def release(self) -> None:
         """Let the system take back the memory of arrays that were read, now and then; what is used is read again."""
         now = time.monotonic()
-        if now - self._released_s < RELEASE_EVERY_S or not hasattr(mmap, "MADV_DONTNEED"):
+        if sys.platform == "win32" or now - self._released_s < RELEASE_EVERY_S:
             return
         self._released_s = now
         for memory in list(self._mapped):

@@ -14,6 +14,7 @@ from analysis.shot.motion import Motion
 from analysis.shot.quantity import NotSeen
 from analysis.shot.recording import FLAG, Recording, Setup, corrected
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot, Stop
+from levimass.analysis_settings import is_drive
 
 
 def analyse(
@@ -127,7 +128,7 @@ def _impact_read(shot: Shot, progress: Progress | None, cancelled: Stop | None) 
     _tell(progress, cancelled, "reading the impact", 0.5)
     started = time.perf_counter()
     motion = shot.motion
-    if shot.settings.model != "driven":  # a driven slider has no collision
+    if not is_drive(shot.settings.model):  # a driven slider has no collision
         try:
             check_collision(motion)
             impact = with_rate_error(read_impact(motion), motion)

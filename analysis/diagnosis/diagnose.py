@@ -20,6 +20,7 @@ from analysis.inference.noise.floor import Floor
 from analysis.shot.disturbance import Shaking
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisError, Progress, Shot, Stop
+from levimass.analysis_settings import is_drive
 
 
 def diagnose(
@@ -49,7 +50,7 @@ def diagnose(
     model = _model(shots) if model is None else model
     if not motions:
         raise ValueError("no shot to diagnose")
-    if model == "driven":
+    if is_drive(model):
         return diagnose_driven(motions, accepted, progress, cancelled)
     stop = cancelled or (lambda: False)
     question = Question(

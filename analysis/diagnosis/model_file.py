@@ -21,6 +21,7 @@ from analysis.inference.fit.free_parameters import trial_effects
 from analysis.shot.fit import Fit
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisError
+from levimass.analysis_settings import is_drive
 
 SCHEMA = "levimass.model/1"
 BASES = ("paper", "clamped", "no_tension", "contact", "driven")
@@ -113,7 +114,7 @@ def from_text(text: str) -> SavedModel:
         raise ModelFileError(f"base: {str(base)[:40]!r} is none of {', '.join(BASES)}")
     effects = _strings(data, "effects")
     own = set(filter(is_law, effects))
-    known = set(LAWS) if base == "driven" else own | {kind.name for kind in trial_effects()} | {*NUISANCES, *WIDER}
+    known = set(LAWS) if is_drive(base) else own | {kind.name for kind in trial_effects()} | {*NUISANCES, *WIDER}
     if twice := [name for name in effects if effects.count(name) > 1]:
         raise ModelFileError(f"effects: {twice[0][:40]!r} is named twice")
     if unknown := [name for name in effects if name not in known]:

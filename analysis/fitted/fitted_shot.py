@@ -18,6 +18,7 @@ from analysis.shot.motion import Motion
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.shot.rate_error import fit_with_rate_error
 from analysis.shot.shot import AnalysisError, Cancelled, Shot
+from levimass.analysis_settings import is_drive
 
 _INNER = re.compile(r" with Collision\(.*\)", re.DOTALL)
 PATIENCE = 2.0  # times the time of a fit, after which it is abandoned: one step of it does not end
@@ -34,7 +35,7 @@ def awaits_fit(shot: Shot) -> bool:
 
 def can_be_fitted(shot: Shot) -> bool:
     """Return whether a fit is wanted and the shot has what its model is fitted to."""
-    driven = shot.settings.model == "driven"  # a slider under a known force strikes nothing
+    driven = is_drive(shot.settings.model)  # a slider under a known force strikes nothing
     return shot.motion is not None and shot.settings.fit and (shot.impact is not None or driven)
 
 
@@ -80,7 +81,7 @@ def read_with(shot: Shot, fit: Fit) -> Shot:
 
     The shot's own fit is unchanged.  Raises Cancelled.
     """
-    if shot.impact is None or shot.motion is None or shot.fit is None or fit.model == "driven":
+    if shot.impact is None or shot.motion is None or shot.fit is None or is_drive(fit.model):
         return shot
     from analysis.fitted.kinetic_contact import fitted_contact_cor
     from analysis.fitted.pulse_from_fit import with_model_readings
@@ -107,7 +108,7 @@ def fit_again(shot: Shot, effects: tuple[str, ...], cancelled: Callable[[], bool
     """
     if not can_be_fitted(shot):
         return shot
-    driven = shot.settings.model == "driven"
+    driven = is_drive(shot.settings.model)
     shot = replace(shot, settings=replace(shot.settings, effects=effects))
     assert shot.motion is not None
     try:
@@ -155,7 +156,7 @@ def fit_jointly(
     left = FitTime(seconds * len(motions), cancelled)
 
     def fit() -> Fit:
-        if base == "driven":
+        if is_drive(base):
             from analysis.drive.driven_fit import fit_driven
 
             return fit_driven(motions, effects, left)

@@ -15,6 +15,7 @@ from analysis.collision.exact import Event, solve
 from analysis.collision.parameters import Collision, Variant
 from analysis.shot.fit import Fit
 from analysis.shot.quantity import NotSeen, Quantity, Reading
+from levimass.analysis_settings import is_drive
 
 Floats = NDArray[np.float64]
 
@@ -41,7 +42,7 @@ def fitted_contact_cor(fit: Fit, block_mass_kg: float) -> Reading:
     """
     if not fit.converged:
         return NotSeen("the fit did not converge")
-    if fit.model == "driven":
+    if is_drive(fit.model):
         return NotSeen("a driven slider has no contact")
     foreign = sorted(name for name in fit.effects if named(name).changes_contact)
     if foreign:

@@ -23,6 +23,7 @@ from analysis.shot.impact import Impact
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import NotSeen, Quantity, Reading
 from analysis.shot.shot import AnalysisError
+from levimass.analysis_settings import is_drive
 
 Floats = NDArray[np.float64]
 DROWNED = 0.1  # noise of the force over the model's peak, beyond which a direct reading is mostly noise
@@ -47,7 +48,7 @@ def with_model_readings(impact: Impact, fit: Fit, motion: Motion) -> Impact:
     Elsewhere, and where the fit is not usable, its readings are unchanged, and flagged where peak times width does not
     agree with the impulse from velocities and mass.
     """
-    if motion.wavelength_m is not None or not fit.converged or len(fit.shots) != 1 or fit.model == "driven":
+    if motion.wavelength_m is not None or not fit.converged or len(fit.shots) != 1 or is_drive(fit.model):
         return impact
     try:
         pulse = _pulse(fit, motion)

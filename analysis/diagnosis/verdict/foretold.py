@@ -33,6 +33,7 @@ from analysis.shot.motion import Motion
 from analysis.shot.plate import stated_n_per_m
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisError, Cancelled, Stop
+from levimass.analysis_settings import is_drive
 
 Floats = NDArray[np.float64]
 Parameters = Mapping[str, Quantity]
@@ -74,7 +75,7 @@ def foretell(motions: Sequence[Motion], names: Sequence[str], model: SavedModel,
         raise AnalysisError("no shot was fitted, so there is nothing to foretell")
     asked = stop or (lambda: False)
     base = model.base_parameters or fit_jointly(motions, model.base, (), asked).parameters
-    one = _driven if model.base == "driven" else _collision
+    one = _driven if is_drive(model.base) else _collision
     told = []
     for motion, name in zip(motions, names, strict=True):
         if asked():

@@ -74,14 +74,14 @@ def test_rivals_with_a_grid_are_searched_anew_where_all_seemed_far_enough(
         asked.append(others)
         return [SimpleNamespace(effect=name, chi2=20.0) for name in others]
 
-    for name in ("blank", "foretold", "as_if_taken"):
+    for name in ("blank_shot", "predict", "fit_as_if_taken"):
         monkeypatch.setattr(planned, name, lambda *_: None)
     monkeypatch.setattr(planned, "rivals", rivals)
     names = ("viscous_drag", "tilt", "block_mode")  # the last alone has a grid to be searched
     members = [SimpleNamespace(effect=name, fitted=None) for name in names]
-    contest = cast(Any, SimpleNamespace(members=members, floor=None))
+    comparison = cast(Any, SimpleNamespace(members=members, floor=None))
     known = {(0, 1): before * CRITERIA.separation, (0, 2): 9.0 * CRITERIA.separation}
     distances = Distances({}, {}, {0: 4.0})
-    found = planned.searched_anew(contest, (SLOW,), known, distances, lambda: False)
+    found = planned.search_rivals_again(comparison, (SLOW,), known, distances, lambda: False)
     assert asked == ([["block_mode"]] if searched else [])
     assert found == (known | {(0, 2): 4.0} if searched else known)

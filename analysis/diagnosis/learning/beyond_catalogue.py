@@ -28,8 +28,8 @@ from analysis.shot.shot import Progress, Stop
 class Beyond:
     """Laws with the effects beside them, or effects that only predict better, and the fit that holds them.
 
-    ``imitations`` are effects of that fit which did not pass every gate; ``foretold`` are the held-out shots as the
-    model before predicts them, and as this fit does.
+    ``imitations`` are effects of that fit which did not pass every gate; ``predictions`` are of the held-out shots, by
+    the model before and by this fit.
     """
 
     fitted: Fitted

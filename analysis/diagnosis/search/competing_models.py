@@ -98,7 +98,7 @@ def _nearest(effect: str, distances: Separation, catalogue: Sequence[TrialEffect
     near = sorted(
         (distance, name) for name, distance in distances.from_other.items() if distance < _ALIKE * distances.snr
     )
-    twins = named(effect).look_alikes  # what is large is no straight line: the true one may stand third
+    twins = named(effect).look_alikes  # to first order the true effect may be only the third nearest
     names = [name for place, (_, name) in enumerate(near) if place < _FITTED or name in twins]
     names += [name for name in distances.from_other if name not in names and _ring_alike(effect, name)]
     return [kind for name in names for kind in catalogue if kind.name == name]
@@ -137,7 +137,8 @@ def fitted_instead(
     trial = min(trials, key=lambda fitted: fitted.bic, default=None)
     if trial is None or trial.bic > best.bic + _HOPELESS:
         return trial
-    # In a building what wanders keeps its shape here: that of the best, or what the effect left would be the noise.
+    # In a building the wandering noise keeps its shape in a fit: begin with that of the best fit, since the shape
+    # learnt without the effect has absorbed what the effect explains.
     floor = best.floor if best.floor.site else trial.floor
     return fit(trial.hypothesis, trial.z, floor, evaluations=16, cancelled=stop)
 

@@ -12,7 +12,7 @@ from numpy.linalg import LinAlgError
 from analysis.fitted.fitted_shot import fit_again, with_fit_to_follow
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import NotSeen
-from analysis.shot.recording import FLAG, Recording, Setup, corrected
+from analysis.shot.recording import SETUP_CORRECTED, Recording, Setup, corrected
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot, Stop
 from levimass.analysis_settings import is_drive
 
@@ -42,12 +42,12 @@ def read(
 
     Raises Cancelled; every other failure is the shot's ``problem``.
     """
-    from analysis.signal.demodulate import demodulate
+    from analysis.signal.demodulation import demodulate
 
     settings = settings or AnalysisSettings()
     if settings.corrections:
         setup = corrected(recording.setup, dict(settings.corrections))
-        recording = replace(recording, setup=setup, flags=_merged(recording.flags, (FLAG,)))
+        recording = replace(recording, setup=setup, flags=_merged(recording.flags, (SETUP_CORRECTED,)))
     seconds = {"load": load_seconds}
     started = time.perf_counter()
     motion: Motion | None = None
@@ -122,7 +122,7 @@ def _impact_read(shot: Shot, progress: Progress | None, cancelled: Stop | None) 
         return shot
     from analysis.reading.read import NoImpact, read_impact
     from analysis.reading.record_checks import check_collision, why_reversed
-    from analysis.shot.rate_error import with_rate_error
+    from analysis.shot.sample_rate_error import with_rate_error
     from analysis.signal.cross_talk import LEFT as CROSS_TALK
 
     _tell(progress, cancelled, "reading the impact", 0.5)

@@ -5,21 +5,17 @@ from collections.abc import Sequence
 from typing import Any
 
 from analysis.collision.laws.own import called
-from analysis.diagnosis.result import Diagnosis
-from analysis.diagnosis.result import to_result as diagnosis_result
-from analysis.diagnosis.verdict.foretold import Foretold
-from analysis.diagnosis.verdict.foretold import to_result as foretold_result
+from analysis.diagnosis.result import Diagnosis, diagnosis_result
+from analysis.diagnosis.verdict.foretold import Foretold, foretold_result
 from analysis.fitted.fitted_shot import readings_model, readings_model_result
 from analysis.shot.disturbance import Disturbance
 from analysis.shot.fit import Fit
 from analysis.shot.quantity import to_json
 from analysis.shot.shot import Shot
 from analysis.shot.version import program_version
-from analysis.uncertainty.budget import budget
-from analysis.uncertainty.budget import to_result as budget_result
+from analysis.uncertainty.gum_budget import budget, budget_result
 from analysis.uncertainty.numbers import Origin, of_collision
-from analysis.uncertainty.series import series
-from analysis.uncertainty.series import to_result as series_result
+from analysis.uncertainty.series_statistics import series, series_result
 
 SCHEMA = "levimass.result/1"
 

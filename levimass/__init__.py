@@ -25,7 +25,7 @@ def read(path: Path | str) -> Recording | MotionRecord:
     Raises RecordingError, one line with file and cause.
     """
     from instrument.files.motion_file import read_motion
-    from instrument.files.open_recording import open_recording
+    from instrument.files.raw_recording import open_recording
     from instrument.files.recording_search import is_motion_record
 
     return read_motion(Path(path)) if is_motion_record(Path(path)) else open_recording(path)
@@ -59,7 +59,7 @@ def diagnose(shots: Shot | Sequence[Shot], *, accepted: Sequence[str] = ()) -> D
     ``accepted`` are effects that are in the model already.  Raises AnalysisError where a shot has no motion, and
     ValueError for an unknown effect or shots of different models.
     """
-    from analysis.diagnosis.diagnose import diagnose as diagnose_shots
+    from analysis.diagnosis.diagnosis_of_shots import diagnose as diagnose_shots
     from analysis.shot.shot import Shot
 
     return diagnose_shots([shots] if isinstance(shots, Shot) else list(shots), accepted=accepted)
@@ -73,7 +73,7 @@ def simulate(
     ``effects`` are those of the rig, such as ``{"sensor_lag": {"lag_s": 1e-6}}``.  The same seed gives the same
     counts.  Raises ValueError for an unknown effect, RecordingError where nothing can be written.
     """
-    from instrument.bench.simulate import simulate as write_simulated
+    from instrument.bench.simulated_shots import simulate as write_simulated
 
     parameters_of = {name: dict(parameters) for name, parameters in effects.items()} if effects else None
     return write_simulated(folder, shots, seed, parameters_of)

@@ -21,7 +21,7 @@ def everything():
             importlib.import_module(module.name)
     from levimass.analysis.compiled import kernel_cache
     from levimass.instrument.process.messages import lower_priority
-    from levimass.instrument.devices.found_devices import udev_rule_path
+    from levimass.instrument.devices.device_search import udev_rule_path
     from levimass.instrument.devices.sources import SOURCES, imported
     assert all(callable(imported(source.opener)) for source in SOURCES)
     own = {"app", "analysis", "instrument", "resources"}

@@ -23,7 +23,7 @@ from analysis.collision.linear_coefficients import (
     hidden_steps,
     state_coefficients,
 )
-from analysis.collision.linear_path import LinearPath
+from analysis.collision.linearisation import LinearPath
 from analysis.collision.parameters import Collision, Floats
 from analysis.collision.path_matrices import INPUTS
 from analysis.collision.slots import function_of

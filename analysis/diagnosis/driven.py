@@ -12,7 +12,7 @@ from analysis.diagnosis.verdict.conclusion import conclude
 from analysis.drive.driven_fit import as_fit, chi2, filtered_noise_n
 from analysis.drive.law_search import LawSearch, Split, Trial, look_alikes, search_laws
 from analysis.drive.mass_check import MassCheck, check_mass
-from analysis.drive.regress import NonlinearValues, Regression, regress
+from analysis.drive.regression import NonlinearValues, Regression, regress
 from analysis.drive.repeatability import Repeatability, repeatability_of
 from analysis.drive.stretch import prepare
 from analysis.drive.table import Mask, Table

@@ -9,7 +9,7 @@ from analysis.diagnosis.result import FoundEffect
 from analysis.diagnosis.words import plain, quantity, stem
 from analysis.drive.catalogue import LAWS
 from analysis.drive.mass_check import MassCheck
-from analysis.drive.regress import Regression, rms
+from analysis.drive.regression import Regression, rms
 from analysis.drive.repeatability import Repeatability
 from analysis.drive.table import Table
 from analysis.shot.quantity import Quantity

@@ -173,7 +173,7 @@ class Diagnosis:
         return (*self.effects, *(law.as_effect for law in self.laws if law.form is not None))
 
 
-def to_result(diagnosis: Diagnosis) -> dict[str, Any]:
+def diagnosis_result(diagnosis: Diagnosis) -> dict[str, Any]:
     """Return the ``diagnosis`` object of the result file."""
 
     def errors(value: Errors | None) -> dict[str, float] | None:

@@ -42,7 +42,7 @@ def drive_curves(motion: Motion, fit: Fit) -> DriveCurves:
     Cost: the derivative filters over the record once, some 10 us a sample.
     """
     from analysis.drive.driven_fit import filtered_noise_n  # with the regression: a window knows the curves without it
-    from analysis.drive.regress import delay_of, regress
+    from analysis.drive.regression import delay_of, regress
     from analysis.drive.repeatability import repeatability_of
     from analysis.drive.stretch import prepare
     from analysis.drive.table import Table

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from analysis.drive.bandwidth import force_noise
 from analysis.drive.law_search import fit_accepted
 from analysis.drive.mass_check import FLAG, MASS, MassCheck, check_mass
-from analysis.drive.regress import Regression, regress, rms
+from analysis.drive.regression import Regression, regress, rms
 from analysis.drive.repeatability import Repeatability, repeatability_of
 from analysis.drive.stretch import Stretch, low_pass, prepare
 from analysis.drive.table import Table

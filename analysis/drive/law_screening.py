@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.drive.catalogue import LAWS, Law
-from analysis.drive.regress import DEPENDENT, NonlinearValues, Regression, delay_of
+from analysis.drive.regression import DEPENDENT, NonlinearValues, Regression, delay_of
 from analysis.drive.stretch import Stretch, low_pass
 from analysis.drive.table import Mask, Table
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.drive.catalogue import LAWS
 from analysis.drive.law_screening import CandidateLaws, screen_laws
-from analysis.drive.regress import NonlinearValues, Regression, delay_of, design, regress, rms
+from analysis.drive.regression import NonlinearValues, Regression, delay_of, design, regress, rms
 from analysis.drive.repeatability import folds
 from analysis.drive.table import Mask, Table
 from analysis.shot.shot import AnalysisError

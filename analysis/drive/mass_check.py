@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.drive.regress import Regression
+from analysis.drive.regression import Regression
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisError

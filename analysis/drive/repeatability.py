@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.drive.catalogue import BASE
-from analysis.drive.regress import Regression, delay_of, rms
+from analysis.drive.regression import Regression, delay_of, rms
 from analysis.drive.table import Table
 
 Floats = NDArray[np.float64]

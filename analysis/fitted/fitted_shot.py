@@ -16,7 +16,7 @@ from analysis.shot.disturbance import Shaking
 from analysis.shot.fit import Fit
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import NotSeen, Quantity
-from analysis.shot.rate_error import fit_with_rate_error
+from analysis.shot.sample_rate_error import fit_with_rate_error
 from analysis.shot.shot import AnalysisError, Cancelled, Shot
 from levimass.analysis_settings import is_drive
 

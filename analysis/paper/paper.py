@@ -14,7 +14,7 @@ from analysis.collision.parameters import Collision, Variant
 from analysis.shot.quantity import NotSeen, Reading, to_json
 from analysis.shot.recording import Plate
 from analysis.shot.shot import Shot
-from analysis.uncertainty.budget import combined_of, stated
+from analysis.uncertainty.gum_budget import combined_of, stated
 from analysis.uncertainty.numbers import read
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from itertools import combinations_with_replacement, count
 from math import inf, sqrt
 
 from analysis.collision.parameters import Infeasible
-from analysis.compiled.side_by_side import side_by_side
+from analysis.compiled.two_threads import side_by_side
 from analysis.diagnosis.verdict.coincidence import unforetold
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference.fit.free_parameters import trials_named

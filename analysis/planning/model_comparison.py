@@ -18,7 +18,7 @@ from analysis.inference.fit.begin import begin_of
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trials_named
 from analysis.inference.fit.hypothesis import Hypothesis
-from analysis.inference.fit.hypothesis_fit import Fitted, finish, first_floor, fit, search
+from analysis.inference.fit.hypothesis_fit import Fitted, finish, first_floor, fit_hypothesis, search
 from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.joint_data import joint_data, shakings_of, site_under
@@ -157,7 +157,7 @@ def refit_diagnosed(given: Fit, motions: Sequence[Motion], stop: Stop, others: S
     hypothesis = Hypothesis(data, kinds, fixed)
     z = hypothesis.pack(Point(begin.shared, begin.own, values))
     try:
-        return fit(hypothesis, z, first_floor(hypothesis, z, white_of(data.shots)), cancelled=stop)
+        return fit_hypothesis(hypothesis, z, first_floor(hypothesis, z, white_of(data.shots)), cancelled=stop)
     except Infeasible as why:
         raise AnalysisError(f"the diagnosed model has no motion for these shots: {why}") from why
 

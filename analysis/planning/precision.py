@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision.parameters import Infeasible
-from analysis.compiled.side_by_side import side_by_side
+from analysis.compiled.two_threads import side_by_side
 from analysis.inference.fit.hypothesis_fit import Fitted
 from analysis.planning.next_shot import NextShot, Reach, as_found_kg, effort, in_order, next_shots
 from analysis.planning.predictions import blank_shot, information_of, predict, present_information

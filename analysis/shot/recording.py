@@ -126,7 +126,7 @@ class Recording:
         return None
 
 
-FLAG = "setup_corrected"
+SETUP_CORRECTED = "setup_corrected"
 AIR = ("temperature_c", "pressure_pa", "humidity_percent")
 NAMES = ("moving_mass_kg", "moving_mass_u_kg", "wavelength_vacuum_m", "wavelength_air_m", "rest_frequency_hz", *AIR)
 

@@ -5,10 +5,10 @@ from pathlib import Path
 
 from app.command_line.outputs import in_a_line, say
 from instrument.bench.effects import parse
-from instrument.bench.simulate import simulate as write_simulated
+from instrument.bench.simulated_shots import simulate as write_simulated
 from instrument.bench.site import QUIET, site_named
-from instrument.capture.acquire import AcquireError
-from instrument.capture.acquire import acquire as record
+from instrument.capture.headless_acquisition import AcquireError
+from instrument.capture.headless_acquisition import acquire as record
 from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
 from instrument.files.recording_error import RecordingError
 from instrument.process.subprocess_digitizer import open_in_subprocess

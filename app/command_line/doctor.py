@@ -11,9 +11,9 @@ from analysis.shot.shot import Progress
 from app.command_line.bundle import write_bundle
 from app.command_line.machine import installed, why_no_window
 from app.command_line.outputs import say
+from app.session.kernel_compilation import complete
+from app.session.kernel_compilation import prepare as compile_all
 from app.session.log import NAME
-from app.session.prepare import complete
-from app.session.prepare import prepare as compile_all
 from instrument.devices.digitizer import DigitizerError
 from instrument.devices.doctor import Check, Grade, examine
 from instrument.files.recording_error import RecordingError

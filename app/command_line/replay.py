@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from analysis.diagnosis.diagnose import diagnose
+from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.model_file import SavedModel, drift, saved, to_text
 from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.diagnosis.verdict.foretold import Foretold
@@ -28,8 +28,8 @@ from app.command_line.outputs import (
 )
 from app.command_line.plan_shots import PlannedShots, plan_shots
 from app.command_line.summary import summary
-from app.report.export import export, export_laws, export_prediction
-from app.report.export_hdf5 import export_hdf5
+from app.report.csv_export import export, export_laws, export_prediction
+from app.report.hdf5_export import export_hdf5
 from app.report.page import report_of
 from app.session.load import load_and_analyse
 from app.session.model_in_use import DRIFT_SIGMAS, with_combined

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from analysis.diagnosis.diagnose import diagnose
+from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.result import Diagnosis
 from analysis.planning.next_shot import NextShot, Reach
 from analysis.planning.plan_words import plan_sentence, with_words
@@ -13,8 +13,8 @@ from analysis.shot.shot import AnalysisError, Shot
 from app.command_line.acquire import LEAST_ARMING_S, CaptureRequest, capture_settings
 from app.command_line.outputs import check_outputs, in_a_line, json_text, say, say_problem, write_json
 from app.session.load import load_and_analyse
-from app.session.planned_record import planned_record, planned_setup
-from instrument.capture.acquire import AcquireError, acquire
+from app.session.planned_capture import planned_record, planned_setup
+from instrument.capture.headless_acquisition import AcquireError, acquire
 from instrument.devices.digitizer import DigitizerError
 from instrument.devices.sources import is_bench, pushed
 from instrument.files.recording_error import RecordingError

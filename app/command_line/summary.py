@@ -6,9 +6,9 @@ from analysis.fitted.fitted_shot import readings_model
 from analysis.shot.fit import Fit
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import Shot
-from analysis.uncertainty.budget import combined_of, stated
+from analysis.uncertainty.gum_budget import combined_of, stated
 from analysis.uncertainty.numbers import Origin, of_collision
-from app.words.flag_words import by_weight, flag_words
+from app.words.flags import by_weight, flag_words
 
 
 def summary(shot: Shot) -> str:

@@ -9,7 +9,7 @@ from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, LearnedLaw
 from analysis.shot.plates_of_set import plates_words, weights_words
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import Shot
-from analysis.uncertainty.noise_band import diagnosed_band
+from analysis.uncertainty.motion_band import diagnosed_band
 from app.report.markup import Markup, joined, table, tag
 from app.report.number_tables import fitted
 from app.report.shot_figures import NOISE, figure

@@ -8,7 +8,7 @@ from analysis.shot.disturbance import Disturbance
 from analysis.shot.fit import Fit
 from analysis.shot.quantity import NotSeen, Quantity, Reading, shown_in
 from analysis.shot.shot import Shot
-from analysis.uncertainty.budget import COVERAGE_FACTOR, Budget, BudgetRow, QuantityBudget
+from analysis.uncertainty.gum_budget import COVERAGE_FACTOR, Budget, BudgetRow, QuantityBudget
 from analysis.uncertainty.numbers import Origin, number_of, of_collision, with_unit
 from app.report.markup import Markup, joined, table, tag
 from app.words.physics_words import correlation_words, effect_words, parameter_parts

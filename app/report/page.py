@@ -8,7 +8,7 @@ from analysis.diagnosis.verdict.foretold import Foretold
 from analysis.fitted.fitted_shot import readings_model
 from analysis.shot.plot_note import UNITS, PlotNote
 from analysis.shot.shot import Shot
-from analysis.uncertainty.budget import budget
+from analysis.uncertainty.gum_budget import budget
 from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
 from app.report import provenance
 from app.report.diagnosis_section import diagnosis_section, prediction_section
@@ -17,7 +17,7 @@ from app.report.number_tables import budgets, disturbance_section, fitted, model
 from app.report.session_section import session_section
 from app.report.shot_figures import figures
 from app.report.svg_style import style_sheet
-from app.words.flag_words import by_weight, flag_words
+from app.words.flags import by_weight, flag_words
 
 MOST_DRAWN = 24  # shots with figures: more would make the file too large for a browser
 NO_LOADING = "default-src 'none'; style-src 'unsafe-inline'"

@@ -11,7 +11,7 @@ from app.session.event import Event, EventKind, SavedElsewhere
 from app.session.jobs import Jobs, Work
 from app.session.session import Entry, Session
 from app.session.shot_work import predictions_of, report_text, write_csv, write_hdf5, write_model, write_report
-from app.session.verdict_of import Diagnoses
+from app.session.verdict_basis import Diagnoses
 from instrument.files.recording_error import PartlySaved
 
 

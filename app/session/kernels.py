@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import partial
 
 from analysis.shot.shot import Cancelled, Progress, Stop
-from app.session.prepare import BENCH, LATER, Stage, complete, mark_complete, prepare
+from app.session.kernel_compilation import BENCH, LATER, Stage, complete, mark_complete, prepare
 from app.session.warm_up import readings
 from instrument.process.subprocess_worker import SubprocessWorker
 

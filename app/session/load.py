@@ -6,11 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from analysis.pipeline import analyse, analyse_motion
-from analysis.shot.recording import FLAG, Recording
+from analysis.shot.recording import SETUP_CORRECTED, Recording
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot, Stop
 from analysis.signal.record import motion_from_displacement
 from instrument.files.motion_file import read_motion
-from instrument.files.open_recording import (
+from instrument.files.raw_recording import (
     analyse_and_check_hash,
     open_without_hash,
 )
@@ -86,7 +86,7 @@ def analysed(
         moving_mass_u_kg=mass_u_kg or 0.0,
     )
     if right:
-        motion = replace(motion, flags=(*motion.flags, FLAG))
+        motion = replace(motion, flags=(*motion.flags, SETUP_CORRECTED))
     return analyse_motion(
         motion,
         chosen,

@@ -14,7 +14,7 @@ from analysis.shot.fit import Fit
 from analysis.shot.plates_of_set import why_not_together
 from analysis.shot.shot import AnalysisError, Shot, Stop
 from app.report.session_section import shared_stds
-from app.session.verdict_of import ModelEffects
+from app.session.verdict_basis import ModelEffects
 from app.words.physics_words import effect_words, model_in_words, parameter_parts
 from instrument.files.atomic_file import write_text_atomic
 from instrument.files.law_file import read_laws, write_law

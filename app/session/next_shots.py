@@ -11,7 +11,7 @@ from analysis.shot.shot import Shot
 from app.session.choices import Choices
 from app.session.event import Diagnosed
 from app.session.jobs import Job
-from app.session.planned_record import planned_record, planned_setup
+from app.session.planned_capture import planned_record, planned_setup
 from app.session.rig import Rig
 from app.session.session import Entry
 from app.session.workbench import Workbench

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 from analysis.pipeline import read
 from analysis.shot.recording import Channel, Recording
 from analysis.shot.shot import AnalysisSettings, Cancelled, Progress, Shot
-from app.session.prepare import Stage
+from app.session.kernel_compilation import Stage
 from instrument.capture.acquisition import Deadlines, State
 from instrument.capture.analysis_thread import ShotAnalysis, fit_here
 from instrument.capture.capture_options import CaptureOptions
 from instrument.capture.snapshot import FinishedShot, SignalLine, Snapshot, WaitingShot
+from instrument.devices.device_search import FoundDevice, found_devices
 from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
-from instrument.devices.found_devices import FoundDevice, found_devices
 from instrument.devices.scpi_address import network_name
 from instrument.devices.sources import listed_sources
 from instrument.live.live_view import empty_view

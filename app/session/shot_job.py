@@ -7,7 +7,7 @@ from analysis.shot.recording import Recording
 from analysis.shot.shot import Progress, Stop
 from app.session.jobs import Job, Jobs
 from app.session.session import Entry
-from instrument.files.open_recording import open_recording
+from instrument.files.raw_recording import open_recording
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_search import is_motion_record
 

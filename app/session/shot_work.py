@@ -13,7 +13,7 @@ from analysis.fitted.fitted_shot import fit_again
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Progress, Shot, Stop
 from app.session.load import load_and_analyse
 from app.session.model_in_use import load_model, model_words, save_model
-from app.session.verdict_of import ModelEffects
+from app.session.verdict_basis import ModelEffects
 from instrument.files.atomic_file import write_text_atomic
 
 
@@ -37,7 +37,7 @@ def diagnose_shots(
     **watched: Any,  # progress and cancelled
 ) -> Diagnosis:
     """Diagnose these shots; after ``seconds`` alternative searches are left out."""
-    from analysis.diagnosis.diagnose import diagnose  # slow to import
+    from analysis.diagnosis.diagnosis_of_shots import diagnose  # slow to import
 
     return diagnose(shots, accepted=accepted, laws=laws, seconds=seconds, **watched)
 
@@ -88,7 +88,7 @@ def report_text(
 
 def write_hdf5(shots: Sequence[Shot], folder: Path, *, progress: Progress, cancelled: Stop) -> str:
     """Write the motion of each shot as HDF5, and return what was done in words."""
-    from app.report.export_hdf5 import export_hdf5
+    from app.report.hdf5_export import export_hdf5
 
     progress("writing HDF5", 0.1)
     folder.mkdir(parents=True, exist_ok=True)
@@ -100,7 +100,7 @@ def write_csv(
     shots: Sequence[Shot], diagnosis: Diagnosis | None, folder: Path, *, progress: Progress, cancelled: Stop
 ) -> str:
     """Write these shots, and the laws that a diagnosis learned, as CSV; return what was done in words."""
-    from app.report.export import export, export_laws
+    from app.report.csv_export import export, export_laws
 
     progress("writing CSV", 0.1)
     written = export(shots, folder)

@@ -28,7 +28,7 @@ def readings() -> Shot:
     The shot is written to disk first: numba compiles another kernel for read-only arrays than for writable ones.
     """
     from analysis.pipeline import read
-    from instrument.files.open_recording import analyse_and_check_hash
+    from instrument.files.raw_recording import analyse_and_check_hash
     from instrument.files.recording_writer import write_recording
     from instrument.live.live_thread import warm
 
@@ -48,7 +48,7 @@ def fit() -> None:
 def bench() -> None:
     """Simulate one shot on the bench."""
     from instrument.bench.digitizer import BenchDigitizer
-    from instrument.bench.simulate import simulate
+    from instrument.bench.simulated_shots import simulate
 
     BenchDigitizer().prepare()
     with tempfile.TemporaryDirectory(prefix="levimass-") as folder:
@@ -69,7 +69,7 @@ def effects() -> None:
 
 def diagnosis() -> None:
     """Diagnose a synthetic motion."""
-    from analysis.diagnosis.diagnose import diagnose
+    from analysis.diagnosis.diagnosis_of_shots import diagnose
 
     diagnose([_motion()])
 

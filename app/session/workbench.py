@@ -36,7 +36,7 @@ from app.session.session_files import Unlisted, listed_by, lock_session, named_s
 from app.session.settings import correction_words
 from app.session.shot_work import diagnose_shots, open_shot
 from app.session.spool import Spool
-from app.session.verdict_of import Diagnoses, verdict_of
+from app.session.verdict_basis import Diagnoses, verdict_of
 from app.session.why import Why
 from app.words.verdict import verdict_words
 from instrument.capture.analysis_thread import STOPPED

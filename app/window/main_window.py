@@ -13,11 +13,11 @@ from PySide6.QtWidgets import QApplication, QMainWindow
 from analysis.shot.shot import AnalysisSettings
 from app.session.choices import Choices
 from app.session.jobs import Saver
+from app.session.kernel_compilation import complete, warm_up_analysis
 from app.session.kernels import Kernels
 from app.session.log import ProgramLog, note
 from app.session.model_in_use import OwnLaws
 from app.session.next_shots import PLAN, NextShots
-from app.session.prepare import complete, warm_up_analysis
 from app.session.result_cache import ResultCache
 from app.session.rig import Open, Rig
 from app.session.session_files import last_session

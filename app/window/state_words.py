@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import DEFAULT_WAVELENGTH_AIR_M, Role
-from analysis.uncertainty.budget import combined_of, stated
+from analysis.uncertainty.gum_budget import combined_of, stated
 from app.session.session import Entry
 from app.window.panels.signal_line import Sign
 from app.window.theme import Tone

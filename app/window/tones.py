@@ -5,7 +5,7 @@ from html import escape
 
 from app.session.session import Entry
 from app.window.theme import MARKS, Tone
-from app.words.flag_words import MILD_FLAGS, flag_words
+from app.words.flags import MILD_FLAGS, flag_words
 from app.words.verdict import VERDICTS
 
 

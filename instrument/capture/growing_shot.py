@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.rate_error import DELIVERED
-from analysis.shot.rate_error import FLAG as RATE_CONTRADICTED
 from analysis.shot.recording import Channel, Gap, Recording, Role, Setup
+from analysis.shot.sample_rate_error import DELIVERED, RATE_CONTRADICTED
 from instrument.devices.digitizer import CaptureSettings
 from instrument.files.recording_file import ENDED_EARLY
 from instrument.trigger.light_switch import middle_of_step

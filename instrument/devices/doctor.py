@@ -10,8 +10,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+from instrument.devices.device_search import found_devices, udev_instructions
 from instrument.devices.digitizer import DigitizerError
-from instrument.devices.found_devices import found_devices, udev_instructions
 
 LOW_DISK_BYTES = 2 << 30
 EMPTY_DISK_BYTES = 200 << 20

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from analysis.shot.recording import Recording, Role, Setup
 from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 from instrument.devices.source_options import SourceOptions
-from instrument.files.open_recording import open_recording
+from instrument.files.raw_recording import open_recording
 from instrument.files.recording_file import RecordingError, find_recordings
 from instrument.files.recording_search import is_motion_record
 

@@ -76,21 +76,21 @@ SOURCES = (
         "hantek6022",
         "devices.hantek6022:open_digitizer",
         options=("roles", "gains", "firmware", *_RIG),
-        finder="devices.found_devices:hantek6022",
+        finder="devices.device_search:hantek6022",
     ),
     Source(
         "scpi",
         "devices.scpi_address:open_digitizer",
         "ADDRESS",
         options=("channels", "roles", "trigger", "slope", "level", *_RIG),
-        finder="devices.found_devices:oscilloscopes",
+        finder="devices.device_search:oscilloscopes",
     ),
     Source(
         "niscope",
         "devices.niscope_card:open_digitizer",
         "RESOURCE",
         options=("channels", "roles", "trigger", "slope", "level", "range", *_RIG),
-        finder="devices.found_devices:ni_cards",
+        finder="devices.device_search:ni_cards",
     ),
 )
 

@@ -15,9 +15,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.rate_error import DELIVERED
-from analysis.shot.rate_error import FLAG as RATE_CONTRADICTED
 from analysis.shot.recording import Recording, Role
+from analysis.shot.sample_rate_error import DELIVERED, RATE_CONTRADICTED
 from instrument.files.recording_error import FileNotReached, RecordingError
 from instrument.files.recording_metadata import Metadata, read_metadata
 from instrument.files.recording_search import find_recordings, recording_stem

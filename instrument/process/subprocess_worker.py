@@ -22,7 +22,7 @@ import numpy as np
 from analysis.pipeline import fitted, read
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
-from instrument.files.open_recording import analyse_and_check_hash
+from instrument.files.raw_recording import analyse_and_check_hash
 from instrument.files.recording_error import RecordingError, one_line
 from instrument.process.messages import lower_priority
 

@@ -16,7 +16,7 @@ from app.window.main_window import FRAMED_MS, MainWindow, open_window
 from app.window.plots.plot_notes import NoteEditor
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.bench.rig import Bench
-from instrument.bench.simulate import simulate
+from instrument.bench.simulated_shots import simulate
 from instrument.bench.site import USUAL_SITE, site_named
 from instrument.devices.digitizer import Digitizer, DigitizerError
 

@@ -9,9 +9,9 @@ from PySide6.QtCore import Qt
 from analysis.report import result
 from analysis.shot.quantity import Quantity
 from analysis.uncertainty import measurement_equations, numbers
-from analysis.uncertainty.budget import combined_of, stated
+from analysis.uncertainty.gum_budget import combined_of, stated
 from app.command_line.summary import summary
-from app.report.export import export
+from app.report.csv_export import export
 from app.report.page import report_of
 from app.session.session import Session
 from app.window.panels.compare import ComparePanel

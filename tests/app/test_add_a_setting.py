@@ -22,7 +22,7 @@ from app.session.event import EventKind
 from app.session.result_archive import packed, unpacked
 from app.session.session import Session
 from app.session.settings import FIELDS, Settings
-from app.session.verdict_of import VerdictBasis
+from app.session.verdict_basis import VerdictBasis
 from app.session.workbench import Workbench
 from app.window.panels.settings_sheet import SettingsSheet
 from app.window.theme import LIGHT

@@ -16,7 +16,7 @@ from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.shot.quantity import Quantity
 from app.report.page import report_of
 from app.session.session import Session
-from app.session.verdict_of import ModelEffects
+from app.session.verdict_basis import ModelEffects
 from app.words.verdict import verdict_words
 from app.words.wording import effect_numbers, effect_words
 from tests.app import synthetic

@@ -10,13 +10,13 @@ import pytest
 
 from analysis.shot.recording import Channel, Recording, Role, Setup
 from app.command_line.bundle import write_bundle
-from app.report.export import write_motion
-from app.report.export_hdf5 import export_hdf5
+from app.report.csv_export import write_motion
+from app.report.hdf5_export import export_hdf5
 from app.session.model_in_use import save_model
 from app.session.session import Session
 from app.session.settings import Settings
 from app.session.settings_file import load, save
-from app.session.verdict_of import ModelEffects
+from app.session.verdict_basis import ModelEffects
 from app.window.plots.save import save_columns
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_file import read_recording, rewrite_note, verify, write_recording

@@ -10,7 +10,7 @@ from pytestqt.qtbot import QtBot
 from app.session import workbench
 from app.window.main_window import MainWindow, open_window
 from instrument.capture.acquisition import State
-from instrument.files.open_recording import open_recording
+from instrument.files.raw_recording import open_recording
 from instrument.files.recording_file import verify
 from tests.app import rigs
 from tests.small_disk import PAGE_BYTES, fill, free_bytes, make_room, small_disk

@@ -11,7 +11,7 @@ import pytest
 from analysis.shot.shot import Progress
 from app.command_line import machine, start
 from app.command_line.cli import main
-from app.session import prepare
+from app.session import kernel_compilation
 
 
 def test_simulated_shots_are_replayed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -24,11 +24,11 @@ def test_simulated_shots_are_replayed(tmp_path: Path, capsys: pytest.CaptureFixt
 def test_without_a_screen_one_shot_is_told_and_named_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def ready_at_once(report: Progress, ready: Callable[[prepare.Stage], None]) -> None:
-        for stage in prepare.Stage:
+    def ready_at_once(report: Progress, ready: Callable[[kernel_compilation.Stage], None]) -> None:
+        for stage in kernel_compilation.Stage:
             ready(stage)
 
-    monkeypatch.setattr(prepare, "prepare_first_shot", ready_at_once)
+    monkeypatch.setattr(kernel_compilation, "prepare_first_shot", ready_at_once)
     assert start.headless_shot() == 0
     said = capsys.readouterr().out
     assert said.index("COR quasi-static") < said.index("fit_to_follow") < said.index("fit of model paper")

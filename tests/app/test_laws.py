@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.laws.own import from_mapping
-from app.report.export import export_laws
+from app.report.csv_export import export_laws
 from app.session.model_in_use import OwnLaws
 from app.window.panels.law_curve import LawCurve
 from app.window.panels.law_sheet import LawSheet

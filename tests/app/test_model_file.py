@@ -13,7 +13,7 @@ from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisError
 from app.session.model_in_use import drift_words, load_model, model_words, save_model
 from app.session.session import Session
-from app.session.verdict_of import ModelEffects
+from app.session.verdict_basis import ModelEffects
 from app.window.main_window import open_window
 from instrument.files.recording_error import RecordingError
 from tests.app import rigs, synthetic

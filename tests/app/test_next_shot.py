@@ -16,9 +16,9 @@ from app.command_line.cli import main
 from app.command_line.plan_shots import plan_shots
 from app.session.event import Diagnosed
 from app.session.next_shots import NextShots
-from app.session.planned_record import planned_setup
+from app.session.planned_capture import planned_setup
 from app.session.settings import Settings
-from app.session.verdict_of import Diagnoses
+from app.session.verdict_basis import Diagnoses
 from app.window.panels.next_shot import NextShotCard
 from instrument.capture.capture_options import CaptureOptions
 from tests.analysis.diagnosis.shots import motions_of

@@ -32,11 +32,11 @@ from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
 from app.window.theme import LIGHT, Theme
 from app.words.wording import DASH, local, typed_number
-from instrument.bench.simulate import simulate
+from instrument.bench.simulated_shots import simulate
 from instrument.capture.analysis_thread import AnalysisThread, ShotAnalysis
 from instrument.capture.snapshot import FinishedShot, WaitingShot
 from instrument.devices.digitizer import CaptureSettings
-from instrument.files.open_recording import open_recording
+from instrument.files.raw_recording import open_recording
 from instrument.files.recording_file import write_recording
 from instrument.files.recording_writer import RecordingWriter
 from tests.app import synthetic

@@ -9,7 +9,7 @@ from analysis.report import result
 from analysis.shot.shot import AnalysisSettings
 from app.session.load import load_and_analyse
 from app.session.shot_work import refit_shot
-from instrument.bench.simulate import simulate
+from instrument.bench.simulated_shots import simulate
 
 
 def _told(shot: object) -> str:

@@ -11,11 +11,11 @@ from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.paper.paper import reproduce
 from analysis.report import result
 from analysis.shot.quantity import Quantity
-from analysis.uncertainty.budget import budget
+from analysis.uncertainty.gum_budget import budget
 from analysis.uncertainty.numbers import Origin, number_of, of_collision
-from analysis.uncertainty.series import series
+from analysis.uncertainty.series_statistics import series
 from app.command_line.summary import summary
-from app.report.export import columns_of, export
+from app.report.csv_export import columns_of, export
 from app.report.page import report_of
 from app.session.model_in_use import NOISE_ALONE, with_combined
 from app.session.session import Session

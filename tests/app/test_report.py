@@ -14,7 +14,7 @@ import pytest
 from analysis.diagnosis.result import FoundEffect
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Plate
-from analysis.uncertainty.budget import budget
+from analysis.uncertainty.gum_budget import budget
 from app.command_line.cli import main
 from app.report.markup import Markup, tag
 from app.report.markup import table as tag_table

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.planning.next_shot import Reach
-from analysis.shot.recording import FLAG, Air, Setup, corrected
+from analysis.shot.recording import SETUP_CORRECTED, Air, Setup, corrected
 from analysis.shot.shot import AnalysisSettings
 from app.session import settings_file
 from app.session.choices import Choices
@@ -134,7 +134,7 @@ def test_a_corrected_mass_scales_the_force_of_a_motion_record_and_is_flagged(tmp
     before = load_and_analyse(tmp_path / "a.csv")
     after = load_and_analyse(tmp_path / "a.csv", settings=AnalysisSettings(corrections=(("moving_mass_kg", 0.04),)))
     assert (before.motion.moving_mass_kg, after.motion.moving_mass_kg) == (0.02, 0.04)
-    assert FLAG in after.flags and FLAG not in before.flags
+    assert SETUP_CORRECTED in after.flags and SETUP_CORRECTED not in before.flags
     session = Session(tmp_path / "session.json")
     session.add(after)
     assert Session.reopen(tmp_path / "session.json").entries[0].settings == after.settings

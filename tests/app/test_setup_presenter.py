@@ -13,9 +13,9 @@ from app.window.main_window import MainWindow, open_window
 from app.window.panels.banner import Banner
 from app.window.panels.setup_sheet import SetupSheet
 from app.window.theme import LIGHT, Tone
+from instrument.devices.device_search import FoundDevice, udev_instructions
 from instrument.devices.digitizer import DigitizerError
 from instrument.devices.doctor import Check, Grade
-from instrument.devices.found_devices import FoundDevice, udev_instructions
 from instrument.devices.sources import open_source
 from tests.app import rigs
 from tests.instrument.devices.scpi_emulator import EmulatedScope, TcpScope

@@ -30,7 +30,7 @@ from analysis.shot.plot_note import PlotNote
 from analysis.signal.flag_meanings import MEANINGS
 from app.report.shot_figures import time_zero
 from app.session.jobs import Jobs
-from app.session.prepare import PIECES
+from app.session.kernel_compilation import PIECES
 from app.session.session import Session
 from app.session.settings import FIELDS, Settings
 from app.window import menus
@@ -40,7 +40,7 @@ from app.window.plots.plain_axis import PlainAxis
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import DARK, LIGHT, Theme, Tone
-from app.words.flag_words import FLAG_WORDS, flags_in_short
+from app.words.flags import FLAG_WORDS, flags_in_short
 from app.words.physics_words import effect_words
 from app.words.verdict import verdict_words
 from tests.app import synthetic

@@ -7,8 +7,8 @@ import pytest
 from pytestqt.qtbot import QtBot
 
 from analysis.paper.paper import reproduce
-from analysis.uncertainty.budget import budget
-from app.report.export import export
+from analysis.uncertainty.gum_budget import budget
+from app.report.csv_export import export
 from app.window.panels.budget import BudgetPanel
 from app.window.panels.paper import PaperPanel
 from app.window.theme import DARK, LIGHT

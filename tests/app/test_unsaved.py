@@ -12,7 +12,7 @@ from analysis.shot.shot import AnalysisSettings
 from app.session.session import Session
 from app.session.workbench import Event, EventKind, Workbench
 from app.window.main_window import open_window
-from instrument.files.open_recording import open_recording
+from instrument.files.raw_recording import open_recording
 from instrument.files.recording_error import PartlySaved, RecordingError
 from instrument.files.recording_writer import RecordingWriter
 from tests.app import rigs, synthetic

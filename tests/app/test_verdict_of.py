@@ -12,7 +12,7 @@ from app.report.diagnosis_section import diagnosis_section
 from app.session.choices import Choices
 from app.session.event import Diagnosed
 from app.session.session import Session
-from app.session.verdict_of import Diagnoses, VerdictBasis, verdict_of
+from app.session.verdict_basis import Diagnoses, VerdictBasis, verdict_of
 from app.session.workbench import Workbench
 from app.window.layout import Layout
 from app.window.panels.session_model import VERDICT, SessionModel

@@ -15,7 +15,7 @@ from PySide6.QtGui import QDropEvent
 from app.window.layout import Layout
 from app.window.main_window import open_window
 from app.window.panels.side_sheet import SideSheet
-from instrument.bench.simulate import simulate
+from instrument.bench.simulated_shots import simulate
 from instrument.capture.acquisition import State
 from tests.app import rigs
 

@@ -10,9 +10,9 @@ from analysis.diagnosis import words
 from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.signal.flag_meanings import MEANINGS
-from app.session.verdict_of import verdict_of
+from app.session.verdict_basis import verdict_of
 from app.words import verdict, wording
-from app.words.flag_words import FLAG_WORDS
+from app.words.flags import FLAG_WORDS
 from app.words.wording import number, parameter_words
 from tests.app import synthetic
 

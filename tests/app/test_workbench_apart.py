@@ -12,7 +12,7 @@ from app.session.event import Event, EventKind
 from app.session.load import load_and_analyse
 from app.session.session import Session
 from app.session.workbench import Workbench
-from instrument.bench.simulate import simulate
+from instrument.bench.simulated_shots import simulate
 from instrument.process.subprocess_worker import SubprocessWorker
 
 LONGEST_S = 120.0

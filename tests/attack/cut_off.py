@@ -9,7 +9,7 @@ import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
-from instrument.bench.simulate import simulate
+from instrument.bench.simulated_shots import simulate
 from tests.attack.trial import SURVIVED, Attempt
 
 HOUSE = Path(__file__).resolve().parents[2]
@@ -18,8 +18,8 @@ import json, sys
 from pathlib import Path
 from analysis.diagnosis.model_file import saved, to_text
 from analysis.report import result
-from app.report.export import export
-from app.report.export_hdf5 import export_hdf5
+from app.report.csv_export import export
+from app.report.hdf5_export import export_hdf5
 from app.report.page import report_of
 from app.session.load import load_and_analyse
 from instrument.files.atomic_file import write_text_atomic

@@ -10,7 +10,7 @@ import numpy as np
 from analysis.shot.recording import Channel, Gap, Recording, Role, Setup
 from analysis.shot.shot import AnalysisSettings
 from app.session.load import load_and_analyse
-from instrument.bench.simulate import simulate
+from instrument.bench.simulated_shots import simulate
 from instrument.live.live_thread import warm
 from tests.attack.crowds import folders, kills, sessions
 from tests.attack.cut_off import outputs

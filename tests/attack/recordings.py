@@ -14,7 +14,7 @@ import numpy as np
 
 from analysis.shot.shot import AnalysisSettings
 from app.session.load import load_and_analyse
-from instrument.bench.simulate import simulate
+from instrument.bench.simulated_shots import simulate
 from tests.attack.trial import SURVIVED, Attempt, refused_in_a_line
 from tests.instrument.mutating import NASTY, spoilt_json
 

@@ -90,7 +90,7 @@ def cases(clean: int, of_each: int, seed: int, shots: int) -> list[Case]:
 
 def judge(case: Case) -> Outcome:
     """Draw a case, have it diagnosed, and write down what was said."""
-    from analysis.diagnosis.diagnose import diagnose
+    from analysis.diagnosis.diagnosis_of_shots import diagnose
     from tests.building_rig import Rig
 
     rig = Rig(case.site, plate_swings=case.seed % 3 == 0)

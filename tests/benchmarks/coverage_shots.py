@@ -12,7 +12,7 @@ from instrument.bench.frame import density_m2_per_hz
 from instrument.bench.mechanics import Bodies, Trajectory, collide
 from instrument.bench.optics import Optics
 from instrument.bench.rig import Bench
-from instrument.bench.simulate import SimulatedShot, recording_of, simulate_shot
+from instrument.bench.simulated_shots import SimulatedShot, recording_of, simulate_shot
 from instrument.bench.sines import PATH_HIGHEST_HZ as HIGHEST_HZ
 from instrument.bench.sines import PATH_LOWEST_HZ as LOWEST_HZ
 from instrument.bench.site import LEVELS_M_PER_S, Knock, Line, Site, site_named

@@ -20,7 +20,7 @@ from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisSettings
 from analysis.signal.beat import BeatReader
 from analysis.signal.decimate import PhaseDecimator
-from analysis.signal.demodulate import demodulate
+from analysis.signal.demodulation import demodulate
 from analysis.signal.demodulation_plan import demodulation_plans
 from analysis.signal.filters import decimator_taps, derivative_filters
 from analysis.signal.survey import survey

@@ -45,7 +45,7 @@ def _one(case: LawCase) -> LawOutcome:
     from analysis.compiled.kernel_cache import use_kernel_cache
 
     use_kernel_cache()
-    from analysis.diagnosis.diagnose import diagnose
+    from analysis.diagnosis.diagnosis_of_shots import diagnose
 
     return judge(case, diagnose)
 

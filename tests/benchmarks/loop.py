@@ -63,7 +63,7 @@ def _diagnose() -> Any:
     from analysis.compiled.kernel_cache import use_kernel_cache
 
     use_kernel_cache()
-    from analysis.diagnosis.diagnose import diagnose
+    from analysis.diagnosis.diagnosis_of_shots import diagnose
 
     return diagnose
 

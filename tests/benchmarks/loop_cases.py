@@ -10,12 +10,12 @@ import numpy as np
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisSettings
-from analysis.signal.demodulate import demodulate
+from analysis.signal.demodulation import demodulate
 from analysis.signal.record import motion_from_displacement
 from instrument.bench.effects import CATALOGUE, OFF_CATALOGUE
 from instrument.bench.optics import Optics
 from instrument.bench.rig import Bench
-from instrument.bench.simulate import record_shot
+from instrument.bench.simulated_shots import record_shot
 from tests.bench.blind import RATE_HZ, Record, Truth, drawn, records
 from tests.bench.displacement_noise import Noise, NoiseKind, displacement_noise_m
 from tests.bench.separation import separation

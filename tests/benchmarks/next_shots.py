@@ -204,7 +204,7 @@ def _one(every: int, case: Case) -> NextOutcome:
     from analysis.compiled.kernel_cache import use_kernel_cache
 
     use_kernel_cache()
-    from analysis.diagnosis.diagnose import diagnose
+    from analysis.diagnosis.diagnosis_of_shots import diagnose
 
     return judge(case, diagnose, at_random=bool(every) and case.seed % every == 0)
 

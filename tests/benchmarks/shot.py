@@ -21,8 +21,8 @@ def main() -> int:
     """Print what each step takes over what the analytic signal of both channels takes; return 1 where one is missed."""
     use_kernel_cache()
     from app.session.load import load_and_analyse
-    from instrument.bench.simulate import simulate
-    from instrument.files.open_recording import open_recording
+    from instrument.bench.simulated_shots import simulate
+    from instrument.files.raw_recording import open_recording
     from tests.benchmarks.peers import analytic_signal
 
     best = dict.fromkeys((*STEPS, "all", "hilbert", "hashed", "unhashed", "call", "call unchecked"), float("inf"))
@@ -79,7 +79,7 @@ def _unhashed_s(path: Path) -> float:
 
 
 def _diagnosis(hilbert_s: float) -> int:
-    from analysis.diagnosis.diagnose import diagnose
+    from analysis.diagnosis.diagnosis_of_shots import diagnose
     from analysis.pipeline import analyse_motion
     from analysis.shot.shot import AnalysisSettings
     from tests.analysis.diagnosis.shots import shots

@@ -57,7 +57,7 @@ def _one(case: Case) -> Outcome:
     from analysis.compiled.kernel_cache import use_kernel_cache
 
     use_kernel_cache()
-    from analysis.diagnosis.diagnose import diagnose
+    from analysis.diagnosis.diagnosis_of_shots import diagnose
     from tests.benchmarks.site_cases import judge
 
     return judge(case, diagnose)

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from analysis.collision.laws.own import called
-from analysis.diagnosis.diagnose import diagnose
+from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.result import Diagnosis, Errors
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisSettings
-from analysis.signal.demodulate import demodulate
+from analysis.signal.demodulation import demodulate
 from analysis.signal.record import motion_from_displacement
 from instrument.files.law_file import read_law
 from instrument.files.motion_file import read_motion

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from instrument.bench.rig import Bench
-from instrument.bench.simulate import simulate_shot
+from instrument.bench.simulated_shots import simulate_shot
 from instrument.bench.site import site_named
 from tests.benchmarks.coverage_shots import CONDITIONS, SITES, Case, bound, truth
 from tests.benchmarks.coverage_table import BEGIN, END, excused, faults, into_page, tables

@@ -11,11 +11,11 @@ import pytest
 from analysis.shot.recording import Role
 from app.command_line.parser import command_parser, flat_parser
 from app.session.rig import Rig
-from instrument.capture.acquire import acquire
+from instrument.capture.headless_acquisition import acquire
 from instrument.devices import sources
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
 from instrument.devices.sources import Source, open_source, source_of, source_words
-from instrument.files.open_recording import open_recording
+from instrument.files.raw_recording import open_recording
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "add-a-digitizer.md"
 

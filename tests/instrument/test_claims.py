@@ -11,7 +11,7 @@ import pytest
 from analysis.pipeline import analyse
 from analysis.shot.recording import MOST_GAPS, Gap, Recording
 from analysis.shot.shot import Cancelled, Shot
-from instrument.files.open_recording import analyse_and_check_hash
+from instrument.files.raw_recording import analyse_and_check_hash
 from instrument.files.recording_file import RecordingError, hash_matches, read_recording, write_recording
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from instrument.devices import doctor, found_devices, hantek6022_firmware, usb_bus
+from instrument.devices import device_search, doctor, hantek6022_firmware, usb_bus
 from instrument.devices.digitizer import DigitizerError
 from instrument.devices.doctor import Grade, examine
 from tests.instrument.devices.scripted_usb import Plugged, ScriptedUsb
@@ -16,8 +16,8 @@ TMC = {"interface_class": (0xFE, 3, 1), "endpoints": ((0x82, 2), (0x03, 2))}
 
 @pytest.fixture(autouse=True)
 def _not_this_computers_bus(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(found_devices, "_USB_NODES", Path("/nonexistent"))
-    monkeypatch.setattr(found_devices, "_PCI", Path("/nonexistent"))
+    monkeypatch.setattr(device_search, "_USB_NODES", Path("/nonexistent"))
+    monkeypatch.setattr(device_search, "_PCI", Path("/nonexistent"))
 
 
 def test_found_devices_say_what_stands_in_the_way(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -31,7 +31,7 @@ def test_found_devices_say_what_stands_in_the_way(monkeypatch: pytest.MonkeyPatc
             Plugged(0x1234, 0x5678, address=5),
         ]
     )
-    cold, barred, rigol = found_devices.found_devices(bus)
+    cold, barred, rigol = device_search.found_devices(bus)
     assert "fx2lafw-hantek-6022be.fw" in cold.problem
     assert "apt install sigrok-firmware-fx2lafw" in cold.remedy
     assert barred.problem == "no permission to open it"
@@ -44,9 +44,9 @@ def test_ni_cards_are_named_with_what_they_lack(monkeypatch: pytest.MonkeyPatch,
     for name, vendor in (("0000:01:00.0", "0x1093"), ("0000:02:00.0", "0x8086")):
         (tmp_path / name).mkdir()
         (tmp_path / name / "vendor").write_text(vendor + "\n")
-    monkeypatch.setattr(found_devices, "_PCI", tmp_path)
+    monkeypatch.setattr(device_search, "_PCI", tmp_path)
     monkeypatch.setitem(__import__("sys").modules, "niscope", None)
-    (card,) = found_devices.found_devices(ScriptedUsb([]))
+    (card,) = device_search.found_devices(ScriptedUsb([]))
     assert card.where == "PCI 0000:01:00.0"
     assert "levimass[niscope]" in card.remedy
 
@@ -87,22 +87,22 @@ def test_the_doctor_survives_a_part_that_fails(monkeypatch: pytest.MonkeyPatch, 
 
 
 def test_the_udev_rule_covers_every_device_the_drivers_know() -> None:
-    rule = found_devices.udev_rule_path().read_text()
+    rule = device_search.udev_rule_path().read_text()
     for vendor, product in (*hantek6022_firmware.COLD_IDS, *hantek6022_firmware.WARM_IDS):
         assert re.search(f'"{vendor:04x}".*"{product:04x}".*uaccess', rule)
     from instrument.devices.usbtmc import VENDORS
 
     for vendor in VENDORS:
         assert re.search(f'"{vendor:04x}", TAG\\+="uaccess"', rule)
-    assert str(found_devices.udev_rule_path()) in found_devices.udev_instructions()
+    assert str(device_search.udev_rule_path()) in device_search.udev_instructions()
 
 
 def test_permission_is_read_from_the_device_node(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "001").mkdir()
     (tmp_path / "001" / "007").touch()
-    monkeypatch.setattr(found_devices, "_USB_NODES", tmp_path)
+    monkeypatch.setattr(device_search, "_USB_NODES", tmp_path)
     asked = []
-    monkeypatch.setattr(found_devices.os, "access", lambda node, mode: asked.append(node))
-    (device,) = found_devices.found_devices(ScriptedUsb([Plugged(0x1D50, 0x608E, address=7, forbidden=True)]))
+    monkeypatch.setattr(device_search.os, "access", lambda node, mode: asked.append(node))
+    (device,) = device_search.found_devices(ScriptedUsb([Plugged(0x1D50, 0x608E, address=7, forbidden=True)]))
     assert device.problem == "no permission to open it"
     assert asked == [tmp_path / "001" / "007"]

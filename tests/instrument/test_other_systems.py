@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from instrument.devices import found_devices, usb_bus
+from instrument.devices import device_search, usb_bus
 from instrument.devices.digitizer import Block
 from instrument.devices.hantek6022_firmware import firmware_folders, firmware_remedy
 from instrument.files import folder_lock
@@ -77,9 +77,9 @@ def test_ni_cards_are_found_in_the_registry() -> None:
         def EnumKey(self, key: object, n: int) -> str:
             return self.names[n]
 
-    assert found_devices._ni_in_registry(Registry()) == ["VEN_1093&DEV_C4C4&SUBSYS_1", "ven_1093&dev_7000"]
+    assert device_search._ni_in_registry(Registry()) == ["VEN_1093&DEV_C4C4&SUBSYS_1", "ven_1093&dev_7000"]
     closed = SimpleNamespace(HKEY_LOCAL_MACHINE=0, OpenKey=lambda *_: (_ for _ in ()).throw(PermissionError(5, "no")))
-    assert found_devices._ni_in_registry(closed) == []
+    assert device_search._ni_in_registry(closed) == []
 
 
 def test_firmware_is_looked_for_where_each_system_keeps_it() -> None:

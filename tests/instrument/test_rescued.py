@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from instrument.capture import acquire as module
-from instrument.capture.acquire import RESCUED, AcquireError, acquire
+from instrument.capture import headless_acquisition as module
+from instrument.capture.headless_acquisition import RESCUED, AcquireError, acquire
 from instrument.files.recording_file import RecordingError, read_recording, verify
 from instrument.files.recording_writer import RecordingWriter
 from tests.instrument.capturing import SETTINGS, assert_true_samples

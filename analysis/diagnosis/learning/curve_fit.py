@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from analysis.collision.laws.arguments import Argument
 from analysis.collision.laws.curve import graded_basis
 from analysis.collision.parameters import Infeasible
-from analysis.compiled.side_by_side import side_by_side
+from analysis.compiled.two_threads import side_by_side
 from analysis.diagnosis.learning.curve_motion import Ground, Motions, Term, displacements, motions
 from analysis.diagnosis.learning.curve_step import damped, penalised_step
 from analysis.inference.fit.hypothesis import Hypothesis

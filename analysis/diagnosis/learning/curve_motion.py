@@ -18,9 +18,9 @@ from analysis.collision.effects.row import Effect
 from analysis.collision.first_order import along
 from analysis.collision.laws.arguments import Argument
 from analysis.collision.laws.curve import Basis, Curve, visited_range
-from analysis.collision.linear_path import LinearPath, linear_path
+from analysis.collision.linearisation import LinearPath, linear_path
 from analysis.collision.parameters import Collision, Infeasible
-from analysis.compiled.side_by_side import side_by_side
+from analysis.compiled.two_threads import side_by_side
 from analysis.inference.fit.derivatives import linearised_shot, solved
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.hypothesis import Hypothesis

@@ -9,13 +9,13 @@ import numpy as np
 from analysis.collision.effects import named
 from analysis.collision.laws.own import LawError
 from analysis.collision.parameters import Infeasible
-from analysis.compiled.side_by_side import side_by_side
+from analysis.compiled.two_threads import side_by_side
 from analysis.diagnosis.learning.closed_forms import Fitting
 from analysis.diagnosis.learning.curve_fit import Learned
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trial_effect
 from analysis.inference.fit.hypothesis import Hypothesis
-from analysis.inference.fit.hypothesis_fit import Fitted, finish, fit, lead_on, search
+from analysis.inference.fit.hypothesis_fit import Fitted, finish, fit_hypothesis, lead_on, search
 from analysis.shot.shot import Cancelled, Stop
 
 _SHORT, _LONG = 8, 40  # evaluations of a search that only compares, and of one to the end
@@ -48,7 +48,7 @@ def fit_forms(
 
     def ended(short: Fitted) -> Fitted:
         try:
-            return fit(short.hypothesis, short.z, short.floor, evaluations=_LONG, cancelled=stop)
+            return fit_hypothesis(short.hypothesis, short.z, short.floor, evaluations=_LONG, cancelled=stop)
         except (Infeasible, np.linalg.LinAlgError):
             return short
 
@@ -78,7 +78,7 @@ def over_kinks(fitted: Fitted, stop: Stop) -> Fitted:
         return fitted
     hypothesis = replace(fitted.hypothesis, stride=_OVER_A_KINK)
     try:
-        return lead_on(fit(hypothesis, fitted.z, fitted.floor, cancelled=stop), cancelled=stop)
+        return lead_on(fit_hypothesis(hypothesis, fitted.z, fitted.floor, cancelled=stop), cancelled=stop)
     except (Infeasible, np.linalg.LinAlgError):
         return fitted
 

@@ -14,7 +14,7 @@ from analysis.diagnosis.verdict.identifiability import Separation, separation
 from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference.fit.added_effect import refit, times
 from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.hypothesis_fit import Fitted, fit
+from analysis.inference.fit.hypothesis_fit import Fitted, fit_hypothesis
 from analysis.inference.screen.projector import Projector
 from analysis.inference.screen.screening import scores
 from analysis.shot.shot import Cancelled, Stop
@@ -63,7 +63,7 @@ def with_look_alikes_tried(
                 likeliest = one
     if likeliest is best or not predicts(likeliest):
         return best, projector, separations
-    likeliest = fit(likeliest.hypothesis, likeliest.z, likeliest.floor, evaluations=60, cancelled=trail.stop)
+    likeliest = fit_hypothesis(likeliest.hypothesis, likeliest.z, likeliest.floor, evaluations=60, cancelled=trail.stop)
     trail.keep(likeliest)
     projector = trail.projector_of(likeliest)
     return likeliest, projector, separations_of(likeliest, projector, trail)
@@ -140,7 +140,7 @@ def fitted_instead(
     # In a building the wandering noise keeps its shape in a fit: begin with that of the best fit, since the shape
     # learnt without the effect has absorbed what the effect explains.
     floor = best.floor if best.floor.site else trial.floor
-    return fit(trial.hypothesis, trial.z, floor, evaluations=16, cancelled=stop)
+    return fit_hypothesis(trial.hypothesis, trial.z, floor, evaluations=16, cancelled=stop)
 
 
 def _of_one_line(at: Projector, kind: TrialEffect, start: Start, frequency_hz: float) -> list[Start]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision.parameters import Infeasible
-from analysis.compiled.side_by_side import side_by_side
+from analysis.compiled.two_threads import side_by_side
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.search.wider_effects import narrower, widened
 from analysis.diagnosis.verdict.criteria import CRITERIA
@@ -19,7 +19,7 @@ from analysis.inference.fit.added_effect import refit, united
 from analysis.inference.fit.effective_parameters import Point, to_effective
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis import Hypothesis
-from analysis.inference.fit.hypothesis_fit import Fitted, fit
+from analysis.inference.fit.hypothesis_fit import Fitted, fit_hypothesis
 from analysis.inference.noise.floor import Floor
 from analysis.inference.screen.projector import Projector, projector
 from analysis.inference.screen.screening import Score, all_scores, apart
@@ -175,7 +175,7 @@ def better(fitted: Fitted, other: Fitted) -> bool:
 
 def polish(fitted: Fitted, trail: Trail) -> Fitted:
     """Return the fit brought to its minimum: what a short search leaves would call for one more effect."""
-    better = fit(fitted.hypothesis, fitted.z, fitted.floor, evaluations=60, anew=True, cancelled=trail.stop)
+    better = fit_hypothesis(fitted.hypothesis, fitted.z, fitted.floor, evaluations=60, anew=True, cancelled=trail.stop)
     if better.log_likelihood < fitted.log_likelihood - (0.5 if better.converged else 0.0):
         return fitted
     trail.fits[tuple(sorted(better.names))] = better
@@ -220,7 +220,7 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
         trial = quick[place]
         near = trial.bic < quick[0].bic + WORTH_FINISHING and place < REFITTED
         if near or place < 1 or (strong and place < 2):
-            return fit(trial.hypothesis, trial.z, trial.floor, evaluations=16, cancelled=trail.stop)
+            return fit_hypothesis(trial.hypothesis, trial.z, trial.floor, evaluations=16, cancelled=trail.stop)
         return trial
 
     best: Fitted | None = None
@@ -266,7 +266,7 @@ def without_effect(fitted: Fitted, name: str, stop: Stop) -> Fitted | None:
     values = tuple({key: value for key, value in v.items() if key != name} for v in effective.values)
     z = hypothesis.pack_effective(Point(effective.base, effective.own, values))
     try:
-        return fit(hypothesis, z, fitted.floor, anew=True, cancelled=stop)
+        return fit_hypothesis(hypothesis, z, fitted.floor, anew=True, cancelled=stop)
     except Infeasible:
         return None
 

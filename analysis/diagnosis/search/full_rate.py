@@ -15,7 +15,7 @@ from analysis.diagnosis.search.forward_selection import Trail, polish, prune
 from analysis.inference.fit.added_effect import refit
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis import JointData
-from analysis.inference.fit.hypothesis_fit import Fitted, fit, learn_floor, residuals
+from analysis.inference.fit.hypothesis_fit import Fitted, fit_hypothesis, learn_floor, residuals
 from analysis.inference.fit.samples import FINE_RATE_HZ, Samples, together
 from analysis.inference.noise.joint_data import with_plates
 from analysis.inference.noise.site import on_site
@@ -97,7 +97,7 @@ def _anew(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
 
 
 def _at(fitted: Fitted, data: JointData, stop: Stop) -> Fitted:
-    return fit(replace(fitted.hypothesis, data=data), fitted.z, fitted.floor, cancelled=stop)
+    return fit_hypothesis(replace(fitted.hypothesis, data=data), fitted.z, fitted.floor, cancelled=stop)
 
 
 def _promised(

@@ -20,7 +20,7 @@ from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference.fit.base_fit import base_fit, pays_along
 from analysis.inference.fit.begin import Begin
 from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.hypothesis_fit import Fitted, fit
+from analysis.inference.fit.hypothesis_fit import Fitted, fit_hypothesis
 from analysis.inference.noise.floor import white_floor
 from analysis.inference.noise.joint_data import joint_data
 from analysis.inference.noise.own_flights import own_flights
@@ -111,4 +111,6 @@ class Search:
             return False
         still = replace(best.hypothesis, data=joint_data(self.motions, self.given, None))
         rms_m = math.sqrt(float(np.mean(np.concatenate(best.residual_m) ** 2)))
-        return fit(still, best.z, white_floor(rms_m, best.floor.spacing_s), cancelled=self.stop).bic < best.bic
+        return (
+            fit_hypothesis(still, best.z, white_floor(rms_m, best.floor.spacing_s), cancelled=self.stop).bic < best.bic
+        )

@@ -10,7 +10,7 @@ from analysis.collision.parameters import Infeasible
 from analysis.inference.fit.effective_parameters import Point, to_effective
 from analysis.inference.fit.free_parameters import TrialEffect, trial_effect
 from analysis.inference.fit.hypothesis import Hypothesis
-from analysis.inference.fit.hypothesis_fit import Fitted, fit
+from analysis.inference.fit.hypothesis_fit import Fitted, fit_hypothesis
 from analysis.shot.shot import Stop
 
 
@@ -40,6 +40,6 @@ def _fitted(here: Fitted, name: str, kind: TrialEffect, stop: Stop) -> Fitted | 
     )
     try:
         z = hypothesis.pack_effective(Point(effective.base, effective.own, values))
-        return fit(hypothesis, z, here.floor, cancelled=stop)
+        return fit_hypothesis(hypothesis, z, here.floor, cancelled=stop)
     except Infeasible:
         return None

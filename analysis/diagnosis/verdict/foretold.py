@@ -15,7 +15,7 @@ from analysis.diagnosis.result import Errors
 from analysis.diagnosis.verdict.residual import errors
 from analysis.drive.bandwidth import force_noise
 from analysis.drive.driven_fit import chi2, prediction_residual_n
-from analysis.drive.regress import rms
+from analysis.drive.regression import rms
 from analysis.drive.repeatability import Repeatability
 from analysis.drive.stretch import prepare as prepare_drive
 from analysis.drive.table import Table
@@ -118,7 +118,7 @@ def sentence(base: Errors, model: Errors, count: int) -> str:
     return f"{better}: {after:.3g} {unit} rms against {before:.3g} {unit} of the base alone, over {shots}"
 
 
-def to_result(foretold: Foretold) -> dict[str, Any]:
+def foretold_result(foretold: Foretold) -> dict[str, Any]:
     """Return the ``foretold`` object of the result file."""
     return {
         "model": foretold.model,

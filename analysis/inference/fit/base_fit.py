@@ -9,7 +9,7 @@ from analysis.inference.fit.begin import Begin
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trials_named
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
-from analysis.inference.fit.hypothesis_fit import Fitted, first_floor, fit
+from analysis.inference.fit.hypothesis_fit import Fitted, first_floor, fit_hypothesis
 from analysis.inference.fit.samples import Samples
 from analysis.inference.fit.situation import too_fast
 from analysis.inference.noise.floor import white_by_differences
@@ -31,7 +31,9 @@ def base_fit(data: JointData, begin: Begin, stop: Stop, taken_along: Sequence[st
     point = slow_enough(hypothesis, point)
     z = hypothesis.pack(point)
     try:
-        return fit(hypothesis, z, first_floor(hypothesis, z, white_of(data.shots)), anew=True, cancelled=stop)
+        return fit_hypothesis(
+            hypothesis, z, first_floor(hypothesis, z, white_of(data.shots)), anew=True, cancelled=stop
+        )
     except Infeasible as why:
         raise AnalysisError(f"no motion of the base model comes near these shots: {why}") from why
 
@@ -50,7 +52,10 @@ def pays_along(best: Fitted, taken_along: Sequence[str], stop: Stop) -> bool:
     bare = Hypothesis(hypothesis.data, kinds, hypothesis.fixed)
     values = tuple({name: v for name, v in of.items() if name not in taken_along} for of in point.values)
     try:
-        return best.bic < fit(bare, bare.pack(Point(point.base, point.own, values)), best.floor, cancelled=stop).bic
+        return (
+            best.bic
+            < fit_hypothesis(bare, bare.pack(Point(point.base, point.own, values)), best.floor, cancelled=stop).bic
+        )
     except Infeasible:
         return True
 

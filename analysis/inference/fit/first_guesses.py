@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision.parameters import Infeasible
-from analysis.compiled.side_by_side import side_by_side
+from analysis.compiled.two_threads import side_by_side
 from analysis.inference.fit import guesses, starts
 from analysis.inference.fit.base import Base
 from analysis.inference.fit.effective_parameters import Point

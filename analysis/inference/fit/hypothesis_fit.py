@@ -184,7 +184,7 @@ def finish(hypothesis: Hypothesis, found: Minimum, floor: Floor, *, anew: bool =
     return Fitted(hypothesis, found.parameters, floor, value, left, inverse, converged)
 
 
-def fit(
+def fit_hypothesis(
     hypothesis: Hypothesis,
     z: Floats,
     floor: Floor,
@@ -225,5 +225,5 @@ def _without_wander(fitted: Fitted, cancelled: Stop | None) -> Fitted:
     floor = fitted.floor
     if floor.site or max(floor.rms_m) < floor.white_m:
         return fitted
-    still = fit(fitted.hypothesis, fitted.z, floor.still, evaluations=_A_ROUND, cancelled=cancelled)
+    still = fit_hypothesis(fitted.hypothesis, fitted.z, floor.still, evaluations=_A_ROUND, cancelled=cancelled)
     return still if still.log_likelihood > fitted.log_likelihood else fitted

@@ -11,7 +11,7 @@ import numpy as np
 
 from analysis.collision.effects import named
 from analysis.collision.parameters import Infeasible
-from analysis.compiled.side_by_side import side_by_side
+from analysis.compiled.two_threads import side_by_side
 from analysis.inference.fit.hypothesis_fit import Fitted, square_of, whitened_residual
 from analysis.inference.fit.least_squares import minimise
 from analysis.shot.shot import Stop

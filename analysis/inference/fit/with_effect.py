@@ -10,7 +10,7 @@ from analysis.inference.fit.added_effect import refit
 from analysis.inference.fit.effective_parameters import Point, to_effective
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis import Hypothesis
-from analysis.inference.fit.hypothesis_fit import Fitted, finish, fit, search
+from analysis.inference.fit.hypothesis_fit import Fitted, finish, fit_hypothesis, search
 from analysis.inference.noise.floor import Floor
 from analysis.inference.screen.columns import fixed_of
 from analysis.inference.screen.projector import projector
@@ -52,7 +52,7 @@ def _with_one(here: Fitted, kind: TrialEffect, stop: Stop) -> Fitted:
         raise Infeasible(f"no start of {kind.name} gives a trajectory")
     trials.sort(key=lambda trial: trial.bic)
     best = trials[0]
-    return fit(best.hypothesis, best.z, best.floor, evaluations=_SHORT, cancelled=stop)
+    return fit_hypothesis(best.hypothesis, best.z, best.floor, evaluations=_SHORT, cancelled=stop)
 
 
 def _natural(here: Fitted, kind: TrialEffect, start: Mapping[str, float], stop: Stop) -> Fitted | None:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision.parameters import Infeasible
-from analysis.compiled.side_by_side import side_by_side
+from analysis.compiled.two_threads import side_by_side
 from analysis.inference.fit.begin import Begin
 from analysis.inference.fit.samples import RATE_HZ, Samples, together
 from analysis.inference.fit.search_vector import JointData

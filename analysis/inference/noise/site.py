@@ -19,7 +19,7 @@ from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dtrtri
 
 from analysis.collision.effects.row import Acts, Effect
-from analysis.compiled.side_by_side import side_by_side
+from analysis.compiled.two_threads import side_by_side
 from analysis.inference.fit.base import PLATE_START, Base
 from analysis.inference.fit.response import Model, respond
 from analysis.inference.fit.samples import Samples

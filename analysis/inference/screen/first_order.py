@@ -13,7 +13,7 @@ from analysis.collision.effects import kernel, named
 from analysis.collision.effects.row import Effect
 from analysis.collision.first_order import along
 from analysis.collision.first_order import steps_for as steps_of
-from analysis.collision.linear_path import LinearPath, linear_path
+from analysis.collision.linearisation import LinearPath, linear_path
 from analysis.inference.fit.situation import Optics, Values, seen, situation
 
 Floats = NDArray[np.float64]

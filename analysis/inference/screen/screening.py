@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision.effects import named
-from analysis.compiled.side_by_side import side_by_side
+from analysis.compiled.two_threads import side_by_side
 from analysis.inference.fit.arrow import Arrow
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.screen.columns import KNOWN_PATH, MANY_STARTS, Seen, laid, own_columns, seen

@@ -16,7 +16,7 @@ from app.command_line.campaign.task import Entry, NotReached, Task, failed_entry
 from app.command_line.campaign.worker_pool import Processes, WorkerPool
 from app.command_line.options import known_model
 from app.command_line.outputs import Outputs, check_outputs, in_a_line, problem_line, say
-from app.report.export import write_shots
+from app.report.csv_export import write_shots
 from instrument.files.atomic_file import write_text_atomic
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_search import find_recordings

@@ -10,7 +10,7 @@ from typing import Any
 from analysis.report import shot_result
 from analysis.shot.shot import AnalysisSettings
 from analysis.shot.version import program
-from app.report.export import motion_file_names, shot_row, write_motion
+from app.report.csv_export import motion_file_names, shot_row, write_motion
 from app.session.load import analysed, cause_of, unanalysed
 from instrument.files.foreign.mapping import find_mapping
 from instrument.files.recording_error import FileNotReached, RecordingError, one_line

@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from analysis.shot.quantity import shown_in
 from analysis.shot.shot import Shot
-from analysis.uncertainty.budget import COVERAGE_FACTOR, BudgetRow, QuantityBudget, budget
+from analysis.uncertainty.gum_budget import COVERAGE_FACTOR, BudgetRow, QuantityBudget, budget
 from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
 from app.window.panels.tree_table import Line, TreeTable
 from app.window.widgets import text_label

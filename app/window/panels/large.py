@@ -7,10 +7,10 @@ from PySide6.QtWidgets import QGridLayout, QLabel, QWidget
 from analysis.shot.consistency import CONCERNS
 from analysis.shot.quantity import Quantity, Reading
 from analysis.shot.shot import Shot
-from analysis.uncertainty.budget import combined_of, stated
+from analysis.uncertainty.gum_budget import combined_of, stated
 from analysis.uncertainty.numbers import Group, ResultNumber, shown_numbers
 from app.window.theme import MARKS, Colours, Tone
-from app.words.flag_words import MILD_FLAGS
+from app.words.flags import MILD_FLAGS
 from app.words.wording import DASH, local, number
 from levimass.analysis_settings import is_drive
 

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
 from analysis.diagnosis.result import LearnedLaw
 from analysis.shot.shot import Shot
-from app.report.export import law_columns
+from app.report.csv_export import law_columns
 from app.window.pens import series_pen, straight, under
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.cursors import CursorAxis

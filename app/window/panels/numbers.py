@@ -20,12 +20,12 @@ from PySide6.QtWidgets import (
 from analysis.shot.consistency import concerning
 from analysis.shot.quantity import Quantity, Reading
 from analysis.shot.shot import Shot
-from analysis.uncertainty.budget import combined_of, stated
+from analysis.uncertainty.gum_budget import combined_of, stated
 from analysis.uncertainty.numbers import Group, ResultNumber, shown_numbers
 from app.window.theme import MARKS, Colours, Tone, sized
 from app.window.tones import flag_line, flag_tone
 from app.window.widgets import push_button, text_label
-from app.words.flag_words import by_weight, flag_words
+from app.words.flags import by_weight, flag_words
 from app.words.wording import (
     COMBINED,
     NOISE_ONLY,

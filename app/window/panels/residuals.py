@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 from analysis.diagnosis.result import Diagnosis
 from analysis.drive.curves import DriveCurves
 from analysis.shot.shot import Shot
-from analysis.uncertainty.noise_band import diagnosed_band
+from analysis.uncertainty.motion_band import diagnosed_band
 from app.report.shot_figures import time_zero
 from app.window.pens import thin
 from app.window.plots.cursor_readout import CursorReadout

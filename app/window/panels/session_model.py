@@ -9,12 +9,12 @@ from PySide6.QtGui import QFont
 
 from analysis.shot.quantity import Quantity, Reading
 from analysis.shot.shot import Shot
-from analysis.uncertainty.budget import combined_of, stated
+from analysis.uncertainty.gum_budget import combined_of, stated
 from analysis.uncertainty.numbers import Origin, ResultNumber, of_collision
 from app.session.session import Entry
 from app.window.panels.session_order import Order, ordered
 from app.window.tones import flag_line
-from app.words.flag_words import by_weight, flag_name, flag_words, flags_in_short
+from app.words.flags import by_weight, flag_name, flag_words, flags_in_short
 from app.words.verdict import OUTDATED, verdict_words
 from app.words.wording import COMBINED, DASH, NOISE_ONLY, concise_text, how_text, value_text
 

@@ -9,7 +9,7 @@ from analysis.shot.fit import Fit
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import Shot
-from analysis.uncertainty.noise_band import Floats, NoiseBand, judged_band
+from analysis.uncertainty.motion_band import Floats, NoiseBand, judged_band
 from app.report.shot_figures import contact_span_ms, time_zero
 from app.window.pens import thin, under
 from app.window.plots.plot_notes import NoteAxes

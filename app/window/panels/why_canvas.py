@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWi
 
 from analysis.diagnosis.result import Diagnosis
 from analysis.shot.shot import Shot
-from analysis.uncertainty.noise_band import diagnosed_band
+from analysis.uncertainty.motion_band import diagnosed_band
 from app.report.shot_figures import time_zero
 from app.session.why import Remainder, by_evidence
 from app.window.panels.candidates import CandidateBars

@@ -11,7 +11,7 @@ from app.session.event import Diagnosed
 from app.session.next_shots import PLAN
 from app.session.session import Entry
 from app.session.shot_job import ShotJob
-from app.session.verdict_of import verdict_of
+from app.session.verdict_basis import verdict_of
 from app.session.workbench import Workbench
 from app.window.layout import Layout
 from levimass.analysis_settings import is_drive

@@ -13,9 +13,9 @@ from app.session.jobs import Job, Jobs
 from app.session.rig import Rig
 from app.window.layout import Layout
 from instrument.capture.snapshot import Snapshot
+from instrument.devices.device_search import FoundDevice, found_devices, udev_instructions
 from instrument.devices.digitizer import DigitizerError
 from instrument.devices.doctor import Check
-from instrument.devices.found_devices import FoundDevice, found_devices, udev_instructions
 from instrument.devices.scpi_address import network_name, network_source
 from instrument.live.setup_check import judge, judge_site
 

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from analysis.compiled.side_by_side import side_by_side
+from analysis.compiled.two_threads import side_by_side
 
 TOGETHER_S = 20.0  # long enough for a busy machine to bring two threads to the same place
 

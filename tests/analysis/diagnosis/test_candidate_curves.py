@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from analysis.diagnosis.diagnose import diagnose
-from analysis.diagnosis.result import Candidate, to_result
+from analysis.diagnosis.diagnosis_of_shots import diagnose
+from analysis.diagnosis.result import Candidate, diagnosis_result
 from analysis.diagnosis.verdict import candidate_curves
 from analysis.diagnosis.verdict.candidate_curves import POINTS, averaged_to, curve_of_fit, curve_to_first_order
 from analysis.inference.fit.added_effect import refit
@@ -63,9 +63,9 @@ def test_every_candidate_of_a_diagnosis_has_its_curve_and_the_result_file_has_no
     left = averaged_to(POINTS, np.nan_to_num(found.fit_before.shots[0].residual_m))
     assert best.explains_m is not None
     assert np.corrcoef(left, best.explains_m[0])[0, 1] > 0.9  # it explains what is left
-    written = json.dumps(to_result(found)["candidates"])
+    written = json.dumps(diagnosis_result(found)["candidates"])
     assert "explains" not in written
-    assert set(to_result(found)["candidates"][0]) == {"name", "score", "delta_bic", "parameters", "remark"}
+    assert set(diagnosis_result(found)["candidates"][0]) == {"name", "score", "delta_bic", "parameters", "remark"}
 
 
 def test_candidates_with_curves_are_compared_without_them() -> None:

@@ -5,7 +5,7 @@ from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import Separation, separation
 from analysis.inference.fit.added_effect import refit
-from analysis.inference.fit.hypothesis_fit import fit
+from analysis.inference.fit.hypothesis_fit import fit_hypothesis
 from analysis.inference.screen.projector import projector
 from analysis.inference.screen.screening import scores
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
@@ -33,7 +33,7 @@ def test_what_rings_in_the_same_place_is_asked_however_far_apart_it_is_to_first_
     at = projector(before)
     quick = refit(at, KINDS[first], scores(at, KINDS[first])[0].start, calm)
     assert quick is not None
-    wrong = fit(quick.hypothesis, quick.z, quick.floor, evaluations=60)
+    wrong = fit_hypothesis(quick.hypothesis, quick.z, quick.floor, evaluations=60)
     far = separation(wrong, projector(wrong), first, [KINDS[true]])
     assert far.from_other[true] > 0.7 * far.snr  # a line so narrow that its twin beside it stands apart
     trail = Trail(before, [KINDS[true], KINDS[first]], calm)

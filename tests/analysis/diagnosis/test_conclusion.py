@@ -10,7 +10,7 @@ import pytest
 
 from analysis.diagnosis import words
 from analysis.diagnosis.learning import beyond_catalogue as beyond
-from analysis.diagnosis.result import FoundEffect, Verdict, to_result
+from analysis.diagnosis.result import FoundEffect, Verdict, diagnosis_result
 from analysis.diagnosis.verdict.conclusion import conclude
 from analysis.shot.quantity import Quantity
 from tests.app import synthetic
@@ -96,7 +96,7 @@ def test_what_merely_imitates_the_remainder_has_numbers_without_uncertainties() 
         effects=(),
         imitated_by=(EFFECT,),
     )
-    told = to_result(diagnosis)
+    told = diagnosis_result(diagnosis)
     assert told["effects"] == [] and told["laws"] == []
     assert told["imitated_by"] == [{"name": "tilt", "parameters": {"angle_rad": {"value": 1e-4}}}]
     assert diagnosis.findings == ()  # what passed no test cannot join the model as a finding

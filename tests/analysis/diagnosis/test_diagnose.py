@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from analysis.diagnosis.diagnose import diagnose
-from analysis.diagnosis.result import Verdict, to_result
+from analysis.diagnosis.diagnosis_of_shots import diagnose
+from analysis.diagnosis.result import Verdict, diagnosis_result
 from analysis.shot.shot import Cancelled
 from tests.analysis.diagnosis.shots import WHITE_M, shots
 
@@ -34,7 +34,7 @@ def test_friction_is_named_and_the_error_falls_to_the_noise() -> None:
     assert found.error_held_out_after is not None
     assert found.error_held_out_after.displacement_rms_m == pytest.approx(WHITE_M, rel=0.05)
     assert found.fit_after.effects == ("coulomb_friction",)
-    assert to_result(found)["effects"][0]["parameters"]["force_n"]["value"] == force.value
+    assert diagnosis_result(found)["effects"][0]["parameters"]["force_n"]["value"] == force.value
 
 
 def test_two_strong_effects_are_both_named() -> None:

@@ -5,9 +5,9 @@ import time
 
 import pytest
 
-from analysis.diagnosis.diagnose import diagnose
+from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.limit import Limit
-from analysis.diagnosis.result import Verdict, to_result
+from analysis.diagnosis.result import Verdict, diagnosis_result
 from analysis.shot.shot import Cancelled
 from tests.analysis.diagnosis.shots import calm, shots
 from tests.law_rigs import LawRig
@@ -46,7 +46,7 @@ def test_a_law_that_there_was_no_time_for_is_named_as_not_asked(monkeypatch: pyt
     found = diagnose(rig.shots((0.15, 0.3)))
     assert found.verdict in (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED) and not found.laws
     assert "one law in the place of effects" in found.not_asked
-    assert to_result(found)["not_asked"] == list(found.not_asked)
+    assert diagnosis_result(found)["not_asked"] == list(found.not_asked)
 
 
 def test_what_is_done_in_time_leaves_nothing_out() -> None:

@@ -9,13 +9,13 @@ from analysis.collision.effects import CATALOGUE, Acts, Effect, Parameter
 from analysis.collision.effects.kernel import MASS, ON_BLOCK, Q_RATE, W_RATE, V, W
 from analysis.collision.effects.row import Sensed
 from analysis.collision.parameters import PAPER
-from analysis.diagnosis.diagnose import diagnose
+from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.result import Verdict
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trial_effects
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
-from analysis.inference.fit.hypothesis_fit import fit
+from analysis.inference.fit.hypothesis_fit import fit_hypothesis
 from analysis.inference.fit.samples import together
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise.floor import Floor
@@ -97,7 +97,7 @@ def test_what_remembers_and_what_only_the_sensor_shows_score_best(
     bare = Hypothesis(data, ())
     own = np.array([[v, 0.0123456, 3.1e-3] for v in SPEEDS])
     start = bare.pack(Point(PAPER.vector[:4], own, tuple({} for _ in motions)))
-    at = projector(fit(bare, start, Floor(1e-10, (0.0, 0.0), (1e-2, 1e-2), data.shots[0].spacing_s)))
+    at = projector(fit_hypothesis(bare, start, Floor(1e-10, (0.0, 0.0), (1e-2, 1e-2), data.shots[0].spacing_s)))
     like = ("viscous_drag", "quadratic_drag", "tilt", "sensor_drift", row.name)
     gains = {kind.name: scores(at, kind)[0].gain for kind in trial_effects() if kind.name in like}
     assert max(gains, key=lambda name: gains[name]) == row.name

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.diagnosis.diagnose import diagnose
+from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.result import Verdict
 from analysis.signal.record import motion_from_displacement
 from instrument.files.motion_file import read_motion

@@ -2,7 +2,7 @@
 
 import pytest
 
-from analysis.diagnosis.diagnose import diagnose
+from analysis.diagnosis.diagnosis_of_shots import diagnose
 from tests.bench.blind import records
 from tests.benchmarks.loop_cases import Case, as_motion, draw
 

@@ -1,6 +1,6 @@
 """A law with a corner: its numbers are as good as its steps, and the last fit takes short ones."""
 
-from analysis.diagnosis.diagnose import diagnose
+from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.result import Verdict
 from tests.law_rigs import LawRig
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from analysis.diagnosis.diagnose import diagnose
+from analysis.diagnosis.diagnosis_of_shots import diagnose
 from tests.building_rig import Path, Rig
 
 TRUE = Rig().bodies

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from analysis.diagnosis.diagnose import diagnose
+from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.limit import SECONDS, Limit
 from analysis.diagnosis.result import Verdict

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from analysis.drive.regress import Regression, regress
+from analysis.drive.regression import Regression, regress
 from analysis.drive.stretch import prepare
 from analysis.drive.table import Table
 from tests.analysis.drive.slider import MASS, OFFSET, VISCOUS, Drive, Floats

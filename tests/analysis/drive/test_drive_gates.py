@@ -9,7 +9,7 @@ from hypothesis.extra.numpy import arrays
 from analysis.drive import law_search
 from analysis.drive.catalogue import LAWS
 from analysis.drive.law_search import Split, Trial, cross_validated_n, look_alikes, same_in_both_halves
-from analysis.drive.regress import Regression, regress
+from analysis.drive.regression import Regression, regress
 from analysis.drive.repeatability import repeatability_of
 from analysis.drive.stretch import prepare
 from analysis.drive.table import Table

@@ -11,7 +11,7 @@ from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.drive.curves import drive_curves
 from analysis.drive.driven_fit import fit_driven
 from analysis.drive.law_screening import screen_laws
-from analysis.drive.regress import independent_count, regress
+from analysis.drive.regression import independent_count, regress
 from analysis.drive.repeatability import Repeatability, repeatability_of
 from analysis.drive.stretch import low_pass, prepare
 from analysis.drive.table import Table

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.drive.regress import Regression, regress
+from analysis.drive.regression import Regression, regress
 from analysis.drive.table import Table
 from analysis.fitted import fit_time
 from analysis.fitted.fit_time import FitTime, run_in_time

@@ -11,7 +11,7 @@ from analysis.inference.fit.shot_fit import fit_shots
 from analysis.pipeline import analyse
 from analysis.shot.fit import Fit
 from instrument.bench.rig import Bench
-from instrument.bench.simulate import record_shot
+from instrument.bench.simulated_shots import record_shot
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 

@@ -15,7 +15,7 @@ from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trial_effect
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
-from analysis.inference.fit.hypothesis_fit import fit
+from analysis.inference.fit.hypothesis_fit import fit_hypothesis
 from analysis.inference.fit.samples import together
 from analysis.inference.fit.situation import Optics
 from analysis.inference.noise.floor import Floor
@@ -129,7 +129,7 @@ def test_the_scores_are_those_of_trajectories_solved_one_by_one(monkeypatch: pyt
     bare = Hypothesis(data, ())
     own = np.array([[v, 0.0123456, 3.1e-3] for v in speeds])
     start = bare.pack(Point(PAPER.vector[:4], own, tuple({} for _ in motions)))
-    fitted = fit(bare, start, Floor(1e-10, (0.0, 0.0), (1e-2, 1e-2), data.shots[0].spacing_s))
+    fitted = fit_hypothesis(bare, start, Floor(1e-10, (0.0, 0.0), (1e-2, 1e-2), data.shots[0].spacing_s))
     kinds = [trial_effect(CATALOGUE[name]) for name in LINEAR[:3]]
     # The first order is that of a small effect: beside the contact's own swing a mode of 0.1 kg is not.
     kinds = [

@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from analysis.diagnosis.diagnose import diagnose
+from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA

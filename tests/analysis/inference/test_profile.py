@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.hypothesis import Hypothesis
-from analysis.inference.fit.hypothesis_fit import fit
+from analysis.inference.fit.hypothesis_fit import fit_hypothesis
 from analysis.inference.fit.profile import with_profile_std
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
@@ -17,7 +17,7 @@ def test_an_attraction_is_no_surer_than_the_likelihood_along_its_valley() -> Non
     assert with_profile_std(start, calm) is start
     hypothesis = Hypothesis(start.hypothesis.data, (KINDS["adhesion"],))
     z = hypothesis.pack(Point(start.point.base, start.point.own, ({"adhesion": true},) * 3))
-    best = fit(hypothesis, z, start.floor, evaluations=60)
+    best = fit_hypothesis(hypothesis, z, start.floor, evaluations=60)
     own = slice(hypothesis.offset, hypothesis.size)
     wide = with_profile_std(best, calm)
     assert np.all(wide.std[own] >= best.std[own] * (1 - 1e-12))

@@ -18,7 +18,7 @@ from instrument.bench import forces as slot
 from instrument.bench.frame import Frame, frame_of
 from instrument.bench.mechanics import Bodies, collide
 from instrument.bench.rig import Bench
-from instrument.bench.simulate import record_shot
+from instrument.bench.simulated_shots import record_shot
 from instrument.bench.sines import Sines
 from instrument.bench.site import QUIET, Knock, Line, Site, site_named
 from tests.analysis.collision.simulated import with_vector

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.diagnosis.diagnose import diagnose
+from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.inference.fit.shot_fit import fit_shots
 from tests.analysis.diagnosis.shots import WHITE_M, motions_of
 from tests.bench.blind import Take, Truth, drawn

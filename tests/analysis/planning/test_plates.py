@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.parameters import Collision
-from analysis.diagnosis.diagnose import diagnose
+from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.model_file import saved
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.foretold import foretell

@@ -8,7 +8,7 @@ from analysis.pipeline import analyse
 from analysis.shot.quantity import Quantity
 from instrument.bench.mechanics import Bodies, collide
 from instrument.bench.rig import Bench
-from instrument.bench.simulate import record_shot
+from instrument.bench.simulated_shots import record_shot
 
 USUAL = Bodies()
 

@@ -6,11 +6,11 @@ import pytest
 
 from analysis.pipeline import analyse
 from analysis.shot.quantity import Quantity
-from analysis.shot.rate_error import DELIVERED, FLAG, fit_with_rate_error
 from analysis.shot.recording import Recording, Role
+from analysis.shot.sample_rate_error import DELIVERED, RATE_CONTRADICTED, fit_with_rate_error
 from analysis.shot.shot import AnalysisSettings, Shot
-from analysis.signal.demodulate import demodulate
-from analysis.uncertainty.budget import budget
+from analysis.signal.demodulation import demodulate
+from analysis.uncertainty.gum_budget import budget
 from tests.analysis.synthetic_collision import CONTACT_N_PER_M, DASHPOT, MASS_KG, PLATE_KG, PLATE_N_PER_M, Synthetic
 from tests.beats import REST_HZ, recording_of
 
@@ -40,7 +40,7 @@ def test_a_rate_is_flagged_where_pd0_contradicts_the_stated_rest_frequency(
     stated: float, u_hz: float | None, contradicted: bool
 ) -> None:
     recording = stating(stated * REST_HZ, u_hz=u_hz)
-    assert (FLAG in demodulate(recording, AnalysisSettings()).flags) is contradicted
+    assert (RATE_CONTRADICTED in demodulate(recording, AnalysisSettings()).flags) is contradicted
 
 
 def held(reading: object, truth: float) -> bool:
@@ -53,7 +53,7 @@ def check(shot: Shot) -> None:
     """Check that what the rate scales says how wrong it may be, and what it does not stays as sharp as it was."""
     right = analyse(stating(REST_HZ), AnalysisSettings(fit=False)).impact
     impact = shot.impact
-    assert right is not None and impact is not None and FLAG in shot.flags
+    assert right is not None and impact is not None and RATE_CONTRADICTED in shot.flags
     assert held(impact.velocity_in_m_per_s, -RIG.speed_m_per_s)
     for name in ("velocity_out_m_per_s", "force_peak_n", "contact_time_s", "force_fwhm_s", "stiffness_slope_n_per_m"):
         truth = getattr(right, name)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from analysis.shot.shot import AnalysisError, AnalysisSettings
 from analysis.signal.beat import BeatReader
 from analysis.signal.decimate import PhaseDecimator
-from analysis.signal.demodulate import demodulate
+from analysis.signal.demodulation import demodulate
 from analysis.signal.tuning import BATCH, fixed_schedule, following_schedule, tune
 from tests.analysis.signal.beats import Floats, collision, free_flight, make_recording
 

@@ -7,7 +7,7 @@ import pytest
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Channel, Recording, Role, Setup
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled
-from analysis.signal.demodulate import demodulate
+from analysis.signal.demodulation import demodulate
 from tests.analysis.signal.beats import WAVELENGTH_M, collision, free_flight, make_recording
 
 R, M, S = Role.REFERENCE, Role.MEASUREMENT, Role.SWITCH

@@ -9,7 +9,7 @@ import pytest
 from analysis.shot.motion import Motion
 from analysis.shot.recording import Gap, Recording, Role
 from analysis.shot.shot import AnalysisError, AnalysisSettings
-from analysis.signal.demodulate import demodulate
+from analysis.signal.demodulation import demodulate
 from tests.analysis.signal.beats import WAVELENGTH_M, Floats, collision, free_flight, make_recording
 
 TRUTH = collision(0.265, 20e-3)

@@ -8,7 +8,7 @@ import pytest
 from analysis.pipeline import analyse
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisSettings
-from analysis.signal.demodulate import demodulate
+from analysis.signal.demodulation import demodulate
 from analysis.signal.losses import find_losses
 from tests.analysis.disturbance import without_samples
 from tests.analysis.synthetic_collision import Synthetic

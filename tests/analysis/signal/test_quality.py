@@ -5,7 +5,7 @@ import pytest
 
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisSettings
-from analysis.signal.demodulate import demodulate
+from analysis.signal.demodulation import demodulate
 from analysis.signal.filters import derivative_filters
 from analysis.signal.flag_meanings import MEANINGS
 from tests.analysis.signal.beats import free_flight, make_recording

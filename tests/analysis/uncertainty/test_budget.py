@@ -13,8 +13,8 @@ from analysis.shot.plate import PlateTolerance, youngs_modulus_pa
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.shot.recording import Plate, Setup
 from analysis.shot.shot import Shot
-from analysis.uncertainty import budget as table
-from analysis.uncertainty.budget import QuantityBudget, budget
+from analysis.uncertainty import gum_budget as table
+from analysis.uncertainty.gum_budget import QuantityBudget, budget
 from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
 from tests.analysis.shots import at_speed, shot_of
 from tests.analysis.synthetic_collision import Synthetic, motion_of
@@ -188,11 +188,11 @@ def test_a_shot_that_shows_little_has_a_short_budget() -> None:
 
 def test_result_and_rows() -> None:
     found = budget(shot_of(setup=LASER))
-    written = json.loads(json.dumps(table.to_result(found), allow_nan=False))
+    written = json.loads(json.dumps(table.budget_result(found), allow_nan=False))
     velocity = written["quantities"]["velocity_in_m_per_s"]
     assert velocity["expanded"] == pytest.approx(2 * math.hypot(velocity["std_a"], velocity["std_b"]))
     assert sum(s["contribution"] ** 2 for s in velocity["sources"]) == pytest.approx(velocity["std"] ** 2)
-    rows = table.to_rows(found)
+    rows = table.budget_rows(found)
     assert all(len(row) == len(table.COLUMNS) for row in rows)
     assert sum(row[4].startswith("expanded") for row in rows) == len(found.quantities)
 

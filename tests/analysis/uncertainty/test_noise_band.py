@@ -7,9 +7,9 @@ import pytest
 
 from analysis.diagnosis.result import Verdict
 from analysis.shot.disturbance import Shaking
-from analysis.uncertainty.noise_band import band_of, diagnosed_band, judged_band, noise_band
+from analysis.uncertainty.motion_band import band_of, diagnosed_band, judged_band, noise_band
 from app.session.load import load_and_analyse
-from instrument.bench.simulate import simulate
+from instrument.bench.simulated_shots import simulate
 from instrument.bench.site import USUAL_SITE, site_named
 from tests.app import synthetic
 

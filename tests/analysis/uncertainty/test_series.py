@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from analysis.shot.quantity import NotSeen, Quantity
-from analysis.uncertainty import series as table
+from analysis.uncertainty import series_statistics as table
 from analysis.uncertainty.numbers import read
-from analysis.uncertainty.series import Trend, excess_spread, series
+from analysis.uncertainty.series_statistics import Trend, excess_spread, series
 from tests.analysis.shots import at_speed, shot_of
 
 
@@ -91,8 +91,8 @@ def test_numbers_not_seen_are_left_out() -> None:
 
 def test_rows_and_result_hold_no_nan() -> None:
     result = series([shot_of("one")])
-    json.dumps(table.to_result(result), allow_nan=False)
-    rows = table.to_rows(result)
+    json.dumps(table.series_result(result), allow_nan=False)
+    rows = table.series_rows(result)
     assert rows[0] == list(table.COLUMNS)
     assert all(len(row) == len(rows[0]) for row in rows)
     assert "nan" not in {cell for row in rows for cell in row}

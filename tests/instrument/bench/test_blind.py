@@ -7,10 +7,10 @@ import pytest
 
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.shot.shot import AnalysisSettings
-from analysis.signal.demodulate import demodulate
+from analysis.signal.demodulation import demodulate
 from analysis.signal.record import motion_from_displacement
 from instrument.bench.rig import Bench
-from instrument.bench.simulate import record_shot
+from instrument.bench.simulated_shots import record_shot
 from tests.bench.blind import RATE_HZ, Record, clean_m, drawn, records
 from tests.bench.displacement_noise import Noise, NoiseKind, displacement_noise_m
 from tests.bench.separation import separation

@@ -10,7 +10,7 @@ from instrument.bench.effects import CATALOGUE, OFF_CATALOGUE, draw, effects_of_
 from instrument.bench.mechanics import Bodies
 from instrument.bench.observation import observed, run_shot, with_leak
 from instrument.bench.optics import Optics
-from instrument.bench.simulate import draw_undeclared, simulate, speeds_of_set
+from instrument.bench.simulated_shots import draw_undeclared, simulate, speeds_of_set
 from instrument.bench.site import site_named
 from instrument.files.recording_file import find_recordings, read_recording, verify
 from tests.bench.displacement_noise import cyclic_m

@@ -13,8 +13,8 @@ import numpy as np
 from analysis.shot.recording import Role
 from app.command_line import acquire
 from instrument.devices import hantek6022, streamed_codes
+from instrument.devices.device_search import found_devices
 from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
-from instrument.devices.found_devices import found_devices
 from instrument.devices.hantek6022 import Hantek6022
 from instrument.process import device_process
 from instrument.process.subprocess_digitizer import open_in_subprocess

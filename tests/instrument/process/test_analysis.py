@@ -14,8 +14,8 @@ from analysis.pipeline import analyse, read
 from analysis.shot.motion import ARRAYS
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Shot
-from instrument.bench.simulate import simulate
-from instrument.files.open_recording import open_recording
+from instrument.bench.simulated_shots import simulate
+from instrument.files.raw_recording import open_recording
 from instrument.files.recording_file import read_recording, write_recording
 from instrument.process import subprocess_worker
 from instrument.process.subprocess_worker import SubprocessAnalysis

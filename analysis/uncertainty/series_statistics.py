@@ -128,7 +128,7 @@ def excess_spread(values: Floats, stds: Floats, degree: int = 0, at: Floats | No
     return high
 
 
-def to_rows(result: Series) -> list[list[str]]:
+def series_rows(result: Series) -> list[list[str]]:
     """Return the summaries as rows of CSV, ``COLUMNS`` first; what is not known is an empty field."""
     rows = [list(COLUMNS)]
     for s in result.summaries:
@@ -144,7 +144,7 @@ def to_rows(result: Series) -> list[list[str]]:
     return rows
 
 
-def to_result(result: Series) -> dict[str, Any]:
+def series_result(result: Series) -> dict[str, Any]:
     """Return the summaries for a result file; NaN and what was not seen become null."""
     return {
         "shots": list(result.shots),

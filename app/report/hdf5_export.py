@@ -12,7 +12,7 @@ import numpy as np
 from analysis.report import shot_result
 from analysis.shot.shot import Shot
 from analysis.shot.version import program_version
-from app.report.export import motion_columns, motion_file_names
+from app.report.csv_export import motion_columns, motion_file_names
 from app.words.physics_words import parameter_parts
 from instrument.files.atomic_file import write_atomic
 from instrument.files.recording_error import RecordingError

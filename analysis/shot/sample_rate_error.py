@@ -17,7 +17,7 @@ from analysis.shot.motion import Motion
 from analysis.shot.quantity import Quantity, Reading, power_of_time
 from analysis.shot.recording import Recording
 
-FLAG = "rate_contradicted"
+RATE_CONTRADICTED = "rate_contradicted"
 DELIVERED = "lmm:delivered_rate_hz"  # global key: the rate by the computer's clock, where it is not the stated one
 STATED_U = 5e-4  # relative, of a rest frequency stated without uncertainty: a laser's beat is so stable over months
 COVERAGE = 2.0  # standard uncertainties

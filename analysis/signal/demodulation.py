@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from analysis.shot.air import wavelength_in_air_m
 from analysis.shot.motion import BeatQuality, Motion
 from analysis.shot.quantity import Quantity
-from analysis.shot.rate_error import FLAG as RATE_CONTRADICTED
-from analysis.shot.rate_error import rate_error
 from analysis.shot.recording import Recording, Role
+from analysis.shot.sample_rate_error import RATE_CONTRADICTED, rate_error
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Progress, Stop
 from analysis.signal.bridge import joined
 from analysis.signal.cross_talk import LEFT as CROSS_TALK

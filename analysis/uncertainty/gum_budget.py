@@ -14,7 +14,7 @@ from analysis.uncertainty.budget_sources import ShotSources
 from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
 from analysis.uncertainty.measurement_equations import EquationInputs
 from analysis.uncertainty.numbers import ResultNumber, with_equation
-from analysis.uncertainty.series import ONE_SPEED, excess_spread, speed
+from analysis.uncertainty.series_statistics import ONE_SPEED, excess_spread, speed
 
 COVERAGE_FACTOR = 2.0
 ALIKE = 0.1  # relative difference of impact speed up to which shots are compared for repeatability
@@ -122,7 +122,7 @@ def budget(shot: Shot, instrument: InstrumentUncertainty | None = None, others: 
     return Budget(shot.name, tuple(tables), known)
 
 
-def to_result(result: Budget) -> dict[str, Any]:
+def budget_result(result: Budget) -> dict[str, Any]:
     """Return the budget for a shot's entry in the result file (key "budget")."""
     return {
         "coverage_factor": COVERAGE_FACTOR,
@@ -152,7 +152,7 @@ def to_result(result: Budget) -> dict[str, Any]:
     }
 
 
-def to_rows(result: Budget) -> list[list[str]]:
+def budget_rows(result: Budget) -> list[list[str]]:
     """Return the budget as rows of CSV in the order of ``COLUMNS``; each result closes with its combined lines."""
     rows: list[list[str]] = []
     for q in result.quantities:

@@ -18,12 +18,11 @@ from analysis.shot.disturbance import Shaking
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import Quantity, Reading
 from analysis.shot.shot import Shot
-from analysis.uncertainty.budget import COLUMNS as BUDGET_COLUMNS
-from analysis.uncertainty.budget import budget, combined_of, to_rows
-from analysis.uncertainty.noise_band import noise_band
+from analysis.uncertainty.gum_budget import COLUMNS as BUDGET_COLUMNS
+from analysis.uncertainty.gum_budget import budget, budget_rows, combined_of
+from analysis.uncertainty.motion_band import noise_band
 from analysis.uncertainty.numbers import Origin, ResultNumber, of_collision
-from analysis.uncertainty.series import series
-from analysis.uncertainty.series import to_rows as series_rows
+from analysis.uncertainty.series_statistics import series, series_rows
 from app.words.plain import cell
 from instrument.files.atomic_file import write_text_atomic
 
@@ -165,7 +164,7 @@ def _budget_rows(shots: Sequence[Shot]) -> list[list[str]]:
     rows: list[list[str]] = []
     for shot in shots:
         if shot.impact is not None:
-            rows += to_rows(budget(shot, others=[other for other in shots if other is not shot]))
+            rows += budget_rows(budget(shot, others=[other for other in shots if other is not shot]))
     return rows
 
 

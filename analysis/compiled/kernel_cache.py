@@ -19,6 +19,7 @@ import sys
 import tempfile
 import time
 import uuid
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -145,7 +146,7 @@ def whole_program() -> str:
     digest = hashlib.sha256(f"{_makers()}\n{get_host_cpu_name()}\n{get_host_cpu_features().flatten()}\n".encode())
     for top in _TOPS[:2]:
         folder = _BASE.joinpath(*top.split("."))
-        sources = sorted(folder.rglob("*.py"))
+        sources = sorted([*folder.rglob("*.py"), *folder.rglob("*.pyi")])
         for path in sources:
             digest.update(f"{path.relative_to(_BASE)}:{hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
         if not sources:
@@ -186,12 +187,40 @@ def _imported(module: str) -> frozenset[str]:
         if isinstance(node, ast.Import):
             for alias in node.names:
                 parts = alias.name.split(".")
-                names |= {alias.name} if alias.asname else {".".join(parts[: i + 1]) for i in range(len(parts))}
+                named = {alias.name} if alias.asname else {".".join(parts[: i + 1]) for i in range(len(parts))}
+                names |= named.union(*map(_all_exported, named))
         else:
             above = package[: len(package) - node.level + 1] if node.level else []
             come_from = ".".join([*above, *filter(None, [node.module])])
-            names |= {come_from, *(f"{come_from}.{alias.name}" for alias in node.names)}
+            for alias in node.names:
+                whole = _all_exported(come_from if alias.name == "*" else f"{come_from}.{alias.name}")
+                names |= _homes(come_from, alias.name) | whole
     return frozenset(name for name in names if name.startswith(_TOPS) and source_of(name) is not None)
+
+
+@cache
+def exports_of(package: str) -> Mapping[str, str]:
+    """Return from where in a package each name that it exports comes: its stub, from which it loads them, says so."""
+    source = source_of(package) if package.startswith(_TOPS) else None
+    if source is None or source.name != "__init__.py" or not (stub := source.with_suffix(".pyi")).is_file():
+        return {}
+    exported = {}
+    for node in ast.parse(stub.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ImportFrom):
+            home = ".".join([package, *filter(None, [node.module])])
+            exported.update({alias.name: home for alias in node.names})
+    return exported
+
+
+def _homes(package: str, name: str) -> set[str]:
+    """Return the package and the module that ``name`` comes from, or is itself."""
+    home = exports_of(package).get(name, package)
+    return {package, f"{package}.{name}"} if home == package else {package} | _homes(home, name)
+
+
+def _all_exported(package: str) -> set[str]:
+    """Return the modules that may be reached through a package as a whole; none if it exports nothing."""
+    return set().union(*(_homes(package, name) for name in exports_of(package)))
 
 
 _STATEMENT = re.compile(r"^[ \t]*(?:from[ \t]+[.\w]+[ \t]+import\b|import[ \t]+\w).*$", re.MULTILINE)

@@ -25,7 +25,8 @@ def program() -> str:
     """
     digest = hashlib.sha256()
     parts = ("analysis", "instrument", "app", "levimass")
-    sources = [source for part in parts for source in sorted((_ROOT / part).rglob("*.py"))]
+    folders = [_ROOT / part for part in parts]
+    sources = [source for folder in folders for source in sorted([*folder.rglob("*.py"), *folder.rglob("*.pyi")])]
     for source in sources:
         digest.update(source.relative_to(_ROOT).as_posix().encode() + source.read_bytes())
     if not sources:

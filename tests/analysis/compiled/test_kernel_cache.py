@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
 from types import SimpleNamespace
@@ -29,36 +30,81 @@ SOURCES = {
         "    return small(x) * 10.0\n"
     ),
     "other": "WORDS = 'no kernel needs this'\n",
+    "parts/__init__": (
+        "import lazy_loader\n\n__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)\n"
+    ),
+    "parts/inner/factors": "FACTOR = 2.0\n",
+    "parts/words": "WORDS = 'no kernel needs this'\n",
+    "exported": (
+        "from numba import njit\nfrom analysis.parts import FACTOR\n\n"
+        "@njit(cache=True)\ndef large(x):\n    return FACTOR * x\n"
+    ),
 }
+STUB = 'from .inner.factors import FACTOR\nfrom .words import WORDS\n\n__all__ = ["FACTOR", "WORDS"]\n'
 ASK = (
-    "import sys; sys.path.insert(0, sys.argv[1])\nfrom analysis.large import large\n"
+    "import sys; sys.path.insert(0, sys.argv[1])\nfrom analysis.{module} import large\n"
     "print(large(1.0), sum(large.stats.cache_hits.values()))"
 )
 
 
-def test_a_changed_helper_or_constant_is_seen_and_nothing_else_compiles(tmp_path: Path) -> None:
+def _house(tmp_path: Path) -> tuple[Path, Callable[[str], str]]:
+    """Write a small program; return its package, and a function that runs ``large`` of one of its modules."""
     package = tmp_path / "house" / "analysis"
     (package / "compiled").mkdir(parents=True)
     for module in (kernel_cache, kernel_safety):
         shutil.copy(module.__file__, package / "compiled")
     for name, text in SOURCES.items():
+        (package / name).parent.mkdir(parents=True, exist_ok=True)
         (package / f"{name}.py").write_text(text)
+    (package / "parts" / "__init__.pyi").write_text(STUB)
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "mine"), "PYTHONDONTWRITEBYTECODE": "1"}
 
-    def asked() -> str:
-        command = [sys.executable, "-c", ASK, str(package.parent)]
+    def asked(module: str) -> str:
+        command = [sys.executable, "-c", ASK.format(module=module), str(package.parent)]
         done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
         return done.stdout.strip()
 
-    assert asked() == "30.0 0"
+    return package, asked
+
+
+def test_a_changed_helper_or_constant_is_seen_and_nothing_else_compiles(tmp_path: Path) -> None:
+    package, asked = _house(tmp_path)
+    assert asked("large") == "30.0 0"
     (package / "other.py").write_text("WORDS = 'changed'\n")
-    assert asked() == "30.0 1"  # from the disk
+    assert asked("large") == "30.0 1"  # from the disk
     (package / "plain.py").write_text("FACTOR = 3.0\n")
-    assert asked() == "40.0 0"
+    assert asked("large") == "40.0 0"
     (package / "small.py").write_text(SOURCES["small"].replace("1.0", "-7.0"))
-    assert asked() == "-40.0 0"
+    assert asked("large") == "-40.0 0"
     assert any((tmp_path / "mine").rglob("*.nbi"))  # the folder the user chose is respected, and no less true
+
+
+def test_an_exported_name_leads_to_its_module_and_to_no_other_of_the_package(tmp_path: Path) -> None:
+    package, asked = _house(tmp_path)
+    assert asked("exported") == "2.0 0"
+    (package / "parts" / "words.py").write_text("WORDS = 'changed'\n")
+    (package / "parts" / "__init__.pyi").write_text(f"{STUB}# changed\n")
+    assert asked("exported") == "2.0 1"  # from the disk
+    (package / "parts" / "inner" / "factors.py").write_text("FACTOR = 3.0\n")
+    assert asked("exported") == "3.0 0"
+    (package / "parts" / "thirds.py").write_text("FACTOR = 9.0\n")
+    (package / "parts" / "__init__.pyi").write_text(STUB.replace(".inner.factors", ".thirds"))
+    assert asked("exported") == "9.0 0"  # the name now comes from elsewhere
+
+
+@pytest.mark.parametrize(
+    "text", ["from analysis import parts", "import analysis.parts", "from analysis.parts import *"]
+)
+def test_a_package_imported_as_a_whole_may_give_all_it_exports(
+    text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package, _ = _house(tmp_path)
+    (package / "whole.py").write_text(f"{text}\n")
+    monkeypatch.setattr(kernel_cache, "_BASE", tmp_path / "house")
+    for cached in (kernel_cache.source_of, kernel_cache.exports_of, kernel_cache._imported, kernel_cache.closure):
+        monkeypatch.setattr(kernel_cache, cached.__name__, cached.__wrapped__)
+    assert {"analysis.parts.inner.factors", "analysis.parts.words"} <= kernel_cache.closure("analysis.whole")
 
 
 def test_every_import_of_the_program_is_seen() -> None:
@@ -116,7 +162,7 @@ def test_two_types_compiled_at_once_do_not_share_a_name(tmp_path: Path) -> None:
 
 
 def _root(environment: dict[str, str]) -> str:
-    ask = "from analysis import kernel_cache; print(kernel_cache.cache_folder())"
+    ask = "from analysis.compiled import kernel_cache; print(kernel_cache.cache_folder())"
     command = [sys.executable, "-c", ask]
     done = subprocess.run(command, cwd=HOUSE, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -149,7 +195,7 @@ from pathlib import Path
 {first}
 import analysis
 import numba
-from analysis import kernel_cache
+from analysis.compiled import kernel_cache
 from numba import njit
 
 @njit

@@ -10,13 +10,32 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from levimass.analysis_settings import AnalysisChoices, AnalysisSettings, is_drive
+from levimass.setting import Setting, Value, choice, declared, flag, number, setting_of, settings_of
+
 if TYPE_CHECKING:
     from analysis.diagnosis.result import Diagnosis
     from analysis.shot.recording import Recording
-    from analysis.shot.shot import AnalysisSettings, Shot
+    from analysis.shot.shot import Shot
     from instrument.files.motion_file import MotionRecord
 
-__all__ = ["analyse", "diagnose", "read", "simulate"]
+__all__ = [
+    "AnalysisChoices",
+    "AnalysisSettings",
+    "Setting",
+    "Value",
+    "analyse",
+    "choice",
+    "declared",
+    "diagnose",
+    "flag",
+    "is_drive",
+    "number",
+    "read",
+    "setting_of",
+    "settings_of",
+    "simulate",
+]
 
 
 def read(path: Path | str) -> Recording | MotionRecord:
@@ -44,7 +63,6 @@ def analyse(
     from dataclasses import replace
 
     from analysis.pipeline import analyse as analyse_recording
-    from analysis.shot.shot import AnalysisSettings
     from app.session.load import analysed
 
     if isinstance(what, str | Path):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from platformdirs import user_log_path
 
-from analysis.compiled import kernel_cache
+from analysis.compiled.kernel_cache import cache_folder
 from analysis.shot.shot import Progress
 from app.command_line.bundle import write_bundle
 from app.command_line.machine import installed, why_no_window
@@ -58,7 +58,7 @@ def _program() -> Check:
 
 
 def _kernels() -> Check:
-    folder = kernel_cache.cache_folder()
+    folder = cache_folder()
     size = sum(file.stat().st_size for file in folder.rglob("*.nb*")) / 1e6
     if complete():
         return Check("compiled code", Grade.OK, f"complete, {size:.0f} MB in {folder}")
@@ -79,13 +79,13 @@ def _qt() -> Check:
 def prepare(jobs: int | None = None) -> int:
     """Compile what is not compiled yet in ``jobs`` processes, with progress; return the exit status."""
     if complete():
-        print(f"levimass: everything is compiled already, in {kernel_cache.cache_folder()}")
+        print(f"levimass: everything is compiled already, in {cache_folder()}")
         return 0
     began = time.monotonic()
     if not compile_all(progress_lines(), lambda: False, at_once=jobs):
         say("not everything could be compiled; the rest is compiled when it is needed")
         return 1
-    print(f"levimass: compiled in {time.monotonic() - began:.0f} s, kept in {kernel_cache.cache_folder()}")
+    print(f"levimass: compiled in {time.monotonic() - began:.0f} s, kept in {cache_folder()}")
     return 0
 
 

@@ -12,15 +12,14 @@ from numpy.typing import NDArray
 
 from analysis.shot.recording import Role
 from analysis.shot.shot import Shot
-from instrument.files.foreign import csv_table, hdf5, tdms, wav
 from instrument.files.foreign.contents import ForeignChannel, ForeignColumn, ForeignContents
+from instrument.files.foreign.reading import foreign_columns
 
 USED_SAMPLES = 2**22  # of each channel
 PARTS, PART = 48, 4096  # parts of the record that are searched for a beat, and their greatest length
 MOVES = 0.02  # relative change of frequency from which a beat moves
 LINE = 12.0  # least power of a beat, in units of the median
 Floats = NDArray[np.float64]
-COLUMNS = {"hdf5": hdf5.columns, "tdms": tdms.columns, "wav": wav.columns}
 
 
 class ChannelKind(StrEnum):
@@ -49,7 +48,9 @@ class ChannelLook:
 def looks_of(contents: ForeignContents) -> tuple[ChannelLook, ...]:
     """Return what a file's channels look like.  Raises RecordingError, and for a damaged file any error."""
     names = [channel.name for channel in contents.channels]
-    return tuple(_look(c, column) for c, column in zip(contents.channels, _columns(contents, names), strict=True))
+    return tuple(
+        _look(c, column) for c, column in zip(contents.channels, foreign_columns(contents, names), strict=True)
+    )
 
 
 def proposed(looks: Sequence[ChannelLook]) -> Mapping[Role, str]:
@@ -68,12 +69,6 @@ def proposed(looks: Sequence[ChannelLook]) -> Mapping[Role, str]:
     if switch is not None:
         found[Role.SWITCH] = switch.name
     return found
-
-
-def _columns(contents: ForeignContents, names: Sequence[str]) -> list[ForeignColumn]:
-    if contents.format == "csv":
-        return csv_table.columns(contents.path, names, False)
-    return COLUMNS[contents.format](contents.path, names)
 
 
 def _look(channel: ForeignChannel, column: ForeignColumn) -> ChannelLook:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from multiprocessing.context import SpawnProcess
 
-from analysis.compiled import kernel_cache
+from analysis.compiled.kernel_cache import cache_folder, whole_program
 from analysis.shot.shot import Cancelled, Progress, Stop
 from app.session import warm_up
 from instrument.process.messages import lower_priority
@@ -55,14 +55,14 @@ def warm_up_analysis() -> None:
 
 def complete(stage: Stage = Stage.ALL) -> bool:
     """Return whether this very program, Python, numba and processor compiled the kernels up to a stage."""
-    now = kernel_cache.whole_program()
+    now = whole_program()
     return any(_mark(reached) == now for reached in tuple(Stage)[tuple(Stage).index(stage) :])
 
 
 def mark_complete(stage: Stage = Stage.ALL) -> None:
     """Mark this program's kernels as compiled up to a stage."""
     with contextlib.suppress(OSError):  # the next start then checks again
-        (kernel_cache.cache_folder() / stage).write_text(kernel_cache.whole_program(), encoding="utf-8")
+        (cache_folder() / stage).write_text(whole_program(), encoding="utf-8")
 
 
 def prepare(
@@ -118,7 +118,7 @@ def prepare_first_shot(report: Progress, ready: Callable[[Stage], None]) -> None
 
 def _mark(stage: Stage) -> str:
     try:
-        return (kernel_cache.cache_folder() / stage).read_text(encoding="utf-8")
+        return (cache_folder() / stage).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         return ""
 

@@ -13,7 +13,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from analysis.diagnosis import result
+from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, OtherForm, Verdict
 from analysis.shot.disturbance import Disturbance, Shaking, VibrationLine
 from analysis.shot.fit import Fit, Overlay, ShotFit
 from analysis.shot.impact import Impact, KineticCor
@@ -26,8 +26,8 @@ KNOWN = {
     kind.__name__: kind
     for kind in (
         Shot, AnalysisSettings, Setup, Air, Plate, Motion, BeatQuality, Impact, KineticCor, Disturbance, Shaking,
-        VibrationLine, Fit, ShotFit, Overlay, Quantity, NotSeen, result.Diagnosis, result.Verdict, result.Errors,
-        result.FoundEffect, result.LearnedLaw, result.OtherForm, result.Candidate,
+        VibrationLine, Fit, ShotFit, Overlay, Quantity, NotSeen, Diagnosis, Verdict, Errors, FoundEffect,
+        LearnedLaw, OtherForm, Candidate,
     )
 }  # fmt: skip
 _HEAD, _BODY = "head", "body"

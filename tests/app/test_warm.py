@@ -26,6 +26,7 @@ from tests.app import rigs
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.setattr(kernel_cache, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(kernel_compilation, "cache_folder", lambda: tmp_path)
     monkeypatch.setattr(kernels_module, "readings", lambda: None)
     monkeypatch.setattr(kernels_module, "complete", kernel_compilation.complete)
     return tmp_path

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects import kernel, named
+from analysis.collision.effects import named
+from analysis.collision.effects.kernel import V, X
 from analysis.collision.effects.row import Effect
 from analysis.collision.first_order import along
 from analysis.collision.first_order import steps_for as steps_of
@@ -64,9 +65,9 @@ def responses(shot: Shot, path: LinearPath, effect: Effect, starts: Sequence[Map
     if change is None:
         return None
     x, v = np.empty(shot.time_s.size), np.empty(shot.time_s.size)
-    x[:], v[:] = path.effect_inputs[0, 0, kernel.X], path.effect_inputs[0, 0, kernel.V]
+    x[:], v[:] = path.effect_inputs[0, 0, X], path.effect_inputs[0, 0, V]
     at = path.sample >= 0
-    x[path.sample[at]], v[path.sample[at]] = path.effect_inputs[at, 2, kernel.X], path.effect_inputs[at, 2, kernel.V]
+    x[path.sample[at]], v[path.sample[at]] = path.effect_inputs[at, 2, X], path.effect_inputs[at, 2, V]
     rows = [named(name) for name in shot.values]
     if all(row.sensor is None for row in rows):
         return change

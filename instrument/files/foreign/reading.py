@@ -1,7 +1,7 @@
 """Reads a foreign file as a recording by its mapping, and lists its channels."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
@@ -24,12 +24,20 @@ _CONTENTS: dict[str, Callable[[Path], ForeignContents]] = {
     "wav": wav.contents,
     "csv": csv_table.contents,
 }
+_COLUMNS = {"hdf5": hdf5.columns, "tdms": tdms.columns, "wav": wav.columns}
 
 
 def foreign_channels(path: Path | str) -> ForeignContents:
     """Return the channels of a foreign file, without samples.  Raises RecordingError."""
     path = Path(path)
     return _call_reader(path, _CONTENTS[_format(path)], path)
+
+
+def foreign_columns(contents: ForeignContents, names: Sequence[str]) -> list[ForeignColumn]:
+    """Return the samples of the named channels of a foreign file.  A damaged file raises any error."""
+    if contents.format == "csv":
+        return csv_table.columns(contents.path, names, False)
+    return _COLUMNS[contents.format](contents.path, names)
 
 
 def read_foreign(path: Path | str, mapping: ForeignMapping) -> Recording:
@@ -48,7 +56,7 @@ def read_foreign(path: Path | str, mapping: ForeignMapping) -> Recording:
     if kind == "csv":
         columns = _call_reader(path, csv_table.columns, path, names, mapping.sample_rate_hz is None)
     else:
-        columns = _call_reader(path, {"tdms": tdms, "hdf5": hdf5, "wav": wav}[kind].columns, path, names)
+        columns = _call_reader(path, _COLUMNS[kind], path, names)
     samples = min(column.values.size for column in columns)
     if not 2 <= samples <= MOST_SAMPLES:
         raise RecordingError(path, f"{samples} samples, at least 2 are needed" if samples < 2 else "too many samples")

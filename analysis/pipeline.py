@@ -9,12 +9,22 @@ from dataclasses import replace
 
 from numpy.linalg import LinAlgError
 
-from analysis.fitted.fitted_shot import fit_again, with_fit_to_follow
-from analysis.shot.motion import Motion
-from analysis.shot.quantity import NotSeen
-from analysis.shot.recording import SETUP_CORRECTED, Recording, Setup, corrected
-from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot, Stop
-from levimass.analysis_settings import is_drive
+from analysis.fitted import fit_again, with_fit_to_follow
+from analysis.shot import (
+    SETUP_CORRECTED,
+    AnalysisError,
+    AnalysisSettings,
+    Cancelled,
+    Motion,
+    NotSeen,
+    Progress,
+    Recording,
+    Setup,
+    Shot,
+    Stop,
+    corrected,
+)
+from levimass import is_drive
 
 
 def analyse(
@@ -42,7 +52,7 @@ def read(
 
     Raises Cancelled; every other failure is the shot's ``problem``.
     """
-    from analysis.signal.demodulation import demodulate
+    from analysis.signal import demodulate
 
     settings = settings or AnalysisSettings()
     if settings.corrections:
@@ -120,10 +130,9 @@ def fitted(shot: Shot, *, progress: Progress | None = None, cancelled: Stop | No
 def _impact_read(shot: Shot, progress: Progress | None, cancelled: Stop | None) -> Shot:
     if shot.motion is None:
         return shot
-    from analysis.reading.read import NoImpact, read_impact
-    from analysis.reading.record_checks import check_collision, why_reversed
-    from analysis.shot.sample_rate_error import with_rate_error
-    from analysis.signal.cross_talk import LEFT as CROSS_TALK
+    from analysis.reading import NoImpact, check_collision, read_impact, why_reversed
+    from analysis.shot import with_rate_error
+    from analysis.signal import LEFT as CROSS_TALK
 
     _tell(progress, cancelled, "reading the impact", 0.5)
     started = time.perf_counter()

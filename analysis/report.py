@@ -4,18 +4,11 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from analysis.collision.laws.own import called
-from analysis.diagnosis.result import Diagnosis, diagnosis_result
-from analysis.diagnosis.verdict.foretold import Foretold, foretold_result
-from analysis.fitted.fitted_shot import readings_model, readings_model_result
-from analysis.shot.disturbance import Disturbance
-from analysis.shot.fit import Fit
-from analysis.shot.quantity import to_json
-from analysis.shot.shot import Shot
-from analysis.shot.version import program_version
-from analysis.uncertainty.gum_budget import budget, budget_result
-from analysis.uncertainty.numbers import Origin, of_collision
-from analysis.uncertainty.series_statistics import series, series_result
+from analysis.collision import called
+from analysis.diagnosis import Diagnosis, Foretold, diagnosis_result, foretold_result
+from analysis.fitted import readings_model, readings_model_result
+from analysis.shot import Disturbance, Fit, Shot, program_version, to_json
+from analysis.uncertainty import Origin, budget, budget_result, of_collision, series, series_result
 
 SCHEMA = "levimass.result/1"
 

@@ -1,6 +1,6 @@
 """``python -m app`` is ``levimass``."""
 
-from app.command_line.cli import main
+from app.command_line import main
 
 if __name__ == "__main__":
     raise SystemExit(main())

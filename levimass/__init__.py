@@ -14,10 +14,9 @@ from levimass.analysis_settings import AnalysisChoices, AnalysisSettings, is_dri
 from levimass.setting import Setting, Value, choice, declared, flag, number, setting_of, settings_of
 
 if TYPE_CHECKING:
-    from analysis.diagnosis.result import Diagnosis
-    from analysis.shot.recording import Recording
-    from analysis.shot.shot import Shot
-    from instrument.files.motion_file import MotionRecord
+    from analysis.diagnosis import Diagnosis
+    from analysis.shot import Recording, Shot
+    from instrument.files import MotionRecord
 
 __all__ = [
     "AnalysisChoices",
@@ -43,9 +42,7 @@ def read(path: Path | str) -> Recording | MotionRecord:
 
     Raises RecordingError, one line with file and cause.
     """
-    from instrument.files.motion_file import read_motion
-    from instrument.files.raw_recording import open_recording
-    from instrument.files.recording_search import is_motion_record
+    from instrument.files import is_motion_record, open_recording, read_motion
 
     return read_motion(Path(path)) if is_motion_record(Path(path)) else open_recording(path)
 
@@ -63,7 +60,7 @@ def analyse(
     from dataclasses import replace
 
     from analysis.pipeline import analyse as analyse_recording
-    from app.session.load import analysed
+    from app.session import analysed
 
     if isinstance(what, str | Path):
         return analysed(Path(what), model, settings=settings)
@@ -77,8 +74,8 @@ def diagnose(shots: Shot | Sequence[Shot], *, accepted: Sequence[str] = ()) -> D
     ``accepted`` are effects that are in the model already.  Raises AnalysisError where a shot has no motion, and
     ValueError for an unknown effect or shots of different models.
     """
-    from analysis.diagnosis.diagnosis_of_shots import diagnose as diagnose_shots
-    from analysis.shot.shot import Shot
+    from analysis.diagnosis import diagnose as diagnose_shots
+    from analysis.shot import Shot
 
     return diagnose_shots([shots] if isinstance(shots, Shot) else list(shots), accepted=accepted)
 
@@ -91,7 +88,7 @@ def simulate(
     ``effects`` are those of the rig, such as ``{"sensor_lag": {"lag_s": 1e-6}}``.  The same seed gives the same
     counts.  Raises ValueError for an unknown effect, RecordingError where nothing can be written.
     """
-    from instrument.bench.simulated_shots import simulate as write_simulated
+    from instrument.bench import simulate as write_simulated
 
     parameters_of = {name: dict(parameters) for name, parameters in effects.items()} if effects else None
     return write_simulated(folder, shots, seed, parameters_of)
@@ -99,12 +96,12 @@ def simulate(
 
 def _main(argv: Sequence[str] | None = None) -> int:
     """Run the command ``levimass``."""
-    from app.command_line.cli import main
+    from app.command_line import main
 
     return main(argv)
 
 
 def _window(argv: Sequence[str] | None = None) -> int:
-    from app.command_line.modes import window
+    from app.command_line import window
 
     return window(argv)

@@ -1,1 +1,5 @@
 """The equations of motion of a collision, with effects and laws, and their exact solution."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

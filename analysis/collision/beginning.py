@@ -4,7 +4,7 @@ from analysis.collision.guards import range_at
 from analysis.collision.modes import CONTACT, FREE, INSIDE, NEAR_0, PLATE, SIGN, set_phase
 from analysis.collision.rates import rates
 from analysis.collision.system import LEFT_AT, RANGE_AT, RATE_AT, RIDES, TIME
-from analysis.compiled.kernel_parts import part
+from analysis.compiled import part
 
 
 @part

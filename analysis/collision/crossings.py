@@ -5,7 +5,7 @@
 
 from analysis.collision.guards import VELOCITY, guard, guard_rate, may_touch
 from analysis.collision.rates import rates
-from analysis.compiled.kernel_parts import part
+from analysis.compiled import part
 
 
 @part

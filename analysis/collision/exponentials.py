@@ -1,7 +1,7 @@
 """Matrix exponentials of a linear mode, their action on a state, and means over a block of steps (kernels)."""
 
 from analysis.collision.matrices import TERMS
-from analysis.compiled.kernel_parts import part
+from analysis.compiled import part
 
 _MOST_TERMS = 60
 

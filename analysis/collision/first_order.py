@@ -27,9 +27,7 @@ from analysis.collision.linearisation import LinearPath
 from analysis.collision.parameters import Collision, Floats
 from analysis.collision.path_matrices import INPUTS
 from analysis.collision.slots import function_of
-from analysis.compiled.kernel_bundle import by_address
-from analysis.compiled.kernel_parts import kernel, part
-from analysis.compiled.kernel_room import cut, cut_integers
+from analysis.compiled import by_address, cut, cut_integers, kernel, part
 
 _PROBED = 16  # points along the trajectory at which the linearity of an effect's function is checked
 _SWING = 0.5  # largest phase step, in rad, of the fastest oscillation of an effect

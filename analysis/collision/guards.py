@@ -6,7 +6,7 @@ range the distance by which the bodies are within it.
 
 from analysis.collision.modes import CONTACT, FREE, NEAR_0, OVERLAPPED, PARTING, PHASE, PLATE, SIGN
 from analysis.collision.system import MOVES, RANGE_AT
-from analysis.compiled.kernel_parts import inlined, part
+from analysis.compiled import inlined, part
 
 OVERLAP, OVERLAP_RATE, FORCE, VELOCITY, RANGE_0 = 0, 1, 2, 3, 4  # RANGE_0 + slot
 CLAMPED, NO_TENSION = 1, 2  # of ``parameters.Variant``

@@ -4,8 +4,7 @@ The function is checked at some points along a trajectory; a linear hidden state
 """
 
 from analysis.collision.effects.kernel import OUTPUTS, STATES, Q, W, call
-from analysis.compiled.kernel_parts import kernel, part
-from analysis.compiled.kernel_room import cut
+from analysis.compiled import cut, kernel, part
 
 SEEN = 7  # the first inputs of an effect: positions, velocities, overlap, its rate and force
 _ALIKE = 1e-9

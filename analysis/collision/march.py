@@ -41,9 +41,7 @@ from analysis.collision.system import (
     state_of,
     take,
 )
-from analysis.compiled.kernel_bundle import by_address
-from analysis.compiled.kernel_parts import kernel, part
-from analysis.compiled.kernel_room import cut, cut_integers
+from analysis.compiled import by_address, cut, cut_integers, kernel, part
 
 TOO_MANY, RUNS_AWAY, NOT_LINEAR, NO_ROOM, TOO_LONG = -1, -2, -3, -4, -5
 TURN, RANGE = 90, 95  # kinds of event: the block turns; the bodies leave or enter an effect's range (plus its slot)

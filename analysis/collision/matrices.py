@@ -10,8 +10,7 @@ from analysis.collision.guards import OVERLAP, RANGE_0, VELOCITY, range_at
 from analysis.collision.modes import PLATE
 from analysis.collision.rates import rates
 from analysis.collision.system import RANGE_AT, Floats
-from analysis.compiled.kernel_parts import inlined, part
-from analysis.compiled.kernel_room import cut
+from analysis.compiled import cut, inlined, part
 
 _SAME = 1e-11  # of the terms, where two states must agree on A
 # indices into ``steps``: length in s, number per sample, terms of the series, whether nothing is fast

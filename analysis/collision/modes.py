@@ -6,7 +6,7 @@ A mode is a row of flags, within which the equations are smooth; the guard funct
 import math
 
 from analysis.collision.system import MOVES, RANGE_AT
-from analysis.compiled.kernel_parts import inlined, part
+from analysis.compiled import inlined, part
 
 # PARTING: contact without its dashpot; OVERLAPPED: released, though the bodies still overlap
 FREE, CONTACT, PARTING, OVERLAPPED = 0, 1, 2, 3

@@ -7,9 +7,7 @@ from analysis.collision.guards import guard_derivative
 from analysis.collision.parameters import Floats
 from analysis.collision.rates import rates
 from analysis.collision.system import Integers, state_of
-from analysis.compiled.kernel_bundle import by_address
-from analysis.compiled.kernel_parts import inlined, kernel, part
-from analysis.compiled.kernel_room import cut
+from analysis.compiled import by_address, cut, inlined, kernel, part
 
 # Inputs of a small effect: forces in N on block, plate and between them, kg on the block, displacement (m) and velocity
 # (m/s) of the contact point.

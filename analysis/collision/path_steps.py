@@ -8,7 +8,7 @@ from analysis.collision import general
 from analysis.collision.modes import FREE, PHASE
 from analysis.collision.parameters import Floats
 from analysis.collision.system import Integers
-from analysis.compiled.kernel_parts import kernel
+from analysis.compiled import kernel
 
 
 def cut_at_events(

@@ -42,9 +42,7 @@ from analysis.collision.system import (
     state_of,
 )
 from analysis.collision.two_bodies import glide, glide_in_blocks
-from analysis.compiled.kernel_bundle import by_address
-from analysis.compiled.kernel_parts import inlined, part
-from analysis.compiled.kernel_room import cut, cut_integers
+from analysis.compiled import by_address, cut, cut_integers, inlined, part
 
 _STEP = 0.7  # longest step times the fastest rate: nine steps per period, so that no touch is missed
 _LONGEST_S = 1e-3

@@ -33,7 +33,7 @@ from analysis.collision.effects.kernel import (
 )
 from analysis.collision.modes import DASH, INSIDE, NEAR_0, PARTED, PLATE, SIGN, SPRING
 from analysis.collision.system import FIRST, HIDDEN, IS_PAIR, MOVES, ON_PLATE_SIDE, RIDES
-from analysis.compiled.kernel_parts import inlined, part
+from analysis.compiled import inlined, part
 
 _H = 1e-40  # the complex step: far below any rounding, far above the smallest number even squared with an exponent
 

@@ -31,9 +31,7 @@ from analysis.collision.system import (
     State,
     take,
 )
-from analysis.compiled.kernel_bundle import by_address
-from analysis.compiled.kernel_parts import inlined, part
-from analysis.compiled.kernel_room import cut
+from analysis.compiled import by_address, cut, inlined, part
 
 Places = NDArray[np.int64]
 _SHRINK = 0.25

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision.effects.kernel import OUTPUTS, STATES
-from analysis.compiled.kernel_parts import part
-from analysis.compiled.kernel_room import cut
+from analysis.compiled import cut, part
 
 Floats = NDArray[np.float64]
 Integers = Any  # int64 arrays, which kernels take as Python passes them

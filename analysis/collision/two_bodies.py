@@ -3,7 +3,7 @@
 from analysis.collision.guards import OVERLAP, VELOCITY
 from analysis.collision.matrices import STEP_S
 from analysis.collision.modes import may_be_gone
-from analysis.compiled.kernel_parts import inlined, part
+from analysis.compiled import inlined, part
 
 
 @inlined

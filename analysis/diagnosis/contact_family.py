@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from analysis.diagnosis.result import FoundEffect, LearnedLaw
-from analysis.shot.quantity import Quantity
+from analysis.shot import Quantity
 
 _ROW = "nonlinear_contact_damping"  # of the catalogue
 _WITHIN = 3.0  # standard deviations

@@ -13,14 +13,10 @@ from analysis.diagnosis.result import Diagnosis, Errors, Verdict
 from analysis.diagnosis.verdict.alternatives import blind_spots, candidates, separating
 from analysis.diagnosis.verdict.cross_validation import Prediction
 from analysis.diagnosis.verdict.residual import errors
-from analysis.fitted.fitted_shot import shaking_of
-from analysis.inference.fit.as_fit import as_fit
-from analysis.inference.fit.hypothesis_fit import Fitted
-from analysis.inference.noise.floor import Floor
-from analysis.shot.disturbance import Shaking
-from analysis.shot.motion import Motion
-from analysis.shot.shot import AnalysisError, Progress, Shot, Stop
-from levimass.analysis_settings import is_drive
+from analysis.fitted import shaking_of
+from analysis.inference import Fitted, Floor, as_fit
+from analysis.shot import AnalysisError, Motion, Progress, Shaking, Shot, Stop
+from levimass import is_drive
 
 
 def diagnose(

@@ -9,15 +9,27 @@ import numpy as np
 from analysis.diagnosis import driven_words as words
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, Verdict
 from analysis.diagnosis.verdict.conclusion import conclude
-from analysis.drive.driven_fit import as_fit, chi2, filtered_noise_n
-from analysis.drive.law_search import LawSearch, Split, Trial, look_alikes, search_laws
-from analysis.drive.mass_check import MassCheck, check_mass
-from analysis.drive.regression import NonlinearValues, Regression, regress
-from analysis.drive.repeatability import Repeatability, repeatability_of
-from analysis.drive.stretch import prepare
-from analysis.drive.table import Mask, Table
-from analysis.shot.motion import Motion
-from analysis.shot.shot import Progress, Stop
+from analysis.drive import (
+    LawSearch,
+    Mask,
+    MassCheck,
+    NonlinearValues,
+    Regression,
+    Repeatability,
+    Split,
+    Table,
+    Trial,
+    as_fit,
+    check_mass,
+    chi2,
+    filtered_noise_n,
+    look_alikes,
+    prepare,
+    regress,
+    repeatability_of,
+    search_laws,
+)
+from analysis.shot import Motion, Progress, Stop
 
 SMALL_REST = 1.5  # of the floor: a remainder up to here counts as accounted for
 

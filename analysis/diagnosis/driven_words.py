@@ -7,12 +7,8 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis.result import FoundEffect
 from analysis.diagnosis.words import plain, quantity, stem
-from analysis.drive.catalogue import LAWS
-from analysis.drive.mass_check import MassCheck
-from analysis.drive.regression import Regression, rms
-from analysis.drive.repeatability import Repeatability
-from analysis.drive.table import Table
-from analysis.shot.quantity import Quantity
+from analysis.drive import LAWS, MassCheck, Regression, Repeatability, Table, rms
+from analysis.shot import Quantity
 
 Floats = NDArray[np.float64]
 

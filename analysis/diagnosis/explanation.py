@@ -17,12 +17,8 @@ from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.identifiability import Separation, missed_without
 from analysis.diagnosis.verdict.other_names import other_names
 from analysis.diagnosis.verdict.residual import Residual, describe, looks_like, residual_of
-from analysis.inference.fit.as_fit import effect_parameters
-from analysis.inference.fit.hypothesis_fit import Fitted
-from analysis.inference.fit.likely_noises import under_likely_noises
-from analysis.inference.fit.profile import with_profile_std
-from analysis.inference.screen.projector import Projector
-from analysis.shot.quantity import Quantity
+from analysis.inference import Fitted, Projector, effect_parameters, under_likely_noises, with_profile_std
+from analysis.shot import Quantity
 
 Predictions = tuple[Prediction, Prediction]  # of the held-out shots: by the model before, by the model after
 

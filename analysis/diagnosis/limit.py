@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import TypeVar
 
-from analysis.fitted.fit_time import FitTime
-from analysis.shot.shot import Cancelled, Stop
+from analysis.fitted import FitTime
+from analysis.shot import Cancelled, Stop
 
 SECONDS = 60.0  # of two cores: a usual diagnosis takes a few
 _FOR_SEARCHING = 0.85  # of it; what was found by then is judged

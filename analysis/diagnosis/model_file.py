@@ -13,15 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects import NUISANCES, WIDER, findings
-from analysis.collision.laws.own import is_law
+from analysis.collision import NUISANCES, WIDER, findings, is_law
 from analysis.diagnosis.result import Diagnosis, Errors
-from analysis.drive.catalogue import LAWS
-from analysis.inference.fit.free_parameters import trial_effects
-from analysis.shot.fit import Fit
-from analysis.shot.quantity import Quantity
-from analysis.shot.shot import AnalysisError
-from levimass.analysis_settings import is_drive
+from analysis.drive import LAWS
+from analysis.inference import trial_effects
+from analysis.shot import AnalysisError, Fit, Quantity
+from levimass import is_drive
 
 SCHEMA = "levimass.model/1"
 BASES = ("paper", "clamped", "no_tension", "contact", "driven")

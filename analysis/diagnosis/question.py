@@ -5,21 +5,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from analysis.collision.effects import WIDER, findings
+from analysis.collision import WIDER, findings
 from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import choose
-from analysis.inference.fit.begin import Begin
-from analysis.inference.fit.first_fit import first_fit
-from analysis.inference.fit.free_parameters import TrialEffect, trial_effects
-from analysis.inference.fit.hypothesis import JointData
-from analysis.inference.fit.hypothesis_fit import Fitted
-from analysis.inference.noise.joint_data import shakings_of, site_under
-from analysis.inference.noise.site import Site
-from analysis.shot.disturbance import Shaking
-from analysis.shot.motion import Motion
-from analysis.shot.shot import Progress, Stop
+from analysis.inference import (
+    Begin,
+    Fitted,
+    JointData,
+    Site,
+    TrialEffect,
+    first_fit,
+    shakings_of,
+    site_under,
+    trial_effects,
+)
+from analysis.shot import Motion, Progress, Shaking, Stop
 
 
 @dataclass(frozen=True)

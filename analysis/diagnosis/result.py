@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.laws.own import called
-from analysis.shot.fit import Fit
-from analysis.shot.quantity import Quantity, to_json
+from analysis.collision import called
+from analysis.shot import Fit, Quantity, to_json
 
 Floats = NDArray[np.float64]
 

@@ -2,13 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 
-from analysis.collision.effects import NUISANCES, named
-from analysis.collision.laws.own import from_key
+from analysis.collision import NUISANCES, from_key, named
 from analysis.diagnosis import contact_family
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.shot.fit import Fit
-from analysis.shot.quantity import Quantity, words_and_unit
+from analysis.shot import Fit, Quantity, words_and_unit
 
 CLASSES = {
     frozenset({"coulomb_friction", "viscous_drag", "quadratic_drag"}): "a drag whose form is undetermined",

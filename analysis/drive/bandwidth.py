@@ -6,9 +6,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.motion import Motion
-from analysis.shot.shot import AnalysisError
-from analysis.signal.filters import MAX_BANDWIDTH_SHARE, derivative_filters, derivatives, stretches
+from analysis.shot import AnalysisError, Motion
+from analysis.signal import MAX_BANDWIDTH_SHARE, derivative_filters, derivatives, stretches
 
 Floats = NDArray[np.float64]
 CLEAR = 100.0  # signal over noise power at the edge: noise of 1 % in a regressor biases its coefficient by as much

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.fit import Fit
-from analysis.shot.motion import Motion
+from analysis.shot import Fit, Motion
 
 if TYPE_CHECKING:
     from analysis.drive.repeatability import Repeatability

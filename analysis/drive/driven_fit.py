@@ -13,11 +13,8 @@ from analysis.drive.regression import Regression, regress, rms
 from analysis.drive.repeatability import Repeatability, repeatability_of
 from analysis.drive.stretch import Stretch, low_pass, prepare
 from analysis.drive.table import Table
-from analysis.shot.fit import Fit
-from analysis.shot.motion import Motion
-from analysis.shot.quantity import Quantity
-from analysis.shot.shot import Stop
-from analysis.signal.filters import derivative_filters
+from analysis.shot import Fit, Motion, Quantity, Stop
+from analysis.signal import derivative_filters
 
 Floats = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from analysis.drive.law_screening import CandidateLaws, screen_laws
 from analysis.drive.regression import NonlinearValues, Regression, delay_of, design, regress, rms
 from analysis.drive.repeatability import folds
 from analysis.drive.table import Mask, Table
-from analysis.shot.shot import AnalysisError
+from analysis.shot import AnalysisError
 
 Floats = NDArray[np.float64]
 BIC_AGAINST_BASE, BIC_AGAINST_NEXT = 10.0, 6.0  # docs/how-a-diagnosis-decides.md

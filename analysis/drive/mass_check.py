@@ -6,9 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.drive.regression import Regression
-from analysis.shot.motion import Motion
-from analysis.shot.quantity import Quantity
-from analysis.shot.shot import AnalysisError
+from analysis.shot import AnalysisError, Motion, Quantity
 
 MASS = "moving_mass_kg"
 AGREE_SIGMAS = 4.0

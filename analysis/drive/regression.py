@@ -9,8 +9,7 @@ from scipy.optimize import least_squares
 
 from analysis.drive.catalogue import BASE, LAWS, ParameterScale
 from analysis.drive.table import Mask, Table
-from analysis.shot.quantity import Quantity
-from analysis.shot.shot import AnalysisError
+from analysis.shot import AnalysisError, Quantity
 
 Floats = NDArray[np.float64]
 NonlinearValues = Mapping[str, tuple[float, ...]]  # by law, for each law that has nonlinear parameters

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.drive.bandwidth import bandwidth_of
-from analysis.shot.motion import Motion
-from analysis.shot.shot import AnalysisError
-from analysis.signal.filters import stretches as unbroken
+from analysis.shot import AnalysisError, Motion
+from analysis.signal import stretches as unbroken
 
 Floats = NDArray[np.float64]
 FEWEST_SAMPLES = 200

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from analysis.drive.catalogue import Law
 from analysis.drive.stretch import Stretch
-from analysis.shot.shot import Cancelled, Stop
+from analysis.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]

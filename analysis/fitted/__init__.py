@@ -1,1 +1,5 @@
 """A shot with its fit, and the readings that come from a fit."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any, TypeVar
 
-from analysis.shot.shot import AnalysisError, Cancelled, Stop
+from analysis.shot import AnalysisError, Cancelled, Stop
 
 Result = TypeVar("Result")
 

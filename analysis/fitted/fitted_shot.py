@@ -11,14 +11,20 @@ from typing import Any
 from numpy.linalg import LinAlgError
 
 from analysis.fitted.fit_time import SECONDS, FitTime, run_in_time
-from analysis.shot.consistency import FIT_FLAGS, fit_flags
-from analysis.shot.disturbance import Shaking
-from analysis.shot.fit import Fit
-from analysis.shot.motion import Motion
-from analysis.shot.quantity import NotSeen, Quantity
-from analysis.shot.sample_rate_error import fit_with_rate_error
-from analysis.shot.shot import AnalysisError, Cancelled, Shot
-from levimass.analysis_settings import is_drive
+from analysis.shot import (
+    FIT_FLAGS,
+    AnalysisError,
+    Cancelled,
+    Fit,
+    Motion,
+    NotSeen,
+    Quantity,
+    Shaking,
+    Shot,
+    fit_flags,
+    fit_with_rate_error,
+)
+from levimass import is_drive
 
 _INNER = re.compile(r" with Collision\(.*\)", re.DOTALL)
 PATIENCE = 2.0  # times the time of a fit, after which it is abandoned: one step of it does not end
@@ -157,10 +163,10 @@ def fit_jointly(
 
     def fit() -> Fit:
         if is_drive(base):
-            from analysis.drive.driven_fit import fit_driven
+            from analysis.drive import fit_driven
 
             return fit_driven(motions, effects, left)
-        from analysis.inference.fit.shot_fit import fit_shots
+        from analysis.inference import fit_shots
 
         return fit_shots(motions, model=base, effects=effects, cancelled=left, shakings=shakings)
 

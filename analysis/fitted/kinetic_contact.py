@@ -10,12 +10,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects import named
-from analysis.collision.exact import Event, solve
-from analysis.collision.parameters import Collision, Variant
-from analysis.shot.fit import Fit
-from analysis.shot.quantity import NotSeen, Quantity, Reading
-from levimass.analysis_settings import is_drive
+from analysis.collision import Collision, Event, Variant, named, solve
+from analysis.shot import Fit, NotSeen, Quantity, Reading
+from levimass import is_drive
 
 Floats = NDArray[np.float64]
 

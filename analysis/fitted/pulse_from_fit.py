@@ -11,19 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.parameters import Infeasible
+from analysis.collision import Infeasible
 from analysis.fitted.fitted_shot import READ_FROM_MODEL
-from analysis.inference.fit.base import base_named
-from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.free_parameters import trials_named
-from analysis.inference.fit.hypothesis import Hypothesis, JointData
-from analysis.inference.fit.samples import take
-from analysis.shot.fit import Fit
-from analysis.shot.impact import Impact
-from analysis.shot.motion import Motion
-from analysis.shot.quantity import NotSeen, Quantity, Reading
-from analysis.shot.shot import AnalysisError
-from levimass.analysis_settings import is_drive
+from analysis.inference import Hypothesis, JointData, Point, base_named, take, trials_named
+from analysis.shot import AnalysisError, Fit, Impact, Motion, NotSeen, Quantity, Reading
+from levimass import is_drive
 
 Floats = NDArray[np.float64]
 DROWNED = 0.1  # noise of the force over the model's peak, beyond which a direct reading is mostly noise

@@ -10,12 +10,9 @@ from enum import StrEnum
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
-from analysis.collision.parameters import Collision, Variant
-from analysis.shot.quantity import NotSeen, Reading, to_json
-from analysis.shot.recording import Plate
-from analysis.shot.shot import Shot
-from analysis.uncertainty.gum_budget import combined_of, stated
-from analysis.uncertainty.numbers import read
+from analysis.collision import Collision, Variant
+from analysis.shot import NotSeen, Plate, Reading, Shot, to_json
+from analysis.uncertainty import combined_of, read, stated
 
 if TYPE_CHECKING:
     from analysis.paper.paper_audit import AuditValues, PaperRig

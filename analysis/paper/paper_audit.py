@@ -4,13 +4,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from analysis.collision.parameters import Collision, Variant
+from analysis.collision import Collision, Variant
 from analysis.paper.paper_simulation import Simulated, half_sine_time_s, simulate
+from analysis.shot import STANDARD_AIR, Disc, Plate, Quantity, refractive_index
 from analysis.shot import plate as plates
-from analysis.shot.air import STANDARD_AIR, refractive_index
-from analysis.shot.plate import Disc
-from analysis.shot.quantity import Quantity
-from analysis.shot.recording import Plate
 
 _VACUUM_M = 632.991354e-9  # of the HP 5518A (docs/physics.md, "from beats to force")
 

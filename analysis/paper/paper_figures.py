@@ -5,10 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.exact import solve
-from analysis.collision.parameters import Collision
-from analysis.shot.quantity import Quantity
-from analysis.shot.shot import Shot
+from analysis.collision import Collision, solve
+from analysis.shot import Quantity, Shot
 
 Floats = NDArray[np.float64]
 

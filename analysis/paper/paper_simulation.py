@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.exact import Trajectory, solve
-from analysis.collision.gear import simulate as gear
-from analysis.collision.parameters import Collision
-from analysis.fitted.kinetic_contact import contact_cor
+from analysis.collision import Collision, Trajectory, solve
+from analysis.collision import simulate as gear
+from analysis.fitted import contact_cor
 
 Floats = NDArray[np.float64]
 

@@ -5,12 +5,10 @@ from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement, count
 from math import inf, sqrt
 
-from analysis.collision.parameters import Infeasible
-from analysis.compiled.two_threads import side_by_side
-from analysis.diagnosis.verdict.coincidence import unforetold
-from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.inference.fit.free_parameters import trials_named
-from analysis.inference.fit.samples import Samples
+from analysis.collision import Infeasible
+from analysis.compiled import side_by_side
+from analysis.diagnosis import CRITERIA, unforetold
+from analysis.inference import Samples, trials_named
 from analysis.planning.model_comparison import ComparedModel, ModelComparison, rivals
 from analysis.planning.next_shot import NextShot
 from analysis.planning.predictions import (
@@ -24,7 +22,7 @@ from analysis.planning.predictions import (
     refitted_chi2,
     shot_penalty,
 )
-from analysis.shot.shot import Cancelled, Stop
+from analysis.shot import Cancelled, Stop
 
 Pair = tuple[int, int]  # the member that is true, its rival
 Shots = tuple[NextShot, ...]

@@ -6,27 +6,29 @@ from math import inf, isfinite
 
 import numpy as np
 
-from analysis.collision.effects import named
-from analysis.collision.parameters import Infeasible
-from analysis.diagnosis.search.competing_models import fitted_instead
-from analysis.diagnosis.search.forward_selection import Trail, without
-from analysis.diagnosis.verdict.coincidence import unforetold
-from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.identifiability import separation
-from analysis.inference.fit.base_fit import white_of
-from analysis.inference.fit.begin import begin_of
-from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.free_parameters import trials_named
-from analysis.inference.fit.hypothesis import Hypothesis
-from analysis.inference.fit.hypothesis_fit import Fitted, finish, first_floor, fit_hypothesis, search
-from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ
-from analysis.inference.noise.floor import Floor
-from analysis.inference.noise.joint_data import joint_data, shakings_of, site_under
-from analysis.inference.screen.columns import fixed_of
-from analysis.inference.screen.projector import projector
-from analysis.shot.fit import Fit
-from analysis.shot.motion import Motion
-from analysis.shot.shot import AnalysisError, Stop
+from analysis.collision import Infeasible, named
+from analysis.diagnosis import CRITERIA, Trail, fitted_instead, separation, unforetold, without
+from analysis.inference import (
+    FINE_RATE_HZ,
+    RATE_HZ,
+    Fitted,
+    Floor,
+    Hypothesis,
+    Point,
+    begin_of,
+    finish,
+    first_floor,
+    fit_hypothesis,
+    fixed_of,
+    joint_data,
+    projector,
+    search,
+    shakings_of,
+    site_under,
+    trials_named,
+    white_of,
+)
+from analysis.shot import AnalysisError, Fit, Motion, Stop
 
 _ARRIVED = 1e-2
 _UNLIKELY = 9.0  # of chi^2 above the best: three sigma, beyond which a member is not considered as the true model

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # the settings need what a rig can do, not the diagnosis
-    from analysis.diagnosis.result import Diagnosis
-    from analysis.inference.fit.samples import Samples
-    from analysis.shot.motion import Motion
+    from analysis.diagnosis import Diagnosis
+    from analysis.inference import Samples
+    from analysis.shot import Motion
 
 SPEEDS_M_PER_S = (0.05, 0.10, 0.20, 0.35, 0.60)
 ADDED_KG = (0.0, 0.05)

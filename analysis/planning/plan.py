@@ -14,7 +14,7 @@ from itertools import combinations_with_replacement
 from math import inf
 from typing import Any
 
-from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis import CRITERIA
 from analysis.planning.distances import (
     Distances,
     Pair,
@@ -28,7 +28,7 @@ from analysis.planning.distances import (
 )
 from analysis.planning.model_comparison import ModelComparison
 from analysis.planning.next_shot import MOST_SHOTS, NextShot, Reach, as_found_kg, effort, in_order, next_shots
-from analysis.shot.shot import Cancelled, Progress, Stop
+from analysis.shot import Cancelled, Progress, Stop
 
 SURE = 1.5  # noise norms above the required separation: the separation reached scatters by one
 _KEPT = 8  # shots that are combined into sequences of several

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from analysis.diagnosis.words import ONE_WITH_TWO_READINGS, plain
+from analysis.diagnosis import ONE_WITH_TWO_READINGS, plain
 from analysis.planning.next_shot import NextShot
 
 if TYPE_CHECKING:

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.parameters import Infeasible
-from analysis.compiled.two_threads import side_by_side
-from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.collision import Infeasible
+from analysis.compiled import side_by_side
+from analysis.inference import Fitted
 from analysis.planning.next_shot import NextShot, Reach, as_found_kg, effort, in_order, next_shots
 from analysis.planning.predictions import blank_shot, information_of, predict, present_information
-from analysis.shot.shot import AnalysisError, Cancelled, Progress, Stop
+from analysis.shot import AnalysisError, Cancelled, Progress, Stop
 
 Floats = NDArray[np.float64]
 ALL = "all"

@@ -6,10 +6,9 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from analysis.diagnosis.result import Diagnosis
+from analysis.diagnosis import Diagnosis
 from analysis.planning.next_shot import MOST_SHOTS, NextShot, Reach, undecided
-from analysis.shot.motion import Motion
-from analysis.shot.shot import Progress, Stop
+from analysis.shot import Motion, Progress, Stop
 
 if TYPE_CHECKING:  # they import all of the diagnosis; a window shows plans long before it makes one
     from analysis.planning.model_comparison import ModelComparison

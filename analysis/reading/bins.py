@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.motion import Motion
+from analysis.shot import Motion
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -16,8 +16,7 @@ from analysis.reading.knocks import find_knocks
 from analysis.reading.octaves import Octaves, waves_of
 from analysis.reading.strengths import Sight
 from analysis.reading.vibration_lines import add_line, design_matrix, frequency_derivative, line_of, refined, wave_of
-from analysis.shot.disturbance import VibrationLine
-from analysis.shot.motion import Motion
+from analysis.shot import Motion, VibrationLine
 
 Floats = NDArray[np.float64]
 

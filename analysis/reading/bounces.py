@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from analysis.reading.edges import Edge, edge_of_line, edges_of_short_flight
 from analysis.reading.flight import Flight, fit_flight
 from analysis.reading.floor_spectrum import FloorSpectrum
-from analysis.shot.motion import Motion
+from analysis.shot import Motion
 
 Floats = NDArray[np.float64]
 

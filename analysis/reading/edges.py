@@ -7,8 +7,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from analysis.reading.flight import Flight
-from analysis.shot.motion import Motion
-from analysis.signal.filters import first_run
+from analysis.shot import Motion
+from analysis.signal import first_run
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

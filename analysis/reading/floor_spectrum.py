@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.reading.octaves import Octaves
-from analysis.shot.disturbance import Shaking
+from analysis.shot import Shaking
 
 Floats = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.motion import Motion
-from analysis.signal.filters import first_run
+from analysis.shot import Motion
+from analysis.signal import first_run
 
 Floats = NDArray[np.float64]
 

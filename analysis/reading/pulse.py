@@ -9,9 +9,8 @@ from scipy.fft import irfft, next_fast_len, rfft
 from analysis.reading.edges import Edge
 from analysis.reading.flight import Flight
 from analysis.reading.floor_spectrum import FloorSpectrum
-from analysis.shot.motion import Motion
-from analysis.shot.quantity import NotSeen, Quantity, Reading
-from analysis.signal.filters import derivative_filters
+from analysis.shot import Motion, NotSeen, Quantity, Reading
+from analysis.signal import derivative_filters
 
 Floats = NDArray[np.float64]
 

@@ -13,12 +13,18 @@ from analysis.reading.edges import Edge, edge_of_flight
 from analysis.reading.flight import FEWEST_SAMPLES, LONGEST_FLIGHT_S, Flight
 from analysis.reading.locate import CollisionSpan, find_collision
 from analysis.reading.vibration_lines import without_lines
-from analysis.shot.consistency import reading_flags
-from analysis.shot.disturbance import Disturbance, Shaking
-from analysis.shot.impact import Impact, KineticCor
-from analysis.shot.motion import Motion
-from analysis.shot.quantity import NotSeen, Quantity, Reading
-from analysis.shot.shot import AnalysisError
+from analysis.shot import (
+    AnalysisError,
+    Disturbance,
+    Impact,
+    KineticCor,
+    Motion,
+    NotSeen,
+    Quantity,
+    Reading,
+    Shaking,
+    reading_flags,
+)
 
 GUARD = 1.5  # of the force filter's reach: the distance of a flight's line from a contact's edge
 RELEASE_GUARD = 0.05  # of the contact: the same before the release is known

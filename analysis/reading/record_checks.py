@@ -3,8 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.motion import Motion
-from analysis.shot.shot import AnalysisError
+from analysis.shot import AnalysisError, Motion
 
 Floats = NDArray[np.float64]
 CLEAR_SIGMAS = 20.0  # of the displacement's noise, by which a turn must stand out

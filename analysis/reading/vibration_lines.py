@@ -9,9 +9,7 @@ from scipy.linalg import cho_solve
 from analysis.reading.bins import Bins
 from analysis.reading.octaves import waves_of
 from analysis.reading.strengths import Sight, Weighing
-from analysis.shot.disturbance import VibrationLine
-from analysis.shot.motion import Motion
-from analysis.shot.quantity import Quantity
+from analysis.shot import Motion, Quantity, VibrationLine
 
 Floats = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from analysis.shot.impact import Impact
 from analysis.shot.motion import Motion
 from analysis.shot.plot_note import PlotNote
 from analysis.shot.recording import Setup
-from levimass.analysis_settings import AnalysisSettings as AnalysisSettings
+from levimass import AnalysisSettings as AnalysisSettings
 
 Progress = Callable[[str, float], None]  # (what is being done, fraction of the whole)
 Stop = Callable[[], bool]  # whether the caller has cancelled

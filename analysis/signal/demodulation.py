@@ -5,12 +5,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.air import wavelength_in_air_m
-from analysis.shot.motion import BeatQuality, Motion
-from analysis.shot.quantity import Quantity
-from analysis.shot.recording import Recording, Role
-from analysis.shot.sample_rate_error import RATE_CONTRADICTED, rate_error
-from analysis.shot.shot import AnalysisError, AnalysisSettings, Progress, Stop
+from analysis.shot import (
+    RATE_CONTRADICTED,
+    AnalysisError,
+    AnalysisSettings,
+    BeatQuality,
+    Motion,
+    Progress,
+    Quantity,
+    Recording,
+    Role,
+    Stop,
+    rate_error,
+    wavelength_in_air_m,
+)
 from analysis.signal.bridge import joined
 from analysis.signal.cross_talk import LEFT as CROSS_TALK
 from analysis.signal.cross_talk import LEFT_ABOVE, find_cross_talk, swapped_hz, without_cross_talk

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.shot.recording import Recording
-from analysis.shot.shot import AnalysisError, AnalysisSettings
+from analysis.shot import AnalysisError, AnalysisSettings, Recording
 from analysis.signal.survey import Survey
 from analysis.signal.tuning import OscillatorSchedule, Tuning, fixed_schedule, following_schedule, tune
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.recording import Recording
+from analysis.shot import Recording
 from analysis.signal.beat import BeatReader
 from analysis.signal.filters import decimator_taps, stretches
 from analysis.signal.rest import RestPhase

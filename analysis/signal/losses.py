@@ -12,7 +12,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from analysis.shot.recording import Gap, Recording, Role
+from analysis.shot import Gap, Recording, Role
 from analysis.signal.filters import stretches
 from analysis.signal.rest_tones import RestTones, cumulative, jump_of, tone_columns
 from analysis.signal.track import Track

@@ -3,9 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.motion import Motion
-from analysis.shot.quantity import NotSeen
-from analysis.shot.shot import AnalysisError
+from analysis.shot import AnalysisError, Motion, NotSeen
 from analysis.signal.filters import CHI2_MEDIAN, FLAT_SHARE, derivative_gains, derivatives
 
 Floats = NDArray[np.float64]

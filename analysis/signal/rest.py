@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.quantity import Quantity
-from analysis.shot.shot import AnalysisError
+from analysis.shot import AnalysisError, Quantity
 
 Floats = NDArray[np.float64]
 _HIGHEST_DEGREE = 4

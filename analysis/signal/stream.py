@@ -5,9 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.air import wavelength_in_air_m
-from analysis.shot.recording import Setup
-from analysis.shot.shot import AnalysisError
+from analysis.shot import AnalysisError, Setup, wavelength_in_air_m
 from analysis.signal.beat import BeatReader
 from analysis.signal.decimate import PhaseDecimator, filtered
 from analysis.signal.filters import derivative_filters

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
-from analysis.shot.shot import AnalysisError
+from analysis.shot import AnalysisError
 
 STRETCH_S = 40e-6
 SPACING_S = 1e-3

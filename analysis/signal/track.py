@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.recording import Gap, Recording
-from analysis.shot.shot import AnalysisError, Cancelled, Progress, Stop
+from analysis.shot import AnalysisError, Cancelled, Gap, Progress, Recording, Stop
 from analysis.signal.beat import BeatReader
 from analysis.signal.bridge import Bridge, Segment
 from analysis.signal.decimate import PhaseDecimator, noise_ratio

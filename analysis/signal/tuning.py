@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.shot import AnalysisError
+from analysis.shot import AnalysisError
 
 BATCH = 64  # decimated samples read with one oscillator; their input stays in the first cache
 PHASE_STEPS = 65536  # the local oscillator advances by whole 1/65536 cycles a decimated sample: exact in integers

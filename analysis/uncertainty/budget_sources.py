@@ -6,11 +6,17 @@ from typing import Any
 
 from uncertainties import ufloat
 
-from analysis.shot.air import STANDARD_AIR, refractive_index, wavelength_in_air_m
-from analysis.shot.plate import Number
-from analysis.shot.quantity import Quantity, Reading
-from analysis.shot.recording import Plate, Setup
-from analysis.shot.shot import Shot
+from analysis.shot import (
+    STANDARD_AIR,
+    Number,
+    Plate,
+    Quantity,
+    Reading,
+    Setup,
+    Shot,
+    refractive_index,
+    wavelength_in_air_m,
+)
 from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
 
 _DEFAULT_VACUUM_M = 632.991354e-9  # of the HP 5518A, for the sensitivity to air where no vacuum wavelength is stated

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from uncertainties.core import AffineScalarFunc
 
-from analysis.shot.quantity import Quantity, Reading
-from analysis.shot.shot import Shot
+from analysis.shot import Quantity, Reading, Shot
 from analysis.uncertainty.budget_sources import ShotSources
 from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
 from analysis.uncertainty.measurement_equations import EquationInputs

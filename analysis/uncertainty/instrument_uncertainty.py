@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
 
-from analysis.shot.plate import PlateTolerance
+from analysis.shot import PlateTolerance
 
 _RECTANGLE = 1.0 / math.sqrt(3.0)  # standard uncertainty of a limit of which no more is known (GUM 4.3.7)
 

@@ -6,11 +6,8 @@ from operator import attrgetter
 
 import numpy as np
 
-from analysis.reading.pulse import SLOPE_SPAN
-from analysis.shot.impact import Impact
-from analysis.shot.plate import Number, compliance_of, corrected_slope
-from analysis.shot.quantity import Quantity, Reading
-from analysis.shot.shot import Shot
+from analysis.reading import SLOPE_SPAN
+from analysis.shot import Impact, Number, Quantity, Reading, Shot, compliance_of, corrected_slope
 from analysis.uncertainty.budget_sources import ShotSources
 
 FIT_NOISE = "beat noise, through the fit"

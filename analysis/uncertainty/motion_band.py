@@ -5,12 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.result import Diagnosis, Verdict
-from analysis.fitted.fitted_shot import shaking_of
-from analysis.shot.disturbance import Shaking
-from analysis.shot.motion import Motion
-from analysis.shot.shot import Shot
-from analysis.signal.filters import derivative_filters, derivative_gains
+from analysis.diagnosis import Diagnosis, Verdict
+from analysis.fitted import shaking_of
+from analysis.shot import Motion, Shaking, Shot
+from analysis.signal import derivative_filters, derivative_gains
 
 Floats = NDArray[np.float64]
 WANDERS = 1.1  # times the white noise, beyond which a fit's noise includes slow noise that it estimated

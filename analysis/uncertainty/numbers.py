@@ -8,9 +8,8 @@ from dataclasses import KW_ONLY, dataclass
 from enum import Enum
 from operator import attrgetter
 
-from analysis.fitted.fitted_shot import awaits_fit
-from analysis.shot.quantity import NotSeen, Quantity, Reading, shown_in
-from analysis.shot.shot import Shot
+from analysis.fitted import awaits_fit
+from analysis.shot import NotSeen, Quantity, Reading, Shot, shown_in
 from analysis.uncertainty import measurement_equations as by
 from analysis.uncertainty.measurement_equations import Equation
 

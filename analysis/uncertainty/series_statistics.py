@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.quantity import NotSeen, Quantity, Reading, to_json
-from analysis.shot.shot import Shot
+from analysis.shot import NotSeen, Quantity, Reading, Shot, to_json
 from analysis.uncertainty.numbers import ResultNumber, of_series
 
 Floats = NDArray[np.float64]

@@ -4,14 +4,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from app.command_line.outputs import in_a_line, say
-from instrument.bench.effects import parse
-from instrument.bench.simulated_shots import simulate as write_simulated
-from instrument.bench.site import QUIET, site_named
-from instrument.capture.headless_acquisition import AcquireError
-from instrument.capture.headless_acquisition import acquire as record
-from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
-from instrument.files.recording_error import RecordingError
-from instrument.process.subprocess_digitizer import open_in_subprocess
+from instrument.bench import QUIET, parse, site_named
+from instrument.bench import simulate as write_simulated
+from instrument.capture import AcquireError
+from instrument.capture import acquire as record
+from instrument.devices import CaptureSettings, Digitizer, DigitizerError
+from instrument.files import RecordingError
+from instrument.process import open_in_subprocess
 
 SHOT_S = 0.06  # default length: a contact of 30 ms with free flight on both sides
 LEAST_ARMING_S = 10.0  # a device may load firmware and reconnect under another name

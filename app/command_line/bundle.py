@@ -13,11 +13,9 @@ from pathlib import Path
 from platformdirs import user_config_path, user_log_path
 
 from app.command_line.machine import version_text
-from app.session.log import NAME
-from instrument.devices.doctor import Check
-from instrument.files.atomic_file import write_atomic
-from instrument.files.recording_error import RecordingError
-from instrument.files.text_file import open_regular
+from app.session import NAME
+from instrument.devices import Check
+from instrument.files import RecordingError, open_regular, write_atomic
 
 _MOST_OF_A_FILE = 4 << 20
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 
 from app.command_line.modes import run_of
 from app.command_line.parser import parse
-from app.words.plain import PlainStream
+from app.words import PlainStream
 
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 

@@ -6,19 +6,17 @@ from pathlib import Path
 
 from platformdirs import user_log_path
 
-from analysis.compiled.kernel_cache import cache_folder
-from analysis.shot.shot import Progress
+from analysis.compiled import cache_folder
+from analysis.shot import Progress
 from app.command_line.bundle import write_bundle
 from app.command_line.machine import installed, why_no_window
 from app.command_line.outputs import say
-from app.session.kernel_compilation import complete
-from app.session.kernel_compilation import prepare as compile_all
-from app.session.log import NAME
-from instrument.devices.digitizer import DigitizerError
-from instrument.devices.doctor import Check, Grade, examine
-from instrument.files.recording_error import RecordingError
-from instrument.live.signal_trial import try_signals
-from instrument.process.subprocess_digitizer import open_in_subprocess
+from app.session import NAME, complete
+from app.session import prepare as compile_all
+from instrument.devices import Check, DigitizerError, Grade, examine
+from instrument.files import RecordingError
+from instrument.live import try_signals
+from instrument.process import open_in_subprocess
 
 
 def doctor(folder: Path | None = None, source: str | None = None, bundle: Path | None = None) -> int:

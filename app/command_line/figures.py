@@ -10,11 +10,9 @@ import pyqtgraph as pg
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication
 
-from analysis.paper.paper import load, paper_rig
-from analysis.paper.paper_figures import Curve, Figure, Row, figures
-from analysis.shot.shot import Shot
-from app.window.plots.save import save_png, save_svg
-from app.window.theme import LIGHT
+from analysis.paper import Curve, Figure, Row, figures, load, paper_rig
+from analysis.shot import Shot
+from app.window import LIGHT, save_png, save_svg
 
 WIDTH, HEIGHT = 1000, 380  # of one row, in logical pixels
 AXIS_WIDTH = 64

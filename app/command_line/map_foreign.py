@@ -7,22 +7,26 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.shot.recording import Role, Setup
+from analysis.shot import Role, Setup
 from app.command_line.outputs import say
-from instrument.files.foreign.contents import ForeignContents
-from instrument.files.foreign.mapping import (
+from instrument.files import (
     FOLDER_MAPPING,
+    LENGTHS_M,
+    ForeignContents,
     ForeignMapping,
     MappedChannel,
+    MotionColumns,
+    RecordingError,
     find_mapping,
+    foreign_channels,
+    length_unit,
     mapping_path,
+    read_foreign,
     read_mapping,
+    read_motion,
+    save_columns,
     write_mapping,
 )
-from instrument.files.foreign.reading import foreign_channels, read_foreign
-from instrument.files.motion_columns import LENGTHS_M, MotionColumns, length_unit
-from instrument.files.motion_file import read_motion, save_columns
-from instrument.files.recording_error import RecordingError
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from app.command_line.options import WINDOW
 from app.command_line.parser import command_of, settings_from
 
 if TYPE_CHECKING:
-    from analysis.planning.next_shot import Reach
+    from analysis.planning import Reach
 
 Run = Callable[[], int]
 
@@ -24,7 +24,7 @@ def run_of(options: argparse.Namespace, arguments: Sequence[str]) -> Run:
 
 def window(argv: Sequence[str] | None = None, *, site: str | None = None) -> int:
     """Open the desktop application; its simulated bench stands at ``site``, else as in the settings."""
-    from app.window.main_window import run
+    from app.window import run
 
     return run(list(sys.argv[1:] if argv is None else argv), site)
 
@@ -34,7 +34,7 @@ def reach_of(options: argparse.Namespace) -> "Reach":
 
     The settings of the window do not count here, so that a command gives everybody the same answer.
     """
-    from analysis.planning.next_shot import Reach
+    from analysis.planning import Reach
 
     usual = Reach()
     return Reach(
@@ -83,7 +83,7 @@ def _replay(options: argparse.Namespace) -> Run:
 
 def _acquire(options: argparse.Namespace) -> Run:
     from app.command_line.acquire import CaptureRequest, acquire
-    from instrument.devices.sources import at_site
+    from instrument.devices import at_site
 
     source = options.source if options.site is None else at_site(options.source, options.site)
     request = CaptureRequest(source, options.out, options.rate, options.samples, options.timeout)

@@ -10,11 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from levimass.analysis_settings import AnalysisChoices, AnalysisSettings
-from levimass.setting import Setting, settings_of
+from levimass import AnalysisChoices, AnalysisSettings, Setting, settings_of
 
 if TYPE_CHECKING:
-    from analysis.diagnosis.model_file import SavedModel
+    from analysis.diagnosis import SavedModel
 
 Parsed = Callable[[str], Any]
 
@@ -47,7 +46,7 @@ _positive_int = _from(1, int, "not a positive whole number")
 
 
 def _sources() -> str:
-    from instrument.devices.sources import source_words
+    from instrument.devices import source_words
 
     return source_words()
 
@@ -264,6 +263,6 @@ def known_model(model: str | None) -> "SavedModel | None":
     """Return the model of a model file, or None where ``model`` is a name.  Raises RecordingError."""
     if model is None or not is_model_file(model):
         return None
-    from app.session.model_in_use import load_model  # slow to import: not for a usage error
+    from app.session import load_model  # slow to import: not for a usage error
 
     return load_model(Path(model))

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from analysis.shot.shot import AnalysisError, Shot
-from instrument.files.atomic_file import check_writable, write_text_atomic
-from instrument.files.recording_error import RecordingError, one_line
+from analysis.shot import AnalysisError, Shot
+from instrument.files import RecordingError, check_writable, one_line, write_text_atomic
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,14 +4,13 @@ import os
 import textwrap
 from pathlib import Path
 
-from analysis.collision.exact import TooManyEvents
-from analysis.paper.paper import Reproduction, Status, reproduce, to_result
-from analysis.shot.shot import Shot
+from analysis.collision import TooManyEvents
+from analysis.paper import Reproduction, Status, reproduce, to_result
+from analysis.shot import Shot
 from app.command_line.outputs import in_a_line, json_text, say, say_problem, write_json
-from app.report.paper_rows import SECTIONS, cells, shown
-from app.session.load import load_and_analyse
-from instrument.files.recording_error import RecordingError
-from instrument.files.recording_search import find_recordings
+from app.report import SECTIONS, cells, shown
+from app.session import load_and_analyse
+from instrument.files import RecordingError, find_recordings
 
 _WIDTHS = (42, 24, 10, 10, 10, 25, 24)
 _LINE = 120

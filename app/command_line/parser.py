@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from app.command_line import options as declared
 from app.command_line.options import COMMANDS, MODELS, PLAN, WINDOW, Version, commands_of, is_model_file
-from levimass.analysis_settings import AnalysisSettings
+from levimass import AnalysisSettings
 
 
 def flat_parser() -> argparse.ArgumentParser:
@@ -104,8 +104,8 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
 
 
 def _check_site(parser: argparse.ArgumentParser, options: argparse.Namespace, command: str) -> None:
-    from instrument.bench.site import site_named
-    from instrument.devices.sources import is_bench
+    from instrument.bench import site_named
+    from instrument.devices import is_bench
 
     if command == "acquire" and not is_bench(options.source):
         parser.error("--site is where the simulated bench stands: with --simulate, --acquire --source bench or alone")

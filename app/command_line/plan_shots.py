@@ -4,16 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from analysis.diagnosis.result import Diagnosis
-from analysis.planning.model_comparison import refit_diagnosed
-from analysis.planning.next_shot import Reach
-from analysis.planning.plan_words import plan_sentence, with_words
-from analysis.planning.plan_words import shots as shots_words
-from analysis.planning.precision import plan_precision
-from analysis.planning.shot_log import plan_next
-from analysis.shot.shot import AnalysisError, Shot
+from analysis.diagnosis import Diagnosis
+from analysis.planning import Reach, plan_next, plan_precision, plan_sentence, refit_diagnosed, with_words
+from analysis.planning import shots as shots_words
+from analysis.shot import AnalysisError, Shot
 from app.command_line.outputs import own_fault, say
-from levimass.analysis_settings import is_drive
+from levimass import is_drive
 
 NOTHING_OPEN = "the diagnosis leaves nothing open that another shot would have to decide"
 

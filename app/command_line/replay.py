@@ -4,17 +4,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from analysis.diagnosis.diagnosis_of_shots import diagnose
-from analysis.diagnosis.model_file import SavedModel, drift, saved, to_text
-from analysis.diagnosis.result import Diagnosis, Verdict
-from analysis.diagnosis.verdict.foretold import Foretold
-from analysis.diagnosis.verdict.foretold import foretell as foretell_motions
-from analysis.fitted.fit_time import SECONDS, run_in_time
-from analysis.fitted.fitted_shot import fit_again, read_together
-from analysis.planning.next_shot import Reach
+from analysis.diagnosis import Diagnosis, Foretold, SavedModel, Verdict, diagnose, drift, saved, to_text
+from analysis.diagnosis import foretell as foretell_motions
+from analysis.fitted import SECONDS, fit_again, read_together, run_in_time
+from analysis.planning import Reach
 from analysis.report import result
-from analysis.shot.plates_of_set import why_not_together
-from analysis.shot.shot import AnalysisError, AnalysisSettings, Shot
+from analysis.shot import AnalysisError, AnalysisSettings, Shot, why_not_together
 from app.command_line.options import known_model
 from app.command_line.outputs import (
     Outputs,
@@ -28,16 +23,10 @@ from app.command_line.outputs import (
 )
 from app.command_line.plan_shots import PlannedShots, plan_shots
 from app.command_line.summary import summary
-from app.report.csv_export import export, export_laws, export_prediction
-from app.report.hdf5_export import export_hdf5
-from app.report.page import report_of
-from app.session.load import load_and_analyse
-from app.session.model_in_use import DRIFT_SIGMAS, with_combined
-from instrument.files.atomic_file import write_text_atomic
-from instrument.files.law_file import read_law
-from instrument.files.recording_error import RecordingError
-from instrument.files.recording_search import find_recordings
-from levimass.analysis_settings import is_drive
+from app.report import export, export_hdf5, export_laws, export_prediction, report_of
+from app.session import DRIFT_SIGMAS, load_and_analyse, with_combined
+from instrument.files import RecordingError, find_recordings, read_law, write_text_atomic
+from levimass import is_drive
 
 
 @dataclass(frozen=True, slots=True)

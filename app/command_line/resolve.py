@@ -3,22 +3,26 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from analysis.diagnosis.diagnosis_of_shots import diagnose
-from analysis.diagnosis.result import Diagnosis
-from analysis.planning.next_shot import NextShot, Reach
-from analysis.planning.plan_words import plan_sentence, with_words
-from analysis.planning.shot_log import PlannedStep, PlanningState, next_step, plan_next
+from analysis.diagnosis import Diagnosis, diagnose
+from analysis.planning import (
+    NextShot,
+    PlannedStep,
+    PlanningState,
+    Reach,
+    next_step,
+    plan_next,
+    plan_sentence,
+    with_words,
+)
 from analysis.report import result
-from analysis.shot.shot import AnalysisError, Shot
+from analysis.shot import AnalysisError, Shot
 from app.command_line.acquire import LEAST_ARMING_S, CaptureRequest, capture_settings
 from app.command_line.outputs import check_outputs, in_a_line, json_text, say, say_problem, write_json
-from app.session.load import load_and_analyse
-from app.session.planned_capture import planned_record, planned_setup
-from instrument.capture.headless_acquisition import AcquireError, acquire
-from instrument.devices.digitizer import DigitizerError
-from instrument.devices.sources import is_bench, pushed
-from instrument.files.recording_error import RecordingError
-from instrument.process.subprocess_digitizer import open_in_subprocess
+from app.session import load_and_analyse, planned_record, planned_setup
+from instrument.capture import AcquireError, acquire
+from instrument.devices import DigitizerError, is_bench, pushed
+from instrument.files import RecordingError
+from instrument.process import open_in_subprocess
 
 
 def resolve(first: int, most: int, request: CaptureRequest, json_to: str | None, reach: Reach | None = None) -> int:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from app.command_line.machine import why_no_window
 from app.command_line.modes import window
-from instrument.bench.site import USUAL_SITE, site_named
+from instrument.bench import USUAL_SITE, site_named
 
 
 def main() -> int:
@@ -23,14 +23,14 @@ def main() -> int:
 def headless_shot() -> int:
     """Simulate one shot in a usual laboratory and print its readings, then its fit."""
     from analysis.pipeline import fitted, read
-    from analysis.uncertainty.gum_budget import combined_of
+    from analysis.uncertainty import combined_of
     from app.command_line.doctor import progress_lines
     from app.command_line.outputs import say_problem
     from app.command_line.summary import fit_lines, summary
-    from app.session.kernel_compilation import Stage, prepare_first_shot
-    from app.words.flags import by_weight, flag_words
-    from instrument.bench.simulated_shots import simulate
-    from instrument.files.raw_recording import open_recording
+    from app.session import Stage, prepare_first_shot
+    from app.words import by_weight, flag_words
+    from instrument.bench import simulate
+    from instrument.files import open_recording
 
     ready = {stage: threading.Event() for stage in (Stage.READINGS, Stage.FIT)}
     with ThreadPoolExecutor(1) as executor, tempfile.TemporaryDirectory(prefix="levimass-") as folder:

@@ -2,13 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 
-from analysis.fitted.fitted_shot import readings_model
-from analysis.shot.fit import Fit
-from analysis.shot.quantity import Quantity
-from analysis.shot.shot import Shot
-from analysis.uncertainty.gum_budget import combined_of, stated
-from analysis.uncertainty.numbers import Origin, of_collision
-from app.words.flags import by_weight, flag_words
+from analysis.fitted import readings_model
+from analysis.shot import Fit, Quantity, Shot
+from analysis.uncertainty import Origin, combined_of, of_collision, stated
+from app.words import by_weight, flag_words
 
 
 def summary(shot: Shot) -> str:

@@ -12,22 +12,26 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.result import Diagnosis, Errors, LearnedLaw
-from analysis.fitted.fitted_shot import shaking_of
-from analysis.shot.disturbance import Shaking
-from analysis.shot.motion import Motion
-from analysis.shot.quantity import Quantity, Reading
-from analysis.shot.shot import Shot
-from analysis.uncertainty.gum_budget import COLUMNS as BUDGET_COLUMNS
-from analysis.uncertainty.gum_budget import budget, budget_rows, combined_of
-from analysis.uncertainty.motion_band import noise_band
-from analysis.uncertainty.numbers import Origin, ResultNumber, of_collision
-from analysis.uncertainty.series_statistics import series, series_rows
-from app.words.plain import cell
-from instrument.files.atomic_file import write_text_atomic
+from analysis.diagnosis import Diagnosis, Errors, LearnedLaw
+from analysis.fitted import shaking_of
+from analysis.shot import Motion, Quantity, Reading, Shaking, Shot
+from analysis.uncertainty import COLUMNS as BUDGET_COLUMNS
+from analysis.uncertainty import (
+    Origin,
+    ResultNumber,
+    budget,
+    budget_rows,
+    combined_of,
+    noise_band,
+    of_collision,
+    series,
+    series_rows,
+)
+from app.words import cell
+from instrument.files import write_text_atomic
 
 if TYPE_CHECKING:
-    from analysis.diagnosis.verdict.foretold import Foretold
+    from analysis.diagnosis import Foretold
 
 Floats = NDArray[np.float64]
 MOTION_COLUMNS = (

@@ -5,21 +5,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.diagnosis.result import Diagnosis, Errors, FoundEffect, LearnedLaw
-from analysis.shot.plates_of_set import plates_words, weights_words
-from analysis.shot.quantity import Quantity
-from analysis.shot.shot import Shot
-from analysis.uncertainty.motion_band import diagnosed_band
+from analysis.diagnosis import Diagnosis, Errors, FoundEffect, LearnedLaw
+from analysis.shot import Quantity, Shot, plates_words, weights_words
+from analysis.uncertainty import diagnosed_band
 from app.report.markup import Markup, joined, table, tag
 from app.report.number_tables import fitted
 from app.report.shot_figures import NOISE, figure
 from app.report.svg_plot import Band, Line, Plot
-from app.words.physics_words import effect_words, parameter_parts, prefix_for
-from app.words.verdict import VERDICTS
-from instrument.files.recording_error import one_line
+from app.words import VERDICTS, effect_words, parameter_parts, prefix_for
+from instrument.files import one_line
 
 if TYPE_CHECKING:
-    from analysis.diagnosis.verdict.foretold import Foretold
+    from analysis.diagnosis import Foretold
 
 ERRORS = (
     ("displacement_rms_m", "displacement, rms", "m"),

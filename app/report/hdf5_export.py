@@ -10,12 +10,10 @@ from typing import Any
 import numpy as np
 
 from analysis.report import shot_result
-from analysis.shot.shot import Shot
-from analysis.shot.version import program_version
+from analysis.shot import Shot, program_version
 from app.report.csv_export import motion_columns, motion_file_names
-from app.words.physics_words import parameter_parts
-from instrument.files.atomic_file import write_atomic
-from instrument.files.recording_error import RecordingError
+from app.words import parameter_parts
+from instrument.files import RecordingError, write_atomic
 
 
 def export_hdf5(shots: Sequence[Shot], folder: Path) -> list[Path]:

@@ -3,15 +3,20 @@
 import math
 from collections.abc import Collection
 
-from analysis.fitted.fitted_shot import ReadingsModel
-from analysis.shot.disturbance import Disturbance
-from analysis.shot.fit import Fit
-from analysis.shot.quantity import NotSeen, Quantity, Reading, shown_in
-from analysis.shot.shot import Shot
-from analysis.uncertainty.gum_budget import COVERAGE_FACTOR, Budget, BudgetRow, QuantityBudget
-from analysis.uncertainty.numbers import Origin, number_of, of_collision, with_unit
+from analysis.fitted import ReadingsModel
+from analysis.shot import Disturbance, Fit, NotSeen, Quantity, Reading, Shot, shown_in
+from analysis.uncertainty import (
+    COVERAGE_FACTOR,
+    Budget,
+    BudgetRow,
+    Origin,
+    QuantityBudget,
+    number_of,
+    of_collision,
+    with_unit,
+)
 from app.report.markup import Markup, joined, table, tag
-from app.words.physics_words import correlation_words, effect_words, parameter_parts
+from app.words import correlation_words, effect_words, parameter_parts
 
 SMALL = 0.02  # of the combined uncertainty: smaller contributions share one row
 

@@ -3,13 +3,10 @@
 from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
 
-from analysis.diagnosis.result import Diagnosis
-from analysis.diagnosis.verdict.foretold import Foretold
-from analysis.fitted.fitted_shot import readings_model
-from analysis.shot.plot_note import UNITS, PlotNote
-from analysis.shot.shot import Shot
-from analysis.uncertainty.gum_budget import budget
-from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
+from analysis.diagnosis import Diagnosis, Foretold
+from analysis.fitted import readings_model
+from analysis.shot import UNITS, PlotNote, Shot
+from analysis.uncertainty import InstrumentUncertainty, budget
 from app.report import provenance
 from app.report.diagnosis_section import diagnosis_section, prediction_section
 from app.report.markup import Markup, joined, table, tag
@@ -17,7 +14,7 @@ from app.report.number_tables import budgets, disturbance_section, fitted, model
 from app.report.session_section import session_section
 from app.report.shot_figures import figures
 from app.report.svg_style import style_sheet
-from app.words.flags import by_weight, flag_words
+from app.words import by_weight, flag_words
 
 MOST_DRAWN = 24  # shots with figures: more would make the file too large for a browser
 NO_LOADING = "default-src 'none'; style-src 'unsafe-inline'"

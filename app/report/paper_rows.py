@@ -1,7 +1,7 @@
 """Rows that compare the paper's numbers with this program's, as text in readable units."""
 
-from analysis.paper.paper import PaperRow, Status
-from analysis.shot.quantity import Quantity
+from analysis.paper import PaperRow, Status
+from analysis.shot import Quantity
 
 SECTIONS = {
     "input": "Parameters of the paper's rig and simulation",

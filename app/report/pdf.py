@@ -10,7 +10,7 @@ from PySide6.QtSvg import QSvgRenderer
 
 from app.report.svg_plot import WIDTH
 from app.report.svg_style import with_own_style
-from instrument.files.atomic_file import write_atomic
+from instrument.files import write_atomic
 
 _FIGURE = re.compile(r"<svg\b.*?</svg>", re.DOTALL)
 _KEY = re.compile(r'<span class="key ([\w-]+)">')

@@ -8,18 +8,20 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from analysis.diagnosis.model_file import saved, to_text
-from analysis.shot.motion import BeatQuality
-from analysis.shot.quantity import NotSeen
-from analysis.shot.recording import DEFAULT_WAVELENGTH_AIR_M, Setup
-from analysis.shot.shot import Shot
-from analysis.shot.version import program_version
+from analysis.diagnosis import saved, to_text
+from analysis.shot import DEFAULT_WAVELENGTH_AIR_M, BeatQuality, NotSeen, Setup, Shot, program_version
 from app.report.markup import Markup, joined, table, tag
-from instrument.files.foreign.mapping import find_mapping, is_foreign, read_mapping
-from instrument.files.recording_error import RecordingError, one_line, shown
-from instrument.files.recording_file import data_hash
-from instrument.files.recording_metadata import read_metadata
-from instrument.files.recording_search import recording_stem
+from instrument.files import (
+    RecordingError,
+    data_hash,
+    find_mapping,
+    is_foreign,
+    one_line,
+    read_mapping,
+    read_metadata,
+    recording_stem,
+    shown,
+)
 
 NUMERICS = ("numpy", "scipy", "numba")
 

@@ -6,16 +6,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.shot.quantity import Quantity, shown_in
-from analysis.shot.shot import Shot
-from analysis.uncertainty.gum_budget import budget, combined_of, stated
-from analysis.uncertainty.numbers import Origin, of_collision, with_unit
-from analysis.uncertainty.series_statistics import Series, Summary, Trend, series
+from analysis.shot import Quantity, Shot, shown_in
+from analysis.uncertainty import (
+    Origin,
+    Series,
+    Summary,
+    Trend,
+    budget,
+    combined_of,
+    of_collision,
+    series,
+    stated,
+    with_unit,
+)
 from app.report.markup import Markup, joined, table, tag
 from app.report.number_tables import scaled
 from app.report.shot_figures import contact_span_ms, figure, time_zero
 from app.report.svg_plot import Dot, Line, Plot, draw
-from app.words.flags import by_weight, flag_name
+from app.words import by_weight, flag_name
 
 COLOURS = 8  # of the style sheet: series-0 to series-7, then again
 NAMED = 8  # most curves in a legend

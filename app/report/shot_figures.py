@@ -6,10 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.fit import Overlay
-from analysis.shot.quantity import Quantity
-from analysis.shot.shot import Shot
-from analysis.uncertainty.motion_band import band_of
+from analysis.shot import Overlay, Quantity, Shot
+from analysis.uncertainty import band_of
 from app.report.markup import Markup, tag
 from app.report.svg_plot import WIDTH, Band, Line, Plot, Remark, draw
 

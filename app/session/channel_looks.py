@@ -10,10 +10,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.recording import Role
-from analysis.shot.shot import Shot
-from instrument.files.foreign.contents import ForeignChannel, ForeignColumn, ForeignContents
-from instrument.files.foreign.reading import foreign_columns
+from analysis.shot import Role, Shot
+from instrument.files import ForeignChannel, ForeignColumn, ForeignContents, foreign_columns
 
 USED_SAMPLES = 2**22  # of each channel
 PARTS, PART = 48, 4096  # parts of the record that are searched for a beat, and their greatest length

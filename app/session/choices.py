@@ -5,14 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
-from analysis.shot.recording import AIR
-from analysis.shot.shot import AnalysisSettings
+from analysis.shot import AIR, AnalysisSettings
 from app.session import settings_file
 from app.session.settings import MOST_ADDRESSES, WrongSettings
-from instrument.capture.capture_options import CaptureOptions
-from instrument.devices.digitizer import Digitizer
-from instrument.devices.sources import source_of
-from levimass.setting import Value
+from instrument.capture import CaptureOptions
+from instrument.devices import Digitizer, source_of
+from levimass import Value
 
 MOST_RECENT = 12
 RIG = (  # settings that are corrected together

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from analysis.diagnosis.model_file import SavedModel
-from analysis.diagnosis.result import Diagnosis
-from analysis.shot.shot import Shot
+from analysis.diagnosis import Diagnosis, SavedModel
+from analysis.shot import Shot
 
 
 class EventKind(StrEnum):

@@ -5,14 +5,14 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from analysis.diagnosis.result import Diagnosis
-from analysis.shot.shot import Progress, Shot, Stop
+from analysis.diagnosis import Diagnosis
+from analysis.shot import Progress, Shot, Stop
 from app.session.event import Event, EventKind, SavedElsewhere
 from app.session.jobs import Jobs, Work
 from app.session.session import Entry, Session
 from app.session.shot_work import predictions_of, report_text, write_csv, write_hdf5, write_model, write_report
 from app.session.verdict_basis import Diagnoses
-from instrument.files.recording_error import PartlySaved
+from instrument.files import PartlySaved
 
 
 class Exports:

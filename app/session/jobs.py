@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from analysis.shot.shot import Cancelled, Progress, Stop
+from analysis.shot import Cancelled, Progress, Stop
 from app.session.event import SessionResult
-from instrument.process.subprocess_worker import SubprocessWorker
+from instrument.process import SubprocessWorker
 
 ESTIMATE_AFTER_S, LEAST_FRACTION = 2.0, 0.05  # before that the remaining time is not known
 YIELDING = ("why",)  # kinds of work that any other work cancels

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from multiprocessing.context import SpawnProcess
 
-from analysis.compiled.kernel_cache import cache_folder, whole_program
-from analysis.shot.shot import Cancelled, Progress, Stop
+from analysis.compiled import cache_folder, whole_program
+from analysis.shot import Cancelled, Progress, Stop
 from app.session import warm_up
-from instrument.process.messages import lower_priority
+from instrument.process import lower_priority
 
 _LOOK_S = 0.05
 

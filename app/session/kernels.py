@@ -11,10 +11,10 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 
-from analysis.shot.shot import Cancelled, Progress, Stop
+from analysis.shot import Cancelled, Progress, Stop
 from app.session.kernel_compilation import BENCH, LATER, Stage, complete, mark_complete, prepare
 from app.session.warm_up import readings
-from instrument.process.subprocess_worker import SubprocessWorker
+from instrument.process import SubprocessWorker
 
 _LOOK_S = 0.05
 _BESIDE = (*LATER, replace(BENCH, stage=Stage.ALL))  # the simulated bench compiles its own where it is the source
@@ -63,7 +63,7 @@ class Kernels:
             if not complete(Stage.READINGS):
                 self._analyst.await_ready(cancelled)
                 mark_complete(Stage.READINGS)
-            from instrument.live.live_thread import warm  # slow to import
+            from instrument.live import warm  # slow to import
 
             warm()
         self._ready[Stage.READINGS].set()

@@ -6,16 +6,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from analysis.pipeline import analyse, analyse_motion
-from analysis.shot.recording import SETUP_CORRECTED, Recording
-from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot, Stop
-from analysis.signal.record import motion_from_displacement
-from instrument.files.motion_file import read_motion
-from instrument.files.raw_recording import (
+from analysis.shot import SETUP_CORRECTED, AnalysisError, AnalysisSettings, Cancelled, Progress, Recording, Shot, Stop
+from analysis.signal import motion_from_displacement
+from instrument.files import (
+    RecordingError,
     analyse_and_check_hash,
+    is_motion_record,
     open_without_hash,
+    read_motion,
 )
-from instrument.files.recording_error import RecordingError
-from instrument.files.recording_search import is_motion_record
 
 BASE_OF_RECORD = {"plate": "paper"}  # a motion record's name of a base model where the program has another
 

@@ -5,21 +5,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from analysis.collision.effects import findings
-from analysis.collision.laws.own import LawError, OwnLaw, from_mapping
-from analysis.diagnosis.model_file import ModelFileError, SavedModel, drift, from_text, saved, to_text
-from analysis.diagnosis.result import Diagnosis
-from analysis.fitted.fitted_shot import fit_jointly, shaking_of
-from analysis.shot.fit import Fit
-from analysis.shot.plates_of_set import why_not_together
-from analysis.shot.shot import AnalysisError, Shot, Stop
-from app.report.session_section import shared_stds
+from analysis.collision import LawError, OwnLaw, findings, from_mapping
+from analysis.diagnosis import Diagnosis, ModelFileError, SavedModel, drift, from_text, saved, to_text
+from analysis.fitted import fit_jointly, shaking_of
+from analysis.shot import AnalysisError, Fit, Shot, Stop, why_not_together
+from app.report import shared_stds
 from app.session.verdict_basis import ModelEffects
-from app.words.physics_words import effect_words, model_in_words, parameter_parts
-from instrument.files.atomic_file import write_text_atomic
-from instrument.files.law_file import read_laws, write_law
-from instrument.files.recording_error import RecordingError
-from instrument.files.text_file import read_toml_text
+from app.words import effect_words, model_in_words, parameter_parts
+from instrument.files import RecordingError, read_laws, read_toml_text, write_law, write_text_atomic
 
 DRIFT_SIGMAS = 4.0  # of the joint standard uncertainty
 NOISE_ALONE = "value, and standard uncertainty from noise alone, SI units"

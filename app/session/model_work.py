@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from analysis.diagnosis.model_file import SavedModel
-from analysis.fitted.fitted_shot import awaits_fit, can_be_fitted
-from analysis.shot.shot import Progress, Shot, Stop
+from analysis.diagnosis import SavedModel
+from analysis.fitted import awaits_fit, can_be_fitted
+from analysis.shot import Progress, Shot, Stop
 from app.session.event import Event, EventKind, LoadedModel, RefittedShot
 from app.session.jobs import Job, Work
 from app.session.model_in_use import load_model, model_words

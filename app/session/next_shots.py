@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from analysis.fitted.fitted_shot import awaits_fit
-from analysis.planning.next_shot import MOST_SHOTS, NextShot
-from analysis.planning.shot_log import PlannedStep, PlanningState, next_step, plan_next
-from analysis.shot.shot import Shot
+from analysis.fitted import awaits_fit
+from analysis.planning import MOST_SHOTS, NextShot, PlannedStep, PlanningState, next_step, plan_next
+from analysis.shot import Shot
 from app.session.choices import Choices
 from app.session.event import Diagnosed
 from app.session.jobs import Job
@@ -15,8 +14,8 @@ from app.session.planned_capture import planned_record, planned_setup
 from app.session.rig import Rig
 from app.session.session import Entry
 from app.session.workbench import Workbench
-from instrument.capture.capture_options import CaptureOptions
-from instrument.devices.sources import is_bench, pushed
+from instrument.capture import CaptureOptions
+from instrument.devices import is_bench, pushed
 
 PLAN = "plan"  # the kind of its jobs
 

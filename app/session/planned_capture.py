@@ -3,10 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from analysis.planning.next_shot import NextShot, as_found_kg, contact_s
-from analysis.shot.recording import Setup
-from analysis.shot.shot import Shot
-from instrument.devices.digitizer import CaptureSettings
+from analysis.planning import NextShot, as_found_kg, contact_s
+from analysis.shot import Setup, Shot
+from instrument.devices import CaptureSettings
 
 _LEAST_BEFORE_SWITCH_S = 1e-3
 _RATE_HZ = 10e6  # where no shot has a rate
@@ -14,7 +13,7 @@ _RATE_HZ = 10e6  # where no shot has a rate
 
 def planned_record(shot: NextShot, shots: Sequence[Shot], rate_hz: float | None) -> CaptureSettings:
     """Return the capture settings of a planned shot; ``rate_hz`` None takes the rate of the shots so far."""
-    from analysis.inference.fit.samples import together  # slow to import
+    from analysis.inference import together  # slow to import
 
     rate_hz = rate_hz or next((one.sample_rate_hz for one in shots if one.sample_rate_hz), None) or _RATE_HZ
     samples = together([one.motion for one in shots if one.motion is not None and one.fit is not None])

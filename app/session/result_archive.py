@@ -13,14 +13,26 @@ from typing import Any, cast
 
 import numpy as np
 
-from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, OtherForm, Verdict
-from analysis.shot.disturbance import Disturbance, Shaking, VibrationLine
-from analysis.shot.fit import Fit, Overlay, ShotFit
-from analysis.shot.impact import Impact, KineticCor
-from analysis.shot.motion import BeatQuality, Motion
-from analysis.shot.quantity import NotSeen, Quantity
-from analysis.shot.recording import Air, Plate, Setup
-from analysis.shot.shot import AnalysisSettings, Shot
+from analysis.diagnosis import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, OtherForm, Verdict
+from analysis.shot import (
+    Air,
+    AnalysisSettings,
+    BeatQuality,
+    Disturbance,
+    Fit,
+    Impact,
+    KineticCor,
+    Motion,
+    NotSeen,
+    Overlay,
+    Plate,
+    Quantity,
+    Setup,
+    Shaking,
+    Shot,
+    ShotFit,
+    VibrationLine,
+)
 
 KNOWN = {
     kind.__name__: kind

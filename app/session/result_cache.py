@@ -11,17 +11,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from analysis.diagnosis.result import Diagnosis
-from analysis.shot.shot import AnalysisSettings, Progress, Shot, Stop
-from analysis.shot.version import program, program_version
+from analysis.diagnosis import Diagnosis
+from analysis.shot import AnalysisSettings, Progress, Shot, Stop, program, program_version
 from app.session.event import CachedResults, Diagnosed
 from app.session.jobs import Work
 from app.session.result_archive import NotStorable, head_of, packed, unpacked
-from instrument.files.atomic_file import write_atomic
-from instrument.files.foreign.mapping import is_foreign
-from instrument.files.recording_error import RecordingError
-from instrument.files.recording_metadata import read_metadata
-from instrument.files.recording_search import recording_stem
+from instrument.files import RecordingError, is_foreign, read_metadata, recording_stem, write_atomic
 
 SCHEMA = "levimass.kept/2"
 MOST_BYTES = 2_000_000_000  # in all; the oldest are deleted first

@@ -10,23 +10,33 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from analysis.pipeline import read
-from analysis.shot.recording import Channel, Recording
-from analysis.shot.shot import AnalysisSettings, Cancelled, Progress, Shot
+from analysis.shot import AnalysisSettings, Cancelled, Channel, Progress, Recording, Shot
 from app.session.kernel_compilation import Stage
-from instrument.capture.acquisition import Deadlines, State
-from instrument.capture.analysis_thread import ShotAnalysis, fit_here
-from instrument.capture.capture_options import CaptureOptions
-from instrument.capture.snapshot import FinishedShot, SignalLine, Snapshot, WaitingShot
-from instrument.devices.device_search import FoundDevice, found_devices
-from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
-from instrument.devices.scpi_address import network_name
-from instrument.devices.sources import listed_sources
-from instrument.live.live_view import empty_view
-from instrument.process.subprocess_digitizer import open_in_subprocess
-from instrument.process.subprocess_worker import SubprocessAnalysis
+from instrument.capture import (
+    CaptureOptions,
+    Deadlines,
+    FinishedShot,
+    ShotAnalysis,
+    SignalLine,
+    Snapshot,
+    State,
+    WaitingShot,
+    fit_here,
+)
+from instrument.devices import (
+    CaptureSettings,
+    Digitizer,
+    DigitizerError,
+    FoundDevice,
+    found_devices,
+    listed_sources,
+    network_name,
+)
+from instrument.live import empty_view
+from instrument.process import SubprocessAnalysis, open_in_subprocess
 
 if TYPE_CHECKING:
-    from instrument.capture.capture import Capture
+    from instrument.capture import Capture
 
 Open = Callable[[str], Digitizer]
 AwaitKernels = Callable[[Stage, Callable[[], bool]], None]  # returns when kernels are ready, or raises Cancelled
@@ -288,7 +298,7 @@ class Rig:
             self._problems.append(f"{running.source} did not end in time; re-plug it before it is used again")
 
     def _open_source(self, source: str) -> None:
-        from instrument.capture.capture import Capture  # slow to import
+        from instrument.capture import Capture  # slow to import
 
         self._fault = None
         try:

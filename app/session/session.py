@@ -6,15 +6,10 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from analysis.fitted.fitted_shot import awaits_fit
-from analysis.shot.plot_note import LONGEST, UNITS, PlotNote
-from analysis.shot.recording import NAMES
-from analysis.shot.shot import AnalysisSettings, Shot
+from analysis.fitted import awaits_fit
+from analysis.shot import LONGEST, NAMES, UNITS, AnalysisSettings, PlotNote, Shot
 from app.session.verdict_basis import ModelEffects, VerdictBasis, known_effects
-from instrument.files.atomic_file import write_json_atomic
-from instrument.files.checked import Checked
-from instrument.files.recording_error import RecordingError, shown
-from instrument.files.text_file import read_json
+from instrument.files import Checked, RecordingError, read_json, shown, write_json_atomic
 
 SCHEMA = "levimass.session/1"
 UNDO_DEPTH = 100

@@ -6,11 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from app.session.session import SCHEMA, Session
-from instrument.files.checked import Checked
-from instrument.files.folder_lock import FolderLock, FolderLocked
-from instrument.files.recording_error import RecordingError
-from instrument.files.recording_metadata import read_metadata
-from instrument.files.text_file import read_json
+from instrument.files import Checked, FolderLock, FolderLocked, RecordingError, read_json, read_metadata
 
 MOST_WINDOWS = 20
 

@@ -7,17 +7,25 @@ from pathlib import Path
 
 from platformdirs import user_documents_path
 
-from analysis.planning.next_shot import ADDED_KG, SPEEDS_M_PER_S, Reach
-from analysis.shot.recording import Air, Setup
-from instrument.bench.site import LEVELS_M_PER_S, NAMES, USUAL_SITE
-from instrument.capture.capture_options import CaptureOptions
-from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
-from instrument.devices.scpi_address import network_source
-from instrument.devices.sources import source_of
-from instrument.files.recording_error import shown
-from instrument.trigger.light_switch import Edge
-from levimass.analysis_settings import AnalysisChoices, AnalysisSettings
-from levimass.setting import Setting, Value, choice, declared, flag, number, setting_of, settings_of
+from analysis.planning import ADDED_KG, SPEEDS_M_PER_S, Reach
+from analysis.shot import Air, Setup
+from instrument.bench import LEVELS_M_PER_S, NAMES, USUAL_SITE
+from instrument.capture import CaptureOptions
+from instrument.devices import CaptureSettings, Digitizer, DigitizerError, network_source, source_of
+from instrument.files import shown
+from instrument.trigger import Edge
+from levimass import (
+    AnalysisChoices,
+    AnalysisSettings,
+    Setting,
+    Value,
+    choice,
+    declared,
+    flag,
+    number,
+    setting_of,
+    settings_of,
+)
 
 MOST_ADDRESSES = 5
 

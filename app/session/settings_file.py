@@ -7,9 +7,7 @@ from dataclasses import fields
 from pathlib import Path
 
 from app.session.settings import Settings, WrongSettings
-from instrument.files.atomic_file import copy_permissions, replace_file, sync_folder
-from instrument.files.recording_error import RecordingError, one_line, shown
-from instrument.files.text_file import read_json
+from instrument.files import RecordingError, copy_permissions, one_line, read_json, replace_file, shown, sync_folder
 
 VERSION = 1
 

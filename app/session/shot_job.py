@@ -3,13 +3,10 @@
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
-from analysis.shot.recording import Recording
-from analysis.shot.shot import Progress, Stop
+from analysis.shot import Progress, Recording, Stop
 from app.session.jobs import Job, Jobs
 from app.session.session import Entry
-from instrument.files.raw_recording import open_recording
-from instrument.files.recording_error import RecordingError
-from instrument.files.recording_search import is_motion_record
+from instrument.files import RecordingError, is_motion_record, open_recording
 
 Given = TypeVar("Given")
 Result = TypeVar("Result")

@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from analysis.diagnosis.result import Diagnosis
-from analysis.fitted.fit_time import SECONDS, run_in_time
-from analysis.fitted.fitted_shot import fit_again
-from analysis.shot.shot import AnalysisError, AnalysisSettings, Progress, Shot, Stop
+from analysis.diagnosis import Diagnosis
+from analysis.fitted import SECONDS, fit_again, run_in_time
+from analysis.shot import AnalysisError, AnalysisSettings, Progress, Shot, Stop
 from app.session.load import load_and_analyse
 from app.session.model_in_use import load_model, model_words, save_model
 from app.session.verdict_basis import ModelEffects
-from instrument.files.atomic_file import write_text_atomic
+from instrument.files import write_text_atomic
 
 
 def open_shot(
@@ -37,7 +36,7 @@ def diagnose_shots(
     **watched: Any,  # progress and cancelled
 ) -> Diagnosis:
     """Diagnose these shots; after ``seconds`` alternative searches are left out."""
-    from analysis.diagnosis.diagnosis_of_shots import diagnose  # slow to import
+    from analysis.diagnosis import diagnose  # slow to import
 
     return diagnose(shots, accepted=accepted, laws=laws, seconds=seconds, **watched)
 
@@ -68,7 +67,7 @@ def write_report(
     """Write the report as PDF or HTML, by the path's ending, and return what was done in words."""
     text = report_text(shots, diagnosis, tried, progress=progress, cancelled=cancelled)
     if path.suffix.lower() == ".pdf":
-        from app.report.pdf import write_pdf  # only this needs Qt
+        from app.report import write_pdf  # only this needs Qt
 
         write_pdf(text, path)
     else:
@@ -80,7 +79,7 @@ def report_text(
     shots: Sequence[Shot], diagnosis: Diagnosis | None, tried: Sequence[str], *, progress: Progress, cancelled: Stop
 ) -> str:
     """Return the report as HTML; ``tried`` are effects that no diagnosis named."""
-    from app.report.page import report_of
+    from app.report import report_of
 
     progress("drawing the report", 0.2)
     return report_of(shots, diagnosis, tried=tried)
@@ -88,7 +87,7 @@ def report_text(
 
 def write_hdf5(shots: Sequence[Shot], folder: Path, *, progress: Progress, cancelled: Stop) -> str:
     """Write the motion of each shot as HDF5, and return what was done in words."""
-    from app.report.hdf5_export import export_hdf5
+    from app.report import export_hdf5
 
     progress("writing HDF5", 0.1)
     folder.mkdir(parents=True, exist_ok=True)
@@ -100,7 +99,7 @@ def write_csv(
     shots: Sequence[Shot], diagnosis: Diagnosis | None, folder: Path, *, progress: Progress, cancelled: Stop
 ) -> str:
     """Write these shots, and the laws that a diagnosis learned, as CSV; return what was done in words."""
-    from app.report.csv_export import export, export_laws
+    from app.report import export, export_laws
 
     progress("writing CSV", 0.1)
     written = export(shots, folder)
@@ -114,7 +113,7 @@ def predictions_of(path: Path, shots: Sequence[Shot], progress: Progress, cancel
 
     Raises RecordingError where the file is no model, AnalysisError where no shot can be predicted, Cancelled.
     """
-    from analysis.diagnosis.verdict.foretold import foretell  # slow to import
+    from analysis.diagnosis import foretell  # slow to import
 
     progress("predicting", 0.0)
     model = load_model(path)

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.recording import Recording, Role
-from analysis.shot.shot import Cancelled, Progress, Stop
-from app.words.physics_words import CHANNEL_NAMES
+from analysis.shot import Cancelled, Progress, Recording, Role, Stop
+from app.words import CHANNEL_NAMES
 
 Floats = NDArray[np.float64]
 BEATS = (Role.REFERENCE, Role.MEASUREMENT)

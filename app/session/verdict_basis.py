@@ -3,12 +3,11 @@
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from analysis.collision.effects import findings
-from analysis.collision.laws.own import is_law
-from analysis.diagnosis.result import Diagnosis, Verdict
+from analysis.collision import findings, is_law
+from analysis.diagnosis import Diagnosis, Verdict
 from app.session.event import Diagnosed
-from app.words.physics_words import known_effect
-from levimass.analysis_settings import is_drive
+from app.words import known_effect
+from levimass import is_drive
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,9 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.motion import Motion
-from analysis.shot.recording import Channel, Recording, Role, Setup
-from analysis.shot.shot import Shot
+from analysis.shot import Channel, Motion, Recording, Role, Setup, Shot
 
 Floats = NDArray[np.float64]
 
@@ -28,9 +26,8 @@ def readings() -> Shot:
     The shot is written to disk first: numba compiles another kernel for read-only arrays than for writable ones.
     """
     from analysis.pipeline import read
-    from instrument.files.raw_recording import analyse_and_check_hash
-    from instrument.files.recording_writer import write_recording
-    from instrument.live.live_thread import warm
+    from instrument.files import analyse_and_check_hash, write_recording
+    from instrument.live import warm
 
     warm()
     with tempfile.TemporaryDirectory(prefix="levimass-") as folder:
@@ -39,16 +36,14 @@ def readings() -> Shot:
 
 def fit() -> None:
     """Fit the base model to a synthetic motion."""
-    from analysis.fitted.fitted_shot import fit_jointly
-    from analysis.fitted.kinetic_contact import fitted_contact_cor
+    from analysis.fitted import fit_jointly, fitted_contact_cor
 
     fitted_contact_cor(fit_jointly([_motion()], "paper", ()), _MASS_KG)
 
 
 def bench() -> None:
     """Simulate one shot on the bench."""
-    from instrument.bench.digitizer import BenchDigitizer
-    from instrument.bench.simulated_shots import simulate
+    from instrument.bench import BenchDigitizer, simulate
 
     BenchDigitizer().prepare()
     with tempfile.TemporaryDirectory(prefix="levimass-") as folder:
@@ -57,8 +52,7 @@ def bench() -> None:
 
 def effects() -> None:
     """Compile every effect of the catalogue, for real and for complex arguments (derivatives)."""
-    from analysis.collision.effects import CATALOGUE, WIDER
-    from analysis.collision.effects.kernel import address, complex_address
+    from analysis.collision import CATALOGUE, WIDER, address, complex_address
 
     for row in (*CATALOGUE.values(), *WIDER.values()):
         for kernel in {row.kernel, row.locked} - {None}:
@@ -69,7 +63,7 @@ def effects() -> None:
 
 def diagnosis() -> None:
     """Diagnose a synthetic motion."""
-    from analysis.diagnosis.diagnosis_of_shots import diagnose
+    from analysis.diagnosis import diagnose
 
     diagnose([_motion()])
 
@@ -91,7 +85,7 @@ def _inside_m(time_s: Floats) -> Floats:
 
 def _motion() -> Motion:
     """Return the block's motion with nanometres of noise."""
-    from analysis.signal.record import motion_from_displacement
+    from analysis.signal import motion_from_displacement
 
     t = np.arange(round(_LENGTH_S * _MOTION_HZ)) / _MOTION_HZ
     x = np.random.default_rng(1).normal(0, 1e-9, t.size) - _inside_m(t)  # the block comes in with v < 0

@@ -11,14 +11,12 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.result import Candidate, Diagnosis
-from analysis.fitted.fitted_shot import fit_jointly, shaking_of
-from analysis.shot.disturbance import Shaking
-from analysis.shot.motion import Motion
-from analysis.shot.shot import AnalysisError, Progress, Shot, Stop
+from analysis.diagnosis import Candidate, Diagnosis
+from analysis.fitted import fit_jointly, shaking_of
+from analysis.shot import AnalysisError, Motion, Progress, Shaking, Shot, Stop
 from app.session.jobs import Job, Work
-from app.words.physics_words import effect_words
-from levimass.analysis_settings import is_drive
+from app.words import effect_words
+from levimass import is_drive
 
 Floats = NDArray[np.float64]
 MOST = 6  # candidates: the named ones and their neighbours

@@ -11,9 +11,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from analysis.fitted.fitted_shot import awaits_fit
-from analysis.shot.plates_of_set import why_not_together
-from analysis.shot.shot import AnalysisSettings, Progress, Shot, Stop
+from analysis.fitted import awaits_fit
+from analysis.shot import AnalysisSettings, Progress, Shot, Stop, why_not_together
 from app.session.event import (
     CachedResults,
     Diagnosed,
@@ -38,11 +37,10 @@ from app.session.shot_work import diagnose_shots, open_shot
 from app.session.spool import Spool
 from app.session.verdict_basis import Diagnoses, verdict_of
 from app.session.why import Why
-from app.words.verdict import verdict_words
-from instrument.capture.analysis_thread import STOPPED
-from instrument.files.recording_error import RecordingError
-from instrument.files.recording_file import find_recordings, rewrite_note
-from instrument.process.subprocess_worker import SubprocessWorker
+from app.words import verdict_words
+from instrument.capture import STOPPED
+from instrument.files import RecordingError, find_recordings, rewrite_note
+from instrument.process import SubprocessWorker
 
 MOST_NAMED = 6  # shots in the name of a running diagnosis
 SAVE_AGAIN_S = 5.0  # after saving the session failed: the disk may have room again

@@ -1,1 +1,5 @@
 """The desktop window: presenters between the session and the panels, panels, plots."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

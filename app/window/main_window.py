@@ -10,19 +10,25 @@ from PySide6.QtCore import Qt, QTimer, Slot
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QKeyEvent, QResizeEvent, QShowEvent
 from PySide6.QtWidgets import QApplication, QMainWindow
 
-from analysis.shot.shot import AnalysisSettings
-from app.session.choices import Choices
-from app.session.jobs import Saver
-from app.session.kernel_compilation import complete, warm_up_analysis
-from app.session.kernels import Kernels
-from app.session.log import ProgramLog, note
-from app.session.model_in_use import OwnLaws
-from app.session.next_shots import PLAN, NextShots
-from app.session.result_cache import ResultCache
-from app.session.rig import Open, Rig
-from app.session.session_files import last_session
-from app.session.spool import Spool
-from app.session.workbench import Workbench
+from analysis.shot import AnalysisSettings
+from app.session import (
+    PLAN,
+    Choices,
+    Kernels,
+    NextShots,
+    Open,
+    OwnLaws,
+    ProgramLog,
+    ResultCache,
+    Rig,
+    Saver,
+    Spool,
+    Workbench,
+    complete,
+    last_session,
+    note,
+    warm_up_analysis,
+)
 from app.window import menus, window_state
 from app.window.layout import Layout
 from app.window.presenters.diagnosis import DiagnosisPresenter
@@ -42,12 +48,9 @@ from app.window.presenters.tour import TourPresenter
 from app.window.presenters.view import ViewPresenter
 from app.window.theme import Theme, Tone
 from app.window.window_state import first_size, keep_within_screen
-from instrument.capture.acquisition import State
-from instrument.capture.snapshot import FinishedShot, Snapshot
-from instrument.devices.digitizer import Digitizer
-from instrument.devices.sources import at_site
-from instrument.process.subprocess_digitizer import open_in_subprocess
-from instrument.process.subprocess_worker import SubprocessAnalysis, SubprocessWorker
+from instrument.capture import FinishedShot, Snapshot, State
+from instrument.devices import Digitizer, at_site
+from instrument.process import SubprocessAnalysis, SubprocessWorker, open_in_subprocess
 
 PULL_MS = 35
 STILL_MS = 140  # between two pulls while nothing moves: no curve runs, nothing is under way

@@ -3,17 +3,15 @@
 import math
 from dataclasses import dataclass
 
-from analysis.shot.quantity import Quantity
-from analysis.shot.recording import DEFAULT_WAVELENGTH_AIR_M, Role
-from analysis.uncertainty.gum_budget import combined_of, stated
-from app.session.session import Entry
+from analysis.shot import DEFAULT_WAVELENGTH_AIR_M, Quantity, Role
+from analysis.uncertainty import combined_of, stated
+from app.session import Entry
 from app.window.panels.signal_line import Sign
 from app.window.theme import Tone
-from app.words.wording import local, number, size_words, value_text
-from instrument.capture.acquisition import State
-from instrument.capture.snapshot import KEPT_IN_MEMORY, SignalLine, Snapshot
-from instrument.live.live_view import ChannelSignal
-from instrument.trigger.light_switch import Level
+from app.words import local, number, size_words, value_text
+from instrument.capture import KEPT_IN_MEMORY, SignalLine, Snapshot, State
+from instrument.live import ChannelSignal
+from instrument.trigger import Level
 
 GOOD_SNR_DB = 25.0
 POOR_SNR_DB = 15.0

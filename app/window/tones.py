@@ -3,10 +3,9 @@
 from collections.abc import Iterable
 from html import escape
 
-from app.session.session import Entry
+from app.session import Entry
 from app.window.theme import MARKS, Tone
-from app.words.flags import MILD_FLAGS, flag_words
-from app.words.verdict import VERDICTS
+from app.words import MILD_FLAGS, VERDICTS, flag_words
 
 
 def flag_tone(flag: str) -> Tone:

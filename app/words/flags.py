@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from analysis.signal.flag_meanings import MEANINGS
+from analysis.signal import MEANINGS
 
 FLAG_WORDS = {
     "setup_corrected": "mass, wavelength, air or rest frequency were corrected after the shot was taken",

@@ -3,12 +3,10 @@
 import math
 from collections.abc import Collection
 
-from analysis.collision.effects import CATALOGUE, WIDER
-from analysis.collision.laws.own import from_key
-from analysis.drive.catalogue import LAWS
-from analysis.shot.quantity import words_and_unit
-from analysis.shot.recording import Role
-from levimass.analysis_settings import is_drive
+from analysis.collision import CATALOGUE, WIDER, from_key
+from analysis.drive import LAWS
+from analysis.shot import Role, words_and_unit
+from levimass import is_drive
 
 PREFIXES = ((1e-12, "p"), (1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""), (1e3, "k"), (1e6, "M"))
 _OTHER_WORDS = {"gain_error": "an error of the force's scale"}  # in no catalogue

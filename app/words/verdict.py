@@ -6,7 +6,7 @@ A verdict is data: the conclusion and the names of the effects found.  Its words
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from analysis.diagnosis.result import Verdict
+from analysis.diagnosis import Verdict
 from app.words.physics_words import effect_words, short_effect_words
 
 OUTDATED = "This verdict is about another model or other shots: diagnose again"

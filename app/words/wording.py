@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from PySide6.QtCore import QLocale
 
-from analysis.collision.laws.own import called, from_key
-from analysis.shot.quantity import NotSeen, Quantity, Reading
+from analysis.collision import called, from_key
+from analysis.shot import NotSeen, Quantity, Reading
 from app.words.physics_words import effect_words as effect_words
 from app.words.physics_words import model_effect_words as model_effect_words
 from app.words.physics_words import model_in_words as model_in_words

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.recording import Setup
+from analysis.shot import Setup
 from instrument.bench.effects import parse
 from instrument.bench.rig import Bench, SimulatedStream
 from instrument.bench.site import QUIET, site_named
-from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
-from instrument.devices.source_options import SourceOptions
+from instrument.devices import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError, SourceOptions
 
 RATES_HZ = (10e6, 15e6, 20e6, 30e6)
 _CHUNK = 1 << 17

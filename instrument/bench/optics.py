@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.recording import DEFAULT_WAVELENGTH_AIR_M, Channel, Role
+from analysis.shot import DEFAULT_WAVELENGTH_AIR_M, Channel, Role
 from instrument.bench import counts
 
 Floats = NDArray[np.float64]

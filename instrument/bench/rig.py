@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.recording import Setup
+from analysis.shot import Setup
 from instrument.bench.effects import Effects, complete, effects_of_shot
 from instrument.bench.frame import Frame, frame_of
 from instrument.bench.mechanics import Bodies, Trajectory

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.recording import Recording
+from analysis.shot import Recording
 from instrument.bench.effects import CATALOGUE, OFF_CATALOGUE, Effects, complete, draw, effects_of_shot
 from instrument.bench.frame import Frame, frame_of
 from instrument.bench.mechanics import Trajectory
@@ -20,7 +20,7 @@ from instrument.bench.optics import fill, node_times_s
 from instrument.bench.rig import Bench
 from instrument.bench.sines import PathVibration
 from instrument.bench.site import QUIET, Site
-from instrument.files.recording_file import write_recording
+from instrument.files import write_recording
 
 SAMPLE_RATE_HZ = 10e6
 DURATION_S = 0.06

@@ -7,10 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from analysis.fitted.fitted_shot import awaits_fit
-from analysis.shot.recording import Recording
-from analysis.shot.shot import AnalysisError, Cancelled, Progress, Shot
-from instrument.files.recording_error import one_line
+from analysis.fitted import awaits_fit
+from analysis.shot import AnalysisError, Cancelled, Progress, Recording, Shot
+from instrument.files import one_line
 
 STOPPED = "the analysis was stopped"
 
@@ -104,7 +103,7 @@ class AnalysisThread:
         fitted, why = self._attempt(partial(self._analysis.fit, shot))
         if fitted is not None:
             return fitted
-        from analysis.fitted.fitted_shot import unfitted  # imported late, as in fit_here
+        from analysis.fitted import unfitted  # imported late, as in fit_here
 
         return unfitted(shot, why or "the fit failed")
 

@@ -19,10 +19,9 @@ from instrument.capture.capture_thread import CaptureServices, CaptureThread
 from instrument.capture.finished_shots import FinishedShots
 from instrument.capture.recorder import Recorder
 from instrument.capture.snapshot import SignalLine, Snapshot
-from instrument.devices.digitizer import Digitizer
-from instrument.files.folder_lock import disk_free_bytes
-from instrument.live.live_thread import LiveThread, warm
-from instrument.live.live_view import empty_view
+from instrument.devices import Digitizer
+from instrument.files import disk_free_bytes
+from instrument.live import LiveThread, empty_view, warm
 
 _NO_ANSWER_S = 5.0  # a driver that blocks the capture thread for longer does not answer ...
 _NO_START_S = 60.0  # ... or for longer than this before its first sample: firmware may load, kernels may compile

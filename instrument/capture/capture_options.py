@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.shot.recording import Setup
-from instrument.devices.digitizer import Capabilities, CaptureSettings, DigitizerError
-from instrument.trigger.light_switch import Edge
+from analysis.shot import Setup
+from instrument.devices import Capabilities, CaptureSettings, DigitizerError
+from instrument.trigger import Edge
 
 MOST_SHOT_BYTES = 2 * 2**30
 

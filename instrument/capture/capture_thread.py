@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from analysis.fitted.fitted_shot import awaits_fit
-from analysis.shot.recording import Gap
+from analysis.fitted import awaits_fit
+from analysis.shot import Gap
 from instrument.capture.acquisition import Acquisition, Action, Deadlines, Event, State, Transition
 from instrument.capture.capture_options import CaptureOptions, check_settings
 from instrument.capture.finished_shots import ABORTED, FinishedShots
@@ -18,10 +18,9 @@ from instrument.capture.growing_shot import GrowingShot
 from instrument.capture.recorder import Recorded, Recorder
 from instrument.capture.snapshot import KEPT_IN_MEMORY
 from instrument.capture.stream_reader import ReadBlock, StreamReader
-from instrument.devices.digitizer import Digitizer, DigitizerError, usual_settings
-from instrument.files.folder_lock import FolderLock, disk_free_bytes
-from instrument.files.recording_error import RecordingError, one_line
-from instrument.live.ring import Overwritten
+from instrument.devices import Digitizer, DigitizerError, usual_settings
+from instrument.files import FolderLock, RecordingError, disk_free_bytes, one_line
+from instrument.live import Overwritten
 
 MOST_UNSAVED = 4  # shots only in memory; no further shot is taken before these are saved
 _DISK_RESERVE_BYTES = 64 * 2**20

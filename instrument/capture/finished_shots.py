@@ -4,13 +4,13 @@ import threading
 from dataclasses import replace
 from pathlib import Path
 
-from analysis.fitted.fitted_shot import awaits_fit
-from analysis.shot.shot import Shot
+from analysis.fitted import awaits_fit
+from analysis.shot import Shot
 from instrument.capture.analysis_thread import AnalysisThread, Done, ShotAnalysis
 from instrument.capture.recorder import Recorded, save_elsewhere
 from instrument.capture.snapshot import FinishedShot, WaitingShot
-from instrument.devices.digitizer import CaptureSettings
-from instrument.files.recording_error import PartlySaved, RecordingError
+from instrument.devices import CaptureSettings
+from instrument.files import PartlySaved, RecordingError
 
 SHOTS_IN_SNAPSHOT = 16  # the newest ones; a reader that needs more must keep them
 ABORTED = "aborted"

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.recording import Channel, Gap, Recording, Role, Setup
-from analysis.shot.sample_rate_error import DELIVERED, RATE_CONTRADICTED
-from instrument.devices.digitizer import CaptureSettings
-from instrument.files.recording_file import ENDED_EARLY
-from instrument.trigger.light_switch import middle_of_step
+from analysis.shot import DELIVERED, RATE_CONTRADICTED, Channel, Gap, Recording, Role, Setup
+from instrument.devices import CaptureSettings
+from instrument.files import ENDED_EARLY
+from instrument.trigger import middle_of_step
 
 _LEVEL_REACH_S = 50e-6  # distance from the step at which the light switch's two levels are measured
 _ENOUGH = 0.9  # of the samples after the trigger: a shot with fewer counts as cut short

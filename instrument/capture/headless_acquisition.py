@@ -5,14 +5,14 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from analysis.shot.recording import Setup
+from analysis.shot import Setup
 from instrument.capture.acquisition import Deadlines, State
 from instrument.capture.capture import Capture
 from instrument.capture.capture_options import CaptureOptions
 from instrument.capture.snapshot import FinishedShot
-from instrument.devices.digitizer import CaptureSettings, Digitizer
-from instrument.files.recording_error import RecordingError
-from instrument.trigger.light_switch import Edge
+from instrument.devices import CaptureSettings, Digitizer
+from instrument.files import RecordingError
+from instrument.trigger import Edge
 
 _LOOK_S = 0.01
 RESCUED = "levimass-rescued"  # a folder in the user's home, or with the temporary files

@@ -7,11 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.shot.recording import Recording
+from analysis.shot import Recording
 from instrument.capture.growing_shot import GrowingShot
-from instrument.files.recording_error import RecordingError, RecordingExists, one_line
-from instrument.files.recording_file import read_recording
-from instrument.files.recording_writer import RecordingWriter, write_recording
+from instrument.files import RecordingError, RecordingExists, RecordingWriter, one_line, read_recording, write_recording
 
 _LOOK_S = 0.02  # between two looks for new samples
 _MOST_NAMES = 100_000

@@ -3,11 +3,11 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from analysis.shot.shot import Shot
+from analysis.shot import Shot
 from instrument.capture.acquisition import State
-from instrument.devices.digitizer import CaptureSettings
-from instrument.live.live_view import ChannelSignal, LiveView
-from instrument.trigger.light_switch import Level
+from instrument.devices import CaptureSettings
+from instrument.live import ChannelSignal, LiveView
+from instrument.trigger import Level
 
 KEPT_IN_MEMORY = "the shot is kept in memory: save it to another folder"  # the remedy for a shot that was not saved
 

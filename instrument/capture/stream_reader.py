@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.recording import DEFAULT_WAVELENGTH_AIR_M, Role, Setup
+from analysis.shot import DEFAULT_WAVELENGTH_AIR_M, Role, Setup
 from instrument.capture.capture_options import CaptureOptions, check_channels, check_settings
-from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
-from instrument.live.ring import Ring, Stream
-from instrument.trigger.light_switch import Level, LightSwitch, TriggerSettings
-from instrument.trigger.motion_trigger import MotionTrigger
+from instrument.devices import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
+from instrument.live import Ring, Stream
+from instrument.trigger import Level, LightSwitch, MotionTrigger, TriggerSettings
 
 READ_TIMEOUT_S = 0.05
 STALL_S = 3.0  # without a sample from a running stream: the device has stopped

@@ -1,1 +1,5 @@
 """Digitizers: the contract, one driver each, how they are named, opened and found."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.recording import Channel, Setup
-from instrument.files.recording_error import one_line
+from analysis.shot import Channel, Setup
+from instrument.files import one_line
 
 
 class DigitizerError(Exception):

@@ -17,7 +17,7 @@ import numpy as np
 import usb.core
 from numpy.typing import NDArray
 
-from analysis.shot.recording import Channel, Role, Setup
+from analysis.shot import Channel, Role, Setup
 from instrument.devices import hantek6022_firmware as firmware_files
 from instrument.devices import usb_bus
 from instrument.devices.bulk_stream import BulkStream, QueuedBulkStream

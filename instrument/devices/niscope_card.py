@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.recording import Channel, Role, Setup
+from analysis.shot import Channel, Role, Setup
 from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 from instrument.devices.source_options import SourceOptions, assumed_rig
 

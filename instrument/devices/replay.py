@@ -9,12 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.recording import Recording, Role, Setup
+from analysis.shot import Recording, Role, Setup
 from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 from instrument.devices.source_options import SourceOptions
-from instrument.files.raw_recording import open_recording
-from instrument.files.recording_file import RecordingError, find_recordings
-from instrument.files.recording_search import is_motion_record
+from instrument.files import RecordingError, find_recordings, is_motion_record, open_recording
 
 
 class ReplayDigitizer(Digitizer):

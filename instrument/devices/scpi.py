@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.recording import Channel, Role, Setup
+from analysis.shot import Channel, Role, Setup
 from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 from instrument.devices.scpi_arming import EXTERNAL, RATE_TOLERANCE, HardwareTrigger, set_time, set_trigger
 from instrument.devices.scpi_dialects import Dialect, ImplausibleAnswer, Scaling, Timing, dialect_of
 from instrument.devices.scpi_transport import Cancelled, ScpiTransport, Stalled
 from instrument.devices.source_options import assumed_rig
-from instrument.files.recording_error import one_line
+from instrument.files import one_line
 
 POLL_S = 0.02
 ARMING_S = 0.5  # for this long after arming, "stopped" may still refer to the previous shot

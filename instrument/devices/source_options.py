@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any
 from urllib.parse import unquote
 
-from analysis.shot.recording import Role, Setup
+from analysis.shot import Role, Setup
 from instrument.devices.digitizer import DigitizerError
 
 RIG = {"mass": "moving_mass_kg", "rest": "rest_frequency_hz", "wavelength": "wavelength_air_m"}

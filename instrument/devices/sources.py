@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 if TYPE_CHECKING:
-    from analysis.shot.recording import Setup
+    from analysis.shot import Setup
     from instrument.devices.digitizer import Digitizer
 
 _RIG = ("mass", "rest", "wavelength")
@@ -54,7 +54,7 @@ class Source:
 SOURCES = (
     Source(
         "bench",
-        "bench.digitizer:open_digitizer",
+        "bench:open_digitizer",
         options=("effect", "seed", "site", *PUSH),
         listed={  # the effect is not named on the screen, because the user is to find it
             "bench": "Simulated bench",

@@ -9,7 +9,7 @@ from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from instrument.files.recording_error import RecordingError, shown
-from levimass.setting import setting_of
+from levimass import setting_of
 
 Built = TypeVar("Built")
 _LARGEST = 1e15  # of a number in a dataclass that declares no bounds

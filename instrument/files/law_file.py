@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from analysis.collision.laws.own import LawError, OwnLaw, from_mapping
+from analysis.collision import LawError, OwnLaw, from_mapping
 from instrument.files.atomic_file import write_text_atomic
 from instrument.files.recording_error import RecordingError
 from instrument.files.text_file import read_toml

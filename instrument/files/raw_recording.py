@@ -6,8 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
-from analysis.shot.recording import Recording
-from analysis.shot.shot import Shot
+from analysis.shot import Recording, Shot
 from instrument.files.foreign.mapping import find_mapping, format_of, read_mapping
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_file import ALTERED, hash_matches, read_recording, read_without_hash

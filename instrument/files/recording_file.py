@@ -15,8 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.recording import Recording, Role
-from analysis.shot.sample_rate_error import DELIVERED, RATE_CONTRADICTED
+from analysis.shot import DELIVERED, RATE_CONTRADICTED, Recording, Role
 from instrument.files.recording_error import FileNotReached, RecordingError
 from instrument.files.recording_metadata import Metadata, read_metadata
 from instrument.files.recording_search import find_recordings, recording_stem

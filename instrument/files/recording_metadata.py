@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from analysis.shot.recording import Air, Channel, Gap, Plate, Role, Setup
+from analysis.shot import Air, Channel, Gap, Plate, Role, Setup
 from instrument.files.checked import Checked
 from instrument.files.text_file import read_json
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.recording import Channel, Gap, Recording, Setup
+from analysis.shot import Channel, Gap, Recording, Setup
 from instrument.files.atomic_file import as_recording_error, write_json_atomic
 from instrument.files.recording_error import RecordingError, RecordingExists
 from instrument.files.recording_metadata import Metadata, metadata_json, read_metadata

@@ -1,1 +1,5 @@
 """The running stream of a digitizer: its ring, the curves on the screen, the checks of a set-up."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

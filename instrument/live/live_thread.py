@@ -8,18 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.shot.recording import Role, Setup
-from analysis.shot.shot import AnalysisError
-from analysis.signal.stream import LiveDemodulator
-from instrument.files.folder_lock import disk_free_bytes
-from instrument.files.recording_error import one_line
+from analysis.shot import AnalysisError, Role, Setup
+from analysis.signal import LiveDemodulator
+from instrument.files import disk_free_bytes, one_line
 from instrument.live.live_view import ChannelSignal, empty_view
 from instrument.live.live_window import LiveWindow
 from instrument.live.rest_watch import RestWatch, planned_shot
 from instrument.live.ring import Overwritten, Stream
 from instrument.live.setup_check import CHECKED_SAMPLES, check_signals
-from instrument.trigger.light_switch import LightSwitch, TriggerSettings
-from instrument.trigger.motion_trigger import MotionTrigger
+from instrument.trigger import LightSwitch, MotionTrigger, TriggerSettings
 
 OUTPUT_HZ = 10e3
 WINDOW_S = 2.0

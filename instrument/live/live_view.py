@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reading.site import SiteFloor
-from analysis.shot.recording import Role
+from analysis.reading import SiteFloor
+from analysis.shot import Role
 
 Floats = NDArray[np.float64]
 

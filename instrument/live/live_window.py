@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.signal.stream import LiveChunk
+from analysis.signal import LiveChunk
 from instrument.live.live_view import MOST_BINS, LiveView
 
 Floats = NDArray[np.float64]

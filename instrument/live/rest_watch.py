@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reading.site import LEAST_S, PlannedShot, SiteFloor, read_site
-from analysis.signal.stream import LiveChunk
-from instrument.devices.digitizer import CaptureSettings
+from analysis.reading import LEAST_S, PlannedShot, SiteFloor, read_site
+from analysis.signal import LiveChunk
+from instrument.devices import CaptureSettings
 
 Floats = NDArray[np.float64]
 KEPT_S = 4.0  # of rest: enough to resolve motors a tenth of a hertz from the mains

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.recording import Channel, Role, Setup
-from instrument.devices.digitizer import CaptureSettings
+from analysis.shot import Channel, Role, Setup
+from instrument.devices import CaptureSettings
 
 
 class Overwritten(Exception):

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reading.site import SiteFloor
-from analysis.shot.recording import Channel, Role
-from instrument.devices.doctor import Check, Grade
+from analysis.reading import SiteFloor
+from analysis.shot import Channel, Role
+from instrument.devices import Check, Grade
 from instrument.live.live_view import ChannelSignal
-from instrument.trigger.light_switch import LightSwitch, TriggerSettings
+from instrument.trigger import LightSwitch, TriggerSettings
 
 NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "light switch"}
 WEAK_SNR_DB = 15.0  # below, phase noise makes single cycles slip

@@ -7,11 +7,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.recording import Role
-from instrument.devices.digitizer import Digitizer, DigitizerError, usual_settings
-from instrument.devices.doctor import Check, Grade
+from analysis.shot import Role
+from instrument.devices import Check, Digitizer, DigitizerError, Grade, usual_settings
 from instrument.live.setup_check import CHECKED_SAMPLES, check_setup
-from instrument.trigger.light_switch import LightSwitch, TriggerSettings
+from instrument.trigger import LightSwitch, TriggerSettings
 
 WATCHED_S = 3.0  # time to pass the block through the light switch by hand
 TRIGGER_WAIT_S = 20.0

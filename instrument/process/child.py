@@ -13,8 +13,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from multiprocessing.connection import Connection
 
-from instrument.devices.digitizer import Block, CaptureSettings, Digitizer, DigitizerError
-from instrument.files.recording_error import one_line
+from instrument.devices import Block, CaptureSettings, Digitizer, DigitizerError
+from instrument.files import one_line
 from instrument.process.messages import Answer, BlockReady, DeviceState, Fault, Order, lower_priority
 from instrument.process.shared_ring import SharedRing
 

@@ -5,7 +5,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from instrument.devices.digitizer import CaptureSettings, DigitizerError
+from instrument.devices import CaptureSettings, DigitizerError
 from instrument.process.child import OPENED, STARTED, Opener, serve
 from instrument.process.messages import Answer, BlockReady, DeviceState, Fault, Order
 

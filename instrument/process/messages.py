@@ -4,8 +4,8 @@ import os
 import sys
 from dataclasses import dataclass
 
-from analysis.shot.recording import Setup
-from instrument.devices.digitizer import Block, Capabilities, CaptureSettings
+from analysis.shot import Setup
+from instrument.devices import Block, Capabilities, CaptureSettings
 
 
 @dataclass(frozen=True, slots=True)

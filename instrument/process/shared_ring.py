@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.devices.digitizer import DigitizerError
+from instrument.devices import DigitizerError
 
 _HEADER_BYTES = 64
 _READ, _BLOCKS, _BEATS = range(3)

@@ -13,9 +13,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.recording import Setup
-from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
-from instrument.devices.sources import open_source, source_of
+from analysis.shot import Setup
+from instrument.devices import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError, open_source, source_of
 from instrument.process.child import Opener, block_samples
 from instrument.process.device_process import DeviceProcess, error_of
 from instrument.process.messages import BlockReady

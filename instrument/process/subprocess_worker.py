@@ -20,10 +20,8 @@ from typing import Any
 import numpy as np
 
 from analysis.pipeline import fitted, read
-from analysis.shot.recording import Recording
-from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
-from instrument.files.raw_recording import analyse_and_check_hash
-from instrument.files.recording_error import RecordingError, one_line
+from analysis.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Recording, Shot
+from instrument.files import RecordingError, analyse_and_check_hash, one_line
 from instrument.process.messages import lower_priority
 
 CANCEL_S = 5.0  # a child that has not reacted to a cancellation by then is killed

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from analysis.shot.recording import Channel
+from analysis.shot import Channel
 
 Floats = NDArray[np.float64]
 

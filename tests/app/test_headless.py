@@ -28,7 +28,7 @@ def test_without_a_screen_one_shot_is_told_and_named_once(
         for stage in kernel_compilation.Stage:
             ready(stage)
 
-    monkeypatch.setattr(kernel_compilation, "prepare_first_shot", ready_at_once)
+    monkeypatch.setattr("app.session.prepare_first_shot", ready_at_once)
     assert start.headless_shot() == 0
     said = capsys.readouterr().out
     assert said.index("COR quasi-static") < said.index("fit_to_follow") < said.index("fit of model paper")

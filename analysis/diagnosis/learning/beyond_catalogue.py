@@ -17,11 +17,8 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.identifiability import missed_without, snr
 from analysis.diagnosis.verdict.residual import Residual, residual_of
-from analysis.inference.fit.as_fit import effect_parameters
-from analysis.inference.fit.hypothesis_fit import Fitted, lead_on
-from analysis.inference.screen.projector import Projector, projector
-from analysis.shot.quantity import Quantity
-from analysis.shot.shot import Progress, Stop
+from analysis.inference import Fitted, Projector, effect_parameters, lead_on, projector
+from analysis.shot import Progress, Quantity, Stop
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from analysis.collision.laws.arguments import Argument
-from analysis.collision.laws.forms import FORMS, Form
+from analysis.collision import FORMS, Argument, Form
 from analysis.diagnosis.learning.curve_fit import Learned
-from analysis.inference.fit.arrow import orthonormal
+from analysis.inference import orthonormal
 
 Floats = NDArray[np.float64]
 _BEYOND = 1e60  # of a curve of size 1: no form of this range

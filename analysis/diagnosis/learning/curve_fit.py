@@ -14,16 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.laws.arguments import Argument
-from analysis.collision.laws.curve import graded_basis
-from analysis.collision.parameters import Infeasible
-from analysis.compiled.two_threads import side_by_side
+from analysis.collision import Argument, Infeasible, graded_basis
+from analysis.compiled import side_by_side
 from analysis.diagnosis.learning.curve_motion import Ground, Motions, Term, displacements, motions
 from analysis.diagnosis.learning.curve_step import damped, penalised_step
-from analysis.inference.fit.hypothesis import Hypothesis
-from analysis.inference.fit.hypothesis_fit import learn_floor
-from analysis.inference.noise.floor import Floor, white_floor
-from analysis.shot.shot import Cancelled, Stop
+from analysis.inference import Floor, Hypothesis, learn_floor, white_floor
+from analysis.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]
 _DAMPINGS = (0.0, 1e-8, 1e-6, 1e-4, 1e-2, 0.3)  # of a step, tried one after another until one leads down

@@ -10,21 +10,24 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import general
-from analysis.collision.acting import active_effects
-from analysis.collision.effects import named
-from analysis.collision.effects.kernel import TOUCHING
-from analysis.collision.effects.row import Effect
-from analysis.collision.first_order import along
-from analysis.collision.laws.arguments import Argument
-from analysis.collision.laws.curve import Basis, Curve, visited_range
-from analysis.collision.linearisation import LinearPath, linear_path
-from analysis.collision.parameters import Collision, Infeasible
-from analysis.compiled.two_threads import side_by_side
-from analysis.inference.fit.derivatives import linearised_shot, solved
-from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.hypothesis import Hypothesis
-from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.collision import (
+    TOUCHING,
+    Argument,
+    Basis,
+    Collision,
+    Curve,
+    Effect,
+    Infeasible,
+    LinearPath,
+    active_effects,
+    along,
+    general,
+    linear_path,
+    named,
+    visited_range,
+)
+from analysis.compiled import side_by_side
+from analysis.inference import Fitted, Hypothesis, Point, linearised_shot, solved
 
 Floats = NDArray[np.float64]
 Path = tuple[LinearPath, Collision]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.learning.curve_motion import Term
-from analysis.inference.fit.least_squares import damped_step
+from analysis.inference import damped_step
 
 Floats = NDArray[np.float64]
 _RIDGE = 1e-9  # of each coefficient's own curvature: keeps what no shot visits at rest

@@ -6,17 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.collision.effects import named
-from analysis.collision.laws.own import LawError
-from analysis.collision.parameters import Infeasible
-from analysis.compiled.two_threads import side_by_side
+from analysis.collision import Infeasible, LawError, named
+from analysis.compiled import side_by_side
 from analysis.diagnosis.learning.closed_forms import Fitting
 from analysis.diagnosis.learning.curve_fit import Learned
-from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.free_parameters import trial_effect
-from analysis.inference.fit.hypothesis import Hypothesis
-from analysis.inference.fit.hypothesis_fit import Fitted, finish, fit_hypothesis, lead_on, search
-from analysis.shot.shot import Cancelled, Stop
+from analysis.inference import Fitted, Hypothesis, Point, finish, fit_hypothesis, lead_on, search, trial_effect
+from analysis.shot import Cancelled, Stop
 
 _SHORT, _LONG = 8, 40  # evaluations of a search that only compares, and of one to the end
 _REACH = 200.0  # of the criterion behind the best: what a short search may have left, and no more

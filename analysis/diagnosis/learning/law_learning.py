@@ -15,9 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.collision.laws.arguments import ARGUMENTS, Argument
-from analysis.collision.parameters import Infeasible
-from analysis.compiled.two_threads import side_by_side
+from analysis.collision import ARGUMENTS, Argument, Infeasible
+from analysis.compiled import side_by_side
 from analysis.diagnosis.learning.closed_forms import Fitting, compress
 from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, refine, screen
 from analysis.diagnosis.learning.curve_motion import ground_of
@@ -27,9 +26,8 @@ from analysis.diagnosis.result import LearnedLaw
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.residual import Residual, residual_of
-from analysis.inference.fit.hypothesis_fit import Fitted, lead_on
-from analysis.inference.screen.projector import projector
-from analysis.shot.shot import Cancelled, Progress, Stop
+from analysis.inference import Fitted, lead_on, projector
+from analysis.shot import Cancelled, Progress, Stop
 
 FIRST_PIECES, MOST_PIECES = 12, 96
 _FIRST_STEPS, _ALL_STEPS = 3, 7  # of a search: by the first it shows which arguments may come to the front

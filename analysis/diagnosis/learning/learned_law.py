@@ -6,15 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.laws.arguments import Argument
-from analysis.collision.laws.own import from_key
+from analysis.collision import Argument, from_key
 from analysis.diagnosis.learning.closed_forms import Fitting, gauge, information
 from analysis.diagnosis.learning.curve_fit import Learned
 from analysis.diagnosis.result import LearnedLaw, OtherForm
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction
-from analysis.inference.fit.hypothesis_fit import Fitted
-from analysis.shot.quantity import Quantity
+from analysis.inference import Fitted
+from analysis.shot import Quantity
 
 Floats = NDArray[np.float64]
 _SHOWN = 81  # points of the curve

@@ -12,10 +12,8 @@ from analysis.diagnosis.learning.law_learning import Discovery, learn_law
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import separation
-from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.hypothesis_fit import Fitted
-from analysis.inference.screen.projector import projector
-from analysis.shot.shot import Progress, Stop
+from analysis.inference import Fitted, TrialEffect, projector
+from analysis.shot import Progress, Stop
 
 _SAME = 0.05  # of a law's size: an effect that differs by less, to first order, may be the law itself
 _HALF = 0.5  # of a diagnosis, as its progress shows it: the rest may follow

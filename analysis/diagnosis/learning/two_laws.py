@@ -9,8 +9,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.collision.parameters import Infeasible
-from analysis.compiled.two_threads import side_by_side
+from analysis.collision import Infeasible
+from analysis.compiled import side_by_side
 from analysis.diagnosis.learning.closed_forms import compress
 from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, likeliest_pairs
 from analysis.diagnosis.learning.curve_motion import Term, ground_of
@@ -29,9 +29,8 @@ from analysis.diagnosis.search.forward_selection import without_effect
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import predict
 from analysis.diagnosis.verdict.residual import residual_of
-from analysis.inference.fit.hypothesis_fit import Fitted, lead_on
-from analysis.inference.screen.projector import projector
-from analysis.shot.shot import Progress, Stop
+from analysis.inference import Fitted, lead_on, projector
+from analysis.shot import Progress, Stop
 
 _PAIRS = 4  # of arguments, likeliest to first order: fitted to the end
 _STEPS = 7

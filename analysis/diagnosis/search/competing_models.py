@@ -7,17 +7,13 @@ at a frequency of its own.  So the nearest are fitted, beginning where they imit
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
-from analysis.collision.effects import named
+from analysis.collision import named
 from analysis.diagnosis.search.forward_selection import Trail, better, without
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import Separation, separation
 from analysis.diagnosis.verdict.residual import Residual, residual_of
-from analysis.inference.fit.added_effect import refit, times
-from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.hypothesis_fit import Fitted, fit_hypothesis
-from analysis.inference.screen.projector import Projector
-from analysis.inference.screen.screening import scores
-from analysis.shot.shot import Cancelled, Stop
+from analysis.inference import Fitted, Projector, TrialEffect, fit_hypothesis, refit, scores, times
+from analysis.shot import Cancelled, Stop
 
 Separations = Mapping[str, Separation]
 Start = tuple[Mapping[str, float], ...]  # an effect's values a shot

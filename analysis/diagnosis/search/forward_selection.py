@@ -10,20 +10,28 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.parameters import Infeasible
-from analysis.compiled.two_threads import side_by_side
+from analysis.collision import Infeasible
+from analysis.compiled import side_by_side
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.search.wider_effects import narrower, widened
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.inference.fit.added_effect import refit, united
-from analysis.inference.fit.effective_parameters import Point, to_effective
-from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.hypothesis import Hypothesis
-from analysis.inference.fit.hypothesis_fit import Fitted, fit_hypothesis
-from analysis.inference.noise.floor import Floor
-from analysis.inference.screen.projector import Projector, projector
-from analysis.inference.screen.screening import Score, all_scores, apart
-from analysis.shot.shot import Cancelled, Stop
+from analysis.inference import (
+    Fitted,
+    Floor,
+    Hypothesis,
+    Point,
+    Projector,
+    Score,
+    TrialEffect,
+    all_scores,
+    apart,
+    fit_hypothesis,
+    projector,
+    refit,
+    to_effective,
+    united,
+)
+from analysis.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]
 Result = TypeVar("Result")

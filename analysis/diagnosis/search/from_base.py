@@ -4,19 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.collision.parameters import Infeasible
+from analysis.collision import Infeasible
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.search.forward_selection import Trail, better, climb, explore
 from analysis.diagnosis.search.wider_effects import narrower
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.inference.fit.base_fit import slow_enough
-from analysis.inference.fit.begin import Begin
-from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.first_guesses import first_guesses
-from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.hypothesis_fit import Fitted, finish, search
-from analysis.inference.fit.with_effect import joined
-from analysis.shot.shot import Stop
+from analysis.inference import Begin, Fitted, Point, TrialEffect, finish, first_guesses, joined, search, slow_enough
+from analysis.shot import Stop
 
 _SOFTENED = ((1.0, 1.0), (0.01, 0.1))  # times the stiffness and damping of the contact as it was read
 

@@ -10,19 +10,26 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.collision.effects import named
+from analysis.collision import named
 from analysis.diagnosis.search.forward_selection import Trail, polish, prune
-from analysis.inference.fit.added_effect import refit
-from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.hypothesis import JointData
-from analysis.inference.fit.hypothesis_fit import Fitted, fit_hypothesis, learn_floor, residuals
-from analysis.inference.fit.samples import FINE_RATE_HZ, Samples, together
-from analysis.inference.noise.joint_data import with_plates
-from analysis.inference.noise.site import on_site
-from analysis.inference.screen.projector import Projector, projector
-from analysis.inference.screen.screening import scores
-from analysis.shot.motion import Motion
-from analysis.shot.shot import Stop
+from analysis.inference import (
+    FINE_RATE_HZ,
+    Fitted,
+    JointData,
+    Projector,
+    Samples,
+    TrialEffect,
+    fit_hypothesis,
+    learn_floor,
+    on_site,
+    projector,
+    refit,
+    residuals,
+    scores,
+    together,
+    with_plates,
+)
+from analysis.shot import Motion, Stop
 
 _MATTERS = 0.02  # of the white noise: that the site's directions are wrong by
 _FAR = 0.6  # of a plate's std: nearer to where it was taken to be, straight lines will do

@@ -10,23 +10,27 @@ from functools import cached_property
 
 import numpy as np
 
-from analysis.collision.effects import named
+from analysis.collision import named
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.search.forward_selection import Trail, climb, paired
 from analysis.diagnosis.search.from_base import accept, explored
 from analysis.diagnosis.search.full_rate import with_sway_updated
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.residual import Residual, residual_of
-from analysis.inference.fit.base_fit import base_fit, pays_along
-from analysis.inference.fit.begin import Begin
-from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.hypothesis_fit import Fitted, fit_hypothesis
-from analysis.inference.noise.floor import white_floor
-from analysis.inference.noise.joint_data import joint_data
-from analysis.inference.noise.own_flights import own_flights
-from analysis.inference.noise.site import Site, may_be_of_a_site
-from analysis.shot.motion import Motion
-from analysis.shot.shot import Progress, Stop
+from analysis.inference import (
+    Begin,
+    Fitted,
+    Site,
+    TrialEffect,
+    base_fit,
+    fit_hypothesis,
+    joint_data,
+    may_be_of_a_site,
+    own_flights,
+    pays_along,
+    white_floor,
+)
+from analysis.shot import Motion, Progress, Stop
 
 
 @dataclass(frozen=True)

@@ -5,13 +5,9 @@ It has the parameters of the narrow one and one more, and is fitted in its place
 
 from collections.abc import Iterable
 
-from analysis.collision.effects import WIDER, named
-from analysis.collision.parameters import Infeasible
-from analysis.inference.fit.effective_parameters import Point, to_effective
-from analysis.inference.fit.free_parameters import TrialEffect, trial_effect
-from analysis.inference.fit.hypothesis import Hypothesis
-from analysis.inference.fit.hypothesis_fit import Fitted, fit_hypothesis
-from analysis.shot.shot import Stop
+from analysis.collision import WIDER, Infeasible, named
+from analysis.inference import Fitted, Hypothesis, Point, TrialEffect, fit_hypothesis, to_effective, trial_effect
+from analysis.shot import Stop
 
 
 def narrower(names: Iterable[str]) -> set[str]:

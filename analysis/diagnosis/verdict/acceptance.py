@@ -20,9 +20,8 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.identifiability import missed_without, snr
 from analysis.diagnosis.verdict.residual import Residual, residual_of
-from analysis.inference.fit.hypothesis_fit import Fitted
-from analysis.inference.screen.projector import Projector
-from analysis.shot.shot import Progress
+from analysis.inference import Fitted, Projector
+from analysis.shot import Progress
 
 Predictions = tuple[Prediction, Prediction]  # of the held-out shots: by the model before, by the fit
 

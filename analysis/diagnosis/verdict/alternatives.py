@@ -7,12 +7,8 @@ from analysis.diagnosis.result import Candidate, FoundEffect
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict.candidate_curves import curve_of_fit, curve_to_first_order
 from analysis.diagnosis.verdict.identifiability import least_seen
-from analysis.inference.fit.as_fit import effect_parameters
-from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.hypothesis import JointData
-from analysis.inference.fit.hypothesis_fit import Fitted
-from analysis.inference.screen.projector import Projector
-from analysis.shot.quantity import Quantity
+from analysis.inference import Fitted, JointData, Projector, TrialEffect, effect_parameters
+from analysis.shot import Quantity
 
 
 def candidates(best: Fitted, trail: Trail) -> tuple[Candidate, ...]:

@@ -3,11 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.parameters import Infeasible
-from analysis.inference.fit.hypothesis_fit import Fitted
-from analysis.inference.screen.columns import moved_to, shown_with
-from analysis.inference.screen.projector import Projector
-from analysis.inference.screen.screening import Score
+from analysis.collision import Infeasible
+from analysis.inference import Fitted, Projector, Score, moved_to, shown_with
 
 Floats = NDArray[np.float64]
 POINTS = 800  # of a curve: two to a pixel of a plot that is as wide as a third of a screen

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects import named
+from analysis.collision import named
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.inference import Fitted
 
 Floats = NDArray[np.float64]
 _ROUNDS = 300  # of expectation and maximisation; microseconds each

@@ -9,14 +9,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.parameters import Infeasible
-from analysis.compiled.two_threads import side_by_side
+from analysis.collision import Infeasible
+from analysis.compiled import side_by_side
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.inference.fit.hypothesis import Hypothesis, JointData
-from analysis.inference.fit.hypothesis_fit import Fitted, search, square_of
-from analysis.inference.fit.least_squares import Square, covariance, minimise
-from analysis.inference.noise.floor import Floor
-from analysis.shot.shot import Stop
+from analysis.inference import Fitted, Floor, Hypothesis, JointData, Square, covariance, minimise, search, square_of
+from analysis.shot import Stop
 
 Floats = NDArray[np.float64]
 

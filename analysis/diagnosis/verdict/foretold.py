@@ -8,32 +8,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects import findings
-from analysis.collision.parameters import Infeasible
+from analysis.collision import Infeasible, findings
 from analysis.diagnosis.model_file import SavedModel
 from analysis.diagnosis.result import Errors
 from analysis.diagnosis.verdict.residual import errors
-from analysis.drive.bandwidth import force_noise
-from analysis.drive.driven_fit import chi2, prediction_residual_n
-from analysis.drive.regression import rms
-from analysis.drive.repeatability import Repeatability
-from analysis.drive.stretch import prepare as prepare_drive
-from analysis.drive.table import Table
-from analysis.fitted.fitted_shot import fit_jointly, in_words
-from analysis.inference.fit.base import PLATE_NAMES, base_named
-from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.free_parameters import TrialEffect, trials_named
-from analysis.inference.fit.hypothesis import Hypothesis, JointData
-from analysis.inference.fit.hypothesis_fit import learn_floor, residuals, square_of
-from analysis.inference.fit.least_squares import minimise
-from analysis.inference.fit.samples import together
-from analysis.inference.noise.floor import white_floor
-from analysis.shot.fit import names_on_plate, plates_named
-from analysis.shot.motion import Motion
-from analysis.shot.plate import stated_n_per_m
-from analysis.shot.quantity import Quantity
-from analysis.shot.shot import AnalysisError, Cancelled, Stop
-from levimass.analysis_settings import is_drive
+from analysis.drive import Repeatability, Table, chi2, force_noise, prediction_residual_n, rms
+from analysis.drive import prepare as prepare_drive
+from analysis.fitted import fit_jointly, in_words
+from analysis.inference import (
+    PLATE_NAMES,
+    Hypothesis,
+    JointData,
+    Point,
+    TrialEffect,
+    base_named,
+    learn_floor,
+    minimise,
+    residuals,
+    square_of,
+    together,
+    trials_named,
+    white_floor,
+)
+from analysis.shot import AnalysisError, Cancelled, Motion, Quantity, Stop, names_on_plate, plates_named, stated_n_per_m
+from levimass import is_drive
 
 Floats = NDArray[np.float64]
 Parameters = Mapping[str, Quantity]

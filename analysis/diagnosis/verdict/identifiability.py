@@ -7,12 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.inference.fit.effective_parameters import Point, to_actual, to_effective
-from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.hypothesis_fit import Fitted
-from analysis.inference.screen.projector import Projector
-from analysis.inference.screen.screening import all_scores, scores
-from analysis.shot.shot import Stop
+from analysis.inference import Fitted, Point, Projector, TrialEffect, all_scores, scores, to_actual, to_effective
+from analysis.shot import Stop
 
 Floats = NDArray[np.float64]
 

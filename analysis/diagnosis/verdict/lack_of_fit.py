@@ -19,14 +19,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.inference.fit.arrow import Arrow
-from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.hypothesis import Hypothesis
-from analysis.inference.fit.hypothesis_fit import Fitted, learn_floor
-from analysis.inference.fit.response import Response
-from analysis.inference.fit.samples import Samples
-from analysis.inference.noise.floor import Floor
-from analysis.inference.screen.projector import Projector
+from analysis.inference import Arrow, Fitted, Floor, Hypothesis, Point, Projector, Response, Samples, learn_floor
 
 Floats = NDArray[np.float64]
 _WIDTHS = (0.01, 0.03, 0.1)  # in contact times

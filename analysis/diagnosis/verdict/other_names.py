@@ -3,14 +3,14 @@
 import math
 from functools import partial
 
-from analysis.collision.effects import named
+from analysis.collision import named
 from analysis.diagnosis.search.competing_models import fitted_instead
 from analysis.diagnosis.search.forward_selection import Trail, without
 from analysis.diagnosis.verdict.coincidence import by_chance
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import Separation
 from analysis.diagnosis.verdict.residual import Residual
-from analysis.inference.fit.hypothesis_fit import Fitted, lead_on
+from analysis.inference import Fitted, lead_on
 
 
 def other_names(

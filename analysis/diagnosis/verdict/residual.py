@@ -12,12 +12,9 @@ from analysis.diagnosis.result import Errors
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit, colour, gain, shared, worst
 from analysis.diagnosis.words import CALM
-from analysis.inference.fit.hypothesis_fit import Fitted
-from analysis.inference.fit.samples import Samples
-from analysis.inference.noise.floor import Floor
-from analysis.inference.screen.projector import Projector
-from analysis.shot.motion import Motion
-from analysis.signal.filters import derivatives
+from analysis.inference import Fitted, Floor, Projector, Samples
+from analysis.shot import Motion
+from analysis.signal import derivatives
 
 Floats = NDArray[np.float64]
 _CONTACT = np.array([0.0, 0.03, 0.07, 0.12, 0.2, 0.32, 0.46, 0.6, 0.75, 0.9, 1.0])  # knots, in contact times

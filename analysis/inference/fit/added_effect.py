@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.parameters import Infeasible
+from analysis.collision import Infeasible
 from analysis.inference.fit.arrow import Arrow
 from analysis.inference.fit.effective_parameters import Point, to_effective
 from analysis.inference.fit.free_parameters import TrialEffect
@@ -15,7 +15,7 @@ from analysis.inference.fit.hypothesis_fit import Fitted, finish, search, whiten
 from analysis.inference.fit.least_squares import Minimum, Square
 from analysis.inference.screen.columns import fixed_of
 from analysis.inference.screen.projector import Projector
-from analysis.shot.shot import Cancelled, Stop
+from analysis.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]
 _SHORT = 7  # evaluations of a search that only compares

@@ -5,15 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects.row import Parameter
+from analysis.collision import Parameter
 from analysis.inference.fit.build_fit import Estimate, Part, Path, build_fit
 from analysis.inference.fit.derivatives import solved
 from analysis.inference.fit.hypothesis_fit import Fitted
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.frame_residual import sway_left_std_m
-from analysis.shot.fit import Fit
-from analysis.shot.motion import Motion
-from analysis.shot.quantity import Quantity
+from analysis.shot import Fit, Motion, Quantity
 
 Floats = NDArray[np.float64]
 

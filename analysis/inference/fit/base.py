@@ -4,9 +4,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from analysis.collision.parameters import Collision, Floats, Infeasible, Variant
-from analysis.shot.motion import Motion
-from analysis.shot.plates_of_set import plate_count
+from analysis.collision import Collision, Floats, Infeasible, Variant
+from analysis.shot import Motion, plate_count
 
 MODELS = ("paper", "clamped", "no_tension", "contact")
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.collision.parameters import Infeasible
+from analysis.collision import Infeasible
 from analysis.inference.fit.begin import Begin
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trials_named
@@ -13,7 +13,7 @@ from analysis.inference.fit.hypothesis_fit import Fitted, first_floor, fit_hypot
 from analysis.inference.fit.samples import Samples
 from analysis.inference.fit.situation import too_fast
 from analysis.inference.noise.floor import white_by_differences
-from analysis.shot.shot import AnalysisError, Stop
+from analysis.shot import AnalysisError, Stop
 
 _SAMPLES = 100  # at least
 _SOFTER = 8  # times a tenth of the contact stiffness, at most

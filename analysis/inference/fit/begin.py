@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.inference.fit.base import Base, base_of
-from analysis.shot.fit import Fit
-from analysis.shot.motion import Motion
+from analysis.shot import Fit, Motion
 
 Floats = NDArray[np.float64]
 Plates = tuple[tuple[float, float], ...]

@@ -7,13 +7,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.parameters import Floats
+from analysis.collision import Floats
 from analysis.inference.fit.base import OWN_NAMES
 from analysis.inference.fit.response import Response
-from analysis.shot.fit import Fit, Overlay, ShotFit
-from analysis.shot.motion import Motion
-from analysis.shot.quantity import Quantity
-from analysis.signal.filters import derivatives
+from analysis.shot import Fit, Motion, Overlay, Quantity, ShotFit
+from analysis.signal import derivatives
 
 _WINDOW = 150  # samples
 _LOUD_SIGMAS = 8.0  # of the scatter that noise alone gives to a window's chi^2

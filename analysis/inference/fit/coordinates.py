@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.collision.parameters import Floats, Infeasible
+from analysis.collision import Floats, Infeasible
 
 
 @dataclass(frozen=True, slots=True)

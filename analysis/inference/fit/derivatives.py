@@ -12,8 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects import Effect
-from analysis.collision.parameters import Infeasible
+from analysis.collision import Effect, Infeasible
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.response import Model, Response, respond
 from analysis.inference.fit.search_vector import SearchVector

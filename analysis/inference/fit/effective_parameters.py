@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects import named
-from analysis.collision.parameters import Infeasible
+from analysis.collision import Infeasible, named
 from analysis.inference.fit.situation import Values
 
 Floats = NDArray[np.float64]

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.parameters import Infeasible
+from analysis.collision import Infeasible
 from analysis.inference.fit.base import base_of
 from analysis.inference.fit.base_fit import slow_enough
 from analysis.inference.fit.begin import TRUSTED, Begin, Plates
@@ -26,8 +26,7 @@ from analysis.inference.fit.samples import Samples, together
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.site import Site, on_site
-from analysis.shot.motion import Motion
-from analysis.shot.shot import AnalysisError, Cancelled, Stop
+from analysis.shot import AnalysisError, Cancelled, Motion, Stop
 
 Floats = NDArray[np.float64]
 STRONG = 30.0  # chi^2 a sample, above which a base fit may have been drawn far from its parameters

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.parameters import Infeasible
-from analysis.compiled.two_threads import side_by_side
+from analysis.collision import Infeasible
+from analysis.compiled import side_by_side
 from analysis.inference.fit import guesses, starts
 from analysis.inference.fit.base import Base
 from analysis.inference.fit.effective_parameters import Point
@@ -18,7 +18,7 @@ from analysis.inference.fit.hypothesis_fit import search
 from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import white_floor
-from analysis.shot.shot import Cancelled, Stop
+from analysis.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]
 _TRIED = 6

@@ -4,8 +4,7 @@ import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from analysis.collision.effects import CATALOGUE, named
-from analysis.collision.effects.row import Effect, Parameter
+from analysis.collision import CATALOGUE, Effect, Parameter, named
 
 
 @dataclass(frozen=True, slots=True)

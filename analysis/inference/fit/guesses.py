@@ -11,8 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from analysis.collision.exact import TooManyEvents, solve
-from analysis.collision.parameters import PAPER, Collision, Floats, Variant
+from analysis.collision import PAPER, Collision, Floats, TooManyEvents, Variant, solve
 from analysis.inference.fit.starts import Course
 
 MASS_RATIOS = np.geomspace(0.002, 0.1, 7)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.compiled.two_threads import side_by_side
+from analysis.compiled import side_by_side
 from analysis.inference.fit.derivatives import linearised_shot, solved
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.response import Response

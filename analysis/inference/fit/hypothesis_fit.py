@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.parameters import Infeasible
+from analysis.collision import Infeasible
 from analysis.inference.fit.arrow import Arrow
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
@@ -15,7 +15,7 @@ from analysis.inference.fit.least_squares import Hopeless, Minimum, Square, cova
 from analysis.inference.noise import site_strengths
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor, learn, white_floor
-from analysis.shot.shot import Stop
+from analysis.shot import Stop
 
 Floats = NDArray[np.float64]
 _ROUNDS, _A_ROUND, _BRINGS = 8, 25, 0.05  # of leading on: how often, with how many evaluations, for what of ln L

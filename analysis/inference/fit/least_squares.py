@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.collision.parameters import Floats, Infeasible
-from analysis.shot.shot import Stop
+from analysis.collision import Floats, Infeasible
+from analysis.shot import Stop
 
 
 @dataclass(frozen=True, slots=True)

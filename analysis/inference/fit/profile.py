@@ -9,12 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.collision.effects import named
-from analysis.collision.parameters import Infeasible
-from analysis.compiled.two_threads import side_by_side
+from analysis.collision import Infeasible, named
+from analysis.compiled import side_by_side
 from analysis.inference.fit.hypothesis_fit import Fitted, square_of, whitened_residual
 from analysis.inference.fit.least_squares import minimise
-from analysis.shot.shot import Stop
+from analysis.shot import Stop
 
 _TRIES = 3
 _FLAT = 0.05  # of chi^2: not even a tenth of the way

@@ -8,13 +8,23 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import general
-from analysis.collision.acting import active_effects, chain_matrix, chain_rules
-from analysis.collision.effects import sensors
-from analysis.collision.effects.row import Effect, Parameter, Sensed
-from analysis.collision.general import EventLog, TooManyEvents
-from analysis.collision.parameters import Collision, Floats, Infeasible
-from analysis.collision.slots import FastestRates, fastest_rates
+from analysis.collision import (
+    Collision,
+    Effect,
+    EventLog,
+    FastestRates,
+    Floats,
+    Infeasible,
+    Parameter,
+    Sensed,
+    TooManyEvents,
+    active_effects,
+    chain_matrix,
+    chain_rules,
+    fastest_rates,
+    general,
+    sensors,
+)
 from analysis.inference.fit.base import OWN_NAMES, Base
 from analysis.inference.fit.starts import Course
 

@@ -12,8 +12,7 @@ from analysis.collision import general
 from analysis.inference.fit import starts
 from analysis.inference.fit.response import DEFAULT_WAVELENGTH_M, ShotData
 from analysis.inference.fit.starts import Course
-from analysis.shot.motion import Motion
-from analysis.shot.plates_of_set import plate_numbers
+from analysis.shot import Motion, plate_numbers
 
 if TYPE_CHECKING:
     from analysis.inference.noise.floor import Floor

@@ -7,8 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects import named
-from analysis.collision.effects.row import Effect, Parameter
+from analysis.collision import Effect, Parameter, named
 from analysis.inference.fit.arrow import Arrow, Places
 from analysis.inference.fit.base import OWN_NAMES, Base
 from analysis.inference.fit.coordinates import Coordinates

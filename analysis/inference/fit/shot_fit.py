@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects import MOST_AT_ONCE, findings, named
-from analysis.collision.parameters import Infeasible
+from analysis.collision import MOST_AT_ONCE, Infeasible, findings, named
 from analysis.inference.fit.as_fit import as_fit
 from analysis.inference.fit.base_fit import slow_enough
 from analysis.inference.fit.begin import Begin
@@ -32,11 +31,7 @@ from analysis.inference.noise.joint_data import can_tell, joint_data, site_under
 from analysis.inference.noise.site import Site, on_site
 from analysis.inference.screen.projector import projector
 from analysis.inference.screen.screening import scores
-from analysis.shot.consistency import PLATE_RINGS
-from analysis.shot.disturbance import Shaking
-from analysis.shot.fit import Fit
-from analysis.shot.motion import Motion
-from analysis.shot.shot import AnalysisError, Cancelled, Progress, Stop
+from analysis.shot import PLATE_RINGS, AnalysisError, Cancelled, Fit, Motion, Progress, Shaking, Stop
 
 Floats = NDArray[np.float64]
 _EVALUATIONS, _AT_LAST = 60, 120  # of a search, and of one more where it was cut short

@@ -8,11 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.acting import active_effects
-from analysis.collision.effects import named, sensors
-from analysis.collision.effects.row import Sensed
-from analysis.collision.parameters import Collision, Infeasible
-from analysis.collision.slots import Active, fastest_rates
+from analysis.collision import Active, Collision, Infeasible, Sensed, active_effects, fastest_rates, named, sensors
 
 Floats = NDArray[np.float64]
 Values = Mapping[str, Mapping[str, float]]

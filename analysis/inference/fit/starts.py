@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from analysis.collision.parameters import Floats
-from analysis.shot.shot import AnalysisError
+from analysis.collision import Floats
+from analysis.shot import AnalysisError
 
 
 class NoCollision(AnalysisError):

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.parameters import Infeasible
+from analysis.collision import Infeasible
 from analysis.inference.fit.added_effect import refit
 from analysis.inference.fit.effective_parameters import Point, to_effective
 from analysis.inference.fit.free_parameters import TrialEffect
@@ -15,7 +15,7 @@ from analysis.inference.noise.floor import Floor
 from analysis.inference.screen.columns import fixed_of
 from analysis.inference.screen.projector import projector
 from analysis.inference.screen.screening import apart, scores
-from analysis.shot.shot import Stop
+from analysis.shot import Stop
 
 Floats = NDArray[np.float64]
 _FOLLOWED = 3  # starts of an effect

@@ -6,16 +6,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.parameters import Infeasible
-from analysis.compiled.two_threads import side_by_side
+from analysis.collision import Infeasible
+from analysis.compiled import side_by_side
 from analysis.inference.fit.begin import Begin
 from analysis.inference.fit.samples import RATE_HZ, Samples, together
 from analysis.inference.fit.search_vector import JointData
 from analysis.inference.noise.site import Site, on_site, site_of
 from analysis.inference.noise.sway import BELOW_HZ
-from analysis.reading.read import shaking_in
-from analysis.shot.disturbance import Shaking
-from analysis.shot.motion import Motion
+from analysis.reading import shaking_in
+from analysis.shot import Motion, Shaking
 
 Floats = NDArray[np.float64]
 _FEWEST_A_TURN = 10.0  # samples of what shakes fastest

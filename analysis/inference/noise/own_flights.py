@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 from scipy.special import chdtri
 
-from analysis.collision.effects import NUISANCES
+from analysis.collision import NUISANCES
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import learn, white_floor
 

@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dtrtri
 
-from analysis.collision.effects.row import Acts, Effect
-from analysis.compiled.two_threads import side_by_side
+from analysis.collision import Acts, Effect
+from analysis.compiled import side_by_side
 from analysis.inference.fit.base import PLATE_START, Base
 from analysis.inference.fit.response import Model, respond
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.sway import BELOW_HZ, plate_swing_std, responses
-from analysis.shot.disturbance import Shaking
+from analysis.shot import Shaking
 
 Floats = NDArray[np.float64]
 _APART = 0.45  # of one over a shot's length: sines that stand for what shakes at random

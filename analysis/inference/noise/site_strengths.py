@@ -18,7 +18,7 @@ from scipy.linalg.blas import dsyrk
 from scipy.linalg.lapack import dpotrf, dtrtrs
 from scipy.optimize import minimize
 
-from analysis.compiled.two_threads import side_by_side
+from analysis.compiled import side_by_side
 from analysis.inference.fit.arrow import Arrow, Places
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor, white_floor

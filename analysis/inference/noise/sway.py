@@ -14,10 +14,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.exact import Event, solve
-from analysis.collision.general import TooManyEvents, UnboundedMotion
-from analysis.collision.parameters import Collision, Floats, Infeasible
-from analysis.shot.disturbance import Shaking
+from analysis.collision import Collision, Event, Floats, Infeasible, TooManyEvents, UnboundedMotion, solve
+from analysis.shot import Shaking
 
 BELOW_HZ = 1000.0  # what shakes faster is part of the beat's noise
 PLATE_QUALITY = 300.0  # at most, of a metal plate's swing in air

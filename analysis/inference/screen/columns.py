@@ -11,10 +11,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects import named
-from analysis.collision.linearisation import LinearPath
-from analysis.collision.parameters import Infeasible
-from analysis.compiled.two_threads import side_by_side
+from analysis.collision import Infeasible, LinearPath, named
+from analysis.compiled import side_by_side
 from analysis.inference.fit.effective_parameters import Point, to_actual, to_effective
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis import Hypothesis

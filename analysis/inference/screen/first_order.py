@@ -9,12 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects import named
-from analysis.collision.effects.kernel import V, X
-from analysis.collision.effects.row import Effect
-from analysis.collision.first_order import along
-from analysis.collision.first_order import steps_for as steps_of
-from analysis.collision.linearisation import LinearPath, linear_path
+from analysis.collision import Effect, LinearPath, V, X, along, linear_path, named
+from analysis.collision import steps_for as steps_of
 from analysis.inference.fit.situation import Optics, Values, seen, situation
 
 Floats = NDArray[np.float64]

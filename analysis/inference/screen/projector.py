@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.slots import fastest_rates
+from analysis.collision import fastest_rates
 from analysis.inference.fit.arrow import Arrow, Span
 from analysis.inference.fit.hypothesis_fit import Fitted, whitened_tangents
 from analysis.inference.fit.situation import situation

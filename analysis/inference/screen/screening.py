@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects import named
-from analysis.compiled.two_threads import side_by_side
+from analysis.collision import named
+from analysis.compiled import side_by_side
 from analysis.inference.fit.arrow import Arrow
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.screen.columns import KNOWN_PATH, MANY_STARTS, Seen, laid, own_columns, seen
 from analysis.inference.screen.lines import near_loud_lines, scan
 from analysis.inference.screen.projector import Projector
-from analysis.shot.shot import Cancelled, Stop
+from analysis.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]
 SPANNED = 1e-5  # of a column's length: less than this beside what is fitted, and it is a mixture of that

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from analysis.shot.version import program
+from analysis.shot import program
 from app.command_line.campaign.task import NotReached, Outcome, Task, analyse_one, unfit
 from app.command_line.campaign.worker_pool import LOOK_S, WorkersLost, error_words
 from app.command_line.outputs import say

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import IO, Any, cast
 
 from app.command_line.campaign.task import Entry
-from app.report.csv_export import shot_columns
-from instrument.files.recording_error import RecordingError
-from instrument.files.text_file import open_regular
+from app.report import shot_columns
+from instrument.files import RecordingError, open_regular
 
 JOURNAL = "campaign.jsonl"
 _HEAD = b'{"sha256": "'

@@ -9,17 +9,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from analysis.report import SCHEMA
-from analysis.shot.shot import AnalysisError, AnalysisSettings
-from analysis.shot.version import program_version
+from analysis.shot import AnalysisError, AnalysisSettings, program_version
 from app.command_line.campaign.journal import JOURNAL, Journal
 from app.command_line.campaign.task import Entry, NotReached, Task, failed_entry, tasks_of
 from app.command_line.campaign.worker_pool import Processes, WorkerPool
 from app.command_line.options import known_model
 from app.command_line.outputs import Outputs, check_outputs, in_a_line, problem_line, say
-from app.report.csv_export import write_shots
-from instrument.files.atomic_file import write_text_atomic
-from instrument.files.recording_error import RecordingError
-from instrument.files.recording_search import find_recordings
+from app.report import write_shots
+from instrument.files import RecordingError, find_recordings, write_text_atomic
 
 TASKS_PER_WORKER = 4  # handed out ahead, so that no worker waits
 

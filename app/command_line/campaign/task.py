@@ -8,13 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from analysis.report import shot_result
-from analysis.shot.shot import AnalysisSettings
-from analysis.shot.version import program
-from app.report.csv_export import motion_file_names, shot_row, write_motion
-from app.session.load import analysed, cause_of, unanalysed
-from instrument.files.foreign.mapping import find_mapping
-from instrument.files.recording_error import FileNotReached, RecordingError, one_line
-from instrument.files.recording_search import recording_stem
+from analysis.shot import AnalysisSettings, program
+from app.report import motion_file_names, shot_row, write_motion
+from app.session import analysed, cause_of, unanalysed
+from instrument.files import FileNotReached, RecordingError, find_mapping, one_line, recording_stem
 
 Entry = dict[str, Any]  # "stamp", "shot" as in the result file, "row" of shots.csv
 

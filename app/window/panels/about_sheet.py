@@ -7,7 +7,7 @@ from typing import cast
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QPlainTextEdit, QWidget
 
-from app.report.provenance import program_words
+from app.report import program_words
 from app.window.panels.side_sheet import SideSheet
 
 PARTS = (

@@ -4,13 +4,11 @@ from collections.abc import Sequence
 
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
-from analysis.shot.quantity import shown_in
-from analysis.shot.shot import Shot
-from analysis.uncertainty.gum_budget import COVERAGE_FACTOR, BudgetRow, QuantityBudget, budget
-from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
+from analysis.shot import Shot, shown_in
+from analysis.uncertainty import COVERAGE_FACTOR, BudgetRow, InstrumentUncertainty, QuantityBudget, budget
 from app.window.panels.tree_table import Line, TreeTable
 from app.window.widgets import text_label
-from app.words.wording import DASH, number, value_text
+from app.words import DASH, number, value_text
 
 COLUMNS = (
     "result / source",

@@ -6,11 +6,10 @@ from PySide6.QtCore import QEvent, QObject, QRectF, QSize, Qt, Signal, Slot
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
-from analysis.diagnosis.result import Candidate
-from analysis.diagnosis.verdict.criteria import CRITERIA
-from app.session.why import by_evidence
+from analysis.diagnosis import CRITERIA, Candidate
+from app.session import by_evidence
 from app.window.theme import MARKS, Colours, Tone
-from app.words.wording import DASH, effect_numbers, effect_words, number
+from app.words import DASH, effect_numbers, effect_words, number
 
 SHOWN = 7  # at first; a button shows all
 HEADINGS = (

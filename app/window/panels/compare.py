@@ -5,9 +5,9 @@ from PySide6.QtCore import QObject, Qt, Slot
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QPushButton, QSplitter, QVBoxLayout, QWidget
 
-from analysis.uncertainty.numbers import of_series, with_unit
-from app.report.shot_figures import contact_span_ms, time_zero
-from app.session.session import Entry
+from analysis.uncertainty import of_series, with_unit
+from app.report import contact_span_ms, time_zero
+from app.session import Entry
 from app.window.panels.trend import TrendPlot
 from app.window.pens import series_pen
 from app.window.plots.cursor_readout import CursorReadout
@@ -19,7 +19,7 @@ from app.window.plots.time_plot import TimePlot
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
 from app.window.widgets import text_label
-from app.words.wording import short_name
+from app.words import short_name
 
 MOST = 8
 LOW_LINES = 18  # of text: a page lower than these has no room for words beside its plots

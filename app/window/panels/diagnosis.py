@@ -13,8 +13,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from analysis.diagnosis.result import Diagnosis, Verdict
-from analysis.shot.shot import Shot
+from analysis.diagnosis import Diagnosis, Verdict
+from analysis.shot import Shot
 from app.window.panels.candidates import CandidateBars
 from app.window.panels.effect_rows import EffectRows
 from app.window.panels.law_curve import LawCurve
@@ -25,9 +25,8 @@ from app.window.panels.why_canvas import WhyCanvas
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.theme import MARKS, Colours, Tone, sized
 from app.window.widgets import push_button, text_label
-from app.words.verdict import OUTDATED, VERDICTS
-from app.words.wording import kept_words, local_words, short_name
-from levimass.analysis_settings import is_drive
+from app.words import OUTDATED, VERDICTS, kept_words, local_words, short_name
+from levimass import is_drive
 
 MOST_NAMED = 5  # shots
 LEAST_BESIDE = 78  # width, in letters M, for candidates and residuals side by side

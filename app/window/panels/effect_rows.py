@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
-from analysis.diagnosis.result import FoundEffect
+from analysis.diagnosis import FoundEffect
 from app.window.flow_layout import clear_layout
 from app.window.widgets import text_label
-from app.words.wording import effect_numbers, effect_words
+from app.words import effect_numbers, effect_words
 
 TRIED = "tried; not named by a diagnosis"
 

@@ -4,15 +4,11 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QFont, QFontMetricsF, QResizeEvent
 from PySide6.QtWidgets import QGridLayout, QLabel, QWidget
 
-from analysis.shot.consistency import CONCERNS
-from analysis.shot.quantity import Quantity, Reading
-from analysis.shot.shot import Shot
-from analysis.uncertainty.gum_budget import combined_of, stated
-from analysis.uncertainty.numbers import Group, ResultNumber, shown_numbers
+from analysis.shot import CONCERNS, Quantity, Reading, Shot
+from analysis.uncertainty import Group, ResultNumber, combined_of, shown_numbers, stated
 from app.window.theme import MARKS, Colours, Tone
-from app.words.flags import MILD_FLAGS
-from app.words.wording import DASH, local, number
-from levimass.analysis_settings import is_drive
+from app.words import DASH, MILD_FLAGS, local, number
+from levimass import is_drive
 
 MOST_DIGITS = 7  # more cannot be read from a distance
 _SHOWN = [number for group in Group for number in shown_numbers(group) if number.large]

@@ -6,9 +6,9 @@ import numpy as np
 from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
-from analysis.diagnosis.result import LearnedLaw
-from analysis.shot.shot import Shot
-from app.report.csv_export import law_columns
+from analysis.diagnosis import LearnedLaw
+from analysis.shot import Shot
+from app.report import law_columns
 from app.window.pens import series_pen, straight, under
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.cursors import CursorAxis
@@ -16,8 +16,7 @@ from app.window.plots.legend import Legend, Look
 from app.window.plots.plain_plot import PlainPlot
 from app.window.theme import Colours
 from app.window.widgets import text_label
-from app.words.physics_words import prefix_for
-from app.words.wording import local_words, short_name
+from app.words import local_words, prefix_for, short_name
 
 MOST_FORMS = 4
 ALONG = CursorAxis("mm", "mm")

@@ -13,12 +13,11 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from analysis.collision.laws.functions import FUNCTIONS
-from analysis.collision.laws.own import MOST_PARAMETERS, LawError, from_mapping
+from analysis.collision import FUNCTIONS, MOST_PARAMETERS, LawError, from_mapping
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone
 from app.window.widgets import push_button, text_label
-from app.words.wording import typed_number
+from app.words import typed_number
 
 PLACES = (("block", "on the block"), ("plate", "on the plate"), ("contact", "between block and plate, in contact"))
 COLUMNS = (("name", ""), ("unit", ""), ("start", ""), ("lower", "optional"), ("upper", "optional"))

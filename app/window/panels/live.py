@@ -5,16 +5,15 @@ from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
 
-from analysis.shot.recording import Channel, Role
+from analysis.shot import Channel, Role
 from app.window.panels.site_floor import SiteFloorPanel
 from app.window.pens import thin
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours, sized
-from app.words.physics_words import CHANNEL_NAMES
-from app.words.wording import DASH, local, number
-from instrument.live.live_view import LiveView
+from app.words import CHANNEL_NAMES, DASH, local, number
+from instrument.live import LiveView
 
 WINDOW_MS = 2000.0  # fixed, so that the axis does not move
 LEAST_RAW = 9  # least height of the raw signals, in lines of text

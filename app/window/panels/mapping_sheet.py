@@ -13,15 +13,22 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from analysis.shot.recording import Role, Setup
-from app.session.channel_looks import ChannelKind, ChannelLook, proposed
+from analysis.shot import Role, Setup
+from app.session import ChannelKind, ChannelLook, proposed
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone
 from app.window.widgets import push_button, text_label
-from app.words.wording import local, number, typed_number
-from instrument.files.foreign.contents import ForeignContents
-from instrument.files.foreign.mapping import ForeignMapping, MappedChannel
-from instrument.files.motion_columns import LENGTHS_M, MODELS, TABLE, MotionColumns, length_unit
+from app.words import local, number, typed_number
+from instrument.files import (
+    LENGTHS_M,
+    MODELS,
+    TABLE,
+    ForeignContents,
+    ForeignMapping,
+    MappedChannel,
+    MotionColumns,
+    length_unit,
+)
 
 ROLES = {Role.MEASUREMENT: "PD1, moving beat", Role.REFERENCE: "PD0, rest beat", Role.SWITCH: "Light switch"}
 NONE = "not in this file"

@@ -5,14 +5,11 @@ from html import escape
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
-from analysis.fitted.fitted_shot import awaits_fit
-from analysis.shot.fit import Fit
-from analysis.shot.shot import Shot
+from analysis.fitted import awaits_fit
+from analysis.shot import Fit, Shot
 from app.window.theme import MARKS, Colours, Tone
 from app.window.widgets import push_button, text_label
-from app.words.physics_words import base_words, correlation_words, parameter_parts
-from app.words.verdict import OUTDATED
-from app.words.wording import model_in_words, number, with_prefix
+from app.words import OUTDATED, base_words, correlation_words, model_in_words, number, parameter_parts, with_prefix
 
 LACKING_CHI2 = 1.5  # above, the residual is far more than noise
 

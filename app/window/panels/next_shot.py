@@ -3,12 +3,10 @@
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
-from analysis.diagnosis.result import Diagnosis
-from analysis.planning.next_shot import NextShot, undecided
-from analysis.planning.plan_words import plan_sentence
-from analysis.planning.shot_log import PlannedStep, PlanningState
+from analysis.diagnosis import Diagnosis
+from analysis.planning import NextShot, PlannedStep, PlanningState, plan_sentence, undecided
 from app.window.widgets import push_button, text_label
-from app.words.wording import local_words
+from app.words import local_words
 
 UNPLANNED = (
     "These data do not decide between the candidates. The program can find the shot that would, if there is one."

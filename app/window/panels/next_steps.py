@@ -3,10 +3,10 @@
 from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QPushButton, QVBoxLayout, QWidget
 
-from analysis.diagnosis.result import Diagnosis, Verdict
+from analysis.diagnosis import Diagnosis, Verdict
 from app.window.flow_layout import FlowLayout, clear_layout
 from app.window.widgets import text_label
-from app.words.wording import effect_words, local_words
+from app.words import effect_words, local_words
 
 MOST_TRIED = 3
 OPEN = (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED)

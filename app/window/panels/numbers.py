@@ -17,27 +17,25 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from analysis.shot.consistency import concerning
-from analysis.shot.quantity import Quantity, Reading
-from analysis.shot.shot import Shot
-from analysis.uncertainty.gum_budget import combined_of, stated
-from analysis.uncertainty.numbers import Group, ResultNumber, shown_numbers
+from analysis.shot import Quantity, Reading, Shot, concerning
+from analysis.uncertainty import Group, ResultNumber, combined_of, shown_numbers, stated
 from app.window.theme import MARKS, Colours, Tone, sized
 from app.window.tones import flag_line, flag_tone
 from app.window.widgets import push_button, text_label
-from app.words.flags import by_weight, flag_words
-from app.words.wording import (
+from app.words import (
     COMBINED,
     NOISE_ONLY,
+    by_weight,
     concise_text,
     effect_numbers,
     effect_words,
+    flag_words,
     how_text,
     kept_words,
     local,
     value_text,
 )
-from levimass.analysis_settings import is_drive
+from levimass import is_drive
 
 PAPERS_KINETIC, PAPERS_VALUE = "cor_kinetic.force_peaks", 0.5667  # resources/paper.toml
 WIDE = 0.2  # relative standard uncertainty above which a number is poorly determined

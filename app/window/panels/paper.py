@@ -2,13 +2,13 @@
 
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
-from analysis.paper.paper import Reproduction, Status
-from analysis.shot.quantity import Quantity
-from app.report.paper_rows import SECTIONS, cells, readable_unit
+from analysis.paper import Reproduction, Status
+from analysis.shot import Quantity
+from app.report import SECTIONS, cells, readable_unit
 from app.window.panels.tree_table import Line, TreeTable
 from app.window.theme import Colours, Tone
 from app.window.widgets import text_label
-from app.words.wording import concise_text, local
+from app.words import concise_text, local
 
 COLUMNS = ("number", "paper", "as printed", "simulated", "recomputed", "recording", "difference")
 RECORDED = COLUMNS.index("recording") - 1

@@ -7,20 +7,19 @@ import numpy as np
 from PySide6.QtCore import QObject, Qt, Slot
 from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 
-from analysis.diagnosis.result import Diagnosis
-from analysis.drive.curves import DriveCurves
-from analysis.shot.shot import Shot
-from analysis.uncertainty.motion_band import diagnosed_band
-from app.report.shot_figures import time_zero
+from analysis.diagnosis import Diagnosis
+from analysis.drive import DriveCurves
+from analysis.shot import Shot
+from analysis.uncertainty import diagnosed_band
+from app.report import time_zero
 from app.window.pens import thin
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.cursors import SECONDS
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
 from app.window.widgets import text_label
-from app.words.physics_words import prefix_for
-from app.words.wording import number, repeatability_words, short_name
-from levimass.analysis_settings import is_drive
+from app.words import number, prefix_for, repeatability_words, short_name
+from levimass import is_drive
 
 CELL = "<td align='right' style='padding: 0 6px'>"
 

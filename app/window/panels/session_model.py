@@ -7,16 +7,25 @@ from typing import Any
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, Qt, Signal
 from PySide6.QtGui import QFont
 
-from analysis.shot.quantity import Quantity, Reading
-from analysis.shot.shot import Shot
-from analysis.uncertainty.gum_budget import combined_of, stated
-from analysis.uncertainty.numbers import Origin, ResultNumber, of_collision
-from app.session.session import Entry
+from analysis.shot import Quantity, Reading, Shot
+from analysis.uncertainty import Origin, ResultNumber, combined_of, of_collision, stated
+from app.session import Entry
 from app.window.panels.session_order import Order, ordered
 from app.window.tones import flag_line
-from app.words.flags import by_weight, flag_name, flag_words, flags_in_short
-from app.words.verdict import OUTDATED, verdict_words
-from app.words.wording import COMBINED, DASH, NOISE_ONLY, concise_text, how_text, value_text
+from app.words import (
+    COMBINED,
+    DASH,
+    NOISE_ONLY,
+    OUTDATED,
+    by_weight,
+    concise_text,
+    flag_name,
+    flag_words,
+    flags_in_short,
+    how_text,
+    value_text,
+    verdict_words,
+)
 
 LETTERS = 15  # width of a number in digits, for 0.98729985(50)
 

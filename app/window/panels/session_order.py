@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from app.session.session import Entry
+from app.session import Entry
 
 
 @dataclass(frozen=True, slots=True)

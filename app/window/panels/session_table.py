@@ -29,7 +29,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.session.session import Entry, Session
+from app.session import Entry, Session
 from app.window.panels.session_model import FLAGS, NOTE, VERDICT, SessionModel
 from app.window.panels.session_order import GROUPS, Order
 from app.window.widgets import push_button, text_label

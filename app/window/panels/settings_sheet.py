@@ -20,8 +20,8 @@ from app.window.file_dialog import Want, ask
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone
 from app.window.widgets import push_button, text_label
-from app.words.wording import local, typed_number, typed_numbers
-from levimass.setting import Setting, Value
+from app.words import local, typed_number, typed_numbers
+from levimass import Setting, Value
 
 
 class SettingsSheet(SideSheet):

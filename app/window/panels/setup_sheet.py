@@ -10,9 +10,8 @@ from app.window.flow_layout import clear_layout
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone, sized
 from app.window.widgets import push_button, text_label
-from app.words.wording import local_words
-from instrument.devices.device_search import FoundDevice
-from instrument.devices.doctor import Check, Grade
+from app.words import local_words
+from instrument.devices import Check, FoundDevice, Grade
 
 TONES = {Grade.OK: Tone.GOOD, Grade.WARN: Tone.WARNING, Grade.FAIL: Tone.BAD}
 MOST_CHECKS = 6

@@ -4,11 +4,10 @@ from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QButtonGroup, QLabel, QPushButton, QStackedWidget, QVBoxLayout, QWidget
 
-from analysis.diagnosis.result import Diagnosis
-from analysis.drive.curves import DriveCurves
-from analysis.shot.recording import Recording
-from analysis.shot.shot import Shot
-from app.report.shot_figures import time_zero
+from analysis.diagnosis import Diagnosis
+from analysis.drive import DriveCurves
+from analysis.shot import Recording, Shot
+from app.report import time_zero
 from app.window.flow_layout import FlowLayout
 from app.window.panels.shot_deflection import DeflectionView
 from app.window.panels.shot_drive import DriveView
@@ -21,7 +20,7 @@ from app.window.plots.legend import Legend, Look
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
-from levimass.analysis_settings import is_drive
+from levimass import is_drive
 
 VIEWS = (
     ("whole", "Whole shot", "1", "Velocity, force and residual of the whole shot"),

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QWidget
 
-from analysis.shot.quantity import Quantity
-from analysis.shot.shot import Shot
+from analysis.shot import Quantity, Shot
 from app.window.pens import thin, under
 from app.window.plots.crisp import CrispCurve
 from app.window.plots.cursors import CursorAxis

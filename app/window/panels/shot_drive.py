@@ -6,7 +6,7 @@ import numpy as np
 from PySide6.QtCore import QObject, Qt, Slot
 from PySide6.QtWidgets import QLabel, QSplitter, QWidget
 
-from analysis.drive.curves import DriveCurves
+from analysis.drive import DriveCurves
 from app.window.pens import thin, under
 from app.window.plots.cursors import SECONDS, CursorAxis
 from app.window.plots.curve import Band
@@ -16,7 +16,7 @@ from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
-from app.words.wording import number, repeatability_words
+from app.words import number, repeatability_words
 
 SPEED = CursorAxis("m/s", "m/s")
 PLACE = CursorAxis("mm", "m", 1e-3)

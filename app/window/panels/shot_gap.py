@@ -3,8 +3,8 @@
 import numpy as np
 from PySide6.QtWidgets import QWidget
 
-from analysis.shot.shot import Shot
-from app.report.shot_figures import contact_span_ms, time_zero
+from analysis.shot import Shot
+from app.report import contact_span_ms, time_zero
 from app.window.pens import thin, under
 from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.time_stack import TimeStack

@@ -4,18 +4,15 @@ import numpy as np
 from PySide6.QtCore import QObject, Slot
 from PySide6.QtWidgets import QComboBox, QWidget
 
-from analysis.diagnosis.result import Diagnosis
-from analysis.shot.fit import Fit
-from analysis.shot.motion import Motion
-from analysis.shot.quantity import Quantity
-from analysis.shot.shot import Shot
-from analysis.uncertainty.motion_band import Floats, NoiseBand, judged_band
-from app.report.shot_figures import contact_span_ms, time_zero
+from analysis.diagnosis import Diagnosis
+from analysis.shot import Fit, Motion, Quantity, Shot
+from analysis.uncertainty import Floats, NoiseBand, judged_band
+from app.report import contact_span_ms, time_zero
 from app.window.pens import thin, under
 from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
-from app.words.physics_words import prefix_for
+from app.words import prefix_for
 
 RESIDUALS = (
     ("force", "Residual of force", "N"),

@@ -5,14 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from PySide6.QtWidgets import QWidget
 
-from analysis.shot.recording import Recording, Role
+from analysis.shot import Recording, Role
 from app.window.pens import thin
 from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.pyramid import Pyramid
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
-from app.words.physics_words import CHANNEL_NAMES
-from app.words.wording import number
+from app.words import CHANNEL_NAMES, number
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,13 +6,13 @@ from numpy.typing import NDArray
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
-from analysis.reading.site import CENTRES_HZ, CRITERIA_M_PER_S, SiteFloor
+from analysis.reading import CENTRES_HZ, CRITERIA_M_PER_S, SiteFloor
 from app.window.pens import thin, under
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.cursors import CursorAxis
 from app.window.plots.log_plot import LogPlot
 from app.window.theme import Colours
-from app.words.wording import local, with_prefix
+from app.words import local, with_prefix
 
 FREQUENCY = CursorAxis("Hz", "Hz", logarithmic=True)
 UM_PER_S = 1e6

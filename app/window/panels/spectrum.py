@@ -5,10 +5,9 @@ import pyqtgraph as pg
 from PySide6.QtCore import QRectF, Qt, Slot
 from PySide6.QtWidgets import QLabel, QSplitter, QVBoxLayout, QWidget
 
-from analysis.shot.recording import Role
-from analysis.shot.shot import Shot
-from app.report.shot_figures import time_zero
-from app.session.spectra import BEATS, Spectra
+from analysis.shot import Role, Shot
+from app.report import time_zero
+from app.session import BEATS, Spectra
 from app.window.pens import thin, under
 from app.window.plots.cursor_readout import CursorReadout
 from app.window.plots.cursors import TIME, CursorAxis
@@ -17,7 +16,7 @@ from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.theme import Colours
-from app.words.physics_words import CHANNEL_NAMES
+from app.words import CHANNEL_NAMES
 
 FREQUENCY = CursorAxis("MHz", "MHz")
 

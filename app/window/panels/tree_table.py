@@ -15,7 +15,7 @@ from PySide6.QtWidgets import (
 )
 
 from app.window.theme import sized
-from app.words.plain import cell
+from app.words import cell
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,15 +6,14 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtWidgets import QWidget
 
-from analysis.shot.quantity import Quantity
-from analysis.shot.shot import Shot
-from analysis.uncertainty.numbers import ResultNumber, with_unit
+from analysis.shot import Quantity, Shot
+from analysis.uncertainty import ResultNumber, with_unit
 from app.window.pens import straight
 from app.window.plots.cursors import CursorAxis
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.time_plot import AXIS_WIDTH
 from app.window.theme import Colours
-from app.words.wording import local, number
+from app.words import local, number
 
 SPEED = CursorAxis("m/s", "m/s")
 

@@ -9,15 +9,15 @@ import numpy as np
 from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
-from analysis.diagnosis.result import Diagnosis
-from analysis.shot.shot import Shot
-from analysis.uncertainty.motion_band import diagnosed_band
-from app.report.shot_figures import time_zero
-from app.session.why import Remainder, by_evidence
+from analysis.diagnosis import Diagnosis
+from analysis.shot import Shot
+from analysis.uncertainty import diagnosed_band
+from app.report import time_zero
+from app.session import Remainder, by_evidence
 from app.window.panels.candidates import CandidateBars
 from app.window.plots.residual_grid import MOST, Cell, Floats, Overlay, ResidualGrid
 from app.window.theme import Colours, Tone
-from app.words.wording import effect_words, number, short_name
+from app.words import effect_words, number, short_name
 
 BESIDE_SHOTS = 4  # whose two remainders stand side by side
 

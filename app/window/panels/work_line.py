@@ -5,7 +5,7 @@ import math
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QHBoxLayout, QProgressBar, QPushButton, QWidget
 
-from app.session.jobs import Job, Jobs
+from app.session import Job, Jobs
 from app.window.panels.notice import NoticeLine
 from app.window.theme import Colours
 from app.window.widgets import push_button

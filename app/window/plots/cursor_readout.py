@@ -4,7 +4,7 @@ from PySide6.QtCore import Qt, Slot
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QWidget
 
 from app.window.plots.plot_view import PlotView
-from app.words.wording import DASH, local, number
+from app.words import DASH, local, number
 
 LOW_LINES = 40  # of text: in a lower window the table is only shown on hovering
 

@@ -8,7 +8,7 @@ from PySide6.QtGui import QPen
 from app.window.plots.plain_axis import PlainAxis
 from app.window.plots.plain_plot import Floats, PlainPlot, XyCurve
 from app.window.plots.plot_view import Span
-from app.words.wording import number
+from app.words import number
 
 FEW_DECADES = 2.6  # up to which 2 and 5 are labelled too
 

@@ -8,7 +8,7 @@ from PySide6.QtCore import QTimer, Signal, Slot
 from PySide6.QtGui import QFontMetricsF, QPainter
 
 from app.window.pens import straight
-from app.words.wording import local
+from app.words import local
 
 BEHIND = -1000
 

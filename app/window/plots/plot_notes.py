@@ -9,7 +9,7 @@ from PySide6.QtCore import QEvent, QObject, QPointF, Qt, Signal, Slot
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QLineEdit, QWidget
 
-from analysis.shot.plot_note import LONGEST, PlotNote
+from analysis.shot import LONGEST, PlotNote
 from app.window.pens import straight
 from app.window.plots.framed_plot import FramedPlot
 from app.window.theme import Colours

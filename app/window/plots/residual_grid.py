@@ -14,8 +14,7 @@ from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from app.window.theme import Colours, Tone
-from app.words.physics_words import prefix_for
-from app.words.wording import number
+from app.words import number, prefix_for
 
 Floats = NDArray[np.float64]
 MOST = 12  # shots drawn

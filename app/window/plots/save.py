@@ -15,7 +15,7 @@ from app.window.plots.curve import SampledCurve
 from app.window.plots.legend import Look, legend_height, paint_legend
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
-from instrument.files.atomic_file import write_text_atomic
+from instrument.files import write_text_atomic
 
 
 def save_png(view: pg.GraphicsView, path: Path, scale: float = 2.0) -> None:

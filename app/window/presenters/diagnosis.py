@@ -4,17 +4,12 @@ from dataclasses import dataclass
 
 from PySide6.QtCore import QObject, Slot
 
-from analysis.diagnosis.result import Diagnosis
-from analysis.drive.curves import DriveCurves, drive_curves
-from analysis.shot.shot import Progress, Shot, Stop
-from app.session.event import Diagnosed
-from app.session.next_shots import PLAN
-from app.session.session import Entry
-from app.session.shot_job import ShotJob
-from app.session.verdict_basis import verdict_of
-from app.session.workbench import Workbench
+from analysis.diagnosis import Diagnosis
+from analysis.drive import DriveCurves, drive_curves
+from analysis.shot import Progress, Shot, Stop
+from app.session import PLAN, Diagnosed, Entry, ShotJob, Workbench, verdict_of
 from app.window.layout import Layout
-from levimass.analysis_settings import is_drive
+from levimass import is_drive
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,7 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Signal, Slot
 from PySide6.QtWidgets import QMenu
 
-from app.session.choices import Choices
-from app.session.session_files import is_session
-from app.session.workbench import Workbench
+from app.session import Choices, Workbench, is_session
 from app.window.file_dialog import Want, ask
 from app.window.layout import Layout
 from app.window.theme import Tone

@@ -4,11 +4,11 @@ from typing import Any
 
 from PySide6.QtCore import QObject, Signal, Slot
 
-from analysis.collision.laws.own import LawError, from_key
-from app.session.model_in_use import OwnLaws
+from analysis.collision import LawError, from_key
+from app.session import OwnLaws
 from app.window.layout import Layout
 from app.window.theme import Tone
-from instrument.files.recording_error import RecordingError
+from instrument.files import RecordingError
 
 
 class LawsPresenter(QObject):

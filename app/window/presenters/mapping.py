@@ -5,26 +5,23 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, Slot
 
-from analysis.shot.recording import Role
-from analysis.shot.shot import Progress, Stop
-from app.session.channel_looks import ChannelLook, looks_of
-from app.session.choices import Choices
-from app.session.jobs import Job
-from app.session.workbench import Workbench
+from analysis.shot import Progress, Role, Stop
+from app.session import ChannelLook, Choices, Job, Workbench, looks_of
 from app.window.layout import Layout
 from app.window.panels.mapping_sheet import Answer
-from instrument.files.foreign.contents import ForeignContents
-from instrument.files.foreign.mapping import (
+from instrument.files import (
     FOLDER_MAPPING,
+    ForeignContents,
+    MotionColumns,
     find_mapping,
+    foreign_channels,
     is_foreign,
     mapping_path,
+    read_foreign,
     read_mapping,
+    save_columns,
     write_mapping,
 )
-from instrument.files.foreign.reading import foreign_channels, read_foreign
-from instrument.files.motion_columns import MotionColumns
-from instrument.files.motion_file import save_columns
 
 
 @dataclass(frozen=True, slots=True)

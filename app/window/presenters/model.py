@@ -5,16 +5,13 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal, Slot
 
-from analysis.diagnosis.model_file import SavedModel
-from analysis.shot.fit import Fit
-from app.session.choices import Choices
-from app.session.model_in_use import drift_words
-from app.session.session import Entry
-from app.session.workbench import Workbench
+from analysis.diagnosis import SavedModel
+from analysis.shot import Fit
+from app.session import Choices, Entry, Workbench, drift_words
 from app.window.file_dialog import Want, ask
 from app.window.layout import Layout
 from app.window.theme import Tone
-from app.words.wording import local_words
+from app.words import local_words
 
 KINDS = "Levimass model (*.toml)"
 

@@ -4,10 +4,7 @@ from collections.abc import Callable
 
 from PySide6.QtCore import QObject, Slot
 
-from app.session.event import Diagnosed
-from app.session.next_shots import PLAN, NextShots
-from app.session.session import Entry
-from app.session.workbench import Workbench
+from app.session import PLAN, Diagnosed, Entry, NextShots, Workbench
 from app.window.layout import Layout
 
 

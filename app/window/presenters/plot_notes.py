@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 from PySide6.QtCore import QObject, Signal, Slot
 
-from analysis.shot.plot_note import PlotNote
-from app.session.session import Entry, Session
+from analysis.shot import PlotNote
+from app.session import Entry, Session
 from app.window.layout import Layout
 from app.window.theme import Tone
 

@@ -6,21 +6,17 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Signal, Slot
 from PySide6.QtWidgets import QApplication
 
-from app.session.choices import Choices
-from app.session.rig import Rig
-from app.session.session import Entry
-from app.session.settings import FIELDS
+from app.session import FIELDS, Choices, Entry, Rig
 from app.window import state_words
 from app.window.file_dialog import Want, ask
 from app.window.layout import Layout
 from app.window.panels.side_sheet import SideSheet
 from app.window.theme import Tone
-from app.words.wording import duration
-from instrument.capture.acquisition import State
-from instrument.capture.snapshot import Snapshot
-from instrument.devices.sources import is_bench
-from instrument.live.live_view import LiveView
-from levimass.setting import Value
+from app.words import duration
+from instrument.capture import Snapshot, State
+from instrument.devices import is_bench
+from instrument.live import LiveView
+from levimass import Value
 
 RECORDINGS = "Recordings (*.sigmf-meta *.sigmf-data *.csv *.toml);;All files (*)"
 

@@ -2,15 +2,11 @@
 
 from PySide6.QtCore import QObject, Slot
 
-from analysis.diagnosis.result import Diagnosis
-from analysis.drive.curves import DriveCurves, drive_curves
-from analysis.shot.recording import Recording
-from analysis.shot.shot import Progress, Shot, Stop
-from app.report.shot_figures import time_zero
-from app.session.session import Entry
-from app.session.shot_job import ShotJob, raw_of
-from app.session.spectra import Spectra, spectra_of
-from app.session.workbench import Workbench
+from analysis.diagnosis import Diagnosis
+from analysis.drive import DriveCurves, drive_curves
+from analysis.shot import Progress, Recording, Shot, Stop
+from app.report import time_zero
+from app.session import Entry, ShotJob, Spectra, Workbench, raw_of, spectra_of
 from app.window.layout import Layout
 from app.window.panels.shot_raw import RawCurves, curves_of
 from app.window.tones import verdict_line

@@ -7,19 +7,15 @@ from PySide6.QtCore import QObject, Qt, Signal, Slot
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtPrintSupport import QPrintDialog, QPrinter
 
-from app.report.pdf import document_of
-from app.session.channel_looks import is_swapped
-from app.session.choices import Choices
-from app.session.event import Event, EventKind
-from app.session.session import NOT_SAVED
-from app.session.workbench import Workbench
+from app.report import document_of
+from app.session import NOT_SAVED, Choices, Event, EventKind, Workbench, is_swapped
 from app.window.file_dialog import Want, ask
 from app.window.layout import Layout
 from app.window.presenters.rig import RECORDINGS
 from app.window.presenters.selection import SelectionPresenter
 from app.window.theme import Tone
-from instrument.capture.snapshot import FinishedShot, WaitingShot
-from instrument.files.foreign.mapping import FORMATS, format_of, is_foreign
+from instrument.capture import FinishedShot, WaitingShot
+from instrument.files import FORMATS, format_of, is_foreign
 
 ENDINGS = (".sigmf-meta", ".sigmf-data", ".csv", ".toml", *FORMATS)
 OPENED = f"{RECORDINGS};;Other programs' files ({' '.join(f'*{ending}' for ending in FORMATS)})"

@@ -6,18 +6,20 @@ from collections.abc import Callable
 
 from PySide6.QtCore import QObject, Signal, Slot
 
-from analysis.shot.recording import Role
-from analysis.shot.shot import Progress, Stop
-from app.session.choices import Choices
-from app.session.jobs import Job, Jobs
-from app.session.rig import Rig
+from analysis.shot import Progress, Role, Stop
+from app.session import Choices, Job, Jobs, Rig
 from app.window.layout import Layout
-from instrument.capture.snapshot import Snapshot
-from instrument.devices.device_search import FoundDevice, found_devices, udev_instructions
-from instrument.devices.digitizer import DigitizerError
-from instrument.devices.doctor import Check
-from instrument.devices.scpi_address import network_name, network_source
-from instrument.live.setup_check import judge, judge_site
+from instrument.capture import Snapshot
+from instrument.devices import (
+    Check,
+    DigitizerError,
+    FoundDevice,
+    found_devices,
+    network_name,
+    network_source,
+    udev_instructions,
+)
+from instrument.live import judge, judge_site
 
 JUDGED_EVERY_S = 0.4  # so that the words can be read
 Find = Callable[[], tuple[FoundDevice, ...]]

@@ -4,11 +4,9 @@ from collections.abc import Callable
 
 from PySide6.QtCore import QObject
 
-from analysis.paper.paper import Reproduction, reproduce
-from analysis.shot.shot import Progress, Shot, Stop
-from app.session.jobs import Job
-from app.session.session import Entry
-from app.session.workbench import Workbench
+from analysis.paper import Reproduction, reproduce
+from analysis.shot import Progress, Shot, Stop
+from app.session import Entry, Job, Workbench
 from app.window.layout import Layout
 
 

@@ -2,7 +2,7 @@
 
 from PySide6.QtCore import QObject, Slot
 
-from app.session.choices import Choices
+from app.session import Choices
 from app.window.layout import Layout
 from app.window.panels.tour import Step
 

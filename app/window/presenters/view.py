@@ -13,7 +13,7 @@ from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Tone
-from instrument.files.recording_error import RecordingError
+from instrument.files import RecordingError
 
 
 class ViewPresenter(QObject):

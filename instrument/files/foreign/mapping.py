@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from analysis.shot.recording import Role, Setup
+from analysis.shot import Role, Setup
 from instrument.files.atomic_file import write_text_atomic
 from instrument.files.checked import Checked
 from instrument.files.recording_error import RecordingError, one_line

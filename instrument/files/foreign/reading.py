@@ -9,13 +9,13 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot.recording import Channel, Recording, Role
+from analysis.shot import Channel, Recording, Role
 from instrument.files.foreign import csv_table, hdf5, tdms, wav
 from instrument.files.foreign.contents import LARGEST_FILE_BYTES, MOST_SAMPLES, Column, ForeignColumn, ForeignContents
 from instrument.files.foreign.mapping import FORMATS, ForeignMapping, MappedChannel, format_of
 from instrument.files.recording_error import RecordingError, one_line
 from instrument.files.text_file import open_regular
-from instrument.trigger.light_switch import LightSwitch, TriggerSettings
+from instrument.trigger import LightSwitch, TriggerSettings
 
 Result = TypeVar("Result")
 _CONTENTS: dict[str, Callable[[Path], ForeignContents]] = {

@@ -44,7 +44,7 @@ def test_a_fit_without_a_solution_keeps_the_readings(monkeypatch: pytest.MonkeyP
     def torn(*_: object, **__: object) -> None:
         raise error
 
-    monkeypatch.setattr("analysis.inference.fit.shot_fit.fit_shots", torn)
+    monkeypatch.setattr("analysis.inference.fit_shots", torn)
     shot = analyse(sound())
     assert shot.problem is None and shot.impact is not None and shot.fit is None
     assert shot.fit_problem == f"the model cannot be fitted to this motion ({error})"

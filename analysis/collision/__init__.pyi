@@ -1,0 +1,75 @@
+from . import general
+from .acting import active_effects, chain_matrix, chain_rules
+from .effects import CATALOGUE, MOST_AT_ONCE, NUISANCES, WIDER, findings, named, sensors
+from .effects.kernel import TOUCHING, V, X, address, complex_address
+from .effects.row import Acts, Effect, Parameter, Sensed
+from .exact import Trajectory, solve
+from .first_order import along, steps_for
+from .gear import simulate
+from .general import Event, EventLog, TooManyEvents, UnboundedMotion
+from .laws.arguments import ARGUMENTS, Argument
+from .laws.curve import Basis, Curve, graded_basis, visited_range
+from .laws.forms import FORMS, Form
+from .laws.functions import FUNCTIONS
+from .laws.own import MOST_PARAMETERS, LawError, OwnLaw, called, from_key, from_mapping, is_law
+from .linearisation import LinearPath, linear_path
+from .parameters import PAPER, Collision, Floats, Infeasible, Variant
+from .slots import Active, FastestRates, fastest_rates
+
+__all__ = [
+    "ARGUMENTS",
+    "CATALOGUE",
+    "FORMS",
+    "FUNCTIONS",
+    "MOST_AT_ONCE",
+    "MOST_PARAMETERS",
+    "NUISANCES",
+    "PAPER",
+    "TOUCHING",
+    "WIDER",
+    "Active",
+    "Acts",
+    "Argument",
+    "Basis",
+    "Collision",
+    "Curve",
+    "Effect",
+    "Event",
+    "EventLog",
+    "FastestRates",
+    "Floats",
+    "Form",
+    "Infeasible",
+    "LawError",
+    "LinearPath",
+    "OwnLaw",
+    "Parameter",
+    "Sensed",
+    "TooManyEvents",
+    "Trajectory",
+    "UnboundedMotion",
+    "V",
+    "Variant",
+    "X",
+    "active_effects",
+    "address",
+    "along",
+    "called",
+    "chain_matrix",
+    "chain_rules",
+    "complex_address",
+    "fastest_rates",
+    "findings",
+    "from_key",
+    "from_mapping",
+    "general",
+    "graded_basis",
+    "is_law",
+    "linear_path",
+    "named",
+    "sensors",
+    "simulate",
+    "solve",
+    "steps_for",
+    "visited_range",
+]

@@ -1,0 +1,39 @@
+from .diagnosis_of_shots import diagnose
+from .model_file import ModelFileError, SavedModel, drift, from_text, saved, to_text
+from .result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, OtherForm, Verdict, diagnosis_result
+from .search.competing_models import fitted_instead
+from .search.forward_selection import Trail, without
+from .verdict.coincidence import unforetold
+from .verdict.criteria import CRITERIA
+from .verdict.foretold import Foretold, foretell, foretold_result
+from .verdict.identifiability import separation
+from .words import ONE_WITH_TWO_READINGS, plain
+
+__all__ = [
+    "CRITERIA",
+    "ONE_WITH_TWO_READINGS",
+    "Candidate",
+    "Diagnosis",
+    "Errors",
+    "Foretold",
+    "FoundEffect",
+    "LearnedLaw",
+    "ModelFileError",
+    "OtherForm",
+    "SavedModel",
+    "Trail",
+    "Verdict",
+    "diagnose",
+    "diagnosis_result",
+    "drift",
+    "fitted_instead",
+    "foretell",
+    "foretold_result",
+    "from_text",
+    "plain",
+    "saved",
+    "separation",
+    "to_text",
+    "unforetold",
+    "without",
+]

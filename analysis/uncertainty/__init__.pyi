@@ -1,0 +1,51 @@
+from .gum_budget import (
+    COLUMNS,
+    COVERAGE_FACTOR,
+    Budget,
+    BudgetRow,
+    QuantityBudget,
+    budget,
+    budget_result,
+    budget_rows,
+    combined_of,
+    stated,
+)
+from .instrument_uncertainty import InstrumentUncertainty
+from .motion_band import Floats, NoiseBand, band_of, diagnosed_band, judged_band, noise_band
+from .numbers import Group, Origin, ResultNumber, number_of, of_collision, of_series, read, shown_numbers, with_unit
+from .series_statistics import Series, Summary, Trend, series, series_result, series_rows
+
+__all__ = [
+    "COLUMNS",
+    "COVERAGE_FACTOR",
+    "Budget",
+    "BudgetRow",
+    "Floats",
+    "Group",
+    "InstrumentUncertainty",
+    "NoiseBand",
+    "Origin",
+    "QuantityBudget",
+    "ResultNumber",
+    "Series",
+    "Summary",
+    "Trend",
+    "band_of",
+    "budget",
+    "budget_result",
+    "budget_rows",
+    "combined_of",
+    "diagnosed_band",
+    "judged_band",
+    "noise_band",
+    "number_of",
+    "of_collision",
+    "of_series",
+    "read",
+    "series",
+    "series_result",
+    "series_rows",
+    "shown_numbers",
+    "stated",
+    "with_unit",
+]

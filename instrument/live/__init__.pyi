@@ -1,0 +1,19 @@
+from .live_thread import LiveThread, warm
+from .live_view import ChannelSignal, LiveView, empty_view
+from .ring import Overwritten, Ring, Stream
+from .setup_check import judge, judge_site
+from .signal_trial import try_signals
+
+__all__ = [
+    "ChannelSignal",
+    "LiveThread",
+    "LiveView",
+    "Overwritten",
+    "Ring",
+    "Stream",
+    "empty_view",
+    "judge",
+    "judge_site",
+    "try_signals",
+    "warm",
+]

@@ -1,10 +1,16 @@
-"""Imports go one way: app -> instrument -> analysis; Qt lives in app alone."""
+"""Imports go one way: app -> instrument -> analysis; Qt lives in app alone; nobody imports past a package's exports."""
 
 import ast
+import importlib.util
 import re
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
+
+import levimass
+from instrument.devices.sources import SOURCES
 
 HOUSE = Path(__file__).resolve().parents[1]
 FORBIDDEN = {
@@ -88,6 +94,104 @@ def test_an_import_that_runs_back_is_seen() -> None:
     assert not _runs_back("analysis.diagnosis.words", {"analysis.inference.fit.search", "analysis.diagnosis.result"})
     assert _runs_back("analysis.paper.paper", {"analysis.pipeline.analyse"})
     assert _runs_back("instrument.live.live_thread", {"instrument.capture.snapshot.Snapshot"})
+
+
+PACKAGES = ("levimass", *(f"{top}.{part}" for top, parts in LAYERS.items() for part in parts))
+
+
+def _package(module: str) -> str:
+    """Return the package that a module is inside of; what lies directly in a top folder stands for itself."""
+    top, *inside = module.split(".")
+    if top == "levimass":
+        return top
+    return f"{top}.{inside[0]}" if inside and inside[0] in LAYERS.get(top, ()) else module
+
+
+@cache
+def _exported(package: str) -> dict[str, str]:
+    """Return, of each name that a package exports, the module in the package that it comes from."""
+    if package == "levimass":
+        return dict.fromkeys(levimass.__all__, "")
+    stub = HOUSE.joinpath(*package.split("."), "__init__.pyi")
+    *imports, names = ast.parse(stub.read_text(encoding="utf-8")).body
+    assert all(isinstance(node, ast.ImportFrom) and node.level == 1 for node in imports), f"{stub} holds more"
+    exported = {alias.name: node.module or "" for node in imports for alias in node.names}
+    assert isinstance(names, ast.Assign) and sorted(ast.literal_eval(names.value)) == sorted(exported), stub
+    return exported
+
+
+def _crossing(module: str, text: str) -> Iterator[tuple[str, str]]:
+    """Yield (module, name) of each import in a source that names something of another package."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            named = [(alias.name, "") for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            named = [(node.module, alias.name) for alias in node.names]
+        else:
+            continue
+        for come_from, name in named:
+            inside = _package(f"{come_from}.{name}") if come_from in LAYERS else _package(come_from)
+            if inside in PACKAGES and inside != _package(module):
+                yield come_from, name
+
+
+def _past(module: str, text: str) -> set[str]:
+    """Return the imports of a source that are none of a name that another package exports."""
+    crossing = _crossing(module, text)
+    return {f"{of} {name}" for of, name in crossing if of not in PACKAGES or name not in _exported(of)}
+
+
+@cache
+def _product() -> dict[str, str]:
+    """Return the text of each module of the program, and of what is frozen."""
+    sources = [path for top in ("levimass", *LAYERS, "packaging") for path in (HOUSE / top).rglob("*.py")]
+    named = {path.relative_to(HOUSE).with_suffix("").as_posix().replace("/", "."): path for path in sources}
+    return {name.removesuffix(".__init__"): path.read_text(encoding="utf-8") for name, path in named.items()}
+
+
+def test_nobody_imports_past_what_a_package_exports() -> None:
+    assert {name: past for name, text in _product().items() if (past := _past(name, text))} == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "past"),
+    [
+        ("from analysis.inference import fit_shots", False),
+        ("from analysis.inference.fit.shot_fit import fit_shots", True),
+        ("from analysis.inference import fit", True),  # a folder inside
+        ("from analysis import inference", True),  # as a whole
+        ("import analysis.inference", True),
+        ("from analysis.diagnosis.words import plain", False),  # its own
+        ("def f():\n    from levimass.setting import number", True),
+        ("from analysis.pipeline import analyse", False),  # in no package
+    ],
+)
+def test_an_import_past_a_package_is_seen(text: str, past: bool) -> None:
+    assert bool(_past("analysis.diagnosis.limit", text)) is past
+
+
+def test_what_is_exported_is_used_outside() -> None:
+    """... by the program, by its text, or by scripts: those functions are on the page about them."""
+    used = {one for name, text in _product().items() for one in _crossing(name, text)}
+    by_text = [source.opener.partition(":") for source in SOURCES]
+    used |= {(f"instrument.{folder}", function) for folder, _, function in by_text}
+    page = (HOUSE / "docs" / "from-a-notebook.md").read_text(encoding="utf-8")
+    used |= {("levimass", name) for name in levimass.__all__ if f"`{name}`" in page}
+    exported = {(package, name) for package in PACKAGES for name in _exported(package)}
+    assert exported - used == set()
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_what_is_exported_is_there(package: str) -> None:
+    """Each name as its module defines it; none is also the name of a module, which would take its place."""
+    exporting = importlib.import_module(package)
+    assert sorted(exporting.__all__) == sorted(_exported(package))
+    for name, home in _exported(package).items():
+        if home:
+            assert getattr(exporting, name) is getattr(importlib.import_module(f"{package}.{home}"), name), name
+            assert importlib.util.find_spec(f"{package}.{name}") is None, name
+        else:
+            assert getattr(exporting, name) is not None
 
 
 def test_the_page_of_the_house_names_every_package() -> None:

@@ -13,6 +13,10 @@ class Imports:
     def __init__(self, root: Path) -> None:
         files = sorted(path for top in TOPS for path in (root / top).rglob("*.py"))
         self._size = {str(path.relative_to(root)): path.stat().st_size for path in files}
+        self._exported: dict[tuple[str, str], str] = {}  # the module of each name that a package exports
+        for top in TOPS[:3]:
+            for stub in (root / top).glob("*/__init__.pyi"):
+                self._read(stub, ".".join(stub.parent.relative_to(root).parts))
         self._by: dict[str, set[str]] = {}
         for path in files:
             name = str(path.relative_to(root))
@@ -36,11 +40,18 @@ class Imports:
         of = (name for name in names if name.rpartition("/")[2].startswith("test_"))
         return sorted(of, key=lambda name: self._size[name])
 
+    def _read(self, stub: Path, package: str) -> None:
+        for node in ast.parse(stub.read_bytes()).body:
+            if isinstance(node, ast.ImportFrom):
+                for alias in node.names:
+                    self._exported[package, alias.name] = f"{package}.{node.module or alias.name}"
+
     def _imported(self, path: Path) -> set[str]:
         found = set()
         for node in ast.walk(ast.parse(path.read_bytes())):
             if isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-                names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+                each = [(node.module, alias.name) for alias in node.names]
+                names = [node.module, *(self._exported.get(one, ".".join(one)) for one in each)]
             elif isinstance(node, ast.Import):
                 names = [alias.name for alias in node.names]
             else:

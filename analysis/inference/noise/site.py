@@ -286,7 +286,8 @@ def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats) -
     band = np.concatenate([site.band, site.band, np.repeat(site.band[nearest], len(PLATE_START))])
     level, turn = np.linalg.eigh(columns.T @ columns)
     felt = level > _SEEN * shot.white_m**2
-    turn, size = turn[:, felt], np.sqrt(level[felt])
+    felt[-1] = True  # the strongest even where nothing is felt: matrices without columns are not solved with
+    turn, size = turn[:, felt], np.sqrt(np.maximum(level[felt], np.finfo(np.float64).tiny))
     basis, triangle = _orthonormal((columns @ turn) / size)
     speeds = np.zeros((site.bands, 2))
     np.add.at(speeds, site.band, site.shaking.power_m2[:, None] * np.stack([omega, np.abs(after)], axis=1) ** 2)

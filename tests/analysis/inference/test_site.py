@@ -216,3 +216,22 @@ def test_directions_are_orthonormal_where_a_frame_moves_a_million_times_the_nois
     base, shared = base_of("paper", motions), np.array([221.4, 1.984e-4, 1e4, 0.4])
     sway = swayed(shot, site, base, shared, np.array(shot.course.own))
     assert np.abs(sway.basis.T @ sway.basis - np.eye(sway.basis.shape[1])).max() < 1e-12
+
+
+@pytest.mark.parametrize("share", [1e-9, 0.0])
+def test_a_frame_that_nothing_feels_takes_nothing(share: float, capfd: pytest.CaptureFixture[str]) -> None:
+    motions = Rig("VC-A").shots(40, (0.265,))
+    site = site_under(motions, shakings_of(motions, "paper", None), CRITERIA.site_nm)
+    assert site is not None
+    still = replace(site, shaking=replace(site.shaking, power_m2=site.shaking.power_m2 * share**2))
+    (shot,) = together(motions)
+    base, shared = base_of("paper", motions), np.array([221.4, 1.984e-4, 1e4, 0.4])
+    sway = swayed(shot, still, base, shared, np.array(shot.course.own))
+    noise = a_noise(shot.white_m, (0.0,) * site.bands)
+    rows = np.random.default_rng(1).standard_normal((int(shot.valid.sum()), 2))
+    most = np.linalg.norm(sway.scaled(noise), 2) ** 2  # of the variance: a plate is never taken to be at rest
+    assert most < 1e-4
+    np.testing.assert_allclose(sway.whiten(rows, noise), rows, atol=most)
+    left_m = np.full(shot.valid.size, shot.white_m)
+    assert np.linalg.norm(sway.likely(left_m, noise)) < most * np.linalg.norm(left_m)
+    assert capfd.readouterr().err == ""  # LAPACK writes there what it is refused

@@ -431,12 +431,13 @@ def _solved(root: Floats, rows: Floats) -> Floats:
 def _curvature(point: _Point, shots: Sequence[_Shot], precision: Floats) -> Floats:
     """Return the expected curvature by (ln white^2, strengths) at a point; cost: m^2 r multiply-adds a shot.
 
-    What shots tell of each other's parameters is left out.
+    What shots tell of each other's parameters is left out.  LinAlgError where the point has no likelihood.
     """
     curve = np.zeros((1 + precision.shape[0],) * 2)
     curve[1:, 1:] = precision
     variance, fitted = math.exp(point.at[0]), point.fitted
-    assert fitted is not None
+    if fitted is None:
+        raise np.linalg.LinAlgError("the parameters are not determined under this noise")
     curve[0, 0] -= 0.5 * fitted.values.size
 
     def of_shot(index: int) -> Floats:

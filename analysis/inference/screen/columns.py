@@ -151,10 +151,11 @@ def _summed(starts: list[Mapping[str, float]], found: Sequence[_OfShot | None]) 
     every = [one for one in found if one is not None]
     if len(every) < len(found):
         return None
-    whole, own, along = (np.sum([getattr(one, name) for one in every], axis=0) for name in ("whole", "own", "along"))
-    shared = np.sum([one.shared for one in every], axis=0)
-    power = whole - own - np.einsum("ij,ij->j", shared, shared)
-    good = np.flatnonzero(np.isfinite(whole))
+    with np.errstate(invalid="ignore"):  # a start may lead beyond all numbers, which makes its sums none
+        summed = (sum(getattr(one, name) for one in every) for name in ("whole", "own", "shared", "along"))
+        whole, own, shared, along = map(np.asarray, summed)
+        power = whole - own - np.einsum("ij,ij->j", shared, shared)
+    good = np.flatnonzero(np.isfinite(whole) & np.isfinite(power) & np.isfinite(along))
     return Seen([starts[int(k)] for k in good], whole[good], power[good], along[good])
 
 

@@ -2,9 +2,11 @@
 
 from collections.abc import Mapping
 
+import numpy as np
 import pytest
 
 from analysis.inference.fit.free_parameters import trials_named
+from analysis.inference.screen import columns
 from analysis.inference.screen.screening import Score, apart
 
 
@@ -50,3 +52,15 @@ def test_where_nothing_but_the_amplitude_differs_the_best_is_enough() -> None:
     listed = _scores("viscous_drag", *((10.0 - k, {"coefficient_n_s_per_m": 1e-4 * 3**k}) for k in range(3)))
     assert apart(listed) == listed[:1]
     assert apart([]) == []
+
+
+def test_a_start_that_leads_beyond_all_numbers_is_left_out_in_silence() -> None:
+    wild = np.array([3.0, np.inf, np.inf, 5.0])
+    one = columns._OfShot(wild, np.zeros(4), np.array([[1.0, np.inf, 0.0, 2.0]]), np.array([1.0, 0.0, np.inf, 2.0]))
+    other = columns._OfShot(np.ones(4), np.ones(4), np.zeros((1, 4)), np.array([0.5, 0.0, -np.inf, 0.5]))
+    starts = [{"force_n": float(k)} for k in range(4)]
+    found = columns._summed(starts, [one, other])  # a RuntimeWarning of the analysis is an error here
+    assert found is not None
+    assert found.starts == [starts[0], starts[3]]
+    np.testing.assert_array_equal(found.power, [4.0 - 1.0 - 1.0, 6.0 - 1.0 - 4.0])
+    np.testing.assert_array_equal(found.along, [1.5, 2.5])

@@ -91,3 +91,13 @@ def test_the_curvature_is_that_of_the_mean_over_what_the_noise_may_be() -> None:
             part = moved_by(AT, shot)[:, shot.sway.band == k - 1]
             expected += 0.5 * float(np.sum((part.T @ projected @ part) ** 2))
         assert curvature[k, k] == pytest.approx(expected, rel=1e-7)
+
+
+def test_motion_beyond_all_rounding_is_refused_in_words() -> None:
+    shots = shots_under(0.0)
+    point = site_strengths._likelihood(AT + np.array([0.0, 150.0, 0.0]), shots, PRECISION)
+    assert point.value == -math.inf
+    with pytest.raises(np.linalg.LinAlgError, match="not determined"):
+        site_strengths._curvature(point, shots, PRECISION)
+    sound = site_strengths._likelihood(AT, shots, PRECISION)
+    assert np.all(np.isfinite(site_strengths._curvature(sound, shots, PRECISION)))

@@ -20,7 +20,7 @@ from analysis.shot.quantity import Quantity, Reading
 from analysis.shot.shot import Shot
 from analysis.uncertainty.budget import COLUMNS as BUDGET_COLUMNS
 from analysis.uncertainty.budget import budget, combined_of, to_rows
-from analysis.uncertainty.noise_band import noise_band
+from analysis.uncertainty.noise_band import Wander, noise_band, wander_of
 from analysis.uncertainty.numbers import Origin, ResultNumber, of_collision
 from analysis.uncertainty.series import series
 from analysis.uncertainty.series import to_rows as series_rows
@@ -109,7 +109,7 @@ def motion_columns(shot: Shot) -> dict[str, Floats]:
     """Return the columns of a shot's motion, and of the model where the fit converged; each of shape (n,)."""
     assert shot.motion is not None
     columns = {name: np.asarray(getattr(shot.motion, name)) for name in MOTION_COLUMNS}
-    columns |= _stds(shot.motion, shaking_of(shot))
+    columns |= _stds(shot.motion, shaking_of(shot), wander_of(shot))
     if shot.fit is not None and shot.fit.converged and len(shot.fit.shots) == 1:
         overlay = shot.fit.shots[0].overlay
         modelled = (overlay.displacement_m, overlay.velocity_m_per_s, overlay.force_n, overlay.gap_m)
@@ -117,14 +117,14 @@ def motion_columns(shot: Shot) -> dict[str, Floats]:
     return columns
 
 
-def _stds(motion: Motion, shaking: Shaking | None) -> dict[str, Floats]:
+def _stds(motion: Motion, shaking: Shaking | None, wander: Wander) -> dict[str, Floats]:
     """Return the columns of standard uncertainties from noise and path vibration, each (n,); none without a shaking.
 
     The motion's own columns take a wandering path for a random walk: six times too large for the force at VC-D.
     """
     if shaking is None:
         return {}
-    band = noise_band(motion, shaking)
+    band = noise_band(motion, shaking, wander=wander)
     stds = (band.displacement_m, band.velocity_m_per_s, band.force_n / motion.moving_mass_kg, band.force_n)
     seen = motion.valid
     return {

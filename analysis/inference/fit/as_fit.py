@@ -78,7 +78,7 @@ def as_fit(
             zip(motions, hypothesis.data.shots, fitted.whitened(by), hypothesis.linearised(fitted.z), strict=True)
         )
     ]
-    return build_fit(estimate, parts, _of_one_sample(fitted), seconds)
+    return build_fit(estimate, parts, _of_one_sample(fitted), fitted.floor.wander, seconds)
 
 
 def _path(fitted: Fitted, index: int) -> Path:

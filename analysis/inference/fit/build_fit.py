@@ -84,8 +84,14 @@ class Part:
     sway_std_m: Floats | None = None
 
 
-def build_fit(estimate: Estimate, parts: Sequence[Part], noise_std_m: float, seconds: float) -> Fit:
-    """Return the fit; ``noise_std_m`` is that of one sample of the motion.
+def build_fit(
+    estimate: Estimate,
+    parts: Sequence[Part],
+    noise_std_m: float,
+    wander: tuple[tuple[float, float], ...],
+    seconds: float,
+) -> Fit:
+    """Return the fit; ``noise_std_m`` is that of one sample of the motion, ``wander`` as ``Fit`` has it.
 
     Parameters of effects that differ from shot to shot are in the shots' own parts.
     """
@@ -102,6 +108,7 @@ def build_fit(estimate: Estimate, parts: Sequence[Part], noise_std_m: float, sec
         shots=tuple(_shot_fit(estimate, part) for part in parts),
         reduced_chi2=chi2 / max(1, samples - estimate.free),
         noise_std_m=noise_std_m,
+        wander=wander,
         converged=converged,
         effects=estimate.effects,
         flags=((() if converged else ("fit_not_converged",)) + estimate.flags),

@@ -92,6 +92,11 @@ class Floor:
         return math.sqrt(self.white_m**2 + self.rms_m[0] ** 2 + self.rms_m[1] ** 2)
 
     @property
+    def wander(self) -> tuple[tuple[float, float], ...]:
+        """Get rms in m and memory in s of each part that wanders."""
+        return tuple((rms, tau) for rms, tau in zip(self.rms_m, self.tau_s, strict=True) if rms > 0.0)
+
+    @property
     def parameters(self) -> int:
         """Get how many numbers were learnt."""
         return 1 + 2 * sum(rms > 0 for rms in self.rms_m) + len(self.site)

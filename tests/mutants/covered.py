@@ -83,15 +83,17 @@ def _run_suite(folder: Path, root: Path) -> None:
     ]  # fmt: skip
     environment = os.environ | {"QT_QPA_PLATFORM": "offscreen", "COVERAGE_FILE": str(place / "lines.now")}
     ended = subprocess.run(command, cwd=root, env=environment, check=False)
-    if ended.returncode:
-        raise SystemExit("mutants: the suite fails without a fault in the program")
+    if ended.returncode not in (0, 1):
+        raise SystemExit("mutants: the suite does not run to its end")
     shutil.move(place / "lines.now", place / _LINES)
 
 
 def _seconds(times: Path) -> dict[str, float]:
-    """Return how long each test took in s, by its name as pytest prints it."""
+    """Return how long each test took in s, by its name as pytest prints it; of those alone that passed."""
     found = {}
     for case in ElementTree.parse(times).iter("testcase"):
+        if case.find("failure") is not None or case.find("error") is not None:
+            continue
         inside = case.get("classname", "").removeprefix(case.get("file", "")[:-3].replace("/", ".")).strip(".")
         name = "::".join(filter(None, [case.get("file"), *inside.split("."), case.get("name")]))
         found[name] = float(case.get("time", 0.0))

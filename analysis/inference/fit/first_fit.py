@@ -1,9 +1,9 @@
-"""Fit the base model to shots of which nothing is known but their motions: where a diagnosis begins.
+"""Fit the base model to shots of which only the motions are known: the start of a diagnosis.
 
-First guesses are read from what the fastest shot's contact resembles; the search from there sees the averaged samples
-that the diagnosis sees.  A remainder far above the noise is either an effect's or a wrong pattern of bounces: the first
-bounces alone tell which.  On a frame that sways, what is quick and small alone speaks for the bounces: the search takes
-the white noise for a hundred times what it is at first, and then for what it is.
+First guesses come from the fastest shot's contact; the search from there uses block-averaged samples.  A residual far
+above the noise means either a missing effect or a wrong sequence of bounces; a fit of the first bounces alone tells
+which.  Where the frame moves, only what is fast and small is evidence about the bounces: a first search takes the
+white noise to be a hundred times what it is, a second search takes it as it is.
 """
 
 import contextlib
@@ -30,22 +30,22 @@ from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisError, Cancelled, Stop
 
 Floats = NDArray[np.float64]
-STRONG = 30.0  # chi^2 a sample, above which a base fit may have been drawn far from its parameters
-_EARLY = 0.3  # of the contact time: the bounces
-_EVALUATIONS, _ROUGHLY = 60, 30
+STRONG = 30.0  # chi^2 per sample, above which missing effects may have pulled base parameters far from their values
+_EARLY = 0.3  # of the contact time: the first bounces
+_EVALUATIONS, _ROUGHLY = 60, 30  # of a search, and of one whose end is only a start for the next
 _TOLERANCE = 1e-3  # of chi^2
-_FOLLOWED = 3  # guesses
-_LOUDER = 100.0
+_FOLLOWED = 3  # first guesses from which a search begins
+_LOUDER = 100.0  # times the white noise, in the first of two searches where the frame moves
 
 
 def first_fit(
     motions: Sequence[Motion], model: str, site: Site | None, stop: Stop, *, noise: Floor | None = None
 ) -> Begin:
-    """Return where the base ``model`` comes nearest to ``motions``; ``noise`` is that of their flights, where known.
+    """Return the base ``model``'s best fit to ``motions``; ``noise`` is that of their flights, where known.
 
     Raises ValueError for an unknown model, NoCollision (an AnalysisError) where a motion shows none, AnalysisError
-    where no motion of the model comes near, Cancelled when asked to stop.  Cost: 0.1 s for three shots, on a frame
-    that sways 0.3 s more.
+    where no motion of the model comes near, Cancelled when asked to stop.  Cost: 0.1 s for three shots, 0.3 s more
+    where the frame moves.
     """
     base = base_of(model, motions)
     shots = together(motions)
@@ -69,7 +69,7 @@ def first_fit(
                 if ends[-1].left < TRUSTED:
                     break
         if not ends or min(end.left for end in ends) > STRONG:
-            # a start that is not near is drawn to no collision at all where an effect is missing, too
+            # from a poor guess the search may end where nothing collides, the more so where an effect is missing
             still = _nearest(JointData(shots, base), guesses, own, noise, stop)
             ends.append(still)
             with contextlib.suppress(Infeasible):
@@ -84,7 +84,7 @@ def first_fit(
 
 
 def _nearest(data: JointData, guesses: Sequence[Floats], own: Floats, noise: Floor, stop: Stop) -> Begin:
-    """Return the best end of the searches from first guesses, or from what the first bounces alone suggest."""
+    """Return the best end of searches from the first guesses, or from a fit of the first bounces alone."""
     floor = noise.without_site
     best = _ended(data, guesses[0], own, floor, stop)
     if best.left < STRONG:
@@ -109,7 +109,7 @@ def _bounces(shot: Samples) -> Samples:
 
 
 def _on_frames(data: JointData, shared: Floats, own: Floats, noise: Floor, stop: Stop) -> Begin:
-    """Return where a search on frames that sway ends, coarse to fine, with the likeliest plate of each shot."""
+    """Return where a search on moving frames ends: first with the white noise enlarged, then as it is."""
     assert data.site is not None
     here = Begin(data.base, shared, own)
     for louder in (_LOUDER, 1.0):
@@ -122,7 +122,7 @@ def _on_frames(data: JointData, shared: Floats, own: Floats, noise: Floor, stop:
 def _ended(
     data: JointData, shared: Floats, own: Floats, floor: Floor, stop: Stop, evaluations: int = _EVALUATIONS
 ) -> Begin:
-    """Return where a search ends; Infeasible where it cannot begin."""
+    """Return where one search ends, with its chi^2 per sample; Infeasible where it cannot begin."""
     hypothesis = Hypothesis(data, ())
     values: tuple[dict[str, dict[str, float]], ...] = tuple({} for _ in data.shots)
     point = slow_enough(hypothesis, Point(shared, own, values))
@@ -136,7 +136,7 @@ def _ended(
 
 
 def likely_plates(hypothesis: Hypothesis, found: Minimum, floor: Floor) -> Plates:
-    """Return each shot's likeliest plate at first touch, beside what is left there; none where no frame sways."""
+    """Return each shot's likeliest plate at first touch (m, m/s), given the residual; empty where no frame moves."""
     shots = hypothesis.data.shots
     if not floor.site:
         return ()

@@ -12,14 +12,14 @@ from analysis.shot.motion import Motion
 
 Floats = NDArray[np.float64]
 Plates = tuple[tuple[float, float], ...]
-TRUSTED = 1.5  # chi^2 a sample, up to which plates are a site's doing: they take up what is missing, too
+TRUSTED = 1.5  # chi^2 per sample, up to which likeliest plates are believed: above, they absorb missing effects
 
 
 @dataclass(frozen=True, slots=True)
 class Begin:
-    """Where a search begins: the base model, its parameters (b,), each shot's v_i, touch and offset (shots, 3).
+    """The start of a search: base model, its parameters (b,), and v_i, touch time and offset of each shot (shots, 3).
 
-    ``plates`` is each shot's plate at first touch (m, m/s) where that is known; ``left`` is chi^2 a sample there.
+    ``plates`` are the plates' states at first touch (m, m/s), if known; ``left`` is chi^2 per sample there.
     """
 
     base: Base
@@ -30,7 +30,7 @@ class Begin:
 
 
 def begin_of(fit: Fit, motions: Sequence[Motion]) -> Begin:
-    """Return where a fit of ``motions`` ended, effects apart."""
+    """Return the end of a fit of ``motions``, without its effects, as the start of a search."""
     base = base_of(fit.model, motions)
     own = [[s.velocity_in_m_per_s.value, s.touch_time_s.value, s.offset_m.value] for s in fit.shots]
     shared = np.array([fit.parameters[name].value for name in base.names])

@@ -1,4 +1,4 @@
-"""How well parameters are known where nobody knows how strongly the frame moved: over all likely noises."""
+"""Covariance of parameters where the strength of the frame's motion is unknown: over all likely strengths."""
 
 from dataclasses import replace
 
@@ -10,10 +10,10 @@ from analysis.inference.noise.site_strengths import Likely, over_likely
 
 
 def under_likely_noises(fitted: Fitted) -> Fitted:
-    """Return a fit in a building with the covariance of its parameters under all likely strengths of the frame's bands.
+    """Return a fit on a moving frame with its covariance under all likely strengths of the frame's bands.
 
-    That under the likeliest ones alone is too small by a third: slow bands turn a few times in a shot.  A fit where no
-    frame moves comes back as it is.
+    Under the likeliest strengths alone it is a third too small, since slow bands swing only a few times in a shot.  A
+    fit without a moving frame is returned unchanged.
     """
     if fitted.hypothesis.data.site is None or not fitted.floor.site:
         return fitted
@@ -24,9 +24,9 @@ def under_likely_noises(fitted: Fitted) -> Fitted:
 
 
 def likely_beside(fitted: Fitted, free: NDArray[np.bool_]) -> Likely | None:
-    """Return what all likely strengths make of the ``free`` parameters, shape (p,); None where they are not determined.
+    """Return the parameters' covariance under all likely strengths, zero where not ``free``, shape (p,).
 
-    What is not free has no variance.
+    None where the free parameters are not determined.
     """
     data = fitted.hypothesis.data
     assert data.site is not None
@@ -34,6 +34,6 @@ def likely_beside(fitted: Fitted, free: NDArray[np.bool_]) -> Likely | None:
     tangents = tangents.without(np.flatnonzero(~free))
     try:
         likely = over_likely(fitted.residual_m, tangents, data.shots, data.site, fitted.floor)
-    except np.linalg.LinAlgError:  # two parameters that do the same
+    except np.linalg.LinAlgError:  # two parameters have the same effect
         return None
     return replace(likely, covariance=np.where(np.outer(free, free), likely.covariance, 0.0))

@@ -1,8 +1,8 @@
-"""What a frame that sways leaves of a shot's displacement once a fit that weighs the sway has taken its share.
+"""The part of a frame's motion that remains in the residual of a fit that includes that motion as noise.
 
-Such a fit (generalised least squares) leaves C - J (J^T C^-1 J)^-1 J^T of its noise's covariance C, with J the
-derivatives by its parameters (Rao, "Linear Statistical Inference and Its Applications", section 4a).  It holds on to
-the stretch about the contact, which tells it most, so what is left grows towards both ends of the record.
+Generalised least squares leaves C - J (J^T C^-1 J)^-1 J^T of the noise covariance C, with J the derivatives by the
+parameters (Rao, "Linear Statistical Inference and Its Applications", section 4a).  The fit follows the samples about
+the contact most closely, so the remaining part grows towards both ends of the record.
 """
 
 import numpy as np
@@ -13,11 +13,11 @@ from analysis.inference.noise.floor import Floor
 
 Floats = NDArray[np.float64]
 _ROUNDING = 1e-13
-_POINTS = 128  # over the fitted stretch: what matters turns slowly
+_POINTS = 128  # over the fitted stretch: the frame's motion varies slowly
 
 
 def sway_left_std_m(shot: Samples, noise: Floor, derivatives: Floats) -> Floats:
-    """Return the std of what stays of the sway in a fit's residual, on the motion's own grid, shape (n,).
+    """Return the std in m of the frame's motion in a fit's residual, on the motion's own grid, shape (n,).
 
     ``derivatives`` are those of the averaged displacement by the fit's parameters.  Cost about 5 ms.
     """
@@ -28,7 +28,7 @@ def sway_left_std_m(shot: Samples, noise: Floor, derivatives: Floats) -> Floats:
     sines = shot.sway.basis[some] @ (shot.sway.factors * size)
     columns = derivatives[rows[some]]
     columns = columns[:, np.abs(columns).max(axis=0) > 0.0]
-    every = (noise.white_m * shot.weight) ** 2 * some.size / rows.size  # a point stands for all samples about it
+    every = (noise.white_m * shot.weight) ** 2 * some.size / rows.size  # a point stands for the samples around it
     covariance = sines @ sines.T
     every = max(every, _ROUNDING * float(np.trace(covariance)))
     root = np.linalg.cholesky(covariance + every * np.eye(some.size))

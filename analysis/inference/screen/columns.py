@@ -1,6 +1,6 @@
-"""What an effect's starts do to the shots, and what of that is new beside a fit: the columns that are scored.
+"""Columns that are scored: the displacement each start value of an effect adds, and its part that is new to a fit.
 
-A start is followed along a trajectory of its own; where there are many, along the fit's path to first order.
+A start's column comes from a trajectory of its own; many starts are computed to first order along the fit's path.
 """
 
 import contextlib
@@ -26,16 +26,16 @@ from analysis.inference.screen.projector import FEW_SHOTS, Projector
 Floats = NDArray[np.float64]
 Starts = Sequence[Mapping[str, float]]
 Paths = dict[int, LinearPath]  # by steps a sample
-MANY_STARTS = 8  # from here on a path with propagators costs less than a trajectory a start
-KNOWN_PATH = 1  # the same where the path is there already
+MANY_STARTS = 8  # above, a path with propagators costs less than one trajectory for each start
+KNOWN_PATH = 1  # the same where the path is already known
 
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What columns of ``starts`` do beside a fit, each of shape (k,).
+    """Products of the columns of ``starts`` with each other and with a fit's residual, each of shape (k,).
 
-    Squared norms as they are (``whole``) and of what the fitted parameters cannot do (``power``), and the products with
-    what is left (``along``).
+    ``whole``: squared norms; ``power``: squared norms after projection off the fitted parameters; ``along``: products
+    with the residual.
     """
 
     starts: list[Mapping[str, float]]
@@ -46,9 +46,9 @@ class Seen:
 
 @dataclass(frozen=True, slots=True)
 class _OfShot:
-    """What one shot adds to ``Seen``: squared norms, those of its own parameters' part, and products, (s, k) and (k,).
+    """One shot's contribution to ``Seen``: squared norms, (k,), in all and on its own parameters, and products.
 
-    The products are with the directions of the shared parameters and with what is left.
+    ``shared``, shape (s, k), are products with the directions of shared parameters, ``along`` with the residual.
     """
 
     whole: Floats
@@ -58,9 +58,9 @@ class _OfShot:
 
 
 def seen(at: Projector, kind: TrialEffect, starts: Starts, few: int, *, kept: bool = False) -> Seen:
-    """Return what the starts that have a trajectory do beside a fit; more than ``few`` are taken to first order.
+    """Return the products for all starts that have a trajectory; more than ``few`` are computed to first order.
 
-    Shot by shot: what columns hold is forgotten, unless they are ``kept`` and few, or the shots are.
+    Shot by shot, to save memory; columns are kept only with ``kept`` and where either they or the shots are few.
     """
     count = len(at.fitted.hypothesis.data.shots)
     inside = _inside(at, starts)
@@ -89,9 +89,9 @@ def seen(at: Projector, kind: TrialEffect, starts: Starts, few: int, *, kept: bo
 
 
 def laid(at: Projector, kinds: Sequence[TrialEffect]) -> dict[str, Seen]:
-    """Return what those effects do that are taken to first order along the same paths, by name; of many shots alone.
+    """Return the products of all effects computed to first order along common paths, by name; only for many shots.
 
-    A shot's path, some 15 MB, serves all effects and is forgotten then.
+    A shot's path, some 15 MB, serves all effects and is then released.
     """
     count = len(at.fitted.hypothesis.data.shots)
     inside = {kind.name: _inside(at, kind.starts) for kind in kinds if named(kind.name).wave is None}
@@ -116,7 +116,7 @@ def laid(at: Projector, kinds: Sequence[TrialEffect]) -> dict[str, Seen]:
 
 
 def own_columns(at: Projector, kind: TrialEffect, starts: Starts) -> list[Floats] | None:
-    """Return what ``starts`` do to each shot by trajectories, shape (n, k) a shot; None where one has none."""
+    """Return the columns of ``starts`` by trajectories, shape (n, k) for each shot; None where one has none."""
     moved = [_moved(at, kind, start) for start in starts]
     makes = [partial(_by_trajectories, at, kind, moved, index) for index in range(len(at.lines))]
     bare = [at.once(f"{index} of {kind.name} {starts}", make, nearby=True) for index, make in enumerate(makes)]
@@ -124,13 +124,13 @@ def own_columns(at: Projector, kind: TrialEffect, starts: Starts) -> list[Floats
 
 
 def within(start: Mapping[str, float], shots: Sequence[Samples]) -> bool:
-    """Return whether a start's line, if it has one, lies within what the records can show."""
+    """Return whether the frequency of a start, if it has one, lies in the band of the records."""
     f = start.get("frequency_hz")
     return f is None or 2.5 / max(s.length_s for s in shots) < f < 0.45 / shots[0].spacing_s
 
 
 def fixed_of(kind: TrialEffect, start: Mapping[str, float]) -> Mapping[str, float]:
-    """Return the values of a start that are not searched."""
+    """Return those values of a start that are not searched."""
     names = {free.name for free in kind.free_parameters}
     return {name: value for name, value in start.items() if name not in names}
 
@@ -147,7 +147,7 @@ def _of_shot(at: Projector, index: int, columns: ColumnsBeside) -> _OfShot:
 
 
 def _summed(starts: list[Mapping[str, float]], found: Sequence[_OfShot | None]) -> Seen | None:
-    """Return what all shots together say, of the starts that have a trajectory; None where a shot says nothing."""
+    """Return the sums over all shots, for starts with a trajectory in each; None where a shot has no result."""
     every = [one for one in found if one is not None]
     if len(every) < len(found):
         return None
@@ -159,7 +159,7 @@ def _summed(starts: list[Mapping[str, float]], found: Sequence[_OfShot | None]) 
 
 
 def _moved(at: Projector, kind: TrialEffect, start: Mapping[str, float]) -> Point | None:
-    """Return a fit's point with an effect's start beside it, None where there is no such thing."""
+    """Return a fit's point with an effect added at one start for all shots; None where there is no such motion."""
     effective = to_effective(at.fitted.point)
     values = tuple({**v, kind.name: start} for v in effective.values)
     try:
@@ -169,7 +169,7 @@ def _moved(at: Projector, kind: TrialEffect, start: Mapping[str, float]) -> Poin
 
 
 def moved_to(at: Projector, kind: TrialEffect, starts: Starts) -> Point | None:
-    """Return a fit's point with an effect's start of each shot beside it, None where there is no such thing."""
+    """Return a fit's point with an effect added at a start for each shot; None where there is no such motion."""
     effective = to_effective(at.fitted.point)
     values = tuple({**v, kind.name: start} for v, start in zip(effective.values, starts, strict=True))
     try:
@@ -188,7 +188,7 @@ def shown_with(at: Projector, kind: TrialEffect, point: Point, index: int) -> Fl
 
 
 def _by_trajectories(at: Projector, kind: TrialEffect, moved: Sequence[Point | None], index: int) -> Floats:
-    """Return what points with an effect add to one shot, shape (n, k), not a number where one has no trajectory."""
+    """Return what an effect adds to one shot at each point, shape (n, k); NaN where there is no trajectory."""
     with_it, finely, base = _with_and_without(at, kind, index)
     out = np.full((base.size, len(moved)), np.nan)
     for k, point in enumerate(moved):
@@ -199,11 +199,11 @@ def _by_trajectories(at: Projector, kind: TrialEffect, moved: Sequence[Point | N
 
 
 def _with_and_without(at: Projector, kind: TrialEffect, index: int) -> tuple[Hypothesis, bool, Floats]:
-    """Return the model with an effect, whether it is to be averaged like the data, and one shot without the effect."""
+    """Return the model with the effect, whether it must be averaged like the data, and the shot without the effect."""
     before = at.fitted.hypothesis
     fixed = {**before.fixed, kind.name: fixed_of(kind, kind.starts[0])}
     with_it = Hypothesis(before.data, (*before.effects, kind), fixed)
-    # A sensor's ripple is finer than the averaged samples: it is averaged like the data.
+    # The ripple of a sensor's effect is finer than averaged samples: it is averaged like the data.
     finely = named(kind.name).sensor is not None
     show = partial(_shown, before, index, at.fitted.point, finely)
     return with_it, finely, at.once(f"seen without it {finely} {index}", show)
@@ -216,9 +216,9 @@ def _shown(hypothesis: Hypothesis, index: int, point: Point, finely: bool) -> Fl
 def _to_first_order(
     at: Projector, kind: TrialEffect, starts: Starts, index: int, paths: Paths | None = None
 ) -> Floats | None:
-    """Return the columns of starts for one shot to first order, shape (n, k), or None where that does not serve.
+    """Return one shot's columns of ``starts`` to first order, shape (n, k), or None where that does not apply.
 
-    Of many shots a path is remembered in ``paths`` alone.  Raises Infeasible.
+    With many shots a path is kept in ``paths`` alone.  Raises Infeasible.
     """
     effect, hypothesis, point = named(kind.name), at.fitted.hypothesis, at.fitted.point
     shot = hypothesis.shot_at(index, point)

@@ -22,7 +22,7 @@ from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.hypothesis_fit import Fitted, fit
 from analysis.inference.noise.floor import Floor
 from analysis.inference.screen.projector import Projector, projector
-from analysis.inference.screen.screening import Score, all_scores, apart
+from analysis.inference.screen.screening import Score, all_scores, distinct_starts
 from analysis.shot.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]
@@ -200,7 +200,7 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
         score
         for place, listed in enumerate(ranked[: min(width, REFITTED + STRONGER if strong else REFITTED)])
         if strong or place < compared or listed[0].gain > WORTH_FITTING
-        for score in apart(listed)[: 1 if place >= 2 else 2]
+        for score in distinct_starts(listed)[: 1 if place >= 2 else 2]
     ]
     if here.floor.wanders:
         # The noise was learnt from the residual and may have absorbed an effect: score as if it were white, too.

@@ -110,7 +110,7 @@ def _promised(
     here = best.hypothesis.data
     still = []
     for shot, coarse, left_m in zip(fine, here.shots, best.residual_m, strict=True):
-        moved_m = left_m - coarse.beside_the_site(best.floor, left_m)
+        moved_m = left_m - coarse.without_frame_motion(best.floor, left_m)
         if coarse.sway is not None and any(coarse.plate):
             moved_m = moved_m - coarse.sway.of_plate_m(coarse.plate)
         at_valid = np.interp(shot.centre_s, coarse.centre_s[coarse.valid], moved_m[coarse.valid])

@@ -24,7 +24,7 @@ from analysis.inference.fit.hypothesis_fit import Fitted, fit
 from analysis.inference.noise.floor import white_floor
 from analysis.inference.noise.joint_data import joint_data
 from analysis.inference.noise.own_flights import own_flights
-from analysis.inference.noise.site import Site, may_be_of_a_site
+from analysis.inference.noise.site import Site, resembles_frame_motion
 from analysis.shot.motion import Motion
 from analysis.shot.shot import Progress, Stop
 
@@ -76,7 +76,7 @@ class Search:
         catalogue = [
             kind
             for kind in self.catalogue
-            if site is None or kind.name in self.accepted or not may_be_of_a_site(named(kind.name))
+            if site is None or kind.name in self.accepted or not resembles_frame_motion(named(kind.name))
         ]
 
         def along_with(along: Sequence[str]) -> tuple[Fitted, Trail]:

@@ -74,7 +74,7 @@ class Samples:
         """Return ``columns``, shape (n,) or (n, k) on the motion's grid, averaged like the data."""
         return general.averaged(columns, self.factor)
 
-    def beside_the_site(self, floor: "Floor", left_m: Floats) -> Floats:
+    def without_frame_motion(self, floor: "Floor", left_m: Floats) -> Floats:
         """Return a residual, shape (n,), minus the most likely contribution of the frame's motion."""
         if self.sway is None or not floor.site:
             return left_m

@@ -14,7 +14,7 @@ from analysis.inference.fit.hypothesis_fit import Fitted, finish, fit, search
 from analysis.inference.noise.floor import Floor
 from analysis.inference.screen.columns import fixed_of
 from analysis.inference.screen.projector import projector
-from analysis.inference.screen.screening import apart, scores
+from analysis.inference.screen.screening import distinct_starts, scores
 from analysis.shot.shot import Stop
 
 Floats = NDArray[np.float64]
@@ -41,9 +41,9 @@ def joined(here: Fitted, kinds: Sequence[TrialEffect], stop: Stop) -> Fitted:
 
 def _with_one(here: Fitted, kind: TrialEffect, stop: Stop) -> Fitted:
     at = projector(here)
-    starts = [score.start for score in apart(scores(at, kind))[:_FOLLOWED]]
+    starts = [score.start for score in distinct_starts(scores(at, kind))[:_FOLLOWED]]
     if here.floor.wanders:  # noise learnt from a residual may have taken up the effect
-        starts += [score.start for score in apart(scores(at.under(here.floor.still), kind))[:1]]
+        starts += [score.start for score in distinct_starts(scores(at.under(here.floor.still), kind))[:1]]
     trials = [trial for start in starts if (trial := refit(at, kind, start, stop)) is not None]
     if not trials or min(trial.bic for trial in trials) > here.bic:
         natural = (_natural(here, kind, start, stop) for start in kind.starts[:_FOLLOWED])

@@ -213,7 +213,7 @@ def root_of(scaled: Floats) -> Floats:
     return np.asarray(np.linalg.cholesky(covariance))
 
 
-def may_be_of_a_site(row: Effect) -> bool:
+def resembles_frame_motion(row: Effect) -> bool:
     """Return whether a moving frame has the same effect: a sine all along the shot, or a plate that swings at first."""
     return row.wave is not None or row.acts is Acts.AT_START
 

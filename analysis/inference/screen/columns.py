@@ -88,7 +88,7 @@ def seen(at: Projector, kind: TrialEffect, starts: Starts, few: int, *, kept: bo
     return found
 
 
-def laid(at: Projector, kinds: Sequence[TrialEffect]) -> dict[str, Seen]:
+def seen_along_paths(at: Projector, kinds: Sequence[TrialEffect]) -> dict[str, Seen]:
     """Return the products of all effects computed to first order along common paths, by name; only for many shots.
 
     A shot's path, some 15 MB, serves all effects and is then released.

@@ -46,7 +46,7 @@ def steps_for(shot: Shot, effect: Effect, starts: Sequence[Mapping[str, float]])
     return [steps_of(effect, given, collision, spacing_s) for given in values]
 
 
-def laid(effect: Effect, starts: Sequence[Mapping[str, float]]) -> Floats:
+def parameter_columns(effect: Effect, starts: Sequence[Mapping[str, float]]) -> Floats:
     """Return the parameters of ``starts`` in the form that an effect's function takes, shape (k, 3)."""
     out = np.zeros((len(starts), 3))
     for place, parameter in enumerate(effect.parameters):
@@ -60,7 +60,7 @@ def responses(shot: Shot, path: LinearPath, effect: Effect, starts: Sequence[Map
     None where the effect's function cannot be linearised in this way.
     """
     collision, _ = situation(shot.base, shot.own, shot.values, shot.mass_kg)
-    change = along(path, effect, collision, laid(effect, starts), shot.time_s.size)
+    change = along(path, effect, collision, parameter_columns(effect, starts), shot.time_s.size)
     if change is None:
         return None
     x, v = np.empty(shot.time_s.size), np.empty(shot.time_s.size)

@@ -11,7 +11,7 @@ from analysis.collision.effects import named
 from analysis.compiled.side_by_side import side_by_side
 from analysis.inference.fit.arrow import Arrow
 from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.screen.columns import KNOWN_PATH, MANY_STARTS, Seen, laid, own_columns, seen
+from analysis.inference.screen.columns import KNOWN_PATH, MANY_STARTS, Seen, own_columns, seen, seen_along_paths
 from analysis.inference.screen.lines import near_loud_lines, scan
 from analysis.inference.screen.projector import Projector
 from analysis.shot.shot import Cancelled, Stop
@@ -47,7 +47,7 @@ def all_scores(
 
     Raises Cancelled.
     """
-    known = laid(at, kinds)
+    known = seen_along_paths(at, kinds)
 
     def scored(kind: TrialEffect) -> list[Score]:
         if stop():
@@ -136,7 +136,7 @@ def _linear(at: Projector, kind: TrialEffect, beside: Seen, freedom: int) -> lis
     return out
 
 
-def apart(listed: Sequence[Score]) -> list[Score]:
+def distinct_starts(listed: Sequence[Score]) -> list[Score]:
     """Return up to three starts that differ: the best, and those not near it in frequency, time, range or order."""
     out = list(listed[:1])
     for score in listed[1:]:

@@ -14,7 +14,7 @@ from analysis.reading.flight import SHORTEST_CURVED_S, Flight
 from analysis.reading.floor_spectrum import FloorSpectrum
 from analysis.reading.knocks import find_knocks
 from analysis.reading.octaves import Octaves, waves_of
-from analysis.reading.strengths import Sight
+from analysis.reading.strengths import FlightObservation
 from analysis.reading.vibration_lines import add_line, design_matrix, frequency_derivative, line_of, refined, wave_of
 from analysis.shot.disturbance import VibrationLine
 from analysis.shot.motion import Motion
@@ -41,7 +41,7 @@ class Flights:
     floor: FloorSpectrum
     knocks_s: tuple[tuple[float, float], ...]
     plain: tuple[float, float]
-    strengths: Floats  # the likeliest, with which ``Sight.weigh`` may begin
+    strengths: Floats  # the likeliest, with which ``estimate_floor`` may begin
     knocks_kept: bool = False  # a knock fills a flight and could not be left out
 
 
@@ -68,24 +68,24 @@ def read_flights(
     bins = select(bins, keep)
     polynomials, drags = _polynomials(bins, zeros)
     straight, line = _straight_lines(bins, polynomials, drags)
-    sight = _sight(replace(bins, value_m=bins.value_m - line), drags)
+    observation = _observation(replace(bins, value_m=bins.value_m - line), drags)
     waves = [wave_of(bins, line) for line in before.lines] if before is not None else []
-    start = before.strengths if before is not None and before.strengths.size == sight.unknowns else None
-    weighing = sight.weigh(design_matrix(bins, waves, polynomials), start)
+    start = before.strengths if before is not None and before.strengths.size == observation.unknowns else None
+    estimate = observation.estimate_floor(design_matrix(bins, waves, polynomials), start)
     if waves:
-        waves = refined(bins, sight, waves, polynomials, weighing.best)
+        waves = refined(bins, observation, waves, polynomials, estimate.best)
     if before is None and bins.time_s.size >= FEWEST_FOR_LINES:
         while len(waves) < MOST_LINES and polynomials.shape[1] + 3 * len(waves) + 12 < bins.time_s.size:
-            more = add_line(bins, sight, waves, polynomials, weighing)
+            more = add_line(bins, observation, waves, polynomials, estimate)
             if more is None:
                 break
-            waves, weighing = more
+            waves, estimate = more
     design = design_matrix(bins, waves, polynomials)
-    solution, covariance = sight.solve(weighing, design)
+    solution, covariance = observation.solve(estimate, design)
     solution[: straight.size] += straight
     white = bins.std_m * np.sqrt(bins.each)
-    parts = tuple((weight, sight.powers(at)) for weight, at in weighing.parts)
-    floor = FloorSpectrum(sight.octaves, parts, white, motion.sample_rate_hz)
+    parts = tuple((weight, observation.powers(at)) for weight, at in estimate.parts)
+    floor = FloorSpectrum(observation.octaves, parts, white, motion.sample_rate_hz)
     flights = _flights(bins, zeros, solution, covariance, white, into, out)
     degree = flights[0].coefficients.size
     plain = np.linalg.inv(polynomials.T @ polynomials) * bins.std_m**2
@@ -100,7 +100,7 @@ def read_flights(
         floor=floor,
         knocks_s=knocks,
         plain=(float(np.sqrt(plain[1, 1])), float(np.sqrt(plain[degree + 1, degree + 1])) if out is not None else 0.0),
-        strengths=weighing.best,
+        strengths=estimate.best,
         knocks_kept=whole,
     )
 
@@ -118,10 +118,10 @@ def _straight_lines(bins: Bins, polynomials: Floats, drags: tuple[int, ...]) -> 
     return coefficients, np.asarray(polynomials @ coefficients)
 
 
-def _sight(bins: Bins, drags: tuple[int, ...]) -> Sight:
+def _observation(bins: Bins, drags: tuple[int, ...]) -> FlightObservation:
     octaves = Octaves.of(bins.time_s, bins.each * bins.step_s)
     waves = waves_of(bins.time_s - bins.middle_s, bins.each, bins.step_s, octaves.frequency_hz)
-    return Sight(bins.value_m, bins.std_m, drags, octaves, np.hstack(waves))
+    return FlightObservation(bins.value_m, bins.std_m, drags, octaves, np.hstack(waves))
 
 
 def _polynomials(bins: Bins, zeros: tuple[float, float]) -> tuple[Floats, tuple[int, ...]]:

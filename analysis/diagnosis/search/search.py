@@ -17,7 +17,7 @@ from analysis.diagnosis.search.from_base import accept, explored
 from analysis.diagnosis.search.full_rate import with_sway_updated
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.residual import Residual, residual_of
-from analysis.inference.fit.base_fit import base_fit, pays_along
+from analysis.inference.fit.base_fit import base_fit, nuisances_pay
 from analysis.inference.fit.begin import Begin
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis_fit import Fitted, fit
@@ -95,7 +95,7 @@ class Search:
         best, trail = along_with(along)
         if along:  # accelerations of each shot's own may stand in for one law of all shots
             plain, plain_trail = along_with(())
-            if plain.bic <= best.bic or not pays_along(best, along, self.stop):
+            if plain.bic <= best.bic or not nuisances_pay(best, along, self.stop):
                 best, trail = plain, plain_trail
         added = len(trail.added(best))
         return Searched(best, trail, catalogue, CRITERIA.most_effects - added if added >= most else 0)

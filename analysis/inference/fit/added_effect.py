@@ -110,7 +110,7 @@ def times(kind: TrialEffect, values: Mapping[str, float], factor: float) -> Mapp
     return {**values, **{name: values[name] * factor for name in kind.amplitude}}
 
 
-def united(here: Fitted, alone: Fitted, start: Fitted, stop: Stop) -> Fitted | None:
+def with_both_effects(here: Fitted, alone: Fitted, start: Fitted, stop: Stop) -> Fitted | None:
     """Fit briefly with the effects of ``here`` and of ``alone``, both grown from ``start``; None where that fails.
 
     The search begins with the base parameters moved by the sum of both fits' moves.  A start from a linear step would

@@ -19,12 +19,12 @@ _SAMPLES = 100  # at least
 _SOFTER = 8  # times, at most, that a contact too stiff for the samples is softened tenfold
 
 
-def base_fit(data: JointData, begin: Begin, stop: Stop, taken_along: Sequence[str] = ()) -> Fitted:
+def base_fit(data: JointData, begin: Begin, stop: Stop, nuisances: Sequence[str] = ()) -> Fitted:
     """Return the base model's best fit at the diagnosis' sample rate, searched from ``begin``.
 
-    ``taken_along`` are effects that every shot may have for itself and that do not count as findings.
+    ``nuisances`` are effects that every shot may have for itself and that do not count as findings.
     """
-    along = trials_named(taken_along)
+    along = trials_named(nuisances)
     values = tuple({kind.name: kind.starts[0] for kind in along} for _ in data.shots)
     point = Point(begin.shared, begin.own, values)
     hypothesis = Hypothesis(data, along)
@@ -43,12 +43,12 @@ def white_of(shots: Sequence[Samples]) -> float:
     return max(white_by_differences([s.displacement_m for s in shots], [s.valid for s in shots]), 1e-15)
 
 
-def pays_along(best: Fitted, taken_along: Sequence[str], stop: Stop) -> bool:
-    """Return whether the ``taken_along`` effects lower the criterion (BIC), given the other effects of a fit."""
+def nuisances_pay(best: Fitted, nuisances: Sequence[str], stop: Stop) -> bool:
+    """Return whether the ``nuisances`` effects lower the criterion (BIC), given the other effects of a fit."""
     hypothesis, point = best.hypothesis, best.point
-    kinds = tuple(kind for kind in hypothesis.effects if kind.name not in taken_along)
+    kinds = tuple(kind for kind in hypothesis.effects if kind.name not in nuisances)
     bare = Hypothesis(hypothesis.data, kinds, hypothesis.fixed)
-    values = tuple({name: v for name, v in of.items() if name not in taken_along} for of in point.values)
+    values = tuple({name: v for name, v in of.items() if name not in nuisances} for of in point.values)
     try:
         return best.bic < fit(bare, bare.pack(Point(point.base, point.own, values)), best.floor, cancelled=stop).bic
     except Infeasible:

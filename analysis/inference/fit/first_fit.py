@@ -22,7 +22,7 @@ from analysis.inference.fit.first_guesses import first_guesses, resembled
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import residuals, search
 from analysis.inference.fit.least_squares import Minimum
-from analysis.inference.fit.samples import Samples, together
+from analysis.inference.fit.samples import Samples, averaged_shots
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.site import Site, on_site
@@ -48,7 +48,7 @@ def first_fit(
     where the frame moves.
     """
     base = base_of(model, motions)
-    shots = together(motions)
+    shots = averaged_shots(motions)
     own = np.array([shot.course.own for shot in shots])
     noise = noise or noise_of_flights(shots, site)[0]
     ends: list[Begin] = []

@@ -19,11 +19,11 @@ def under_likely_noises(fitted: Fitted) -> Fitted:
         return fitted
     free = np.ones(fitted.hypothesis.size, dtype=np.bool_)
     free[fitted.hypothesis.unseen] = False
-    likely = likely_beside(fitted, free)
+    likely = over_likely_strengths(fitted, free)
     return fitted if likely is None else replace(fitted, inverse=likely.covariance)
 
 
-def likely_beside(fitted: Fitted, free: NDArray[np.bool_]) -> Likely | None:
+def over_likely_strengths(fitted: Fitted, free: NDArray[np.bool_]) -> Likely | None:
     """Return the parameters' covariance under all likely strengths, zero where not ``free``, shape (p,).
 
     None where the free parameters are not determined.

@@ -105,7 +105,7 @@ class Samples:
         return float(self.valid.sum()) * self.spacing_s
 
 
-def take(motion: Motion, rate_hz: float = RATE_HZ) -> Samples:
+def averaged_shot(motion: Motion, rate_hz: float = RATE_HZ) -> Samples:
     """Return the averaged samples of a motion; NoCollision (an AnalysisError) where it shows no collision."""
     valid = np.asarray(motion.valid & np.isfinite(motion.displacement_m))
     course = starts.read(motion.time_s, motion.displacement_m, valid)
@@ -140,10 +140,12 @@ def spacing(shots: Sequence[Samples]) -> float:
     return first
 
 
-def together(motions: Sequence[Motion], rate_hz: float = RATE_HZ) -> tuple[Samples, ...]:
+def averaged_shots(motions: Sequence[Motion], rate_hz: float = RATE_HZ) -> tuple[Samples, ...]:
     """Return the averaged samples of several motions, each with its weight and the number of its plate."""
     numbers = plate_numbers(motions)
-    shots = [replace(take(motion, rate_hz), plate_number=k) for motion, k in zip(motions, numbers, strict=True)]
+    shots = [
+        replace(averaged_shot(motion, rate_hz), plate_number=k) for motion, k in zip(motions, numbers, strict=True)
+    ]
     spacing(shots)
     white = np.array([shot.white_m for shot in shots])
     if not np.all(np.isfinite(white) & (white > 0)):

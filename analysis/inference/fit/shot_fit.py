@@ -23,8 +23,8 @@ from analysis.inference.fit.free_parameters import trials_named
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import Fitted, residuals, search
 from analysis.inference.fit.least_squares import Minimum, covariance
-from analysis.inference.fit.likely_noises import likely_beside
-from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ, together
+from analysis.inference.fit.likely_noises import over_likely_strengths
+from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ, averaged_shots
 from analysis.inference.fit.with_effect import with_effect
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor
@@ -147,7 +147,7 @@ class _FitRequest:
     def fitted_on(self, site: Site | None) -> _SearchEnd:
         """Return the end of the search with the frame moving as ``site`` says.  Raises AnalysisError and Cancelled."""
         self.tell("finding a start", 0.1)
-        noise, trusted = noise_of_flights(together(self.motions), site)
+        noise, trusted = noise_of_flights(averaged_shots(self.motions), site)
         begin = first_fit(self.motions, self.model, site, self.stop, noise=noise)
         finely = any(named(name).ripples for name in self.effects)
         data = joint_data(self.motions, begin, site, FINE_RATE_HZ if finely else RATE_HZ)
@@ -234,7 +234,7 @@ def _weighed(hypothesis: Hypothesis, found: Minimum, noise: Floor, stop: Stop) -
     if hypothesis.data.site is None or not found.converged:
         return fitted
     for _ in range(_STRENGTH_TURNS):
-        likely = likely_beside(fitted, free)
+        likely = over_likely_strengths(fitted, free)
         if likely is None:
             break
         ended = _searched(hypothesis, fitted.z, likely.noise, stop)

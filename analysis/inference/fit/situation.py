@@ -64,7 +64,7 @@ def situation(base: Floats, own: Floats, values: Values, mass_kg: float) -> tupl
     return collision, sorted(active, key=lambda one: one.effect.hidden == 0)
 
 
-def seen(x: Any, v: Floats, time_s: Floats, values: Values, optics: Optics) -> Any:
+def shown_by_optics(x: Any, v: Floats, time_s: Floats, values: Values, optics: Optics) -> Any:
     """Return what the optics show of motions ``x``, shape (n,) or (n, k), after all effects of the sensor.
 
     ``v``, shape (n,), is the velocity about which ``x`` is taken.  The imaginary part of a complex ``x`` carries a

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from analysis.collision.parameters import Infeasible
 from analysis.compiled.side_by_side import side_by_side
 from analysis.inference.fit.begin import Begin
-from analysis.inference.fit.samples import RATE_HZ, Samples, together
+from analysis.inference.fit.samples import RATE_HZ, Samples, averaged_shots
 from analysis.inference.fit.search_vector import JointData
 from analysis.inference.noise.site import Site, on_site, site_of
 from analysis.inference.noise.sway import BELOW_HZ
@@ -51,7 +51,7 @@ def joint_data(motions: Sequence[Motion], begin: Begin, site: Site | None, rate_
     Where a plate swings far, its likeliest state in ``begin`` is the one about which that contribution is linear.
     """
     base = begin.base
-    plain = together(motions, rate_hz)
+    plain = averaged_shots(motions, rate_hz)
     if site is None:
         return JointData(plain, base)
     try:

@@ -55,7 +55,7 @@ class Site:
 
 
 @dataclass(frozen=True)
-class Seen:
+class WhitenedDirections:
     """A shot's directions of frame motion, whitened by a noise without the frame and of unit white noise.
 
     ``columns``, shape (n, r), times the inverse of ``root``, shape (r, r), upper triangular, are orthonormal.
@@ -101,31 +101,31 @@ class Sway:
         before, after = np.sqrt(np.exp(noise.site) @ self.speed_powers)
         return float(before), float(after)
 
-    def seen(self, noise: Floor) -> Seen:
+    def whitened_directions(self, noise: Floor) -> WhitenedDirections:
         """Return the directions whitened by the shape of ``noise`` without the frame, in units of its white noise.
 
         Cost: some r^2 n multiply-adds where a part wanders; the last few shapes are kept.
         """
-        known: Seen = self._once("seen", shape_of(noise), self._seen)
+        known: WhitenedDirections = self._once("directions", shape_of(noise), self._whiten_directions)
         return known
 
     def scaled(self, noise: Floor) -> Floats:
         """Return the unit normal numbers' contributions along the orthonormal whitened directions, shape (r, m)."""
         size = np.exp(0.5 * np.asarray(noise.site))[self.band] / noise.white_m
-        return np.asarray(self.seen(noise).root @ (self.factors * size))
+        return np.asarray(self.whitened_directions(noise).root @ (self.factors * size))
 
     def whiten(self, rows: Floats, noise: Floor) -> Floats:
         """Return ``rows``, shape (n, k), already whitened by ``noise`` without the frame, whitened by the whole noise.
 
         Cost: 2 n r multiply-adds per column.
         """
-        columns = self.seen(noise).columns
+        columns = self.whitened_directions(noise).columns
         return np.asarray(rows + columns @ (self.less(noise) @ (columns.T @ rows)))
 
     def less(self, noise: Floor) -> Floats:
         """Return the matrix L, shape (r, r), with which columns @ L @ columns.T @ rows whitens the frame's motion.
 
-        It is added to rows whitened by the other noise; ``columns`` are those of ``seen``.
+        It is added to rows whitened by the other noise; ``columns`` are those of ``whitened_directions``.
         """
         known: Floats = self._once("less", noise, self._less)
         return known
@@ -158,7 +158,7 @@ class Sway:
 
     def _along(self, left_m: Floats, noise: Floor) -> Floats:
         white = noise.whiten(left_m[:, None], self.valid, self.weight)
-        return self.seen(noise).along(white)[:, 0]
+        return self.whitened_directions(noise).along(white)[:, 0]
 
     def _pull(self, scaled: Floats, along: Floats) -> Floats:
         """Return the inverse covariance along the directions times ``along``."""
@@ -166,7 +166,7 @@ class Sway:
         inner = solve_triangular(root, along, lower=True, check_finite=False)
         return np.asarray(solve_triangular(root, inner, lower=True, trans="T", check_finite=False))
 
-    def _seen(self, shape: Floor) -> Seen:
+    def _whiten_directions(self, shape: Floor) -> WhitenedDirections:
         if shape.rms_m[0] == 0.0:
             columns = self.basis / self.weight
         else:
@@ -178,13 +178,13 @@ class Sway:
         band = self.band[order]
         factors = np.asfortranarray(root @ self.factors[:, order])
         first = np.searchsorted(band, np.arange(int(band[-1]) + 1))
-        return Seen(columns, root, factors, band, first, shape.log_variances(self.valid, self.weight))
+        return WhitenedDirections(columns, root, factors, band, first, shape.log_variances(self.valid, self.weight))
 
     def _less(self, noise: Floor) -> Floats:
         root = root_of(self.scaled(noise))
         less = solve_triangular(root, np.eye(root.shape[0]), lower=True, check_finite=False)
         less[np.diag_indices_from(less)] -= 1.0
-        triangle = self.seen(noise).root
+        triangle = self.whitened_directions(noise).root
         half = solve_triangular(triangle, less, check_finite=False)
         return np.asarray(solve_triangular(triangle, half.T, check_finite=False).T)
 

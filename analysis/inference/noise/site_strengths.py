@@ -23,7 +23,7 @@ from analysis.inference.fit.arrow import Arrow, Places
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor, white_floor
 from analysis.inference.noise.likeliest import LONGEST_TAU_S, SHORTEST_TAU_S
-from analysis.inference.noise.site import Seen, Site
+from analysis.inference.noise.site import Site, WhitenedDirections
 
 Floats = NDArray[np.float64]
 _NEIGHBOURS = 1.0  # prior std of the difference of log strengths of neighbouring bands
@@ -43,11 +43,11 @@ _LEAST_LEVEL = 0.05  # of the curvature: even an undetermined strength is known 
 class _Shot:
     """A shot's residual and its derivatives by q parameters, under noise of a fixed shape.
 
-    ``along``, shape (r, 1 + q), are both projected on the shot's whitened directions ``seen``; ``beside``, shape
+    ``along``, shape (r, 1 + q), are both projected on the shot's whitened directions ``directions``; ``beside``, shape
     (1 + q, 1 + q), are the products of the rest; ``places``, shape (q,), are the indices of the parameters.
     """
 
-    seen: Seen
+    directions: WhitenedDirections
     along: Floats
     beside: Floats
     samples: int
@@ -242,7 +242,7 @@ def _fits_at(points: Floats, shots: Sequence[_Shot]) -> tuple[Floats, Floats, Fl
     """Return ``_solved_for`` at each of ``points``, (ln white^2, strengths), shape (p, 1 + bands)."""
 
     def products(shot: _Shot) -> Floats:
-        halves = (_solved(_root(_scaled(shot.seen, at)), shot.along) for at in points)
+        halves = (_solved(_root(_scaled(shot.directions, at)), shot.along) for at in points)
         return np.stack([shot.beside + half.T @ half for half in halves])
 
     return _solved_for(shots, side_by_side(products, shots), np.exp(points[:, 0]))
@@ -289,11 +289,11 @@ def _under(shape: Floor, columns: Floats, places: Places, shot: Samples) -> _Sho
     assert shot.sway is not None
     some = np.flatnonzero(np.abs(columns[:, 1:]).max(axis=0, initial=0.0) > 0.0)
     white = shape.whiten(columns[:, [0, *(1 + some)]], shot.valid, shot.weight)
-    seen = shot.sway.seen(shape)
-    along = seen.along(white)
+    directions = shot.sway.whitened_directions(shape)
+    along = directions.along(white)
     beside = white.T @ white - along.T @ along
     beside[0, 0] = max(float(beside[0, 0]), 0.0)
-    return _Shot(seen, along, beside, white.shape[0], places[some])
+    return _Shot(directions, along, beside, white.shape[0], places[some])
 
 
 def _likeliest(at: Floats, shots: Sequence[_Shot], precision: Floats, curve: _Curvature) -> tuple[Floats, float]:
@@ -353,19 +353,19 @@ def _likelihood(at: Floats, shots: Sequence[_Shot], precision: Floats) -> _Point
         free = across[:, 1:]
         known = np.einsum("ij,ij->j", one.waves, one.waves)
         known -= np.einsum("ij,ij->i", free @ _of_shot(fitted, shot), free) / variance
-        seen = np.add.reduceat((across @ numbers) ** 2, shot.seen.first) / variance
-        told = np.add.reduceat(known, shot.seen.first)
-        logs = 2.0 * float(np.log(np.diag(one.root)).sum()) + shot.seen.logs
+        measured = np.add.reduceat((across @ numbers) ** 2, shot.directions.first) / variance
+        expected = np.add.reduceat(known, shot.directions.first)
+        logs = 2.0 * float(np.log(np.diag(one.root)).sum()) + shot.directions.logs
         logs += shot.samples * math.log(2 * math.pi * variance)
         value -= 0.5 * (logs + square)
-        slope[1:] += 0.5 * (seen - told)
-        slope[0] += 0.5 * (square - float(seen.sum()) - (shot.samples - float(told.sum())))
+        slope[1:] += 0.5 * (measured - expected)
+        slope[0] += 0.5 * (square - float(measured.sum()) - (shot.samples - float(expected.sum())))
     return _Point(at, value, slope, whitened, fitted)
 
 
 def _whitened(shot: _Shot, at: Floats) -> _Whitened:
     """Return a shot whitened by its covariance under (ln white^2, strengths); LinAlgError if not positive."""
-    scaled = _scaled(shot.seen, at)
+    scaled = _scaled(shot.directions, at)
     root = _root(scaled)
     half = _solved(root, shot.along)
     return _Whitened(root, _solved(root, scaled), half, shot.beside + half.T @ half)
@@ -408,9 +408,9 @@ def _solved_for(shots: Sequence[_Shot], products: Sequence[Floats], variance: Fl
     return (inverse @ pull[:, :, None])[:, :, 0], inverse, logs
 
 
-def _scaled(seen: Seen, at: Floats) -> Floats:
+def _scaled(directions: WhitenedDirections, at: Floats) -> Floats:
     """Return the frame's contributions along a shot's directions at (ln white^2, strengths), over the white std."""
-    return np.asarray(seen.factors * np.exp(0.5 * (at[1:] - at[0]))[seen.band])
+    return np.asarray(directions.factors * np.exp(0.5 * (at[1:] - at[0]))[directions.band])
 
 
 def _root(scaled: Floats) -> Floats:
@@ -445,7 +445,7 @@ def _curvature(point: _Point, shots: Sequence[_Shot], precision: Floats) -> Floa
         if shot.places.size:
             taken = one.waves.T @ one.half[:, 1:]
             gram -= taken @ _of_shot(fitted, shot) @ taken.T / variance
-        first = shot.seen.first
+        first = shot.directions.first
         told = np.add.reduceat(np.diag(gram), first)
         shared = np.add.reduceat(np.add.reduceat(np.square(gram, out=gram), first, axis=0), first, axis=1)
         across = 0.5 * (told - shared.sum(axis=1))

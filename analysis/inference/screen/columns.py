@@ -31,7 +31,7 @@ KNOWN_PATH = 1  # the same where the path is already known
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class ColumnProducts:
     """Products of the columns of ``starts`` with each other and with a fit's residual, each of shape (k,).
 
     ``whole``: squared norms; ``power``: squared norms after projection off the fitted parameters; ``along``: products
@@ -45,8 +45,8 @@ class Seen:
 
 
 @dataclass(frozen=True, slots=True)
-class _OfShot:
-    """One shot's contribution to ``Seen``: squared norms, (k,), in all and on its own parameters, and products.
+class _ShotProducts:
+    """One shot's part of ``ColumnProducts``: squared norms, (k,), in all and on its own parameters, and products.
 
     ``shared``, shape (s, k), are products with the directions of shared parameters, ``along`` with the residual.
     """
@@ -57,7 +57,9 @@ class _OfShot:
     along: Floats
 
 
-def seen(at: Projector, kind: TrialEffect, starts: Starts, few: int, *, kept: bool = False) -> Seen:
+def column_products(
+    at: Projector, kind: TrialEffect, starts: Starts, few: int, *, kept: bool = False
+) -> ColumnProducts:
     """Return the products for all starts that have a trajectory; more than ``few`` are computed to first order.
 
     Shot by shot, to save memory; columns are kept only with ``kept`` and where either they or the shots are few.
@@ -66,16 +68,16 @@ def seen(at: Projector, kind: TrialEffect, starts: Starts, few: int, *, kept: bo
     inside = _inside(at, starts)
     remember = kept and (count <= FEW_SHOTS or len(inside) <= few)
 
-    def total(columns: Callable[[int], Floats | None], how: str) -> Seen | None:
-        def of_shot(index: int) -> _OfShot | None:
+    def total(columns: Callable[[int], Floats | None], how: str) -> ColumnProducts | None:
+        def of_shot(index: int) -> _ShotProducts | None:
             key = f"{how} of {kind.name}, shot {index}"
             bare = at.once(key, partial(columns, index), nearby=True) if remember else columns(index)
             if bare is None:
                 return None
             whiten = partial(ColumnsBeside.of, at.fitted.hypothesis.data.shots[index], at.floor, bare)
-            return _of_shot(at, index, at.once(key, whiten) if remember else whiten())
+            return _shot_products(at, index, at.once(key, whiten) if remember else whiten())
 
-        return _summed(inside, side_by_side(of_shot, range(count)))
+        return _sum_over_shots(inside, side_by_side(of_shot, range(count)))
 
     found = None
     if len(inside) > few:
@@ -88,7 +90,7 @@ def seen(at: Projector, kind: TrialEffect, starts: Starts, few: int, *, kept: bo
     return found
 
 
-def seen_along_paths(at: Projector, kinds: Sequence[TrialEffect]) -> dict[str, Seen]:
+def products_along_paths(at: Projector, kinds: Sequence[TrialEffect]) -> dict[str, ColumnProducts]:
     """Return the products of all effects computed to first order along common paths, by name; only for many shots.
 
     A shot's path, some 15 MB, serves all effects and is then released.
@@ -99,7 +101,7 @@ def seen_along_paths(at: Projector, kinds: Sequence[TrialEffect]) -> dict[str, S
     if count <= FEW_SHOTS:
         return {}
 
-    def of_shot(index: int) -> dict[str, _OfShot]:
+    def of_shot(index: int) -> dict[str, _ShotProducts]:
         paths: Paths = {}
         out = {}
         for kind in many:
@@ -107,11 +109,11 @@ def seen_along_paths(at: Projector, kinds: Sequence[TrialEffect]) -> dict[str, S
                 bare = _to_first_order(at, kind, inside[kind.name], index, paths)
                 if bare is not None:
                     white = ColumnsBeside.of(at.fitted.hypothesis.data.shots[index], at.floor, bare)
-                    out[kind.name] = _of_shot(at, index, white)
+                    out[kind.name] = _shot_products(at, index, white)
         return out
 
     each = side_by_side(of_shot, range(count))
-    every = {kind.name: _summed(inside[kind.name], [one.get(kind.name) for one in each]) for kind in many}
+    every = {kind.name: _sum_over_shots(inside[kind.name], [one.get(kind.name) for one in each]) for kind in many}
     return {name: found for name, found in every.items() if found is not None}
 
 
@@ -139,14 +141,14 @@ def _inside(at: Projector, starts: Starts) -> list[Mapping[str, float]]:
     return [start for start in starts if within(start, at.fitted.hypothesis.data.shots)]
 
 
-def _of_shot(at: Projector, index: int, columns: ColumnsBeside) -> _OfShot:
+def _shot_products(at: Projector, index: int, columns: ColumnsBeside) -> _ShotProducts:
     own, shared, left = at.basis.own[index], at.basis.shared[index], at.tangents.parts(at.left)[index]
     products = columns.products_with(np.column_stack([own, shared, left]))
     of_own, of_shared, along = np.split(products, [own.shape[1], own.shape[1] + shared.shape[1]])
-    return _OfShot(columns.products(), column_by_column(of_own, of_own), of_shared, along[0])
+    return _ShotProducts(columns.products(), column_by_column(of_own, of_own), of_shared, along[0])
 
 
-def _summed(starts: list[Mapping[str, float]], found: Sequence[_OfShot | None]) -> Seen | None:
+def _sum_over_shots(starts: list[Mapping[str, float]], found: Sequence[_ShotProducts | None]) -> ColumnProducts | None:
     """Return the sums over all shots, for starts with a trajectory in each; None where a shot has no result."""
     every = [one for one in found if one is not None]
     if len(every) < len(found):
@@ -155,7 +157,7 @@ def _summed(starts: list[Mapping[str, float]], found: Sequence[_OfShot | None]) 
     shared = np.sum([one.shared for one in every], axis=0)
     power = whole - own - np.einsum("ij,ij->j", shared, shared)
     good = np.flatnonzero(np.isfinite(whole))
-    return Seen([starts[int(k)] for k in good], whole[good], power[good], along[good])
+    return ColumnProducts([starts[int(k)] for k in good], whole[good], power[good], along[good])
 
 
 def _moved(at: Projector, kind: TrialEffect, start: Mapping[str, float]) -> Point | None:

@@ -38,10 +38,10 @@ class ColumnsBeside:
         if shot.sway is None or not floor.site:
             nothing = np.zeros((0, white.shape[1]))
             return cls(white, np.zeros((white.shape[0], 0)), nothing, nothing)
-        seen = shot.sway.seen(floor)
-        along = seen.columns.T @ white
+        directions = shot.sway.whitened_directions(floor)
+        along = directions.columns.T @ white
         moved = shot.sway.less(floor) @ along
-        return cls(white, seen.columns, moved, along + 0.5 * (seen.root.T @ (seen.root @ moved)))
+        return cls(white, directions.columns, moved, along + 0.5 * (directions.root.T @ (directions.root @ moved)))
 
     def products_with(self, rows: Floats) -> Floats:
         """Return the products of whitened ``rows``, shape (n, p), with every column, shape (p, k)."""

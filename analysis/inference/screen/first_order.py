@@ -14,7 +14,7 @@ from analysis.collision.effects.row import Effect
 from analysis.collision.first_order import along
 from analysis.collision.first_order import steps_for as steps_of
 from analysis.collision.linear_path import LinearPath, linear_path
-from analysis.inference.fit.situation import Optics, Values, seen, situation
+from analysis.inference.fit.situation import Optics, Values, shown_by_optics, situation
 
 Floats = NDArray[np.float64]
 _STEP = 1e-40  # the complex step
@@ -72,5 +72,5 @@ def responses(shot: Shot, path: LinearPath, effect: Effect, starts: Sequence[Map
         return change
     remembers = any(row.remembers for row in rows)
     moved = np.asarray(x[:, None] + 1j * _STEP * (change if remembers else 1.0), dtype=np.complex128)
-    shown = np.asarray(seen(moved, v, shot.time_s, shot.values, shot.optics).imag / _STEP)
+    shown = np.asarray(shown_by_optics(moved, v, shot.time_s, shot.values, shot.optics).imag / _STEP)
     return shown if remembers else shown * change

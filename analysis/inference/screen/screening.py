@@ -11,7 +11,14 @@ from analysis.collision.effects import named
 from analysis.compiled.side_by_side import side_by_side
 from analysis.inference.fit.arrow import Arrow
 from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.screen.columns import KNOWN_PATH, MANY_STARTS, Seen, own_columns, seen, seen_along_paths
+from analysis.inference.screen.columns import (
+    KNOWN_PATH,
+    MANY_STARTS,
+    ColumnProducts,
+    column_products,
+    own_columns,
+    products_along_paths,
+)
 from analysis.inference.screen.lines import near_loud_lines, scan
 from analysis.inference.screen.projector import Projector
 from analysis.shot.shot import Cancelled, Stop
@@ -47,7 +54,7 @@ def all_scores(
 
     Raises Cancelled.
     """
-    known = seen_along_paths(at, kinds)
+    known = products_along_paths(at, kinds)
 
     def scored(kind: TrialEffect) -> list[Score]:
         if stop():
@@ -57,7 +64,9 @@ def all_scores(
     return [listed for listed in side_by_side(scored, kinds) if listed]
 
 
-def scores(at: Projector, kind: TrialEffect, *, to_join: float | None = None, grid: Seen | None = None) -> list[Score]:
+def scores(
+    at: Projector, kind: TrialEffect, *, to_join: float | None = None, grid: ColumnProducts | None = None
+) -> list[Score]:
     """Return the scores of one effect, one for each start, best first.
 
     ``to_join`` is the fall of the criterion that the effect needs to be added; lines that cannot reach it are not
@@ -68,10 +77,10 @@ def scores(at: Projector, kind: TrialEffect, *, to_join: float | None = None, gr
     if any(free.name in (*kind.amplitude, "phase_rad") for free in kind.own):
         return _own_amplitudes(at, kind)
     freedom = _freedom(at, kind)
-    out = _linear(at, kind, grid or seen(at, kind, kind.starts, MANY_STARTS, kept=True), freedom)
+    out = _linear(at, kind, grid or column_products(at, kind, kind.starts, MANY_STARTS, kept=True), freedom)
 
     def more(some: Sequence[Mapping[str, float]]) -> list[Score]:
-        return _linear(at, kind, seen(at, kind, some, KNOWN_PATH), freedom)
+        return _linear(at, kind, column_products(at, kind, some, KNOWN_PATH), freedom)
 
     if "frequency_hz" in kind.starts[0]:
         # An effect that is to be added must pay for its parameters: only lines with so much gain are worth a look.
@@ -108,7 +117,7 @@ def _between(listed: Sequence[Score], kind: TrialEffect) -> list[Mapping[str, fl
     return out
 
 
-def _linear(at: Projector, kind: TrialEffect, beside: Seen, freedom: int) -> list[Score]:
+def _linear(at: Projector, kind: TrialEffect, beside: ColumnProducts, freedom: int) -> list[Score]:
     """Return the scores of columns in whose amplitude the displacement is linear, with allowed signs only."""
     shots = at.fitted.hypothesis.data.shots
     # A column that the fitted parameters span is rounding after projection, and its score would be arbitrary.

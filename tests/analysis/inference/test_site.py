@@ -15,7 +15,7 @@ from analysis.inference.fit.begin import begin_of
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.hypothesis_fit import residuals
-from analysis.inference.fit.samples import together
+from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise import site_strengths
 from analysis.inference.noise.floor import Floor
@@ -212,7 +212,7 @@ def test_directions_are_orthonormal_where_a_frame_moves_a_million_times_the_nois
     motions = Rig("VC-A").shots(40, (0.265,))
     site = site_under(motions, shakings_of(motions, "paper", None), CRITERIA.site_nm)
     assert site is not None
-    (shot,) = together(motions)
+    (shot,) = averaged_shots(motions)
     base, shared = base_of("paper", motions), np.array([221.4, 1.984e-4, 1e4, 0.4])
     sway = swayed(shot, site, base, shared, np.array(shot.course.own))
     assert np.abs(sway.basis.T @ sway.basis - np.eye(sway.basis.shape[1])).max() < 1e-12

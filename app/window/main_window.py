@@ -25,10 +25,9 @@ from app.session.spool import Spool
 from app.session.workbench import Workbench
 from app.window import menus, window_state
 from app.window.layout import Layout
-from app.window.presenters.diagnosis import DiagnosisPresenter
+from app.window.presenters.diagnosis import DiagnosisPresenter, LawsPresenter
 from app.window.presenters.files import FilesPresenter
-from app.window.presenters.help import HelpPresenter
-from app.window.presenters.laws import LawsPresenter
+from app.window.presenters.help import HelpPresenter, TourPresenter
 from app.window.presenters.mapping import MappingPresenter
 from app.window.presenters.model import ModelPresenter
 from app.window.presenters.next_shot import NextShotPresenter
@@ -38,7 +37,6 @@ from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
 from app.window.presenters.setup import SetupPresenter
 from app.window.presenters.tables import TablesPresenter
-from app.window.presenters.tour import TourPresenter
 from app.window.presenters.view import ViewPresenter
 from app.window.theme import Theme, Tone
 from app.window.window_state import first_size, keep_within_screen

@@ -26,8 +26,7 @@ from analysis.collision.effects import CATALOGUE, WIDER
 from analysis.diagnosis.result import Candidate, Verdict
 from analysis.drive.catalogue import LAWS
 from analysis.drive.curves import drive_curves
-from analysis.shot.plot_note import PlotNote
-from analysis.signal.flag_meanings import MEANINGS
+from analysis.shot.shot import PlotNote
 from app.report.shot_figures import time_zero
 from app.session.jobs import Jobs
 from app.session.prepare import PIECES
@@ -322,7 +321,7 @@ def test_the_numbers_of_an_axis_never_lie_over_one_another(window):
 
 def test_every_flag_has_room_in_its_column(window):
     table = window.panels.table
-    words = [flags_in_short([flag, *["x"] * 9]) for flag in (*MEANINGS, *FLAG_WORDS)]
+    words = [flags_in_short([flag, *["x"] * 9]) for flag in FLAG_WORDS]
     widest = max(table.fontMetrics().horizontalAdvance(text) for text in words)
     assert widest < table.table.columnWidth(FLAGS) - 8
 

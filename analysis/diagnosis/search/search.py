@@ -17,8 +17,8 @@ from analysis.diagnosis.search.from_base import accept, explored
 from analysis.diagnosis.search.full_rate import with_sway_updated
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.residual import Residual, residual_of
+from analysis.inference.fit.base import SearchStart
 from analysis.inference.fit.base_fit import base_fit, nuisances_pay
-from analysis.inference.fit.begin import Begin
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis_fit import Fitted, fit
 from analysis.inference.noise.floor import white_floor
@@ -63,7 +63,7 @@ class Search:
     """A search of ``motions``: the base fit begins at ``given``, ``accepted`` effects are part of the model."""
 
     motions: Sequence[Motion]
-    given: Begin
+    given: SearchStart
     catalogue: Sequence[TrialEffect]
     accepted: Sequence[str]
     tell: Progress

@@ -1,10 +1,16 @@
-"""The base models and the order of their parameters: the paper's two bodies, or one body on a fixed plate."""
+"""The base models, the order of their parameters, and values of these from which a search starts.
+
+A base model is the paper's two bodies, or one body on a contact spring whose plate does not move.
+"""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from analysis.collision.parameters import Collision, Floats, Infeasible, Variant
+from analysis.shot.fit import Fit
 from analysis.shot.motion import Motion
 from analysis.shot.plates_of_set import plate_count
 
@@ -20,6 +26,8 @@ BODY_NAMES = PLATE_NAMES[:2]  # which each plate has for itself
 CONTACT_NAMES = PLATE_NAMES[2:]
 OWN_NAMES = ("velocity_in_m_per_s", "touch_time_s", "offset_m")
 PLATE_START = ("plate_displacement_m", "plate_velocity_m_per_s")  # at first touch, where the plate swings
+Plates = tuple[tuple[float, float], ...]
+TRUSTED = 1.5  # chi^2 per sample, up to which likeliest plates are believed: above, they absorb missing effects
 
 
 def named_on_plate(name: str, plate_number: int) -> str:
@@ -111,3 +119,25 @@ def base_of(model: str, motions: Sequence[Motion]) -> Base:
     """Return the base model with this name for a set of shots, with as many plates as the shots were taken on."""
     base = base_named(model)
     return base if base.one_body else replace(base, plates=plate_count(motions))
+
+
+@dataclass(frozen=True, slots=True)
+class SearchStart:
+    """The start of a search: base model, its parameters (b,), and v_i, touch time and offset of each shot (shots, 3).
+
+    ``plates`` are the plates' states at first touch (m, m/s), if known; ``left`` is chi^2 per sample there.
+    """
+
+    base: Base
+    shared: Floats
+    own: Floats
+    plates: Plates = ()
+    left: float = 1.0
+
+
+def start_from_fit(fit: Fit, motions: Sequence[Motion]) -> SearchStart:
+    """Return the end of a fit of ``motions``, without its effects, as the start of a search."""
+    base = base_of(fit.model, motions)
+    own = [[s.velocity_in_m_per_s.value, s.touch_time_s.value, s.offset_m.value] for s in fit.shots]
+    shared = np.array([fit.parameters[name].value for name in base.names])
+    return SearchStart(base, shared, np.array(own), left=fit.reduced_chi2)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.collision.parameters import Infeasible
-from analysis.inference.fit.begin import Begin
+from analysis.inference.fit.base import SearchStart
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trials_named
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
@@ -19,7 +19,7 @@ _SAMPLES = 100  # at least
 _SOFTER = 8  # times, at most, that a contact too stiff for the samples is softened tenfold
 
 
-def base_fit(data: JointData, begin: Begin, stop: Stop, nuisances: Sequence[str] = ()) -> Fitted:
+def base_fit(data: JointData, begin: SearchStart, stop: Stop, nuisances: Sequence[str] = ()) -> Fitted:
     """Return the base model's best fit at the diagnosis' sample rate, searched from ``begin``.
 
     ``nuisances`` are effects that every shot may have for itself and that do not count as findings.

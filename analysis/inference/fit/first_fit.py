@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision.parameters import Infeasible
-from analysis.inference.fit.base import base_of
+from analysis.inference.fit.base import TRUSTED, Plates, SearchStart, base_of
 from analysis.inference.fit.base_fit import slow_enough
-from analysis.inference.fit.begin import TRUSTED, Begin, Plates
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.first_guesses import first_guesses, resembled
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
@@ -40,7 +39,7 @@ _LOUDER = 100.0  # times the white noise, in the first of two searches where the
 
 def first_fit(
     motions: Sequence[Motion], model: str, site: Site | None, stop: Stop, *, noise: Floor | None = None
-) -> Begin:
+) -> SearchStart:
     """Return the base ``model``'s best fit to ``motions``; ``noise`` is that of their flights, where known.
 
     Raises ValueError for an unknown model, NoCollision (an AnalysisError) where a motion shows none, AnalysisError
@@ -51,7 +50,7 @@ def first_fit(
     shots = averaged_shots(motions)
     own = np.array([shot.course.own for shot in shots])
     noise = noise or noise_of_flights(shots, site)[0]
-    ends: list[Begin] = []
+    ends: list[SearchStart] = []
     why: Infeasible | None = None
     try:
         if site is None:
@@ -83,7 +82,7 @@ def first_fit(
     return min(ends, key=lambda end: end.left)
 
 
-def _nearest(data: JointData, guesses: Sequence[Floats], own: Floats, noise: Floor, stop: Stop) -> Begin:
+def _nearest(data: JointData, guesses: Sequence[Floats], own: Floats, noise: Floor, stop: Stop) -> SearchStart:
     """Return the best end of searches from the first guesses, or from a fit of the first bounces alone."""
     floor = noise.without_site
     best = _ended(data, guesses[0], own, floor, stop)
@@ -108,10 +107,10 @@ def _bounces(shot: Samples) -> Samples:
     return replace(shot, valid=shot.valid & (shot.centre_s < until_s))
 
 
-def _on_frames(data: JointData, shared: Floats, own: Floats, noise: Floor, stop: Stop) -> Begin:
+def _on_frames(data: JointData, shared: Floats, own: Floats, noise: Floor, stop: Stop) -> SearchStart:
     """Return where a search on moving frames ends: first with the white noise enlarged, then as it is."""
     assert data.site is not None
-    here = Begin(data.base, shared, own)
+    here = SearchStart(data.base, shared, own)
     for louder in (_LOUDER, 1.0):
         floor = replace(noise, white_m=louder * noise.white_m)
         there = replace(data, shots=on_site(data.shots, data.site, data.base, here.shared, here.own))
@@ -121,7 +120,7 @@ def _on_frames(data: JointData, shared: Floats, own: Floats, noise: Floor, stop:
 
 def _ended(
     data: JointData, shared: Floats, own: Floats, floor: Floor, stop: Stop, evaluations: int = _EVALUATIONS
-) -> Begin:
+) -> SearchStart:
     """Return where one search ends, with its chi^2 per sample; Infeasible where it cannot begin."""
     hypothesis = Hypothesis(data, ())
     values: tuple[dict[str, dict[str, float]], ...] = tuple({} for _ in data.shots)
@@ -132,7 +131,9 @@ def _ended(
         raise Cancelled
     end = hypothesis.unpack(found.parameters)
     left = found.square.chi2 / found.square.samples
-    return Begin(data.base, end.base, end.own, likely_plates(hypothesis, found, floor) if left < TRUSTED else (), left)
+    return SearchStart(
+        data.base, end.base, end.own, likely_plates(hypothesis, found, floor) if left < TRUSTED else (), left
+    )
 
 
 def likely_plates(hypothesis: Hypothesis, found: Minimum, floor: Floor) -> Plates:

@@ -15,15 +15,14 @@ from numpy.typing import NDArray
 from analysis.collision.effects import MOST_AT_ONCE, findings, named
 from analysis.collision.parameters import Infeasible
 from analysis.inference.fit.as_fit import as_fit
+from analysis.inference.fit.base import SearchStart
 from analysis.inference.fit.base_fit import slow_enough
-from analysis.inference.fit.begin import Begin
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.first_fit import STRONG, first_fit, likely_plates
 from analysis.inference.fit.free_parameters import trials_named
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
-from analysis.inference.fit.hypothesis_fit import Fitted, residuals, search
+from analysis.inference.fit.hypothesis_fit import Fitted, over_likely_strengths, residuals, search
 from analysis.inference.fit.least_squares import Minimum, covariance
-from analysis.inference.fit.likely_noises import over_likely_strengths
 from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ, averaged_shots
 from analysis.inference.fit.with_effect import with_effect
 from analysis.inference.noise.flights import noise_of_flights
@@ -164,7 +163,7 @@ class _FitRequest:
         return _SearchEnd(hypothesis, found, noise, trusted, undecided)
 
 
-def _base(data: JointData, begin: Begin, noise: Floor, stop: Stop) -> tuple[Hypothesis, Minimum, Floats]:
+def _base(data: JointData, begin: SearchStart, noise: Floor, stop: Stop) -> tuple[Hypothesis, Minimum, Floats]:
     """Return the minimum of the base model, the frame's contribution computed at the motion fitted.
 
     The last value is the uncertainty, shape (p,), one standard deviation each, that remains of the parameters where a
@@ -190,7 +189,7 @@ def _base(data: JointData, begin: Begin, noise: Floor, stop: Stop) -> tuple[Hypo
     return hypothesis, found, undecided
 
 
-def _between(here: Begin, there: Begin) -> Begin:
+def _between(here: SearchStart, there: SearchStart) -> SearchStart:
     """Return the mean of two starts."""
     both = zip(here.plates or there.plates, there.plates, strict=True)
     plates = tuple((0.5 * (x + y), 0.5 * (v + w)) for (x, v), (y, w) in both)

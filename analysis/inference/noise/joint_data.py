@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from analysis.collision.parameters import Infeasible
 from analysis.compiled.side_by_side import side_by_side
-from analysis.inference.fit.begin import Begin
+from analysis.inference.fit.base import SearchStart
 from analysis.inference.fit.samples import RATE_HZ, Samples, averaged_shots
 from analysis.inference.fit.search_vector import JointData
 from analysis.inference.noise.site import Site, on_site, site_of
@@ -45,7 +45,7 @@ def site_under(
     return site_of(shakings, max(float(np.ptp(motion.time_s)) for motion in motions), least_nm, whole=whole)
 
 
-def joint_data(motions: Sequence[Motion], begin: Begin, site: Site | None, rate_hz: float = RATE_HZ) -> JointData:
+def joint_data(motions: Sequence[Motion], begin: SearchStart, site: Site | None, rate_hz: float = RATE_HZ) -> JointData:
     """Return averaged shots for a joint fit, the frame's contribution computed for the motion of ``begin``.
 
     Where a plate swings far, its likeliest state in ``begin`` is the one about which that contribution is linear.

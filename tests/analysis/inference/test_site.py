@@ -10,8 +10,7 @@ import pytest
 from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.inference.fit.base import base_of
-from analysis.inference.fit.begin import begin_of
+from analysis.inference.fit.base import base_of, start_from_fit
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.hypothesis_fit import residuals
@@ -137,7 +136,7 @@ def at_vc_d():
     shakings = shakings_of(motions, "paper", None)
     site = site_under(motions, shakings, CRITERIA.site_nm)
     fit = fit_shots(motions, shakings=shakings)
-    begin = begin_of(fit, motions)
+    begin = start_from_fit(fit, motions)
     data = joint_data(motions, begin, site)
     hypothesis = Hypothesis(data, ())
     z = hypothesis.pack(Point(begin.shared, begin.own, ({},) * 3))
@@ -185,7 +184,7 @@ def test_nobody_says_what_a_frame_does_where_nothing_collides() -> None:
     drawn_off = replace(fit, parameters={**fit.parameters, **{name: Quantity(v, 0.0) for name, v in names.items()}})
     site = site_under(motions, shakings_of(motions, "paper", None), CRITERIA.site_nm)
     assert site is not None
-    assert joint_data(motions, begin_of(drawn_off, motions), site).site is None
+    assert joint_data(motions, start_from_fit(drawn_off, motions), site).site is None
 
 
 @pytest.mark.slow  # quicker: friction alone is named there, below

@@ -91,20 +91,12 @@ def minimise(
         there = np.clip(here + step, low, high)
         moved = there - here
         expected = float(-2 * moved @ square.gradient - moved @ square.curvature @ moved)
-        back = None
-        if residual is not None and (expected > _STRAIGHT or damping.refused):
-            back = _back_to_the_valley(residual, square, here, moved, free, (low, high))
-        try:
-            if back is not None and back[1] >= square.chi2:  # the step will be refused: save its derivatives
-                raise Infeasible("the step leads out of the valley")
-            there = there if back is None else back[0]
-            trial = function(there)
-            fell = square.chi2 - trial.chi2
-        except Infeasible:
-            fell = -np.inf
+        corrected = residual if expected > _STRAIGHT or damping.refused else None
+        trial = _trial(function, corrected, square, here, there, free, (low, high))
+        fell = -np.inf if trial is None else square.chi2 - trial[1].chi2
         used += 1
-        if fell > 0 and expected > 0:
-            here, square = there, trial
+        if trial is not None and fell > 0 and expected > 0:
+            here, square = trial
             damping.ease(fell / expected)
         elif 0 < expected < 1e-12 * square.chi2 + tolerance * 1e-2:
             return Minimum(here, square, True, used)  # rounding hides falls below 1e-12 of chi^2
@@ -146,6 +138,29 @@ def _free(here: Floats, gradient: Floats, low: Floats, high: Floats) -> np.ndarr
     """Return which parameters may move: not fixed ones, nor those that the gradient presses against their bound."""
     held = (low >= high) | ((here <= low) & (gradient > 0)) | ((here >= high) & (gradient < 0))
     return np.asarray(~held)
+
+
+def _trial(
+    function: Function,
+    residual: Residual | None,
+    square: Square,
+    here: Floats,
+    there: Floats,
+    free: np.ndarray,
+    bounds: tuple[Floats, Floats],
+) -> tuple[Floats, Square] | None:
+    """Return the point ``there``, corrected where there is a ``residual``, and the square at it; None if infeasible.
+
+    Also None where chi^2 after the corrections has not fallen: the step would be refused, so its derivatives are saved.
+    """
+    back = None if residual is None else _back_to_the_valley(residual, square, here, there - here, free, bounds)
+    if back is not None and back[1] >= square.chi2:
+        return None
+    point = there if back is None else back[0]
+    try:
+        return point, function(point)
+    except Infeasible:
+        return None
 
 
 def _back_to_the_valley(

@@ -71,7 +71,7 @@ class FlightObservation:
     def estimate_floor(self, design: Floats, start: Floats | None = None) -> FloorEstimate:
         """Estimate the floor's strengths with a design (n, p) whose coefficients are free; SI units.
 
-        Fisher scoring on the logarithms.  Cost: 1 ms an iteration at n = 64, some six iterations from afar.
+        Fisher scoring on the logarithms.  Cost: 1 ms per iteration at n = 64, some six iterations from afar.
         """
         scale = _scale(design)
         columns = design / scale

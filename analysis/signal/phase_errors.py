@@ -104,7 +104,7 @@ def leak_phase(leak: Leak, moving_cycles: Floats, rest_cycles: Floats, track: Tr
 
 
 def _response(taps: Floats, frequency: Floats) -> Floats:
-    """Return the response of symmetric taps at frequencies in cycles a sample, looked up on a fine grid."""
+    """Return the response of symmetric taps at frequencies in cycles per sample, looked up on a fine grid."""
     size = 1 << int(np.ceil(np.log2(32 * taps.size)))
     position = np.arange(size // 2 + 1) / size
     gain = np.fft.rfft(taps, size) * np.exp(2j * np.pi * position * 0.5 * (taps.size - 1))

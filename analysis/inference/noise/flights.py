@@ -18,7 +18,7 @@ from analysis.inference.noise.site import Site
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Spectrum = tuple[Floats, Floats]  # angles, powers a sample
+Spectrum = tuple[Floats, Floats]  # angles, powers per sample
 FEWEST = 24  # samples of a flight from which noise is learnt
 _TREND = 2  # degree of the polynomial that is subtracted: the flight, and drag too slow to distinguish from it
 _CORRELATION_TIMES_S = tuple(np.geomspace(1e-3, 30e-3, 7))  # corner frequencies between 160 and 5 Hz
@@ -157,7 +157,7 @@ def _wandering(angle: Floats, variance: float, memory: float) -> Floats:
 def _two_levels(power, shape):  # type: ignore[no-untyped-def]
     """Return the levels (a, b) of greatest Whittle likelihood for a density a + b shape, both positive.
 
-    Fisher scoring on the logarithms: positive by construction, and stable from any start.  About 5 ns a bin and step.
+    Fisher scoring on the logarithms: positive by construction, and stable from any start.  About 5 ns per bin and step.
     """
     count = power.size
     a = np.mean(power[count // 2 :]) + 1e-300

@@ -33,7 +33,7 @@ _EVALUATIONS = 60  # of a search, for each part
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _gains(valid, white, parts, gain, scale):  # type: ignore[no-untyped-def]
-    """Write the Kalman gains, shape (n, 2), and 1/std of the innovations, shape (n,); about 15 ns a sample.
+    """Write the Kalman gains, shape (n, 2), and 1/std of the innovations, shape (n,); about 15 ns per sample.
 
     ``parts`` are step variance, memory of a step and variance of the one wandering part, then of the other.
     """
@@ -53,7 +53,7 @@ def _gains(valid, white, parts, gain, scale):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _innovations(columns, gain, scale, phi0, phi1, out):  # type: ignore[no-untyped-def]
-    """Write the innovations of every column over their std; about 5 ns a value."""
+    """Write the innovations of every column over their std; about 5 ns per value."""
     n, width = columns.shape
     state = np.zeros((2, width))
     row = 0

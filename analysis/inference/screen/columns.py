@@ -20,12 +20,12 @@ from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.samples import Samples
 from analysis.inference.screen import first_order
-from analysis.inference.screen.columns_beside import ColumnsBeside, column_by_column
 from analysis.inference.screen.projector import FEW_SHOTS, Projector
+from analysis.inference.screen.whitened_columns import WhitenedColumns, column_by_column
 
 Floats = NDArray[np.float64]
 Starts = Sequence[Mapping[str, float]]
-Paths = dict[int, LinearPath]  # by steps a sample
+Paths = dict[int, LinearPath]  # by steps per sample
 MANY_STARTS = 8  # above, a path with propagators costs less than one trajectory for each start
 KNOWN_PATH = 1  # the same where the path is already known
 
@@ -74,7 +74,7 @@ def column_products(
             bare = at.once(key, partial(columns, index), nearby=True) if remember else columns(index)
             if bare is None:
                 return None
-            whiten = partial(ColumnsBeside.of, at.fitted.hypothesis.data.shots[index], at.floor, bare)
+            whiten = partial(WhitenedColumns.of, at.fitted.hypothesis.data.shots[index], at.floor, bare)
             return _shot_products(at, index, at.once(key, whiten) if remember else whiten())
 
         return _sum_over_shots(inside, side_by_side(of_shot, range(count)))
@@ -108,7 +108,7 @@ def products_along_paths(at: Projector, kinds: Sequence[TrialEffect]) -> dict[st
             with contextlib.suppress(Infeasible):
                 bare = _to_first_order(at, kind, inside[kind.name], index, paths)
                 if bare is not None:
-                    white = ColumnsBeside.of(at.fitted.hypothesis.data.shots[index], at.floor, bare)
+                    white = WhitenedColumns.of(at.fitted.hypothesis.data.shots[index], at.floor, bare)
                     out[kind.name] = _shot_products(at, index, white)
         return out
 
@@ -141,7 +141,7 @@ def _inside(at: Projector, starts: Starts) -> list[Mapping[str, float]]:
     return [start for start in starts if within(start, at.fitted.hypothesis.data.shots)]
 
 
-def _shot_products(at: Projector, index: int, columns: ColumnsBeside) -> _ShotProducts:
+def _shot_products(at: Projector, index: int, columns: WhitenedColumns) -> _ShotProducts:
     own, shared, left = at.basis.own[index], at.basis.shared[index], at.tangents.parts(at.left)[index]
     products = columns.products_with(np.column_stack([own, shared, left]))
     of_own, of_shared, along = np.split(products, [own.shape[1], own.shape[1] + shared.shape[1]])

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor
-from analysis.inference.screen.columns_beside import ColumnsBeside, column_by_column
 from analysis.inference.screen.projector import FEW_SHOTS, Projector
+from analysis.inference.screen.whitened_columns import WhitenedColumns, column_by_column
 
 Floats = NDArray[np.float64]
 _LOUD = 5  # lines that are looked at more closely
@@ -70,7 +70,7 @@ class _Waves:
     @classmethod
     def of(cls, shot: Samples, floor: Floor, white: Floats) -> "_Waves":
         """Return waves from columns, shape (n, 2 f), that are whitened except for the frame's motion."""
-        columns = ColumnsBeside.whitened(shot, floor, white)
+        columns = WhitenedColumns.whitened(shot, floor, white)
         c, s = _halves(white)
         products = np.stack([columns.products(one, other) for one, other in ((c, c), (c, s), (s, s))])
         return cls(products, columns.directions, columns.moved)

@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class ColumnsBeside:
+class WhitenedColumns:
     """Columns w, shape (n, k), whitened except for the frame's motion, whose whitening adds C ``moved``.
 
     C, shape (n, r), are the shot's whitened ``directions``.  ``half``, like ``moved`` of shape (r, k), is
@@ -28,12 +28,12 @@ class ColumnsBeside:
     half: Floats
 
     @classmethod
-    def of(cls, shot: Samples, floor: Floor, columns: Floats) -> "ColumnsBeside":
+    def of(cls, shot: Samples, floor: Floor, columns: Floats) -> "WhitenedColumns":
         """Return ``columns``, shape (samples, k) in m, whitened by a noise; cost: n r multiply-adds per column."""
         return cls.whitened(shot, floor, floor.whiten(columns, shot.valid, shot.weight))
 
     @classmethod
-    def whitened(cls, shot: Samples, floor: Floor, white: Floats) -> "ColumnsBeside":
+    def whitened(cls, shot: Samples, floor: Floor, white: Floats) -> "WhitenedColumns":
         """Return columns, shape (n, k), that are already whitened except for the frame's motion."""
         if shot.sway is None or not floor.site:
             nothing = np.zeros((0, white.shape[1]))

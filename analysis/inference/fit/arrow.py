@@ -87,7 +87,9 @@ class Arrow:
         norm = np.sqrt(sum((np.sum(block[:, : self.shared] ** 2, axis=0) for block in self.blocks), np.zeros(1)))
         norm = np.where(norm > 0, norm, 1.0)
         own = tuple(orthonormal(block[:, self.shared :]) for block in self.blocks)
-        beside = [_beside(basis, block[:, : self.shared] / norm) for basis, block in zip(own, self.blocks, strict=True)]
+        beside = [
+            _projected_off(basis, block[:, : self.shared] / norm) for basis, block in zip(own, self.blocks, strict=True)
+        ]
         return Span(own, tuple(self.parts(_independent(np.concatenate(beside)))))
 
     def solve(self, rows: Floats) -> Floats:
@@ -95,15 +97,15 @@ class Arrow:
         out = np.zeros(self.size)
         own = [orthonormal(block[:, self.shared :]) for block in self.blocks]
         both = [
-            _beside(basis, np.column_stack([block[:, : self.shared], part]))
+            _projected_off(basis, np.column_stack([block[:, : self.shared], part]))
             for basis, block, part in zip(own, self.blocks, self.parts(rows), strict=True)
         ]
         if self.shared:
             triangle: Floats = np.asarray(np.linalg.qr(np.concatenate(both), mode="r"))
-            out[self.places[0][: self.shared]] = _least(triangle[:, :-1], triangle[:, -1])
+            out[self.places[0][: self.shared]] = _least_squares(triangle[:, :-1], triangle[:, -1])
         for block, at, part in zip(self.blocks, self.places, self.parts(rows), strict=True):
             left = part - block[:, : self.shared] @ out[at[: self.shared]]
-            out[at[self.shared :]] = _least(block[:, self.shared :], left)
+            out[at[self.shared :]] = _least_squares(block[:, self.shared :], left)
         return out
 
 
@@ -121,25 +123,28 @@ class Span:
     def projected(self, rows: Floats) -> Floats:
         """Return ``rows`` of all shots, shape (rows,) or (rows, k), with their projection on the basis subtracted."""
         edges = np.cumsum([0, *(len(basis) for basis in self.own)])
-        parts = [_beside(basis, rows[begin:end]) for basis, (begin, end) in zip(self.own, pairwise(edges), strict=True)]
+        parts = [
+            _projected_off(basis, rows[begin:end])
+            for basis, (begin, end) in zip(self.own, pairwise(edges), strict=True)
+        ]
         along = sum(basis.T @ part for basis, part in zip(self.shared, parts, strict=True))
         return np.concatenate([part - basis @ along for basis, part in zip(self.shared, parts, strict=True)])
 
-    def beside(self, columns: Arrow) -> "Beside":
+    def projected_columns(self, columns: Arrow) -> "ProjectedColumns":
         """Return ``columns`` projected off the basis; cost: 2 n (k + s) multiply-adds per column and shot."""
         gram = np.zeros((columns.size, columns.size))
         along = np.zeros((self.shared[0].shape[1], columns.size))
         norm = np.zeros(columns.size)
         for own, shared, block, at in zip(self.own, self.shared, columns.blocks, columns.places, strict=True):
-            left = _beside(own, block)
+            left = _projected_off(own, block)
             gram[np.ix_(at, at)] += left.T @ left
             along[:, at] += shared.T @ left
             norm[at] += np.einsum("ij,ij->j", block, block)
-        return Beside(columns, gram - along.T @ along, np.where(norm > 0.0, norm, 1.0))
+        return ProjectedColumns(columns, gram - along.T @ along, np.where(norm > 0.0, norm, 1.0))
 
 
 @dataclass(frozen=True, slots=True)
-class Beside:
+class ProjectedColumns:
     """Columns projected off a basis: their ``products`` then, shape (size, size), and squared ``norm`` before."""
 
     columns: Arrow
@@ -181,11 +186,11 @@ def _independent(columns: Floats) -> Floats:
         columns = np.delete(columns, int(mixture.argmax()), axis=1)
 
 
-def _beside(basis: Floats, rows: Floats) -> Floats:
+def _projected_off(basis: Floats, rows: Floats) -> Floats:
     return np.asarray(rows - basis @ (basis.T @ rows))
 
 
-def _least(columns: Floats, rows: Floats) -> Floats:
+def _least_squares(columns: Floats, rows: Floats) -> Floats:
     scale = np.linalg.norm(columns, axis=0)
     scale[scale == 0] = 1.0
     solution, *_ = np.linalg.lstsq(columns / scale, rows, rcond=_ROUNDING)

@@ -54,25 +54,25 @@ def first_fit(
     why: Infeasible | None = None
     try:
         if site is None:
-            return _nearest(JointData(shots, base), first_guesses(base, shots, stop), own, noise, stop)
+            return _best_of_searches(JointData(shots, base), first_guesses(base, shots, stop), own, noise, stop)
         data = JointData(shots, base, site=site)
         for shared in resembled(base, shots, _FOLLOWED):
             with contextlib.suppress(Infeasible):
-                ends.append(_on_frames(data, shared, own, noise, stop))
+                ends.append(_search_on_frames(data, shared, own, noise, stop))
                 if ends[-1].left < TRUSTED:
                     return ends[-1]
         guesses = first_guesses(base, shots, stop, site.shaking.rms_m)
         for shared in guesses[:_FOLLOWED]:
             with contextlib.suppress(Infeasible):
-                ends.append(_on_frames(data, shared, own, noise, stop))
+                ends.append(_search_on_frames(data, shared, own, noise, stop))
                 if ends[-1].left < TRUSTED:
                     break
         if not ends or min(end.left for end in ends) > STRONG:
             # from a poor guess the search may end where nothing collides, the more so where an effect is missing
-            still = _nearest(JointData(shots, base), guesses, own, noise, stop)
+            still = _best_of_searches(JointData(shots, base), guesses, own, noise, stop)
             ends.append(still)
             with contextlib.suppress(Infeasible):
-                ends.append(_on_frames(data, still.shared, still.own, noise, stop))
+                ends.append(_search_on_frames(data, still.shared, still.own, noise, stop))
     except Infeasible as reason:
         why = reason
     if stop():
@@ -82,43 +82,43 @@ def first_fit(
     return min(ends, key=lambda end: end.left)
 
 
-def _nearest(data: JointData, guesses: Sequence[Floats], own: Floats, noise: Floor, stop: Stop) -> SearchStart:
+def _best_of_searches(data: JointData, guesses: Sequence[Floats], own: Floats, noise: Floor, stop: Stop) -> SearchStart:
     """Return the best end of searches from the first guesses, or from a fit of the first bounces alone."""
     floor = noise.without_site
-    best = _ended(data, guesses[0], own, floor, stop)
+    best = _search_from(data, guesses[0], own, floor, stop)
     if best.left < STRONG:
         return best
-    early = replace(data, shots=tuple(_bounces(shot) for shot in data.shots))
+    early = replace(data, shots=tuple(_first_bounces(shot) for shot in data.shots))
     with contextlib.suppress(Infeasible):
-        there = _ended(early, best.shared, best.own, floor, stop, _ROUGHLY)
+        there = _search_from(early, best.shared, best.own, floor, stop, _ROUGHLY)
         if there.left < STRONG:
             guesses = [guesses[0], there.shared]
     for shared in guesses[1:_FOLLOWED]:
         with contextlib.suppress(Infeasible):
-            trial = _ended(data, shared, own, floor, stop)
+            trial = _search_from(data, shared, own, floor, stop)
             best = min(best, trial, key=lambda end: end.left)
             if best.left < STRONG:
                 break
     return best
 
 
-def _bounces(shot: Samples) -> Samples:
+def _first_bounces(shot: Samples) -> Samples:
     until_s = shot.course.touch_time_s + _EARLY * shot.course.contact_time_s
     return replace(shot, valid=shot.valid & (shot.centre_s < until_s))
 
 
-def _on_frames(data: JointData, shared: Floats, own: Floats, noise: Floor, stop: Stop) -> SearchStart:
+def _search_on_frames(data: JointData, shared: Floats, own: Floats, noise: Floor, stop: Stop) -> SearchStart:
     """Return where a search on moving frames ends: first with the white noise enlarged, then as it is."""
     assert data.site is not None
     here = SearchStart(data.base, shared, own)
     for louder in (_LOUDER, 1.0):
         floor = replace(noise, white_m=louder * noise.white_m)
         there = replace(data, shots=on_site(data.shots, data.site, data.base, here.shared, here.own))
-        here = _ended(there, here.shared, here.own, floor, stop, _ROUGHLY if louder > 1.0 else _EVALUATIONS)
+        here = _search_from(there, here.shared, here.own, floor, stop, _ROUGHLY if louder > 1.0 else _EVALUATIONS)
     return here
 
 
-def _ended(
+def _search_from(
     data: JointData, shared: Floats, own: Floats, floor: Floor, stop: Stop, evaluations: int = _EVALUATIONS
 ) -> SearchStart:
     """Return where one search ends, with its chi^2 per sample; Infeasible where it cannot begin."""

@@ -153,7 +153,7 @@ def _trial(
 
     Also None where chi^2 after the corrections has not fallen: the step would be refused, so its derivatives are saved.
     """
-    back = None if residual is None else _back_to_the_valley(residual, square, here, there - here, free, bounds)
+    back = None if residual is None else _corrected_step(residual, square, here, there - here, free, bounds)
     if back is not None and back[1] >= square.chi2:
         return None
     point = there if back is None else back[0]
@@ -163,7 +163,7 @@ def _trial(
         return None
 
 
-def _back_to_the_valley(
+def _corrected_step(
     residual: Residual, square: Square, here: Floats, step: Floats, free: np.ndarray, bounds: tuple[Floats, Floats]
 ) -> tuple[Floats, float] | None:
     """Return ``here + step``, corrected until the residual is the one predicted linearly, and chi^2 there.

@@ -32,7 +32,9 @@ def with_profile_std(fitted: Fitted, stop: Stop) -> Fitted:
     ]
     if not places or not np.all(np.isfinite(fitted.inverse)):
         return fitted
-    sides = side_by_side(lambda one: _off(fitted, *one, stop), [(at, side) for at in places for side in (-1.0, 1.0)])
+    sides = side_by_side(
+        lambda one: _stds_to_unit_rise(fitted, *one, stop), [(at, side) for at in places for side in (-1.0, 1.0)]
+    )
     inverse = fitted.inverse.copy()
     for k, at in enumerate(places):
         factor = max(1.0, *sides[2 * k : 2 * k + 2])
@@ -41,7 +43,7 @@ def with_profile_std(fitted: Fitted, stop: Stop) -> Fitted:
     return replace(fitted, inverse=inverse)
 
 
-def _off(fitted: Fitted, at: int, side: float, stop: Stop) -> float:
+def _stds_to_unit_rise(fitted: Fitted, at: int, side: float, stop: Stop) -> float:
     """Return how many of its standard deviations off a parameter raises chi^2 by one, on one side; 1 if unknown."""
     hypothesis = fitted.hypothesis
     low, high = hypothesis.bounds

@@ -151,7 +151,7 @@ def respond(
     rates = fastest_rates(collision, active)
     if max(rates.contact, rates.every) > fastest_rad_per_s:
         raise Infeasible("something would swing faster than any record can show")
-    response = _solved(collision, active, rates, times, wanted, stride, inner)
+    response = _integrated(collision, active, rates, times, wanted, stride, inner)
     x, columns = response.displacement_m, response.derivatives
     velocity_out = response.velocity_out
     if derivatives:
@@ -161,7 +161,7 @@ def respond(
             columns = columns @ by_names
             velocity_out = None if velocity_out is None else (velocity_out[0], velocity_out[1] @ by_names)
     for effect in seeing:
-        x, columns = _sense(effect, shot, values, x, columns, names, response.velocity_m_per_s)
+        x, columns = _through_sensor(effect, shot, values, x, columns, names, response.velocity_m_per_s)
     if derivatives:
         columns[:, names.index("offset_m")] = 1.0
     left = block // inner
@@ -191,7 +191,7 @@ def _direction(of_base: Mapping[str, int], active: Sequence[general.Active], nam
     return _PLATE_AT.get(name)
 
 
-def _solved(
+def _integrated(
     collision: Collision,
     active: Sequence[general.Active],
     rates: FastestRates,
@@ -223,7 +223,7 @@ def _solved(
     )
 
 
-def _sense(
+def _through_sensor(
     effect: Effect,
     shot: ShotData,
     values: dict[str, float],

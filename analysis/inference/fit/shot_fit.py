@@ -92,7 +92,7 @@ class _SearchEnd:
     """The end of a search under a noise learnt from flights; ``trusted``: these are long enough to learn it from.
 
     ``undecided``, shape (p,), is the standard deviation of each parameter that remains where the iteration over the
-    frame's contribution (``_base``) does not settle.
+    frame's contribution (``_fit_base``) does not settle.
     """
 
     hypothesis: Hypothesis
@@ -109,7 +109,7 @@ class _SearchEnd:
     def as_fit(self, motions: Sequence[Motion], model: str, began: float, stop: Stop) -> Fit:
         """Return the fit, weighed by the noise of the whole shots where the frame moves."""
         hypothesis, found = self.hypothesis, self.found
-        fitted = _weighed(hypothesis, found, self.noise, stop)
+        fitted = _reweighed(hypothesis, found, self.noise, stop)
         undecided = np.pad(self.undecided, (0, hypothesis.size - self.undecided.size))
         fitted = replace(fitted, inverse=fitted.inverse + np.outer(undecided, undecided))
         flags = [f"{name}_at_bound" for name, shot in (hypothesis.names[k] for k in found.at_bound) if shot < 0]
@@ -154,7 +154,7 @@ class _FitRequest:
             noise, trusted = noise_of_flights(data.shots, data.site)
         self.tell("fitting", 0.3)
         try:
-            hypothesis, found, undecided = _base(data, begin, noise, self.stop)
+            hypothesis, found, undecided = _fit_base(data, begin, noise, self.stop)
             if self.effects:
                 self.tell("fitting the effects", 0.6)
                 hypothesis, found = _with_effects(hypothesis, found, noise, self.effects, self.stop)
@@ -163,7 +163,7 @@ class _FitRequest:
         return _SearchEnd(hypothesis, found, noise, trusted, undecided)
 
 
-def _base(data: JointData, begin: SearchStart, noise: Floor, stop: Stop) -> tuple[Hypothesis, Minimum, Floats]:
+def _fit_base(data: JointData, begin: SearchStart, noise: Floor, stop: Stop) -> tuple[Hypothesis, Minimum, Floats]:
     """Return the minimum of the base model, the frame's contribution computed at the motion fitted.
 
     The last value is the uncertainty, shape (p,), one standard deviation each, that remains of the parameters where a
@@ -174,7 +174,7 @@ def _base(data: JointData, begin: SearchStart, noise: Floor, stop: Stop) -> tupl
     for turn in range(_TURNS):
         hypothesis = Hypothesis(data, ())
         z = hypothesis.pack(slow_enough(hypothesis, Point(here.shared, here.own, values)))
-        found = _searched(hypothesis, z, noise, stop)
+        found = _minimum_from(hypothesis, z, noise, stop)
         move = found.parameters - z
         if data.site is None or float(move @ found.square.curvature @ move) < _SMALL_MOVE**2:
             undecided = np.zeros(z.size)
@@ -183,13 +183,13 @@ def _base(data: JointData, begin: SearchStart, noise: Floor, stop: Stop) -> tupl
         end = hypothesis.unpack(found.parameters)
         there = replace(begin, shared=end.base, own=end.own, plates=likely_plates(hypothesis, found, noise))
         # Where a plate swings far, its contribution changes so much that full steps would alternate: go half-way.
-        here = _between(here, there) if turn else there
+        here = _half_way(here, there) if turn else there
         shots = on_site(with_plates(data.shots, here.plates), data.site, data.base, here.shared, here.own)
         data = replace(data, shots=shots)
     return hypothesis, found, undecided
 
 
-def _between(here: SearchStart, there: SearchStart) -> SearchStart:
+def _half_way(here: SearchStart, there: SearchStart) -> SearchStart:
     """Return the mean of two starts."""
     both = zip(here.plates or there.plates, there.plates, strict=True)
     plates = tuple((0.5 * (x + y), 0.5 * (v + w)) for (x, v), (y, w) in both)
@@ -197,7 +197,9 @@ def _between(here: SearchStart, there: SearchStart) -> SearchStart:
     return replace(there, shared=shared, own=own, plates=plates)
 
 
-def _searched(hypothesis: Hypothesis, z: Floats, noise: Floor, stop: Stop, evaluations: int = _EVALUATIONS) -> Minimum:
+def _minimum_from(
+    hypothesis: Hypothesis, z: Floats, noise: Floor, stop: Stop, evaluations: int = _EVALUATIONS
+) -> Minimum:
     found = search(hypothesis, z, noise, evaluations=evaluations, tolerance=_TOLERANCE, cancelled=stop)
     if stop():
         raise Cancelled
@@ -209,13 +211,13 @@ def _with_effects(
 ) -> tuple[Hypothesis, Minimum]:
     """Return the minimum with the named effects, added one after the other."""
     here = with_effect(hypothesis, of_base.parameters, noise, trials_named(names), stop)
-    found = _searched(here.hypothesis, here.z, noise, stop)
+    found = _minimum_from(here.hypothesis, here.z, noise, stop)
     if not found.converged:
-        found = _searched(here.hypothesis, found.parameters, noise, stop, _TO_CONTINUE)
+        found = _minimum_from(here.hypothesis, found.parameters, noise, stop, _TO_CONTINUE)
     return here.hypothesis, found
 
 
-def _weighed(hypothesis: Hypothesis, found: Minimum, noise: Floor, stop: Stop) -> Fitted:
+def _reweighed(hypothesis: Hypothesis, found: Minimum, noise: Floor, stop: Stop) -> Fitted:
     """Return the fit, on a moving frame weighed by strengths of its motion that the whole shots show.
 
     The flights determine slow motion of the frame poorly, and say nothing of a knock during the contact.
@@ -236,7 +238,7 @@ def _weighed(hypothesis: Hypothesis, found: Minimum, noise: Floor, stop: Stop) -
         likely = over_likely_strengths(fitted, free)
         if likely is None:
             break
-        ended = _searched(hypothesis, fitted.z, likely.noise, stop)
+        ended = _minimum_from(hypothesis, fitted.z, likely.noise, stop)
         move = ended.parameters - fitted.z
         fitted = at(ended if ended.converged else found, likely.noise, likely.covariance)
         if float(move @ ended.square.curvature @ move) < _SETTLED**2:

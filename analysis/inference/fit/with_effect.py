@@ -35,18 +35,18 @@ def with_effect(hypothesis: Hypothesis, z: Floats, noise: Floor, kinds: Sequence
 def joined(here: Fitted, kinds: Sequence[TrialEffect], stop: Stop) -> Fitted:
     """Return a fit with effects of these kinds added, one after the other."""
     for kind in kinds:
-        here = _with_one(here, kind, stop)
+        here = _with_one_more(here, kind, stop)
     return here
 
 
-def _with_one(here: Fitted, kind: TrialEffect, stop: Stop) -> Fitted:
+def _with_one_more(here: Fitted, kind: TrialEffect, stop: Stop) -> Fitted:
     at = projector(here)
     starts = [score.start for score in distinct_starts(scores(at, kind))[:_FOLLOWED]]
     if here.floor.wanders:  # noise learnt from a residual may have taken up the effect
         starts += [score.start for score in distinct_starts(scores(at.under(here.floor.still), kind))[:1]]
     trials = [trial for start in starts if (trial := refit(at, kind, start, stop)) is not None]
     if not trials or min(trial.bic for trial in trials) > here.bic:
-        natural = (_natural(here, kind, start, stop) for start in kind.starts[:_FOLLOWED])
+        natural = (_from_natural_size(here, kind, start, stop) for start in kind.starts[:_FOLLOWED])
         trials += [trial for trial in natural if trial is not None]
     if not trials:
         raise Infeasible(f"no start of {kind.name} gives a trajectory")
@@ -55,7 +55,7 @@ def _with_one(here: Fitted, kind: TrialEffect, stop: Stop) -> Fitted:
     return fit(best.hypothesis, best.z, best.floor, evaluations=_SHORT, cancelled=stop)
 
 
-def _natural(here: Fitted, kind: TrialEffect, start: Mapping[str, float], stop: Stop) -> Fitted | None:
+def _from_natural_size(here: Fitted, kind: TrialEffect, start: Mapping[str, float], stop: Stop) -> Fitted | None:
     """Return a fit from an effect's natural size, for where other parameters absorb it to first order; None if none."""
     before = here.hypothesis
     fixed = {**before.fixed, kind.name: fixed_of(kind, start)}

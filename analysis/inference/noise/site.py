@@ -106,7 +106,7 @@ class Sway:
 
         Cost: some r^2 n multiply-adds where a part wanders; the last few shapes are kept.
         """
-        known: WhitenedDirections = self._once("directions", shape_of(noise), self._whiten_directions)
+        known: WhitenedDirections = self._cached("directions", shape_of(noise), self._whiten_directions)
         return known
 
     def scaled(self, noise: Floor) -> Floats:
@@ -120,14 +120,14 @@ class Sway:
         Cost: 2 n r multiply-adds per column.
         """
         columns = self.whitened_directions(noise).columns
-        return np.asarray(rows + columns @ (self.less(noise) @ (columns.T @ rows)))
+        return np.asarray(rows + columns @ (self.whitening_matrix(noise) @ (columns.T @ rows)))
 
-    def less(self, noise: Floor) -> Floats:
+    def whitening_matrix(self, noise: Floor) -> Floats:
         """Return the matrix L, shape (r, r), with which columns @ L @ columns.T @ rows whitens the frame's motion.
 
         It is added to rows whitened by the other noise; ``columns`` are those of ``whitened_directions``.
         """
-        known: Floats = self._once("less", noise, self._less)
+        known: Floats = self._cached("whitening", noise, self._whitening_matrix)
         return known
 
     def likely(self, left_m: Floats, noise: Floor) -> Floats:
@@ -180,15 +180,15 @@ class Sway:
         first = np.searchsorted(band, np.arange(int(band[-1]) + 1))
         return WhitenedDirections(columns, root, factors, band, first, shape.log_variances(self.valid, self.weight))
 
-    def _less(self, noise: Floor) -> Floats:
+    def _whitening_matrix(self, noise: Floor) -> Floats:
         root = root_of(self.scaled(noise))
-        less = solve_triangular(root, np.eye(root.shape[0]), lower=True, check_finite=False)
-        less[np.diag_indices_from(less)] -= 1.0
+        whitening_matrix = solve_triangular(root, np.eye(root.shape[0]), lower=True, check_finite=False)
+        whitening_matrix[np.diag_indices_from(whitening_matrix)] -= 1.0
         triangle = self.whitened_directions(noise).root
-        half = solve_triangular(triangle, less, check_finite=False)
+        half = solve_triangular(triangle, whitening_matrix, check_finite=False)
         return np.asarray(solve_triangular(triangle, half.T, check_finite=False).T)
 
-    def _once(self, what: str, noise: Floor, make: Callable[[Floor], Any]) -> Any:
+    def _cached(self, what: str, noise: Floor, make: Callable[[Floor], Any]) -> Any:
         """Return ``make(noise)``; the last few results are kept."""
         lately = self._known.setdefault(what, {})
         known = lately.get(noise)

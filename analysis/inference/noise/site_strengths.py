@@ -97,7 +97,7 @@ class _Point:
 
 
 @dataclass(frozen=True, slots=True)
-class _Found:
+class _LikeliestStrengths:
     """The likeliest strengths for a shape of the wandering parts (in units of the white noise)."""
 
     shape: Floor
@@ -114,7 +114,7 @@ class _Found:
 
 
 @dataclass(frozen=True, slots=True)
-class _Set:
+class _ShotSet:
     """Residuals of shots on a moving frame in m, shape (n,) for each, and ``tangents``: derivatives by parameters."""
 
     series: Sequence[Floats]
@@ -129,11 +129,11 @@ class _Set:
 
         def of_shot(index: int) -> _Shot:
             columns = np.column_stack([self.series[index], self.tangents.blocks[index]])
-            return _under(shape, columns, self.tangents.places[index], self.shots[index])
+            return _shot_under(shape, columns, self.tangents.places[index], self.shots[index])
 
         return side_by_side(of_shot, range(len(self.shots)))
 
-    def found(self, shape: Floor, start: Floats | None) -> _Found:
+    def found(self, shape: Floor, start: Floats | None) -> _LikeliestStrengths:
         """Return the likeliest strengths for this shape, searched from ``start``; some 20 ms for three shots."""
         parts = self.under(shape)
         if start is None:
@@ -141,9 +141,9 @@ class _Set:
             freedom = sum(part.samples - part.along.shape[0] for part in parts)
             start[0] = math.log(max(sum(float(part.beside[0, 0]) for part in parts) / freedom, 1e-40))
         at, value = _likeliest(start, parts, self.precision, self.curve)
-        return _Found(shape, at, value)
+        return _LikeliestStrengths(shape, at, value)
 
-    def nearby(self, begin: _Found, parts: int, side: float) -> _Found:
+    def nearby(self, begin: _LikeliestStrengths, parts: int, side: float) -> _LikeliestStrengths:
         """Return the likeliest shape with so many wandering parts and its strengths, from a simplex about ``begin``."""
         best = begin
 
@@ -169,7 +169,7 @@ def learn(
     frame. With ``parts`` zero the wandering ones keep the shape they have in ``start``.  Cost: some 10 ms for three
     shots, a second for each part.
     """
-    left = _Set(series, Arrow.of([values[:, None][:, 1:] for values in series], 0), shots, site, _prior(site))
+    left = _ShotSet(series, Arrow.of([values[:, None][:, 1:] for values in series], 0), shots, site, _prior(site))
     spacing_s = shots[0].spacing_s
     start = start if start is not None and start.site else None
     at = np.array([2.0 * math.log(start.white_m), *start.site]) if start is not None else None
@@ -218,11 +218,11 @@ def over_likely(
     values (law of total variance).  Cost: some 30 ms per shot.  Raises LinAlgError where the parameters are not
     determined.
     """
-    left = _Set(series, tangents, shots, site, _prior(site))
+    left = _ShotSet(series, tangents, shots, site, _prior(site))
     found = left.found(_shape_of(start), np.array([2.0 * math.log(start.white_m), *start.site]))
     parts = left.under(found.shape)
     level, turn = np.linalg.eigh(_curvature(_likelihood(found.at, parts, left.precision), parts, left.precision))
-    points = found.at + _normal(found.at.size) @ (turn / np.sqrt(np.maximum(level, _LEAST_LEVEL))).T
+    points = found.at + _normal_points(found.at.size) @ (turn / np.sqrt(np.maximum(level, _LEAST_LEVEL))).T
     values, covariances, _ = _fits_at(np.vstack([found.at, points]), parts)
     apart = values[1:] - values[0]
     covariance = np.mean(covariances[1:], axis=0) + apart.T @ apart / len(points)
@@ -231,7 +231,7 @@ def over_likely(
 
 
 @lru_cache(maxsize=8)
-def _normal(size: int) -> Floats:
+def _normal_points(size: int) -> Floats:
     """Return points that sample a standard normal distribution, shape (n, size), in pairs of opposite sign."""
     half = np.random.default_rng(size).standard_normal((_PAIRS, size))
     half /= np.sqrt(np.mean(half**2, axis=0))
@@ -239,13 +239,13 @@ def _normal(size: int) -> Floats:
 
 
 def _fits_at(points: Floats, shots: Sequence[_Shot]) -> tuple[Floats, Floats, Floats]:
-    """Return ``_solved_for`` at each of ``points``, (ln white^2, strengths), shape (p, 1 + bands)."""
+    """Return ``_parameters_under`` at each of ``points``, (ln white^2, strengths), shape (p, 1 + bands)."""
 
     def products(shot: _Shot) -> Floats:
-        halves = (_solved(_root(_scaled(shot.directions, at)), shot.along) for at in points)
+        halves = (_triangle_solved(_root(_scaled(shot.directions, at)), shot.along) for at in points)
         return np.stack([shot.beside + half.T @ half for half in halves])
 
-    return _solved_for(shots, side_by_side(products, shots), np.exp(points[:, 0]))
+    return _parameters_under(shots, side_by_side(products, shots), np.exp(points[:, 0]))
 
 
 def _with_a_part(shape: Floor, number: int, tau_s: float) -> Floor:
@@ -281,7 +281,7 @@ def _shape_at(z: Floats, spacing_s: float) -> Floor:
     return Floor(1.0, (float(one), float(two)), (float(first), float(second)), spacing_s)
 
 
-def _under(shape: Floor, columns: Floats, places: Places, shot: Samples) -> _Shot:
+def _shot_under(shape: Floor, columns: Floats, places: Places, shot: Samples) -> _Shot:
     """Return a shot's residual and derivatives by the parameters at ``places``, whitened by this noise.
 
     ``columns``, shape (n, 1 + q), are residual and derivatives.
@@ -352,7 +352,7 @@ def _likelihood(at: Floats, shots: Sequence[_Shot], precision: Floats) -> _Point
         across = one.waves.T @ one.half
         free = across[:, 1:]
         known = np.einsum("ij,ij->j", one.waves, one.waves)
-        known -= np.einsum("ij,ij->i", free @ _of_shot(fitted, shot), free) / variance
+        known -= np.einsum("ij,ij->i", free @ _shot_covariance(fitted, shot), free) / variance
         measured = np.add.reduceat((across @ numbers) ** 2, shot.directions.first) / variance
         expected = np.add.reduceat(known, shot.directions.first)
         logs = 2.0 * float(np.log(np.diag(one.root)).sum()) + shot.directions.logs
@@ -367,22 +367,24 @@ def _whitened(shot: _Shot, at: Floats) -> _Whitened:
     """Return a shot whitened by its covariance under (ln white^2, strengths); LinAlgError if not positive."""
     scaled = _scaled(shot.directions, at)
     root = _root(scaled)
-    half = _solved(root, shot.along)
-    return _Whitened(root, _solved(root, scaled), half, shot.beside + half.T @ half)
+    half = _triangle_solved(root, shot.along)
+    return _Whitened(root, _triangle_solved(root, scaled), half, shot.beside + half.T @ half)
 
 
-def _of_shot(fitted: _Fitted, shot: _Shot) -> Floats:
+def _shot_covariance(fitted: _Fitted, shot: _Shot) -> Floats:
     """Return the covariance of the parameters on which a shot depends, shape (q, q)."""
     return fitted.covariance[np.ix_(shot.places, shot.places)]
 
 
 def _fitted(shots: Sequence[_Shot], products: Sequence[Floats], variance: float) -> _Fitted:
     """Return the parameters fitted to all shots' ``products`` of residual and derivatives."""
-    values, covariance, logs = _solved_for(shots, [one[None] for one in products], np.array([variance]))
+    values, covariance, logs = _parameters_under(shots, [one[None] for one in products], np.array([variance]))
     return _Fitted(values[0], covariance[0], float(logs[0]))
 
 
-def _solved_for(shots: Sequence[_Shot], products: Sequence[Floats], variance: Floats) -> tuple[Floats, Floats, Floats]:
+def _parameters_under(
+    shots: Sequence[_Shot], products: Sequence[Floats], variance: Floats
+) -> tuple[Floats, Floats, Floats]:
     """Return q parameters fitted under p noises, (p, q), their covariances, (p, q, q), and half ln det of inverses.
 
     ``products``, shape (p, 1 + q, 1 + q) for each shot, are those of residual and derivatives, in units of
@@ -423,7 +425,7 @@ def _root(scaled: Floats) -> Floats:
     return np.asarray(root)
 
 
-def _solved(root: Floats, rows: Floats) -> Floats:
+def _triangle_solved(root: Floats, rows: Floats) -> Floats:
     """Return the inverse of a Cholesky factor times ``rows``, shape (r, k)."""
     return np.asarray(dtrtrs(root, rows, lower=1)[0])
 
@@ -444,7 +446,7 @@ def _curvature(point: _Point, shots: Sequence[_Shot], precision: Floats) -> Floa
         gram = one.waves.T @ one.waves
         if shot.places.size:
             taken = one.waves.T @ one.half[:, 1:]
-            gram -= taken @ _of_shot(fitted, shot) @ taken.T / variance
+            gram -= taken @ _shot_covariance(fitted, shot) @ taken.T / variance
         first = shot.directions.first
         told = np.add.reduceat(np.diag(gram), first)
         shared = np.add.reduceat(np.add.reduceat(np.square(gram, out=gram), first, axis=0), first, axis=1)

@@ -172,7 +172,7 @@ def _own_amplitudes(at: Projector, kind: TrialEffect) -> list[Score]:
         bare = own_columns(at, kind, parts)
         if bare is None:
             continue
-        gain, power, solution = _beside(at, bare)
+        gain, power, solution = _given_fit(at, bare)
         starts = []
         for s in range(len(shots)):
             mine = solution[s * len(parts) : (s + 1) * len(parts)]
@@ -188,12 +188,12 @@ def _own_amplitudes(at: Projector, kind: TrialEffect) -> list[Score]:
     return out
 
 
-def _beside(at: Projector, bare: Sequence[Floats]) -> tuple[float, float, Floats]:
+def _given_fit(at: Projector, bare: Sequence[Floats]) -> tuple[float, float, Floats]:
     """Return gain, squared norm of the first, and amplitudes of per-shot columns, shape (n, k), given the fit."""
     columns = Arrow.of(bare, 0).whitened(at.fitted.hypothesis.data.shots, at.floor)
-    beside = at.basis.beside(columns)
-    numbers = beside.solve(at.left)
-    return float(numbers @ columns.pull(at.left)), float(beside.products[0, 0]), numbers
+    projected = at.basis.projected_columns(columns)
+    numbers = projected.solve(at.left)
+    return float(numbers @ columns.pull(at.left)), float(projected.products[0, 0]), numbers
 
 
 def _waves(at: Projector, kind: TrialEffect) -> list[Score]:
@@ -208,7 +208,7 @@ def _waves(at: Projector, kind: TrialEffect) -> list[Score]:
         f = float(grid[int(k)])
         omega = 2 * math.pi * f
         bare = [np.stack([np.cos(omega * s.centre_s), np.sin(omega * s.centre_s)], axis=1) for s in shots]
-        gain, power, solution = _beside(at, bare)
+        gain, power, solution = _given_fit(at, bare)
         starts = tuple(wave(f, solution.reshape(-1, 2)))
         out.append(Score(kind, starts, gain, freedom, power, omega))
     out.sort(key=lambda score: -score.gain)

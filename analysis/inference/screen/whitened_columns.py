@@ -40,7 +40,7 @@ class WhitenedColumns:
             return cls(white, np.zeros((white.shape[0], 0)), nothing, nothing)
         directions = shot.sway.whitened_directions(floor)
         along = directions.columns.T @ white
-        moved = shot.sway.less(floor) @ along
+        moved = shot.sway.whitening_matrix(floor) @ along
         return cls(white, directions.columns, moved, along + 0.5 * (directions.root.T @ (directions.root @ moved)))
 
     def products_with(self, rows: Floats) -> Floats:

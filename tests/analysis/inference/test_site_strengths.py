@@ -60,7 +60,7 @@ def written_down(at: np.ndarray, wander: float) -> float:
 
 def shots_under(wander: float):
     places = np.arange(PARAMETERS)
-    return [site_strengths._under(a_shape(wander), columns, places, shot) for shot, columns in two_shots()]
+    return [site_strengths._shot_under(a_shape(wander), columns, places, shot) for shot, columns in two_shots()]
 
 
 @pytest.mark.parametrize("wander", [0.0, 3.0])

@@ -71,9 +71,9 @@ class Part:
     """One shot of a fit: indices of its own parameters (v_i, touch and offset first), model curves and residual.
 
     ``whitened`` is the residual of each fitted sample, of unit variance if it is noise; ``used``, shape (n,), marks the
-    motion's samples that were fitted.  ``frame_m_per_s`` is the std of the frame's velocity before the touch and after
-    the release; ``sway_std_m`` is the std that the frame's motion leaves in each sample's residual (None: no moving
-    frame).
+    motion's samples that were fitted.  ``frame_m_per_s`` is the std of velocities relative to the frame minus those in
+    space, before the touch and after the release; ``sway_std_m`` is the std that the frame's motion leaves in each
+    sample's residual (None: no moving frame).
     """
 
     motion: Motion

@@ -135,7 +135,10 @@ def learn_floor(
 
 
 def first_floor(hypothesis: Hypothesis, z: Floats, white_m: float) -> Floor:
-    """Return the noise with which a search from ``z`` begins: white, or on a moving frame what the flights show."""
+    """Return the noise with which a search from ``z`` begins: white where no frame moves.
+
+    On a moving frame it is learnt from the residual, its wandering parts with the shape that the flights show.
+    """
     if hypothesis.data.site is not None:
         data = hypothesis.data
         return learn_floor(data, residuals(hypothesis, z), noise_of_flights(data.shots, data.site)[0])[0]
@@ -171,7 +174,10 @@ def search(
 
 
 def finish(hypothesis: Hypothesis, found: Minimum, floor: Floor, *, anew: bool = False) -> Fitted:
-    """Return the fit at the end of a search under ``floor``: noise learnt from the residual, likelihood, covariance."""
+    """Return the fit at the end of a search under ``floor``: noise learnt from the residual, likelihood, covariance.
+
+    ``anew`` as in ``learn_floor``.
+    """
     left = residuals(hypothesis, found.parameters)
     # The likelihood of wandering parts has several maxima; a search begun at another hypothesis' would stay there.
     floor, value = learn_floor(hypothesis.data, left, floor if floor.site else None, anew=anew)
@@ -194,7 +200,7 @@ def fit(
     anew: bool = False,
     cancelled: Stop | None = None,
 ) -> Fitted:
-    """Fit from ``z`` under the given noise, then once more under the noise of that residual (``anew``: all of it)."""
+    """Fit from ``z`` under the given noise, then under that learnt from the residual; ``anew`` as in ``learn_floor``."""
     first = finish(hypothesis, search(hypothesis, z, floor, evaluations=evaluations, cancelled=cancelled), floor)
     again = max(8, evaluations // 2)
     second = search(hypothesis, first.z, first.floor, evaluations=again, cancelled=cancelled)

@@ -84,7 +84,8 @@ class Sway:
     independent unit normal numbers; ``band``, shape (m,), names the strength that scales each.  The last two are the
     plate's displacement and velocity at first touch, in units of ``plate_std`` (m, m/s).  ``valid`` marks the n
     averaged samples; ``weight`` is the shot's white noise over that of the set.  ``speed_powers``, shape (bands, 2),
-    are the variances of the frame's own velocity at the touch and after the release.
+    are the variances of the difference between velocities relative to the frame and in space, at the touch and after
+    the release.
     """
 
     basis: Floats
@@ -97,7 +98,7 @@ class Sway:
     _known: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def speeds_m_per_s(self, noise: Floor) -> tuple[float, float]:
-        """Return the stds of the frame's velocity at touch and release."""
+        """Return the stds of velocities relative to the frame minus those in space, at touch and release."""
         before, after = np.sqrt(np.exp(noise.site) @ self.speed_powers)
         return float(before), float(after)
 
@@ -224,7 +225,7 @@ def site_of(
     """Return the frame's motion shown by shots of ``length_s``; None where random motion is below ``least_nm`` rms.
 
     The random spectrum is the mean over the shots; lines at one frequency in several shots are one line.  With
-    ``whole`` all motion counts as the frame's, otherwise only what is slower than the wander of an optical path.
+    ``whole`` all motion counts as the frame's, otherwise only up to where it falls to what an optical path may wander.
     """
     known = [shaking.below(BELOW_HZ) for shaking in shakings if shaking is not None]
     if not known:

@@ -200,7 +200,7 @@ def fit(
     anew: bool = False,
     cancelled: Stop | None = None,
 ) -> Fitted:
-    """Fit from ``z`` under the given noise, then under that learnt from the residual; ``anew`` as in ``learn_floor``."""
+    """Fit from ``z`` under the given noise, then under that learnt from the residual; ``anew`` as ``learn_floor``'s."""
     first = finish(hypothesis, search(hypothesis, z, floor, evaluations=evaluations, cancelled=cancelled), floor)
     again = max(8, evaluations // 2)
     second = search(hypothesis, first.z, first.floor, evaluations=again, cancelled=cancelled)

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from analysis.collision.parameters import Infeasible
 from analysis.compiled.side_by_side import side_by_side
-from analysis.inference.fit import guesses, starts
+from analysis.inference.fit import guesses
 from analysis.inference.fit.base import Base
+from analysis.inference.fit.course import NoCollision
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import search
@@ -66,7 +67,7 @@ def first_guesses(base: Base, shots: Sequence[Samples], stop: Stop, sways_m: flo
         return [first[1]]
     trials = [trial for trial in (first, *side_by_side(tried, ranked[1:_TRIED])) if trial is not None]
     if not trials:
-        raise starts.NoCollision("no trajectory of the base model resembles this contact")
+        raise NoCollision("no trajectory of the base model resembles this contact")
     trials.sort(key=lambda trial: trial[0].square.chi2)
     out: list[Floats] = []
     for _, shared in trials:

@@ -13,7 +13,7 @@ import numpy as np
 
 from analysis.collision.exact import TooManyEvents, solve
 from analysis.collision.parameters import PAPER, Collision, Floats, Variant
-from analysis.inference.fit.starts import Course
+from analysis.inference.fit.course import Course
 
 MASS_RATIOS = np.geomspace(0.002, 0.1, 7)
 STIFFNESS_RATIOS = np.geomspace(8, 1200, 8)

@@ -16,7 +16,7 @@ from analysis.collision.general import EventLog, TooManyEvents
 from analysis.collision.parameters import Collision, Floats, Infeasible
 from analysis.collision.slots import FastestRates, fastest_rates
 from analysis.inference.fit.base import OWN_NAMES, Base
-from analysis.inference.fit.starts import Course
+from analysis.inference.fit.course import Course
 
 DEFAULT_WAVELENGTH_M = 632.8e-9
 _MOST_RADIANS = 1e5  # of the contact over the whole record

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision import general
-from analysis.inference.fit import starts
+from analysis.inference.fit.course import Course, read_course
 from analysis.inference.fit.response import DEFAULT_WAVELENGTH_M, ShotData
-from analysis.inference.fit.starts import Course
 from analysis.shot.motion import Motion
 from analysis.shot.plates_of_set import plate_numbers
 
@@ -108,7 +107,7 @@ class Samples:
 def averaged_shot(motion: Motion, rate_hz: float = RATE_HZ) -> Samples:
     """Return the averaged samples of a motion; NoCollision (an AnalysisError) where it shows no collision."""
     valid = np.asarray(motion.valid & np.isfinite(motion.displacement_m))
-    course = starts.read(motion.time_s, motion.displacement_m, valid)
+    course = read_course(motion.time_s, motion.displacement_m, valid)
     around = FITTED_CONTACT_TIMES * course.contact_time_s
     valid &= (motion.time_s > course.touch_time_s - around) & (motion.time_s < course.release_time_s + around)
     factor = max(1, round(motion.sample_rate_hz / rate_hz))

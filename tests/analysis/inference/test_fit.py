@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from analysis.collision.parameters import PAPER
+from analysis.inference.fit.course import NoCollision
 from analysis.inference.fit.samples import averaged_shot
 from analysis.inference.fit.shot_fit import fit_shots
-from analysis.inference.fit.starts import NoCollision
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.shot.shot import Cancelled
 from tests.analysis.collision.simulated import shot

@@ -10,9 +10,9 @@ from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.foretold import foretell
+from analysis.inference.fit.course import read_course
 from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import fit_shots
-from analysis.inference.fit.starts import read
 from analysis.inference.noise.own_flights import own_flights
 from analysis.shot.motion import Motion
 from tests.analysis.camera import MASS_KG, Camera
@@ -73,7 +73,7 @@ def test_what_is_taken_along_is_no_finding_and_a_foretold_shot_has_its_own(monke
 def test_the_contact_is_read_through_a_cameras_noise(seed: int) -> None:
     """The lowest sample and an onset lie many frames off; all samples together do not."""
     motion = Camera().motion(40e-6, seed)
-    course = read(motion.time_s, motion.displacement_m, motion.valid)
+    course = read_course(motion.time_s, motion.displacement_m, motion.valid)
     assert course.velocity_in_m_per_s == pytest.approx(-0.17, rel=0.02)
     # Half a sine is not quite the contact: its dashpot draws the touch some 6 ms ahead, a tenth of the contact.
     assert course.touch_time_s == pytest.approx(0.6, abs=0.009)

@@ -48,7 +48,7 @@ class Course:
         return math.pi / self.rate_rad_per_s
 
 
-def read(time_s: Floats, displacement_m: Floats, valid: NDArray[np.bool_]) -> Course:
+def read_course(time_s: Floats, displacement_m: Floats, valid: NDArray[np.bool_]) -> Course:
     """Read timing and speed of one collision; the block comes from the right.  NoCollision says why there is none."""
     good = np.flatnonzero(valid & np.isfinite(displacement_m))
     if good.size < 50:

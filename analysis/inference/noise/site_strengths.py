@@ -43,13 +43,13 @@ _LEAST_LEVEL = 0.05  # of the curvature: even an undetermined strength is known 
 class _Shot:
     """A shot's residual and its derivatives by q parameters, under noise of a fixed shape.
 
-    ``along``, shape (r, 1 + q), are both projected on the shot's whitened directions ``directions``; ``beside``, shape
-    (1 + q, 1 + q), are the products of the rest; ``places``, shape (q,), are the indices of the parameters.
+    ``along``, shape (r, 1 + q), are both projected on ``directions``; ``rest_products``, shape (1 + q, 1 + q), are the
+    products of the rest; ``places``, shape (q,), are the indices of the parameters.
     """
 
     directions: WhitenedDirections
     along: Floats
-    beside: Floats
+    rest_products: Floats
     samples: int
     places: NDArray[np.intp]
 
@@ -139,7 +139,7 @@ class _ShotSet:
         if start is None:
             start = np.zeros(1 + self.site.bands)
             freedom = sum(part.samples - part.along.shape[0] for part in parts)
-            start[0] = math.log(max(sum(float(part.beside[0, 0]) for part in parts) / freedom, 1e-40))
+            start[0] = math.log(max(sum(float(part.rest_products[0, 0]) for part in parts) / freedom, 1e-40))
         at, value = _likeliest(start, parts, self.precision, self.curve)
         return _LikeliestStrengths(shape, at, value)
 
@@ -243,7 +243,7 @@ def _fits_at(points: Floats, shots: Sequence[_Shot]) -> tuple[Floats, Floats, Fl
 
     def products(shot: _Shot) -> Floats:
         halves = (_triangle_solved(_root(_scaled(shot.directions, at)), shot.along) for at in points)
-        return np.stack([shot.beside + half.T @ half for half in halves])
+        return np.stack([shot.rest_products + half.T @ half for half in halves])
 
     return _parameters_under(shots, side_by_side(products, shots), np.exp(points[:, 0]))
 
@@ -291,9 +291,9 @@ def _shot_under(shape: Floor, columns: Floats, places: Places, shot: Samples) ->
     white = shape.whiten(columns[:, [0, *(1 + some)]], shot.valid, shot.weight)
     directions = shot.sway.whitened_directions(shape)
     along = directions.along(white)
-    beside = white.T @ white - along.T @ along
-    beside[0, 0] = max(float(beside[0, 0]), 0.0)
-    return _Shot(directions, along, beside, white.shape[0], places[some])
+    rest_products = white.T @ white - along.T @ along
+    rest_products[0, 0] = max(float(rest_products[0, 0]), 0.0)
+    return _Shot(directions, along, rest_products, white.shape[0], places[some])
 
 
 def _likeliest(at: Floats, shots: Sequence[_Shot], precision: Floats, curve: _Curvature) -> tuple[Floats, float]:
@@ -368,7 +368,7 @@ def _whitened(shot: _Shot, at: Floats) -> _Whitened:
     scaled = _scaled(shot.directions, at)
     root = _root(scaled)
     half = _triangle_solved(root, shot.along)
-    return _Whitened(root, _triangle_solved(root, scaled), half, shot.beside + half.T @ half)
+    return _Whitened(root, _triangle_solved(root, scaled), half, shot.rest_products + half.T @ half)
 
 
 def _shot_covariance(fitted: _Fitted, shot: _Shot) -> Floats:

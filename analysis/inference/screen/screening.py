@@ -117,16 +117,16 @@ def _between(listed: Sequence[Score], kind: TrialEffect) -> list[Mapping[str, fl
     return out
 
 
-def _linear(at: Projector, kind: TrialEffect, beside: ColumnProducts, freedom: int) -> list[Score]:
+def _linear(at: Projector, kind: TrialEffect, products: ColumnProducts, freedom: int) -> list[Score]:
     """Return the scores of columns in whose amplitude the displacement is linear, with allowed signs only."""
     shots = at.fitted.hypothesis.data.shots
     # A column that the fitted parameters span is rounding after projection, and its score would be arbitrary.
-    power = np.where(beside.power < SPANNED**2 * beside.whole, 0.0, beside.power)
-    along = beside.along
+    power = np.where(products.power < SPANNED**2 * products.whole, 0.0, products.power)
+    along = products.along
     free = next(free for free in kind.free_parameters if free.name == kind.amplitude[0])
     grows_as = named(kind.name).grows_as
     out = []
-    for k, begin in enumerate(beside.starts):
+    for k, begin in enumerate(products.starts):
         factor = float(along[k] / power[k]) if power[k] > 0 else 0.0
         start = dict(begin)
         if kind.inverse:  # the displacement is inversely proportional to the amplitude (a mass)

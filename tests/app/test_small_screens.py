@@ -32,7 +32,7 @@ from app.session.jobs import Jobs
 from app.session.prepare import PIECES
 from app.session.session import Session
 from app.session.settings import FIELDS, Settings
-from app.window import menus
+from app.window import commands
 from app.window.layout import Layout
 from app.window.panels.session_model import FLAGS, VERDICT
 from app.window.plots.plain_axis import PlainAxis
@@ -69,7 +69,7 @@ def window(qapp, request, shots):
     main = QMainWindow()
     panels = main.panels = Layout(Theme("light"), main)
     main.setCentralWidget(panels)
-    menus.bind(main, (_Nobody(),))
+    commands.bind(main, (_Nobody(),))
     panels.settings.offer(FIELDS)
     panels.settings.show_values(Settings().values())
     panels.controls.offer_sources([("bench", "Simulated bench with a flaw")], "bench")

@@ -18,8 +18,7 @@ from analysis.diagnosis.verdict.identifiability import Separation, missed_withou
 from analysis.diagnosis.verdict.other_names import other_names
 from analysis.diagnosis.verdict.residual import Residual, describe, looks_like, residual_of
 from analysis.inference.fit.as_fit import effect_parameters
-from analysis.inference.fit.hypothesis_fit import Fitted
-from analysis.inference.fit.likely_noises import under_likely_noises
+from analysis.inference.fit.hypothesis_fit import Fitted, under_likely_noises
 from analysis.inference.fit.profile import with_profile_std
 from analysis.inference.screen.projector import Projector
 from analysis.shot.quantity import Quantity

@@ -10,7 +10,7 @@ from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import choose
-from analysis.inference.fit.begin import Begin
+from analysis.inference.fit.base import SearchStart
 from analysis.inference.fit.first_fit import first_fit
 from analysis.inference.fit.free_parameters import TrialEffect, trial_effects
 from analysis.inference.fit.hypothesis import JointData
@@ -58,7 +58,7 @@ class Question:
         return site_under(self.motions, shakings, CRITERIA.site_nm)
 
     @cached_property
-    def begin(self) -> Begin:
+    def begin(self) -> SearchStart:
         """Get where every search begins: the base model as a first fit has it."""
         return first_fit(self.motions, self.model, self.site, self.stop)
 

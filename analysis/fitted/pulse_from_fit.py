@@ -17,7 +17,7 @@ from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trials_named
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
-from analysis.inference.fit.samples import take
+from analysis.inference.fit.samples import averaged_shot
 from analysis.shot.fit import Fit
 from analysis.shot.impact import Impact
 from analysis.shot.motion import Motion
@@ -94,7 +94,7 @@ def _with_impulse_check(impact: Impact, mass_kg: float) -> Impact:
 def _pulse(fit: Fit, motion: Motion) -> _Pulse:
     """Return the model's first contact with its covariance, by numerical derivatives of a solved shot."""
     shot = fit.shots[0]
-    data = JointData((take(motion),), base_named(fit.model))
+    data = JointData((averaged_shot(motion),), base_named(fit.model))
     hypothesis = Hypothesis(data, trials_named(fit.effects))
     own = np.array([q.value for q in (shot.velocity_in_m_per_s, shot.touch_time_s, shot.offset_m)])
     names = list(fit.parameters)

@@ -13,8 +13,8 @@ from analysis.diagnosis.search.forward_selection import Trail, without
 from analysis.diagnosis.verdict.coincidence import unforetold
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import separation
+from analysis.inference.fit.base import start_from_fit
 from analysis.inference.fit.base_fit import white_of
-from analysis.inference.fit.begin import begin_of
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trials_named
 from analysis.inference.fit.hypothesis import Hypothesis
@@ -150,7 +150,7 @@ def refit_diagnosed(given: Fit, motions: Sequence[Motion], stop: Stop, others: S
     kinds = trials_named(given.effects)
     finely = any(named(name).ripples for name in (*given.effects, *others))
     site = site_under(motions, shakings_of(motions, given.model, None), CRITERIA.site_nm)
-    begin = begin_of(given, motions)
+    begin = start_from_fit(given, motions)
     data = joint_data(motions, begin, site, FINE_RATE_HZ if finely else RATE_HZ)
     values = tuple({kind.name: _values(given, kind.name, shot) for kind in kinds} for shot in range(len(motions)))
     fixed = {kind.name: fixed_of(kind, values[0][kind.name]) for kind in kinds}

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from analysis.collision.parameters import Infeasible
 from analysis.inference.fit.base import OWN_NAMES
+from analysis.inference.fit.course import Course
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.hypothesis_fit import Fitted, finish, search, square_of
 from analysis.inference.fit.samples import Samples
-from analysis.inference.fit.starts import Course
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.site import on_site
 from analysis.planning.next_shot import NextShot, as_found_kg, contact_s, on_the_rig

@@ -1,8 +1,9 @@
-"""``levimass --replay``: analyse and diagnose recordings, write results and reports, without a window."""
+"""``levimass --replay``: analyse and diagnose recordings, plan the next shots, write results and reports."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from analysis.diagnosis.diagnose import diagnose
 from analysis.diagnosis.model_file import SavedModel, drift, saved, to_text
@@ -11,7 +12,12 @@ from analysis.diagnosis.verdict.foretold import Foretold
 from analysis.diagnosis.verdict.foretold import foretell as foretell_motions
 from analysis.fitted.fit_time import SECONDS, run_in_time
 from analysis.fitted.fitted_shot import fit_again, read_together
+from analysis.planning.model_comparison import refit_diagnosed
 from analysis.planning.next_shot import Reach
+from analysis.planning.plan_words import plan_sentence, with_words
+from analysis.planning.plan_words import shots as shots_words
+from analysis.planning.precision import plan_precision
+from analysis.planning.shot_log import plan_next
 from analysis.report import result
 from analysis.shot.plates_of_set import why_not_together
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Shot
@@ -26,7 +32,6 @@ from app.command_line.outputs import (
     say_problem,
     write_json,
 )
-from app.command_line.plan_shots import PlannedShots, plan_shots
 from app.command_line.summary import summary
 from app.report.export import export, export_laws, export_prediction
 from app.report.export_hdf5 import export_hdf5
@@ -38,6 +43,8 @@ from instrument.files.law_file import read_law
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_search import find_recordings
 from levimass.analysis_settings import is_drive
+
+NOTHING_OPEN = "the diagnosis leaves nothing open that another shot would have to decide"
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +61,14 @@ class ReplayRequest:
     test_model: bool = False
     plan: str | None = None
     reach: Reach | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedShots:
+    """The next shots in words, and as in the result file (None: nothing is open)."""
+
+    words: str
+    result: dict[str, Any] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,3 +246,36 @@ def _written(write: Callable[[], object], where: object) -> bool:
     else:
         return True
     return False
+
+
+def plan_shots(
+    shots: Sequence[Shot], diagnosis: Diagnosis | None, parameter: str, reach: Reach | None = None
+) -> PlannedShots | None:
+    """Return the shots that decide what a diagnosis left open, or that halve the ± of ``parameter`` ("": none).
+
+    ``reach`` is what the rig can do; None: the planning's defaults.  Returns None, and says so in one line on standard
+    error, where there is nothing to plan from.
+    """
+    motions = [shot.motion for shot in shots if shot.motion is not None and shot.fit is not None]
+    if diagnosis is None:
+        say("nothing planned: there is no diagnosis to plan from")
+        return None
+    if is_drive(diagnosis.fit_after.model):
+        say("nothing planned: a drive strikes no plate, so there is no collision to plan")
+        return None
+    try:
+        if parameter:
+            fitted = refit_diagnosed(diagnosis.fit_after, motions, lambda: False)
+            sharper = plan_precision(fitted, parameter, reach=reach)
+            words = f"{shots_words(sharper.shots)} would make {sharper.words}."
+            return PlannedShots(words, {**sharper.to_json(), "words": words})
+        further = plan_next(motions, diagnosis, reach=reach).plan
+    except AnalysisError as error:
+        say(f"nothing planned: {error}")
+        return None
+    except Exception as error:  # the shots keep their numbers
+        say(f"nothing planned: {own_fault(error)}")
+        return None
+    if further is None:
+        return PlannedShots(NOTHING_OPEN, None)
+    return PlannedShots(plan_sentence(further), with_words(further))

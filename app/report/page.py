@@ -6,8 +6,7 @@ from datetime import UTC, datetime
 from analysis.diagnosis.result import Diagnosis
 from analysis.diagnosis.verdict.foretold import Foretold
 from analysis.fitted.fitted_shot import readings_model
-from analysis.shot.plot_note import UNITS, PlotNote
-from analysis.shot.shot import Shot
+from analysis.shot.shot import UNITS, PlotNote, Shot
 from analysis.uncertainty.budget import budget
 from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
 from app.report import provenance

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from analysis.fitted.fitted_shot import awaits_fit
-from analysis.shot.plot_note import LONGEST, UNITS, PlotNote
 from analysis.shot.recording import NAMES
-from analysis.shot.shot import AnalysisSettings, Shot
+from analysis.shot.shot import LONGEST, UNITS, AnalysisSettings, PlotNote, Shot
 from app.session.verdict_of import ModelEffects, VerdictBasis, known_effects
 from instrument.files.atomic_file import write_json_atomic
 from instrument.files.checked import Checked

@@ -15,14 +15,14 @@ from analysis.compiled.side_by_side import side_by_side
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.search.wider_effects import narrower, widened
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.inference.fit.added_effect import refit, united
+from analysis.inference.fit.added_effect import refit, with_both_effects
 from analysis.inference.fit.effective_parameters import Point, to_effective
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.hypothesis_fit import Fitted, fit
 from analysis.inference.noise.floor import Floor
 from analysis.inference.screen.projector import Projector, projector
-from analysis.inference.screen.screening import Score, all_scores, apart
+from analysis.inference.screen.screening import Score, all_scores, distinct_starts
 from analysis.shot.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]
@@ -137,7 +137,7 @@ def paired(trail: Trail) -> Fitted | None:
         one, other = two
         if narrower(one.names) & {*other.names} or narrower(other.names) & {*one.names}:
             return None
-        return united(one, other, trail.start, trail.stop)
+        return with_both_effects(one, other, trail.start, trail.stop)
 
     new = [(a, b) for a, b in itertools.combinations(firsts, 2) if trail.of({*a.names, *b.names}) is None]
     fits = [fitted for fitted in side_by_side(together, new) if fitted is not None]
@@ -200,7 +200,7 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
         score
         for place, listed in enumerate(ranked[: min(width, REFITTED + STRONGER if strong else REFITTED)])
         if strong or place < compared or listed[0].gain > WORTH_FITTING
-        for score in apart(listed)[: 1 if place >= 2 else 2]
+        for score in distinct_starts(listed)[: 1 if place >= 2 else 2]
     ]
     if here.floor.wanders:
         # The noise was learnt from the residual and may have absorbed an effect: score as if it were white, too.
@@ -213,7 +213,7 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
         refitted.append(refit(at, score.kind, score.start, trail.stop, least_bic=least))
     known = {score.kind.name: trail.of((*trail.start.names, score.kind.name)) for score in tried if not first}
     alone = [fitted for fitted in known.values() if fitted is not None and trail.pays(fitted, trail.start)]
-    refitted += [united(here, fitted, trail.start, trail.stop) for fitted in alone]
+    refitted += [with_both_effects(here, fitted, trail.start, trail.stop) for fitted in alone]
     quick = sorted((trial for trial in refitted if trial is not None), key=lambda trial: trial.bic)
 
     def finished(place: int) -> Fitted:

@@ -9,8 +9,8 @@ from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.search.forward_selection import Trail, better, climb, explore
 from analysis.diagnosis.search.wider_effects import narrower
 from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.inference.fit.base import SearchStart
 from analysis.inference.fit.base_fit import slow_enough
-from analysis.inference.fit.begin import Begin
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.first_guesses import first_guesses
 from analysis.inference.fit.free_parameters import TrialEffect
@@ -33,7 +33,7 @@ def accept(base: Fitted, catalogue: Sequence[TrialEffect], accepted: Sequence[st
 
 def explored(
     before: Fitted,
-    given: Begin,
+    given: SearchStart,
     catalogue: Sequence[TrialEffect],
     stop: Stop,
     *,

@@ -16,7 +16,7 @@ from analysis.inference.fit.added_effect import refit
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis import JointData
 from analysis.inference.fit.hypothesis_fit import Fitted, fit, learn_floor, residuals
-from analysis.inference.fit.samples import FINE_RATE_HZ, Samples, together
+from analysis.inference.fit.samples import FINE_RATE_HZ, Samples, averaged_shots
 from analysis.inference.noise.joint_data import with_plates
 from analysis.inference.noise.site import on_site
 from analysis.inference.screen.projector import Projector, projector
@@ -38,7 +38,7 @@ def at_full_rate(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple
     here = best.hypothesis.data
     if ripple is None or ripple.name in trail.start.names or any(shot.wavelength_m is None for shot in here.shots):
         return None
-    shots = together(motions, FINE_RATE_HZ)
+    shots = averaged_shots(motions, FINE_RATE_HZ)
     if shots[0].factor == here.shots[0].factor:
         return None
     shots = with_plates(shots, [shot.plate for shot in here.shots])
@@ -110,7 +110,7 @@ def _promised(
     here = best.hypothesis.data
     still = []
     for shot, coarse, left_m in zip(fine, here.shots, best.residual_m, strict=True):
-        moved_m = left_m - coarse.beside_the_site(best.floor, left_m)
+        moved_m = left_m - coarse.without_frame_motion(best.floor, left_m)
         if coarse.sway is not None and any(coarse.plate):
             moved_m = moved_m - coarse.sway.of_plate_m(coarse.plate)
         at_valid = np.interp(shot.centre_s, coarse.centre_s[coarse.valid], moved_m[coarse.valid])

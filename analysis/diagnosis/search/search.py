@@ -17,14 +17,14 @@ from analysis.diagnosis.search.from_base import accept, explored
 from analysis.diagnosis.search.full_rate import with_sway_updated
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.residual import Residual, residual_of
-from analysis.inference.fit.base_fit import base_fit, pays_along
-from analysis.inference.fit.begin import Begin
+from analysis.inference.fit.base import SearchStart
+from analysis.inference.fit.base_fit import base_fit, nuisances_pay
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis_fit import Fitted, fit
 from analysis.inference.noise.floor import white_floor
 from analysis.inference.noise.joint_data import joint_data
 from analysis.inference.noise.own_flights import own_flights
-from analysis.inference.noise.site import Site, may_be_of_a_site
+from analysis.inference.noise.site import Site, resembles_frame_motion
 from analysis.shot.motion import Motion
 from analysis.shot.shot import Progress, Stop
 
@@ -63,7 +63,7 @@ class Search:
     """A search of ``motions``: the base fit begins at ``given``, ``accepted`` effects are part of the model."""
 
     motions: Sequence[Motion]
-    given: Begin
+    given: SearchStart
     catalogue: Sequence[TrialEffect]
     accepted: Sequence[str]
     tell: Progress
@@ -76,7 +76,7 @@ class Search:
         catalogue = [
             kind
             for kind in self.catalogue
-            if site is None or kind.name in self.accepted or not may_be_of_a_site(named(kind.name))
+            if site is None or kind.name in self.accepted or not resembles_frame_motion(named(kind.name))
         ]
 
         def along_with(along: Sequence[str]) -> tuple[Fitted, Trail]:
@@ -95,7 +95,7 @@ class Search:
         best, trail = along_with(along)
         if along:  # accelerations of each shot's own may stand in for one law of all shots
             plain, plain_trail = along_with(())
-            if plain.bic <= best.bic or not pays_along(best, along, self.stop):
+            if plain.bic <= best.bic or not nuisances_pay(best, along, self.stop):
                 best, trail = plain, plain_trail
         added = len(trail.added(best))
         return Searched(best, trail, catalogue, CRITERIA.most_effects - added if added >= most else 0)

@@ -26,7 +26,7 @@ from analysis.inference.fit.free_parameters import TrialEffect, trials_named
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import learn_floor, residuals, square_of
 from analysis.inference.fit.least_squares import minimise
-from analysis.inference.fit.samples import together
+from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.noise.floor import white_floor
 from analysis.shot.fit import names_on_plate, plates_named
 from analysis.shot.motion import Motion
@@ -149,7 +149,7 @@ def _driven(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Errors
 
 
 def _collision(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Errors, Errors]:
-    data = JointData(together([motion]), base_named(model.base))
+    data = JointData(averaged_shots([motion]), base_named(model.base))
     start = data.shots[0].course.own
     # What each shot has for itself, it has under the base model as well.
     along = trials_named(name for name in model.effects if name not in findings(model.effects))

@@ -9,7 +9,7 @@ from PySide6.QtCore import QEvent, QObject, QPointF, Qt, Signal, Slot
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QLineEdit, QWidget
 
-from analysis.shot.plot_note import LONGEST, PlotNote
+from analysis.shot.shot import LONGEST, PlotNote
 from app.window.pens import straight
 from app.window.plots.framed_plot import FramedPlot
 from app.window.theme import Colours
@@ -26,7 +26,7 @@ _LEAST_HEIGHT = (
 class NoteAxes:
     """Which of the shot's plots this is, and how its axes count: x = (note's x - ``zero``) ``per_x``, y likewise."""
 
-    plot: str  # a name of ``analysis.shot.plot_note.UNITS``
+    plot: str  # a name of ``analysis.shot.shot.UNITS``
     zero: float = 0.0
     per_x: float = 1.0
     per_y: float = 1.0

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from PySide6.QtCore import QObject, Signal, Slot
 
-from analysis.shot.plot_note import PlotNote
+from analysis.shot.shot import PlotNote
 from app.session.session import Entry, Session
 from app.window.layout import Layout
 from app.window.theme import Tone

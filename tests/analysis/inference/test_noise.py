@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from analysis.inference.fit.samples import Samples, take
+from analysis.inference.fit.samples import Samples, averaged_shot
 from analysis.inference.noise.flights import Spectrum, likeliest_noise, noise_of_flights, spectrum_of
 from tests.analysis.collision.simulated import shot
 
@@ -17,7 +17,7 @@ SPACING_S = 5e-5
 
 def with_flights(incoming: int, outgoing: int, seed: int, floor_m: float = FLOOR_M) -> Samples:
     """Return a shot of which so many samples on either side are undisturbed flight, the rest is nothing at all."""
-    samples = replace(take(shot(samples=12000, seed=seed)), factor=1, spacing_s=1e-5)
+    samples = replace(averaged_shot(shot(samples=12000, seed=seed)), factor=1, spacing_s=1e-5)
     count = incoming + outgoing + 100
     random = np.random.default_rng(seed)
     phi = np.exp(-samples.spacing_s / MEMORY_S)

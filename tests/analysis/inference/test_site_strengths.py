@@ -8,7 +8,7 @@ import pytest
 
 from analysis.inference.noise import site_strengths
 from analysis.inference.noise.floor import Floor
-from tests.analysis.inference.test_columns_beside import a_shot
+from tests.analysis.inference.test_whitened_columns import a_shot
 
 AT = np.array([math.log(0.3**2), -1.0, 0.7])  # ln white^2, strengths of both bands
 PRECISION = np.array([[0.4, -0.1], [-0.1, 0.3]])
@@ -60,7 +60,7 @@ def written_down(at: np.ndarray, wander: float) -> float:
 
 def shots_under(wander: float):
     places = np.arange(PARAMETERS)
-    return [site_strengths._under(a_shape(wander), columns, places, shot) for shot, columns in two_shots()]
+    return [site_strengths._shot_under(a_shape(wander), columns, places, shot) for shot, columns in two_shots()]
 
 
 @pytest.mark.parametrize("wander", [0.0, 3.0])

@@ -88,3 +88,10 @@ def test_known_lines_are_left_out_of_a_flights_noise_and_what_is_slower_than_a_f
     assert angle.min() >= above and np.abs(angle[:, None] - lines).min() > 4.0 * 2 * np.pi / 1498
     assert np.mean(power) == pytest.approx(np.mean(calm), rel=0.05)
     assert np.mean(calm) == pytest.approx(1e-20, rel=0.12)
+
+
+def test_a_place_that_is_never_another_one_has_the_least_noise() -> None:
+    """A place that is counted in coarse steps may stay the same all through a flight, which then has no power."""
+    still = [spectrum_of(np.zeros(400)), spectrum_of(np.zeros(300))]
+    noise = likeliest_noise(still, SPACING_S)
+    assert 0.0 < noise.white_m <= 1e-15 and noise.rms_m == (0.0, 0.0)

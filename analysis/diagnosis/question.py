@@ -11,9 +11,9 @@ from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import choose
 from analysis.inference import (
-    Begin,
     Fitted,
     JointData,
+    SearchStart,
     Site,
     TrialEffect,
     first_fit,
@@ -60,7 +60,7 @@ class Question:
         return site_under(self.motions, shakings, CRITERIA.site_nm)
 
     @cached_property
-    def begin(self) -> Begin:
+    def begin(self) -> SearchStart:
         """Get where every search begins: the base model as a first fit has it."""
         return first_fit(self.motions, self.model, self.site, self.stop)
 

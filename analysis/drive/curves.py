@@ -38,7 +38,7 @@ class DriveCurves:
 def drive_curves(motion: Motion, fit: Fit) -> DriveCurves:
     """Return the curves of one record under a fit.  Raises AnalysisError.
 
-    Cost: the derivative filters over the record once, some 10 us a sample.
+    Cost: the derivative filters over the record once, some 10 us per sample.
     """
     from analysis.drive.driven_fit import filtered_noise_n  # with the regression: a window knows the curves without it
     from analysis.drive.regression import delay_of, regress

@@ -49,7 +49,10 @@ def fitted_contact_cor(fit: Fit, block_mass_kg: float) -> Reading:
         collision = _collision(fit.model, values, values.get("moving_mass_kg", block_mass_kg))
     except (KeyError, ValueError) as why:
         return NotSeen(f"the fitted model has no contact: {why}")
-    release = _first_release(collision, derivatives=True)
+    try:
+        release = _first_release(collision, derivatives=True)
+    except ArithmeticError:  # a contact so much slower, or so much faster, than the plate that no solution follows both
+        return NotSeen("the fitted contact cannot be followed to its end")
     if release is None:
         return NotSeen("the fitted contact never lets go")
     slope = -(release.state_derivatives[:4, 1] - release.state_derivatives[:4, 3]) / collision.velocity_in_m_per_s

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from analysis.collision import Infeasible
 from analysis.fitted.fitted_shot import READ_FROM_MODEL
-from analysis.inference import Hypothesis, JointData, Point, base_named, take, trials_named
+from analysis.inference import Hypothesis, JointData, Point, averaged_shot, base_named, trials_named
 from analysis.shot import AnalysisError, Fit, Impact, Motion, NotSeen, Quantity, Reading
 from levimass import is_drive
 
@@ -86,7 +86,7 @@ def _with_impulse_check(impact: Impact, mass_kg: float) -> Impact:
 def _pulse(fit: Fit, motion: Motion) -> _Pulse:
     """Return the model's first contact with its covariance, by numerical derivatives of a solved shot."""
     shot = fit.shots[0]
-    data = JointData((take(motion),), base_named(fit.model))
+    data = JointData((averaged_shot(motion),), base_named(fit.model))
     hypothesis = Hypothesis(data, trials_named(fit.effects))
     own = np.array([q.value for q in (shot.velocity_in_m_per_s, shot.touch_time_s, shot.offset_m)])
     names = list(fit.parameters)

@@ -1,9 +1,9 @@
-from .fit.added_effect import refit, times, united
+from .fit.added_effect import refit, times, with_both_effects
 from .fit.arrow import Arrow, orthonormal
 from .fit.as_fit import as_fit, effect_parameters
-from .fit.base import OWN_NAMES, PLATE_NAMES, base_named
-from .fit.base_fit import base_fit, pays_along, slow_enough, white_of
-from .fit.begin import Begin, begin_of
+from .fit.base import OWN_NAMES, PLATE_NAMES, SearchStart, base_named, start_from_fit
+from .fit.base_fit import base_fit, nuisances_pay, slow_enough, white_of
+from .fit.course import Course
 from .fit.derivatives import linearised_shot, solved
 from .fit.effective_parameters import Point, to_actual, to_effective
 from .fit.first_fit import first_fit
@@ -20,23 +20,22 @@ from .fit.hypothesis_fit import (
     residuals,
     search,
     square_of,
+    under_likely_noises,
 )
 from .fit.least_squares import Square, covariance, damped_step, minimise
-from .fit.likely_noises import under_likely_noises
 from .fit.profile import with_profile_std
 from .fit.response import Response
-from .fit.samples import FINE_RATE_HZ, RATE_HZ, Samples, take, together
+from .fit.samples import FINE_RATE_HZ, RATE_HZ, Samples, averaged_shot, averaged_shots
 from .fit.search_vector import JointData
 from .fit.shot_fit import fit_shots
-from .fit.starts import Course
 from .fit.with_effect import joined
 from .noise.floor import Floor, white_floor
 from .noise.joint_data import joint_data, shakings_of, site_under, with_plates
 from .noise.own_flights import own_flights
-from .noise.site import Site, may_be_of_a_site, on_site
+from .noise.site import Site, on_site, resembles_frame_motion
 from .screen.columns import fixed_of, moved_to, shown_with
 from .screen.projector import Projector, projector
-from .screen.screening import Score, all_scores, apart, scores
+from .screen.screening import Score, all_scores, distinct_starts, scores
 
 __all__ = [
     "FINE_RATE_HZ",
@@ -44,7 +43,6 @@ __all__ = [
     "PLATE_NAMES",
     "RATE_HZ",
     "Arrow",
-    "Begin",
     "Course",
     "Fitted",
     "Floor",
@@ -55,17 +53,19 @@ __all__ = [
     "Response",
     "Samples",
     "Score",
+    "SearchStart",
     "Site",
     "Square",
     "TrialEffect",
     "all_scores",
-    "apart",
     "as_fit",
+    "averaged_shot",
+    "averaged_shots",
     "base_fit",
     "base_named",
-    "begin_of",
     "covariance",
     "damped_step",
+    "distinct_starts",
     "effect_parameters",
     "finish",
     "first_fit",
@@ -79,15 +79,15 @@ __all__ = [
     "lead_on",
     "learn_floor",
     "linearised_shot",
-    "may_be_of_a_site",
     "minimise",
     "moved_to",
+    "nuisances_pay",
     "on_site",
     "orthonormal",
     "own_flights",
-    "pays_along",
     "projector",
     "refit",
+    "resembles_frame_motion",
     "residuals",
     "scores",
     "search",
@@ -97,18 +97,17 @@ __all__ = [
     "slow_enough",
     "solved",
     "square_of",
-    "take",
+    "start_from_fit",
     "times",
     "to_actual",
     "to_effective",
-    "together",
     "trial_effect",
     "trial_effects",
     "trials_named",
     "under_likely_noises",
-    "united",
     "white_floor",
     "white_of",
+    "with_both_effects",
     "with_plates",
     "with_profile_std",
 ]

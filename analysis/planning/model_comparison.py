@@ -15,7 +15,6 @@ from analysis.inference import (
     Floor,
     Hypothesis,
     Point,
-    begin_of,
     finish,
     first_floor,
     fit_hypothesis,
@@ -25,6 +24,7 @@ from analysis.inference import (
     search,
     shakings_of,
     site_under,
+    start_from_fit,
     trials_named,
     white_of,
 )
@@ -152,7 +152,7 @@ def refit_diagnosed(given: Fit, motions: Sequence[Motion], stop: Stop, others: S
     kinds = trials_named(given.effects)
     finely = any(named(name).ripples for name in (*given.effects, *others))
     site = site_under(motions, shakings_of(motions, given.model, None), CRITERIA.site_nm)
-    begin = begin_of(given, motions)
+    begin = start_from_fit(given, motions)
     data = joint_data(motions, begin, site, FINE_RATE_HZ if finely else RATE_HZ)
     values = tuple({kind.name: _values(given, kind.name, shot) for kind in kinds} for shot in range(len(motions)))
     fixed = {kind.name: fixed_of(kind, values[0][kind.name]) for kind in kinds}

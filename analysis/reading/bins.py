@@ -19,7 +19,7 @@ class Bins:
     time_s: Floats
     value_m: Floats
     into: Mask  # of the incoming flight
-    each: int  # samples a bin
+    each: int  # samples per bin
     step_s: float  # a sample
     std_m: float  # white noise of a bin
 

@@ -1,4 +1,4 @@
-"""Fit both free flights together: their parabolas, the steady lines of machines, and the floor's spectrum.
+"""Fit both free flights together: parabolas, steady lines of machines, the floor's spectrum; knocks are left out.
 
 The displacement of the flights is averaged in bins shorter than any vibration; the bins are so few that their full
 covariance can be used.
@@ -12,17 +12,21 @@ from numpy.typing import NDArray
 from analysis.reading.bins import Bins, binned, select
 from analysis.reading.flight import SHORTEST_CURVED_S, Flight
 from analysis.reading.floor_spectrum import FloorSpectrum
-from analysis.reading.knocks import find_knocks
 from analysis.reading.octaves import Octaves, waves_of
-from analysis.reading.strengths import Sight
+from analysis.reading.strengths import FlightObservation
 from analysis.reading.vibration_lines import add_line, design_matrix, frequency_derivative, line_of, refined, wave_of
 from analysis.shot import Motion, VibrationLine
 
 Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 FEWEST_BINS = 4  # of one flight, for a straight line with a residual
 FEWEST_FOR_LINES = 24  # of both flights
 MOST_LINES = 8
+LOUD = 25.0  # of a knock, times the power of the quiet part: five times its amplitude
+FADED = 4.0
+WINDOW = 4  # bins of a flight whose power is compared
+FEWEST_LEFT = 10  # bins of a flight that must remain
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +44,7 @@ class Flights:
     floor: FloorSpectrum
     knocks_s: tuple[tuple[float, float], ...]
     plain: tuple[float, float]
-    strengths: Floats  # the likeliest, with which ``Sight.weigh`` may begin
+    strengths: Floats  # the likeliest, with which ``estimate_floor`` may begin
     knocks_kept: bool = False  # a knock fills a flight and could not be left out
 
 
@@ -67,24 +71,24 @@ def read_flights(
     bins = select(bins, keep)
     polynomials, drags = _polynomials(bins, zeros)
     straight, line = _straight_lines(bins, polynomials, drags)
-    sight = _sight(replace(bins, value_m=bins.value_m - line), drags)
+    observation = _observation(replace(bins, value_m=bins.value_m - line), drags)
     waves = [wave_of(bins, line) for line in before.lines] if before is not None else []
-    start = before.strengths if before is not None and before.strengths.size == sight.unknowns else None
-    weighing = sight.weigh(design_matrix(bins, waves, polynomials), start)
+    start = before.strengths if before is not None and before.strengths.size == observation.unknowns else None
+    estimate = observation.estimate_floor(design_matrix(bins, waves, polynomials), start)
     if waves:
-        waves = refined(bins, sight, waves, polynomials, weighing.best)
+        waves = refined(bins, observation, waves, polynomials, estimate.best)
     if before is None and bins.time_s.size >= FEWEST_FOR_LINES:
         while len(waves) < MOST_LINES and polynomials.shape[1] + 3 * len(waves) + 12 < bins.time_s.size:
-            more = add_line(bins, sight, waves, polynomials, weighing)
+            more = add_line(bins, observation, waves, polynomials, estimate)
             if more is None:
                 break
-            waves, weighing = more
+            waves, estimate = more
     design = design_matrix(bins, waves, polynomials)
-    solution, covariance = sight.solve(weighing, design)
+    solution, covariance = observation.solve(estimate, design)
     solution[: straight.size] += straight
     white = bins.std_m * np.sqrt(bins.each)
-    parts = tuple((weight, sight.powers(at)) for weight, at in weighing.parts)
-    floor = FloorSpectrum(sight.octaves, parts, white, motion.sample_rate_hz)
+    parts = tuple((weight, observation.powers(at)) for weight, at in estimate.parts)
+    floor = FloorSpectrum(observation.octaves, parts, white, motion.sample_rate_hz)
     flights = _flights(bins, zeros, solution, covariance, white, into, out)
     degree = flights[0].coefficients.size
     plain = np.linalg.inv(polynomials.T @ polynomials) * bins.std_m**2
@@ -99,7 +103,7 @@ def read_flights(
         floor=floor,
         knocks_s=knocks,
         plain=(float(np.sqrt(plain[1, 1])), float(np.sqrt(plain[degree + 1, degree + 1])) if out is not None else 0.0),
-        strengths=weighing.best,
+        strengths=estimate.best,
         knocks_kept=whole,
     )
 
@@ -117,10 +121,10 @@ def _straight_lines(bins: Bins, polynomials: Floats, drags: tuple[int, ...]) -> 
     return coefficients, np.asarray(polynomials @ coefficients)
 
 
-def _sight(bins: Bins, drags: tuple[int, ...]) -> Sight:
+def _observation(bins: Bins, drags: tuple[int, ...]) -> FlightObservation:
     octaves = Octaves.of(bins.time_s, bins.each * bins.step_s)
     waves = waves_of(bins.time_s - bins.middle_s, bins.each, bins.step_s, octaves.frequency_hz)
-    return Sight(bins.value_m, bins.std_m, drags, octaves, np.hstack(waves))
+    return FlightObservation(bins.value_m, bins.std_m, drags, octaves, np.hstack(waves))
 
 
 def _polynomials(bins: Bins, zeros: tuple[float, float]) -> tuple[Floats, tuple[int, ...]]:
@@ -160,3 +164,43 @@ def _flights(
         made.append(Flight(zero, solution[part], covariance[part, part], white_m, *ends))
         place += size
     return made[0], made[1] if len(made) > 1 else None
+
+
+def find_knocks(rest_m: Floats, into: Mask, white_m: float) -> tuple[list[tuple[int, int]], bool]:
+    """Return (start, stop) of the bins of every knock, and whether one fills a flight and could not be left out.
+
+    ``rest_m`` (n,) is the residual of the flights' parabolas, in bins.  A knock is where a flight vibrates far more
+    than at other times: the power of the second differences, which suppress slow motion, is far above that of the quiet
+    half of both flights.
+    """
+    power = np.zeros(rest_m.size)
+    for side in (into, ~into):
+        index = np.flatnonzero(side)
+        if index.size >= 3:
+            second = np.zeros(index.size)
+            second[1:-1] = np.diff(rest_m[index], 2) ** 2
+            second[0], second[-1] = second[1], second[-2]
+            power[index] = np.convolve(second, np.ones(WINDOW) / WINDOW, mode="same")
+    quiet = max(float(np.quantile(power, 0.35)), 6.0 * white_m**2)
+    loud = power > LOUD * quiet
+    if not loud.any() or loud.mean() > 0.5:
+        return [], bool(loud.any())
+    found: list[tuple[int, int]] = []
+    kept = False
+    for side in (into, ~into):
+        index = np.flatnonzero(side)
+        hot = np.flatnonzero(loud[index])
+        if hot.size == 0:
+            continue
+        start, stop = int(hot[0]), int(hot[-1]) + 1
+        ringing = power[index] > FADED * quiet
+        while stop < index.size and ringing[stop]:
+            stop += 1
+        start, stop = max(0, start - WINDOW), min(index.size, stop + WINDOW)
+        if start < FEWEST_LEFT and index.size - stop >= FEWEST_LEFT:
+            start = 0  # the part before it is too short for a line
+        if index.size - (stop - start) < FEWEST_LEFT:
+            kept = True
+            continue
+        found.append((int(index[start]), int(index[stop - 1]) + 1))
+    return found, kept

@@ -1,10 +1,10 @@
 """The floor under the rig as flights show it: how strong it is in every octave, and how sure that is.
 
 The floor's density is free in each octave from a third of a period in the flights' time up to what their bins resolve.
-The strengths are those of greatest restricted likelihood (Patterson & Thompson, Biometrika 58, 1971) with what is known
-before: that a building moves with about the same velocity in each octave (Gordon, SPIE 1619, 1991), neighbouring ones
-differing by a factor of a few.  The slowest octaves are hardly seen; so strengths are not taken for known, and what
-follows is the mixture of all likely ones.
+The strengths are those of greatest restricted likelihood (Patterson & Thompson, Biometrika 58, 1971) with a prior:
+that a building moves with about the same velocity in each octave (Gordon, SPIE 1619, 1991), neighbouring ones
+differing by a factor of a few.  The slowest octaves are hardly determined, so the result is the mixture of all likely
+strengths.
 """
 
 from dataclasses import dataclass
@@ -34,8 +34,8 @@ _LEAST = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class Weighing:
-    """What flights say of the floor: ``parts`` are (weight, logarithms of powers), the likeliest are ``best``.
+class FloorEstimate:
+    """The floor estimated from flights: ``parts`` are (weight, logarithms of powers), the likeliest are ``best``.
 
     The logarithms are of the octaves' powers and, last, of the drags', over those that were expected.  ``worth`` is the
     log-likelihood of the best, coefficients at theirs, with what was known before.
@@ -47,8 +47,8 @@ class Weighing:
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
-    """Bins of flights: displacement (n,) in m, the white std of a bin, and which columns of a design are drags.
+class FlightObservation:
+    """The binned displacement of flights, (n,) in m, the white std of a bin, and which columns of a design are drags.
 
     ``waves`` (n, 2 f) are cosines and sines of the octaves' frequencies, averaged over the bins.
     """
@@ -68,10 +68,10 @@ class Sight:
         """Return the octaves' powers (k,) in (m/s)^2."""
         return powers_of(at[:-1])
 
-    def weigh(self, design: Floats, start: Floats | None = None) -> Weighing:
-        """Find the likeliest strengths beside a design (n, p) whose coefficients are free; SI units.
+    def estimate_floor(self, design: Floats, start: Floats | None = None) -> FloorEstimate:
+        """Estimate the floor's strengths with a design (n, p) whose coefficients are free; SI units.
 
-        Fisher scoring on the logarithms.  Cost: 1 ms an iteration at n = 64, some six iterations from afar.
+        Fisher scoring on the logarithms.  Cost: 1 ms per iteration at n = 64, some six iterations from afar.
         """
         scale = _scale(design)
         columns = design / scale
@@ -100,7 +100,7 @@ class Sight:
         none = float(1.0 / (1.0 + np.exp(np.clip(times, -30.0, 30.0))))
         if none > _LEAST:
             parts = (*((weight * (1.0 - none), point) for weight, point in parts), (none, still))
-        return Weighing(parts, at, self.likelihood(at, design))
+        return FloorEstimate(parts, at, self.likelihood(at, design))
 
     def _guess(self, columns: Floats, scale: Floats) -> Floats:
         """Return strengths to begin with: what white noise would leave, as if it were all in the middle octave."""
@@ -190,16 +190,16 @@ class Sight:
         left = float(white[:, 0] @ white[:, 0] - across @ np.linalg.solve(inner, across))
         return -float(np.log(np.diag(low)).sum()) - 0.5 * (left + float((at - mean) @ precision @ (at - mean)))
 
-    def solve(self, weighing: Weighing, design: Floats) -> tuple[Floats, Floats]:
+    def solve(self, estimate: FloorEstimate, design: Floats) -> tuple[Floats, Floats]:
         """Return coefficients (p,) and covariance (p, p): generalised least squares in every part of the mixture."""
         scale = _scale(design)
         solutions, covariances = [], []
-        for _, at in weighing.parts:
+        for _, at in estimate.parts:
             white = self._white(self.factor(at)[0], design / scale)
             covariance = np.linalg.inv(white[:, 1:].T @ white[:, 1:] + np.diag(self.known(at, scale)))
             covariances.append(covariance)
             solutions.append(covariance @ (white[:, 1:].T @ white[:, 0]))
-        weights = np.array([part[0] for part in weighing.parts])
+        weights = np.array([part[0] for part in estimate.parts])
         mean = weights @ np.stack(solutions)
         apart = np.stack(solutions) - mean
         covariance = np.einsum("k,kij->ij", weights, np.stack(covariances))

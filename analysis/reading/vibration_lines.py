@@ -8,7 +8,7 @@ from scipy.linalg import cho_solve
 
 from analysis.reading.bins import Bins
 from analysis.reading.octaves import waves_of
-from analysis.reading.strengths import Sight, Weighing
+from analysis.reading.strengths import FlightObservation, FloorEstimate
 from analysis.shot import Motion, Quantity, VibrationLine
 
 Floats = NDArray[np.float64]
@@ -61,28 +61,29 @@ def frequency_derivative(bins: Bins, wave: Wave) -> tuple[Floats, float]:
 
 
 def add_line(
-    bins: Bins, sight: Sight, waves: list[Wave], polynomials: Floats, weighing: Weighing
-) -> tuple[list[Wave], Weighing] | None:
+    bins: Bins, observation: FlightObservation, waves: list[Wave], polynomials: Floats, estimate: FloorEstimate
+) -> tuple[list[Wave], FloorEstimate] | None:
     """Return the waves with one more, and the floor estimated again; None where none is worth its three parameters.
 
     A line is searched above the likeliest floor, then above one that does not rise towards higher frequencies, as a
     strong line may have been taken for the floor.
     """
     design = design_matrix(bins, waves, polynomials)
-    calm = np.concatenate([np.minimum.accumulate(weighing.best[:-1]), weighing.best[-1:]])
-    for at in (weighing.best, calm):
-        found = _strongest_line(bins, sight, at, design)
+    calm = np.concatenate([np.minimum.accumulate(estimate.best[:-1]), estimate.best[-1:]])
+    for at in (estimate.best, calm):
+        found = _strongest_line(bins, observation, at, design)
         if found is None:
             continue
-        tried = refined(bins, sight, [*waves, found], polynomials, at)
-        weighed = sight.weigh(design_matrix(bins, tried, polynomials), at)
-        if weighed.worth - weighing.worth > LINE_WORTH and _is_steady(bins, sight, tried, polynomials, weighed.best):
-            tried = refined(bins, sight, tried, polynomials, weighed.best)
+        tried = refined(bins, observation, [*waves, found], polynomials, at)
+        weighed = observation.estimate_floor(design_matrix(bins, tried, polynomials), at)
+        pays = weighed.worth - estimate.worth > LINE_WORTH
+        if pays and _is_steady(bins, observation, tried, polynomials, weighed.best):
+            tried = refined(bins, observation, tried, polynomials, weighed.best)
             return tried, weighed
     return None
 
 
-def _is_steady(bins: Bins, sight: Sight, waves: list[Wave], polynomials: Floats, at: Floats) -> bool:
+def _is_steady(bins: Bins, observation: FlightObservation, waves: list[Wave], polynomials: Floats, at: Floats) -> bool:
     """Return whether the last wave is the same in both flights, and at a frequency of its own.
 
     What vibrates in one flight alone was excited by the impact: it is the block's or the plate's, not a machine's.
@@ -94,7 +95,7 @@ def _is_steady(bins: Bins, sight: Sight, waves: list[Wave], polynomials: Floats,
         return True
     design = design_matrix(bins, waves, polynomials)
     apart = np.where(bins.into, 1.0, 0.0)[:, None] * _columns(bins, last)[:, :2]
-    without, within = sight.likelihood(at, design), sight.likelihood(at, np.hstack([design, apart]))
+    without, within = observation.likelihood(at, design), observation.likelihood(at, np.hstack([design, apart]))
     return 2.0 * (within - without) < STEADY
 
 
@@ -102,14 +103,14 @@ def design_matrix(bins: Bins, waves: list[Wave], polynomials: Floats) -> Floats:
     return np.column_stack([polynomials, *(_columns(bins, wave) for wave in waves)])
 
 
-def _strongest_line(bins: Bins, sight: Sight, at: Floats, design: Floats) -> Wave | None:
+def _strongest_line(bins: Bins, observation: FlightObservation, at: Floats, design: Floats) -> Wave | None:
     """Return the sine that explains most of the residual above a floor, None where it is not worth it."""
     shorter = min(float(np.ptp(bins.time_s[side])) for side in (bins.into, ~bins.into) if side.any())
     lowest, highest = LOWEST_LINES / max(shorter, 1e-12), 0.45 / (bins.each * bins.step_s)
     if highest <= lowest:
         return None
     frequency = np.arange(lowest, highest, 0.2 * bins.resolution_hz)
-    factor = sight.factor(at)
+    factor = observation.factor(at)
     design = design / np.abs(design).max(axis=0)
     across = cho_solve(factor, design, check_finite=False)
     inner = np.linalg.inv(design.T @ across)
@@ -118,7 +119,7 @@ def _strongest_line(bins: Bins, sight: Sight, at: Floats, design: Floats) -> Wav
     def project(columns: Floats) -> Floats:
         return np.asarray(cho_solve(factor, columns, check_finite=False) - across @ (inner @ (across.T @ columns)))
 
-    rest = project(sight.value_m / sight.white_m)
+    rest = project(observation.value_m / observation.white_m)
     pc, ps = project(cosine), project(sine)
     cc, ss, cs = (cosine * pc).sum(axis=0), (sine * ps).sum(axis=0), (cosine * ps).sum(axis=0)
     c, s = cosine.T @ rest, sine.T @ rest
@@ -134,12 +135,14 @@ def _strongest_line(bins: Bins, sight: Sight, at: Floats, design: Floats) -> Wav
     return Wave(float(frequency[best]), float(a) * bins.std_m, float(b) * bins.std_m)
 
 
-def refined(bins: Bins, sight: Sight, waves: list[Wave], polynomials: Floats, at: Floats) -> list[Wave]:
+def refined(
+    bins: Bins, observation: FlightObservation, waves: list[Wave], polynomials: Floats, at: Floats
+) -> list[Wave]:
     """Return all waves fitted together, frequencies included, above one floor (Gauss-Newton)."""
-    known = Weighing(((1.0, at),), at, 0.0)
+    known = FloorEstimate(((1.0, at),), at, 0.0)
     most = 0.2 * bins.resolution_hz
     for _ in range(REFINEMENTS):
-        solution, _ = sight.solve(known, design_matrix(bins, waves, polynomials))
+        solution, _ = observation.solve(known, design_matrix(bins, waves, polynomials))
         moved = []
         for k, wave in enumerate(waves):
             cosine, sine, bend = solution[polynomials.shape[1] + 3 * k :][:3]

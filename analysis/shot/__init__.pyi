@@ -7,7 +7,6 @@ from .impact import Impact, KineticCor
 from .motion import BeatQuality, Motion
 from .plate import Disc, Number, PlateTolerance, compliance_of, corrected_slope, stated_n_per_m
 from .plates_of_set import plate_count, plate_numbers, plates_words, weights_words, why_not_together
-from .plot_note import LONGEST, UNITS, PlotNote
 from .quantity import NotSeen, Quantity, Reading, shown_in, to_json, words_and_unit
 from .recording import (
     AIR,
@@ -24,7 +23,7 @@ from .recording import (
     corrected,
 )
 from .sample_rate_error import DELIVERED, RATE_CONTRADICTED, fit_with_rate_error, rate_error, with_rate_error
-from .shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot, Stop
+from .shot import LONGEST, UNITS, AnalysisError, AnalysisSettings, Cancelled, PlotNote, Progress, Shot, Stop
 from .version import program, program_version
 
 __all__ = [

@@ -85,6 +85,7 @@ class Fit:
     chi2: float = float("nan")  # whitened, over ``samples`` samples and ``free_parameters`` parameters
     samples: int = 0
     free_parameters: int = 0
+    wander: tuple[tuple[float, float], ...] = ()  # of each part of the noise that wanders: rms in m, memory in s
     on_frames: bool = False  # the frames' vibration is part of the noise, and the plates may move before the touch
 
     @property

@@ -1,14 +1,12 @@
 from .cross_talk import LEFT
 from .demodulation import demodulate
 from .filters import MAX_BANDWIDTH_SHARE, derivative_filters, derivative_gains, derivatives, first_run, stretches
-from .flag_meanings import MEANINGS
 from .record import motion_from_displacement
 from .stream import LiveChunk, LiveDemodulator
 
 __all__ = [
     "LEFT",
     "MAX_BANDWIDTH_SHARE",
-    "MEANINGS",
     "LiveChunk",
     "LiveDemodulator",
     "demodulate",

@@ -25,10 +25,9 @@ from analysis.signal.cross_talk import LEFT_ABOVE, find_cross_talk, swapped_hz, 
 from analysis.signal.cross_talk import REMOVED as CROSS_TALK_REMOVED
 from analysis.signal.demodulation_plan import demodulation_plans
 from analysis.signal.filters import FLAT_SHARE, MAX_BANDWIDTH_SHARE, derivative_gains, derivatives, stretches
-from analysis.signal.folded_harmonic import folded_harmonic
-from analysis.signal.leak import find_leak, leak_phase
 from analysis.signal.losses import FLAG as SAMPLES_LOST
 from analysis.signal.losses import find_losses, kinks, suspicious
+from analysis.signal.phase_errors import find_leak, folded_harmonic, leak_phase
 from analysis.signal.rest import RestPhase, fit_rest_phase
 from analysis.signal.survey import Survey, survey
 from analysis.signal.track import BeatSpec, Grid, Track, read_tracks

@@ -31,7 +31,7 @@ class Survey:
     amplitude_counts: float
     snr_db: float  # A^2 / (2 sigma^2) over the whole band
     sample: NDArray[np.int64]
-    stretch: int  # samples a stretch
+    stretch: int  # samples per stretch
     frequency_hz: NDArray[np.float64]
     seen: NDArray[np.bool_]
     clipped_fraction: float

@@ -29,7 +29,7 @@ class Tuning:
     """
 
     sample_rate_hz: float
-    decimation: int  # samples of the recording a phase
+    decimation: int  # samples of the recording per phase
     low_hz: float
     high_hz: float
     half_width_hz: float

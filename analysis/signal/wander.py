@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from analysis.signal.filters import CHI2_MEDIAN, stretches
 
 Floats = NDArray[np.float64]
-BLOCK = 32  # samples a mean
+BLOCK = 32  # samples per mean
 _FORCED = 8.0  # standard deviations of acceleration: above it a force acts
 _SHIELD = 100  # samples about such a force that are left out
 _LEAST = 40  # second differences

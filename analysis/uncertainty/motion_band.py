@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import toeplitz
 
 from analysis.diagnosis import Diagnosis, Verdict
 from analysis.fitted import shaking_of
@@ -11,6 +12,7 @@ from analysis.shot import Motion, Shaking, Shot
 from analysis.signal import derivative_filters, derivative_gains
 
 Floats = NDArray[np.float64]
+Wander = tuple[tuple[float, float], ...]  # of each part: rms in m, memory in s
 WANDERS = 1.1  # times the white noise, beyond which a fit's noise includes slow noise that it estimated
 _POINTS = 256  # over a record, for the effect of a polynomial on slow sines; fast ones are not affected
 
@@ -32,11 +34,16 @@ def band_of(shot: Shot) -> NoiseBand:
     motion, fit = shot.motion, shot.fit
     assert motion is not None
     left_m = fit.shots[0].sway_std_m if fit is not None and fit.shots else None
-    band = noise_band(motion, shaking_of(shot), left_m)
+    band = noise_band(motion, shaking_of(shot), left_m, wander_of(shot))
     white_m = float(np.nanmedian(motion.displacement_std_m))
     if fit is None or shaking_of(shot) is not None or not fit.noise_std_m > WANDERS * white_m:
         return band
     return replace(band, displacement_m=np.full_like(motion.displacement_m, fit.noise_std_m))
+
+
+def wander_of(shot: Shot) -> Wander:
+    """Return what wanders in a shot's path besides vibration, nothing where no fit has told."""
+    return shot.fit.wander if shot.fit is not None and shot.fit.converged else ()
 
 
 def judged_band(shot: Shot, diagnosis: Diagnosis | None) -> tuple[NoiseBand, str]:
@@ -48,11 +55,12 @@ def judged_band(shot: Shot, diagnosis: Diagnosis | None) -> tuple[NoiseBand, str
     return replace(band, displacement_m=displacement_m), words
 
 
-def noise_band(motion: Motion, shaking: Shaking | None, left_m: Floats | None = None) -> NoiseBand:
+def noise_band(motion: Motion, shaking: Shaking | None, left_m: Floats | None = None, wander: Wander = ()) -> NoiseBand:
     """Return the noise of the samples and of the path's vibration, each through the motion's own filters.
 
     ``left_m``, shape (n,), is the std of the vibration in the residual of a fit that includes it; without, the fit is
-    taken to absorb only a constant and a slope.
+    taken to absorb only a constant and a slope.  ``wander`` is what wanders besides (air, laser), as the fit found it:
+    (rms in m, memory in s) of each part.
 
     A Motion's stated uncertainties treat the path as a random walk, as its spectrum is not known when it is made.  A
     building's spectrum falls from octave to octave: with the spectrum from the flights (``shaking``) the force's band
@@ -69,10 +77,15 @@ def noise_band(motion: Motion, shaking: Shaking | None, left_m: Floats | None = 
     first, second = (np.abs(np.exp(turn[:, None] * steps) @ taps) for taps in (filters.velocity, filters.acceleration))
     span_s = float(motion.time_s[-1] - motion.time_s[0])
     white_m = motion.displacement_std_m
+    wander_m, wander_m_per_s, wander_m_per_s2 = (
+        _wandering(wander, taps, rate_hz) for taps in (np.ones(1), filters.velocity, filters.acceleration)
+    )
+    rms_m = _rms(shaking, _left(shaking, span_s, 2)) if left_m is None else left_m
+    rms_m_per_s = _rms(shaking, first**2 * _left(shaking, span_s, 1))
     return NoiseBand(
-        np.hypot(white_m, _rms(shaking, _left(shaking, span_s, 2)) if left_m is None else left_m),
-        np.hypot(white_m * gains[0], _rms(shaking, first**2 * _left(shaking, span_s, 1))),
-        motion.moving_mass_kg * np.hypot(white_m * gains[1], _rms(shaking, second**2)),
+        np.sqrt(white_m**2 + rms_m**2 + wander_m**2),
+        np.sqrt((white_m * gains[0]) ** 2 + rms_m_per_s**2 + wander_m_per_s**2),
+        motion.moving_mass_kg * np.sqrt((white_m * gains[1]) ** 2 + _rms(shaking, second**2) ** 2 + wander_m_per_s2**2),
     )
 
 
@@ -90,6 +103,13 @@ def diagnosed_band(diagnosis: Diagnosis, shot: Shot) -> tuple[Floats, str]:
     if explained and learned_m > WANDERS * white_m:
         return np.full_like(motion.displacement_m, learned_m), "noise as all shots show it"
     return band_of(shot).displacement_m, "noise and building"
+
+
+def _wandering(wander: Wander, taps: Floats, rate_hz: float) -> float:
+    """Return the std of what wanders behind a filter; its parts forget exponentially (Floor)."""
+    apart_s = np.arange(taps.size) / rate_hz
+    power = sum(rms_m**2 * float(taps @ toeplitz(np.exp(-apart_s / memory_s)) @ taps) for rms_m, memory_s in wander)
+    return float(np.sqrt(power))
 
 
 def _rms(shaking: Shaking, gain: Floats) -> float:

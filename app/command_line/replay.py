@@ -1,13 +1,15 @@
-"""``levimass --replay``: analyse and diagnose recordings, write results and reports, without a window."""
+"""``levimass --replay``: analyse and diagnose recordings, plan the next shots, write results and reports."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from analysis.diagnosis import Diagnosis, Foretold, SavedModel, Verdict, diagnose, drift, saved, to_text
 from analysis.diagnosis import foretell as foretell_motions
 from analysis.fitted import SECONDS, fit_again, read_together, run_in_time
-from analysis.planning import Reach
+from analysis.planning import Reach, plan_next, plan_precision, plan_sentence, refit_diagnosed, with_words
+from analysis.planning import shots as shots_words
 from analysis.report import result
 from analysis.shot import AnalysisError, AnalysisSettings, Shot, why_not_together
 from app.command_line.options import known_model
@@ -21,12 +23,13 @@ from app.command_line.outputs import (
     say_problem,
     write_json,
 )
-from app.command_line.plan_shots import PlannedShots, plan_shots
 from app.command_line.summary import summary
 from app.report import export, export_hdf5, export_laws, export_prediction, report_of
 from app.session import DRIFT_SIGMAS, load_and_analyse, with_combined
 from instrument.files import RecordingError, find_recordings, read_law, write_text_atomic
 from levimass import is_drive
+
+NOTHING_OPEN = "the diagnosis leaves nothing open that another shot would have to decide"
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +46,14 @@ class ReplayRequest:
     test_model: bool = False
     plan: str | None = None
     reach: Reach | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedShots:
+    """The next shots in words, and as in the result file (None: nothing is open)."""
+
+    words: str
+    result: dict[str, Any] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,3 +231,36 @@ def _written(write: Callable[[], object], where: object) -> bool:
     else:
         return True
     return False
+
+
+def plan_shots(
+    shots: Sequence[Shot], diagnosis: Diagnosis | None, parameter: str, reach: Reach | None = None
+) -> PlannedShots | None:
+    """Return the shots that decide what a diagnosis left open, or that halve the ± of ``parameter`` ("": none).
+
+    ``reach`` is what the rig can do; None: the planning's defaults.  Returns None, and says so in one line on standard
+    error, where there is nothing to plan from.
+    """
+    motions = [shot.motion for shot in shots if shot.motion is not None and shot.fit is not None]
+    if diagnosis is None:
+        say("nothing planned: there is no diagnosis to plan from")
+        return None
+    if is_drive(diagnosis.fit_after.model):
+        say("nothing planned: a drive strikes no plate, so there is no collision to plan")
+        return None
+    try:
+        if parameter:
+            fitted = refit_diagnosed(diagnosis.fit_after, motions, lambda: False)
+            sharper = plan_precision(fitted, parameter, reach=reach)
+            words = f"{shots_words(sharper.shots)} would make {sharper.words}."
+            return PlannedShots(words, {**sharper.to_json(), "words": words})
+        further = plan_next(motions, diagnosis, reach=reach).plan
+    except AnalysisError as error:
+        say(f"nothing planned: {error}")
+        return None
+    except Exception as error:  # the shots keep their numbers
+        say(f"nothing planned: {own_fault(error)}")
+        return None
+    if further is None:
+        return PlannedShots(NOTHING_OPEN, None)
+    return PlannedShots(plan_sentence(further), with_words(further))

@@ -19,6 +19,7 @@ from analysis.uncertainty import COLUMNS as BUDGET_COLUMNS
 from analysis.uncertainty import (
     Origin,
     ResultNumber,
+    Wander,
     budget,
     budget_rows,
     combined_of,
@@ -26,6 +27,7 @@ from analysis.uncertainty import (
     of_collision,
     series,
     series_rows,
+    wander_of,
 )
 from app.words import cell
 from instrument.files import write_text_atomic
@@ -112,7 +114,7 @@ def motion_columns(shot: Shot) -> dict[str, Floats]:
     """Return the columns of a shot's motion, and of the model where the fit converged; each of shape (n,)."""
     assert shot.motion is not None
     columns = {name: np.asarray(getattr(shot.motion, name)) for name in MOTION_COLUMNS}
-    columns |= _stds(shot.motion, shaking_of(shot))
+    columns |= _stds(shot.motion, shaking_of(shot), wander_of(shot))
     if shot.fit is not None and shot.fit.converged and len(shot.fit.shots) == 1:
         overlay = shot.fit.shots[0].overlay
         modelled = (overlay.displacement_m, overlay.velocity_m_per_s, overlay.force_n, overlay.gap_m)
@@ -120,14 +122,14 @@ def motion_columns(shot: Shot) -> dict[str, Floats]:
     return columns
 
 
-def _stds(motion: Motion, shaking: Shaking | None) -> dict[str, Floats]:
+def _stds(motion: Motion, shaking: Shaking | None, wander: Wander) -> dict[str, Floats]:
     """Return the columns of standard uncertainties from noise and path vibration, each (n,); none without a shaking.
 
     The motion's own columns take a wandering path for a random walk: six times too large for the force at VC-D.
     """
     if shaking is None:
         return {}
-    band = noise_band(motion, shaking)
+    band = noise_band(motion, shaking, wander=wander)
     stds = (band.displacement_m, band.velocity_m_per_s, band.force_n / motion.moving_mass_kg, band.force_n)
     seen = motion.valid
     return {

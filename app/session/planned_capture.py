@@ -13,10 +13,10 @@ _RATE_HZ = 10e6  # where no shot has a rate
 
 def planned_record(shot: NextShot, shots: Sequence[Shot], rate_hz: float | None) -> CaptureSettings:
     """Return the capture settings of a planned shot; ``rate_hz`` None takes the rate of the shots so far."""
-    from analysis.inference import together  # slow to import
+    from analysis.inference import averaged_shots  # slow to import
 
     rate_hz = rate_hz or next((one.sample_rate_hz for one in shots if one.sample_rate_hz), None) or _RATE_HZ
-    samples = together([one.motion for one in shots if one.motion is not None and one.fit is not None])
+    samples = averaged_shots([one.motion for one in shots if one.motion is not None and one.fit is not None])
     whole_s = shot.before_s + contact_s(shot, samples) + shot.after_s
     before_switch_s = max(shot.before_s - _switch_m(shots) / shot.speed_m_per_s, _LEAST_BEFORE_SWITCH_S)
     return CaptureSettings(rate_hz, round(rate_hz * whole_s), round(rate_hz * before_switch_s))

@@ -29,12 +29,11 @@ from app.session import (
     note,
     warm_up_analysis,
 )
-from app.window import menus, window_state
+from app.window import commands, window_state
 from app.window.layout import Layout
-from app.window.presenters.diagnosis import DiagnosisPresenter
+from app.window.presenters.diagnosis import DiagnosisPresenter, LawsPresenter
 from app.window.presenters.files import FilesPresenter
-from app.window.presenters.help import HelpPresenter
-from app.window.presenters.laws import LawsPresenter
+from app.window.presenters.help import HelpPresenter, TourPresenter
 from app.window.presenters.mapping import MappingPresenter
 from app.window.presenters.model import ModelPresenter
 from app.window.presenters.next_shot import NextShotPresenter
@@ -44,7 +43,6 @@ from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
 from app.window.presenters.setup import SetupPresenter
 from app.window.presenters.tables import TablesPresenter
-from app.window.presenters.tour import TourPresenter
 from app.window.presenters.view import ViewPresenter
 from app.window.theme import Theme, Tone
 from app.window.window_state import first_size, keep_within_screen
@@ -150,7 +148,7 @@ class MainWindow(QMainWindow):
             self.tour_presenter,
             self.help_presenter,
         )
-        self.actions_by_name = menus.bind(self, (*presenters, self), {"recent": self.files_presenter.recent})
+        self.actions_by_name = commands.bind(self, (*presenters, self), {"recent": self.files_presenter.recent})
 
     def _start_work(self, kernels: Kernels) -> None:
         """Show the problems of session and settings; queue the kernels, the session's shots, unlisted recordings."""
@@ -223,7 +221,7 @@ class MainWindow(QMainWindow):
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Press the focused button with Enter."""
-        if not menus.pressed_by_enter(self.focusWidget(), event):
+        if not commands.pressed_by_enter(self.focusWidget(), event):
             super().keyPressEvent(event)
 
     def showEvent(self, event: QShowEvent) -> None:

@@ -40,7 +40,7 @@ def acquire(
     """Record ``shots`` shots into ``out`` and return the paths of their metadata.
 
     ``settings`` None: ``usual_settings`` before each shot; ``setup`` None: the digitizer's own.  ``timeout_s`` is the
-    longest wait for each trigger; ``report`` gets one line a shot.  Raises AcquireError.  Closes the digitizer.
+    longest wait for each trigger; ``report`` gets one line per shot.  Raises AcquireError.  Closes the digitizer.
     """
     saved: list[Path] = []
     try:

@@ -1,4 +1,4 @@
-"""The thread that demodulates the running stream for the screen, checks its signals and the room on the disk."""
+"""The thread that demodulates the running stream for the screen, checks its signals, and measures the site at rest."""
 
 import threading
 import time
@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
+from analysis.reading import LEAST_S, PlannedShot, SiteFloor, read_site
 from analysis.shot import AnalysisError, Role, Setup
-from analysis.signal import LiveDemodulator
+from analysis.signal import LiveChunk, LiveDemodulator
+from instrument.devices import CaptureSettings
 from instrument.files import disk_free_bytes, one_line
 from instrument.live.live_view import ChannelSignal, empty_view
 from instrument.live.live_window import LiveWindow
-from instrument.live.rest_watch import RestWatch, planned_shot
 from instrument.live.ring import Overwritten, Stream
 from instrument.live.setup_check import CHECKED_SAMPLES, check_signals
 from instrument.trigger import LightSwitch, MotionTrigger, TriggerSettings
@@ -25,6 +26,11 @@ _CHUNK = 1 << 17
 _EVERY_S = 0.06  # a curve that rolls is followed as well at 16 pictures a second as at 30, for half of the work
 _CHECK_EVERY_S = 0.1
 _DISK_EVERY_S = 1.0
+KEPT_S = 4.0  # of rest: enough to resolve motors a tenth of a hertz from the mains
+EVERY_S = 1.0  # of stream between two readings of the site
+AT_REST_M_PER_S = 2e-3  # a hand that holds the block moves it more slowly, one that pushes it faster
+_AVERAGED = 4  # points of the live curve that make one sample of rest
+_SWITCH_S = 2.6e-3  # from light switch to plate at a usual speed
 
 
 class LiveThread:
@@ -193,3 +199,42 @@ def warm() -> None:
     live = LiveDemodulator(rate, 0, 1, Setup(0.01), OUTPUT_HZ)
     live.feed(counts)
     live.feed(counts)
+
+
+class RestWatch:
+    """Measures the motion of the site from a live curve of ``rate_hz`` while the block is at rest.
+
+    ``floor`` is the newest reading, None before the first one.
+    """
+
+    def __init__(self, rate_hz: float, planned: PlannedShot) -> None:
+        self._rate_hz, self._planned = rate_hz / _AVERAGED, planned
+        self._kept = np.empty(0)
+        self._left = np.empty(0)
+        self._due = 0
+        self.floor: SiteFloor | None = None
+
+    def add(self, chunk: LiveChunk) -> None:
+        """Add a chunk's velocity; a motion or a gap discards what was collected, but not the last floor."""
+        velocity = np.concatenate((self._left, chunk.velocity_m_per_s))
+        whole = velocity.size - velocity.size % _AVERAGED
+        self._left = velocity[whole:]
+        means = velocity[:whole].reshape(-1, _AVERAGED).mean(axis=1)
+        moved = np.flatnonzero(~(np.abs(means) < AT_REST_M_PER_S))
+        if moved.size:
+            self._kept = np.empty(0)
+            means = means[moved[-1] + 1 :]
+        self._due -= means.size
+        self._kept = np.concatenate((self._kept, means))[-round(KEPT_S * self._rate_hz) :]
+        if self._due <= 0 and self._kept.size >= LEAST_S * self._rate_hz:
+            self._due = round(EVERY_S * self._rate_hz)
+            self.floor = read_site(self._kept, self._rate_hz, self._planned)
+
+
+def planned_shot(settings: CaptureSettings) -> PlannedShot:
+    """Return the lengths of the two flights in a shot of these settings, at a usual speed."""
+    usual = PlannedShot()
+    before = settings.pre_trigger_samples / settings.sample_rate_hz + _SWITCH_S
+    after = settings.samples / settings.sample_rate_hz - before - usual.contact_s
+    least = 2e-3
+    return PlannedShot(before_s=max(before, least), after_s=max(after, least))

@@ -29,7 +29,7 @@ class Ring:
 
     @property
     def capacity(self) -> int:
-        """Get how many samples a channel the ring holds."""
+        """Get how many samples per channel the ring holds."""
         return int(self._counts.shape[0])
 
     @property

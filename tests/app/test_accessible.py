@@ -22,7 +22,7 @@ from PySide6.QtWidgets import (
 
 from app.session.session import Session
 from app.session.settings import FIELDS
-from app.window import menus
+from app.window import commands
 from app.window.commands import COMMANDS, MENUS
 from app.window.layout import Layout
 from app.window.panels.tree_table import TreeTable
@@ -51,7 +51,7 @@ def whole(qapp):
     main.setCentralWidget(main.panels)
     main.panels.settings.offer(FIELDS)
     main.pressed = Pressed()
-    menus.bind(main, (main.pressed,))
+    commands.bind(main, (main.pressed,))
     session = Session()
     for index, speed in enumerate((0.2, 0.25), 1):
         session.add(synthetic.shot(f"shot-{index}", speed, index))
@@ -172,7 +172,7 @@ def test_letters_and_space_typed_into_a_field_stay_there(window, qtbot):
 
 def test_enter_presses_buttons_made_later_too(window, qtbot):
     main = window
-    main.keyPressEvent = lambda event: menus.pressed_by_enter(main.focusWidget(), event)
+    main.keyPressEvent = lambda event: commands.pressed_by_enter(main.focusWidget(), event)
     main.panels.tabs.setCurrentIndex(Layout.DIAGNOSIS)
     qtbot.wait(20)
     button = main.panels.diagnosis.effects.button("quadratic_drag")

@@ -11,8 +11,8 @@ import pytest
 
 from analysis.diagnosis.model_file import SavedModel, from_text, to_text
 from analysis.diagnosis.result import Errors
-from analysis.shot.plot_note import PlotNote
 from analysis.shot.quantity import Quantity
+from analysis.shot.shot import PlotNote
 from app.command_line import options, parser
 from app.command_line.campaign.task import tasks_of
 from app.session import session as session_module

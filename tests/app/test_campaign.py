@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import gc
 import hashlib
 import json
 import signal
@@ -84,10 +85,16 @@ def test_a_scheduler_that_does_not_answer(
 def test_a_scheduler_that_cannot_be_connected_to_is_said_in_one_line(
     shots: Path, capsys: pytest.CaptureFixture[str], address: str, words: str
 ) -> None:
-    pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+    distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+
+    def clients() -> int:
+        return sum(isinstance(one, distributed.Client) for one in gc.get_objects())
+
+    before = clients()
     assert main(["--replay", str(shots / "a"), "--scheduler", address]) == 1
     said = capsys.readouterr().err
     assert said.count("\n") == 1 and said.startswith(f"levimass: {address}: ") and words in said
+    assert clients() <= before  # one that ended while the next one begins would wait for a lock that the next one holds
 
 
 def test_what_was_not_reached_is_no_result(shots: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

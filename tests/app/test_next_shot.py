@@ -13,7 +13,7 @@ from analysis.planning.plan import Plan
 from analysis.planning.shot_log import PlannedStep, PlanningState
 from analysis.shot.recording import Setup
 from app.command_line.cli import main
-from app.command_line.plan_shots import plan_shots
+from app.command_line.replay import plan_shots
 from app.session.event import Diagnosed
 from app.session.next_shots import NextShots
 from app.session.planned_capture import planned_setup

@@ -8,7 +8,7 @@ from PySide6.QtCore import QPoint, Qt
 from PySide6.QtGui import QImage
 
 from analysis.drive.curves import drive_curves
-from analysis.shot.plot_note import UNITS, PlotNote
+from analysis.shot.shot import UNITS, PlotNote
 from app.report.page import report_of
 from app.report.shot_figures import time_zero
 from app.session.session import Session

@@ -3,7 +3,7 @@
 import pytest
 
 from analysis.planning.next_shot import Reach
-from app.command_line import plan_shots, resolve
+from app.command_line import replay, resolve
 from app.command_line.modes import reach_of
 from app.command_line.parser import parse
 from app.session.settings import Settings
@@ -33,10 +33,10 @@ def stops_at_the_plan(monkeypatch):
     def plan_next(*_, reach, **__):
         raise PlannedWith(reach)
 
-    for module in (plan_shots, resolve):
+    for module in (replay, resolve):
         monkeypatch.setattr(module, "plan_next", plan_next)
-    monkeypatch.setattr(plan_shots, "refit_diagnosed", lambda *_: None)
-    monkeypatch.setattr(plan_shots, "plan_precision", lambda *_, reach: plan_next(reach=reach))
+    monkeypatch.setattr(replay, "refit_diagnosed", lambda *_: None)
+    monkeypatch.setattr(replay, "plan_precision", lambda *_, reach: plan_next(reach=reach))
     monkeypatch.setattr(resolve, "diagnose", lambda *_, **__: synthetic.diagnosis(synthetic.shot()))
 
 
@@ -44,7 +44,7 @@ def stops_at_the_plan(monkeypatch):
 def test_a_plan_reaches_as_far_as_the_rig_does(stops_at_the_plan, parameter):
     shot, reach = synthetic.shot(), Reach((0.1,), (0.0,), 0.02)
     with pytest.raises(PlannedWith) as found:
-        plan_shots.plan_shots([shot], synthetic.diagnosis(shot), parameter, reach)
+        replay.plan_shots([shot], synthetic.diagnosis(shot), parameter, reach)
     assert found.value.args == (reach,)
 
 

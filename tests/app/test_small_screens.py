@@ -26,14 +26,13 @@ from analysis.collision.effects import CATALOGUE, WIDER
 from analysis.diagnosis.result import Candidate, Verdict
 from analysis.drive.catalogue import LAWS
 from analysis.drive.curves import drive_curves
-from analysis.shot.plot_note import PlotNote
-from analysis.signal.flag_meanings import MEANINGS
+from analysis.shot.shot import PlotNote
 from app.report.shot_figures import time_zero
 from app.session.jobs import Jobs
 from app.session.kernel_compilation import PIECES
 from app.session.session import Session
 from app.session.settings import FIELDS, Settings
-from app.window import menus
+from app.window import commands
 from app.window.layout import Layout
 from app.window.panels.session_model import FLAGS, VERDICT
 from app.window.plots.plain_axis import PlainAxis
@@ -70,7 +69,7 @@ def window(qapp, request, shots):
     main = QMainWindow()
     panels = main.panels = Layout(Theme("light"), main)
     main.setCentralWidget(panels)
-    menus.bind(main, (_Nobody(),))
+    commands.bind(main, (_Nobody(),))
     panels.settings.offer(FIELDS)
     panels.settings.show_values(Settings().values())
     panels.controls.offer_sources([("bench", "Simulated bench with a flaw")], "bench")
@@ -322,7 +321,7 @@ def test_the_numbers_of_an_axis_never_lie_over_one_another(window):
 
 def test_every_flag_has_room_in_its_column(window):
     table = window.panels.table
-    words = [flags_in_short([flag, *["x"] * 9]) for flag in (*MEANINGS, *FLAG_WORDS)]
+    words = [flags_in_short([flag, *["x"] * 9]) for flag in FLAG_WORDS]
     widest = max(table.fontMetrics().horizontalAdvance(text) for text in words)
     assert widest < table.table.columnWidth(FLAGS) - 8
 

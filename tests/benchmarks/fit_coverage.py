@@ -15,7 +15,7 @@ from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import square_of
 from analysis.inference.fit.least_squares import covariance
-from analysis.inference.fit.samples import together
+from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise.floor import Floor
 from analysis.shot.fit import Fit
@@ -60,7 +60,7 @@ def _bound(white_m: float, wander: tuple[float, float] = (0.0, 1e-2)) -> dict[st
 
     ``wander`` is the rms in m and the memory in s of a part that wanders.
     """
-    shots = together([shot(seed=1)])
+    shots = averaged_shots([shot(seed=1)])
     noise = Floor(white_m / shots[0].factor ** 0.5, (wander[0], 0.0), (wander[1], 1e-2), shots[0].spacing_s)
     hypothesis = Hypothesis(JointData(shots, base_named("paper")), ())
     own = np.array([[PAPER.velocity_in_m_per_s, 0.0123456, 3.1e-3]])

@@ -10,7 +10,7 @@ import numpy as np
 
 from analysis.diagnosis.result import Diagnosis
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.inference.fit.samples import Samples, together
+from analysis.inference.fit.samples import Samples, averaged_shots
 from analysis.planning.distances import screen_shots
 from analysis.planning.model_comparison import compare_models
 from analysis.planning.next_shot import NextShot, Reach, contact_s, undecided
@@ -63,7 +63,7 @@ def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutc
     truth = rig.truth
     began = time.process_time()
     motions = _motions(truth)
-    first, like = diagnose(motions), together(motions)
+    first, like = diagnose(motions), averaged_shots(motions)
     diagnosed = time.process_time()
     spent = (diagnosed - began, 0.0, 0.0)
     outcome = NextOutcome(case, rig.snr, _names(first), undecided(first), truth=dict(truth.effects), cpu_s=spent)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.inference.fit.base import base_named
-from analysis.inference.fit.samples import Samples, together
+from analysis.inference.fit.samples import Samples, averaged_shots
 from analysis.inference.noise.floor import white_floor
 from analysis.inference.noise.site import Site, Sway, swayed
 from analysis.shot.disturbance import Shaking
@@ -96,7 +96,7 @@ def norms(truth: Truth) -> float:
     """
     still = replace(truth, site=QUIET, effects={})
     slight = replace(still, effects=scaled(truth.effects, _SMALL))
-    shots = together([as_motion(record) for record in records(replace(still, seed=truth.seed))])
+    shots = averaged_shots([as_motion(record) for record in records(replace(still, seed=truth.seed))])
     sways = [_sway(truth, index, shot) for index, shot in enumerate(shots)]
     tangents = np.split(base_tangents(still).columns, len(shots))
     rows = []

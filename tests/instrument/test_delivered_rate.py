@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.signal.flag_meanings import MEANINGS
+from app.words.flags import FLAG_WORDS
 from instrument.capture.acquisition import State
 from instrument.capture.stream_reader import DeliveredRate
 from instrument.devices.digitizer import Block
@@ -64,5 +64,5 @@ def test_the_recording_of_a_half_delivering_device_says_so(tmp_path: Path) -> No
         until(rig.capture, lambda s: s.state is State.IDLE)
     assert shot.path is not None
     recording = read_recording(shot.path)
-    assert "rate_contradicted" in recording.flags and "rate_contradicted" in MEANINGS
+    assert "rate_contradicted" in recording.flags and "rate_contradicted" in FLAG_WORDS
     assert 0.0 < recording.extra["global"]["lmm:delivered_rate_hz"] < 0.6 * RATE_HZ  # a busy one is later still

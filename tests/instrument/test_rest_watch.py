@@ -6,7 +6,7 @@ import pytest
 from analysis.reading.site import PlannedShot
 from analysis.signal.stream import LiveChunk
 from instrument.devices.digitizer import CaptureSettings
-from instrument.live.rest_watch import RestWatch, planned_shot
+from instrument.live.live_thread import RestWatch, planned_shot
 
 RATE = 10e3
 

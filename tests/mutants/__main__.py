@@ -1,10 +1,12 @@
 """``make mutants``: faults drawn by a seed, each in a copy of the program, and whether a test notices.
 
-``python -m tests.mutants [--faults N] [--seed S] [--jobs J] [--seconds T] [PATH...]``.  A file is drawn as often as it
-has places for a fault; of PATH, if given, alone.  Kernels are compiled into a folder of the run's own, begun with those
-that are compiled already: they lie there under a stamp of their sources, so none answers for another.  What takes more
-than T seconds is counted by itself: a search without an end is seen, but so is a busy machine.  The exit status is 1
-where a fault survived.
+``python -m tests.mutants [--faults N] [--seed S] [--jobs J] [--seconds T] [--covered FOLDER] [PATH...]``.  A file is
+drawn as often as it has places for a fault; of PATH, if given, alone.  A fault is put to the tests that ran its line
+when the whole suite ran without it (kept in FOLDER: made there first, in a quarter of an hour), the nearest and
+quickest first; where none is seen to, as in a compiled kernel, to the test files that import it.  Kernels go into a
+folder of the run's own, begun with those that are compiled already: they lie there under a stamp of their sources, so
+none answers for another.  What takes more than T seconds is counted by itself: a search without an end is seen, but so
+is a busy machine.  The exit status is 1 where a fault survived.
 """
 
 import argparse
@@ -20,10 +22,12 @@ from pathlib import Path
 from queue import Queue
 
 from analysis.compiled import kernel_cache
+from tests.mutants.covered import Covered
 from tests.mutants.imports import TOPS, Imports
 from tests.mutants.operators import Fault, faults_of
 
 ROOT = Path(__file__).resolve().parents[2]
+_SHARE = 0.4  # of the time allowed that the tests of a fault should take: noted lines slow them down, so does company
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -33,9 +37,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--seconds", type=float, default=120.0, help="the longest that the tests of one fault may take")
+    parser.add_argument("--covered", type=Path, default=ROOT / ".mutants", help="what ran which line, kept from before")
     parser.add_argument("paths", nargs="*", help="files or folders of the program (default: all)")
     options = parser.parse_args(arguments)
-    imports = Imports(ROOT)
+    covered, imports = Covered.kept_in(options.covered, ROOT), Imports(ROOT)
     paths = [p for p in imports.program() if not options.paths or p.startswith(tuple(options.paths))]
     places = [fault for path in paths for fault in faults_of(ROOT, path)]
     drawn = random.Random(options.seed).sample(places, min(options.faults, len(places)))
@@ -46,9 +51,10 @@ def main(arguments: list[str] | None = None) -> int:
             copies.put(_copied(Path(folder) / str(number)))
 
         def tried(fault: Fault) -> tuple[Fault, str]:
-            copy = copies.get()
+            copy, near = copies.get(), imports.tests_of(fault.path)
+            tests = covered.tests_of(fault.path, fault.line, near, _SHARE * options.seconds) or near
             try:
-                return fault, _end_of(fault, copy, imports.tests_of(fault.path), options.seconds)
+                return fault, _end_of(fault, copy, tests, options.seconds)
             finally:
                 copies.put(copy)
 
@@ -77,7 +83,7 @@ def _copied(place: Path) -> Path:
 
 
 def _end_of(fault: Fault, tree: Path, tests: list[str], seconds: float) -> str:
-    """Return "noticed", "timed out", "survived", or "no test" where none imports the file."""
+    """Return "noticed", "timed out", "survived", or "no test" where there is none."""
     if not tests:
         return "no test"
     file = tree / fault.path

@@ -24,12 +24,12 @@ from analysis.inference import (
     Score,
     TrialEffect,
     all_scores,
-    apart,
+    distinct_starts,
     fit_hypothesis,
     projector,
     refit,
     to_effective,
-    united,
+    with_both_effects,
 )
 from analysis.shot import Cancelled, Stop
 
@@ -145,7 +145,7 @@ def paired(trail: Trail) -> Fitted | None:
         one, other = two
         if narrower(one.names) & {*other.names} or narrower(other.names) & {*one.names}:
             return None
-        return united(one, other, trail.start, trail.stop)
+        return with_both_effects(one, other, trail.start, trail.stop)
 
     new = [(a, b) for a, b in itertools.combinations(firsts, 2) if trail.of({*a.names, *b.names}) is None]
     fits = [fitted for fitted in side_by_side(together, new) if fitted is not None]
@@ -208,7 +208,7 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
         score
         for place, listed in enumerate(ranked[: min(width, REFITTED + STRONGER if strong else REFITTED)])
         if strong or place < compared or listed[0].gain > WORTH_FITTING
-        for score in apart(listed)[: 1 if place >= 2 else 2]
+        for score in distinct_starts(listed)[: 1 if place >= 2 else 2]
     ]
     if here.floor.wanders:
         # The noise was learnt from the residual and may have absorbed an effect: score as if it were white, too.
@@ -221,7 +221,7 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
         refitted.append(refit(at, score.kind, score.start, trail.stop, least_bic=least))
     known = {score.kind.name: trail.of((*trail.start.names, score.kind.name)) for score in tried if not first}
     alone = [fitted for fitted in known.values() if fitted is not None and trail.pays(fitted, trail.start)]
-    refitted += [united(here, fitted, trail.start, trail.stop) for fitted in alone]
+    refitted += [with_both_effects(here, fitted, trail.start, trail.stop) for fitted in alone]
     quick = sorted((trial for trial in refitted if trial is not None), key=lambda trial: trial.bic)
 
     def finished(place: int) -> Fitted:

@@ -9,7 +9,17 @@ from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.search.forward_selection import Trail, better, climb, explore
 from analysis.diagnosis.search.wider_effects import narrower
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.inference import Begin, Fitted, Point, TrialEffect, finish, first_guesses, joined, search, slow_enough
+from analysis.inference import (
+    Fitted,
+    Point,
+    SearchStart,
+    TrialEffect,
+    finish,
+    first_guesses,
+    joined,
+    search,
+    slow_enough,
+)
 from analysis.shot import Stop
 
 _SOFTENED = ((1.0, 1.0), (0.01, 0.1))  # times the stiffness and damping of the contact as it was read
@@ -27,7 +37,7 @@ def accept(base: Fitted, catalogue: Sequence[TrialEffect], accepted: Sequence[st
 
 def explored(
     before: Fitted,
-    given: Begin,
+    given: SearchStart,
     catalogue: Sequence[TrialEffect],
     stop: Stop,
     *,

@@ -19,6 +19,7 @@ from analysis.inference import (
     Projector,
     Samples,
     TrialEffect,
+    averaged_shots,
     fit_hypothesis,
     learn_floor,
     on_site,
@@ -26,7 +27,6 @@ from analysis.inference import (
     refit,
     residuals,
     scores,
-    together,
     with_plates,
 )
 from analysis.shot import Motion, Stop
@@ -45,7 +45,7 @@ def at_full_rate(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple
     here = best.hypothesis.data
     if ripple is None or ripple.name in trail.start.names or any(shot.wavelength_m is None for shot in here.shots):
         return None
-    shots = together(motions, FINE_RATE_HZ)
+    shots = averaged_shots(motions, FINE_RATE_HZ)
     if shots[0].factor == here.shots[0].factor:
         return None
     shots = with_plates(shots, [shot.plate for shot in here.shots])
@@ -117,7 +117,7 @@ def _promised(
     here = best.hypothesis.data
     still = []
     for shot, coarse, left_m in zip(fine, here.shots, best.residual_m, strict=True):
-        moved_m = left_m - coarse.beside_the_site(best.floor, left_m)
+        moved_m = left_m - coarse.without_frame_motion(best.floor, left_m)
         if coarse.sway is not None and any(coarse.plate):
             moved_m = moved_m - coarse.sway.of_plate_m(coarse.plate)
         at_valid = np.interp(shot.centre_s, coarse.centre_s[coarse.valid], moved_m[coarse.valid])

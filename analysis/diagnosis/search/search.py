@@ -18,16 +18,16 @@ from analysis.diagnosis.search.full_rate import with_sway_updated
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference import (
-    Begin,
     Fitted,
+    SearchStart,
     Site,
     TrialEffect,
     base_fit,
     fit_hypothesis,
     joint_data,
-    may_be_of_a_site,
+    nuisances_pay,
     own_flights,
-    pays_along,
+    resembles_frame_motion,
     white_floor,
 )
 from analysis.shot import Motion, Progress, Stop
@@ -67,7 +67,7 @@ class Search:
     """A search of ``motions``: the base fit begins at ``given``, ``accepted`` effects are part of the model."""
 
     motions: Sequence[Motion]
-    given: Begin
+    given: SearchStart
     catalogue: Sequence[TrialEffect]
     accepted: Sequence[str]
     tell: Progress
@@ -80,7 +80,7 @@ class Search:
         catalogue = [
             kind
             for kind in self.catalogue
-            if site is None or kind.name in self.accepted or not may_be_of_a_site(named(kind.name))
+            if site is None or kind.name in self.accepted or not resembles_frame_motion(named(kind.name))
         ]
 
         def along_with(along: Sequence[str]) -> tuple[Fitted, Trail]:
@@ -99,7 +99,7 @@ class Search:
         best, trail = along_with(along)
         if along:  # accelerations of each shot's own may stand in for one law of all shots
             plain, plain_trail = along_with(())
-            if plain.bic <= best.bic or not pays_along(best, along, self.stop):
+            if plain.bic <= best.bic or not nuisances_pay(best, along, self.stop):
                 best, trail = plain, plain_trail
         added = len(trail.added(best))
         return Searched(best, trail, catalogue, CRITERIA.most_effects - added if added >= most else 0)

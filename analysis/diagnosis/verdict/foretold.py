@@ -21,12 +21,12 @@ from analysis.inference import (
     JointData,
     Point,
     TrialEffect,
+    averaged_shots,
     base_named,
     learn_floor,
     minimise,
     residuals,
     square_of,
-    together,
     trials_named,
     white_floor,
 )
@@ -147,7 +147,7 @@ def _driven(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Errors
 
 
 def _collision(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Errors, Errors]:
-    data = JointData(together([motion]), base_named(model.base))
+    data = JointData(averaged_shots([motion]), base_named(model.base))
     start = data.shots[0].course.own
     # What each shot has for itself, it has under the base model as well.
     along = trials_named(name for name in model.effects if name not in findings(model.effects))

@@ -67,11 +67,11 @@ def gain(fitted: Fitted, at: Projector, shapes: Arrow) -> tuple[float, int, Floo
     And the floor that is left beside them.
     """
     whitened = shapes.whitened(fitted.hypothesis.data.shots, at.floor)
-    beside = at.basis.beside(whitened)
-    new = int(beside.new.sum())
+    projected = at.basis.projected_columns(whitened)
+    new = int(projected.new.sum())
     if not new:
         return 0.0, 0, fitted.floor
-    numbers = beside.solve(at.left)
+    numbers = projected.solve(at.left)
     moves = at.tangents.solve(at.whole - whitened.along(numbers))
     both = zip(at.lines, at.tangents.places, shapes.blocks, shapes.places, strict=True)
     taken = [tangent @ moves[of_fit] + shape @ numbers[of_shape] for (_, tangent), of_fit, shape, of_shape in both]

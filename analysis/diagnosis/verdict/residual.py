@@ -156,7 +156,7 @@ def describe(fitted: Fitted) -> str:
     square: dict[str, list[float]] = {}
     above, speeds = [], []
     for shot, left_m in zip(shots, fitted.residual_m, strict=True):
-        residual = shot.beside_the_site(fitted.floor, left_m)
+        residual = shot.without_frame_motion(fitted.floor, left_m)
         white = (noise_m * shot.weight) ** 2
         above.append(float(np.mean(residual[shot.valid] ** 2)) - white)
         speeds.append(abs(shot.course.velocity_in_m_per_s))

@@ -1,4 +1,4 @@
-"""A fit with one effect more: from where it scored best, or from where it was found alone."""
+"""Short fits with one more effect: from its best-scored start values, or from the fit that found it alone."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -18,19 +18,19 @@ from analysis.inference.screen.projector import Projector
 from analysis.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]
-_SHORT = 7  # evaluations of a search that only compares
-_GIVEN_UP = 300.0  # of the criterion behind another fit: such a search is left where it promises little
-_OF_THE_START = (1.0, 0.3, 0.1)
-_ROOM = 4  # steps at most
-_HARDLY = 1e-4  # of what the parameters together do most: so little need not give way
+_SHORT = 7  # evaluations of a fit that only compares
+_FAR_BEHIND = 300.0  # BIC behind the other fit at which a search that promises little more is stopped
+_START_SHARES = (1.0, 0.3, 0.1)  # of the start amplitude, tried in turn
+_COMPENSATING_STEPS = 4  # steps at most
+_LEAST_SINGULAR = 1e-4  # of the largest singular value: directions with less are not moved
 
 
 def refit(
     at: Projector, kind: TrialEffect, start: Sequence[Mapping[str, float]], stop: Stop, *, least_bic: float = math.inf
 ) -> Fitted | None:
-    """Fit quickly with one effect more from its start values a shot; None where there is no trajectory.
+    """Fit briefly with one more effect from its start values, one set for each shot; None where no trajectory exists.
 
-    ``least_bic`` is the criterion of a fit that it is compared with: far behind, it is not followed to its end.
+    ``least_bic`` is the criterion of the fit that it is compared with: a search far behind it is stopped early.
     """
     here = at.fitted
     hypothesis = Hypothesis(
@@ -45,26 +45,26 @@ def refit(
 
     def hopeless(z: Floats, square: Square) -> bool:
         so_far = finish(hypothesis, Minimum(z, square, False, 0), here.floor)
-        return so_far.bic > least_bic + _GIVEN_UP
+        return so_far.bic > least_bic + _FAR_BEHIND
 
-    asked = hopeless if math.isfinite(least_bic) else None
-    for share in _OF_THE_START:  # a linear step may lead further than any trajectory goes
+    stop_early = hopeless if math.isfinite(least_bic) else None
+    for share in _START_SHARES:  # a linear step may lead to where there is no trajectory
         weaker = [times(kind, given, share) for given in start]
         values = tuple({**v, kind.name: given} for v, given in zip(effective.values, weaker, strict=True))
         try:
             z = np.clip(hypothesis.pack_effective(Point(effective.base, effective.own, values)), low, high)
-            z = _made_room(at, hypothesis, z)
-            found = search(hypothesis, z, here.floor, evaluations=_SHORT, hopeless=asked, cancelled=stop)
+            z = _compensated(at, hypothesis, z)
+            found = search(hypothesis, z, here.floor, evaluations=_SHORT, hopeless=stop_early, cancelled=stop)
             return finish(hypothesis, found, here.floor)
         except (Infeasible, np.linalg.LinAlgError, FloatingPointError):
             continue
     return None
 
 
-def _made_room(at: Projector, hypothesis: Hypothesis, z: Floats) -> Floats:
-    """Return ``z`` with what was fitted before moved out of the new effect's way, by the derivatives at hand.
+def _compensated(at: Projector, hypothesis: Hypothesis, z: Floats) -> Floats:
+    """Return ``z`` with the parameters fitted before moved to compensate for the new effect, by linear steps.
 
-    An effect may do a thousand times more than what it does beside the base parameters.
+    The effect's whole displacement may be a thousand times the part that the fitted parameters cannot compensate.
     """
     before = at.fitted.hypothesis
     places = {
@@ -73,13 +73,13 @@ def _made_room(at: Projector, hypothesis: Hypothesis, z: Floats) -> Floats:
     }
     free_parameters = [places[name, free.name, shot] for name, free, shot in before.free_parameters]
     moving = np.array([*range(before.offset), *free_parameters])
-    giving_way = at.once("giving way", lambda: _giving_way(at.tangents))
+    compensation = at.once("compensation", lambda: _compensation(at.tangents))
     low, high = hypothesis.bounds
     left = whitened_residual(hypothesis, at.floor, z)
     chi2 = float(left @ left)
-    for _ in range(_ROOM):
+    for _ in range(_COMPENSATING_STEPS):
         there = z.copy()
-        there[moving] -= giving_way(left)
+        there[moving] -= compensation(left)
         there = np.clip(there, low, high)
         try:
             left = whitened_residual(hypothesis, at.floor, there)
@@ -91,30 +91,30 @@ def _made_room(at: Projector, hypothesis: Hypothesis, z: Floats) -> Floats:
     return z
 
 
-def _giving_way(tangents: Arrow) -> Callable[[Floats], Floats]:
-    """Return what turns a remainder, shape (rows,), into the moves of the parameters that leave it.
+def _compensation(tangents: Arrow) -> Callable[[Floats], Floats]:
+    """Return the map from a whitened residual, shape (rows,), to the least-squares step of the parameters.
 
-    What hardly shows does not move.
+    Directions that hardly change the displacement are not moved.
     """
     gram = tangents.gram()
     scale = np.sqrt(np.diag(gram))
     scale[scale == 0] = 1.0
     level, turn = np.linalg.eigh(gram / np.outer(scale, scale))
-    some = level > _HARDLY**2 * level[-1]
+    some = level > _LEAST_SINGULAR**2 * level[-1]
     return lambda left: (turn[:, some] @ (turn[:, some].T @ (tangents.pull(left) / scale) / level[some])) / scale
 
 
 def times(kind: TrialEffect, values: Mapping[str, float], factor: float) -> Mapping[str, float]:
-    """Return an effect's values at which it does ``factor`` times what it did, in first order."""
+    """Return an effect's values at ``factor`` times its strength, to first order."""
     factor = 1 / factor if kind.inverse else factor
     return {**values, **{name: values[name] * factor for name in kind.amplitude}}
 
 
-def united(here: Fitted, alone: Fitted, start: Fitted, stop: Stop) -> Fitted | None:
-    """Fit quickly with what ``here`` and ``alone`` each found beyond ``start``; None where there is no trajectory.
+def with_both_effects(here: Fitted, alone: Fitted, start: Fitted, stop: Stop) -> Fitted | None:
+    """Fit briefly with the effects of ``here`` and of ``alone``, both grown from ``start``; None where that fails.
 
-    Both moved the base: to first order it goes both ways.  Where the first effect shows every step of a fringe, a
-    search from the second's first order goes nowhere.
+    The search begins with the base parameters moved by the sum of both fits' moves.  A start from a linear step would
+    fail where the first effect makes the displacement follow the steps of a fringe.
     """
     first, other = here.hypothesis, alone.hypothesis
     new = tuple(kind for kind in other.effects if kind not in first.effects)

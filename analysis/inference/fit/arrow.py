@@ -1,7 +1,7 @@
-"""Columns over the samples of several shots, of which each shot has some to itself: a block-arrow matrix.
+"""Block-arrow matrices: columns for parameters shared by all shots, and columns that belong to one shot each.
 
-Shots are coupled through shared parameters alone.  Kept and solved shot by shot, what several shots cost in time and
-memory grows with their number, not with its square.
+Shots are coupled through the shared parameters alone.  Stored and solved shot by shot, time and memory grow with the
+number of shots, not with its square.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Places = NDArray[np.intp]
-_DEPENDENT = 1e-9  # of a column's length is left beside others: a mixture of these
-_SPANNED = 1e-6  # ... beside everything that is fitted
+_DEPENDENT = 1e-9  # of a column's length: with less left after projection it depends linearly on the others
+_SPANNED = 1e-6  # the same after projection onto everything that is fitted
 _ROUNDING = 1e-12  # of the largest singular value
 
 
 @dataclass(frozen=True, slots=True)
 class Arrow:
-    """``blocks``, shape (n, s + q) a shot: first the ``shared`` columns, in the same order for all, then its own.
+    """``blocks``, shape (n, s + q) for each shot: the s ``shared`` columns in the same order for all, then its own q.
 
-    ``places``, shape (s + q,) a shot, say which of ``size`` numbers each column belongs to.
+    ``places``, shape (s + q,) for each shot, are the indices of these columns in a vector of ``size`` parameters.
     """
 
     blocks: tuple[Floats, ...]
@@ -37,21 +37,21 @@ class Arrow:
 
     @classmethod
     def of(cls, blocks: Sequence[Floats], shared: int) -> "Arrow":
-        """Return columns whose numbers are counted through: shared ones, then shot by shot."""
+        """Return a matrix whose vector holds the shared parameters first, then each shot's own, shot by shot."""
         ends = np.cumsum([shared, *(block.shape[1] - shared for block in blocks)])
         places = [np.concatenate([np.arange(shared), np.arange(*ends[k : k + 2])]) for k in range(len(blocks))]
         return cls(tuple(blocks), shared, tuple(place.astype(np.intp) for place in places), int(ends[-1]))
 
     def mapped(self, turn: Callable[[int, Floats], Floats]) -> "Arrow":
-        """Return the columns with ``turn`` (shot, block) in each block's place, its columns as they were."""
+        """Return the matrix with each block replaced by ``turn(shot, block)``, which keeps the columns."""
         return replace(self, blocks=tuple(turn(k, block) for k, block in enumerate(self.blocks)))
 
     def whitened(self, shots: Sequence["Samples"], noise: "Floor") -> "Arrow":
-        """Return the columns, whose rows are all averaged samples, at the valid ones and whitened by a noise."""
+        """Return the matrix whitened by a noise; its rows are then the valid averaged samples alone."""
         return self.mapped(lambda k, block: shots[k].whitened(noise, block))
 
     def without(self, numbers: Iterable[int]) -> "Arrow":
-        """Return the columns without those of these numbers; what is left keeps its places."""
+        """Return the matrix without the columns of these parameters; the others keep their indices."""
         gone = np.fromiter(numbers, np.intp)
         kept = [~np.isin(place, gone) for place in self.places]
         blocks = tuple(block[:, keep] for block, keep in zip(self.blocks, kept, strict=True))
@@ -60,59 +60,58 @@ class Arrow:
         return Arrow(blocks, shared, places, self.size)
 
     def parts(self, rows: Floats) -> list[Floats]:
-        """Return ``rows`` of all shots, one after another, shot by shot."""
+        """Return ``rows`` of all shots, one after another, as a list by shot."""
         edges = np.cumsum([0, *(len(block) for block in self.blocks)])
         return [rows[begin:end] for begin, end in pairwise(edges)]
 
     def along(self, numbers: Floats) -> Floats:
-        """Return the columns times ``numbers``, shape (size,): all rows."""
+        """Return the matrix times ``numbers``, shape (size,): shape (rows,)."""
         return np.concatenate([block @ numbers[at] for block, at in zip(self.blocks, self.places, strict=True)])
 
     def pull(self, rows: Floats) -> Floats:
-        """Return each column's product with ``rows``, shape (size,)."""
+        """Return the transposed matrix times ``rows``: shape (size,)."""
         out = np.zeros(self.size)
         for block, at, part in zip(self.blocks, self.places, self.parts(rows), strict=True):
             out[at] += block.T @ part
         return out
 
     def gram(self) -> Floats:
-        """Return the columns' products with each other, shape (size, size)."""
+        """Return the transposed matrix times itself, shape (size, size)."""
         out = np.zeros((self.size, self.size))
         for block, at in zip(self.blocks, self.places, strict=True):
             out[np.ix_(at, at)] += block.T @ block
         return out
 
     def span(self) -> "Span":
-        """Return what the columns span; cost: 4 n (s + q)^2 multiply-adds a shot."""
+        """Return an orthonormal basis of the columns; cost: 4 n (s + q)^2 multiply-adds per shot."""
         norm = np.sqrt(sum((np.sum(block[:, : self.shared] ** 2, axis=0) for block in self.blocks), np.zeros(1)))
         norm = np.where(norm > 0, norm, 1.0)
         own = tuple(orthonormal(block[:, self.shared :]) for block in self.blocks)
-        beside = [_beside(basis, block[:, : self.shared] / norm) for basis, block in zip(own, self.blocks, strict=True)]
+        beside = [
+            _projected_off(basis, block[:, : self.shared] / norm) for basis, block in zip(own, self.blocks, strict=True)
+        ]
         return Span(own, tuple(self.parts(_independent(np.concatenate(beside)))))
 
     def solve(self, rows: Floats) -> Floats:
-        """Return the numbers that make the columns' sum come nearest to ``rows``, shape (size,).
-
-        Least squares; of what the columns do not determine, the smallest.
-        """
+        """Return the least-squares solution for ``rows``, shape (size,): the shortest where it is not unique."""
         out = np.zeros(self.size)
         own = [orthonormal(block[:, self.shared :]) for block in self.blocks]
         both = [
-            _beside(basis, np.column_stack([block[:, : self.shared], part]))
+            _projected_off(basis, np.column_stack([block[:, : self.shared], part]))
             for basis, block, part in zip(own, self.blocks, self.parts(rows), strict=True)
         ]
         if self.shared:
             triangle: Floats = np.asarray(np.linalg.qr(np.concatenate(both), mode="r"))
-            out[self.places[0][: self.shared]] = _least(triangle[:, :-1], triangle[:, -1])
+            out[self.places[0][: self.shared]] = _least_squares(triangle[:, :-1], triangle[:, -1])
         for block, at, part in zip(self.blocks, self.places, self.parts(rows), strict=True):
             left = part - block[:, : self.shared] @ out[at[: self.shared]]
-            out[at[self.shared :]] = _least(block[:, self.shared :], left)
+            out[at[self.shared :]] = _least_squares(block[:, self.shared :], left)
         return out
 
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """Orthonormal columns: ``own``, shape (n, k) a shot, and ``shared``, shape (n, s) a shot, of all shots together."""
+    """An orthonormal basis: each shot's ``own`` columns, shape (n, k), and its rows of the ``shared`` ones, (n, s)."""
 
     own: tuple[Floats, ...]
     shared: tuple[Floats, ...]
@@ -122,28 +121,31 @@ class Span:
         return np.hstack([self.own[index], self.shared[index]])
 
     def projected(self, rows: Floats) -> Floats:
-        """Return ``rows`` of all shots, shape (rows,) or (rows, k), without what is spanned."""
+        """Return ``rows`` of all shots, shape (rows,) or (rows, k), with their projection on the basis subtracted."""
         edges = np.cumsum([0, *(len(basis) for basis in self.own)])
-        parts = [_beside(basis, rows[begin:end]) for basis, (begin, end) in zip(self.own, pairwise(edges), strict=True)]
+        parts = [
+            _projected_off(basis, rows[begin:end])
+            for basis, (begin, end) in zip(self.own, pairwise(edges), strict=True)
+        ]
         along = sum(basis.T @ part for basis, part in zip(self.shared, parts, strict=True))
         return np.concatenate([part - basis @ along for basis, part in zip(self.shared, parts, strict=True)])
 
-    def beside(self, columns: Arrow) -> "Beside":
-        """Return ``columns`` as they are beside what is spanned; cost: 2 n (k + s) multiply-adds a column and shot."""
+    def projected_columns(self, columns: Arrow) -> "ProjectedColumns":
+        """Return ``columns`` projected off the basis; cost: 2 n (k + s) multiply-adds per column and shot."""
         gram = np.zeros((columns.size, columns.size))
         along = np.zeros((self.shared[0].shape[1], columns.size))
         norm = np.zeros(columns.size)
         for own, shared, block, at in zip(self.own, self.shared, columns.blocks, columns.places, strict=True):
-            left = _beside(own, block)
+            left = _projected_off(own, block)
             gram[np.ix_(at, at)] += left.T @ left
             along[:, at] += shared.T @ left
             norm[at] += np.einsum("ij,ij->j", block, block)
-        return Beside(columns, gram - along.T @ along, np.where(norm > 0.0, norm, 1.0))
+        return ProjectedColumns(columns, gram - along.T @ along, np.where(norm > 0.0, norm, 1.0))
 
 
 @dataclass(frozen=True, slots=True)
-class Beside:
-    """Columns beside what is spanned: their ``products`` there, shape (size, size), and their squared ``norm``."""
+class ProjectedColumns:
+    """Columns projected off a basis: their ``products`` then, shape (size, size), and squared ``norm`` before."""
 
     columns: Arrow
     products: Floats
@@ -151,11 +153,11 @@ class Beside:
 
     @property
     def new(self) -> NDArray[np.bool_]:
-        """Get which columns are no mixture of what is spanned, shape (size,)."""
+        """Get which columns are linearly independent of the basis, shape (size,)."""
         return np.asarray(np.diag(self.products) > _SPANNED**2 * self.norm)
 
     def solve(self, left: Floats) -> Floats:
-        """Return the numbers that take most from ``left``, which has nothing of what is spanned; shape (size,)."""
+        """Return the least-squares solution, shape (size,), for a ``left`` that is itself projected off the basis."""
         out = np.zeros(self.columns.size)
         at = np.flatnonzero(self.new)
         if at.size:
@@ -168,27 +170,27 @@ class Beside:
 
 
 def orthonormal(columns: Floats) -> Floats:
-    """Return orthonormal columns that span what ``columns``, shape (rows, k), do; at most k."""
+    """Return an orthonormal basis of ``columns``, shape (rows, k); at most k columns."""
     scale = np.linalg.norm(columns, axis=0)
     return _independent(columns / np.where(scale > 0, scale, 1.0))
 
 
 def _independent(columns: Floats) -> Floats:
-    """Return orthonormal columns for those of length about one that are no mixture of those before them."""
+    """Return an orthonormal basis of columns of length about one, linearly dependent ones dropped."""
     while True:
         basis, triangle = np.linalg.qr(columns)
         mixture = np.abs(np.diag(triangle)) <= _DEPENDENT
         if not mixture.any():
             return np.asarray(basis)
-        # What rounding leaves of a mixture points anywhere: those after it must not be made orthogonal to that.
+        # What rounding leaves of a dependent column points anywhere: later ones must not be made orthogonal to it.
         columns = np.delete(columns, int(mixture.argmax()), axis=1)
 
 
-def _beside(basis: Floats, rows: Floats) -> Floats:
+def _projected_off(basis: Floats, rows: Floats) -> Floats:
     return np.asarray(rows - basis @ (basis.T @ rows))
 
 
-def _least(columns: Floats, rows: Floats) -> Floats:
+def _least_squares(columns: Floats, rows: Floats) -> Floats:
     scale = np.linalg.norm(columns, axis=0)
     scale[scale == 0] = 1.0
     solution, *_ = np.linalg.lstsq(columns / scale, rows, rcond=_ROUNDING)

@@ -1,11 +1,16 @@
-"""Which base model is fitted, and how its parameters lie: the paper's two bodies, or one on a locked plate."""
+"""The base models, the order of their parameters, and values of these from which a search starts.
+
+A base model is the paper's two bodies, or one body on a contact spring whose plate does not move.
+"""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from analysis.collision import Collision, Floats, Infeasible, Variant
-from analysis.shot import Motion, plate_count
+from analysis.shot import Fit, Motion, plate_count
 
 MODELS = ("paper", "clamped", "no_tension", "contact")
 
@@ -15,20 +20,22 @@ PLATE_NAMES = (
     "contact_stiffness_n_per_m",
     "contact_damping_n_s_per_m",
 )
-BODY_NAMES = PLATE_NAMES[:2]  # of the plate itself
+BODY_NAMES = PLATE_NAMES[:2]  # which each plate has for itself
 CONTACT_NAMES = PLATE_NAMES[2:]
 OWN_NAMES = ("velocity_in_m_per_s", "touch_time_s", "offset_m")
 PLATE_START = ("plate_displacement_m", "plate_velocity_m_per_s")  # at first touch, where the plate swings
+Plates = tuple[tuple[float, float], ...]
+TRUSTED = 1.5  # chi^2 per sample, up to which likeliest plates are believed: above, they absorb missing effects
 
 
 def named_on_plate(name: str, plate_number: int) -> str:
-    """Return the name of a plate's own parameter: as it is of the first, "plate_2_mass_kg" of the second."""
+    """Return a plate parameter's name for a plate: unchanged for the first (0), "plate_2_mass_kg" for the second."""
     return name if plate_number == 0 else name.replace("plate_", f"plate_{plate_number + 1}_", 1)
 
 
 @dataclass(frozen=True, slots=True)
 class Base:
-    """Which base model is fitted: the paper's two bodies, or one body on a contact whose plate does not move.
+    """A base model: the paper's two bodies, or one body on a contact spring whose plate does not move.
 
     ``swings``: the plate has a displacement and a velocity of its own at each first touch.  Shots on several
     ``plates`` share the contact; stiffness and mass are each plate's, those of the second "plate_2_mass_kg" and so on.
@@ -41,36 +48,36 @@ class Base:
 
     @property
     def own_names(self) -> tuple[str, ...]:
-        """Get the names of what every shot has for itself, in the fit's order."""
+        """Get the names of each shot's own parameters, in the fit's order."""
         return (*OWN_NAMES, *PLATE_START) if self.swings else OWN_NAMES
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Get the names of the shared parameters, in the fit's order: what further plates have of their own is last."""
+        """Get the names of the shared parameters, in the fit's order; those of plates after the first come last."""
         if self.one_body:
             return CONTACT_NAMES
         return PLATE_NAMES + tuple(named_on_plate(name, k) for k in range(1, self.plates) for name in BODY_NAMES)
 
     @property
     def further_at(self) -> tuple[int, ...]:
-        """Get where the stiffness of each further plate stands among them, its mass after it."""
+        """Get the indices of the stiffness of each further plate among the shared parameters; its mass follows it."""
         return tuple(range(len(PLATE_NAMES), len(self.names), len(BODY_NAMES)))
 
     @property
     def contact_at(self) -> slice:
-        """Get where the contact's stiffness and damping stand among them."""
+        """Get the indices of contact stiffness and damping among the shared parameters."""
         first = self.names.index(CONTACT_NAMES[0])
         return slice(first, first + len(CONTACT_NAMES))
 
     def places(self, plate_number: int) -> tuple[int, ...]:
-        """Return where stiffness and mass of a plate (where it moves), and the contact's numbers, stand among them."""
+        """Return the indices of one plate's stiffness and mass (two bodies only), then of the contact's parameters."""
         if self.one_body:
             return (0, 1)
         first = (0, *self.further_at)[plate_number]
         return (first, first + 1, 2, 3)
 
     def columns(self, plate_number: int) -> dict[str, int]:
-        """Return where the parameters that a shot on a plate depends on stand in the kernels' order."""
+        """Return, for a shot on this plate, the position of each base parameter in the order of the kernels."""
         first = 2 if self.one_body else 0
         return {self.names[place]: first + k for k, place in enumerate(self.places(plate_number))}
 
@@ -82,7 +89,7 @@ class Base:
         plate: tuple[float, float] = (0.0, 0.0),
         plate_number: int = 0,
     ) -> Collision:
-        """Return the collision these parameters mean, ``plate`` being its start; Infeasible where there is none."""
+        """Return the collision with these parameters; ``plate`` (m, m/s) is its start.  Infeasible if there is none."""
         values = [float(shared[place]) for place in self.places(plate_number)]
         k_p, m_p, k_n, gamma_n = (0.0, math.inf, *values) if self.one_body else values
         try:
@@ -93,12 +100,12 @@ class Base:
             raise Infeasible(str(why)) from why
 
     def shared(self, collision: Collision) -> Floats:
-        """Return the shared parameters of a collision on the one plate there is, in the fit's order."""
+        """Return the shared parameters of a collision on a single plate, in the fit's order."""
         return collision.vector[list(self.columns(0).values())]
 
 
 def base_named(model: str) -> Base:
-    """Return the base model of that name; ValueError names those there are."""
+    """Return the base model with this name; ValueError names the known ones."""
     if model == "contact":
         return Base(Variant.PAPER, one_body=True)
     if model not in MODELS:
@@ -107,6 +114,28 @@ def base_named(model: str) -> Base:
 
 
 def base_of(model: str, motions: Sequence[Motion]) -> Base:
-    """Return the base model of that name for a set of shots, with a plate for each that they were taken on."""
+    """Return the base model with this name for a set of shots, with as many plates as the shots were taken on."""
     base = base_named(model)
     return base if base.one_body else replace(base, plates=plate_count(motions))
+
+
+@dataclass(frozen=True, slots=True)
+class SearchStart:
+    """The start of a search: base model, its parameters (b,), and v_i, touch time and offset of each shot (shots, 3).
+
+    ``plates`` are the plates' states at first touch (m, m/s), if known; ``left`` is chi^2 per sample there.
+    """
+
+    base: Base
+    shared: Floats
+    own: Floats
+    plates: Plates = ()
+    left: float = 1.0
+
+
+def start_from_fit(fit: Fit, motions: Sequence[Motion]) -> SearchStart:
+    """Return the end of a fit of ``motions``, without its effects, as the start of a search."""
+    base = base_of(fit.model, motions)
+    own = [[s.velocity_in_m_per_s.value, s.touch_time_s.value, s.offset_m.value] for s in fit.shots]
+    shared = np.array([fit.parameters[name].value for name in base.names])
+    return SearchStart(base, shared, np.array(own), left=fit.reduced_chi2)

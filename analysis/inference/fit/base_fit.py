@@ -1,11 +1,11 @@
-"""Fit the base model at the diagnosis' rate: where a search for effects begins."""
+"""Fit the base model at the diagnosis' sample rate, as the start of the search for effects."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from analysis.collision import Infeasible
-from analysis.inference.fit.begin import Begin
+from analysis.inference.fit.base import SearchStart
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trials_named
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
@@ -16,15 +16,15 @@ from analysis.inference.noise.floor import white_by_differences
 from analysis.shot import AnalysisError, Stop
 
 _SAMPLES = 100  # at least
-_SOFTER = 8  # times a tenth of the contact stiffness, at most
+_SOFTER = 8  # times, at most, that a contact too stiff for the samples is softened tenfold
 
 
-def base_fit(data: JointData, begin: Begin, stop: Stop, taken_along: Sequence[str] = ()) -> Fitted:
-    """Return the base model's best fit at the diagnosis' rate, from where it ``begin``s.
+def base_fit(data: JointData, begin: SearchStart, stop: Stop, nuisances: Sequence[str] = ()) -> Fitted:
+    """Return the base model's best fit at the diagnosis' sample rate, searched from ``begin``.
 
-    ``taken_along`` are the effects that each shot has for itself and that are no finding.
+    ``nuisances`` are effects that every shot may have for itself and that do not count as findings.
     """
-    along = trials_named(taken_along)
+    along = trials_named(nuisances)
     values = tuple({kind.name: kind.starts[0] for kind in along} for _ in data.shots)
     point = Point(begin.shared, begin.own, values)
     hypothesis = Hypothesis(data, along)
@@ -39,18 +39,18 @@ def base_fit(data: JointData, begin: Begin, stop: Stop, taken_along: Sequence[st
 
 
 def white_of(shots: Sequence[Samples]) -> float:
-    """Return the white noise of an averaged sample in m, by third differences; AnalysisError where they are too few."""
+    """Return the white noise of an averaged sample in m from third differences; AnalysisError with too few samples."""
     if sum(int(np.count_nonzero(s.valid[3:] & s.valid[:-3])) for s in shots) < _SAMPLES:
         raise AnalysisError("too few samples for a diagnosis")
     return max(white_by_differences([s.displacement_m for s in shots], [s.valid for s in shots]), 1e-15)
 
 
-def pays_along(best: Fitted, taken_along: Sequence[str], stop: Stop) -> bool:
-    """Return whether what each shot has for itself explains more than it costs, beside the effects of a fit."""
+def nuisances_pay(best: Fitted, nuisances: Sequence[str], stop: Stop) -> bool:
+    """Return whether the ``nuisances`` effects lower the criterion (BIC), given the other effects of a fit."""
     hypothesis, point = best.hypothesis, best.point
-    kinds = tuple(kind for kind in hypothesis.effects if kind.name not in taken_along)
+    kinds = tuple(kind for kind in hypothesis.effects if kind.name not in nuisances)
     bare = Hypothesis(hypothesis.data, kinds, hypothesis.fixed)
-    values = tuple({name: v for name, v in of.items() if name not in taken_along} for of in point.values)
+    values = tuple({name: v for name, v in of.items() if name not in nuisances} for of in point.values)
     try:
         return (
             best.bic
@@ -61,7 +61,7 @@ def pays_along(best: Fitted, taken_along: Sequence[str], stop: Stop) -> bool:
 
 
 def slow_enough(hypothesis: Hypothesis, point: Point) -> Point:
-    """Return the point with a contact that samples can follow: one drawn to a wall is no place to begin."""
+    """Return the point with a contact soft enough for the samples: a search cannot start from a rigid one."""
     shot = hypothesis.data.shots[0]
     for _ in range(_SOFTER):
         here = hypothesis.shot_at(0, point)

@@ -1,4 +1,4 @@
-"""Build a Fit from the end of a search: quantities, covariance, the model over the measurement, residuals."""
+"""Build a ``Fit`` from the end of a search: quantities, covariance, model curves and residuals."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -14,16 +14,17 @@ from analysis.shot import Fit, Motion, Overlay, Quantity, ShotFit
 from analysis.signal import derivatives
 
 _WINDOW = 150  # samples
-_LOUD_SIGMAS = 8.0  # of the scatter that noise alone gives to a window's chi^2
-_MOST_LOUD = 0.4  # of all windows: with more the model lacks something throughout
+_LOUD_SIGMAS = 8.0  # standard deviations that a window's chi^2 exceeds its expectation by
+_MOST_LOUD = 0.4  # of all windows: where more are loud the model is wrong throughout, not for a moment
 
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """Where a search ended: every parameter's value, shape (p,), and their covariance, shape (p, p), NaN if unknown.
+    """Parameter values, shape (p,), at the end of a search, and their covariance, shape (p, p), NaN if unknown.
 
-    ``shared`` says where in them each parameter that all shots share stands, in the order of the model's derivatives;
-    ``chosen`` holds what was tried, not fitted.  ``free`` parameters were moved; ``how`` says by what.
+    ``shared`` maps the names of parameters shared by all shots to their indices, in the order of the model's
+    derivatives.  ``chosen`` holds values that were set, not fitted; ``free`` counts the parameters that were moved;
+    ``how`` names the method in reports.
     """
 
     model: str
@@ -38,16 +39,16 @@ class Estimate:
     flags: tuple[str, ...] = ()
 
     def quantity(self, place: int) -> Quantity:
-        """Return the parameter that stands at a place."""
+        """Return the parameter at an index, with its uncertainty."""
         return Quantity(float(self.values[place]), float(np.sqrt(self.covariance[place, place])), self.how)
 
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """A shot as the model has it, on the motion's own grid, arrays of shape (n,).
+    """The model's curves of one shot on the motion's own time grid, arrays of shape (n,).
 
-    ``displacement_m`` is what the optics would show.  ``velocity_out`` is that after the last release, with its
-    derivatives by (shared, own); None where the record ends in contact.
+    ``displacement_m`` is what the optics would show.  ``velocity_out`` is the velocity after the last release, with its
+    derivatives by (shared, own) parameters; None where the record ends in contact.
     """
 
     displacement_m: Floats
@@ -58,18 +59,19 @@ class Path:
 
     @classmethod
     def of(cls, response: Response, touch_time_s: float) -> "Path":
-        """Return the path of a solved shot."""
+        """Return the curves of a solved shot."""
         shown = tuple((e.kind, e.time_s + touch_time_s) for e in response.log.events if e.kind in ("touch", "release"))
         return cls(response.displacement_m, response.plate_displacement_m, response.gap_m, shown, response.velocity_out)
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One shot of a fit: where its own parameters stand (v_i, touch and offset first), its path and its remainder.
+    """One shot of a fit: indices of its own parameters (v_i, touch and offset first), model curves and residual.
 
-    ``whitened`` has one value a fitted sample, of unit variance where the remainder is noise; ``used`` says of the
-    motion's samples which were fitted; ``frame_m_per_s`` how far the frame's own speed may be from nothing, before the
-    touch and after the release, ``sway_std_m`` what its sway leaves of each sample; None: it was not weighed.
+    ``whitened`` is the residual of each fitted sample, of unit variance if it is noise; ``used``, shape (n,), marks the
+    motion's samples that were fitted.  ``frame_m_per_s`` is the std of velocities relative to the frame minus those in
+    space, before the touch and after the release; ``sway_std_m`` is the std that the frame's motion leaves in each
+    sample's residual (None: no moving frame).
     """
 
     motion: Motion
@@ -82,8 +84,14 @@ class Part:
     sway_std_m: Floats | None = None
 
 
-def build_fit(estimate: Estimate, parts: Sequence[Part], noise_std_m: float, seconds: float) -> Fit:
-    """Return the fit; ``noise_std_m`` is that of one sample of the motion.
+def build_fit(
+    estimate: Estimate,
+    parts: Sequence[Part],
+    noise_std_m: float,
+    wander: tuple[tuple[float, float], ...],
+    seconds: float,
+) -> Fit:
+    """Return the fit; ``noise_std_m`` is that of one sample of the motion, ``wander`` as ``Fit`` has it.
 
     Parameters of effects that differ from shot to shot are in the shots' own parts.
     """
@@ -100,6 +108,7 @@ def build_fit(estimate: Estimate, parts: Sequence[Part], noise_std_m: float, sec
         shots=tuple(_shot_fit(estimate, part) for part in parts),
         reduced_chi2=chi2 / max(1, samples - estimate.free),
         noise_std_m=noise_std_m,
+        wander=wander,
         converged=converged,
         effects=estimate.effects,
         flags=((() if converged else ("fit_not_converged",)) + estimate.flags),
@@ -121,7 +130,7 @@ def _shot_fit(estimate: Estimate, part: Part) -> ShotFit:
         value, slope = path.velocity_out
         variance = float(slope @ estimate.covariance[np.ix_(places, places)] @ slope)
         velocity_out = Quantity(value, math.hypot(math.sqrt(max(variance, 0.0)), part.frame_m_per_s[1]), estimate.how)
-    # the model knows speeds against the frame, the reading those in space
+    # the model's speeds are relative to the frame, the speeds read from a motion are not
     velocity_in = replace(velocity_in, std=math.hypot(velocity_in.std, part.frame_m_per_s[0]))
     return ShotFit(
         velocity_in_m_per_s=velocity_in,
@@ -163,7 +172,7 @@ def _overlay(
 
 
 def _has_loud_moment(whitened: Floats) -> bool:
-    """Return whether a whitened residual, shape (n,), exceeds the noise for a moment only, as a ringing plate does."""
+    """Return whether a whitened residual, shape (n,), is too large only for a moment, as where a plate rings."""
     count = whitened.size // _WINDOW
     if count < 2:
         return False

@@ -1,11 +1,11 @@
-"""The coordinates the search moves in: what a record determines one by one, so that its valleys run straight.
+"""Search coordinates: combinations of parameters that a record determines separately, so that valleys are straight.
 
-A shot fixes the lowest frequency of block, contact and plate to parts in a million, the bounces' frequency well, the
-rest less; in k_p, m_p*, k_N, gamma_N these mix into a curved valley a thousand times longer than wide.  The search
-moves in log omega_1^2, log m_p*, log(k_N / m_p*), gamma_N / m_p*, and in the height of the flight line at the
-expected touch instead of the offset.  With omega_1^2 the lowest root of
-(k_N - omega^2 m_b)(k_p + k_N - omega^2 m_p) = k_N^2, k_p follows in closed form.  Further plates have an omega_1 and a
-mass of their own on the same contact.
+A shot determines the lowest frequency of block, contact and plate to parts in a million, the frequency of the bounces
+well, and the rest less well; in k_p, m_p*, k_N, gamma_N these mix into a curved valley a thousand times longer than
+wide.  The search moves in log omega_1^2, log m_p*, log(k_N / m_p*), gamma_N / m_p*, and in the height of the flight
+line at the expected touch instead of the offset.  With omega_1^2 the lowest root of
+(k_N - omega^2 m_b)(k_p + k_N - omega^2 m_p) = k_N^2, k_p follows in closed form.  Each further plate has an omega_1 and
+a mass of its own on the same contact.
 """
 
 import math
@@ -18,11 +18,11 @@ from analysis.collision import Floats, Infeasible
 
 @dataclass(frozen=True, slots=True)
 class Coordinates:
-    """The map between parameters (shared, then own and extra of each shot) and search coordinates.
+    """The map between parameters (shared, then each shot's own and extra ones) and search coordinates.
 
-    ``plate`` says whether the first four parameters are plate and contact (else they are left as they are); stiffness
-    and mass of further plates stand at the places ``further_at`` and after them;
-    ``own_at`` holds where each shot's (v_i, touch time, offset) begin, ``reference_s`` its expected touch.
+    ``plate`` says whether the first four parameters are plate and contact (else they are left unchanged).
+    ``further_at`` are the indices of the stiffness of further plates, whose mass follows it; ``own_at`` those at which
+    each shot's (v_i, touch time, offset) begin; ``reference_s`` its expected touch time.
     """
 
     block_mass_kg: float
@@ -44,7 +44,7 @@ class Coordinates:
         return z
 
     def to_parameters(self, z: Floats) -> tuple[Floats, Floats]:
-        """Return the parameters at ``z`` and their derivatives by ``z``, shape (p, p); Infeasible off the map."""
+        """Return the parameters at ``z`` and their derivatives by ``z``, shape (p, p); Infeasible out of range."""
         out = z.copy()
         slope = np.eye(z.size)
         if self.plate:
@@ -68,7 +68,7 @@ class Coordinates:
         return out, slope
 
     def _searched(self, k_p: float, m_p: float, k_n: float) -> tuple[float, float]:
-        """Return log omega_1^2 and log m_p* of a plate on the contact k_N."""
+        """Return log omega_1^2 and log m_p* of a plate in contact with stiffness k_N."""
         # Roots of m_b m_p w^2 - (k_N m_p + (k_p + k_N) m_b) w + k_p k_N = 0; the small one without cancellation.
         m_b = self.block_mass_kg
         middle = k_n * m_p + (k_p + k_n) * m_b
@@ -76,7 +76,7 @@ class Coordinates:
         return math.log(2 * k_p * k_n / (middle + inner)), math.log(m_p)
 
     def _plate(self, log_square: float, log_mass: float, k_n: float, slope: Floats) -> tuple[float, float, float]:
-        """Return k_p, m_p* and d k_p / d k_N; write d k_p by the two coordinates into ``slope``, shape (2,)."""
+        """Return k_p, m_p* and d k_p / d k_N; write d k_p by both coordinates into ``slope``, shape (2,)."""
         square, m_p, m_b = math.exp(log_square), math.exp(log_mass), self.block_mass_kg
         rest = k_n - square * m_b
         if rest <= 0:

@@ -1,8 +1,8 @@
-"""Exact derivatives of a vector: the model's own tangents, chained to the coordinates of the search.
+"""One shot solved at a search vector, with exact derivatives: the integrator's tangents by the chain rule.
 
-The base model has directions in which the displacement moves ten thousand times less than in others.  A search that
-differences trajectories loses them in the error of the difference and stops in the middle of a valley; the tangents
-that the integrator carries along do not.
+In some directions of the base model's parameters the displacement changes ten thousand times less than in others.
+Finite differences of trajectories lose these directions in their error, and a search then stops in the middle of a
+valley; the tangents carried along by the integrator do not.
 """
 
 import math
@@ -19,7 +19,7 @@ from analysis.inference.fit.search_vector import SearchVector
 from analysis.inference.fit.situation import Values, fastest_shown, too_fast
 
 Floats = NDArray[np.float64]
-_LONG_STRIDE = 2.0  # of a law that is not linear: right to 0.05 pm, far below any noise
+_LONG_STRIDE = 2.0  # step where a law is nonlinear: right to 0.05 pm, far below any noise
 
 
 def solved(
@@ -34,15 +34,15 @@ def solved(
 ) -> tuple[Model, Response]:
     """Return one shot's motion, averaged like the data or on the motion's own grid; Infeasible where there is none.
 
-    ``centres``: at the middles of the averaged samples, in longer steps where a law is not linear in the state.
-    ``laws`` act beside the vector's effects, with parameters that are not searched.
+    With ``centres`` the motion is solved at the centres of the averaged samples, in longer steps where a law is
+    nonlinear in the state.  ``laws`` act besides the vector's effects, with parameters that are not searched.
 
     Cost: 0.3 ms, with derivatives 0.5 to 1 ms; where a law is not linear in the state 1 to 2 ms and 4 to 11 ms.
     """
     values, shot = point.values[index], vector.data.shots[index]
-    # What the model can follow and no sample can show is no place for a search.
+    # The model can follow oscillations that no sample can show; a search must not go there.
     fastest = fastest_shown(shot.spacing_s, shot.factor)
-    if laws:  # which are as fast as they are
+    if laws:  # they have rates of their own, which no search can raise
         at, fastest = vector.shot_at(index, point), math.inf
         if too_fast(at.base, at.own, values, shot.moving_mass_kg, shot.spacing_s, shot.factor):
             raise Infeasible("something would swing faster than any record can show")
@@ -68,10 +68,9 @@ def solved(
 def linearised_shot(
     vector: SearchVector, index: int, point: Point, slope: Floats, laws: Sequence[Effect] = ()
 ) -> tuple[Floats, Floats]:
-    """Return one shot's averaged displacement, shape (n,), and its derivatives by what of a vector it depends on.
+    """Return one shot's averaged displacement, shape (n,), and its derivatives by its ``places``, shape (n, q).
 
-    These have shape (n, q), in the order of the vector's ``places``.  ``point`` is that of the vector, ``slope`` the
-    parameters' derivatives by it: for all shots the same.
+    ``point`` holds the physical parameters of the vector, ``slope`` their derivatives by the vector (for all shots).
     """
     _, response = solved(vector, index, point, derivatives=True, laws=laws)
     at = vector.places[index]
@@ -79,7 +78,7 @@ def linearised_shot(
 
 
 def _chosen(vector: SearchVector, values: Values) -> tuple[tuple[str, float], ...]:
-    """Return what is not searched, as the point has it: a screen tries one order after another."""
+    """Return the values that are not searched, from the point: scores try several orders of a cyclic error."""
     return tuple((f"{name}.{key}", values[name][key]) for name, given in vector.fixed.items() for key in given)
 
 

@@ -1,8 +1,9 @@
-"""Parameters as a record shows them, in which a search goes straight, and as they are.
+"""Effective parameters, as a record shows them, and their conversion to and from the physical ones.
 
-The touch is seen late by the optics' delay.  A plate on a clamp that gives is seen softer, and the clamp's mode faster,
-than each is by itself: spring and clamp stand in series, k_p / (1 + k_p C), and while the plate stands still its spring
-helps the clamp's, f sqrt(1 + k_p C).  What is seen is known to parts in a million, C itself to a few in a hundred.
+The optics' delay makes the touch appear late.  A plate on a compliant clamp (compliance C) appears softer, k_p / (1 +
+k_p C), since plate and clamp are springs in series; the clamp's mode appears faster, f sqrt(1 + k_p C), since the plate
+at rest adds its spring to the clamp's.  The record determines these to parts in a million, but C itself only to a few
+per cent: a search in effective parameters has straight valleys.
 """
 
 import math
@@ -16,12 +17,12 @@ from analysis.collision import Infeasible, named
 from analysis.inference.fit.situation import Values
 
 Floats = NDArray[np.float64]
-_SOFTEST = 0.9  # of the whole compliance is the clamp's, at most
+_SOFTEST = 0.9  # of the total compliance is the clamp's, at most
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """Parameters of a hypothesis: base, shape (b,); own (v_i, touch, offset) a shot, shape (s, 3); effects a shot."""
+    """Parameters of a hypothesis: base, shape (b,); own (v_i, touch, offset), shape (shots, 3); effects by shot."""
 
     base: Floats
     own: Floats
@@ -29,7 +30,7 @@ class Point:
 
 
 def to_effective(point: Point) -> Point:
-    """Return the point as the record shows it."""
+    """Return the effective parameters of physical ones."""
     own = point.own + [[0.0, _delay(values), 0.0] for values in point.values]
     clamp = _clamp(point.values[0])
     if clamp is None:
@@ -39,7 +40,7 @@ def to_effective(point: Point) -> Point:
 
 
 def to_actual(effective: Point) -> Point:
-    """Return the point that is seen so; Infeasible where no plate would be left."""
+    """Return the physical parameters of effective ones; Infeasible where nothing remains for the plate."""
     own = effective.own - [[0.0, _delay(values), 0.0] for values in effective.values]
     clamp = _clamp(effective.values[0])
     if clamp is None:
@@ -49,10 +50,10 @@ def to_actual(effective: Point) -> Point:
 
 
 def chained(effective: Point, seen: Floats, at: Mapping[tuple[str, str], int], touches: list[int]) -> Floats:
-    """Return the derivatives of parameters as they are, from those of the parameters as they are ``seen``.
+    """Return the derivatives of physical parameters, given those of the effective ones (``seen``).
 
-    Both have shape (p, k), a row a parameter; ``at`` says in which an (effect, parameter) stands, ``touches`` in which
-    each shot's touch time does.
+    Both have shape (p, k), one row for each parameter; ``at`` gives the row of each (effect, parameter), ``touches``
+    the rows of the touch times.
     """
     out = seen.copy()
     for (name, parameter), place in at.items():
@@ -71,7 +72,7 @@ def chained(effective: Point, seen: Floats, at: Mapping[tuple[str, str], int], t
 
 @dataclass(frozen=True, slots=True)
 class _Clamp:
-    """An effect whose spring stands in series with the plate's: its name, its parameters' names, their values."""
+    """An effect whose spring is in series with the plate's: names of effect and parameters, and their values."""
 
     name: str
     compliance: str
@@ -80,14 +81,14 @@ class _Clamp:
     swing: float
 
     def left(self, stiffness: float) -> float:
-        """Return the plate's share of the whole compliance."""
+        """Return the plate's share of the total compliance."""
         left = 1 - float(stiffness) * self.softness
         if left < 1 - _SOFTEST:
             raise Infeasible("the clamp alone is softer than what is seen")
         return left
 
     def put(self, point: Point, own: Floats, stiffness: float, swing: float) -> Point:
-        """Return the point with another plate and another frequency of the clamp."""
+        """Return the point with this stiffness of the plate and this frequency of the clamp (Hz)."""
         base = point.base.copy()
         base[0] = stiffness
         values = tuple({**v, self.name: {**v[self.name], self.frequency: swing}} for v in point.values)
@@ -102,5 +103,5 @@ def _clamp(values: Values) -> _Clamp | None:
 
 
 def _delay(values: Values) -> float:
-    """Return by how much the optics show everything late, in s: a growing lag must not move the touch as it is seen."""
+    """Return the delay of the optics in s: where it grows, the touch must not appear to move."""
     return sum(given[named(name).delays] for name, given in values.items() if named(name).delays)

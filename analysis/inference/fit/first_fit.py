@@ -1,9 +1,9 @@
-"""Fit the base model to shots of which nothing is known but their motions: where a diagnosis begins.
+"""Fit the base model to shots of which only the motions are known: the start of a diagnosis.
 
-First guesses are read from what the fastest shot's contact resembles; the search from there sees the averaged samples
-that the diagnosis sees.  A remainder far above the noise is either an effect's or a wrong pattern of bounces: the first
-bounces alone tell which.  On a frame that sways, what is quick and small alone speaks for the bounces: the search takes
-the white noise for a hundred times what it is at first, and then for what it is.
+First guesses come from the fastest shot's contact; the search from there uses block-averaged samples.  A residual far
+above the noise means either a missing effect or a wrong sequence of bounces; a fit of the first bounces alone tells
+which.  Where the frame moves, only what is fast and small is evidence about the bounces: a first search takes the
+white noise to be a hundred times what it is, a second search takes it as it is.
 """
 
 import contextlib
@@ -14,65 +14,64 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision import Infeasible
-from analysis.inference.fit.base import base_of
+from analysis.inference.fit.base import TRUSTED, Plates, SearchStart, base_of
 from analysis.inference.fit.base_fit import slow_enough
-from analysis.inference.fit.begin import TRUSTED, Begin, Plates
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.first_guesses import first_guesses, resembled
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import residuals, search
 from analysis.inference.fit.least_squares import Minimum
-from analysis.inference.fit.samples import Samples, together
+from analysis.inference.fit.samples import Samples, averaged_shots
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.site import Site, on_site
 from analysis.shot import AnalysisError, Cancelled, Motion, Stop
 
 Floats = NDArray[np.float64]
-STRONG = 30.0  # chi^2 a sample, above which a base fit may have been drawn far from its parameters
-_EARLY = 0.3  # of the contact time: the bounces
-_EVALUATIONS, _ROUGHLY = 60, 30
+STRONG = 30.0  # chi^2 per sample, above which missing effects may have pulled base parameters far from their values
+_EARLY = 0.3  # of the contact time: the first bounces
+_EVALUATIONS, _ROUGHLY = 60, 30  # of a search, and of one whose end is only a start for the next
 _TOLERANCE = 1e-3  # of chi^2
-_FOLLOWED = 3  # guesses
-_LOUDER = 100.0
+_FOLLOWED = 3  # first guesses from which a search begins
+_LOUDER = 100.0  # times the white noise, in the first of two searches where the frame moves
 
 
 def first_fit(
     motions: Sequence[Motion], model: str, site: Site | None, stop: Stop, *, noise: Floor | None = None
-) -> Begin:
-    """Return where the base ``model`` comes nearest to ``motions``; ``noise`` is that of their flights, where known.
+) -> SearchStart:
+    """Return the base ``model``'s best fit to ``motions``; ``noise`` is that of their flights, where known.
 
     Raises ValueError for an unknown model, NoCollision (an AnalysisError) where a motion shows none, AnalysisError
-    where no motion of the model comes near, Cancelled when asked to stop.  Cost: 0.1 s for three shots, on a frame
-    that sways 0.3 s more.
+    where no motion of the model comes near, Cancelled when asked to stop.  Cost: 0.1 s for three shots, 0.3 s more
+    where the frame moves.
     """
     base = base_of(model, motions)
-    shots = together(motions)
+    shots = averaged_shots(motions)
     own = np.array([shot.course.own for shot in shots])
     noise = noise or noise_of_flights(shots, site)[0]
-    ends: list[Begin] = []
+    ends: list[SearchStart] = []
     why: Infeasible | None = None
     try:
         if site is None:
-            return _nearest(JointData(shots, base), first_guesses(base, shots, stop), own, noise, stop)
+            return _best_of_searches(JointData(shots, base), first_guesses(base, shots, stop), own, noise, stop)
         data = JointData(shots, base, site=site)
         for shared in resembled(base, shots, _FOLLOWED):
             with contextlib.suppress(Infeasible):
-                ends.append(_on_frames(data, shared, own, noise, stop))
+                ends.append(_search_on_frames(data, shared, own, noise, stop))
                 if ends[-1].left < TRUSTED:
                     return ends[-1]
         guesses = first_guesses(base, shots, stop, site.shaking.rms_m)
         for shared in guesses[:_FOLLOWED]:
             with contextlib.suppress(Infeasible):
-                ends.append(_on_frames(data, shared, own, noise, stop))
+                ends.append(_search_on_frames(data, shared, own, noise, stop))
                 if ends[-1].left < TRUSTED:
                     break
         if not ends or min(end.left for end in ends) > STRONG:
-            # a start that is not near is drawn to no collision at all where an effect is missing, too
-            still = _nearest(JointData(shots, base), guesses, own, noise, stop)
+            # from a poor guess the search may end where nothing collides, the more so where an effect is missing
+            still = _best_of_searches(JointData(shots, base), guesses, own, noise, stop)
             ends.append(still)
             with contextlib.suppress(Infeasible):
-                ends.append(_on_frames(data, still.shared, still.own, noise, stop))
+                ends.append(_search_on_frames(data, still.shared, still.own, noise, stop))
     except Infeasible as reason:
         why = reason
     if stop():
@@ -82,46 +81,46 @@ def first_fit(
     return min(ends, key=lambda end: end.left)
 
 
-def _nearest(data: JointData, guesses: Sequence[Floats], own: Floats, noise: Floor, stop: Stop) -> Begin:
-    """Return the best end of the searches from first guesses, or from what the first bounces alone suggest."""
+def _best_of_searches(data: JointData, guesses: Sequence[Floats], own: Floats, noise: Floor, stop: Stop) -> SearchStart:
+    """Return the best end of searches from the first guesses, or from a fit of the first bounces alone."""
     floor = noise.without_site
-    best = _ended(data, guesses[0], own, floor, stop)
+    best = _search_from(data, guesses[0], own, floor, stop)
     if best.left < STRONG:
         return best
-    early = replace(data, shots=tuple(_bounces(shot) for shot in data.shots))
+    early = replace(data, shots=tuple(_first_bounces(shot) for shot in data.shots))
     with contextlib.suppress(Infeasible):
-        there = _ended(early, best.shared, best.own, floor, stop, _ROUGHLY)
+        there = _search_from(early, best.shared, best.own, floor, stop, _ROUGHLY)
         if there.left < STRONG:
             guesses = [guesses[0], there.shared]
     for shared in guesses[1:_FOLLOWED]:
         with contextlib.suppress(Infeasible):
-            trial = _ended(data, shared, own, floor, stop)
+            trial = _search_from(data, shared, own, floor, stop)
             best = min(best, trial, key=lambda end: end.left)
             if best.left < STRONG:
                 break
     return best
 
 
-def _bounces(shot: Samples) -> Samples:
+def _first_bounces(shot: Samples) -> Samples:
     until_s = shot.course.touch_time_s + _EARLY * shot.course.contact_time_s
     return replace(shot, valid=shot.valid & (shot.centre_s < until_s))
 
 
-def _on_frames(data: JointData, shared: Floats, own: Floats, noise: Floor, stop: Stop) -> Begin:
-    """Return where a search on frames that sway ends, coarse to fine, with the likeliest plate of each shot."""
+def _search_on_frames(data: JointData, shared: Floats, own: Floats, noise: Floor, stop: Stop) -> SearchStart:
+    """Return where a search on moving frames ends: first with the white noise enlarged, then as it is."""
     assert data.site is not None
-    here = Begin(data.base, shared, own)
+    here = SearchStart(data.base, shared, own)
     for louder in (_LOUDER, 1.0):
         floor = replace(noise, white_m=louder * noise.white_m)
         there = replace(data, shots=on_site(data.shots, data.site, data.base, here.shared, here.own))
-        here = _ended(there, here.shared, here.own, floor, stop, _ROUGHLY if louder > 1.0 else _EVALUATIONS)
+        here = _search_from(there, here.shared, here.own, floor, stop, _ROUGHLY if louder > 1.0 else _EVALUATIONS)
     return here
 
 
-def _ended(
+def _search_from(
     data: JointData, shared: Floats, own: Floats, floor: Floor, stop: Stop, evaluations: int = _EVALUATIONS
-) -> Begin:
-    """Return where a search ends; Infeasible where it cannot begin."""
+) -> SearchStart:
+    """Return where one search ends, with its chi^2 per sample; Infeasible where it cannot begin."""
     hypothesis = Hypothesis(data, ())
     values: tuple[dict[str, dict[str, float]], ...] = tuple({} for _ in data.shots)
     point = slow_enough(hypothesis, Point(shared, own, values))
@@ -131,11 +130,13 @@ def _ended(
         raise Cancelled
     end = hypothesis.unpack(found.parameters)
     left = found.square.chi2 / found.square.samples
-    return Begin(data.base, end.base, end.own, likely_plates(hypothesis, found, floor) if left < TRUSTED else (), left)
+    return SearchStart(
+        data.base, end.base, end.own, likely_plates(hypothesis, found, floor) if left < TRUSTED else (), left
+    )
 
 
 def likely_plates(hypothesis: Hypothesis, found: Minimum, floor: Floor) -> Plates:
-    """Return each shot's likeliest plate at first touch, beside what is left there; none where no frame sways."""
+    """Return each shot's likeliest plate at first touch (m, m/s), given the residual; empty where no frame moves."""
     shots = hypothesis.data.shots
     if not floor.site:
         return ()

@@ -1,4 +1,4 @@
-"""First guesses of the shared parameters of a set: what the fastest shot's contact resembles, and short fits of it."""
+"""First guesses of a set's shared parameters: candidates like the fastest shot's contact, and short fits of it."""
 
 import contextlib
 import math
@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from analysis.collision import Infeasible
 from analysis.compiled import side_by_side
-from analysis.inference.fit import guesses, starts
+from analysis.inference.fit import guesses
 from analysis.inference.fit.base import Base
+from analysis.inference.fit.course import NoCollision
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import search
@@ -21,18 +22,17 @@ from analysis.inference.noise.floor import white_floor
 from analysis.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]
-_TRIED = 6
+_TRIED = 6  # candidates
 _EVALUATIONS = 18
-_SAME_PATTERN = 0.03  # of what another pattern of bounces leaves: what missing effects do is smaller, a wrong one more
-_SWAYED_PATTERN = 0.2  # ... where the frame's motion may be all that is left
-_APART = 0.03  # of a parameter: nearer ones are one guess
+_SAME_PATTERN = 0.03  # of a wrong sequence's residual: a right one leaves less, even where effects are missing
+_SWAYED_PATTERN = 0.2  # the same where all of the residual may be the frame's motion
+_APART = 0.03  # of a parameter: guesses nearer to each other than that count as one
 
 
 def resembled(base: Base, shots: Sequence[Samples], most: int) -> list[Floats]:
-    """Return the shared parameters of collisions that the fastest shot's contact resembles, best first.
+    """Return the shared parameters of up to ``most`` candidates that resemble the fastest shot's contact, best first.
 
-    Nothing is fitted: a fit that knows of no frame, however short, may be led far away by what the frame does.  None
-    where there are several plates.
+    Nothing is fitted, since a fit without the frame may be led astray by its motion.  Empty with several plates.
     """
     return [base.shared(guess.collision) for guess in _ranked(base, shots)[1][:most]] if base.plates == 1 else []
 
@@ -40,8 +40,9 @@ def resembled(base: Base, shots: Sequence[Samples], most: int) -> list[Floats]:
 def first_guesses(base: Base, shots: Sequence[Samples], stop: Stop, sways_m: float = 0.0) -> list[Floats]:
     """Return different sets of shared parameters, best first, by a short fit of the fastest shot's contact.
 
-    ``sways_m`` is the rms of the frame's motion: a pattern of bounces that leaves no more is the right one.  Of several
-    plates one set, the best of each, with the contact that the plate of most shots suggests.
+    ``sways_m`` is the rms of the frame's motion: a sequence of bounces that leaves no more than that is the right one.
+    With several plates there is one set, of each plate's best, with the contact found on the plate of most shots.
+    Raises NoCollision where no candidate fits, Cancelled when asked to stop.
     """
     if base.plates > 1:
         return [_plate_by_plate(base, shots, stop, sways_m)]
@@ -66,7 +67,7 @@ def first_guesses(base: Base, shots: Sequence[Samples], stop: Stop, sways_m: flo
         return [first[1]]
     trials = [trial for trial in (first, *side_by_side(tried, ranked[1:_TRIED])) if trial is not None]
     if not trials:
-        raise starts.NoCollision("no trajectory of the base model resembles this contact")
+        raise NoCollision("no trajectory of the base model resembles this contact")
     trials.sort(key=lambda trial: trial[0].square.chi2)
     out: list[Floats] = []
     for _, shared in trials:
@@ -88,7 +89,7 @@ def _plate_by_plate(base: Base, shots: Sequence[Samples], stop: Stop, sways_m: f
 
 
 def _ranked(base: Base, shots: Sequence[Samples]) -> tuple[Samples, list[guesses.Guess]]:
-    """Return the fastest shot and what its contact resembles, best first."""
+    """Return the fastest shot and the candidates for its contact, best first."""
     shot = max(shots, key=lambda s: abs(s.course.velocity_in_m_per_s))
     seen_m = np.where(shot.valid, shot.displacement_m, np.nan)
     mass_kg = shot.moving_mass_kg

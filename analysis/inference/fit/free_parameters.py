@@ -1,4 +1,4 @@
-"""The free parameters of an effect: their size, their sign, and where it starts; all from the catalogue."""
+"""The parameters of an effect that a fit moves: scale, sign and start values, all from the catalogue."""
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
@@ -9,10 +9,10 @@ from analysis.collision import CATALOGUE, Effect, Parameter, named
 
 @dataclass(frozen=True, slots=True)
 class TrialEffect:
-    """An effect as the diagnosis tries it: its free parameters, and the values of them that it may start from.
+    """An effect as a diagnosis tries it: its free parameters and the values from which they may start.
 
-    ``amplitude`` names those in which the displacement is linear while the effect is small; the others are laid on a
-    grid.  ``starts`` are complete sets of values.
+    ``amplitude`` names parameters in which the displacement is linear while the effect is small; the others are tried
+    on a grid.  ``starts`` are complete sets of values.
     """
 
     name: str
@@ -20,7 +20,7 @@ class TrialEffect:
     amplitude: tuple[str, ...]
     starts: tuple[Mapping[str, float], ...]
     one_body: bool = True  # has a meaning where the plate does not move
-    inverse: bool = False  # is the smaller the larger its first amplitude is
+    inverse: bool = False  # the effect is inversely proportional to its first amplitude (a mass)
 
     @property
     def shared(self) -> tuple[Parameter, ...]:
@@ -34,7 +34,7 @@ class TrialEffect:
 
 
 def trial_effect(row: Effect) -> TrialEffect:
-    """Return a row of the catalogue as it is searched."""
+    """Return a row of the catalogue in the form in which it is searched."""
     free = [parameter for parameter in row.parameters if not parameter.fixed]
     axes = [parameter.tried or parameter.grid or (parameter.scale,) for parameter in row.parameters]
     names = [parameter.name for parameter in row.parameters]
@@ -49,11 +49,11 @@ def trial_effect(row: Effect) -> TrialEffect:
 
 
 def trials_named(names: Iterable[str]) -> tuple[TrialEffect, ...]:
-    """Return effects by name as they are searched, what is only taken along and ``laws.own`` keys among them."""
+    """Return effects by name in the form in which they are searched; keys of ``laws.own`` are names, too."""
     return tuple(trial_effect(named(name)) for name in names)
 
 
 def trial_effects(laws: Iterable[str] = ()) -> Sequence[TrialEffect]:
-    """Return the catalogue as it is searched, and beside it the ``laws`` of these keys (``laws.own``)."""
+    """Return all effects of the catalogue, then the ``laws`` of these keys (``laws.own``), as they are searched."""
     rows = (*CATALOGUE.values(), *(named(key) for key in dict.fromkeys(laws)))
     return tuple(trial_effect(row) for row in rows)

@@ -1,8 +1,8 @@
-"""First guesses of plate and contact from one shot's displacement alone, for the fit to start from.
+"""First guesses of plate and contact from one shot's displacement, for the fit to start from.
 
-Two linear bodies know no scale: in units of the block's mass and of the smooth contact's half period the motion of a
-candidate is the same for every shot.  So the candidates are solved once, and a shot is compared with all of them by one
-product of matrices.
+The motion of two linear bodies has no scale of its own: with the block's mass and the half period of the smooth
+contact as units, a candidate moves alike in every shot.  So the candidates are solved once, and a shot is compared
+with all of them by one matrix product.
 """
 
 from collections.abc import Iterator, Sequence
@@ -12,19 +12,19 @@ from functools import lru_cache
 import numpy as np
 
 from analysis.collision import PAPER, Collision, Floats, TooManyEvents, Variant, solve
-from analysis.inference.fit.starts import Course
+from analysis.inference.fit.course import Course
 
 MASS_RATIOS = np.geomspace(0.002, 0.1, 7)
 STIFFNESS_RATIOS = np.geomspace(8, 1200, 8)
 DAMPING_RATIOS = (0.04, 0.15, 0.4)
 _POINTS = 420
 _BEFORE, _AFTER = 0.1, 1.25  # of the contact time, from the touch
-_MASS_KG, _RATE_RAD_PER_S = PAPER.block_mass_kg, 110.0  # of the shot that stands for all
+_MASS_KG, _RATE_RAD_PER_S = PAPER.block_mass_kg, 110.0  # of the shot for which the candidates are solved
 
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """A candidate and what of the contact it leaves, root mean square in m, once flight and touch time are free."""
+    """A candidate and the rms in m of the contact that it leaves unexplained with flight and touch time fitted."""
 
     collision: Collision
     left_m: float
@@ -32,9 +32,9 @@ class Guess:
 
 @dataclass(frozen=True, slots=True)
 class _Patterns:
-    """The candidates of the shot that stands for all: ``at`` in contact times from the touch, shape (p,).
+    """The solved candidates: times ``at``, shape (p,), in contact times from the touch.
 
-    ``moves``, shape (c, p, 4), is what offset, velocity, touch time and stiffness do to each, normalised.
+    ``moves``, shape (c, p, 4), are the normalised derivatives of each by offset, velocity, touch time and stiffness.
     """
 
     candidates: tuple[Collision, ...]
@@ -43,7 +43,7 @@ class _Patterns:
 
 
 def around_contact(course: Course, time_s: Floats) -> slice:
-    """Return the samples that span the contact and a little flight."""
+    """Return the samples of the contact and a little flight."""
     begin = int(np.searchsorted(time_s, course.touch_time_s - _BEFORE * course.contact_time_s))
     end = int(np.searchsorted(time_s, course.touch_time_s + _AFTER * course.contact_time_s))
     return slice(begin, end)
@@ -52,10 +52,10 @@ def around_contact(course: Course, time_s: Floats) -> slice:
 def rank(
     course: Course, time_s: Floats, displacement_m: Floats, block_mass_kg: float, variant: Variant, one_body: bool
 ) -> list[Guess]:
-    """Return candidates, best first, by what they leave of the contact once flight and touch time are free.
+    """Return candidates, best first, by the residual of the contact with flight and touch time fitted.
 
-    Offset, velocity, touch time and the plate's stiffness are projected out linearly, so that the coarse grid has to
-    find only the bounces: their mass, stiffness and damping.  About 2 ms; 40 ms the first time in a process.
+    Offset, velocity, touch time and the plate's stiffness are projected out linearly, so that the coarse grid only has
+    to find the bounces: mass ratio, contact stiffness and damping.  About 2 ms; 40 ms the first time in a process.
     """
     patterns = _patterns(variant, one_body)
     good = np.flatnonzero(np.isfinite(displacement_m))
@@ -116,7 +116,7 @@ def _candidates(variant: Variant, one_body: bool) -> Iterator[Collision]:
 
 
 def _scaled(candidate: Collision, course: Course, block_mass_kg: float) -> Collision:
-    """Return the candidate in the units of a shot: the same motion in its contact time and at its speed."""
+    """Return the candidate with a shot's mass, contact time and speed."""
     mass, rate = block_mass_kg / _MASS_KG, course.rate_rad_per_s / _RATE_RAD_PER_S
     return Collision(
         block_mass_kg,
@@ -130,5 +130,5 @@ def _scaled(candidate: Collision, course: Course, block_mass_kg: float) -> Colli
 
 
 def usual(guesses: Sequence[Guess]) -> float:
-    """Return what a candidate of another pattern of bounces leaves, in m: the median of all."""
+    """Return the median residual of all candidates in m: that of a wrong sequence of bounces."""
     return float(np.median([guess.left_m for guess in guesses])) if guesses else 0.0

@@ -1,4 +1,4 @@
-"""One hypothesis: the base model with some effects, and what it gives at a search vector, derivatives included."""
+"""One hypothesis: the base model with some effects, the displacement it gives at a search vector, and derivatives."""
 
 from dataclasses import dataclass, field
 
@@ -12,12 +12,12 @@ from analysis.inference.fit.response import Response
 from analysis.inference.fit.search_vector import JointData, SearchVector
 
 Floats = NDArray[np.float64]
-_REMEMBERED = 3
+_REMEMBERED = 3  # vectors whose displacement and derivatives are kept
 
 
 @dataclass(frozen=True)
 class Hypothesis(SearchVector):
-    """Base and effects as a search tries them: what every shot would show at a vector of their parameters."""
+    """A base model with effects, evaluated for every shot at a vector of their parameters."""
 
     _lately: dict[bytes, list[tuple[Floats, Floats]]] = field(
         default_factory=dict, init=False, repr=False, compare=False
@@ -28,15 +28,15 @@ class Hypothesis(SearchVector):
         return [self.fine(i, point) for i in range(len(self.data.shots))]
 
     def fine(self, index: int, point: Point) -> Floats:
-        """Return one shot's displacement on the motion's grid: what is compared with data."""
+        """Return one shot's displacement on the motion's grid."""
         return solved(self, index, point, averaged=False)[1].displacement_m
 
     def averaged(self, index: int, point: Point) -> Floats:
-        """Return one shot's displacement on the motion's grid, averaged like the data."""
+        """Return one shot's displacement, averaged like the data, shape (number of averaged samples,)."""
         return solved(self, index, point)[1].displacement_m
 
     def coarse(self, index: int, point: Point) -> Floats:
-        """Return one shot's displacement at the averaged samples' centres, not averaged: near enough for a score."""
+        """Return one shot's displacement at the centres of the averaged samples, not averaged: enough for a score."""
         return self.run(index, point, coarse=True).displacement_m
 
     def run(self, index: int, point: Point, coarse: bool = False) -> Response:
@@ -44,7 +44,7 @@ class Hypothesis(SearchVector):
         return solved(self, index, point, averaged=False, centres=coarse)[1]
 
     def displacement(self, z: Floats) -> list[Floats]:
-        """Return every shot's averaged displacement at a vector; one of the last few is remembered, not solved anew."""
+        """Return every shot's averaged displacement at a vector; the last few results are kept."""
         known = self._lately.get(z.tobytes())
         if known is not None:
             return [x for x, _ in known]
@@ -52,9 +52,9 @@ class Hypothesis(SearchVector):
         return side_by_side(lambda i: self.averaged(i, point), range(len(self.data.shots)))
 
     def linearised(self, z: Floats) -> list[tuple[Floats, Floats]]:
-        """Return every shot's averaged displacement, shape (n,), and its derivatives by its places in ``z``, (n, q).
+        """Return every shot's averaged displacement, shape (n,), and its derivatives by the shot's ``places``, (n, q).
 
-        One of the last few is remembered: a search goes on where another ended, under another floor.
+        The last few results are kept: a search often begins where another ended.
         """
         known = self._lately.get(z.tobytes())
         if known is not None:
@@ -65,13 +65,13 @@ class Hypothesis(SearchVector):
         return lines
 
     def remember(self, z: Floats, lines: list[tuple[Floats, Floats]]) -> None:
-        """Take ``lines`` for what ``linearised`` is to return at ``z``: known from elsewhere, or solved."""
+        """Keep ``lines`` as the result of ``linearised`` at ``z``."""
         while len(self._lately) >= _REMEMBERED:
-            self._lately.pop(tuple(self._lately)[0], None)  # noqa: RUF015 (a copy: others may add to it)
+            self._lately.pop(tuple(self._lately)[0], None)  # noqa: RUF015 (a copy: other threads may add to it)
         self._lately[z.tobytes()] = lines
 
     def of_shot(self, index: int, z: Floats) -> tuple[Floats, Floats]:
-        """Return one shot's averaged displacement, shape (n,), and its derivatives by its places in ``z``, (n, q)."""
+        """Return one shot's averaged displacement, shape (n,), and its derivatives by its ``places``, (n, q)."""
         return linearised_shot(self, index, self.unpack(z), self.slope(z))
 
 

@@ -1,8 +1,8 @@
-"""Fit one hypothesis and say how likely it makes the data, the floor learnt anew from what it leaves over."""
+"""Fit one hypothesis and compute its likelihood and covariance, the noise learnt anew from its residual."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +15,20 @@ from analysis.inference.fit.least_squares import Hopeless, Minimum, Square, cova
 from analysis.inference.noise import site_strengths
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor, learn, white_floor
+from analysis.inference.noise.site_strengths import Likely, over_likely
 from analysis.shot import Stop
 
 Floats = NDArray[np.float64]
-_ROUNDS, _A_ROUND, _BRINGS = 8, 25, 0.05  # of leading on: how often, with how many evaluations, for what of ln L
+_ROUNDS, _A_ROUND, _BRINGS = 8, 25, 0.05  # of ``lead_on``: rounds, evaluations in each, least gain of ln L
 _NEAR = 0.04  # of chi^2 still to fall: no parameter is further than a fifth of its std from the minimum
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """A hypothesis at its best: ``log_likelihood`` with its own ``floor``, ``residual_m`` averaged (shot by shot)."""
+    """A fitted hypothesis: ``log_likelihood`` under its own ``floor``, averaged residual ``residual_m`` of each shot.
+
+    ``inverse`` is (J^T J)^-1 of the whitened derivatives J, shape (p, p), in the coordinates of the search.
+    """
 
     hypothesis: Hypothesis
     z: Floats
@@ -61,7 +65,7 @@ class Fitted:
         return sum(int(shot.valid.sum()) for shot in self.hypothesis.data.shots)
 
     def whitened(self, floor: Floor | None = None) -> list[Floats]:
-        """Return what is left over at the valid samples, shot by shot, in units of ``floor`` (its own)."""
+        """Return the residual at the valid samples, shot by shot, whitened by ``floor`` (None: the fit's own)."""
         shots = self.hypothesis.data.shots
         return [
             shot.whitened(floor or self.floor, left[:, None])[:, 0]
@@ -69,7 +73,7 @@ class Fitted:
         ]
 
     def chi2(self, floor: Floor) -> float:
-        """Return the sum of squares of what is left over, in units of ``floor``."""
+        """Return the sum of squares of the residual whitened by ``floor``."""
         return sum(float(left @ left) for left in self.whitened(floor))
 
     @property
@@ -91,9 +95,9 @@ def square_of(hypothesis: Hypothesis, floor: Floor, z: Floats) -> Square:
 def whitened_tangents(
     hypothesis: Hypothesis, floor: Floor, lines: Sequence[tuple[Floats, Floats]]
 ) -> tuple[Floats, Arrow]:
-    """Return measured minus modelled and the model's derivatives, whitened; ``lines`` as ``linearised`` returns them.
+    """Return residual and derivatives, whitened; ``lines`` as ``Hypothesis.linearised`` returns them.
 
-    The first has all shots' rows one after another.
+    The residual is measured minus model, shape (rows,), all shots one after another.
     """
     data = hypothesis.data
     both = zip(data.shots, data.left_m(x for x, _ in lines), lines, strict=True)
@@ -107,16 +111,16 @@ def whitened_residual(hypothesis: Hypothesis, floor: Floor, z: Floats) -> Floats
 
 
 def residuals(hypothesis: Hypothesis, z: Floats) -> tuple[Floats, ...]:
-    """Return measured minus model, averaged, shot by shot."""
+    """Return measured minus model displacement, averaged, one array for each shot."""
     return hypothesis.data.left_m(hypothesis.displacement(z))
 
 
 def learn_floor(
     data: JointData, left: Sequence[Floats], start: Floor | None = None, *, anew: bool = False
 ) -> tuple[Floor, float]:
-    """Return the noise of what is left over, and the log-likelihood.
+    """Return the likeliest noise of residuals ``left``, and its log-likelihood.
 
-    At a site the parts that wander keep the shape they have in ``start``, unless they are to be learnt ``anew``.
+    On a moving frame the wandering parts keep the shape they have in ``start`` unless they are to be learnt ``anew``.
     """
     if data.site is not None:
         return site_strengths.learn(left, data.shots, data.site, start=start, parts=data.parts if anew else 0)
@@ -131,9 +135,9 @@ def learn_floor(
 
 
 def first_floor(hypothesis: Hypothesis, z: Floats, white_m: float) -> Floor:
-    """Return the floor under which a search from ``z`` begins: white noise, and what a building does there.
+    """Return the noise with which a search from ``z`` begins: white where no frame moves.
 
-    What wanders there has the shape that the flights show.
+    On a moving frame it is learnt from the residual, its wandering parts with the shape that the flights show.
     """
     if hypothesis.data.site is not None:
         data = hypothesis.data
@@ -151,9 +155,9 @@ def search(
     hopeless: Hopeless | None = None,
     cancelled: Stop | None = None,
 ) -> Minimum:
-    """Minimise with a given floor from ``z``, until chi^2 is to fall by less than ``tolerance`` or it is ``hopeless``.
+    """Minimise chi^2 under a given noise from ``z`` until the fall still expected is below ``tolerance``.
 
-    Infeasible where not even the start has a trajectory.
+    Or until ``hopeless`` says so (see ``minimise``).  Raises Infeasible where the start has no trajectory.
     """
     low, high = hypothesis.bounds
     low[hypothesis.unseen] = high[hypothesis.unseen] = z[hypothesis.unseen]
@@ -170,9 +174,12 @@ def search(
 
 
 def finish(hypothesis: Hypothesis, found: Minimum, floor: Floor, *, anew: bool = False) -> Fitted:
-    """Learn the floor of what was found beside another ``floor``, and give it its likelihood; ``anew`` as there."""
+    """Return the fit at the end of a search under ``floor``: noise learnt from the residual, likelihood, covariance.
+
+    ``anew`` as in ``learn_floor``.
+    """
     left = residuals(hypothesis, found.parameters)
-    # What wanders has more than one likely floor: begun where another hypothesis ended, it would stay there.
+    # The likelihood of wandering parts has several maxima; a search begun at another hypothesis' would stay there.
     floor, value = learn_floor(hypothesis.data, left, floor if floor.site else None, anew=anew)
     inverse = covariance(found.square)
     converged = found.converged
@@ -193,7 +200,7 @@ def fit_hypothesis(
     anew: bool = False,
     cancelled: Stop | None = None,
 ) -> Fitted:
-    """Fit from ``z``: with the floor given, then once more with the floor that this leaves, learnt ``anew`` or not."""
+    """Fit from ``z`` under the given noise, then under that learnt from the residual; ``anew`` as ``learn_floor``'s."""
     first = finish(hypothesis, search(hypothesis, z, floor, evaluations=evaluations, cancelled=cancelled), floor)
     again = max(8, evaluations // 2)
     second = search(hypothesis, first.z, first.floor, evaluations=again, cancelled=cancelled)
@@ -202,9 +209,9 @@ def fit_hypothesis(
 
 
 def lead_on(fitted: Fitted, *, cancelled: Stop | None = None) -> Fitted:
-    """Return a fit that had not come to its end led on, as long as that brings something.
+    """Continue the search of a fit that had not converged, as long as the likelihood grows.
 
-    Beside a law the valleys are long and bent: what is short of its end by a thousandth of chi^2 may be ten standard
+    With a law the minimum lies in a long bent valley: a point worse by only a thousandth of chi^2 may be ten standard
     deviations away from it.
     """
     for _ in range(_ROUNDS):
@@ -221,9 +228,39 @@ def lead_on(fitted: Fitted, *, cancelled: Stop | None = None) -> Fitted:
 
 
 def _without_wander(fitted: Fitted, cancelled: Stop | None) -> Fitted:
-    """Return a fit that leaves no wander, where that is likelier: one that allows for some never misses it."""
+    """Return a fit with white noise alone where that is likelier; wandering noise can hide what a model lacks."""
     floor = fitted.floor
     if floor.site or max(floor.rms_m) < floor.white_m:
         return fitted
     still = fit_hypothesis(fitted.hypothesis, fitted.z, floor.still, evaluations=_A_ROUND, cancelled=cancelled)
     return still if still.log_likelihood > fitted.log_likelihood else fitted
+
+
+def under_likely_noises(fitted: Fitted) -> Fitted:
+    """Return a fit on a moving frame with its covariance under all likely strengths of the frame's bands.
+
+    Under the likeliest strengths alone it is a third too small, since slow bands swing only a few times in a shot.  A
+    fit without a moving frame is returned unchanged.
+    """
+    if fitted.hypothesis.data.site is None or not fitted.floor.site:
+        return fitted
+    free = np.ones(fitted.hypothesis.size, dtype=np.bool_)
+    free[fitted.hypothesis.unseen] = False
+    likely = over_likely_strengths(fitted, free)
+    return fitted if likely is None else replace(fitted, inverse=likely.covariance)
+
+
+def over_likely_strengths(fitted: Fitted, free: NDArray[np.bool_]) -> Likely | None:
+    """Return the parameters' covariance under all likely strengths, zero where not ``free``, shape (p,).
+
+    None where the free parameters are not determined.
+    """
+    data = fitted.hypothesis.data
+    assert data.site is not None
+    tangents = fitted.hypothesis.arrow([line for _, line in fitted.hypothesis.linearised(fitted.z)])
+    tangents = tangents.without(np.flatnonzero(~free))
+    try:
+        likely = over_likely(fitted.residual_m, tangents, data.shots, data.site, fitted.floor)
+    except np.linalg.LinAlgError:  # two parameters have the same effect
+        return None
+    return replace(likely, covariance=np.where(np.outer(free, free), likely.covariance, 0.0))

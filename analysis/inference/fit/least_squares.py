@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt over a sum of squares whose derivatives are exact, with bounds that keep signs physical."""
+"""Levenberg-Marquardt minimisation of a sum of squares with exact derivatives and bounds on the parameters."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,10 +11,10 @@ from analysis.shot import Stop
 
 @dataclass(frozen=True, slots=True)
 class Square:
-    """A whitened sum of squares at one point: chi^2, J^T J, shape (p, p), J^T r, shape (p,), and sample count.
+    """A whitened sum of squares at one point: chi^2, J^T J, shape (p, p), J^T r, shape (p,), and number of samples.
 
-    ``residual``, shape (n,), and the products with its derivatives J, where the search is to keep to bent valleys:
-    ``along(step)`` = J step, ``pull(vector)`` = J^T vector.
+    ``residual`` r, shape (n,), ``along(step)`` = J step and ``pull(vector)`` = J^T vector serve the corrections of
+    steps in bent valleys; None where a search does without them.
     """
 
     chi2: float
@@ -28,7 +28,7 @@ class Square:
 
 @dataclass(frozen=True, slots=True)
 class Minimum:
-    """Where a search ended; ``converged``: the next step would move no parameter by 1e-3 standard deviations."""
+    """The end of a search; ``converged``: the next step would move no parameter by 1e-3 standard deviations."""
 
     parameters: Floats
     square: Square
@@ -41,9 +41,9 @@ Function = Callable[[Floats], Square]
 Residual = Callable[[Floats], Floats]
 Hopeless = Callable[[Floats, Square], bool]
 _CORRECTIONS = 6
-_STEEP = 1e-5  # of damping, relative: directions flatter than that are not corrected
-_LITTLE = 15.0  # of chi^2: a search that promises less is asked whether it may still matter
-_STRAIGHT = 1.0  # of chi^2: a step that is to bring less is too short for a valley to bend on the way
+_STEEP = 1e-5  # relative damping: directions with less curvature than that are not corrected
+_LITTLE = 15.0  # of chi^2: once the next step promises less, ``hopeless`` is called
+_STRAIGHT = 1.0  # of chi^2: a step that promises less is too short for corrections
 
 
 def minimise(
@@ -57,14 +57,15 @@ def minimise(
     hopeless: Hopeless | None = None,
     cancelled: Stop | None = None,
 ) -> Minimum:
-    """Minimise from ``start``, shape (p,); ``tolerance`` is the fall of chi^2 still expected when it stops.
+    """Minimise from ``start``, shape (p,); ``tolerance`` is the fall of chi^2 still expected when the search stops.
 
-    ``bounds`` are the least and the largest values, shape (p,) each.  With ``residual`` (whitened residuals at a point,
-    without derivatives: cheap) and squares that carry theirs, a step is led back to the floor of a bent valley before
-    its derivatives are computed: it may then be as long as the data allow, not as short as the bend commands (a
-    retraction; Absil, Mahony and Sepulchre, "Optimization Algorithms on Matrix Manifolds", ch. 4).  A fall of 1e-6 is a
-    move of 1e-3 standard deviations.  ``hopeless`` is called once, when little is promised: whether the search is to be
-    given up where it is.  The function may raise Infeasible anywhere but at the start.
+    ``bounds`` are the least and the largest values, shape (p,) each.  A fall of chi^2 by 1e-6 is a move of 1e-3
+    standard deviations.  ``residual`` computes whitened residuals at a point without derivatives, which is cheap: if
+    it is given, and the squares carry their residual, a long step is corrected until the residual is what its
+    linearisation predicted, before derivatives are computed there.  In a bent valley steps may then be longer (a
+    retraction; Absil, Mahony and Sepulchre, "Optimization Algorithms on Matrix Manifolds", ch. 4).  ``hopeless`` is
+    called once, when little more is promised; the search stops if it returns True.  ``function`` may raise Infeasible
+    anywhere but at the start.
     """
     low, high = bounds or (np.full(start.size, -np.inf), np.full(start.size, np.inf))
     here = np.clip(start, low, high)
@@ -90,20 +91,12 @@ def minimise(
         there = np.clip(here + step, low, high)
         moved = there - here
         expected = float(-2 * moved @ square.gradient - moved @ square.curvature @ moved)
-        back = None
-        if residual is not None and (expected > _STRAIGHT or damping.refused):
-            back = _back_to_the_valley(residual, square, here, moved, free, (low, high))
-        try:
-            if back is not None and back[1] >= square.chi2:  # it will be refused: spare the derivatives there
-                raise Infeasible("the step leads out of the valley")
-            there = there if back is None else back[0]
-            trial = function(there)
-            fell = square.chi2 - trial.chi2
-        except Infeasible:
-            fell = -np.inf
+        corrected = residual if expected > _STRAIGHT or damping.refused else None
+        trial = _trial(function, corrected, square, here, there, free, (low, high))
+        fell = -np.inf if trial is None else square.chi2 - trial[1].chi2
         used += 1
-        if fell > 0 and expected > 0:
-            here, square = there, trial
+        if trial is not None and fell > 0 and expected > 0:
+            here, square = trial
             damping.ease(fell / expected)
         elif 0 < expected < 1e-12 * square.chi2 + tolerance * 1e-2:
             return Minimum(here, square, True, used)  # rounding hides falls below 1e-12 of chi^2
@@ -113,26 +106,26 @@ def minimise(
 
 
 class _Damping:
-    """How far a step is held back, and how many steps ago the last one was refused."""
+    """The damping of steps, and for how many more steps it is eased slowly after a refusal."""
 
     def __init__(self) -> None:
         self.value = 1e-6  # the base model has directions a million times softer than others: near Gauss-Newton
         self.refused = 0
 
     def ease(self, ratio: float) -> None:
-        """Follow a step that brought ``ratio`` of what it promised: step by step after a refusal, at once before."""
+        """Reduce or raise damping after a step with ``ratio`` of the expected fall; slowly after a refusal."""
         easing = 0.3 if self.refused else 0.01
         self.value *= easing if ratio > 0.7 else (0.5 if ratio > 0.3 else 4.0)
         self.value = max(self.value, 1e-14)
         self.refused = max(0, self.refused - 1)
 
     def refuse(self) -> bool:
-        """Follow a step that led uphill; return whether a shorter one is worth trying."""
+        """Raise damping after a step uphill; return whether a shorter step is worth trying."""
         self.refused = 3
         return self.raise_to(1e-9)
 
     def raise_to(self, least: float) -> bool:
-        """Hold steps back ten times as much, by ``least`` at least; return whether one is still to be tried."""
+        """Multiply damping by ten, to at least ``least``; return whether it is still of use."""
         self.value = max(10 * self.value, least)
         return self.value <= 1e12
 
@@ -142,18 +135,41 @@ def _within(point: Floats, low: Floats, high: Floats) -> bool:
 
 
 def _free(here: Floats, gradient: Floats, low: Floats, high: Floats) -> np.ndarray:
-    """Return which parameters may move: not those that a bound holds against the pull of the gradient, or both do."""
+    """Return which parameters may move: not fixed ones, nor those that the gradient presses against their bound."""
     held = (low >= high) | ((here <= low) & (gradient > 0)) | ((here >= high) & (gradient < 0))
     return np.asarray(~held)
 
 
-def _back_to_the_valley(
+def _trial(
+    function: Function,
+    residual: Residual | None,
+    square: Square,
+    here: Floats,
+    there: Floats,
+    free: np.ndarray,
+    bounds: tuple[Floats, Floats],
+) -> tuple[Floats, Square] | None:
+    """Return the point ``there``, corrected where there is a ``residual``, and the square at it; None if infeasible.
+
+    Also None where chi^2 after the corrections has not fallen: the step would be refused, so its derivatives are saved.
+    """
+    back = None if residual is None else _corrected_step(residual, square, here, there - here, free, bounds)
+    if back is not None and back[1] >= square.chi2:
+        return None
+    point = there if back is None else back[0]
+    try:
+        return point, function(point)
+    except Infeasible:
+        return None
+
+
+def _corrected_step(
     residual: Residual, square: Square, here: Floats, step: Floats, free: np.ndarray, bounds: tuple[Floats, Floats]
 ) -> tuple[Floats, float] | None:
-    """Return ``here + step`` moved to where the residual is what the step was to make it, and chi^2 there.
+    """Return ``here + step``, corrected until the residual is the one predicted linearly, and chi^2 there.
 
-    Corrections by the derivatives at ``here``, which the steep directions keep; the flat ones, along which the step
-    was meant to go, are left out.  None where the way is lost.
+    The corrections use the derivatives at ``here``, which hold in steep directions; flat directions, along which the
+    step was meant to go, are left out.  None where the corrections do not converge.
     """
     if square.residual is None or square.along is None or square.pull is None:
         return None
@@ -180,7 +196,7 @@ def _back_to_the_valley(
 
 
 def _step(square: Square, free: np.ndarray, damping: float, gradient: Floats | None = None) -> Floats | None:
-    """Return the damped Gauss-Newton step (zero where not ``free``), or None where it is not determined."""
+    """Return the damped Gauss-Newton step (zero where not ``free``), or None where the matrix is singular."""
     gradient = square.gradient if gradient is None else gradient
     index = np.flatnonzero(free)
     solution = damped_step(square.curvature[np.ix_(index, index)], -gradient[index], damping)
@@ -192,9 +208,9 @@ def _step(square: Square, free: np.ndarray, damping: float, gradient: Floats | N
 
 
 def damped_step(curvature: Floats, pull: Floats, damping: float) -> Floats | None:
-    """Return the step s with (curvature + damping of each number's own) s = pull, or None where it is not determined.
+    """Return the step s with (curvature + damping diag(curvature)) s = pull, or None where that is singular.
 
-    Directions that the data hardly see are held back by it (Levenberg, Marquardt): there the valleys bend.
+    Damping shortens the step most in directions that the data hardly determine, where valleys bend (Marquardt).
     """
     scale = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
     scaled = curvature / np.outer(scale, scale) + damping * np.eye(scale.size)

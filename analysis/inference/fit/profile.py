@@ -1,8 +1,8 @@
-"""How sure an attraction is: the likelihood itself, where its curvature at the best point says too little.
+"""Uncertainty of an attraction's parameters by profile likelihood, where the curvature at the minimum is too narrow.
 
-An attraction's force and reach lie in a bent valley, and samples that come within reach one by one make it rough.  The
-profile likelihood (Venzon and Moolgavkar, Appl. Statist. 37 (1988) 87) follows the valley to where the fit is worse by
-one standard deviation.
+Force and reach of an attraction lie in a bent valley, made rough by samples that come within reach one by one.  The
+profile likelihood (Venzon and Moolgavkar, Appl. Statist. 37 (1988) 87) follows the valley to where chi^2 has grown by
+one.
 """
 
 from dataclasses import replace
@@ -16,14 +16,14 @@ from analysis.inference.fit.least_squares import minimise
 from analysis.shot import Stop
 
 _TRIES = 3
-_FLAT = 0.05  # of chi^2: not even a tenth of the way
-_WIDEST = 4.0  # times, from one try to the next
+_FLAT = 0.05  # of chi^2: less growth than that says nothing about the distance to a growth of one
+_WIDEST = 4.0  # times the distance, from one try to the next
 
 
 def with_profile_std(fitted: Fitted, stop: Stop) -> Fitted:
-    """Return the fit with uncertainties of its attraction as wide as the wider side of the profile likelihood.
+    """Return the fit with standard deviations of its attraction from the wider side of the profile likelihood.
 
-    Never narrower than the curvature says.  Any other fit comes back as it is.  Cost: 0.3 s a parameter.
+    Never narrower than the curvature says.  Any other fit is returned unchanged.  Cost: 0.3 s per parameter.
     """
     hypothesis = fitted.hypothesis
     places = [
@@ -31,7 +31,9 @@ def with_profile_std(fitted: Fitted, stop: Stop) -> Fitted:
     ]
     if not places or not np.all(np.isfinite(fitted.inverse)):
         return fitted
-    sides = side_by_side(lambda one: _off(fitted, *one, stop), [(at, side) for at in places for side in (-1.0, 1.0)])
+    sides = side_by_side(
+        lambda one: _stds_to_unit_rise(fitted, *one, stop), [(at, side) for at in places for side in (-1.0, 1.0)]
+    )
     inverse = fitted.inverse.copy()
     for k, at in enumerate(places):
         factor = max(1.0, *sides[2 * k : 2 * k + 2])
@@ -40,8 +42,8 @@ def with_profile_std(fitted: Fitted, stop: Stop) -> Fitted:
     return replace(fitted, inverse=inverse)
 
 
-def _off(fitted: Fitted, at: int, side: float, stop: Stop) -> float:
-    """Return how many of its standard deviations a parameter lies off where chi^2 has grown by one; 1 if unknown."""
+def _stds_to_unit_rise(fitted: Fitted, at: int, side: float, stop: Stop) -> float:
+    """Return how many of its standard deviations off a parameter raises chi^2 by one, on one side; 1 if unknown."""
     hypothesis = fitted.hypothesis
     low, high = hypothesis.bounds
     best = fitted.chi2(fitted.floor)

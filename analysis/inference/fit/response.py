@@ -1,4 +1,4 @@
-"""One shot as the fit sees it: its whitened samples, and what the model and its parameters do to them."""
+"""Solve the model for one shot: displacement as the sensor shows it, and its derivatives by all parameters."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -26,10 +26,10 @@ from analysis.collision import (
     sensors,
 )
 from analysis.inference.fit.base import OWN_NAMES, Base
-from analysis.inference.fit.starts import Course
+from analysis.inference.fit.course import Course
 
 DEFAULT_WAVELENGTH_M = 632.8e-9
-_MOST_RADIANS = 1e5
+_MOST_RADIANS = 1e5  # of the contact over the whole record
 _STEP = 1e-40  # of a complex step
 _PLATE_AT = {  # in ``parameters.kernel_order``
     "plate_motion.displacement_m": 5,
@@ -50,13 +50,13 @@ class ShotData:
     course: Course
     wavelength_m: float = DEFAULT_WAVELENGTH_M
     rate_hz: float = 1e5  # of the demodulated record
-    plate: tuple[float, float] = (0.0, 0.0)  # m, m/s: at first touch, as far as it is known and not fitted
+    plate: tuple[float, float] = (0.0, 0.0)  # m, m/s: the plate at first touch where that is known and not fitted
     plate_number: int = 0  # on which of the set's plates it was taken
 
 
 @dataclass(frozen=True)
 class Model:
-    """A base model with effects: which parameters there are, shared or a shot's own, and in which order.
+    """A base model with effects: its parameters, shared or per shot, and their order.
 
     ``chosen`` gives the values of parameters that a fit does not move, by "effect.parameter".
     """
@@ -88,7 +88,7 @@ class Model:
     def plate_start(
         self, values: Mapping[str, float], own: Floats, known: tuple[float, float] = (0.0, 0.0)
     ) -> tuple[float, float]:
-        """Return the plate's displacement and velocity at first touch: of effects with ``values``, own and known."""
+        """Return the plate's displacement (m) and velocity (m/s) at first touch, from effects, own and known ones."""
         x, v = (values.get(f"plate_motion.{name}", 0.0) for name in ("displacement_m", "velocity_m_per_s"))
         x, v = x + known[0], v + known[1]
         if self.base.swings:
@@ -96,7 +96,7 @@ class Model:
         return x, v
 
     def by_effect(self, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
-        """Return values by full name as values by effect and parameter."""
+        """Return values given by full name as values by effect and parameter."""
         return {e.name: {p.name: values[f"{e.name}.{p.name}"] for p in e.parameters} for e in self.effects}
 
     def values(self, shared: Floats, own: Floats) -> dict[str, float]:
@@ -111,10 +111,10 @@ class Model:
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """The model of one shot on its samples (or on means of some), arrays of shape (n,).
+    """The model of one shot at its samples (or averaged over blocks of them), arrays of shape (n,).
 
     ``displacement_m`` is what the optics would show, offset included; ``derivatives``, shape (n, p), are by (shared,
-    own).  ``velocity_out`` is the block's velocity after its last release with its derivatives by (shared, own).
+    own) parameters.  ``velocity_out`` is the block's velocity after its last release with its derivatives by the same.
     """
 
     displacement_m: Floats
@@ -137,10 +137,10 @@ def respond(
     block: int = 1,
     fastest_rad_per_s: float = math.inf,
 ) -> Response:
-    """Solve the model for one shot; ``own`` begins with (v_i, touch time, offset).  Infeasible where it cannot be.
+    """Solve the model for one shot; ``own`` begins with (v_i, touch time, offset).
 
-    ``stride`` is that of ``general.solve``; with ``block`` all arrays are means over so many samples.  What swings
-    faster than ``fastest_rad_per_s`` cannot be.
+    ``stride`` is that of ``general.solve``; with ``block`` all arrays are averaged over so many samples.  Raises
+    Infeasible where there is no such motion, or where something oscillates faster than ``fastest_rad_per_s``.
     """
     values = model.values(shared, own) if model.effects else {}
     start = model.plate_start(values, own, shot.plate)
@@ -153,15 +153,15 @@ def respond(
     names = (*model.shared_names, *model.own_names)
     of_base = model.base.columns(shot.plate_number)
     wanted = {name: _direction(of_base, active, name) for name in names} if derivatives else {}
-    # What comes to a kernel by way of others is asked for under names that no parameter has, and chained.
+    # A parameter that enters a kernel through others: these get names that no parameter has; the chain rule follows.
     wanted |= {f"{c.slot} {k}": general.direction(c.slot, k) for c in chains for k in range(c.slopes.shape[0])}
     times = shot.time_s - own[1]
     seeing = sensors(e.name for e in model.effects)
-    inner = 1 if seeing else block  # a sensor sees every sample
+    inner = 1 if seeing else block  # the sensor's effects act on every sample, before averaging
     rates = fastest_rates(collision, active)
     if max(rates.contact, rates.every) > fastest_rad_per_s:
         raise Infeasible("something would swing faster than any record can show")
-    response = _solved(collision, active, rates, times, wanted, stride, inner)
+    response = _integrated(collision, active, rates, times, wanted, stride, inner)
     x, columns = response.displacement_m, response.derivatives
     velocity_out = response.velocity_out
     if derivatives:
@@ -171,7 +171,7 @@ def respond(
             columns = columns @ by_names
             velocity_out = None if velocity_out is None else (velocity_out[0], velocity_out[1] @ by_names)
     for effect in seeing:
-        x, columns = _sense(effect, shot, values, x, columns, names, response.velocity_m_per_s)
+        x, columns = _through_sensor(effect, shot, values, x, columns, names, response.velocity_m_per_s)
     if derivatives:
         columns[:, names.index("offset_m")] = 1.0
     left = block // inner
@@ -187,7 +187,7 @@ def respond(
 
 
 def _direction(of_base: Mapping[str, int], active: Sequence[general.Active], name: str) -> int | None:
-    """Return the integrator's direction of a parameter, or None where it does not act on the motion."""
+    """Return the integrator's direction for a parameter, or None where it does not act on the motion."""
     if name in of_base:
         return of_base[name]
     if name == "velocity_in_m_per_s":
@@ -201,7 +201,7 @@ def _direction(of_base: Mapping[str, int], active: Sequence[general.Active], nam
     return _PLATE_AT.get(name)
 
 
-def _solved(
+def _integrated(
     collision: Collision,
     active: Sequence[general.Active],
     rates: FastestRates,
@@ -233,7 +233,7 @@ def _solved(
     )
 
 
-def _sense(
+def _through_sensor(
     effect: Effect,
     shot: ShotData,
     values: dict[str, float],
@@ -242,14 +242,14 @@ def _sense(
     names: Sequence[str],
     velocity_m_per_s: Floats,
 ) -> tuple[Floats, Floats]:
-    """Return displacement and derivatives as a sensor with this effect shows them (by complex steps)."""
+    """Return displacement and derivatives after one effect of the sensor (derivatives by complex steps)."""
     assert effect.sensor is not None
     seen = Sensed(shot.time_s, velocity_m_per_s, shot.wavelength_m, shot.rate_hz)
     own = np.zeros((max(3, len(effect.parameters)), 1))
     own[: len(effect.parameters), 0] = [values[f"{effect.name}.{p.name}"] for p in effect.parameters]
     if not columns.shape[1]:
         return np.asarray(effect.sensor(seen, x[:, None], own)[:, 0]), columns
-    # One that remembers nothing turns every derivative at an instant by the same factor.
+    # An effect without memory multiplies all derivatives at an instant by the same factor.
     moves = columns if effect.remembers else np.ones((x.size, 1))
     count, places = moves.shape[1], list(names)
     full = [f"{effect.name}.{p.name}" for p in effect.parameters]

@@ -1,4 +1,4 @@
-"""What the diagnosis looks at: displacement averaged over blocks of samples, data and model alike."""
+"""Block averages of a shot's displacement: the samples that are fitted, and the model averaged in the same way."""
 
 import math
 from collections.abc import Sequence
@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision import general
-from analysis.inference.fit import starts
+from analysis.inference.fit.course import Course, read_course
 from analysis.inference.fit.response import DEFAULT_WAVELENGTH_M, ShotData
-from analysis.inference.fit.starts import Course
 from analysis.shot import Motion, plate_numbers
 
 if TYPE_CHECKING:
@@ -20,17 +19,18 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-FITTED_CONTACT_TIMES = 5.0  # of flight on either side that take part: further off it tells more of the track
-RATE_HZ = 20e3  # what catalogue effects do to the displacement lies below half of it, but for a fringe's ripple
+FITTED_CONTACT_TIMES = 5.0  # of flight on either side that are fitted: further off the track matters more
+RATE_HZ = 20e3  # effects of the catalogue act on the displacement below half of it, except the ripple of a fringe
 FINE_RATE_HZ = 100e3
 
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """One shot, block-averaged: ``time_s`` and ``used``, shape (n,), are the motion's, the rest is averaged.
+    """One shot, averaged over blocks of ``factor`` samples.
 
-    ``centre_s`` are the times of the averaged samples.
-    A mean over a block keeps white noise white and loses no sample at the ends.
+    ``time_s`` and ``used``, shape (n,), are on the motion's own grid; all other arrays are of averaged samples, shape
+    (n // factor,), with centres at ``centre_s``.  A block's mean keeps white noise white and loses no sample at the
+    ends.
     """
 
     time_s: Floats
@@ -43,16 +43,16 @@ class Samples:
     moving_mass_kg: float
     wavelength_m: float | None
     course: Course
-    white_m: float  # of one averaged sample, as the motion states it
-    weight: float = 1.0  # ``white_m`` over that of the shots judged together
-    sway: "Sway | None" = None  # what the site may have done to the shot
-    plate: tuple[float, float] = (0.0, 0.0)  # m, m/s: what it made of the plate at first touch, the likeliest
+    white_m: float  # white noise of one averaged sample, as the motion states it
+    weight: float = 1.0  # ``white_m`` over the rms of that of all shots in the fit
+    sway: "Sway | None" = None  # what the frame's motion may have added to the shot
+    plate: tuple[float, float] = (0.0, 0.0)  # m, m/s: the plate's likeliest state at first touch on a moving frame
     plate_number: int = 0  # on which of the set's plates it was taken
 
     def whitened(self, floor: "Floor", columns: Floats) -> Floats:
-        """Return ``columns``, shape (n, k), as unit white noise where their noise is this floor's; shape (m, k).
+        """Return ``columns``, shape (n, k), whitened: noise as this floor's becomes unit white noise; shape (m, k).
 
-        One row a valid sample.
+        One row for each of the m valid samples.
         """
         rows = floor.whiten(columns, self.valid, self.weight)
         if self.sway is None or not floor.site:
@@ -60,10 +60,10 @@ class Samples:
         return self.sway.whiten(rows, floor)
 
     def left_m(self, displacement_m: Floats) -> Floats:
-        """Return measured minus modelled, averaged, shape (n,).
+        """Return measured minus model displacement, averaged, shape (n,).
 
-        What the plate did before the touch is one of the things that the site may have done: where the model begins
-        at its likeliest state, that is given back, so that a large swing stays as unlikely as it is.
+        The plate's motion before the touch is part of what the frame may have caused.  Where the model starts from its
+        likeliest state, its contribution is added back, so that a large swing is penalised as its variance demands.
         """
         left = self.displacement_m - displacement_m
         return left if self.sway is None or not any(self.plate) else left + self.sway.of_plate_m(self.plate)
@@ -72,8 +72,8 @@ class Samples:
         """Return ``columns``, shape (n,) or (n, k) on the motion's grid, averaged like the data."""
         return general.averaged(columns, self.factor)
 
-    def beside_the_site(self, floor: "Floor", left_m: Floats) -> Floats:
-        """Return a remainder, shape (n,), without what the site has most likely done of it."""
+    def without_frame_motion(self, floor: "Floor", left_m: Floats) -> Floats:
+        """Return a residual, shape (n,), minus the most likely contribution of the frame's motion."""
         if self.sway is None or not floor.site:
             return left_m
         out = left_m.copy()
@@ -82,7 +82,7 @@ class Samples:
 
     @property
     def for_model(self) -> ShotData:
-        """Get the shot as the model takes it; it is whitened here."""
+        """Get the shot in the form that the model takes."""
         wavelength_m = self.wavelength_m or DEFAULT_WAVELENGTH_M
         rate_hz = self.factor / self.spacing_s
         return ShotData(
@@ -99,14 +99,14 @@ class Samples:
 
     @property
     def length_s(self) -> float:
-        """Get the length of the part that is used in s."""
+        """Get the duration of all valid samples in s."""
         return float(self.valid.sum()) * self.spacing_s
 
 
-def take(motion: Motion, rate_hz: float = RATE_HZ) -> Samples:
-    """Return the samples of a motion that shows a collision; NoCollision (an AnalysisError) says why there is none."""
+def averaged_shot(motion: Motion, rate_hz: float = RATE_HZ) -> Samples:
+    """Return the averaged samples of a motion; NoCollision (an AnalysisError) where it shows no collision."""
     valid = np.asarray(motion.valid & np.isfinite(motion.displacement_m))
-    course = starts.read(motion.time_s, motion.displacement_m, valid)
+    course = read_course(motion.time_s, motion.displacement_m, valid)
     around = FITTED_CONTACT_TIMES * course.contact_time_s
     valid &= (motion.time_s > course.touch_time_s - around) & (motion.time_s < course.release_time_s + around)
     factor = max(1, round(motion.sample_rate_hz / rate_hz))
@@ -131,17 +131,19 @@ def take(motion: Motion, rate_hz: float = RATE_HZ) -> Samples:
 
 
 def spacing(shots: Sequence[Samples]) -> float:
-    """Return the spacing shared by all shots in s; ValueError where they differ by more than a hundredth."""
+    """Return the spacing of averaged samples in s; ValueError where shots differ in it by more than 1 %."""
     first = shots[0].spacing_s
     if any(abs(shot.spacing_s / first - 1) > 0.01 for shot in shots):
         raise ValueError("the shots were sampled at different rates: diagnose them apart")
     return first
 
 
-def together(motions: Sequence[Motion], rate_hz: float = RATE_HZ) -> tuple[Samples, ...]:
-    """Return the samples of several motions, white noises weighed against each other, with their plates."""
+def averaged_shots(motions: Sequence[Motion], rate_hz: float = RATE_HZ) -> tuple[Samples, ...]:
+    """Return the averaged samples of several motions, each with its weight and the number of its plate."""
     numbers = plate_numbers(motions)
-    shots = [replace(take(motion, rate_hz), plate_number=k) for motion, k in zip(motions, numbers, strict=True)]
+    shots = [
+        replace(averaged_shot(motion, rate_hz), plate_number=k) for motion, k in zip(motions, numbers, strict=True)
+    ]
     spacing(shots)
     white = np.array([shot.white_m for shot in shots])
     if not np.all(np.isfinite(white) & (white > 0)):

@@ -1,4 +1,4 @@
-"""Where the parameters of a base model with effects stand in the vector of a search, and what they mean there."""
+"""The vector of parameters that a search moves: order, names, bounds, and conversion to physical parameters."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -25,11 +25,10 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class JointData:
-    """The shots that are judged together, the base model, and how many wandering parts their floor may have.
+    """The shots that are fitted together, the base model, and how many wandering parts their noise may have.
 
-    ``site`` is what shook the frame under them, where anything did: their floor is its then.  ``like_kg`` is the block
-    mass that search coordinates reckon with, where that is not the first shot's: vectors of some of a set's shots then
-    mean what those of all of them mean.
+    ``site`` is what shakes the frame, or None.  ``like_kg`` is the block mass assumed in the search coordinates (None:
+    the first shot's); with it, vectors for a subset of shots mean the same as vectors for the whole set.
     """
 
     shots: tuple[Samples, ...]
@@ -40,7 +39,7 @@ class JointData:
 
     @property
     def band_hz(self) -> tuple[float, float]:
-        """Get the frequencies between which a line can be told from a drift and from an alias."""
+        """Get the band in Hz in which a sinusoid can be distinguished from a drift and is not aliased."""
         return 2.5 / max(shot.length_s for shot in self.shots), 0.45 / self.shots[0].spacing_s
 
     @property
@@ -49,31 +48,31 @@ class JointData:
         return len(self.base.names)
 
     def left_m(self, displacement_m: Iterable[Floats]) -> tuple[Floats, ...]:
-        """Return measured minus modelled, averaged, shot by shot."""
+        """Return measured minus model displacement, averaged, one array for each shot."""
         return tuple(shot.left_m(x) for shot, x in zip(self.shots, displacement_m, strict=True))
 
     def whitened(self, floor: Floor, columns: Iterable[Floats]) -> Floats:
-        """Return ``columns``, shot by shot of shape (n, k), whitened: shape (rows, k), all shots one after another."""
+        """Return whitened ``columns``, shape (n, k) for each shot, as one array of shape (rows, k), shot after shot."""
         return np.concatenate([shot.whitened(floor, c) for shot, c in zip(self.shots, columns, strict=True)])
 
 
 @dataclass(frozen=True)
 class SearchVector:
-    """The parameters of base and ``effects`` (in that order) laid out for a search over all shots at once.
+    """The parameters of base model and ``effects`` (in that order), laid out as one vector over all shots.
 
-    The vector holds the base and own parameters in ``Coordinates``, then each effect's shared free parameters, then
-    each shot's own of every effect: all of them effective (``to_effective``).  ``fixed`` holds what is not searched (a
-    cyclic error's order).
+    It holds the base and per-shot parameters in ``Coordinates``, then each effect's shared free parameters, then every
+    effect's per-shot ones; all of them effective (``to_effective``).  ``fixed`` holds values that are not searched (the
+    order of a cyclic error).
     """
 
     data: JointData
     effects: tuple[TrialEffect, ...]
     fixed: Values = field(default_factory=dict)
-    stride: float = 2.0  # of ``general.solve``: a law that is not linear is right to 0.05 pm so, far below any noise
+    stride: float = 2.0  # step of ``general.solve``: at 2 a nonlinear law is right to 0.05 pm, far below any noise
 
     @cached_property
     def free_parameters(self) -> list[tuple[str, Parameter, int]]:
-        """Get (effect, free, shot or -1) of every searched effect parameter, in order."""
+        """Get (effect, parameter, shot or -1 if shared) of each searched effect parameter, in order."""
         out = [(kind.name, free, -1) for kind in self.effects for free in kind.shared]
         for shot in range(len(self.data.shots)):
             out += [(kind.name, free, shot) for kind in self.effects for free in kind.own]
@@ -84,7 +83,7 @@ class SearchVector:
         return {}
 
     def model(self, chosen: tuple[tuple[str, float], ...] = (), laws: Sequence[Effect] = ()) -> Model:
-        """Return the model of base and effects, ``laws`` beside them; one for all trajectories of as much chosen."""
+        """Return the model of base, effects and further ``laws``; models without laws are cached by ``chosen``."""
         rows = tuple(named(kind.name) for kind in self.effects)
         if laws:
             return Model(self.data.base, (*rows, *laws), chosen)
@@ -94,24 +93,24 @@ class SearchVector:
 
     @property
     def offset(self) -> int:
-        """Get where the effects' free parameters begin in the vector."""
+        """Get the index at which the effects' parameters begin."""
         return self.data.count + 3 * len(self.data.shots)
 
     @cached_property
     def names(self) -> tuple[tuple[str, int], ...]:
-        """Get (name as a fit has it, shot or -1) of every entry."""
+        """Get (name as in a ``Fit``, shot or -1 if shared) of each entry."""
         shared = [(name, -1) for name in self.data.base.names]
         own = [(name, shot) for shot in range(len(self.data.shots)) for name in OWN_NAMES]
         return (*shared, *own, *((f"{name}.{free.name}", shot) for name, free, shot in self.free_parameters))
 
     @cached_property
     def shared(self) -> list[int]:
-        """Get the places of what all shots share."""
+        """Get the indices of parameters that all shots share."""
         return [place for place, (_, shot) in enumerate(self.names) if shot < 0]
 
     @cached_property
     def places(self) -> tuple[Places, ...]:
-        """Get where the parameters that a shot depends on stand, a shot: the shared ones, then its own; shape (q,)."""
+        """Get the indices of the parameters that each shot depends on: shared ones, then its own; shape (q,)."""
         own: list[list[int]] = [[] for _ in self.data.shots]
         for place, (_, shot) in enumerate(self.names):
             if shot >= 0:
@@ -119,18 +118,18 @@ class SearchVector:
         return tuple(np.array([*self.shared, *mine], dtype=np.intp) for mine in own)
 
     def arrow(self, blocks: Sequence[Floats]) -> Arrow:
-        """Return columns, shape (n, q) a shot, each of the parameter at that one of the shot's ``places``."""
+        """Return a block-arrow matrix from each shot's columns, shape (n, q), ordered as the shot's ``places``."""
         return Arrow(tuple(blocks), len(self.shared), self.places, self.size)
 
     @cached_property
     def unseen(self) -> list[int]:
-        """Get the places of what belongs to plates that none of these shots was taken on."""
+        """Get the indices of parameters of plates on which none of these shots was taken."""
         base = self.data.base
         seen = {place for shot in self.data.shots for place in base.places(shot.plate_number)}
         return [place for place in range(self.data.count) if place not in seen]
 
     def flat(self, point: Point) -> Floats:
-        """Return the parameters of a point in the vector's order, shape (size,)."""
+        """Return the physical parameters of a point in the vector's order, shape (size,)."""
         free = [point.values[max(shot, 0)][name][free.name] for name, free, shot in self.free_parameters]
         return np.concatenate([point.base, point.own.ravel(), free])
 
@@ -156,7 +155,7 @@ class SearchVector:
         return self.pack_effective(to_effective(point))
 
     def pack_effective(self, effective: Point) -> Floats:
-        """Return the search vector of a point as it is seen."""
+        """Return the search vector of a point that is given in effective parameters."""
         z = np.empty(self.size)
         z[: self.offset] = self.coordinates.to_search(np.concatenate([effective.base, effective.own.ravel()]))
         for k, (name, free, shot) in enumerate(self.free_parameters):
@@ -164,11 +163,11 @@ class SearchVector:
         return z
 
     def unpack(self, z: Floats) -> Point:
-        """Return the point of a search vector; Infeasible off the map."""
+        """Return the parameters of a search vector; Infeasible where it stands for none."""
         return to_actual(self._effective(z)[0])
 
     def slope(self, z: Floats) -> Floats:
-        """Return the derivatives of the parameters, in the vector's order, by the vector, shape (size, size)."""
+        """Return the derivatives of the physical parameters by the vector's entries, shape (size, size)."""
         effective, of_base = self._effective(z)
         of_free = [free.slope(float(z[self.offset + k])) for k, (_, free, _) in enumerate(self.free_parameters)]
         out = np.diag([1.0] * self.offset + of_free)
@@ -180,7 +179,7 @@ class SearchVector:
         return chained(effective, out, shared, touches)
 
     def _effective(self, z: Floats) -> tuple[Point, Floats]:
-        """Return the point of a vector as it is seen, and the derivatives of base and own parameters."""
+        """Return a vector's effective parameters, and the derivatives of base and per-shot ones by it."""
         parameters, of_base = self.coordinates.to_parameters(z[: self.offset])
         values: list[dict[str, dict[str, float]]] = []
         for _ in self.data.shots:
@@ -205,7 +204,7 @@ class SearchVector:
         return low, high
 
     def shot_at(self, index: int, point: Point) -> Shot:
-        """Return one shot's parameters, with the averaged samples' centres for its times."""
+        """Return one shot's parameters, at the centres of its averaged samples."""
         shot = self.data.shots[index]
         base = point.base[list(self.data.base.places(shot.plate_number))]
         base = base if not self.data.base.one_body else np.array([0.0, np.inf, *base])

@@ -1,7 +1,7 @@
-"""Fit a model to one shot or to several at once, weighed by what their own flights show of the noise.
+"""Fit a model to one or several shots, weighed by the noise that their flights show.
 
-A diagnosis fits its hypotheses in the same way, with a noise that it learns from what each leaves over; here the
-flights alone say what noise is, so that chi^2 tells whether the model lacks something.
+A diagnosis fits its hypotheses in the same way, but learns the noise from each one's residual; here the noise comes
+from the flights alone, so that chi^2 tells whether the model lacks something.
 """
 
 import math
@@ -14,16 +14,15 @@ from numpy.typing import NDArray
 
 from analysis.collision import MOST_AT_ONCE, Infeasible, findings, named
 from analysis.inference.fit.as_fit import as_fit
+from analysis.inference.fit.base import SearchStart
 from analysis.inference.fit.base_fit import slow_enough
-from analysis.inference.fit.begin import Begin
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.first_fit import STRONG, first_fit, likely_plates
 from analysis.inference.fit.free_parameters import trials_named
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
-from analysis.inference.fit.hypothesis_fit import Fitted, residuals, search
+from analysis.inference.fit.hypothesis_fit import Fitted, over_likely_strengths, residuals, search
 from analysis.inference.fit.least_squares import Minimum, covariance
-from analysis.inference.fit.likely_noises import likely_beside
-from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ, together
+from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ, averaged_shots
 from analysis.inference.fit.with_effect import with_effect
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor
@@ -34,15 +33,15 @@ from analysis.inference.screen.screening import scores
 from analysis.shot import PLATE_RINGS, AnalysisError, Cancelled, Fit, Motion, Progress, Shaking, Stop
 
 Floats = NDArray[np.float64]
-_EVALUATIONS, _AT_LAST = 60, 120  # of a search, and of one more where it was cut short
+_EVALUATIONS, _TO_CONTINUE = 60, 120  # of a search, and of its continuation where it had not converged
 _TOLERANCE = 1e-6  # of chi^2: a thousandth of a standard deviation
-_DOUBTED = 1.15  # reduced chi^2, above which quicker motion than a building's may be the frame's, as a knock's is
-_TURNS = 4  # of a fit and what a frame does about the motion at which it began
-_NEAR = 1.0  # standard deviations: what a frame does there is what it does here
-_STRENGTH_TURNS = 3  # of a fit and what it says of a frame's strengths
-_SETTLED = 0.1  # standard deviations: a fit that moved less says the same
-_RINGING = 16.0  # of BIC that a swing of the plate at first touch must be worth beside a fit with the plate at rest
-_MOST = 0.7  # of what chi^2 is too high by: a swing explains all but a percent, another effect's leavings half at most
+_POOR_FIT = 1.15  # reduced chi^2 above which the frame may also move faster than a building does, as after a knock
+_TURNS = 4  # of fitting, and of computing anew what the frame does at the motion just fitted
+_SMALL_MOVE = 1.0  # standard deviations: over a smaller move the frame's contribution stays the same
+_STRENGTH_TURNS = 3  # of fitting, and of learning from the residual how strongly the frame moved
+_SETTLED = 0.1  # standard deviations: after a smaller move the strengths need not be learnt again
+_RINGING = 16.0  # BIC: the least that a plate swinging at first touch must gain to be flagged
+_LEAST_SHARE = 0.7  # of the excess chi^2: a ringing plate explains 99 % of it, another effect half at most
 
 
 def fit_shots(
@@ -56,10 +55,10 @@ def fit_shots(
 ) -> Fit:
     """Fit base ``model`` and ``effects`` (at most three) to the displacement of ``motions``.
 
-    Contact and effects are shared, the plate by the shots that state the same; each shot has its own start (and own
-    effect parameters where the catalogue says so).  ``shakings`` say what shook the frame of each shot: the fit of two
-    bodies then weighs what that does in flight and in contact, and lets the plate swing before it is touched as far as
-    the frame can have made it.
+    Contact and effects are shared by all shots, the plate by shots that state the same plate; each shot has its own
+    speed, touch time and offset (and own effect parameters where the catalogue says so).  ``shakings`` say how the
+    frame of each shot moved: the two-body fit then includes that motion in flight and in contact, and the plate may
+    swing before it is touched, as far as the frame can have made it.
     Raises ValueError for unknown names, NoCollision (an AnalysisError) where a motion shows no collision, AnalysisError
     where no motion of the model comes near, Cancelled when asked to stop.
     A search that did not end in a minimum comes back with ``converged`` False: its numbers are no result.
@@ -70,12 +69,12 @@ def fit_shots(
     if len(findings(effects)) > MOST_AT_ONCE or len(set(effects)) != len(effects):
         raise ValueError(f"effects must be at most {MOST_AT_ONCE} different ones")
     tell, stop = progress or (lambda _what, _fraction: None), cancelled or (lambda: False)
-    asked = _Asked(motions, model, tuple(effects), tell, stop)
+    request = _FitRequest(motions, model, tuple(effects), tell, stop)
     shaken = model == "paper" and "plate_motion" not in effects and all(can_tell(motion) for motion in motions)
     site = site_under(motions, shakings, 0.0) if shaken and any(shakings) else None
-    best = asked.under(site)
-    if site is not None and _DOUBTED < best.reduced_chi2 < STRONG:
-        whole = asked.under(site_under(motions, shakings, 0.0, whole=True))
+    best = request.fitted_on(site)
+    if site is not None and _POOR_FIT < best.reduced_chi2 < STRONG:
+        whole = request.fitted_on(site_under(motions, shakings, 0.0, whole=True))
         best = whole if whole.found.converged and whole.reduced_chi2 < best.reduced_chi2 else best
     tell("uncertainties", 0.8)
     fit = best.as_fit(motions, model, began, stop)
@@ -84,10 +83,11 @@ def fit_shots(
 
 
 @dataclass(frozen=True, slots=True)
-class _Ended:
-    """Where a search ended under a noise that flights show, whether they are long enough to be trusted.
+class _SearchEnd:
+    """The end of a search under a noise learnt from flights; ``trusted``: these are long enough to learn it from.
 
-    ``undecided`` is what turns to and fro left of the parameters, shape (p,), a standard deviation each.
+    ``undecided``, shape (p,), is the standard deviation of each parameter that remains where the iteration over the
+    frame's contribution (``_fit_base``) does not settle.
     """
 
     hypothesis: Hypothesis
@@ -98,13 +98,13 @@ class _Ended:
 
     @property
     def reduced_chi2(self) -> float:
-        """Get chi^2 a degree of freedom."""
+        """Get chi^2 per degree of freedom."""
         return self.found.square.chi2 / max(1, self.found.square.samples - self.hypothesis.size)
 
     def as_fit(self, motions: Sequence[Motion], model: str, began: float, stop: Stop) -> Fit:
-        """Return the fit of this end, under what all of each shot says of its frame."""
+        """Return the fit, weighed by the noise of the whole shots where the frame moves."""
         hypothesis, found = self.hypothesis, self.found
-        fitted = _weighed(hypothesis, found, self.noise, stop)
+        fitted = _reweighed(hypothesis, found, self.noise, stop)
         undecided = np.pad(self.undecided, (0, hypothesis.size - self.undecided.size))
         fitted = replace(fitted, inverse=fitted.inverse + np.outer(undecided, undecided))
         flags = [f"{name}_at_bound" for name, shot in (hypothesis.names[k] for k in found.at_bound) if shot < 0]
@@ -114,9 +114,10 @@ class _Ended:
         return as_fit(fitted, motions, model, seconds, how="fit", by=self.noise, chi2=chi2, flags=flags)
 
     def _plate_rings(self, fitted: Fitted) -> bool:
-        """Return whether a plate that swings at first touch describes shots for which it was taken to be at rest.
+        """Return whether shots fitted with the plate at rest are better described by one that swings at first touch.
 
-        A linear step tells; where it explains half of what is left over, that is something else.  Cost: 5 ms a shot.
+        Judged by a linear step.  Where it explains only part of the excess chi^2, something else is missing.  Cost: 5
+        ms per shot.
         """
         hypothesis, square = self.hypothesis, self.found.square
         if hypothesis.data.site is not None or not self.found.converged or "plate_motion" in fitted.names:
@@ -124,12 +125,12 @@ class _Ended:
         free = square.samples - hypothesis.size
         excess = square.chi2 - free - math.sqrt(2.0 * free)  # more than chance alone would make it
         listed = scores(projector(fitted, self.noise), trials_named(("plate_motion",))[0])
-        return any(score.worth(square.samples) > _RINGING and score.gain > _MOST * excess for score in listed)
+        return any(score.worth(square.samples) > _RINGING and score.gain > _LEAST_SHARE * excess for score in listed)
 
 
 @dataclass(frozen=True, slots=True)
-class _Asked:
-    """What is fitted to which motions."""
+class _FitRequest:
+    """Motions, model and effects of one call of ``fit_shots``."""
 
     motions: Sequence[Motion]
     model: str
@@ -137,10 +138,10 @@ class _Asked:
     tell: Progress
     stop: Stop
 
-    def under(self, site: Site | None) -> _Ended:
-        """Return where the search ends if the frame moves as a site says.  AnalysisError, Cancelled as above."""
+    def fitted_on(self, site: Site | None) -> _SearchEnd:
+        """Return the end of the search with the frame moving as ``site`` says.  Raises AnalysisError and Cancelled."""
         self.tell("finding a start", 0.1)
-        noise, trusted = noise_of_flights(together(self.motions), site)
+        noise, trusted = noise_of_flights(averaged_shots(self.motions), site)
         begin = first_fit(self.motions, self.model, site, self.stop, noise=noise)
         finely = any(named(name).ripples for name in self.effects)
         data = joint_data(self.motions, begin, site, FINE_RATE_HZ if finely else RATE_HZ)
@@ -148,50 +149,52 @@ class _Asked:
             noise, trusted = noise_of_flights(data.shots, data.site)
         self.tell("fitting", 0.3)
         try:
-            hypothesis, found, undecided = _base(data, begin, noise, self.stop)
+            hypothesis, found, undecided = _fit_base(data, begin, noise, self.stop)
             if self.effects:
                 self.tell("fitting the effects", 0.6)
                 hypothesis, found = _with_effects(hypothesis, found, noise, self.effects, self.stop)
         except Infeasible as why:
             raise AnalysisError(f"no motion of the {self.model} model comes near these shots: {why}") from why
-        return _Ended(hypothesis, found, noise, trusted, undecided)
+        return _SearchEnd(hypothesis, found, noise, trusted, undecided)
 
 
-def _base(data: JointData, begin: Begin, noise: Floor, stop: Stop) -> tuple[Hypothesis, Minimum, Floats]:
-    """Return the base model's minimum, with what a frame does about the motion at which that ends.
+def _fit_base(data: JointData, begin: SearchStart, noise: Floor, stop: Stop) -> tuple[Hypothesis, Minimum, Floats]:
+    """Return the minimum of the base model, the frame's contribution computed at the motion fitted.
 
-    The last is what that leaves undecided of the parameters, shape (p,), a standard deviation each: where a plate
-    swings so far that what it does is another thing at each end, the turns come to no end.
+    The last value is the uncertainty, shape (p,), one standard deviation each, that remains of the parameters where a
+    plate swings so far that the iteration between motion and contribution does not converge.
     """
     values: tuple[dict[str, dict[str, float]], ...] = tuple({} for _ in data.shots)
     here = begin
     for turn in range(_TURNS):
         hypothesis = Hypothesis(data, ())
         z = hypothesis.pack(slow_enough(hypothesis, Point(here.shared, here.own, values)))
-        found = _searched(hypothesis, z, noise, stop)
+        found = _minimum_from(hypothesis, z, noise, stop)
         move = found.parameters - z
-        if data.site is None or float(move @ found.square.curvature @ move) < _NEAR**2:
+        if data.site is None or float(move @ found.square.curvature @ move) < _SMALL_MOVE**2:
             undecided = np.zeros(z.size)
             break
         undecided = move * math.sqrt(0.5)
         end = hypothesis.unpack(found.parameters)
         there = replace(begin, shared=end.base, own=end.own, plates=likely_plates(hypothesis, found, noise))
-        # A plate that swings far bends what it does to the shot: from end to end the way leads to and fro.
-        here = _between(here, there) if turn else there
+        # Where a plate swings far, its contribution changes so much that full steps would alternate: go half-way.
+        here = _half_way(here, there) if turn else there
         shots = on_site(with_plates(data.shots, here.plates), data.site, data.base, here.shared, here.own)
         data = replace(data, shots=shots)
     return hypothesis, found, undecided
 
 
-def _between(here: Begin, there: Begin) -> Begin:
-    """Return the beginning half-way between two."""
+def _half_way(here: SearchStart, there: SearchStart) -> SearchStart:
+    """Return the mean of two starts."""
     both = zip(here.plates or there.plates, there.plates, strict=True)
     plates = tuple((0.5 * (x + y), 0.5 * (v + w)) for (x, v), (y, w) in both)
     shared, own = 0.5 * (here.shared + there.shared), 0.5 * (here.own + there.own)
     return replace(there, shared=shared, own=own, plates=plates)
 
 
-def _searched(hypothesis: Hypothesis, z: Floats, noise: Floor, stop: Stop, evaluations: int = _EVALUATIONS) -> Minimum:
+def _minimum_from(
+    hypothesis: Hypothesis, z: Floats, noise: Floor, stop: Stop, evaluations: int = _EVALUATIONS
+) -> Minimum:
     found = search(hypothesis, z, noise, evaluations=evaluations, tolerance=_TOLERANCE, cancelled=stop)
     if stop():
         raise Cancelled
@@ -201,18 +204,18 @@ def _searched(hypothesis: Hypothesis, z: Floats, noise: Floor, stop: Stop, evalu
 def _with_effects(
     hypothesis: Hypothesis, of_base: Minimum, noise: Floor, names: Sequence[str], stop: Stop
 ) -> tuple[Hypothesis, Minimum]:
-    """Return the minimum with the effects of these names, one joined after the other."""
+    """Return the minimum with the named effects, added one after the other."""
     here = with_effect(hypothesis, of_base.parameters, noise, trials_named(names), stop)
-    found = _searched(here.hypothesis, here.z, noise, stop)
+    found = _minimum_from(here.hypothesis, here.z, noise, stop)
     if not found.converged:
-        found = _searched(here.hypothesis, found.parameters, noise, stop, _AT_LAST)
+        found = _minimum_from(here.hypothesis, found.parameters, noise, stop, _TO_CONTINUE)
     return here.hypothesis, found
 
 
-def _weighed(hypothesis: Hypothesis, found: Minimum, noise: Floor, stop: Stop) -> Fitted:
-    """Return the fit under what all of each shot says of its frame.
+def _reweighed(hypothesis: Hypothesis, found: Minimum, noise: Floor, stop: Stop) -> Fitted:
+    """Return the fit, on a moving frame weighed by strengths of its motion that the whole shots show.
 
-    The flights tell the slow motion of a frame badly, and what struck it during the contact they do not tell at all.
+    The flights determine slow motion of the frame poorly, and say nothing of a knock during the contact.
     """
     free = np.ones(hypothesis.size, dtype=np.bool_)
     free[[*found.at_bound, *hypothesis.unseen]] = False
@@ -227,10 +230,10 @@ def _weighed(hypothesis: Hypothesis, found: Minimum, noise: Floor, stop: Stop) -
     if hypothesis.data.site is None or not found.converged:
         return fitted
     for _ in range(_STRENGTH_TURNS):
-        likely = likely_beside(fitted, free)
+        likely = over_likely_strengths(fitted, free)
         if likely is None:
             break
-        ended = _searched(hypothesis, fitted.z, likely.noise, stop)
+        ended = _minimum_from(hypothesis, fitted.z, likely.noise, stop)
         move = ended.parameters - fitted.z
         fitted = at(ended if ended.converged else found, likely.noise, likely.covariance)
         if float(move @ ended.square.curvature @ move) < _SETTLED**2:

@@ -1,4 +1,4 @@
-"""One shot of the model by the names of its parameters: which collision that is, what acts in it, what is too fast."""
+"""One shot of the model from named parameters: its collision, the effects that act, the sensor, limits of speed."""
 
 import math
 from collections.abc import Mapping
@@ -12,22 +12,22 @@ from analysis.collision import Active, Collision, Infeasible, Sensed, active_eff
 
 Floats = NDArray[np.float64]
 Values = Mapping[str, Mapping[str, float]]
-_MOST_RADIANS = 60.0  # of the fastest swing between two samples
+_MOST_RADIANS = 60.0  # of the fastest oscillation between two averaged samples: a trajectory follows no faster one
 _AT_REST = {"displacement_m": 0.0, "velocity_m_per_s": 0.0}
 
 
 @dataclass(frozen=True, slots=True)
 class Optics:
-    """What the sensor's effects need: wavelength in m (None: no optics) and the record's sample rate in Hz."""
+    """Input of the sensor's effects: wavelength in m (None: no optics) and sample rate of the record in Hz."""
 
     wavelength_m: float | None
     sample_rate_hz: float
 
 
 def too_fast(base: Floats, own: Floats, values: Values, mass_kg: float, spacing_s: float, factor: int) -> bool:
-    """Return whether something swings faster than samples ``spacing_s / factor`` apart can show.
+    """Return whether something oscillates faster than samples ``spacing_s / factor`` apart can resolve.
 
-    Or faster than a trajectory is followed, at samples ``spacing_s`` apart.
+    Or faster than a trajectory follows at samples ``spacing_s`` apart.
     """
     collision, active = situation(base, own, values, mass_kg)
     rates = fastest_rates(collision, active)
@@ -35,14 +35,14 @@ def too_fast(base: Floats, own: Floats, values: Values, mass_kg: float, spacing_
 
 
 def fastest_shown(spacing_s: float, factor: int) -> float:
-    """Return the fastest swing in rad/s that ``too_fast`` allows."""
+    """Return the fastest oscillation in rad/s that ``too_fast`` allows."""
     return min(math.pi * factor, _MOST_RADIANS) / spacing_s
 
 
 def situation(base: Floats, own: Floats, values: Values, mass_kg: float) -> tuple[Collision, list[Active]]:
-    """Return a shot's collision and what acts on its motion, effects with hidden states first: they lengthen the state.
+    """Return a shot's collision and the effects that act on its motion, those with hidden states first.
 
-    Infeasible where there is no such collision.
+    Raises Infeasible where the parameters give no collision.
     """
     start = values.get("plate_motion", _AT_REST)
     try:
@@ -60,10 +60,11 @@ def situation(base: Floats, own: Floats, values: Values, mass_kg: float) -> tupl
     return collision, sorted(active, key=lambda one: one.effect.hidden == 0)
 
 
-def seen(x: Any, v: Floats, time_s: Floats, values: Values, optics: Optics) -> Any:
-    """Return what the optics show of motions ``x``, shape (n,) or (n, k), about one of velocity ``v``, shape (n,).
+def shown_by_optics(x: Any, v: Floats, time_s: Floats, values: Values, optics: Optics) -> Any:
+    """Return what the optics show of motions ``x``, shape (n,) or (n, k), after all effects of the sensor.
 
-    These are the sensor's effects.  ``x`` may be complex, its imaginary part carrying a derivative.
+    ``v``, shape (n,), is the velocity about which ``x`` is taken.  The imaginary part of a complex ``x`` carries a
+    derivative.
     """
     wavelength = optics.wavelength_m
     sensed = Sensed(time_s, v, math.nan if wavelength is None else wavelength, optics.sample_rate_hz)

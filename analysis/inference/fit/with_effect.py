@@ -1,4 +1,4 @@
-"""Join effects to a fit, one after the other, each from where it explains most of what is left."""
+"""Add effects to a fit, one after the other, each from the start values that explain most of the residual."""
 
 from collections.abc import Mapping, Sequence
 
@@ -14,39 +14,39 @@ from analysis.inference.fit.hypothesis_fit import Fitted, finish, fit_hypothesis
 from analysis.inference.noise.floor import Floor
 from analysis.inference.screen.columns import fixed_of
 from analysis.inference.screen.projector import projector
-from analysis.inference.screen.screening import apart, scores
+from analysis.inference.screen.screening import distinct_starts, scores
 from analysis.shot import Stop
 
 Floats = NDArray[np.float64]
-_FOLLOWED = 3  # starts of an effect
-_EVALUATIONS = 30
-_SHORT = 16
+_FOLLOWED = 3  # start values from which an effect is fitted
+_EVALUATIONS = 30  # of a search from an effect's natural size
+_SHORT = 16  # of the search that ends it
 
 
 def with_effect(hypothesis: Hypothesis, z: Floats, noise: Floor, kinds: Sequence[TrialEffect], stop: Stop) -> Fitted:
-    """Return the fit of a hypothesis at ``z`` with effects of these ``kinds`` joined, the floor learnt beside each.
+    """Return the fit of a hypothesis at ``z`` with effects of these ``kinds`` added, the noise learnt at each step.
 
-    Infeasible where an effect has no motion from any start.
+    Raises Infeasible where an effect has no trajectory from any start values.
     """
     found = search(hypothesis, z, noise, evaluations=1, cancelled=stop)
     return joined(finish(hypothesis, found, noise, anew=True), kinds, stop)
 
 
 def joined(here: Fitted, kinds: Sequence[TrialEffect], stop: Stop) -> Fitted:
-    """Return a fit with effects of these kinds joined, one after the other."""
+    """Return a fit with effects of these kinds added, one after the other."""
     for kind in kinds:
-        here = _with_one(here, kind, stop)
+        here = _with_one_more(here, kind, stop)
     return here
 
 
-def _with_one(here: Fitted, kind: TrialEffect, stop: Stop) -> Fitted:
+def _with_one_more(here: Fitted, kind: TrialEffect, stop: Stop) -> Fitted:
     at = projector(here)
-    starts = [score.start for score in apart(scores(at, kind))[:_FOLLOWED]]
-    if here.floor.wanders:  # the floor was learnt from what is left and may have taken the effect for noise
-        starts += [score.start for score in apart(scores(at.under(here.floor.still), kind))[:1]]
+    starts = [score.start for score in distinct_starts(scores(at, kind))[:_FOLLOWED]]
+    if here.floor.wanders:  # noise learnt from a residual may have taken up the effect
+        starts += [score.start for score in distinct_starts(scores(at.under(here.floor.still), kind))[:1]]
     trials = [trial for start in starts if (trial := refit(at, kind, start, stop)) is not None]
     if not trials or min(trial.bic for trial in trials) > here.bic:
-        natural = (_natural(here, kind, start, stop) for start in kind.starts[:_FOLLOWED])
+        natural = (_from_natural_size(here, kind, start, stop) for start in kind.starts[:_FOLLOWED])
         trials += [trial for trial in natural if trial is not None]
     if not trials:
         raise Infeasible(f"no start of {kind.name} gives a trajectory")
@@ -55,8 +55,8 @@ def _with_one(here: Fitted, kind: TrialEffect, stop: Stop) -> Fitted:
     return fit_hypothesis(best.hypothesis, best.z, best.floor, evaluations=_SHORT, cancelled=stop)
 
 
-def _natural(here: Fitted, kind: TrialEffect, start: Mapping[str, float], stop: Stop) -> Fitted | None:
-    """Return the fit from an effect's natural size: what other parameters have swallowed a linear step cannot see."""
+def _from_natural_size(here: Fitted, kind: TrialEffect, start: Mapping[str, float], stop: Stop) -> Fitted | None:
+    """Return a fit from an effect's natural size, for where other parameters absorb it to first order; None if none."""
     before = here.hypothesis
     fixed = {**before.fixed, kind.name: fixed_of(kind, start)}
     hypothesis = Hypothesis(before.data, (*before.effects, kind), fixed)

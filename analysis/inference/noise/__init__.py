@@ -1,1 +1,1 @@
-"""White noise, paths that wander and frames that sway: one covariance of a displacement."""
+"""The covariance of a displacement's noise: white noise, wandering optical paths, motion of the frame."""

@@ -1,7 +1,7 @@
-"""The noise of the displacement as quiet flight shows it: white noise, and a part that wanders.
+"""The noise of the displacement as quiet flight shows it: white noise and one wandering part.
 
-The likelihood of the flights' periodograms (Whittle, J. R. Stat. Soc. B 15, 1953) decides about both.  What it says
-rests on no model of the collision: a fit that leaves more lacks something.
+Both are chosen by the likelihood of the flights' periodograms (Whittle, J. R. Stat. Soc. B 15, 1953), which uses no
+model of the collision: a fit that leaves more than this noise lacks something.
 """
 
 import math
@@ -18,28 +18,29 @@ from analysis.inference.noise.site import Site
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Spectrum = tuple[Floats, Floats]  # angles, powers a sample
-FEWEST = 24  # samples of a flight that shows its noise
-_TREND = 2  # degree of the polynomial that is taken out: the flight, and drags too slow to tell from it
-_CORRELATION_TIMES_S = tuple(np.geomspace(1e-3, 30e-3, 7))  # a corner between 160 and 5 Hz
-_WEIGHT = 0.5  # degrees of freedom a bin: a Hann taper makes about two neighbouring bins say the same
-_PAYS = 4.0  # of log-likelihood, for the two numbers of a part that wanders
-_AS_LIKELY = 1.0  # of log-likelihood
-_LEAST_WHITE = 0.1  # of the density at the quickest: a mean of samples that wander looks as if it had less than none
-_LINE = 16.0  # times what noise is there: above what chance does in thousands of bins (e^-16 each)
-_BESIDE_A_LINE = 4.0  # bins: a Hann taper's window, and what a line known to a bin may be off
+Spectrum = tuple[Floats, Floats]  # angles, powers per sample
+FEWEST = 24  # samples of a flight from which noise is learnt
+_LEAST_M = 1e-15  # white noise per sample: a place that is never another one has it from rounding alone
+_TREND = 2  # degree of the polynomial that is subtracted: the flight, and drag too slow to distinguish from it
+_CORRELATION_TIMES_S = tuple(np.geomspace(1e-3, 30e-3, 7))  # corner frequencies between 160 and 5 Hz
+_WEIGHT = 0.5  # degrees of freedom per bin: a Hann taper correlates about two neighbouring bins
+_PAYS = 4.0  # of log-likelihood: the least gain by a wandering part, which has two parameters
+_AS_LIKELY = 1.0  # of log-likelihood below the best: of these the longest correlation time is taken
+_LEAST_WHITE = 0.1  # of the density at the highest frequencies: white noise is not estimated lower than that
+_LINE = 16.0  # times the noise: more than chance makes in thousands of bins (e^-16 each)
+_BESIDE_A_LINE = 4.0  # bins left out on either side: a Hann taper's width, and a line's error of one bin
 _NO_LINES = np.empty(0)
-_QUICK = 0.1 * np.pi  # per sample: a wandering part lies below
+_QUICK = 0.1 * np.pi  # radians per sample: a wandering part lies below
 
 
 def noise_of_flights(shots: Sequence[Samples], site: Site | None = None) -> tuple[Floor, bool]:
-    """Return the noise that the quiet flights of shots show, and whether they are long enough to be trusted.
+    """Return the noise that the quiet flights of shots show, and whether they are long enough for that.
 
-    At a ``site`` only what is quicker than the frame's motion is looked at, and the frame moves as strongly as its
-    spectrum was read.  Where flights are too short to show the corner of what wanders, the longest correlation time
-    they allow is taken, which errs towards larger uncertainties.  Outgoing flights are learned from where they are as
-    quiet as the incoming ones, or wander without a line where these are too short to show that: what rings there may
-    be an effect.  With no flight of ``FEWEST`` samples, white noise from third differences.
+    On a moving frame (``site``) only what is faster than its motion is used, and the frame's spectrum is taken as read.
+    Where flights are too short to show the corner frequency of a wandering part, the longest correlation time that they
+    allow is taken, which errs towards larger uncertainties.  Outgoing flights are used where they are as quiet as
+    incoming ones, or where these are too short and the outgoing ones show no line: a line may be an effect.  If no
+    flight has ``FEWEST`` samples, the noise is white, from third differences.
     """
     spacing_s = shots[0].spacing_s
     turn = 2 * np.pi * spacing_s
@@ -58,7 +59,7 @@ def noise_of_flights(shots: Sequence[Samples], site: Site | None = None) -> tupl
 
 
 def _flight(shot: Samples, part: slice) -> Floats:
-    """Return the longest stretch of averaged samples without a gap in a ``part`` of the motion's, in m."""
+    """Return the longest stretch of averaged samples without a gap in ``part`` of the motion's samples, in m."""
     first, last = -(-part.start // shot.factor), part.stop // shot.factor
     edges = np.flatnonzero(np.diff(np.concatenate([[0], shot.valid[first:last].astype(np.int8), [0]])))
     if edges.size == 0:
@@ -69,25 +70,25 @@ def _flight(shot: Samples, part: slice) -> Floats:
 
 def _by_differences(shots: Sequence[Samples]) -> float:
     series = [shot.displacement_m / shot.weight for shot in shots]
-    return max(white_by_differences(series, [shot.valid for shot in shots]), 1e-15)
+    return max(white_by_differences(series, [shot.valid for shot in shots]), _LEAST_M)
 
 
 def _with_outgoing(noise: Floor, incoming: list[Spectrum], outgoing: list[Spectrum], spacing_s: float) -> Floor:
-    """Return the noise of both flights where they are alike, that of the incoming ones where not."""
+    """Return the noise of incoming and outgoing flights where these agree, otherwise of the incoming ones."""
     both = likeliest_noise([*incoming, *outgoing], spacing_s)
     angle, power = (np.concatenate(part) for part in zip(*outgoing, strict=True))
     before = np.concatenate([angles for angles, _ in incoming])
     ratio, slow = power / _density(noise, angle), angle < _QUICK
-    if not _alike(ratio, ~slow, before >= _QUICK):
+    if not _no_louder(ratio, ~slow, before >= _QUICK):
         return noise
-    if _alike(ratio, slow, before < _QUICK):
+    if _no_louder(ratio, slow, before < _QUICK):
         return both
     wanders_there = noise.rms_m[0] == 0.0 and both.rms_m[0] > 0.0
     return both if wanders_there and float(np.max(power / _density(both, angle))) < _LINE else noise
 
 
-def _alike(ratio: Floats, part: Mask, of_noise: Mask) -> bool:
-    """Return whether the power in ``part`` exceeds its noise by no more than three standard errors of both."""
+def _no_louder(ratio: Floats, part: Mask, of_noise: Mask) -> bool:
+    """Return whether the power in ``part`` exceeds the noise by no more than three standard errors."""
     bins = int(part.sum())
     if bins == 0:
         return True
@@ -95,9 +96,10 @@ def _alike(ratio: Floats, part: Mask, of_noise: Mask) -> bool:
 
 
 def spectrum_of(values: Floats, above: float = 0.0, lines: Floats = _NO_LINES) -> Spectrum:
-    """Return (angles, power a sample) of a flight, without the bins that its polynomial and known ``lines`` take up.
+    """Return (angles, power per sample) of a flight, without the bins of its polynomial and of known ``lines``.
 
-    With an angle ``above`` it is of second differences, divided by what these do, so that what is slower does not leak.
+    With an angle ``above``, the spectrum is that of second differences, divided by their response, so that slower
+    motion does not leak into it.
     """
     moved = values if above == 0.0 else np.diff(values, 2)
     taper = np.sin(np.pi * (np.arange(moved.size) + 0.5) / moved.size) ** 2
@@ -123,8 +125,9 @@ def detrended(values: Floats, degree: int) -> Floats:
 
 
 def likeliest_noise(spectra: Sequence[Spectrum], spacing_s: float) -> Floor:
-    """Return white noise with a wandering part of greatest Whittle likelihood, or white alone where that part costs."""
+    """Return the likeliest white noise, with a wandering part where its gain in Whittle likelihood pays for it."""
     angle, power = (np.concatenate(part) for part in zip(*spectra, strict=True))
+    power = np.maximum(power, _LEAST_M**2)
     flat = float(np.mean(power))
     alone = _WEIGHT * float(np.sum(np.log(flat) + power / flat))
     tried: list[tuple[float, float, float, float]] = []
@@ -143,7 +146,7 @@ def likeliest_noise(spectra: Sequence[Spectrum], spacing_s: float) -> Floor:
 
 
 def _density(noise: Floor, angle: Floats) -> Floats:
-    """Return a noise's power a sample."""
+    """Return the density of a noise as power per sample."""
     memory = math.exp(-noise.spacing_s / noise.tau_s[0])
     return np.asarray(noise.white_m**2 + _wandering(angle, noise.rms_m[0] ** 2, memory))
 
@@ -156,7 +159,7 @@ def _wandering(angle: Floats, variance: float, memory: float) -> Floats:
 def _two_levels(power, shape):  # type: ignore[no-untyped-def]
     """Return the levels (a, b) of greatest Whittle likelihood for a density a + b shape, both positive.
 
-    Fisher scoring on the logarithms: positive by construction, and stable from any start.  About 5 ns a bin and step.
+    Fisher scoring on the logarithms: positive by construction, and stable from any start.  About 5 ns per bin and step.
     """
     count = power.size
     a = np.mean(power[count // 2 :]) + 1e-300

@@ -1,9 +1,9 @@
-"""The noise of a whole shot: the optics' white noise and a floor that never rests, by maximum likelihood.
+"""The noise of a whole shot: white noise plus up to two Ornstein-Uhlenbeck processes, by maximum likelihood.
 
-Some milliseconds of quiet flight cannot show how far a floor wanders in fifty, so the floor is learnt from everything
-a model leaves over, anew for every model that is compared: white noise plus Ornstein-Uhlenbeck processes
-(d x = -x/tau dt + s dW; a long tau is a random walk), whose likelihood a Kalman filter gives exactly, gaps included
-(Harvey, "Forecasting, Structural Time Series Models and the Kalman Filter", ch. 3).
+Some milliseconds of quiet flight cannot show how far an optical path wanders in fifty, so this noise is learnt from
+the whole residual, anew for every model that is compared.  Each process is d x = -x/tau dt + s dW; a long tau is a
+random walk.  A Kalman filter gives the exact likelihood, gaps included (Harvey, "Forecasting, Structural Time Series
+Models and the Kalman Filter", ch. 3).
 """
 
 import math
@@ -26,14 +26,14 @@ from analysis.inference.noise.likeliest import (
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-_NOTHING = np.array([0.0, 1e-2, 0.0, 1e-2])  # of white noise alone: rms over white and tau of both parts
-_SIDE, _NEAR, _ALIKE = 0.6, 2e-2, 5e-2  # of a search's simplex, of where it ends, and of the log-likelihoods there
+_NOTHING = np.array([0.0, 1e-2, 0.0, 1e-2])  # shape of white noise alone: rms over white and tau of both parts
+_SIDE, _NEAR, _ALIKE = 0.6, 2e-2, 5e-2  # of a search's simplex: first side, last size, last spread of ln L
 _EVALUATIONS = 60  # of a search, for each part
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _gains(valid, white, parts, gain, scale):  # type: ignore[no-untyped-def]
-    """Write the Kalman gains, shape (n, 2), and 1/std of the innovations, shape (n,); about 15 ns a sample.
+    """Write the Kalman gains, shape (n, 2), and 1/std of the innovations, shape (n,); about 15 ns per sample.
 
     ``parts`` are step variance, memory of a step and variance of the one wandering part, then of the other.
     """
@@ -53,7 +53,7 @@ def _gains(valid, white, parts, gain, scale):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _innovations(columns, gain, scale, phi0, phi1, out):  # type: ignore[no-untyped-def]
-    """Write the innovations of every column over their std; about 5 ns a value."""
+    """Write the innovations of every column over their std; about 5 ns per value."""
     n, width = columns.shape
     state = np.zeros((2, width))
     row = 0
@@ -74,10 +74,9 @@ def _innovations(columns, gain, scale, phi0, phi1, out):  # type: ignore[no-unty
 
 @dataclass(frozen=True, slots=True)
 class Floor:
-    """White noise of ``white_m`` a sample, up to two wandering parts of ``rms_m`` with memories ``tau_s``, and a site.
+    """White noise ``white_m`` per sample, two wandering parts of ``rms_m`` with correlation times ``tau_s``, a frame.
 
-    ``site``, where the shots stand in a building, says how much stronger each band of its spectrum is than it was read
-    (logarithms of powers).
+    ``site``, on a moving frame, holds for each band ln of its power over the power read from flights.
     """
 
     white_m: float
@@ -88,27 +87,32 @@ class Floor:
 
     @property
     def std_m(self) -> float:
-        """Get the standard deviation of one sample, floor and white noise together."""
+        """Get the standard deviation of one sample in m, all parts but the frame's motion together."""
         return math.sqrt(self.white_m**2 + self.rms_m[0] ** 2 + self.rms_m[1] ** 2)
 
     @property
+    def wander(self) -> tuple[tuple[float, float], ...]:
+        """Get rms in m and memory in s of each part that wanders."""
+        return tuple((rms, tau) for rms, tau in zip(self.rms_m, self.tau_s, strict=True) if rms > 0.0)
+
+    @property
     def parameters(self) -> int:
-        """Get how many numbers were learnt."""
+        """Get the number of parameters learnt."""
         return 1 + 2 * sum(rms > 0 for rms in self.rms_m) + len(self.site)
 
     @property
     def wanders(self) -> bool:
-        """Get whether anything but white noise is in it."""
+        """Get whether any part wanders."""
         return self.rms_m[0] > 0 or bool(self.site)
 
     @property
     def without_site(self) -> "Floor":
-        """Get what stands beside the site's motion."""
+        """Get the noise without the frame's motion."""
         return replace(self, site=()) if self.site else self
 
     @property
     def still(self) -> "Floor":
-        """Get the floor as if nothing but the white noise moved."""
+        """Get the noise without its wandering parts."""
         return replace(self, rms_m=(0.0, 0.0), site=())
 
     @property
@@ -118,10 +122,10 @@ class Floor:
         return (self.white_m**2, *steps_of(one, memory_s, two, other_s, self.spacing_s))
 
     def whiten(self, columns: Floats, valid: Mask, weight: float = 1.0) -> Floats:
-        """Return ``columns``, shape (n, k), as unit white noise where their noise is this one; shape (m, k).
+        """Return ``columns``, shape (n, k), whitened: noise like this becomes unit white noise; shape (m, k).
 
-        One row a valid sample; the first rows know the floor's own spread, so no sample is lost.  ``weight`` is the
-        shot's white noise over that of the floor.
+        One row for each of the m valid samples; the filter starts from the stationary variance, so no sample is lost.
+        ``weight`` is the shot's white noise over that of this noise.
         """
         gain, scale = self._filter(valid, weight)
         out = np.empty((int(valid.sum()), columns.shape[1]))
@@ -134,20 +138,20 @@ class Floor:
         return float(-2.0 * np.log(scale[valid]).sum())
 
     def _filter(self, valid: Mask, weight: float) -> tuple[Floats, Floats]:
-        """Return the Kalman gains, shape (n, 2), and 1/std of the innovations, shape (n,), nothing where not valid."""
+        """Return the Kalman gains, shape (n, 2), and 1/std of the innovations, shape (n,), zero where not valid."""
         gain, scale = np.empty((valid.size, 2)), np.empty(valid.size)
         _gains(valid, self.white_m**2 * weight**2, self.kalman[1:], gain, scale)
         return gain, scale
 
     def psd(self, frequency_hz: Floats) -> Floats:
-        """Return the one-sided power density in m^2/Hz."""
+        """Return the one-sided power spectral density in m^2/Hz."""
         total = np.full(frequency_hz.shape, 2 * self.white_m**2 * self.spacing_s)
         for rms, tau in zip(self.rms_m, self.tau_s, strict=True):
             total += 4 * rms**2 * tau / (1 + (2 * np.pi * frequency_hz * tau) ** 2)
         return total
 
     def draw(self, samples: int, random: np.random.Generator) -> Floats:
-        """Return one realisation, shape (samples,), in m."""
+        """Return one random realisation, shape (samples,), in m."""
         total = self.white_m * random.standard_normal(samples)
         for rms, tau in zip(self.rms_m, self.tau_s, strict=True):
             if rms > 0:
@@ -161,7 +165,7 @@ class Floor:
 
 
 def white_floor(white_m: float, spacing_s: float) -> Floor:
-    """Return the floor of white noise alone, ``white_m`` a sample."""
+    """Return white noise alone, ``white_m`` per sample."""
     return Floor(white_m, (0.0, 0.0), (1e-2, 1e-2), spacing_s)
 
 
@@ -174,11 +178,11 @@ def learn(
     start: Floor | None = None,
     parts: int = 2,
 ) -> tuple[Floor, float]:
-    """Return the most likely floor of ``series`` (in m, one a shot) and its log-likelihood.
+    """Return the most likely noise of ``series`` (in m, one for each shot) and its log-likelihood.
 
-    Up to ``parts`` wandering parts are taken, each only where it pays by the Bayesian information criterion.
-    ``weights`` are the shots' white noises relative to each other; ``start`` a floor near which to
-    begin.  About 1-5 ms for three shots.
+    Up to ``parts`` wandering parts are added, each only where it lowers the Bayesian information criterion.
+    ``weights`` are the shots' white noises relative to each other; the search begins near ``start``.  About 1-5 ms for
+    three shots.
     """
     values = [np.where(v, s, 0.0) for s, v in zip(series, valid, strict=True)]
     all_of = _series(values, valid, weights, spacing_s)
@@ -210,7 +214,7 @@ def white_by_differences(series: Sequence[Floats], valid: Sequence[Mask]) -> flo
 
 
 def _roughness(series: Sequence[Floats], valid: Sequence[Mask]) -> float:
-    """Return the spread of the values over that of their white part (third differences)."""
+    """Return the std of the values over that of their white part (from third differences)."""
     white = white_by_differences(series, valid)
     spread = math.sqrt(float(np.mean(np.concatenate([s[v] ** 2 for s, v in zip(series, valid, strict=True)]))))
     return spread / white if white > 0 else 1e3
@@ -219,7 +223,7 @@ def _roughness(series: Sequence[Floats], valid: Sequence[Mask]) -> float:
 def _series(
     series: Sequence[Floats], valid: Sequence[Mask], weights: Sequence[float] | None, spacing_s: float
 ) -> Series:
-    """Return what floors of shots are weighed on, nothing where a value is not valid; arguments as ``learn``'s."""
+    """Return the series in the form that the likelihood takes, zero where not valid; arguments as ``learn``'s."""
     held = np.concatenate(valid)
     spread = np.ones(len(series)) if weights is None else np.asarray(weights, dtype=np.float64)
     first = np.concatenate([[0], np.cumsum([s.size for s in series])]).astype(np.int64)
@@ -227,7 +231,7 @@ def _series(
 
 
 def _floor_of(series: Series, shape: Floats) -> tuple[Floor, float]:
-    """Return the floor whose parts have ``shape``, shape (4,), with the likeliest size, and its log-likelihood."""
+    """Return the noise whose parts have ``shape``, shape (4,), scaled by maximum likelihood, and ln L."""
     value, white = likelihood(series, shape)
     one, first, two, second = (float(part) for part in shape)
     return Floor(white, (one * white, two * white), (first, second), series.spacing_s), value

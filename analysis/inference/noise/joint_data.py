@@ -1,4 +1,4 @@
-"""The shots that are judged together: averaged, weighed against each other, and with what the site did to each."""
+"""Prepare shots that are fitted together: averaged, weighted, and with the contribution of the frame's motion."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from analysis.collision import Infeasible
 from analysis.compiled import side_by_side
-from analysis.inference.fit.begin import Begin
-from analysis.inference.fit.samples import RATE_HZ, Samples, together
+from analysis.inference.fit.base import SearchStart
+from analysis.inference.fit.samples import RATE_HZ, Samples, averaged_shots
 from analysis.inference.fit.search_vector import JointData
 from analysis.inference.noise.site import Site, on_site, site_of
 from analysis.inference.noise.sway import BELOW_HZ
@@ -17,20 +17,20 @@ from analysis.reading import shaking_in
 from analysis.shot import Motion, Shaking
 
 Floats = NDArray[np.float64]
-_FEWEST_A_TURN = 10.0  # samples of what shakes fastest
+_FEWEST_A_TURN = 10.0  # samples per period of the fastest motion of a frame
 
 
 def can_tell(motion: Motion) -> bool:
-    """Return whether a motion's samples are close enough to tell the frame's motion from the optics' noise."""
+    """Return whether a motion is sampled fast enough to separate the frame's motion from the optics' noise."""
     return motion.sample_rate_hz >= _FEWEST_A_TURN * BELOW_HZ
 
 
 def shakings_of(
     motions: Sequence[Motion], model: str, known: Sequence[Shaking | None] | None
 ) -> tuple[Shaking | None, ...]:
-    """Return what shook the frame of each shot, as ``known`` or as read here; nothing where ``model`` cannot tell.
+    """Return the frame's motion of each shot, as ``known`` or read from its flights; None where ``model`` has no plate.
 
-    Cost of reading: some 0.1 s a shot.
+    Cost of reading: some 0.1 s per shot.
     """
     if model != "paper" or not all(can_tell(motion) for motion in motions):
         return (None,) * len(motions)
@@ -40,26 +40,26 @@ def shakings_of(
 def site_under(
     motions: Sequence[Motion], shakings: Sequence[Shaking | None], least_nm: float, *, whole: bool = False
 ) -> Site | None:
-    """Return the site that shots with these shakings tell of; arguments as ``site_of``'s."""
+    """Return the common motion of the frame for shots with these shakings; arguments as ``site_of``'s."""
     return site_of(shakings, max(float(np.ptp(motion.time_s)) for motion in motions), least_nm, whole=whole)
 
 
-def joint_data(motions: Sequence[Motion], begin: Begin, site: Site | None, rate_hz: float = RATE_HZ) -> JointData:
-    """Return the shots as a diagnosis judges them; the site acts at the motion that ``begin`` says.
+def joint_data(motions: Sequence[Motion], begin: SearchStart, site: Site | None, rate_hz: float = RATE_HZ) -> JointData:
+    """Return averaged shots for a joint fit, the frame's contribution computed for the motion of ``begin``.
 
-    A plate that a building swings far is no small matter: what is known of it is where the site's part begins.
+    Where a plate swings far, its likeliest state in ``begin`` is the one about which that contribution is linear.
     """
     base = begin.base
-    plain = together(motions, rate_hz)
+    plain = averaged_shots(motions, rate_hz)
     if site is None:
         return JointData(plain, base)
     try:
         shots = on_site(with_plates(plain, begin.plates), site, base, begin.shared, begin.own)
         return JointData(shots, base, site=site)
-    except Infeasible:  # drawn to where nothing collides: nobody can say what a frame would do there
+    except Infeasible:  # ``begin`` has no collision, so there is no frame contribution to compute
         return JointData(plain, base)
 
 
 def with_plates(shots: Sequence[Samples], plates: Sequence[tuple[float, float]]) -> tuple[Samples, ...]:
-    """Return the shots with what is known of each one's plate at first touch, where there is any."""
+    """Return the shots with each plate's state at first touch (m, m/s), if ``plates`` is not empty."""
     return tuple(replace(s, plate=plate) for s, plate in zip(shots, plates, strict=True)) if plates else tuple(shots)

@@ -1,8 +1,8 @@
-"""Do the shots fly with accelerations of their own, which no law that they share could give?
+"""Test whether the flights have accelerations that no law common to all shots can explain.
 
-A camera looks at metres of track where an interferometer looks at millimetres of bearing: each shot meets another
-stretch of it, and its flights bend as that stretch does.  Drag, friction, tilt and gradient are laws of all shots; only
-what is left of the flights' bends beside all of them is the shots' own.
+A camera sees metres of track where an interferometer sees millimetres of bearing: each shot uses another stretch of
+it, and its flights bend as that stretch does.  Drag, friction, tilt and gradient are laws common to all shots; what
+remains of the flights' accelerations besides them belongs to each shot alone.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,29 +18,29 @@ from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import learn, white_floor
 
 Floats = NDArray[np.float64]
-FEWEST_SHOTS = 3  # two have no more flights than laws that could bend them
+FEWEST_SHOTS = 3  # two shots have no more flights than there are laws that could bend them
 _MARGIN = 0.15  # of a contact time, after the release
 _SHORTEST = 30  # samples of a flight
-_TURNS = 3  # of fitting and learning the floor
-_ONE_WAY = np.array([False, True, True, True, False])  # of the laws: friction and drags brake, they never drive
+_TURNS = 3  # of fitting and learning the noise
+_ONE_WAY = np.array([False, True, True, True, False])  # of the laws: friction and drags only brake
 
 
 @dataclass(frozen=True, slots=True)
 class _Flight:
-    """One flight: its samples, shape (n,), and what all laws of motion would make its acceleration go with."""
+    """One flight: its n samples, and the acceleration that each common law gives it."""
 
     valid: NDArray[np.bool_]
     displacement_m: Floats
     columns: Floats  # offset, velocity and acceleration, shape (n, 3)
-    laws: Floats  # of tilt, friction, drag, drag of the square, gradient: the acceleration for a unit of each
+    laws: Floats  # acceleration for unit tilt, friction, drag, quadratic drag and gradient, shape (5,)
     weight: float
 
 
 def own_flights(shots: Sequence[Samples], chance: float) -> tuple[str, ...]:
-    """Return what each shot may have for itself beside whatever is searched: nothing, or its flights' bend.
+    """Return the names of effects that each shot may have for itself in any fit: none, or bends of its flights.
 
-    The bends count as the shots' own where laws of all shots would leave them with less than ``chance``.
-    Of records without optics only.  Cost: some 0.1 s.
+    The bends count where laws common to all shots would leave them with a probability below ``chance``.
+    For records without optics only.  Cost: some 0.1 s.
     """
     if len(shots) < FEWEST_SHOTS or any(shot.wavelength_m is not None for shot in shots):
         return ()
@@ -79,10 +79,10 @@ def _flights(shot: Samples) -> Iterator[_Flight]:
 def _log_likelihood(
     flights: Sequence[_Flight], bends: Floats, one_way: NDArray[np.bool_], spacing_s: float
 ) -> tuple[float, int]:
-    """Return the log-likelihood of all flights, each a line and accelerations ``bends``, and how many of these act.
+    """Return the log-likelihood of all flights, lines with accelerations, and how many acceleration parameters act.
 
-    ``bends``, shape (flights, k), is multiplied by k numbers, those of ``one_way`` at least zero; the floor is learnt
-    from what is left.
+    The accelerations are ``bends``, shape (flights, k), times k parameters, those of ``one_way`` not negative; the
+    noise is learnt from the residual.
     """
     count = len(flights)
     series = [f.displacement_m for f in flights]

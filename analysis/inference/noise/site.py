@@ -1,11 +1,11 @@
-"""Where the shots of a set were taken: one spectrum that shook the frame under all of them, and what it did to each.
+"""The motion of the frame under a set of shots: one spectrum for all, and its contribution to each shot.
 
-A frame that sways moves the displacement in flight and in contact along directions that the base model knows
-(``model.sway``); so does a plate that it swings before the touch.  Their sizes are nobody's parameters: they are normal
-numbers of known variance, integrated over wherever displacements are whitened.  The variance is what the flights'
-readings say of the site, band by band times a strength that is learnt anew from what each hypothesis leaves over.
-The optical path wanders in a building as it does elsewhere: the frame's motion is a term beside white noise and
-wandering parts, in one covariance.
+A moving frame adds to the displacement, in flight and in contact, along directions that the base model gives
+(``sway.py``); so does a plate that the frame made swing before the touch.  The amplitudes are not fitted: they are
+normal numbers of known variance, integrated over wherever displacements are whitened.  Their variance is what the
+flights show of the frame, band by band, times a strength that is learnt anew from the residual of each hypothesis.
+The optical path wanders in a building as elsewhere: the frame's motion is one term of the covariance, added to white
+noise and wandering parts.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,20 +28,20 @@ from analysis.inference.noise.sway import BELOW_HZ, plate_swing_std, responses
 from analysis.shot import Shaking
 
 Floats = NDArray[np.float64]
-_APART = 0.45  # of one over a shot's length: sines that stand for what shakes at random
-_SAME_LINE = 0.3  # of the same
+_APART = 0.45  # spacing, times one over a shot's length, of the sines that stand for random motion
+_SAME_LINE = 0.3  # the same unit: lines of different shots closer than that are one line
 _IN_AN_OCTAVE = 3  # bands
-_REMEMBERED = 4  # noises, and shapes of what they are beside the site
-_WANDER = 3.0  # of the least density in the fastest octave, both times f^2: less is the path's own wander
-_NEARLY = 0.05  # orthonormal columns: their cosines, of which one Cholesky factor leaves no more than rounding
-_SEEN = 1e-3  # of the noise's variance: a direction that shakes less is noise
+_REMEMBERED = 4  # results kept, by noise and by shape of the noise
+_WANDER = 3.0  # times the least density in the fastest octave, both times f^2: below, the optical path wanders
+_NEARLY = 0.05  # greatest cosine between columns of which one Cholesky factorisation is enough
+_SEEN = 1e-3  # of the variance of white noise: directions with less are left out
 
 
 @dataclass(frozen=True)
 class Site:
-    """What shakes the frame, pooled over the shots: sines (``shaking``) and the band of each, shape (f,).
+    """The frame's motion, pooled over the shots: sines (``shaking``) and the band of each, shape (f,).
 
-    The first ``random_bands`` are third-octaves of what shakes at random, slowest first; each further one is a line.
+    The first ``random_bands`` are third-octaves of random motion, slowest first; each further band is one line.
     """
 
     shaking: Shaking
@@ -50,18 +50,18 @@ class Site:
 
     @property
     def bands(self) -> int:
-        """Get how many strengths there are."""
+        """Get the number of bands, each with a strength."""
         return int(self.band.max(initial=-1)) + 1
 
 
 @dataclass(frozen=True)
-class Seen:
-    """A shot's directions as white noise of 1 a sample, with what wanders beside it, whitens them.
+class WhitenedDirections:
+    """A shot's directions of frame motion, whitened by a noise without the frame and of unit white noise.
 
     ``columns``, shape (n, r), times the inverse of ``root``, shape (r, r), upper triangular, are orthonormal.
-    ``factors``, shape (r, m), are what the site's numbers do along these at no strength, band after band (stored in the
-    order of Fortran); ``band``, shape (m,), is the band of each, and band k begins at ``first[k]``.  ``logs`` is ln det
-    of what whitened.
+    ``factors``, shape (r, m), give the frame's m unit normal numbers along these, band after band (stored in the order
+    of Fortran); ``band``, shape (m,), is the band of each, and band k begins at ``first[k]``.  ``logs`` is ln det of
+    the covariance that whitened.
     """
 
     columns: Floats
@@ -78,13 +78,14 @@ class Seen:
 
 @dataclass(frozen=True)
 class Sway:
-    """What a site may do to one shot, at its valid averaged samples.
+    """What the frame's motion may add to one shot, at its valid averaged samples.
 
-    ``basis``, shape (n, r), are orthonormal directions; ``factors``, shape (r, m), what independent unit normal
-    numbers do along them, in m; ``band``, shape (m,), says which strength each follows.  The last are of the plate: it
-    is displaced and moves at first touch by that number of ``plate_std`` (m, m/s).  ``valid`` are the averaged samples
-    that ``n`` counts, ``weight`` is the shot's white noise over that of the set.  ``speed_powers``, shape (bands, 2),
-    are the variances by which speeds against the frame differ from those in space, at the touch and after the release.
+    ``basis``, shape (n, r), are orthonormal directions; ``factors``, shape (r, m), give the contributions in m of m
+    independent unit normal numbers; ``band``, shape (m,), names the strength that scales each.  The last two are the
+    plate's displacement and velocity at first touch, in units of ``plate_std`` (m, m/s).  ``valid`` marks the n
+    averaged samples; ``weight`` is the shot's white noise over that of the set.  ``speed_powers``, shape (bands, 2),
+    are the variances of the difference between velocities relative to the frame and in space, at the touch and after
+    the release.
     """
 
     basis: Floats
@@ -97,48 +98,48 @@ class Sway:
     _known: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def speeds_m_per_s(self, noise: Floor) -> tuple[float, float]:
-        """Return the stds by which speeds against the frame differ from those in space, at touch and release."""
+        """Return the stds of velocities relative to the frame minus those in space, at touch and release."""
         before, after = np.sqrt(np.exp(noise.site) @ self.speed_powers)
         return float(before), float(after)
 
-    def seen(self, noise: Floor) -> Seen:
-        """Return the directions as the shape of ``noise`` without its site whitens them: its white noise is one.
+    def whitened_directions(self, noise: Floor) -> WhitenedDirections:
+        """Return the directions whitened by the shape of ``noise`` without the frame, in units of its white noise.
 
-        Cost: some r^2 n multiply-adds where a part wanders; of the last few shapes they are remembered.
+        Cost: some r^2 n multiply-adds where a part wanders; the last few shapes are kept.
         """
-        known: Seen = self._once("seen", shape_of(noise), self._seen)
+        known: WhitenedDirections = self._cached("directions", shape_of(noise), self._whiten_directions)
         return known
 
     def scaled(self, noise: Floor) -> Floats:
-        """Return what unit normal numbers do along the orthonormal whitened directions, shape (r, m)."""
+        """Return the unit normal numbers' contributions along the orthonormal whitened directions, shape (r, m)."""
         size = np.exp(0.5 * np.asarray(noise.site))[self.band] / noise.white_m
-        return np.asarray(self.seen(noise).root @ (self.factors * size))
+        return np.asarray(self.whitened_directions(noise).root @ (self.factors * size))
 
     def whiten(self, rows: Floats, noise: Floor) -> Floats:
-        """Return ``rows``, shape (n, k), that ``noise`` without its site has whitened, with the sway whitened, too.
+        """Return ``rows``, shape (n, k), already whitened by ``noise`` without the frame, whitened by the whole noise.
 
-        Cost: 2 n r multiply-adds a column.
+        Cost: 2 n r multiply-adds per column.
         """
-        columns = self.seen(noise).columns
-        return np.asarray(rows + columns @ (self.less(noise) @ (columns.T @ rows)))
+        columns = self.whitened_directions(noise).columns
+        return np.asarray(rows + columns @ (self.whitening_matrix(noise) @ (columns.T @ rows)))
 
-    def less(self, noise: Floor) -> Floats:
-        """Return what whitening the sway adds to whitened rows, shape (r, r): columns @ less @ columns.T @ rows.
+    def whitening_matrix(self, noise: Floor) -> Floats:
+        """Return the matrix L, shape (r, r), with which columns @ L @ columns.T @ rows whitens the frame's motion.
 
-        The ``columns`` are those of ``seen``.
+        It is added to rows whitened by the other noise; ``columns`` are those of ``whitened_directions``.
         """
-        known: Floats = self._once("less", noise, self._less)
+        known: Floats = self._cached("whitening", noise, self._whitening_matrix)
         return known
 
     def likely(self, left_m: Floats, noise: Floor) -> Floats:
-        """Return what of a remainder, shape (all averaged samples,), the site has most likely done, at valid ones."""
+        """Return the frame's likeliest part of a residual, shape (all averaged samples,), at the valid samples."""
         scaled = self.scaled(noise)
         numbers = scaled.T @ self._pull(scaled, self._along(left_m, noise))
         size = np.exp(0.5 * np.asarray(noise.site))[self.band]
         return np.asarray(self.basis @ (self.factors @ (size * numbers)))
 
     def likely_plate(self, left_m: Floats, noise: Floor) -> tuple[float, float]:
-        """Return the plate's likeliest state at first touch (m, m/s), from what is left beside a plate at rest."""
+        """Return the plate's likeliest state at first touch (m, m/s), from the residual with the plate at rest."""
         scaled = self.scaled(noise)
         of_plate = slice(-len(PLATE_START), None)
         numbers = scaled[:, of_plate].T @ self._pull(scaled, self._along(left_m, noise))
@@ -146,19 +147,19 @@ class Sway:
         return float(x), float(v)
 
     def of_plate_m(self, plate: tuple[float, float]) -> Floats:
-        """Return what a plate in this state at first touch (m, m/s) does, shape (all averaged samples,)."""
+        """Return the displacement due to this state of the plate at first touch (m, m/s), at all averaged samples."""
         out = np.zeros(self.valid.size)
         out[self.valid] = self._plate_columns @ np.divide(plate, self.plate_std)
         return out
 
     @cached_property
     def _plate_columns(self) -> Floats:
-        """Get what each unit number of the plate's start does, shape (n, 2)."""
+        """Get the displacement due to each unit number of the plate's start, shape (n, 2)."""
         return np.asarray(self.basis @ self.factors[:, -len(PLATE_START) :])
 
     def _along(self, left_m: Floats, noise: Floor) -> Floats:
         white = noise.whiten(left_m[:, None], self.valid, self.weight)
-        return self.seen(noise).along(white)[:, 0]
+        return self.whitened_directions(noise).along(white)[:, 0]
 
     def _pull(self, scaled: Floats, along: Floats) -> Floats:
         """Return the inverse covariance along the directions times ``along``."""
@@ -166,7 +167,7 @@ class Sway:
         inner = solve_triangular(root, along, lower=True, check_finite=False)
         return np.asarray(solve_triangular(root, inner, lower=True, trans="T", check_finite=False))
 
-    def _seen(self, shape: Floor) -> Seen:
+    def _whiten_directions(self, shape: Floor) -> WhitenedDirections:
         if shape.rms_m[0] == 0.0:
             columns = self.basis / self.weight
         else:
@@ -178,30 +179,30 @@ class Sway:
         band = self.band[order]
         factors = np.asfortranarray(root @ self.factors[:, order])
         first = np.searchsorted(band, np.arange(int(band[-1]) + 1))
-        return Seen(columns, root, factors, band, first, shape.log_variances(self.valid, self.weight))
+        return WhitenedDirections(columns, root, factors, band, first, shape.log_variances(self.valid, self.weight))
 
-    def _less(self, noise: Floor) -> Floats:
+    def _whitening_matrix(self, noise: Floor) -> Floats:
         root = root_of(self.scaled(noise))
-        less = solve_triangular(root, np.eye(root.shape[0]), lower=True, check_finite=False)
-        less[np.diag_indices_from(less)] -= 1.0
-        triangle = self.seen(noise).root
-        half = solve_triangular(triangle, less, check_finite=False)
+        whitening_matrix = solve_triangular(root, np.eye(root.shape[0]), lower=True, check_finite=False)
+        whitening_matrix[np.diag_indices_from(whitening_matrix)] -= 1.0
+        triangle = self.whitened_directions(noise).root
+        half = solve_triangular(triangle, whitening_matrix, check_finite=False)
         return np.asarray(solve_triangular(triangle, half.T, check_finite=False).T)
 
-    def _once(self, what: str, noise: Floor, make: Callable[[Floor], Any]) -> Any:
-        """Return what ``make`` makes of a noise; of the last few it is remembered."""
+    def _cached(self, what: str, noise: Floor, make: Callable[[Floor], Any]) -> Any:
+        """Return ``make(noise)``; the last few results are kept."""
         lately = self._known.setdefault(what, {})
         known = lately.get(noise)
         if known is None:
             known = make(noise)
             while len(lately) >= _REMEMBERED:
-                lately.pop(tuple(lately)[0], None)  # noqa: RUF015 (a copy: others may add to it)
+                lately.pop(tuple(lately)[0], None)  # noqa: RUF015 (a copy: other threads may add to it)
             lately[noise] = known
         return known
 
 
 def shape_of(noise: Floor) -> Floor:
-    """Return a noise over its white part, without a site, to twelve digits: rounding makes no other shape."""
+    """Return a noise in units of its white part, without the frame, to twelve digits against rounding."""
     one, two = (float(f"{rms / noise.white_m:.12g}") for rms in noise.rms_m)
     return Floor(1.0, (one, two), noise.tau_s, noise.spacing_s)
 
@@ -213,18 +214,18 @@ def root_of(scaled: Floats) -> Floats:
     return np.asarray(np.linalg.cholesky(covariance))
 
 
-def may_be_of_a_site(row: Effect) -> bool:
-    """Return whether an effect is what a swaying frame does, too: a sine everywhere, a plate that swings first."""
+def resembles_frame_motion(row: Effect) -> bool:
+    """Return whether a moving frame has the same effect: a sine all along the shot, or a plate that swings at first."""
     return row.wave is not None or row.acts is Acts.AT_START
 
 
 def site_of(
     shakings: Sequence[Shaking | None], length_s: float, least_nm: float, *, whole: bool = False
 ) -> Site | None:
-    """Return the one site that shots of ``length_s`` tell of, None where less than ``least_nm`` rms shakes at random.
+    """Return the frame's motion shown by shots of ``length_s``; None where random motion is below ``least_nm`` rms.
 
-    A floor is the mean of what the shots show; a line is one where shots show it at the same frequency.  The ``whole``
-    of what shakes is the frame's, or what is no quicker than a path may wander.
+    The random spectrum is the mean over the shots; lines at one frequency in several shots are one line.  With
+    ``whole`` all motion counts as the frame's, otherwise only up to where it falls to what an optical path may wander.
     """
     known = [shaking.below(BELOW_HZ) for shaking in shakings if shaking is not None]
     if not known:
@@ -236,7 +237,7 @@ def site_of(
     power = np.asarray(density * apart_hz)
     quick = frequency.size if whole else _of_the_frame(frequency, power)
     frequency, power = frequency[:quick], power[:quick]
-    if quick < 2 or 1e9 * float(np.sqrt(power.sum())) < least_nm:  # all that moves is the path itself
+    if quick < 2 or 1e9 * float(np.sqrt(power.sum())) < least_nm:  # only the optical path wanders
         return None
     third = np.floor(_IN_AN_OCTAVE * np.log2(np.maximum(frequency / frequency[1], 1.0)))
     band = np.unique(third, return_inverse=True)[1]
@@ -252,10 +253,10 @@ def site_of(
 
 
 def _of_the_frame(frequency_hz: Floats, power: Floats) -> int:
-    """Return how many of the sines are a frame's, slowest first.
+    """Return how many of the sines, slowest first, are motion of the frame.
 
-    A building's motion falls steeply with the frequency, an optical path wanders with a density that falls with f^2:
-    where the flights show no more than that, it is none of the frame's.
+    The motion of a building falls steeply with frequency; the density of a wandering optical path falls only with f^2.
+    Where the spectrum is no higher than the latter, the motion is not the frame's.
     """
     level = power * frequency_hz**2
     above = np.flatnonzero(level > _WANDER * level[frequency_hz >= 0.5 * frequency_hz[-1]].min())
@@ -263,13 +264,13 @@ def _of_the_frame(frequency_hz: Floats, power: Floats) -> int:
 
 
 def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats) -> Sway:
-    """Return what a site may do to a shot that went as these parameters of the base model say, its plate as is known.
+    """Return what the frame may add to a shot that moved as these base parameters say, its plate starting as known.
 
     Cost: about 0.06 s.
     """
     collision = base.collision(shared, float(own[0]), shot.moving_mass_kg, shot.plate, shot.plate_number)
     omega = 2 * np.pi * site.shaking.frequency_hz
-    # what a frame does is slow: the mean over an averaged sample is what it does at its middle, to a millionth
+    # the frame moves slowly: the mean over a block is its contribution at the centre, to a millionth
     moved, after = responses(collision, shot.centre_s - own[1], omega)
     each = np.sqrt(site.shaking.power_m2)
     model = Model(replace(base, swings=True))
@@ -286,19 +287,20 @@ def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats) -
     band = np.concatenate([site.band, site.band, np.repeat(site.band[nearest], len(PLATE_START))])
     level, turn = np.linalg.eigh(columns.T @ columns)
     felt = level > _SEEN * shot.white_m**2
-    turn, size = turn[:, felt], np.sqrt(level[felt])
+    felt[-1] = True  # the strongest even where nothing is felt: matrices without columns are not solved with
+    turn, size = turn[:, felt], np.sqrt(np.maximum(level[felt], np.finfo(np.float64).tiny))
     basis, triangle = _orthonormal((columns @ turn) / size)
     speeds = np.zeros((site.bands, 2))
     np.add.at(speeds, site.band, site.shaking.power_m2[:, None] * np.stack([omega, np.abs(after)], axis=1) ** 2)
-    # What is felt of the columns is basis times factors to rounding, however far off the eigenvectors came out.
+    # Columns kept are basis times factors to rounding, however inaccurate the eigenvectors.
     return Sway(basis, triangle @ (size[:, None] * turn.T), band, shot.valid, shot.weight, speeds, plate_std)
 
 
 def _orthonormal(columns: Floats) -> tuple[Floats, Floats]:
-    """Return orthonormal columns, shape (n, r), that span what nearly orthogonal ones do, and their triangle, (r, r).
+    """Return an orthonormal basis, shape (n, r), of nearly orthogonal columns, and the triangle, (r, r), between them.
 
-    The triangle turns the first into the second.  By Cholesky factors, twice where once leaves more than rounding
-    (Yamamoto et al., ETNA 44, 2015): a sixth of the time of Householder's way or less.
+    Columns are basis times triangle.  By Cholesky factors, twice where once is not exact to rounding (Yamamoto et al.,
+    ETNA 44, 2015): a sixth of the time of a Householder factorisation or less.
     """
     out, triangle = columns, np.eye(columns.shape[1])
     try:
@@ -318,7 +320,7 @@ def _orthonormal(columns: Floats) -> tuple[Floats, Floats]:
 def on_site(
     shots: Sequence[Samples], site: Site | None, base: Base, shared: Floats, own: Floats
 ) -> tuple[Samples, ...]:
-    """Return the shots with what a site may do to each, if they went as these parameters say; ``own`` a row a shot."""
+    """Return the shots with what the frame may add, if they moved as these parameters say; ``own`` has a row a shot."""
     if site is None:
         return tuple(shots)
     every = side_by_side(lambda index: swayed(shots[index], site, base, shared, own[index]), range(len(shots)))

@@ -1,10 +1,10 @@
-"""How strongly everything shook the shots: white noise, wandering parts and a site's bands, by maximum likelihood.
+"""Maximum-likelihood strengths of white noise, wandering parts and each band of the frame's motion.
 
-One covariance holds them all.  White noise and what wanders are whitened by a Kalman filter; along a shot's directions,
-as that leaves them, the covariance is one plus each band's share, beside them one.  The bands' strengths have a prior:
-neighbouring bands are as the flights' readings say within a factor, their level is free, and a line is about as strong
-as it was read.  Given the shape of the wandering parts, strengths and white noise follow by Fisher scoring, all shots
-at once; the shape is searched for about that.
+One covariance holds them all.  A Kalman filter whitens white noise and wandering parts; along a shot's directions the
+whitened covariance is then one plus each band's share, and one elsewhere.  The logarithms of the bands' strengths have
+a normal prior: neighbouring bands differ little from what the flights show, their common level is free, and a line
+is about as strong as it was read.  For a given shape of the wandering parts, strengths and white noise follow by
+Fisher scoring over all shots; the shape is found by a simplex search around that.
 """
 
 import math
@@ -23,44 +23,44 @@ from analysis.inference.fit.arrow import Arrow, Places
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor, white_floor
 from analysis.inference.noise.likeliest import LONGEST_TAU_S, SHORTEST_TAU_S
-from analysis.inference.noise.site import Seen, Site
+from analysis.inference.noise.site import Site, WhitenedDirections
 
 Floats = NDArray[np.float64]
-_NEIGHBOURS = 1.0  # std of the logarithm of a strength beside its neighbour's
-_LEVEL = 6.0  # of each band's by itself
-_LINE = 2.0  # of a line's
-_ITERATIONS, _ENOUGH, _MOST = 20, 5e-3, 3.0  # steps, in log-likelihood, in the logarithm of a strength
-_AS_PROMISED = 0.15  # of what a step promises to first order: half of it is gained where the curvature is right
-_ADDS = 2.0, 0.2  # of a search for a shape: what a sample adds over white, of the first part and of the second ...
-_TAU_S = (4e-3,), (5e-4, 5e-2)  # ... memories that are tried
-_SIDE, _CLOSER, _NEAR, _ALIKE = 0.7, 0.3, 0.1, 0.3  # ... its simplex, one from nearby, where it ends, in ln L there
-_TRIALS = 15  # ... for each part
-_PAIRS = 16  # of points that stand for all likely strengths
-_LEAST_LEVEL = 0.05  # of the curvature: a strength nobody knows is known to a factor of some hundred
+_NEIGHBOURS = 1.0  # prior std of the difference of log strengths of neighbouring bands
+_LEVEL = 6.0  # prior std of each band's log strength
+_LINE = 2.0  # prior std of a line's log strength
+_ITERATIONS, _ENOUGH, _MOST = 20, 5e-3, 3.0  # steps; least gain of ln L; greatest step of a log strength
+_AS_PROMISED = 0.15  # of a step's first-order gain: allowed deviation from the half that the right curvature gives
+_ADDS = 2.0, 0.2  # start of a shape search: what a sample adds over white, of the first part and of the second;
+_TAU_S = (4e-3,), (5e-4, 5e-2)  # correlation times tried for each;
+_SIDE, _CLOSER, _NEAR, _ALIKE = 0.7, 0.3, 0.1, 0.3  # simplex side, side from a neighbour, end size, end ln L spread;
+_TRIALS = 15  # evaluations for each part
+_PAIRS = 16  # of points that sample the distribution of likely strengths
+_LEAST_LEVEL = 0.05  # of the curvature: even an undetermined strength is known to a factor of some hundred
 
 
 @dataclass(frozen=True, slots=True)
 class _Shot:
-    """What is left of a shot, and its derivatives by q parameters, under noise of a fixed shape.
+    """A shot's residual and its derivatives by q parameters, under noise of a fixed shape.
 
-    ``along``, shape (r, 1 + q), are both along the shot's whitened directions, ``seen``, ``beside``, shape
-    (1 + q, 1 + q), the products of what lies beside these; ``places``, shape (q,), says which parameters they are.
+    ``along``, shape (r, 1 + q), are both projected on ``directions``; ``rest_products``, shape (1 + q, 1 + q), are the
+    products of the rest; ``places``, shape (q,), are the indices of the parameters.
     """
 
-    seen: Seen
+    directions: WhitenedDirections
     along: Floats
-    beside: Floats
+    rest_products: Floats
     samples: int
     places: NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)
 class _Whitened:
-    """A shot as a covariance whitens it along its directions, over the white variance.
+    """A shot whitened by the covariance along its directions, in units of the white variance.
 
-    ``waves``, shape (r, m), are what the site's numbers do, ``half``, shape (r, 1 + q), what is left with its
-    derivatives, both divided by the covariance's ``root``; ``products``, shape (1 + q, 1 + q), are those of what is
-    left and its derivatives, whitened whole.
+    ``waves``, shape (r, m), are the frame's contributions, ``half``, shape (r, 1 + q), residual and derivatives, both
+    divided by the covariance's Cholesky ``root``; ``products``, shape (1 + q, 1 + q), are those of the fully whitened
+    residual and derivatives.
     """
 
     root: Floats
@@ -71,14 +71,14 @@ class _Whitened:
 
 @dataclass(slots=True)
 class _Curvature:
-    """The expected curvature of the log-likelihood by (ln white^2, strengths), as it was where it was last computed."""
+    """The expected curvature of the log-likelihood by (ln white^2, strengths), where it was last computed."""
 
     value: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class _Fitted:
-    """What parameters of all shots take of what is left: values (q,), covariance (q, q), half ln det of its inverse."""
+    """Parameters fitted to the residual: values (q,), covariance (q, q), half ln det of its inverse."""
 
     values: Floats
     covariance: Floats
@@ -87,7 +87,7 @@ class _Fitted:
 
 @dataclass(frozen=True, slots=True)
 class _Point:
-    """The log-likelihood with the prior's at (ln white^2, strengths), its gradient, and what both were made of."""
+    """Log-likelihood plus log prior at (ln white^2, strengths), its gradient, and intermediate results."""
 
     at: Floats
     value: float
@@ -97,8 +97,8 @@ class _Point:
 
 
 @dataclass(frozen=True, slots=True)
-class _Found:
-    """The likeliest strengths beside wandering parts of a shape (an rms is over the white one)."""
+class _LikeliestStrengths:
+    """The likeliest strengths for a shape of the wandering parts (in units of the white noise)."""
 
     shape: Floor
     at: Floats  # ln white^2, then the strengths
@@ -114,8 +114,8 @@ class _Found:
 
 
 @dataclass(frozen=True, slots=True)
-class _Set:
-    """What is left of shots at a site, in m, shape (n,) a shot, and its ``tangents`` by parameters."""
+class _ShotSet:
+    """Residuals of shots on a moving frame in m, shape (n,) for each, and ``tangents``: derivatives by parameters."""
 
     series: Sequence[Floats]
     tangents: Arrow
@@ -129,22 +129,22 @@ class _Set:
 
         def of_shot(index: int) -> _Shot:
             columns = np.column_stack([self.series[index], self.tangents.blocks[index]])
-            return _under(shape, columns, self.tangents.places[index], self.shots[index])
+            return _shot_under(shape, columns, self.tangents.places[index], self.shots[index])
 
         return side_by_side(of_shot, range(len(self.shots)))
 
-    def found(self, shape: Floor, start: Floats | None) -> _Found:
-        """Return the likeliest strengths beside parts of this shape, from ``start``; some 20 ms for three shots."""
+    def found(self, shape: Floor, start: Floats | None) -> _LikeliestStrengths:
+        """Return the likeliest strengths for this shape, searched from ``start``; some 20 ms for three shots."""
         parts = self.under(shape)
         if start is None:
             start = np.zeros(1 + self.site.bands)
             freedom = sum(part.samples - part.along.shape[0] for part in parts)
-            start[0] = math.log(max(sum(float(part.beside[0, 0]) for part in parts) / freedom, 1e-40))
+            start[0] = math.log(max(sum(float(part.rest_products[0, 0]) for part in parts) / freedom, 1e-40))
         at, value = _likeliest(start, parts, self.precision, self.curve)
-        return _Found(shape, at, value)
+        return _LikeliestStrengths(shape, at, value)
 
-    def nearby(self, begin: _Found, parts: int, side: float) -> _Found:
-        """Return the likeliest strengths and shape of so many wandering parts, begun a ``side`` from another's."""
+    def nearby(self, begin: _LikeliestStrengths, parts: int, side: float) -> _LikeliestStrengths:
+        """Return the likeliest shape with so many wandering parts and its strengths, from a simplex about ``begin``."""
         best = begin
 
         def worth(z: Floats) -> float:
@@ -163,13 +163,13 @@ class _Set:
 def learn(
     series: Sequence[Floats], shots: Sequence[Samples], site: Site, *, start: Floor | None = None, parts: int = 0
 ) -> tuple[Floor, float]:
-    """Return the likeliest noise of what is left of shots (``series``, in m) at a site, and the log-likelihood.
+    """Return the likeliest noise of residuals ``series`` (m, one for each shot) on a moving frame, and ln L.
 
-    White noise, up to ``parts`` wandering parts, each where it pays by the Bayesian information criterion, and the
-    site.  Without ``parts`` the wandering ones keep the shape that they have in ``start``.  Cost: some 10 ms for three
+    White noise, up to ``parts`` wandering parts, each where it lowers the Bayesian information criterion, and the
+    frame. With ``parts`` zero the wandering ones keep the shape they have in ``start``.  Cost: some 10 ms for three
     shots, a second for each part.
     """
-    left = _Set(series, Arrow.of([values[:, None][:, 1:] for values in series], 0), shots, site, _prior(site))
+    left = _ShotSet(series, Arrow.of([values[:, None][:, 1:] for values in series], 0), shots, site, _prior(site))
     spacing_s = shots[0].spacing_s
     start = start if start is not None and start.site else None
     at = np.array([2.0 * math.log(start.white_m), *start.site]) if start is not None else None
@@ -184,7 +184,7 @@ def learn(
         else:
             begins = [left.found(_with_a_part(best.shape, number, tau_s), best.at) for tau_s in _TAU_S[number - 1]]
             begin = max(begins, key=lambda found: found.value)
-            if number > 1 and begin.value < best.value:  # not even roughly is there a second one
+            if number > 1 and begin.value < best.value:  # a second part does not help even roughly
                 break
             trial = left.nearby(begin, number, _SIDE)
         samples = sum(int(shot.valid.sum()) for shot in shots)
@@ -196,9 +196,9 @@ def learn(
 
 @dataclass(frozen=True, slots=True)
 class Likely:
-    """What all likely strengths make of a fit's parameters: the likeliest ``noise``, their covariance (q, q) under all.
+    """Parameters averaged over all likely strengths: the likeliest ``noise``, and covariance (q, q).
 
-    ``moves``, shape (q,), is where the likeliest would move the parameters to.
+    ``moves``, shape (q,), is the step of the parameters to their values under the likeliest noise.
     """
 
     noise: Floor
@@ -209,20 +209,20 @@ class Likely:
 def over_likely(
     series: Sequence[Floats], tangents: Arrow, shots: Sequence[Samples], site: Site, start: Floor
 ) -> Likely:
-    """Return what strengths of greatest restricted likelihood, and all likely ones, make of a fit's parameters.
+    """Return the strengths of greatest restricted likelihood, and the parameters' covariance over all likely ones.
 
-    ``series`` is what the fit leaves of each shot, ``tangents`` are the displacement's derivatives by its q
-    parameters; what wanders keeps the shape it has in ``start``.  What a fit leaves has less of every slow band than
-    there was, as its parameters make up for some of it: the restricted likelihood (Patterson & Thompson, Biometrika 58,
-    1971) allows for that.  The covariance is that of the mixture of all likely strengths: the mean of the covariances
-    and the covariance of where each would put the values (law of total variance).  Cost: some 30 ms a shot.
-    LinAlgError where the parameters are not determined.
+    ``series`` are a fit's residuals, ``tangents`` the derivatives of the displacement by its q parameters; wandering
+    parts keep the shape they have in ``start``.  A residual holds less of every slow band than there was, since the
+    parameters absorb some: the restricted likelihood (Patterson & Thompson, Biometrika 58, 1971) allows for that.  The
+    covariance is that of the mixture over likely strengths: the mean of the covariances plus the covariance of the
+    values (law of total variance).  Cost: some 30 ms per shot.  Raises LinAlgError where the parameters are not
+    determined.
     """
-    left = _Set(series, tangents, shots, site, _prior(site))
+    left = _ShotSet(series, tangents, shots, site, _prior(site))
     found = left.found(_shape_of(start), np.array([2.0 * math.log(start.white_m), *start.site]))
     parts = left.under(found.shape)
     level, turn = np.linalg.eigh(_curvature(_likelihood(found.at, parts, left.precision), parts, left.precision))
-    points = found.at + _normal(found.at.size) @ (turn / np.sqrt(np.maximum(level, _LEAST_LEVEL))).T
+    points = found.at + _normal_points(found.at.size) @ (turn / np.sqrt(np.maximum(level, _LEAST_LEVEL))).T
     values, covariances, _ = _fits_at(np.vstack([found.at, points]), parts)
     apart = values[1:] - values[0]
     covariance = np.mean(covariances[1:], axis=0) + apart.T @ apart / len(points)
@@ -231,25 +231,25 @@ def over_likely(
 
 
 @lru_cache(maxsize=8)
-def _normal(size: int) -> Floats:
-    """Return points that stand for a standard normal distribution, shape (n, size), in pairs about nothing."""
+def _normal_points(size: int) -> Floats:
+    """Return points that sample a standard normal distribution, shape (n, size), in pairs of opposite sign."""
     half = np.random.default_rng(size).standard_normal((_PAIRS, size))
     half /= np.sqrt(np.mean(half**2, axis=0))
     return np.concatenate([half, -half])
 
 
 def _fits_at(points: Floats, shots: Sequence[_Shot]) -> tuple[Floats, Floats, Floats]:
-    """Return what ``_solved_for`` says of the parameters under each (ln white^2, strengths), shape (p, 1 + bands)."""
+    """Return ``_parameters_under`` at each of ``points``, (ln white^2, strengths), shape (p, 1 + bands)."""
 
     def products(shot: _Shot) -> Floats:
-        halves = (_solved(_root(_scaled(shot.seen, at)), shot.along) for at in points)
-        return np.stack([shot.beside + half.T @ half for half in halves])
+        halves = (_triangle_solved(_root(_scaled(shot.directions, at)), shot.along) for at in points)
+        return np.stack([shot.rest_products + half.T @ half for half in halves])
 
-    return _solved_for(shots, side_by_side(products, shots), np.exp(points[:, 0]))
+    return _parameters_under(shots, side_by_side(products, shots), np.exp(points[:, 0]))
 
 
 def _with_a_part(shape: Floor, number: int, tau_s: float) -> Floor:
-    """Return the shape with one wandering part more, its ``number``-th, as a search for it begins."""
+    """Return the shape with one more wandering part (the ``number``-th), as the start of a search for it."""
     rms = _ADDS[number - 1] / math.sqrt(2.0 * shape.spacing_s / tau_s)
     first = (rms, tau_s) if number == 1 else (shape.rms_m[0], shape.tau_s[0])
     second = (0.0, 1e-2) if number == 1 else (rms, tau_s)
@@ -257,15 +257,15 @@ def _with_a_part(shape: Floor, number: int, tau_s: float) -> Floor:
 
 
 def _shape_of(floor: Floor, parts: int = 2) -> Floor:
-    """Return a noise's white and wandering parts over its white noise; the first of them where ``parts`` is one."""
+    """Return white and wandering parts in units of the white noise; only the first of them if ``parts`` is one."""
     one, two = (rms / floor.white_m for rms in floor.rms_m)
     return Floor(1.0, (one, two if parts > 1 else 0.0), floor.tau_s, floor.spacing_s)
 
 
 def _coordinates(shape: Floor, parts: int) -> Floats:
-    """Return where a search for a shape begins: of each part ln of what a sample adds to it over white, and ln tau.
+    """Return the start of a shape search: for each part ln of what a sample adds to it over white, and ln tau.
 
-    What a sample adds is known well where a part's rms and its memory are not.
+    Data determine what a sample adds well, even where rms and correlation time are not.
     """
     z = []
     for rms, tau_s in zip(shape.rms_m[:parts], shape.tau_s[:parts], strict=True):
@@ -281,25 +281,25 @@ def _shape_at(z: Floats, spacing_s: float) -> Floor:
     return Floor(1.0, (float(one), float(two)), (float(first), float(second)), spacing_s)
 
 
-def _under(shape: Floor, columns: Floats, places: Places, shot: Samples) -> _Shot:
-    """Return what is left of a shot, and its derivatives by the parameters at ``places``, as this noise whitens them.
+def _shot_under(shape: Floor, columns: Floats, places: Places, shot: Samples) -> _Shot:
+    """Return a shot's residual and derivatives by the parameters at ``places``, whitened by this noise.
 
-    ``columns``, shape (n, 1 + q), are both.
+    ``columns``, shape (n, 1 + q), are residual and derivatives.
     """
     assert shot.sway is not None
     some = np.flatnonzero(np.abs(columns[:, 1:]).max(axis=0, initial=0.0) > 0.0)
     white = shape.whiten(columns[:, [0, *(1 + some)]], shot.valid, shot.weight)
-    seen = shot.sway.seen(shape)
-    along = seen.along(white)
-    beside = white.T @ white - along.T @ along
-    beside[0, 0] = max(float(beside[0, 0]), 0.0)
-    return _Shot(seen, along, beside, white.shape[0], places[some])
+    directions = shot.sway.whitened_directions(shape)
+    along = directions.along(white)
+    rest_products = white.T @ white - along.T @ along
+    rest_products[0, 0] = max(float(rest_products[0, 0]), 0.0)
+    return _Shot(directions, along, rest_products, white.shape[0], places[some])
 
 
 def _likeliest(at: Floats, shots: Sequence[_Shot], precision: Floats, curve: _Curvature) -> tuple[Floats, float]:
-    """Return the likeliest (ln white^2, strengths) from ``at``, and the log-likelihood with the prior's.
+    """Return the likeliest (ln white^2, strengths), searched from ``at``, and log-likelihood plus log prior.
 
-    The ``curve`` of a noise of nearly this shape serves until it does not.
+    The ``curve`` of a nearby noise is used until a step gains less or more than it predicts.
     """
     here = _likelihood(at, shots, precision)
     if not math.isfinite(here.value):
@@ -324,16 +324,16 @@ def _likeliest(at: Floats, shots: Sequence[_Shot], precision: Floats, curve: _Cu
             curve.value, fresh = _curvature(here, shots, precision), True
             continue
         gained, here, fresh = there.value - here.value, there, False
-        if abs(gained / promise - 0.5) > _AS_PROMISED:  # the curvature is another one here
+        if abs(gained / promise - 0.5) > _AS_PROMISED:  # the curvature has changed
             curve.value, fresh = _curvature(here, shots, precision), True
     return here.at, here.value
 
 
 def _likelihood(at: Floats, shots: Sequence[_Shot], precision: Floats) -> _Point:
-    """Return log-likelihood with the prior's and its gradient by (ln white^2, strengths); below all where it has none.
+    """Return log-likelihood plus log prior and gradient by (ln white^2, strengths); minus infinity if undefined.
 
-    Restricted to what the parameters cannot make up for, where there are derivatives by any.
-    Cost: r^2 (3 m + r / 3) multiply-adds a shot, r directions, m numbers of the site.
+    Restricted likelihood where there are derivatives by parameters.
+    Cost: r^2 (3 m + r / 3) multiply-adds per shot, r directions, m numbers of the frame.
     """
     pull = precision @ at[1:]
     value = -0.5 * float(at[1:] @ pull)
@@ -342,7 +342,7 @@ def _likelihood(at: Floats, shots: Sequence[_Shot], precision: Floats) -> _Point
     try:
         whitened = tuple(side_by_side(lambda shot: _whitened(shot, at), shots))
         fitted = _fitted(shots, [one.products for one in whitened], variance)
-    except np.linalg.LinAlgError:  # a motion a billion times the white noise: rounding decides
+    except np.linalg.LinAlgError:  # with motion a billion times the white noise rounding breaks the factorisation
         return _Point(at, -math.inf, slope)
     value -= fitted.logs
     slope[0] += 0.5 * fitted.values.size
@@ -352,41 +352,43 @@ def _likelihood(at: Floats, shots: Sequence[_Shot], precision: Floats) -> _Point
         across = one.waves.T @ one.half
         free = across[:, 1:]
         known = np.einsum("ij,ij->j", one.waves, one.waves)
-        known -= np.einsum("ij,ij->i", free @ _of_shot(fitted, shot), free) / variance
-        seen = np.add.reduceat((across @ numbers) ** 2, shot.seen.first) / variance
-        told = np.add.reduceat(known, shot.seen.first)
-        logs = 2.0 * float(np.log(np.diag(one.root)).sum()) + shot.seen.logs
+        known -= np.einsum("ij,ij->i", free @ _shot_covariance(fitted, shot), free) / variance
+        measured = np.add.reduceat((across @ numbers) ** 2, shot.directions.first) / variance
+        expected = np.add.reduceat(known, shot.directions.first)
+        logs = 2.0 * float(np.log(np.diag(one.root)).sum()) + shot.directions.logs
         logs += shot.samples * math.log(2 * math.pi * variance)
         value -= 0.5 * (logs + square)
-        slope[1:] += 0.5 * (seen - told)
-        slope[0] += 0.5 * (square - float(seen.sum()) - (shot.samples - float(told.sum())))
+        slope[1:] += 0.5 * (measured - expected)
+        slope[0] += 0.5 * (square - float(measured.sum()) - (shot.samples - float(expected.sum())))
     return _Point(at, value, slope, whitened, fitted)
 
 
 def _whitened(shot: _Shot, at: Floats) -> _Whitened:
-    """Return a shot as its covariance under (ln white^2, strengths) whitens it; LinAlgError where it has no root."""
-    scaled = _scaled(shot.seen, at)
+    """Return a shot whitened by its covariance under (ln white^2, strengths); LinAlgError if not positive."""
+    scaled = _scaled(shot.directions, at)
     root = _root(scaled)
-    half = _solved(root, shot.along)
-    return _Whitened(root, _solved(root, scaled), half, shot.beside + half.T @ half)
+    half = _triangle_solved(root, shot.along)
+    return _Whitened(root, _triangle_solved(root, scaled), half, shot.rest_products + half.T @ half)
 
 
-def _of_shot(fitted: _Fitted, shot: _Shot) -> Floats:
-    """Return the covariance of the parameters that a shot depends on, shape (q, q)."""
+def _shot_covariance(fitted: _Fitted, shot: _Shot) -> Floats:
+    """Return the covariance of the parameters on which a shot depends, shape (q, q)."""
     return fitted.covariance[np.ix_(shot.places, shot.places)]
 
 
 def _fitted(shots: Sequence[_Shot], products: Sequence[Floats], variance: float) -> _Fitted:
-    """Return what the parameters take, of shots with all ``products`` of what is left and its derivatives."""
-    values, covariance, logs = _solved_for(shots, [one[None] for one in products], np.array([variance]))
+    """Return the parameters fitted to all shots' ``products`` of residual and derivatives."""
+    values, covariance, logs = _parameters_under(shots, [one[None] for one in products], np.array([variance]))
     return _Fitted(values[0], covariance[0], float(logs[0]))
 
 
-def _solved_for(shots: Sequence[_Shot], products: Sequence[Floats], variance: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return what q parameters take under p noises, (p, q), their covariances, (p, q, q), and half ln det of inverses.
+def _parameters_under(
+    shots: Sequence[_Shot], products: Sequence[Floats], variance: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Return q parameters fitted under p noises, (p, q), their covariances, (p, q, q), and half ln det of inverses.
 
-    ``products``, shape (p, 1 + q, 1 + q) a shot, are those of what is left and its derivatives, over ``variance``,
-    shape (p,).  LinAlgError where they do not determine the parameters.
+    ``products``, shape (p, 1 + q, 1 + q) for each shot, are those of residual and derivatives, in units of
+    ``variance``, shape (p,).  LinAlgError where they do not determine the parameters.
     """
     size = max((int(shot.places.max(initial=-1)) + 1 for shot in shots), default=0)
     normal, pull = np.zeros((variance.size, size, size)), np.zeros((variance.size, size))
@@ -400,7 +402,7 @@ def _solved_for(shots: Sequence[_Shot], products: Sequence[Floats], variance: Fl
     scale = np.where(level == 0.0, 1.0, np.sqrt(level))
     outer = scale[:, :, None] * scale[:, None, :]
     unit = normal / outer
-    unit[:, range(size), range(size)] += level == 0.0  # what no shot depends on is known to a unit
+    unit[:, range(size), range(size)] += level == 0.0  # a parameter of no shot gets unit variance
     root = np.linalg.cholesky(unit)
     half = np.linalg.inv(root)
     inverse = half.transpose(0, 2, 1) @ half / outer
@@ -408,13 +410,13 @@ def _solved_for(shots: Sequence[_Shot], products: Sequence[Floats], variance: Fl
     return (inverse @ pull[:, :, None])[:, :, 0], inverse, logs
 
 
-def _scaled(seen: Seen, at: Floats) -> Floats:
-    """Return what the site's numbers do along a shot's directions under (ln white^2, strengths), over the white std."""
-    return np.asarray(seen.factors * np.exp(0.5 * (at[1:] - at[0]))[seen.band])
+def _scaled(directions: WhitenedDirections, at: Floats) -> Floats:
+    """Return the frame's contributions along a shot's directions at (ln white^2, strengths), over the white std."""
+    return np.asarray(directions.factors * np.exp(0.5 * (at[1:] - at[0]))[directions.band])
 
 
 def _root(scaled: Floats) -> Floats:
-    """Return the Cholesky factor of one and what ``scaled``, shape (r, m), makes of covariance, shape (r, r)."""
+    """Return the Cholesky factor of 1 + scaled scaled^T, shape (r, r); ``scaled`` has shape (r, m)."""
     covariance = dsyrk(1.0, scaled, lower=1)
     covariance[np.diag_indices_from(covariance)] += 1.0
     root, failed = dpotrf(covariance, lower=1, overwrite_a=1)
@@ -423,20 +425,21 @@ def _root(scaled: Floats) -> Floats:
     return np.asarray(root)
 
 
-def _solved(root: Floats, rows: Floats) -> Floats:
+def _triangle_solved(root: Floats, rows: Floats) -> Floats:
     """Return the inverse of a Cholesky factor times ``rows``, shape (r, k)."""
     return np.asarray(dtrtrs(root, rows, lower=1)[0])
 
 
 def _curvature(point: _Point, shots: Sequence[_Shot], precision: Floats) -> Floats:
-    """Return the expected curvature by (ln white^2, strengths) at a point; cost: m^2 r multiply-adds a shot.
+    """Return the expected curvature by (ln white^2, strengths) at a point; cost: m^2 r multiply-adds per shot.
 
-    What shots tell of each other's parameters is left out.
+    The coupling of shots through shared parameters is neglected.  LinAlgError where the point has no likelihood.
     """
     curve = np.zeros((1 + precision.shape[0],) * 2)
     curve[1:, 1:] = precision
     variance, fitted = math.exp(point.at[0]), point.fitted
-    assert fitted is not None
+    if fitted is None:
+        raise np.linalg.LinAlgError("the parameters are not determined under this noise")
     curve[0, 0] -= 0.5 * fitted.values.size
 
     def of_shot(index: int) -> Floats:
@@ -444,8 +447,8 @@ def _curvature(point: _Point, shots: Sequence[_Shot], precision: Floats) -> Floa
         gram = one.waves.T @ one.waves
         if shot.places.size:
             taken = one.waves.T @ one.half[:, 1:]
-            gram -= taken @ _of_shot(fitted, shot) @ taken.T / variance
-        first = shot.seen.first
+            gram -= taken @ _shot_covariance(fitted, shot) @ taken.T / variance
+        first = shot.directions.first
         told = np.add.reduceat(np.diag(gram), first)
         shared = np.add.reduceat(np.add.reduceat(np.square(gram, out=gram), first, axis=0), first, axis=1)
         across = 0.5 * (told - shared.sum(axis=1))
@@ -459,7 +462,7 @@ def _curvature(point: _Point, shots: Sequence[_Shot], precision: Floats) -> Floa
 
 
 def _prior(site: Site) -> Floats:
-    """Return the precision of the strengths' logarithms before anything is seen, shape (bands, bands)."""
+    """Return the prior precision of the logarithms of the strengths, shape (bands, bands)."""
     precision = np.diag(np.where(np.arange(site.bands) < site.random_bands, _LEVEL, _LINE) ** -2.0)
     for k in range(site.random_bands - 1):
         precision[k : k + 2, k : k + 2] += np.array([[1.0, -1.0], [-1.0, 1.0]]) / _NEIGHBOURS**2

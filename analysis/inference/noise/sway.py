@@ -1,12 +1,11 @@
-"""What a frame that sways does to a shot.
+"""The contribution of a moving frame to the displacement of a shot.
 
-Optics and plate stand on the frame, the block floats free of it.  In flight the whole motion of the frame stands in the
-displacement, backwards; in contact the plate's clamp carries plate and block along.  Seen from the frame every mass
-feels minus the frame's acceleration, so a small sway adds to the shot what the equations of the two bodies, linear in
-every phase, make of that force: phase by phase in closed form, with the jump of the derivatives wherever the contact
-begins or ends (saltation; Leine & Nijmeijer, "Dynamics and Bifurcations of Non-Smooth Mechanical Systems", ch. 7).
-Position and velocity of the frame at the touch are left out of it: with these a shot is the same shot, begun elsewhere
-and at another speed.
+Optics and plate stand on the frame; the block floats free of it.  In flight the displacement contains the whole motion
+of the frame with opposite sign; in contact the plate's clamp carries plate and block along.  In the frame's
+coordinates every mass feels minus the frame's acceleration.  The two-body equations, linear in every phase, give the
+response to that force in closed form; where the contact begins or ends, derivatives jump (saltation; Leine & Nijmeijer,
+"Dynamics and Bifurcations of Non-Smooth Mechanical Systems", ch. 7).  Position and velocity of the frame at the touch
+are left out: they only shift the shot and change its speed.
 """
 
 import math
@@ -17,10 +16,10 @@ from numpy.typing import NDArray
 from analysis.collision import Collision, Event, Floats, Infeasible, TooManyEvents, UnboundedMotion, solve
 from analysis.shot import Shaking
 
-BELOW_HZ = 1000.0  # what shakes faster is part of the beat's noise
-PLATE_QUALITY = 300.0  # at most, of a metal plate's swing in air
-STILL = (1e-15, 1e-12)  # m, m/s: std of a plate that nothing swings
-_REGULAR = 8  # times in a block, for which blocks pay
+BELOW_HZ = 1000.0  # faster motion of the frame is part of the noise of the beat
+PLATE_QUALITY = 300.0  # at most, of a metal plate oscillating in air
+STILL = (1e-15, 1e-12)  # m, m/s: std of a plate that nothing moves
+_REGULAR = 8  # times in a block, for which blocks save time
 
 Complex = NDArray[np.complex128]
 
@@ -37,15 +36,15 @@ def plate_swing_std(shaking: Shaking, collision: Collision) -> tuple[float, floa
     driven = float(np.sum((shaking.power_m2 * answer**2)[beside]))
     resonant = 0.25 * own * PLATE_QUALITY * shaking.density_m2_per_hz(own / (2 * np.pi))
     std = float(np.sqrt(driven + resonant))
-    # a trial plate that nothing swings is still weighed by how far it may be from rest
+    # not zero, so that a plate's start can be weighed against that of a plate at rest
     return max(std, STILL[0]), max(own * std, STILL[1])
 
 
 def responses(collision: Collision, at_s: Floats, omega: Floats) -> tuple[Complex, Complex]:
-    """Return what a frame that sways as exp(i omega t) adds to the displacement, shape (n, f), for unit sways.
+    """Return the displacement added by a frame that moves as exp(i omega t) with unit amplitude, shape (n, f).
 
-    ``at_s``, shape (n,), counts from the first touch.  The second, shape (f,), is what the frame's and the added
-    velocity make together after the last release, where it stays.  Infeasible where there is no such collision.
+    ``at_s``, shape (n,), counts from the first touch.  The second value, shape (f,), is the velocity of frame plus
+    response after the last release, where it stays constant.  Infeasible where there is no such collision.
     """
     out: Complex = np.zeros((at_s.size, omega.size), dtype=np.complex128)
     try:
@@ -71,7 +70,7 @@ def responses(collision: Collision, at_s: Floats, omega: Floats) -> tuple[Comple
 
 
 def _turned(at_s: Floats, omega: Floats) -> Complex:
-    """Return exp(i omega t), shape (n, f); where times are regular by products of a few of them."""
+    """Return exp(i omega t), shape (n, f); for evenly spaced times by products of a few of them."""
     count = at_s.size
     block = math.isqrt(count)
     if block < _REGULAR or np.ptp(np.diff(at_s)) > 1e-9 * (at_s[-1] - at_s[0]):
@@ -92,7 +91,7 @@ def _rates(c: Collision, touching: bool) -> Floats:
 
 
 def _jump(c: Collision, event: Event) -> Floats:
-    """Return how a small motion jumps where the dashpot begins to act (or ends) at a speed: shape (4, 4)."""
+    """Return the jump of a small deviation where the contact force starts or ends at a speed: shape (4, 4)."""
     kick = c.contact_damping_n_s_per_m * (1.0 if event.kind == "touch" else -1.0)
     jump = np.eye(4)
     jump[1, [0, 2]] = -kick / c.block_mass_kg, kick / c.block_mass_kg
@@ -101,7 +100,7 @@ def _jump(c: Collision, event: Event) -> Floats:
 
 
 def _forced(rates: Floats, omega: Floats) -> Complex:
-    """Return the steady answer to the frame's acceleration, shape (4, f), at time zero."""
+    """Return the steady response to the frame's acceleration, shape (4, f), at time zero."""
     pull = np.array([0.0, 1.0, 0.0, 1.0])
     matrices = 1j * omega[:, None, None] * np.eye(4) - rates
     answer = np.linalg.solve(matrices, np.broadcast_to(pull[:, None], (omega.size, 4, 1)))
@@ -114,7 +113,7 @@ def _propagators(rates: Floats, after_s: Floats) -> Floats:
         level, turn = np.linalg.eig(rates)
         both = (turn * np.exp(after_s[:, None, None] * level)) @ np.linalg.inv(turn)
         return np.asarray(both.real)
-    own = float(np.sqrt(-rates[3, 2]))  # apart, the block's motion has no eigenvectors to speak of
+    own = float(np.sqrt(-rates[3, 2]))  # out of contact the block's matrix is defective: no eigenvectors
     out = np.zeros((after_s.size, 4, 4))
     out[:, 0, 0] = out[:, 1, 1] = 1.0
     out[:, 0, 1] = after_s

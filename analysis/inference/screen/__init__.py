@@ -1,1 +1,1 @@
-"""What a small addition to a fitted model would explain, to first order."""
+"""First-order scores: what a small addition to a fitted model would explain."""

@@ -1,6 +1,6 @@
-"""What an effect's starts do to the shots, and what of that is new beside a fit: the columns that are scored.
+"""Columns that are scored: the displacement each start value of an effect adds, and its part that is new to a fit.
 
-A start is followed along a trajectory of its own; where there are many, along the fit's path to first order.
+A start's column comes from a trajectory of its own; many starts are computed to first order along the fit's path.
 """
 
 import contextlib
@@ -18,22 +18,22 @@ from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.samples import Samples
 from analysis.inference.screen import first_order
-from analysis.inference.screen.columns_beside import ColumnsBeside, column_by_column
 from analysis.inference.screen.projector import FEW_SHOTS, Projector
+from analysis.inference.screen.whitened_columns import WhitenedColumns, column_by_column
 
 Floats = NDArray[np.float64]
 Starts = Sequence[Mapping[str, float]]
-Paths = dict[int, LinearPath]  # by steps a sample
-MANY_STARTS = 8  # from here on a path with propagators costs less than a trajectory a start
-KNOWN_PATH = 1  # the same where the path is there already
+Paths = dict[int, LinearPath]  # by steps per sample
+MANY_STARTS = 8  # above, a path with propagators costs less than one trajectory for each start
+KNOWN_PATH = 1  # the same where the path is already known
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
-    """What columns of ``starts`` do beside a fit, each of shape (k,).
+class ColumnProducts:
+    """Products of the columns of ``starts`` with each other and with a fit's residual, each of shape (k,).
 
-    Squared norms as they are (``whole``) and of what the fitted parameters cannot do (``power``), and the products with
-    what is left (``along``).
+    ``whole``: squared norms; ``power``: squared norms after projection off the fitted parameters; ``along``: products
+    with the residual.
     """
 
     starts: list[Mapping[str, float]]
@@ -43,10 +43,10 @@ class Seen:
 
 
 @dataclass(frozen=True, slots=True)
-class _OfShot:
-    """What one shot adds to ``Seen``: squared norms, those of its own parameters' part, and products, (s, k) and (k,).
+class _ShotProducts:
+    """One shot's part of ``ColumnProducts``: squared norms, (k,), in all and on its own parameters, and products.
 
-    The products are with the directions of the shared parameters and with what is left.
+    ``shared``, shape (s, k), are products with the directions of shared parameters, ``along`` with the residual.
     """
 
     whole: Floats
@@ -55,25 +55,27 @@ class _OfShot:
     along: Floats
 
 
-def seen(at: Projector, kind: TrialEffect, starts: Starts, few: int, *, kept: bool = False) -> Seen:
-    """Return what the starts that have a trajectory do beside a fit; more than ``few`` are taken to first order.
+def column_products(
+    at: Projector, kind: TrialEffect, starts: Starts, few: int, *, kept: bool = False
+) -> ColumnProducts:
+    """Return the products for all starts that have a trajectory; more than ``few`` are computed to first order.
 
-    Shot by shot: what columns hold is forgotten, unless they are ``kept`` and few, or the shots are.
+    Shot by shot, to save memory; columns are kept only with ``kept`` and where either they or the shots are few.
     """
     count = len(at.fitted.hypothesis.data.shots)
     inside = _inside(at, starts)
     remember = kept and (count <= FEW_SHOTS or len(inside) <= few)
 
-    def total(columns: Callable[[int], Floats | None], how: str) -> Seen | None:
-        def of_shot(index: int) -> _OfShot | None:
+    def total(columns: Callable[[int], Floats | None], how: str) -> ColumnProducts | None:
+        def of_shot(index: int) -> _ShotProducts | None:
             key = f"{how} of {kind.name}, shot {index}"
             bare = at.once(key, partial(columns, index), nearby=True) if remember else columns(index)
             if bare is None:
                 return None
-            whiten = partial(ColumnsBeside.of, at.fitted.hypothesis.data.shots[index], at.floor, bare)
-            return _of_shot(at, index, at.once(key, whiten) if remember else whiten())
+            whiten = partial(WhitenedColumns.of, at.fitted.hypothesis.data.shots[index], at.floor, bare)
+            return _shot_products(at, index, at.once(key, whiten) if remember else whiten())
 
-        return _summed(inside, side_by_side(of_shot, range(count)))
+        return _sum_over_shots(inside, side_by_side(of_shot, range(count)))
 
     found = None
     if len(inside) > few:
@@ -86,10 +88,10 @@ def seen(at: Projector, kind: TrialEffect, starts: Starts, few: int, *, kept: bo
     return found
 
 
-def laid(at: Projector, kinds: Sequence[TrialEffect]) -> dict[str, Seen]:
-    """Return what those effects do that are taken to first order along the same paths, by name; of many shots alone.
+def products_along_paths(at: Projector, kinds: Sequence[TrialEffect]) -> dict[str, ColumnProducts]:
+    """Return the products of all effects computed to first order along common paths, by name; only for many shots.
 
-    A shot's path, some 15 MB, serves all effects and is forgotten then.
+    A shot's path, some 15 MB, serves all effects and is then released.
     """
     count = len(at.fitted.hypothesis.data.shots)
     inside = {kind.name: _inside(at, kind.starts) for kind in kinds if named(kind.name).wave is None}
@@ -97,24 +99,24 @@ def laid(at: Projector, kinds: Sequence[TrialEffect]) -> dict[str, Seen]:
     if count <= FEW_SHOTS:
         return {}
 
-    def of_shot(index: int) -> dict[str, _OfShot]:
+    def of_shot(index: int) -> dict[str, _ShotProducts]:
         paths: Paths = {}
         out = {}
         for kind in many:
             with contextlib.suppress(Infeasible):
                 bare = _to_first_order(at, kind, inside[kind.name], index, paths)
                 if bare is not None:
-                    white = ColumnsBeside.of(at.fitted.hypothesis.data.shots[index], at.floor, bare)
-                    out[kind.name] = _of_shot(at, index, white)
+                    white = WhitenedColumns.of(at.fitted.hypothesis.data.shots[index], at.floor, bare)
+                    out[kind.name] = _shot_products(at, index, white)
         return out
 
     each = side_by_side(of_shot, range(count))
-    every = {kind.name: _summed(inside[kind.name], [one.get(kind.name) for one in each]) for kind in many}
+    every = {kind.name: _sum_over_shots(inside[kind.name], [one.get(kind.name) for one in each]) for kind in many}
     return {name: found for name, found in every.items() if found is not None}
 
 
 def own_columns(at: Projector, kind: TrialEffect, starts: Starts) -> list[Floats] | None:
-    """Return what ``starts`` do to each shot by trajectories, shape (n, k) a shot; None where one has none."""
+    """Return the columns of ``starts`` by trajectories, shape (n, k) for each shot; None where one has none."""
     moved = [_moved(at, kind, start) for start in starts]
     makes = [partial(_by_trajectories, at, kind, moved, index) for index in range(len(at.lines))]
     bare = [at.once(f"{index} of {kind.name} {starts}", make, nearby=True) for index, make in enumerate(makes)]
@@ -122,13 +124,13 @@ def own_columns(at: Projector, kind: TrialEffect, starts: Starts) -> list[Floats
 
 
 def within(start: Mapping[str, float], shots: Sequence[Samples]) -> bool:
-    """Return whether a start's line, if it has one, lies within what the records can show."""
+    """Return whether the frequency of a start, if it has one, lies in the band of the records."""
     f = start.get("frequency_hz")
     return f is None or 2.5 / max(s.length_s for s in shots) < f < 0.45 / shots[0].spacing_s
 
 
 def fixed_of(kind: TrialEffect, start: Mapping[str, float]) -> Mapping[str, float]:
-    """Return the values of a start that are not searched."""
+    """Return those values of a start that are not searched."""
     names = {free.name for free in kind.free_parameters}
     return {name: value for name, value in start.items() if name not in names}
 
@@ -137,27 +139,28 @@ def _inside(at: Projector, starts: Starts) -> list[Mapping[str, float]]:
     return [start for start in starts if within(start, at.fitted.hypothesis.data.shots)]
 
 
-def _of_shot(at: Projector, index: int, columns: ColumnsBeside) -> _OfShot:
+def _shot_products(at: Projector, index: int, columns: WhitenedColumns) -> _ShotProducts:
     own, shared, left = at.basis.own[index], at.basis.shared[index], at.tangents.parts(at.left)[index]
     products = columns.products_with(np.column_stack([own, shared, left]))
     of_own, of_shared, along = np.split(products, [own.shape[1], own.shape[1] + shared.shape[1]])
-    return _OfShot(columns.products(), column_by_column(of_own, of_own), of_shared, along[0])
+    return _ShotProducts(columns.products(), column_by_column(of_own, of_own), of_shared, along[0])
 
 
-def _summed(starts: list[Mapping[str, float]], found: Sequence[_OfShot | None]) -> Seen | None:
-    """Return what all shots together say, of the starts that have a trajectory; None where a shot says nothing."""
+def _sum_over_shots(starts: list[Mapping[str, float]], found: Sequence[_ShotProducts | None]) -> ColumnProducts | None:
+    """Return the sums over all shots, for starts with a trajectory in each; None where a shot has no result."""
     every = [one for one in found if one is not None]
     if len(every) < len(found):
         return None
-    whole, own, along = (np.sum([getattr(one, name) for one in every], axis=0) for name in ("whole", "own", "along"))
-    shared = np.sum([one.shared for one in every], axis=0)
-    power = whole - own - np.einsum("ij,ij->j", shared, shared)
-    good = np.flatnonzero(np.isfinite(whole))
-    return Seen([starts[int(k)] for k in good], whole[good], power[good], along[good])
+    with np.errstate(invalid="ignore"):  # a start may lead beyond all numbers, which makes its sums none
+        summed = (sum(getattr(one, name) for one in every) for name in ("whole", "own", "shared", "along"))
+        whole, own, shared, along = map(np.asarray, summed)
+        power = whole - own - np.einsum("ij,ij->j", shared, shared)
+    good = np.flatnonzero(np.isfinite(whole) & np.isfinite(power) & np.isfinite(along))
+    return ColumnProducts([starts[int(k)] for k in good], whole[good], power[good], along[good])
 
 
 def _moved(at: Projector, kind: TrialEffect, start: Mapping[str, float]) -> Point | None:
-    """Return a fit's point with an effect's start beside it, None where there is no such thing."""
+    """Return a fit's point with an effect added at one start for all shots; None where there is no such motion."""
     effective = to_effective(at.fitted.point)
     values = tuple({**v, kind.name: start} for v in effective.values)
     try:
@@ -167,7 +170,7 @@ def _moved(at: Projector, kind: TrialEffect, start: Mapping[str, float]) -> Poin
 
 
 def moved_to(at: Projector, kind: TrialEffect, starts: Starts) -> Point | None:
-    """Return a fit's point with an effect's start of each shot beside it, None where there is no such thing."""
+    """Return a fit's point with an effect added at a start for each shot; None where there is no such motion."""
     effective = to_effective(at.fitted.point)
     values = tuple({**v, kind.name: start} for v, start in zip(effective.values, starts, strict=True))
     try:
@@ -186,7 +189,7 @@ def shown_with(at: Projector, kind: TrialEffect, point: Point, index: int) -> Fl
 
 
 def _by_trajectories(at: Projector, kind: TrialEffect, moved: Sequence[Point | None], index: int) -> Floats:
-    """Return what points with an effect add to one shot, shape (n, k), not a number where one has no trajectory."""
+    """Return what an effect adds to one shot at each point, shape (n, k); NaN where there is no trajectory."""
     with_it, finely, base = _with_and_without(at, kind, index)
     out = np.full((base.size, len(moved)), np.nan)
     for k, point in enumerate(moved):
@@ -197,11 +200,11 @@ def _by_trajectories(at: Projector, kind: TrialEffect, moved: Sequence[Point | N
 
 
 def _with_and_without(at: Projector, kind: TrialEffect, index: int) -> tuple[Hypothesis, bool, Floats]:
-    """Return the model with an effect, whether it is to be averaged like the data, and one shot without the effect."""
+    """Return the model with the effect, whether it must be averaged like the data, and the shot without the effect."""
     before = at.fitted.hypothesis
     fixed = {**before.fixed, kind.name: fixed_of(kind, kind.starts[0])}
     with_it = Hypothesis(before.data, (*before.effects, kind), fixed)
-    # A sensor's ripple is finer than the averaged samples: it is averaged like the data.
+    # The ripple of a sensor's effect is finer than averaged samples: it is averaged like the data.
     finely = named(kind.name).sensor is not None
     show = partial(_shown, before, index, at.fitted.point, finely)
     return with_it, finely, at.once(f"seen without it {finely} {index}", show)
@@ -214,9 +217,9 @@ def _shown(hypothesis: Hypothesis, index: int, point: Point, finely: bool) -> Fl
 def _to_first_order(
     at: Projector, kind: TrialEffect, starts: Starts, index: int, paths: Paths | None = None
 ) -> Floats | None:
-    """Return the columns of starts for one shot to first order, shape (n, k), or None where that does not serve.
+    """Return one shot's columns of ``starts`` to first order, shape (n, k), or None where that does not apply.
 
-    Of many shots a path is remembered in ``paths`` alone.  Raises Infeasible.
+    With many shots a path is kept in ``paths`` alone.  Raises Infeasible.
     """
     effect, hypothesis, point = named(kind.name), at.fitted.hypothesis, at.fitted.point
     shot = hypothesis.shot_at(index, point)

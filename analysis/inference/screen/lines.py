@@ -1,4 +1,4 @@
-"""Lines in what a fit leaves over: which frequencies stand out, whatever rings there."""
+"""Spectral lines in the residual of a fit: how much chi^2 a sinusoid of each frequency would explain."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,23 +10,23 @@ from numpy.typing import NDArray
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor
-from analysis.inference.screen.columns_beside import ColumnsBeside, column_by_column
 from analysis.inference.screen.projector import FEW_SHOTS, Projector
+from analysis.inference.screen.whitened_columns import WhitenedColumns, column_by_column
 
 Floats = NDArray[np.float64]
 _LOUD = 5  # lines that are looked at more closely
-_TURNED = 32  # samples from one whose waves are known
-_AT_ONCE = 96  # frequencies: what they do to a shot stays in the processor's memory
-_APART = 1.0  # in widths of a line, that is in one over the record's length
+_TURNED = 32  # samples that are advanced from one whose phases are computed
+_AT_ONCE = 96  # frequencies: their columns then fit into the processor's cache
+_APART = 1.0  # in widths of a line, which is one over the record's length
 
 
 def scan(at: Projector) -> tuple[Floats, Floats]:
-    """Return frequencies in Hz, dense against one over the record, and the gain of a line there; each shape (k,).
+    """Return frequencies in Hz, spaced closer than one over the record, and the gain in chi^2 of a line at each.
 
-    Any amplitude and phase a shot.
+    Both have shape (k,).  Every shot may have its own amplitude and phase.
     """
     known: tuple[Floats, Floats, Floats] = at.once("scan", lambda: (at.left, *_scan(at)))
-    if known[0] is not at.left:  # projectors of one fit share what was done for it
+    if known[0] is not at.left:  # projectors of one fit share cached results
         at.done["scan"] = known = (at.left, *_scan(at))
     return known[1:]
 
@@ -44,7 +44,7 @@ def _scan(at: Projector) -> tuple[Floats, Floats]:
         return grid, total
     few = len(shots) <= FEW_SHOTS
     for index, (shot, left) in enumerate(zip(shots, at.tangents.parts(at.left), strict=True)):
-        # Projecting inside the shot: the shared parameters take little of a line, the shot's own take what they can.
+        # The projection is done shot by shot: shared parameters absorb little of a line.
         fitted = np.column_stack([at.basis.of_shot(index), left])
         for first in range(0, grid.size, _AT_ONCE):
             some = grid[first : first + _AT_ONCE]
@@ -57,10 +57,10 @@ def _scan(at: Projector) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, slots=True)
 class _Waves:
-    """Cosines and sines of f frequencies beside a shot's noise: what is the same whatever is fitted there.
+    """Cosines and sines of f frequencies in a shot's whitened samples, independent of what is fitted.
 
-    ``products``, shape (3, f), are of cosine and cosine, cosine and sine, sine and sine; what whitening the frame's
-    motion adds to them is ``directions`` times ``moved``, shape (r, 2 f).
+    ``products``, shape (3, f), are of cosine and cosine, cosine and sine, sine and sine; whitening the frame's motion
+    adds ``directions`` times ``moved``, shape (r, 2 f).
     """
 
     products: Floats
@@ -69,14 +69,14 @@ class _Waves:
 
     @classmethod
     def of(cls, shot: Samples, floor: Floor, white: Floats) -> "_Waves":
-        """Return waves, shape (n, 2 f), that are whitened but for the frame's motion."""
-        columns = ColumnsBeside.whitened(shot, floor, white)
+        """Return waves from columns, shape (n, 2 f), that are whitened except for the frame's motion."""
+        columns = WhitenedColumns.whitened(shot, floor, white)
         c, s = _halves(white)
         products = np.stack([columns.products(one, other) for one, other in ((c, c), (c, s), (s, s))])
         return cls(products, columns.directions, columns.moved)
 
     def gain(self, white: Floats, fitted: Floats) -> Floats:
-        """Return what each line takes of chi^2, shape (f,), beside whitened ``fitted`` columns, of the last of them."""
+        """Return each line's gain in chi^2, shape (f,), for the last of the ``fitted`` columns, given the others."""
         both = fitted.T @ white + (fitted.T @ self.directions) @ self.moved
         taken, along = both[:-1], both[-1]
         c, s = _halves(white)
@@ -91,13 +91,13 @@ class _Waves:
 
 
 def _halves(white: Floats) -> tuple[slice, slice]:
-    """Return where the cosines and where the sines stand among columns, shape (n, 2 f)."""
+    """Return the slices of the cosines and of the sines among columns, shape (n, 2 f)."""
     count = white.shape[1] // 2
     return slice(0, count), slice(count, None)
 
 
 def _waves(frequency_hz: Floats, time_s: Floats) -> Floats:
-    """Return cosines and sines, shape (n, 2 k), at even times; about 5 ns a value, by turning those of some on."""
+    """Return cosines and sines, shape (n, 2 k), at even times; about 5 ns per value, by rotating a few of them."""
     spacing = (time_s[-1] - time_s[0]) / (time_s.size - 1)
     near = 2 * np.pi * spacing * np.arange(_TURNED)[:, None] * frequency_hz
     far = 2 * np.pi * time_s[::_TURNED, None, None] * frequency_hz
@@ -106,14 +106,14 @@ def _waves(frequency_hz: Floats, time_s: Floats) -> Floats:
     out = np.empty((len(far), _TURNED, 2 * count))
     out[..., :count] = cos * by_cos - sin * by_sin
     out[..., count:] = sin * by_cos + cos * by_sin
-    # The shape is stated in full: where no frequency fits into a record there is nothing to infer it from.
+    # The shape is given in full: with no frequency numpy could not infer it.
     return out.reshape(len(far) * _TURNED, 2 * count)[: time_s.size]
 
 
 def near_loud_lines(at: Projector, kind: TrialEffect, louder_than: float) -> list[Mapping[str, float]]:
-    """Return starts of a line that hardly fades, at and beside the frequencies that stand out by more than a gain.
+    """Return start values of weakly damped lines at and near the frequencies with more gain than ``louder_than``.
 
-    Such a line is as narrow as one over the record, which at a kilohertz no grid of some per cent would meet.
+    Such a line is as narrow as one over the record; a grid with steps of some per cent would miss it at a kilohertz.
     """
     grid, total = scan(at)
     width = 1 / max(shot.length_s for shot in at.fitted.hypothesis.data.shots)

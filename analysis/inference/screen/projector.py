@@ -1,4 +1,4 @@
-"""A fit made linear about its best point, and what its own parameters could do taken out of anything else."""
+"""A fit linearised at its best point, and projection onto what its own parameters cannot do."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -15,19 +15,19 @@ from analysis.inference.fit.situation import situation
 from analysis.inference.noise.floor import Floor
 
 Floats = NDArray[np.float64]
-FEW_SHOTS = 8  # of which the columns of effects are remembered: some 15 MB a shot
-_NEARBY = 0.01  # of a radian of the contact's swing, and of a base parameter
+FEW_SHOTS = 8  # up to which columns of effects are kept, some 15 MB per shot
+_NEARBY = 0.01  # relative: of a radian of the contact's oscillation, and of a base parameter
 
 
 @dataclass(frozen=True, slots=True)
 class Trajectories:
-    """What small effects do along the trajectories of a fit, which holds for every fit whose own lie close to them."""
+    """Columns of small effects along the trajectories of a fit, valid for any fit with nearly the same trajectories."""
 
     fitted: Fitted
     known: dict[str, Any] = field(default_factory=dict)
 
     def serve(self, other: Fitted) -> bool:
-        """Return whether another fit of the same shots goes nearly the same way, its base parameters nearly these."""
+        """Return whether another fit of the same shots has nearly the same trajectories and base parameters."""
         mine, point = self.fitted, self.fitted.point
         if mine is other:
             return True
@@ -47,27 +47,27 @@ class Trajectories:
 
 @dataclass(frozen=True, slots=True)
 class Projector:
-    """Takes out what the fitted parameters could do themselves; whitened rows of all shots, one after another."""
+    """Projects whitened rows of all shots, one after another, off the tangents of the fitted parameters."""
 
     fitted: Fitted
     floor: Floor
     basis: Span  # of the tangents
-    left: Floats  # the whitened remainder, projected
+    left: Floats  # the whitened residual, projected
     tangents: Arrow  # the whitened derivatives by the fitted parameters
-    whole: Floats  # the whitened remainder, as it is
+    whole: Floats  # the whitened residual, not projected
     lines: tuple[tuple[Floats, Floats], ...]  # averaged displacement and derivatives, shot by shot
-    trajectories: Trajectories  # and columns of effects that are not whitened, which hold for others as well
+    trajectories: Trajectories  # with unwhitened columns of effects, which other projectors share
     done: dict[str, Any] = field(default_factory=dict)  # whitened columns of effects already computed here
-    _doing: dict[str, Lock] = field(default_factory=dict)
+    _doing: dict[str, Lock] = field(default_factory=dict)  # held while a value is computed
 
     def whitened(self, columns: Sequence[Floats]) -> Floats:
         """Return the whitened rows of columns given shot by shot, each of shape (n, k)."""
         return self.fitted.hypothesis.data.whitened(self.floor, columns)
 
     def once(self, key: str, make: Callable[[], Any], *, nearby: bool = False) -> Any:
-        """Return what is known under ``key``, made by the first who asks; others wait for it.
+        """Return the cached value of ``key``, computed by the first thread that needs it; others wait.
 
-        ``nearby``: it is nothing but what the trajectories make it, under any floor.
+        ``nearby``: the value depends on the trajectories alone, not on the noise.
         """
         known = self.trajectories.known if nearby else self.done
         with self._doing.setdefault(f"{key} nearby" if nearby else key, Lock()):
@@ -76,12 +76,12 @@ class Projector:
         return known[key]
 
     def under(self, floor: Floor) -> "Projector":
-        """Return the projector of the same fit beside another floor, which shares what does not depend on it."""
+        """Return the projector of the same fit under another noise; what does not depend on noise is shared."""
         return projector(self.fitted, floor, near=self)
 
 
 def projector(fitted: Fitted, floor: Floor | None = None, *, near: Projector | None = None) -> Projector:
-    """Linearise a fit about its best point; what is known of one ``near`` is taken over as far as it serves."""
+    """Linearise a fit at its best point; results of a projector ``near`` it are used as far as they are valid."""
     floor = floor or fitted.floor
     lines = near.lines if near and near.fitted is fitted else tuple(fitted.hypothesis.linearised(fitted.z))
     whole, tangents = whitened_tangents(fitted.hypothesis, floor, lines)

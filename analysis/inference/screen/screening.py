@@ -1,4 +1,4 @@
-"""Score every catalogue effect on what a fit leaves over, with everything already fitted projected out."""
+"""Score every effect of the catalogue on the residual of a fit, projected off everything already fitted."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -11,32 +11,39 @@ from analysis.collision import named
 from analysis.compiled import side_by_side
 from analysis.inference.fit.arrow import Arrow
 from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.screen.columns import KNOWN_PATH, MANY_STARTS, Seen, laid, own_columns, seen
+from analysis.inference.screen.columns import (
+    KNOWN_PATH,
+    MANY_STARTS,
+    ColumnProducts,
+    column_products,
+    own_columns,
+    products_along_paths,
+)
 from analysis.inference.screen.lines import near_loud_lines, scan
 from analysis.inference.screen.projector import Projector
 from analysis.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]
-SPANNED = 1e-5  # of a column's length: less than this beside what is fitted, and it is a mixture of that
-WORTH_REFINING = 12.0  # of gain on the grid, for a line to be looked at between its points
+SPANNED = 1e-5  # of a column's length: with less after projection it depends linearly on what is fitted
+WORTH_REFINING = 12.0  # of gain on the grid, above which a line is searched between grid points
 
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """What one start of an effect would explain: ``gain`` of chi^2 for ``freedom`` parameters, from a linear step.
+    """The score of one start of an effect: ``gain`` in chi^2 for ``freedom`` parameters, by a linear step.
 
-    ``start`` holds the values a shot that this step leads to.
+    ``start`` holds the values, for each shot, that this step leads to.
     """
 
     kind: TrialEffect
     start: tuple[Mapping[str, float], ...]
     gain: float
     freedom: int
-    power: float = 0.0  # squared norm of what ``unit`` of the amplitude does beside everything fitted
+    power: float = 0.0  # squared norm of the column of ``unit`` amplitude, after projection off what is fitted
     unit: float = 0.0
 
     def worth(self, samples: int) -> float:
-        """Return the gain less its price in the Bayesian information criterion."""
+        """Return the gain minus its price in the Bayesian information criterion."""
         return self.gain - self.freedom * math.log(samples)
 
 
@@ -47,7 +54,7 @@ def all_scores(
 
     Raises Cancelled.
     """
-    known = laid(at, kinds)
+    known = products_along_paths(at, kinds)
 
     def scored(kind: TrialEffect) -> list[Score]:
         if stop():
@@ -57,24 +64,26 @@ def all_scores(
     return [listed for listed in side_by_side(scored, kinds) if listed]
 
 
-def scores(at: Projector, kind: TrialEffect, *, to_join: float | None = None, grid: Seen | None = None) -> list[Score]:
-    """Return the scores of one effect, one a start, best first.
+def scores(
+    at: Projector, kind: TrialEffect, *, to_join: float | None = None, grid: ColumnProducts | None = None
+) -> list[Score]:
+    """Return the scores of one effect, one for each start, best first.
 
-    ``to_join`` is the fall of the criterion for which it may join: only what may come to that counts.  ``grid`` is what
-    the effect's own starts do, where that is known.
+    ``to_join`` is the fall of the criterion that the effect needs to be added; lines that cannot reach it are not
+    looked at more closely.  ``grid`` holds the products of the effect's own starts, if known.
     """
     if named(kind.name).wave is not None:
         return _waves(at, kind)
     if any(free.name in (*kind.amplitude, "phase_rad") for free in kind.own):
         return _own_amplitudes(at, kind)
     freedom = _freedom(at, kind)
-    out = _linear(at, kind, grid or seen(at, kind, kind.starts, MANY_STARTS, kept=True), freedom)
+    out = _linear(at, kind, grid or column_products(at, kind, kind.starts, MANY_STARTS, kept=True), freedom)
 
     def more(some: Sequence[Mapping[str, float]]) -> list[Score]:
-        return _linear(at, kind, seen(at, kind, some, KNOWN_PATH), freedom)
+        return _linear(at, kind, column_products(at, kind, some, KNOWN_PATH), freedom)
 
     if "frequency_hz" in kind.starts[0]:
-        # One that is to join pays its parameters: it is asked only where as much stands at its frequency.
+        # An effect that is to be added must pay for its parameters: only lines with so much gain are worth a look.
         cost = 0.0 if to_join is None else freedom * math.log(at.left.size) + to_join
         lines = near_loud_lines(at, kind, louder_than=cost)
         out += more(lines) if lines else []
@@ -89,7 +98,7 @@ def _freedom(at: Projector, kind: TrialEffect) -> int:
 
 
 def _between(listed: Sequence[Score], kind: TrialEffect) -> list[Mapping[str, float]]:
-    """Return starts around the best two peaks: a line that hardly fades is narrower than the grid's steps."""
+    """Return starts around the two best peaks: a weakly damped line is narrower than the grid's steps."""
     ranked = sorted(listed, key=lambda score: -score.gain)
     peaks = [ranked[0]]
     for score in ranked[1:]:
@@ -108,19 +117,19 @@ def _between(listed: Sequence[Score], kind: TrialEffect) -> list[Mapping[str, fl
     return out
 
 
-def _linear(at: Projector, kind: TrialEffect, beside: Seen, freedom: int) -> list[Score]:
-    """Return the scores of columns in whose amplitude the displacement is linear (signs kept physical)."""
+def _linear(at: Projector, kind: TrialEffect, products: ColumnProducts, freedom: int) -> list[Score]:
+    """Return the scores of columns in whose amplitude the displacement is linear, with allowed signs only."""
     shots = at.fitted.hypothesis.data.shots
-    # What the fitted parameters do as well leaves rounding, which would look like anything.
-    power = np.where(beside.power < SPANNED**2 * beside.whole, 0.0, beside.power)
-    along = beside.along
+    # A column that the fitted parameters span is rounding after projection, and its score would be arbitrary.
+    power = np.where(products.power < SPANNED**2 * products.whole, 0.0, products.power)
+    along = products.along
     free = next(free for free in kind.free_parameters if free.name == kind.amplitude[0])
     grows_as = named(kind.name).grows_as
     out = []
-    for k, begin in enumerate(beside.starts):
+    for k, begin in enumerate(products.starts):
         factor = float(along[k] / power[k]) if power[k] > 0 else 0.0
         start = dict(begin)
-        if kind.inverse:  # its effect goes as one over the amplitude (a mass)
+        if kind.inverse:  # the displacement is inversely proportional to the amplitude (a mass)
             factor = max(factor, 1e-9)
             start[free.name] = start[free.name] / factor
             factor = factor if factor > 1e-9 else 0.0
@@ -136,8 +145,8 @@ def _linear(at: Projector, kind: TrialEffect, beside: Seen, freedom: int) -> lis
     return out
 
 
-def apart(listed: Sequence[Score]) -> list[Score]:
-    """Return starts that lie apart: the best, and the next that is not its neighbour on a frequency grid."""
+def distinct_starts(listed: Sequence[Score]) -> list[Score]:
+    """Return up to three starts that differ: the best, and those not near it in frequency, time, range or order."""
     out = list(listed[:1])
     for score in listed[1:]:
         mine = score.start[0]
@@ -151,7 +160,7 @@ def apart(listed: Sequence[Score]) -> list[Score]:
 
 
 def _own_amplitudes(at: Projector, kind: TrialEffect) -> list[Score]:
-    """Score an effect whose amplitudes are every shot's own (plate motion; cyclic error's phase as two quadratures)."""
+    """Score an effect with amplitudes for every shot (plate motion; a cyclic error's phase as two quadratures)."""
     shots = at.fitted.hypothesis.data.shots
     freedom = _freedom(at, kind)
     out = []
@@ -163,7 +172,7 @@ def _own_amplitudes(at: Projector, kind: TrialEffect) -> list[Score]:
         bare = own_columns(at, kind, parts)
         if bare is None:
             continue
-        gain, power, solution = _beside(at, bare)
+        gain, power, solution = _given_fit(at, bare)
         starts = []
         for s in range(len(shots)):
             mine = solution[s * len(parts) : (s + 1) * len(parts)]
@@ -179,16 +188,16 @@ def _own_amplitudes(at: Projector, kind: TrialEffect) -> list[Score]:
     return out
 
 
-def _beside(at: Projector, bare: Sequence[Floats]) -> tuple[float, float, Floats]:
-    """Return what columns of each shot's own, shape (n, k) a shot, explain: gain, power of the first, their numbers."""
+def _given_fit(at: Projector, bare: Sequence[Floats]) -> tuple[float, float, Floats]:
+    """Return gain, squared norm of the first, and amplitudes of per-shot columns, shape (n, k), given the fit."""
     columns = Arrow.of(bare, 0).whitened(at.fitted.hypothesis.data.shots, at.floor)
-    beside = at.basis.beside(columns)
-    numbers = beside.solve(at.left)
-    return float(numbers @ columns.pull(at.left)), float(beside.products[0, 0]), numbers
+    projected = at.basis.projected_columns(columns)
+    numbers = projected.solve(at.left)
+    return float(numbers @ columns.pull(at.left)), float(projected.products[0, 0]), numbers
 
 
 def _waves(at: Projector, kind: TrialEffect) -> list[Score]:
-    """Score a wave that the sensor adds: any amplitude and phase a shot, frequencies dense against 1 / record."""
+    """Score a wave added by the sensor: amplitude and phase for each shot, frequencies closer than 1 / record."""
     shots = at.fitted.hypothesis.data.shots
     wave = named(kind.name).wave
     assert wave is not None
@@ -199,7 +208,7 @@ def _waves(at: Projector, kind: TrialEffect) -> list[Score]:
         f = float(grid[int(k)])
         omega = 2 * math.pi * f
         bare = [np.stack([np.cos(omega * s.centre_s), np.sin(omega * s.centre_s)], axis=1) for s in shots]
-        gain, power, solution = _beside(at, bare)
+        gain, power, solution = _given_fit(at, bare)
         starts = tuple(wave(f, solution.reshape(-1, 2)))
         out.append(Score(kind, starts, gain, freedom, power, omega))
     out.sort(key=lambda score: -score.gain)

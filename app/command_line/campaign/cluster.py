@@ -1,6 +1,7 @@
 """Workers of a dask scheduler; each is checked before it gets a shot, and a shot of one that dies is repeated."""
 
 import contextlib
+import gc
 import ipaddress
 import logging
 import time
@@ -38,16 +39,7 @@ class Cluster:
     def __init__(self, address: str, todo: Sequence[Task], *, insecure: bool = False) -> None:
         if not insecure and not guarded(address):
             raise WorkersLost(0, _UNSAFE, address)
-        try:
-            from distributed import Client
-        except ImportError:
-            raise OSError(0, "needs dask.distributed: pip install 'levimass[cluster]'", "--scheduler") from None
-        _silence_libraries()
-        self._address = address
-        try:
-            self._client: Any = Client(address, timeout=SCHEDULER_ANSWERS_S, set_as_default=False)
-        except (OSError, ValueError, TypeError, RuntimeError) as error:
-            raise WorkersLost(0, _why_not_connected(error), address) from None
+        self._address, self._client = address, _client(address)
         folders = sorted({str(Path(task.path).parent) for task in todo})[:_MOST_FOLDERS]
         csv = next((task.motion_csv for task in todo if task.motion_csv), None)
         self._check_of_folders = (program(), folders, None if csv is None else str(Path(csv).parent))
@@ -199,6 +191,21 @@ class Cluster:
             raise self._lost("none of its workers can do this work")
         start = f"start some on each machine: dask worker {self._address} --nworkers auto --nthreads 1"
         raise self._lost(f"it has no worker; {start}")
+
+
+def _client(address: str) -> Any:
+    """Return a client of the scheduler.  Raises WorkersLost, OSError without the library."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise OSError(0, "needs dask.distributed: pip install 'levimass[cluster]'", "--scheduler") from None
+    _silence_libraries()
+    try:
+        return Client(address, timeout=SCHEDULER_ANSWERS_S, set_as_default=False)
+    except (OSError, ValueError, TypeError, RuntimeError) as error:
+        why = _why_not_connected(error)
+    gc.collect()  # ends the half-made client: while another one begins it would wait for a lock for ever
+    raise WorkersLost(0, why, address)
 
 
 def _silence_libraries() -> None:

@@ -11,8 +11,7 @@ from app.report import time_zero
 from app.window.flow_layout import FlowLayout
 from app.window.panels.shot_deflection import DeflectionView
 from app.window.panels.shot_drive import DriveView
-from app.window.panels.shot_gap import GapView
-from app.window.panels.shot_motion import MotionView
+from app.window.panels.shot_motion import GapView, MotionView
 from app.window.panels.shot_raw import RawCurves, RawView
 from app.window.pens import thin, under
 from app.window.plots.cursor_readout import CursorReadout

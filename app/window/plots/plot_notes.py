@@ -26,7 +26,7 @@ _LEAST_HEIGHT = (
 class NoteAxes:
     """Which of the shot's plots this is, and how its axes count: x = (note's x - ``zero``) ``per_x``, y likewise."""
 
-    plot: str  # a name of ``analysis.shot.plot_note.UNITS``
+    plot: str  # a name of ``analysis.shot.shot.UNITS``
     zero: float = 0.0
     per_x: float = 1.0
     per_y: float = 1.0

@@ -1,14 +1,18 @@
-"""Diagnose the selected shots; show progress and result; add effects to the model, or remove them."""
+"""Diagnose the selected shots; show the result; add effects or the operator's own laws to the model."""
 
 from dataclasses import dataclass
+from typing import Any
 
-from PySide6.QtCore import QObject, Slot
+from PySide6.QtCore import QObject, Signal, Slot
 
+from analysis.collision import LawError, from_key
 from analysis.diagnosis import Diagnosis
 from analysis.drive import DriveCurves, drive_curves
 from analysis.shot import Progress, Shot, Stop
-from app.session import PLAN, Diagnosed, Entry, ShotJob, Workbench, verdict_of
+from app.session import PLAN, Diagnosed, Entry, OwnLaws, ShotJob, Workbench, verdict_of
 from app.window.layout import Layout
+from app.window.theme import Tone
+from instrument.files import RecordingError
 from levimass import is_drive
 
 
@@ -140,3 +144,38 @@ class DiagnosisPresenter(QObject):
             return found.diagnosis.fit_before.model
         entry = self._workbench.session.entry(next(reversed(self._panels.table.numbers), 0))
         return entry.settings.model if entry is not None else "paper"
+
+
+class LawsPresenter(QObject):
+    """Connects the folder of laws with the sheet for laws and the diagnosis."""
+
+    said = Signal(str, Tone)
+    diagnose_wanted = Signal()
+
+    def __init__(self, laws: OwnLaws, panels: Layout, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._laws, self._panels = laws, panels
+        panels.diagnosis.law_curve.keep_wanted.connect(self._keep)
+        panels.diagnosis.law_wanted.connect(self.propose_law)
+        panels.law.wanted.connect(self._take)
+
+    @Slot()
+    def propose_law(self) -> None:
+        """Show or hide the sheet for laws."""
+        self._panels.law.toggle()
+
+    @Slot(str)
+    def _keep(self, key: str) -> None:
+        self._panels.law.fill(from_key(key).written())
+        self._panels.law.open()
+
+    @Slot(dict)
+    def _take(self, table: dict[str, Any]) -> None:
+        try:
+            law = self._laws.keep(table)
+        except (LawError, RecordingError) as error:
+            self._panels.law.say(str(error), Tone.BAD)
+            return
+        self._panels.law.hide()
+        self.said.emit(f"The law {law.name!r} is saved in {self._laws.folder}; every diagnosis includes it", Tone.GOOD)
+        self.diagnose_wanted.emit()

@@ -11,8 +11,8 @@ from analysis.collision.effects.kernel import Q_RATE, W_RATE, Q, W
 from analysis.collision.effects.on_sensor import plate_on_frame, plate_response_to_frame
 from analysis.collision.parameters import Variant
 from analysis.inference.fit.base import Base
+from analysis.inference.fit.course import Course
 from analysis.inference.fit.response import Model, ShotData, respond
-from analysis.inference.fit.starts import Course
 from instrument.bench import frame
 from instrument.bench.mechanics import Trajectory
 from tests.bench.blind import Truth, clean_m, drawn, run

@@ -10,7 +10,7 @@ from analysis.inference.fit.first_fit import first_fit
 from analysis.inference.fit.free_parameters import trial_effects
 from analysis.inference.fit.hypothesis import JointData
 from analysis.inference.fit.hypothesis_fit import Fitted
-from analysis.inference.fit.samples import together
+from analysis.inference.fit.samples import averaged_shots
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisSettings
 from analysis.signal.record import motion_from_displacement
@@ -49,5 +49,5 @@ def calm() -> bool:
 
 def base_fit(motions: tuple[Motion, ...]) -> Fitted:
     """Return the base model's best fit at the diagnosis' rate."""
-    data = JointData(together(motions), base_named("paper"))
+    data = JointData(averaged_shots(motions), base_named("paper"))
     return begin.base_fit(data, first_fit(motions, "paper", None, calm), calm)

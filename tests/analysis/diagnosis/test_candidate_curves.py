@@ -7,8 +7,8 @@ import pytest
 
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.result import Candidate, diagnosis_result
-from analysis.diagnosis.verdict import candidate_curves
-from analysis.diagnosis.verdict.candidate_curves import POINTS, averaged_to, curve_of_fit, curve_to_first_order
+from analysis.diagnosis.verdict import alternatives
+from analysis.diagnosis.verdict.alternatives import POINTS, averaged_to, curve_of_fit, curve_to_first_order
 from analysis.inference.fit.added_effect import refit
 from analysis.inference.screen.projector import projector
 from analysis.inference.screen.screening import scores
@@ -41,7 +41,7 @@ def test_the_first_order_is_near_to_what_the_fit_with_the_effect_gives(name: str
 
 
 def test_no_fitted_parameter_could_explain_more_beside_the_candidate(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(candidate_curves, "POINTS", 10**6)  # every sample, so that whitening does not see steps
+    monkeypatch.setattr(alternatives, "POINTS", 10**6)  # every sample, so that whitening does not see steps
     before = base_fit(shots({"viscous_drag": {"coefficient_n_s_per_m": 2e-5}}))
     at = projector(before)
     curve = curve_to_first_order(at, scores(at, KINDS["bearing_gradient"])[0])

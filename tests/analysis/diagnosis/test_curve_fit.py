@@ -14,7 +14,7 @@ from analysis.inference.fit.base import base_named
 from analysis.inference.fit.base_fit import base_fit
 from analysis.inference.fit.first_fit import first_fit
 from analysis.inference.fit.hypothesis import JointData
-from analysis.inference.fit.samples import together
+from analysis.inference.fit.samples import averaged_shots
 from tests.law_rigs import LawRig
 
 PLACE = next(a for a in ARGUMENTS if a.name == "place")
@@ -30,7 +30,7 @@ def ground() -> Ground:
     """Return what a magnet is learned on: it moves the block by some micrometres."""
     rig = LawRig(on_block=lambda x, _v, _y, _u: -2e-3 * math.exp(-abs(x) / 7e-4), kinks=(lambda x, *_: x,))
     motions = rig.shots()
-    data = JointData(together(motions), base_named("paper"))
+    data = JointData(averaged_shots(motions), base_named("paper"))
     return ground_of(base_fit(data, first_fit(motions, "paper", None, calm), calm))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.diagnosis.search.forward_selection import another_way, explore
-from analysis.inference.fit.added_effect import refit, united
+from analysis.inference.fit.added_effect import refit, with_both_effects
 from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.hypothesis_fit import Fitted, Floats
 from analysis.inference.screen.projector import projector
@@ -42,7 +42,7 @@ def test_a_mode_is_found_beside_a_ripple_from_where_it_was_found_alone() -> None
         return found
 
     first = one_more(start, ripple)
-    both = united(first, one_more(start, mode), start, calm)
+    both = with_both_effects(first, one_more(start, mode), start, calm)
     assert both is not None and both.names == (ripple, mode)
     assert both.bic < one_more(first, mode).bic - 500  # which goes nowhere from there
     assert both.point.values[0][mode]["mass_kg"] == pytest.approx(0.0138, rel=0.05)

@@ -13,13 +13,13 @@ from analysis.inference.fit.base_fit import base_fit
 from analysis.inference.fit.first_fit import first_fit
 from analysis.inference.fit.hypothesis import JointData
 from analysis.inference.fit.hypothesis_fit import Fitted
-from analysis.inference.fit.samples import together
+from analysis.inference.fit.samples import averaged_shots
 from tests.law_rigs import LawRig
 
 
 def begun(rig: LawRig, speeds_m_per_s: Sequence[float] = (0.15, 0.24, 0.36)) -> Fitted:
     motions = rig.shots(speeds_m_per_s)
-    data = JointData(together(motions), base_named("paper"))
+    data = JointData(averaged_shots(motions), base_named("paper"))
     return base_fit(data, first_fit(motions, "paper", None, lambda: False), lambda: False)
 
 

@@ -16,7 +16,7 @@ from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trial_effects
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import fit_hypothesis
-from analysis.inference.fit.samples import together
+from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise.floor import Floor
 from analysis.inference.screen.projector import projector
@@ -93,7 +93,7 @@ def test_what_remembers_and_what_only_the_sensor_shows_score_best(
 ) -> None:
     monkeypatch.setitem(CATALOGUE, row.name, row)
     motions = [shot(PAPER.at_speed(v), effects={row.name: values}, seed=i) for i, v in enumerate(SPEEDS)]
-    data = JointData(together(motions), base_named("paper"))
+    data = JointData(averaged_shots(motions), base_named("paper"))
     bare = Hypothesis(data, ())
     own = np.array([[v, 0.0123456, 3.1e-3] for v in SPEEDS])
     start = bare.pack(Point(PAPER.vector[:4], own, tuple({} for _ in motions)))

@@ -23,7 +23,7 @@ def _fit(scale: float) -> Any:
         course=course,
         centre_s=5e-5 * np.arange(count),
         spacing_s=5e-5,
-        beside_the_site=lambda _floor, left: left,
+        without_frame_motion=lambda _floor, left: left,
     )
     floor = SimpleNamespace(white_m=noise_m)
     data = SimpleNamespace(shots=[shot])

@@ -103,6 +103,19 @@ def test_one_body_fit() -> None:
     assert reading.std > 0.0
 
 
+def test_a_contact_that_no_solution_can_follow_states_so() -> None:
+    """So damped that plate and block part a million times more slowly than they meet; found by `make attack`."""
+    stuck = replace(
+        PAPER,
+        plate_stiffness_n_per_m=152.476,
+        plate_mass_kg=1.33738e-3,
+        contact_stiffness_n_per_m=175.4395,
+        contact_damping_n_s_per_m=127.0518,
+    )
+    reading = fitted_contact_cor(fit_of(stuck, np.eye(4)), stuck.block_mass_kg)
+    assert not isinstance(reading, Quantity) and "cannot be followed" in reading.reason
+
+
 def test_a_model_without_contact_states_why() -> None:
     fit = fit_of(PAPER, np.eye(4))
     for other, word in (

@@ -66,7 +66,7 @@ def test_a_column_that_others_do_as_well_counts_once() -> None:
 def test_columns_beside_what_is_spanned(seed: int) -> None:
     arrow, more = drawn(seed), drawn(seed + 50, 2, (1, 0, 2))
     left = arrow.span().projected(np.random.default_rng(seed).standard_normal(len(dense(arrow))))
-    found = arrow.span().beside(more)
+    found = arrow.span().projected_columns(more)
     new = beside(dense(arrow), dense(more))
     assert np.allclose(found.products, new.T @ new)
     assert np.allclose(found.solve(left), np.linalg.lstsq(new, left, rcond=None)[0])
@@ -78,7 +78,7 @@ def test_columns_that_are_spanned_already_are_not_new_and_get_nothing() -> None:
     old = Arrow.of([block[:, 4:].sum(axis=1, keepdims=True) for block in arrow.blocks], 0)
     random = np.random.default_rng(1)
     fresh = Arrow.of([np.column_stack([b, random.standard_normal(len(b))]) for b in old.blocks], 0)
-    found = arrow.span().beside(fresh)
+    found = arrow.span().projected_columns(fresh)
     assert found.new.tolist() == [False, True] * 3
     numbers = found.solve(arrow.span().projected(random.standard_normal(len(dense(arrow)))))
     assert np.all(numbers[::2] == 0.0) and np.all(numbers[1::2] != 0.0)

@@ -8,7 +8,7 @@ from analysis.inference.fit.base import base_named
 from analysis.inference.fit.base_fit import base_fit
 from analysis.inference.fit.first_fit import first_fit
 from analysis.inference.fit.hypothesis import JointData
-from analysis.inference.fit.samples import together
+from analysis.inference.fit.samples import averaged_shots
 from tests.analysis.diagnosis.shots import KINDS, calm, shots
 
 
@@ -17,7 +17,7 @@ def test_an_effect_that_draws_the_base_to_a_wall_is_found_from_where_the_collisi
     size = 2.9e5  # the contact that is read is drawn to a wall as well
     motions = shots({"cubic_stiffness": {"coefficient_n_per_m3": size}})
     given = first_fit(motions, "paper", None, calm)
-    before = base_fit(JointData(together(motions), base_named("paper")), given, calm)
+    before = base_fit(JointData(averaged_shots(motions), base_named("paper")), given, calm)
     assert given.left > CRITERIA.drawn_far and not before.converged
     assert before.point.base[2] > 10 * 1e4  # the contact is not a tenth as stiff
     best, trail = explored(before, given, [KINDS["cubic_stiffness"], KINDS["tilt"]], calm)

@@ -18,7 +18,7 @@ def test_a_fit_with_a_chosen_parameter_is_saved_and_read_again() -> None:
         how="fit",
         chosen={"cyclic_error.order": 2.0},
     )
-    fit = build_fit(estimate, (), 1e-10, 0.0)
+    fit = build_fit(estimate, (), 1e-10, (), 0.0)
     assert fit.converged and fit.parameters["cyclic_error.order"].std == 0.0
     again = from_text(to_text(saved(fit, ["a"])))
     assert list(again.parameters) == list(fit.parameters)

@@ -7,7 +7,7 @@ from analysis.collision.parameters import PAPER, Infeasible
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point, to_actual, to_effective
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
-from analysis.inference.fit.samples import together
+from analysis.inference.fit.samples import averaged_shots
 from tests.analysis.diagnosis.shots import KINDS, shots
 
 OWN = np.array([[-0.15, 0.0101, 1e-3], [-0.27, 0.0102, 2e-3]])
@@ -42,7 +42,7 @@ def test_a_clamp_softer_than_what_is_seen_is_no_place_for_a_search() -> None:
 
 
 def test_the_slope_is_that_of_the_parameters() -> None:
-    data = JointData(together(shots({}, count=2)), base_named("paper"))
+    data = JointData(averaged_shots(shots({}, count=2)), base_named("paper"))
     hypothesis = Hypothesis(data, (KINDS["demodulation_lag"], KINDS["support_compliance"]))
     z = hypothesis.pack(point())
     slope = hypothesis.slope(z)

@@ -16,7 +16,7 @@ from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trial_effect
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import fit_hypothesis
-from analysis.inference.fit.samples import together
+from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.situation import Optics
 from analysis.inference.noise.floor import Floor
 from analysis.inference.screen import screening
@@ -98,12 +98,12 @@ def test_many_starts_at_once_are_each_as_if_alone() -> None:
     row = CATALOGUE["block_mode"]
     starts = trial_effect(row).starts[20:120:9]
     path = path_of(shot, 2)
-    together = responses(shot, path, row, starts)
-    assert together is not None
+    averaged_shots = responses(shot, path, row, starts)
+    assert averaged_shots is not None
     for k, start in enumerate(starts):
         alone = responses(shot, path, row, [start])
         assert alone is not None
-        np.testing.assert_allclose(together[:, k], alone[:, 0], rtol=1e-9, atol=1e-20)
+        np.testing.assert_allclose(averaged_shots[:, k], alone[:, 0], rtol=1e-9, atol=1e-20)
 
 
 def hardening(s: Any, p: Any, out: Any) -> None:
@@ -125,7 +125,7 @@ def test_the_scores_are_those_of_trajectories_solved_one_by_one(monkeypatch: pyt
     speeds = (-0.15, -0.40)
     effects = {"block_mode": (2e-6, 870.0, 0.02)}
     motions = [simulated(PAPER.at_speed(v), effects=effects, seed=i) for i, v in enumerate(speeds)]
-    data = JointData(together(motions), base_named("paper"))
+    data = JointData(averaged_shots(motions), base_named("paper"))
     bare = Hypothesis(data, ())
     own = np.array([[v, 0.0123456, 3.1e-3] for v in speeds])
     start = bare.pack(Point(PAPER.vector[:4], own, tuple({} for _ in motions)))

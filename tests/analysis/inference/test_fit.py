@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from analysis.collision.parameters import PAPER
-from analysis.inference.fit.samples import take
+from analysis.inference.fit.course import NoCollision
+from analysis.inference.fit.samples import averaged_shot
 from analysis.inference.fit.shot_fit import fit_shots
-from analysis.inference.fit.starts import NoCollision
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.shot.shot import Cancelled
 from tests.analysis.collision.simulated import shot
@@ -54,7 +54,7 @@ def test_truth_is_found_from_the_data_alone(
 
 def test_a_wandering_floor_is_learned_and_owned_up_to() -> None:
     motion = shot(white_m=1e-10, floor_m=5e-10, seed=3)
-    samples = take(motion)
+    samples = averaged_shot(motion)
     noise, _ = noise_of_flights([samples])
     assert noise.rms_m[0] > 2e-10
     step_m2 = 2 * 5e-10**2 * samples.spacing_s / 3e-3

@@ -10,7 +10,7 @@ from analysis.inference.fit import first_guesses as guessed
 from analysis.inference.fit import guesses
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.first_guesses import first_guesses
-from analysis.inference.fit.samples import take
+from analysis.inference.fit.samples import averaged_shot
 from tests.analysis.collision.simulated import shot
 
 BASE = base_named("paper")
@@ -18,7 +18,7 @@ BASE = base_named("paper")
 
 def ranked(collision: Collision, displacement_gap: slice | None = None) -> list[guesses.Guess]:
     motion = shot(collision, white_m=1e-10)
-    course = take(motion).course
+    course = averaged_shot(motion).course
     x = motion.displacement_m.copy()
     if displacement_gap is not None:
         x[displacement_gap] = np.nan
@@ -58,6 +58,6 @@ def test_one_search_is_enough_where_the_pattern_of_bounces_is_plain(monkeypatch:
 
     search = guessed.search
     monkeypatch.setattr(guessed, "search", counted)
-    found = first_guesses(BASE, [take(shot(PAPER))], lambda: False)
+    found = first_guesses(BASE, [averaged_shot(shot(PAPER))], lambda: False)
     assert len(searches) == 1
     assert found[0] == pytest.approx(PAPER.vector[:4], rel=1e-3)

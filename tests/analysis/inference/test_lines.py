@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.parameters import Collision
-from analysis.inference.fit.situation import Optics, seen
+from analysis.inference.fit.situation import Optics, shown_by_optics
 from analysis.inference.noise.sway import responses
 from analysis.inference.screen.lines import _waves
 
@@ -32,4 +32,4 @@ def test_a_frame_that_does_not_move_moves_nothing() -> None:
 
 def test_optics_that_see_no_sample_show_none() -> None:
     nothing = np.empty(0)
-    assert seen(nothing, nothing, nothing, {}, Optics(632.8e-9, 1e5)).shape == (0,)
+    assert shown_by_optics(nothing, nothing, nothing, {}, Optics(632.8e-9, 1e5)).shape == (0,)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from analysis.inference.fit.samples import Samples, take
+from analysis.inference.fit.samples import Samples, averaged_shot
 from analysis.inference.noise.flights import Spectrum, likeliest_noise, noise_of_flights, spectrum_of
 from tests.analysis.collision.simulated import shot
 
@@ -17,7 +17,7 @@ SPACING_S = 5e-5
 
 def with_flights(incoming: int, outgoing: int, seed: int, floor_m: float = FLOOR_M) -> Samples:
     """Return a shot of which so many samples on either side are undisturbed flight, the rest is nothing at all."""
-    samples = replace(take(shot(samples=12000, seed=seed)), factor=1, spacing_s=1e-5)
+    samples = replace(averaged_shot(shot(samples=12000, seed=seed)), factor=1, spacing_s=1e-5)
     count = incoming + outgoing + 100
     random = np.random.default_rng(seed)
     phi = np.exp(-samples.spacing_s / MEMORY_S)
@@ -88,3 +88,10 @@ def test_known_lines_are_left_out_of_a_flights_noise_and_what_is_slower_than_a_f
     assert angle.min() >= above and np.abs(angle[:, None] - lines).min() > 4.0 * 2 * np.pi / 1498
     assert np.mean(power) == pytest.approx(np.mean(calm), rel=0.05)
     assert np.mean(calm) == pytest.approx(1e-20, rel=0.12)
+
+
+def test_a_place_that_is_never_another_one_has_the_least_noise() -> None:
+    """A place that is counted in coarse steps may stay the same all through a flight, which then has no power."""
+    still = [spectrum_of(np.zeros(400)), spectrum_of(np.zeros(300))]
+    noise = likeliest_noise(still, SPACING_S)
+    assert 0.0 < noise.white_m <= 1e-15 and noise.rms_m == (0.0, 0.0)

@@ -10,9 +10,9 @@ from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.foretold import foretell
-from analysis.inference.fit.samples import together
+from analysis.inference.fit.course import read_course
+from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import fit_shots
-from analysis.inference.fit.starts import read
 from analysis.inference.noise.own_flights import own_flights
 from analysis.shot.motion import Motion
 from tests.analysis.camera import MASS_KG, Camera
@@ -30,16 +30,16 @@ def shots(bends: tuple[tuple[float, float], ...], drag: float = 0.0, growing: fl
 
 
 def test_bends_that_no_shared_law_gives_are_the_shots_own() -> None:
-    assert own_flights(together(shots(OWN)), CRITERIA.own_flights) == ("flight_acceleration",)
+    assert own_flights(averaged_shots(shots(OWN)), CRITERIA.own_flights) == ("flight_acceleration",)
 
 
 @pytest.mark.parametrize("drag", [0.0, 0.12])
 def test_a_drag_that_all_shots_share_is_not(drag: float) -> None:
-    assert own_flights(together(shots(((0.0, 0.0),) * 4, drag)), CRITERIA.own_flights) == ()
+    assert own_flights(averaged_shots(shots(((0.0, 0.0),) * 4, drag)), CRITERIA.own_flights) == ()
 
 
 def test_two_shots_cannot_contradict_a_law() -> None:
-    assert own_flights(together(shots(OWN)[:2]), CRITERIA.own_flights) == ()
+    assert own_flights(averaged_shots(shots(OWN)[:2]), CRITERIA.own_flights) == ()
 
 
 def test_a_shot_fitted_with_its_own_bends_gives_them() -> None:
@@ -73,7 +73,7 @@ def test_what_is_taken_along_is_no_finding_and_a_foretold_shot_has_its_own(monke
 def test_the_contact_is_read_through_a_cameras_noise(seed: int) -> None:
     """The lowest sample and an onset lie many frames off; all samples together do not."""
     motion = Camera().motion(40e-6, seed)
-    course = read(motion.time_s, motion.displacement_m, motion.valid)
+    course = read_course(motion.time_s, motion.displacement_m, motion.valid)
     assert course.velocity_in_m_per_s == pytest.approx(-0.17, rel=0.02)
     # Half a sine is not quite the contact: its dashpot draws the touch some 6 ms ahead, a tenth of the contact.
     assert course.touch_time_s == pytest.approx(0.6, abs=0.009)
@@ -83,7 +83,7 @@ def test_the_contact_is_read_through_a_cameras_noise(seed: int) -> None:
 def test_what_one_law_of_all_shots_bends_is_not_taken_for_flights_of_their_own() -> None:
     """A set that chance made suspect: 20 uN of friction bent the flights of all shots alike, and nothing was named."""
     motions = simulated()
-    assert own_flights(together(motions), CRITERIA.own_flights) != ()
+    assert own_flights(averaged_shots(motions), CRITERIA.own_flights) != ()
     found = diagnose(motions)
     assert [effect.name for effect in found.effects] == ["coulomb_friction"]
     assert found.verdict is Verdict.EFFECT_FOUND and not found.fit_after.shots[0].own_parameters

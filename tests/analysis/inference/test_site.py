@@ -10,12 +10,11 @@ import pytest
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.inference.fit.base import base_of
-from analysis.inference.fit.begin import begin_of
+from analysis.inference.fit.base import base_of, start_from_fit
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.hypothesis_fit import residuals
-from analysis.inference.fit.samples import together
+from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise import site_strengths
 from analysis.inference.noise.floor import Floor
@@ -137,7 +136,7 @@ def at_vc_d():
     shakings = shakings_of(motions, "paper", None)
     site = site_under(motions, shakings, CRITERIA.site_nm)
     fit = fit_shots(motions, shakings=shakings)
-    begin = begin_of(fit, motions)
+    begin = start_from_fit(fit, motions)
     data = joint_data(motions, begin, site)
     hypothesis = Hypothesis(data, ())
     z = hypothesis.pack(Point(begin.shared, begin.own, ({},) * 3))
@@ -185,7 +184,7 @@ def test_nobody_says_what_a_frame_does_where_nothing_collides() -> None:
     drawn_off = replace(fit, parameters={**fit.parameters, **{name: Quantity(v, 0.0) for name, v in names.items()}})
     site = site_under(motions, shakings_of(motions, "paper", None), CRITERIA.site_nm)
     assert site is not None
-    assert joint_data(motions, begin_of(drawn_off, motions), site).site is None
+    assert joint_data(motions, start_from_fit(drawn_off, motions), site).site is None
 
 
 @pytest.mark.slow  # quicker: friction alone is named there, below
@@ -212,7 +211,26 @@ def test_directions_are_orthonormal_where_a_frame_moves_a_million_times_the_nois
     motions = Rig("VC-A").shots(40, (0.265,))
     site = site_under(motions, shakings_of(motions, "paper", None), CRITERIA.site_nm)
     assert site is not None
-    (shot,) = together(motions)
+    (shot,) = averaged_shots(motions)
     base, shared = base_of("paper", motions), np.array([221.4, 1.984e-4, 1e4, 0.4])
     sway = swayed(shot, site, base, shared, np.array(shot.course.own))
     assert np.abs(sway.basis.T @ sway.basis - np.eye(sway.basis.shape[1])).max() < 1e-12
+
+
+@pytest.mark.parametrize("share", [1e-9, 0.0])
+def test_a_frame_that_nothing_feels_takes_nothing(share: float, capfd: pytest.CaptureFixture[str]) -> None:
+    motions = Rig("VC-A").shots(40, (0.265,))
+    site = site_under(motions, shakings_of(motions, "paper", None), CRITERIA.site_nm)
+    assert site is not None
+    still = replace(site, shaking=replace(site.shaking, power_m2=site.shaking.power_m2 * share**2))
+    (shot,) = averaged_shots(motions)
+    base, shared = base_of("paper", motions), np.array([221.4, 1.984e-4, 1e4, 0.4])
+    sway = swayed(shot, still, base, shared, np.array(shot.course.own))
+    noise = a_noise(shot.white_m, (0.0,) * site.bands)
+    rows = np.random.default_rng(1).standard_normal((int(shot.valid.sum()), 2))
+    most = np.linalg.norm(sway.scaled(noise), 2) ** 2  # of the variance: a plate is never taken to be at rest
+    assert most < 1e-4
+    np.testing.assert_allclose(sway.whiten(rows, noise), rows, atol=most)
+    left_m = np.full(shot.valid.size, shot.white_m)
+    assert np.linalg.norm(sway.likely(left_m, noise)) < most * np.linalg.norm(left_m)
+    assert capfd.readouterr().err == ""  # LAPACK writes there what it is refused

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.inference.noise import site_strengths
 from analysis.inference.noise.floor import Floor
-from tests.analysis.inference.test_columns_beside import a_shot
+from tests.analysis.inference.test_whitened_columns import a_shot
 
 AT = np.array([math.log(0.3**2), -1.0, 0.7])  # ln white^2, strengths of both bands
 PRECISION = np.array([[0.4, -0.1], [-0.1, 0.3]])
@@ -60,7 +60,7 @@ def written_down(at: np.ndarray, wander: float) -> float:
 
 def shots_under(wander: float):
     places = np.arange(PARAMETERS)
-    return [site_strengths._under(a_shape(wander), columns, places, shot) for shot, columns in two_shots()]
+    return [site_strengths._shot_under(a_shape(wander), columns, places, shot) for shot, columns in two_shots()]
 
 
 @pytest.mark.parametrize("wander", [0.0, 3.0])
@@ -91,3 +91,13 @@ def test_the_curvature_is_that_of_the_mean_over_what_the_noise_may_be() -> None:
             part = moved_by(AT, shot)[:, shot.sway.band == k - 1]
             expected += 0.5 * float(np.sum((part.T @ projected @ part) ** 2))
         assert curvature[k, k] == pytest.approx(expected, rel=1e-7)
+
+
+def test_motion_beyond_all_rounding_is_refused_in_words() -> None:
+    shots = shots_under(0.0)
+    point = site_strengths._likelihood(AT + np.array([0.0, 150.0, 0.0]), shots, PRECISION)
+    assert point.value == -math.inf
+    with pytest.raises(np.linalg.LinAlgError, match="not determined"):
+        site_strengths._curvature(point, shots, PRECISION)
+    sound = site_strengths._likelihood(AT, shots, PRECISION)
+    assert np.all(np.isfinite(site_strengths._curvature(sound, shots, PRECISION)))

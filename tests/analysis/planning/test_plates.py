@@ -15,7 +15,7 @@ from analysis.inference.fit.base import base_of
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import square_of, whitened_residual
-from analysis.inference.fit.samples import together
+from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.planning.model_comparison import refit_diagnosed
@@ -109,7 +109,7 @@ def test_the_contact_cor_of_each_shot_uses_its_own_plate(five):
 
 def test_the_derivatives_by_both_plates_are_those_of_the_sum_of_squares(five):
     motions, _, found = five
-    base, shots = base_of("paper", motions), together(motions)
+    base, shots = base_of("paper", motions), averaged_shots(motions)
     hypothesis = Hypothesis(JointData(shots, base), ())
     noise, _ = noise_of_flights(shots)
     shared = np.array([found.fit_before.parameters[name].value * 1.0001 for name in base.names])

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.reading.octaves import Octaves, waves_of
-from analysis.reading.strengths import Sight
+from analysis.reading.strengths import FlightObservation
 
 Floats = NDArray[np.float64]
 BIN_S, WHITE_M = 5e-4, 2e-11
@@ -18,8 +18,8 @@ OCTAVES = Octaves.of(TIME_S, BIN_S)
 WAVES = np.hstack(waves_of(TIME_S - TIME_S.mean(), 50, BIN_S / 50, OCTAVES.frequency_hz))
 
 
-def sight(value_m: Floats) -> Sight:
-    return Sight(value_m, WHITE_M, (2, 5), OCTAVES, WAVES)
+def observation(value_m: Floats) -> FlightObservation:
+    return FlightObservation(value_m, WHITE_M, (2, 5), OCTAVES, WAVES)
 
 
 def building_m(level_m_per_s: float, random: np.random.Generator) -> Floats:
@@ -38,8 +38,8 @@ def test_the_velocities_of_flights_in_a_building_are_as_sure_as_stated() -> None
     pulls, shares = [], []
     for level in (50e-6, 12.5e-6, 3.1e-6, 0.8e-6):
         for _ in range(10):
-            seen = sight(building_m(level, random) + WHITE_M * random.standard_normal(TIME_S.size))
-            solution, covariance = seen.solve(seen.weigh(DESIGN), DESIGN)
+            seen = observation(building_m(level, random) + WHITE_M * random.standard_normal(TIME_S.size))
+            solution, covariance = seen.solve(seen.estimate_floor(DESIGN), DESIGN)
             pulls.append(solution[[1, 4]] / np.sqrt(np.diag(covariance)[[1, 4]]))
             shares.append(float(np.sqrt(covariance[1, 1])) / level)
     # 80 pulls: their rms is known to 8 %; an estimate of a spectrum from so little stays on the safe side of one
@@ -52,15 +52,15 @@ def test_where_nothing_shakes_white_noise_alone_decides() -> None:
     random = np.random.default_rng(3)
     plain = float(np.sqrt(np.linalg.inv(DESIGN[:, [0, 1]].T @ DESIGN[:, [0, 1]] + np.eye(2) * 1e-12)[1, 1])) * WHITE_M
     for _ in range(5):
-        seen = sight(WHITE_M * random.standard_normal(TIME_S.size))
-        _, covariance = seen.solve(seen.weigh(DESIGN), DESIGN)
+        seen = observation(WHITE_M * random.standard_normal(TIME_S.size))
+        _, covariance = seen.solve(seen.estimate_floor(DESIGN), DESIGN)
         assert plain < np.sqrt(covariance[1, 1]) < 6.0 * plain  # a parabola's is four times a line's
 
 
 def test_a_flight_that_is_plainly_braked_is_believed() -> None:
     random = np.random.default_rng(5)
     braked = DESIGN @ np.array([0.0, 0.0, 0.25, 0.0, 0.0, -0.25])  # half a metre a second squared
-    seen = sight(braked + building_m(0.8e-6, random) + WHITE_M * random.standard_normal(TIME_S.size))
-    solution, covariance = seen.solve(seen.weigh(DESIGN), DESIGN)
+    seen = observation(braked + building_m(0.8e-6, random) + WHITE_M * random.standard_normal(TIME_S.size))
+    solution, covariance = seen.solve(seen.estimate_floor(DESIGN), DESIGN)
     assert solution[2] == np.clip(solution[2], 0.245, 0.255)
     assert abs(solution[1]) < 5.0 * np.sqrt(covariance[1, 1])

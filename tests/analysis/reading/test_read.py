@@ -1,5 +1,7 @@
 """The numbers of a shot against the reference solution of docs/physics.md, "the model"."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -158,3 +160,7 @@ def test_the_slope_says_what_a_badly_known_end_of_the_contact_costs() -> None:
     late = seen(read_slope(motion, touch, Edge(end_s + 2e-3, 2e-3), flight, noise))
     assert abs(late.value - sure.value) > 5.0 * sure.std  # samples without a force are among those it was read from
     assert abs(late.value - sure.value) < 2.0 * late.std
+
+    held = replace(motion, displacement_m=np.where(motion.time_s > RIG.touch_s, -1e-3, motion.displacement_m))
+    still = read_slope(held, touch, Edge(end_s, 1e-6), flight, noise)  # counted in steps of a millimetre
+    assert isinstance(still, NotSeen) and "the same" in still.reason

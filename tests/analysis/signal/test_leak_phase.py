@@ -6,7 +6,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from analysis.signal.leak import Leak, leak_phase
+from analysis.signal.phase_errors import Leak, leak_phase
 
 
 @pytest.mark.parametrize("ratio", [0.01, 0.05, 0.1])

@@ -7,7 +7,7 @@ from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisSettings
 from analysis.signal.demodulation import demodulate
 from analysis.signal.filters import derivative_filters
-from analysis.signal.flag_meanings import MEANINGS
+from app.words.flags import FLAG_WORDS
 from tests.analysis.signal.beats import free_flight, make_recording
 
 
@@ -51,4 +51,4 @@ def test_a_reference_subtracted_sample_by_sample_adds_its_noise() -> None:
 def test_a_clipped_beat_is_flagged_and_has_words() -> None:
     recording = make_recording(free_flight(-0.2), 300_000, alter=lambda role, t, x: np.clip(x, -6500, 6500))
     assert "clipped" in demodulate(recording, AnalysisSettings()).flags
-    assert "gain" in MEANINGS["clipped"]
+    assert "gain" in FLAG_WORDS["clipped"]

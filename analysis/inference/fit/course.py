@@ -1,4 +1,4 @@
-"""Where a shot begins and ends, read from its displacement alone, and first guesses for the fit."""
+"""Where a collision begins and ends in a displacement record, and first guesses of its speed and touch time."""
 
 import math
 from dataclasses import dataclass
@@ -12,17 +12,17 @@ from analysis.shot import AnalysisError
 
 
 class NoCollision(AnalysisError):
-    """Why a displacement shows no collision, in one line."""
+    """Raised where a displacement record shows no collision; the message says why in one line."""
 
 
-_FLIGHT = 4.5  # contact times of flight that count as near the contact
-_FLIGHT_OF_COARSE = 2.0  # contact times: further off a flight tells more of the track
-_COARSE = 2000.0  # times its white noise, a depth below which the contact is read from all samples together
+_FLIGHT = 4.5  # contact times before the touch: the stretch of flight from which the speed is read
+_FLIGHT_OF_COARSE = 2.0  # contact times of flight on either side in a fit of half a sine; further off the track bends
+_COARSE = 2000.0  # depth of the contact over its white noise, below which half a sine is fitted to all samples at once
 
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """A collision as the displacement alone tells it; times on the motion's own clock.
+    """Timing, speed and place of one collision, read from the displacement alone; times on the motion's own clock.
 
     ``quiet_in`` and ``quiet_out`` are the sample ranges of undisturbed flight.
     """
@@ -39,17 +39,17 @@ class Course:
 
     @property
     def own(self) -> Floats:
-        """Get velocity in (m/s), touch time (s) and offset (m), shape (3,): where a fit of the shot begins."""
+        """Get velocity in (m/s), touch time (s) and offset (m), shape (3,): the start of a fit of the shot."""
         return np.array([self.velocity_in_m_per_s, self.touch_time_s, self.touch_position_m])
 
     @property
     def contact_time_s(self) -> float:
-        """Get the half period of the smooth contact."""
+        """Get the half period of the smooth contact, in s."""
         return math.pi / self.rate_rad_per_s
 
 
-def read(time_s: Floats, displacement_m: Floats, valid: NDArray[np.bool_]) -> Course:
-    """Read the course of one collision; the block comes from the right.  NoCollision says why there is none."""
+def read_course(time_s: Floats, displacement_m: Floats, valid: NDArray[np.bool_]) -> Course:
+    """Read timing and speed of one collision; the block comes from the right.  NoCollision says why there is none."""
     good = np.flatnonzero(valid & np.isfinite(displacement_m))
     if good.size < 50:
         raise NoCollision("fewer than 50 valid displacement samples")
@@ -101,10 +101,11 @@ def read(time_s: Floats, displacement_m: Floats, valid: NDArray[np.bool_]) -> Co
 
 
 def _first_look(t: Floats, d: Floats, turn: int, dt: float) -> tuple[float, float]:
-    """Return (velocity of the incoming flight, rate of the half-sine contact) before the touch is known.
+    """Return incoming velocity (m/s) and rate of the half-sine contact (rad/s) while the touch is still unknown.
 
-    A half-sine reaches its depth (pi/2 - 1)/omega after the undisturbed flight would have.  The flight is taken from
-    0.8 to 4.5 supposed contact times before the turnaround, and the contact time that agrees with itself is right.
+    A half-sine turns around (pi/2 - 1)/omega after the undisturbed flight would have reached the same depth.  For each
+    of many supposed contact times the flight is fitted from 0.8 to 4.5 of them before the turnaround; the one taken is
+    nearest to the contact time that follows from it.
     """
     best = (math.inf, 0.0, 1.0)
     for supposed in np.geomspace(2.0 * (t[turn] - t[0]), 6 * dt, 60):
@@ -130,8 +131,8 @@ def _half_sine(
 ) -> tuple[float, float, float, float] | None:
     """Return (touch time, position, velocity, rate) of two flights joined by half a sine, or None where none fits.
 
-    Where the noise is no small part of the depth, neither an onset nor a lowest sample tells when the contact begins
-    and how long it lasts; all samples together do.  Cost: some 20 ms.
+    Where the noise is a noticeable part of the depth, the onset of the force and the lowest sample do not show when the
+    contact begins and how long it lasts; a fit of all samples does.  Cost: some 20 ms.
     """
     touch, position, velocity, rate = read
     best: tuple[float, Floats] | None = None
@@ -160,7 +161,7 @@ def _half_sine(
 
 
 def _joined(z: Floats, t: Floats) -> Floats:
-    """Return a flight in, half a sine of rate exp(z[3]) and a flight out with z[4] of the speed."""
+    """Return a flight in, half a sine of rate exp(z[3]) and a flight out at z[4] times the speed, at times t."""
     touch, position, velocity, log_rate, restitution = z
     rate = math.exp(min(log_rate, 50.0))
     u = t - touch
@@ -177,10 +178,10 @@ def _flight(t: Floats, d: Floats, begin: int, end: int) -> tuple[float, float]:
 
 
 def _onset(t: Floats, d: Floats, sigma: float, rate: float, velocity: float, turn: int, dt: float) -> float:
-    """Return the time at which the acceleration first rises out of the noise for good.
+    """Return the time at which the acceleration first rises above the noise.
 
-    A machine's line of 60 nm at 555 Hz pulls as hard as a thirtieth of the plate at its turn, but both ways, and a
-    plate only pushes: what the acceleration does downwards tells how much of its rise is not the plate's.
+    A vibration of 60 nm at 555 Hz accelerates the block as hard as a thirtieth of the plate's peak force, but in both
+    directions, while the plate only pushes: the most negative acceleration sets how large a positive one must be.
     """
     peak = abs(velocity) * rate
     span = max(1, int(0.004 / rate / dt))
@@ -195,5 +196,5 @@ def _onset(t: Floats, d: Floats, sigma: float, rate: float, velocity: float, tur
     if not loud.any():
         return float(t[turn] - 0.5 * math.pi / rate)
     index = int(np.argmax(loud))
-    # The second difference feels the touch one span ahead; it reaches its mark part of the way into it.
+    # The second difference responds one span before the touch, and reaches the mark part of the way into that span.
     return float(min(centre[index] + 0.6 * span * dt, t[turn]))

@@ -1,8 +1,12 @@
-"""Measure the polarisation leak, the unshifted light that reaches PD1, and compute its error of the beat's phase.
+"""Errors of the moving beat's phase: the polarisation leak (unshifted light that reaches PD1), and folded harmonics.
 
 In the frame that rotates with PD0's phase the moving beat describes a circle, and the leak is the distance of its
 centre from zero.  While the block moves fast the leak's ripple lies far outside the motion's band; near the turnaround
 it lies within it and disturbs the displacement by up to lambda / (4 pi) times leak / beat.
+
+Near a third of the sample rate the second harmonic of a distorted beat folds onto the beat, near a quarter the third.
+It disturbs the phase there and has the beat's frequency, but its phase is known: it turns ``order + 1`` times as fast
+as the beat, in the opposite direction, and its amplitude shows as a ripple of the beat's.
 """
 
 from dataclasses import dataclass
@@ -21,7 +25,11 @@ LONGEST_S = 12e-3  # of flight, read for the centre
 SHORTEST_S = 0.5e-3
 FAST_HZ = 40e3  # Doppler shift above which the circle turns often enough for its centre to be its mean
 REMOVED_ABOVE = 5e-4  # of the beat's amplitude; less disturbs the displacement by less than 25 pm
-_SIGMA = 6.0
+_LEAK_SIGMA = 6.0  # a leak is removed from here on
+_NEAREST_SHARE = 0.03  # of the motion rate, for a harmonic: a slower ripple looks like a change of light
+_FARTHEST_SHARE = 0.3  # a faster one is averaged away
+_FEWEST = 100  # motion samples
+_FOLDED_SIGMA = 5.0  # a harmonic counts from here on
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +79,7 @@ def find_leak(
     snr = 10 ** (track.spec.survey.snr_db / 10)
     std = float(np.sqrt(1.5 / (snr * tuning.effective_samples * phase.size)))
     ratio = abs(centre) / amplitude
-    if ratio < max(REMOVED_ABOVE, _SIGMA * std):
+    if ratio < max(REMOVED_ABOVE, _LEAK_SIGMA * std):
         return None
     return Leak(ratio, std, float(np.angle(centre) / (2 * np.pi)))
 
@@ -96,9 +104,38 @@ def leak_phase(leak: Leak, moving_cycles: Floats, rest_cycles: Floats, track: Tr
 
 
 def _response(taps: Floats, frequency: Floats) -> Floats:
-    """Return the response of symmetric taps at frequencies in cycles a sample, looked up on a fine grid."""
+    """Return the response of symmetric taps at frequencies in cycles per sample, looked up on a fine grid."""
     size = 1 << int(np.ceil(np.log2(32 * taps.size)))
     position = np.arange(size // 2 + 1) / size
     gain = np.fft.rfft(taps, size) * np.exp(2j * np.pi * position * 0.5 * (taps.size - 1))
     wrapped = np.abs(frequency - np.rint(frequency))
     return np.asarray(np.interp(wrapped, position, gain.real / taps.sum()))
+
+
+def folded_harmonic(
+    phase_cycles: Floats, amplitude_counts: Floats, time_s: Floats, sample_rate_hz: float, rate_hz: float
+) -> float:
+    """Return the amplitude of a 2nd or 3rd harmonic folded onto the beat, relative to the beat; 0 where none is seen.
+
+    ``phase_cycles`` (n,) is the beat's true phase at ``time_s``, samples of the motion at ``rate_hz``; NaN where not
+    known.  Second differences of the amplitude are fitted with those of the ripple, so that slow changes of light do
+    not count.
+    """
+    middle = amplitude_counts[1:-1]
+    bend = amplitude_counts[2:] - 2 * middle + amplitude_counts[:-2]
+    strongest = 0.0
+    for order in (2, 3):
+        ripple_hz = np.abs((order + 1) * np.gradient(phase_cycles)[1:-1] * rate_hz - sample_rate_hz)
+        use = (ripple_hz > _NEAREST_SHARE * rate_hz) & (ripple_hz < _FARTHEST_SHARE * rate_hz)
+        use &= np.isfinite(bend)
+        if np.count_nonzero(use) < _FEWEST:
+            continue
+        wave = np.exp(2j * np.pi * ((order + 1) * phase_cycles - sample_rate_hz * time_s))
+        shape = (wave[2:] - 2 * wave[1:-1] + wave[:-2])[use]
+        size = float(np.sum(np.abs(shape) ** 2))
+        level = float(np.median(middle[use]))
+        found = 2 * abs(complex(np.sum(bend[use] * shape.conj()))) / (size * level)
+        chance = 2 * float(np.std(bend[use])) / (np.sqrt(size) * level)
+        if found > _FOLDED_SIGMA * chance:
+            strongest = max(strongest, found)
+    return strongest

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from analysis.inference.noise.floor import Floor
-from analysis.inference.screen.columns_beside import ColumnsBeside
 from analysis.inference.screen.lines import _Waves, _waves
+from analysis.inference.screen.whitened_columns import WhitenedColumns
 from tests.analysis.inference.test_site import a_noise, a_sway
 
 WANDER_M = pytest.mark.parametrize("wander_m", [0.0, 2.0])
@@ -34,7 +34,7 @@ def test_products_are_those_of_whitened_columns(strengths: tuple[float, ...], wa
     random = np.random.default_rng(2)
     columns, rows = random.standard_normal((62, 6)), random.standard_normal((60, 3))
     white = whitened(shot, noise, columns)
-    found = ColumnsBeside.of(shot, noise, columns)
+    found = WhitenedColumns.of(shot, noise, columns)
     np.testing.assert_allclose(found.products(), np.sum(white**2, axis=0), rtol=1e-9)
     some, others = slice(0, 3), slice(3, None)
     np.testing.assert_allclose(found.products(some, others), np.sum(white[:, :3] * white[:, 3:], axis=0), atol=1e-9)

@@ -1,6 +1,6 @@
-"""Columns of one shot beside its noise: their products once everything is whitened, the frame's motion not one by one.
+"""Products of one shot's whitened columns, where whitening the frame's motion is not done column by column.
 
-What whitening a frame's motion adds to a column lies along few directions: products with it are those along them.
+That whitening adds to every column only along few directions, so products need no more than the projections on these.
 """
 
 from dataclasses import dataclass
@@ -15,10 +15,10 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class ColumnsBeside:
-    """Columns w, shape (n, k), whitened but for the frame's motion, and what whitening that adds to them: C ``moved``.
+class WhitenedColumns:
+    """Columns w, shape (n, k), whitened except for the frame's motion, whose whitening adds C ``moved``.
 
-    C, shape (n, r), are the shot's ``directions`` as they are whitened.  ``half``, like ``moved`` of shape (r, k), is
+    C, shape (n, r), are the shot's whitened ``directions``.  ``half``, like ``moved`` of shape (r, k), is
     C^T w + C^T C ``moved`` / 2.
     """
 
@@ -28,32 +28,32 @@ class ColumnsBeside:
     half: Floats
 
     @classmethod
-    def of(cls, shot: Samples, floor: Floor, columns: Floats) -> "ColumnsBeside":
-        """Return ``columns``, shape (samples, k) in m, beside a floor; cost: n r multiply-adds a column."""
+    def of(cls, shot: Samples, floor: Floor, columns: Floats) -> "WhitenedColumns":
+        """Return ``columns``, shape (samples, k) in m, whitened by a noise; cost: n r multiply-adds per column."""
         return cls.whitened(shot, floor, floor.whiten(columns, shot.valid, shot.weight))
 
     @classmethod
-    def whitened(cls, shot: Samples, floor: Floor, white: Floats) -> "ColumnsBeside":
-        """Return columns, shape (n, k), that are whitened but for the frame's motion."""
+    def whitened(cls, shot: Samples, floor: Floor, white: Floats) -> "WhitenedColumns":
+        """Return columns, shape (n, k), that are already whitened except for the frame's motion."""
         if shot.sway is None or not floor.site:
             nothing = np.zeros((0, white.shape[1]))
             return cls(white, np.zeros((white.shape[0], 0)), nothing, nothing)
-        seen = shot.sway.seen(floor)
-        along = seen.columns.T @ white
-        moved = shot.sway.less(floor) @ along
-        return cls(white, seen.columns, moved, along + 0.5 * (seen.root.T @ (seen.root @ moved)))
+        directions = shot.sway.whitened_directions(floor)
+        along = directions.columns.T @ white
+        moved = shot.sway.whitening_matrix(floor) @ along
+        return cls(white, directions.columns, moved, along + 0.5 * (directions.root.T @ (directions.root @ moved)))
 
     def products_with(self, rows: Floats) -> Floats:
         """Return the products of whitened ``rows``, shape (n, p), with every column, shape (p, k)."""
         return np.asarray(rows.T @ self.columns + (rows.T @ self.directions) @ self.moved)
 
     def products(self, some: slice = slice(None), others: slice = slice(None)) -> Floats:
-        """Return the products of some columns with others, each with one."""
+        """Return the products of some columns with as many others, each with the one at its place."""
         out = column_by_column(self.columns[:, some], self.columns[:, others])
         out += column_by_column(self.half[:, some], self.moved[:, others])
         return np.asarray(out + column_by_column(self.moved[:, some], self.half[:, others]))
 
 
 def column_by_column(one: Floats, other: Floats) -> Floats:
-    """Return the products of columns, shape (n, k), each with that at its place in the other."""
+    """Return the products of columns, shape (n, k), each with the one at its place in the other."""
     return np.asarray(np.einsum("ij,ij->j", one, other))

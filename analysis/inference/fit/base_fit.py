@@ -4,10 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from analysis.collision.effects.row import Effect
 from analysis.collision.parameters import Infeasible
 from analysis.inference.fit.begin import Begin
 from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.free_parameters import trials_named
+from analysis.inference.fit.free_parameters import trials_of
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import Fitted, first_floor, fit
 from analysis.inference.fit.samples import Samples
@@ -19,13 +20,13 @@ _SAMPLES = 100  # at least
 _SOFTER = 8  # times a tenth of the contact stiffness, at most
 
 
-def base_fit(data: JointData, begin: Begin, stop: Stop, taken_along: Sequence[str] = ()) -> Fitted:
+def base_fit(data: JointData, begin: Begin, stop: Stop, taken_along: Sequence[Effect] = ()) -> Fitted:
     """Return the base model's best fit at the diagnosis' rate, from where it ``begin``s.
 
     ``taken_along`` are the effects that each shot has for itself and that are no finding.
     """
-    along = trials_named(taken_along)
-    values = tuple({kind.name: kind.starts[0] for kind in along} for _ in data.shots)
+    along = trials_of(taken_along)
+    values = tuple({kind.effect: kind.starts[0] for kind in along} for _ in data.shots)
     point = Point(begin.shared, begin.own, values)
     hypothesis = Hypothesis(data, along)
     point = slow_enough(hypothesis, point)
@@ -43,12 +44,12 @@ def white_of(shots: Sequence[Samples]) -> float:
     return max(white_by_differences([s.displacement_m for s in shots], [s.valid for s in shots]), 1e-15)
 
 
-def pays_along(best: Fitted, taken_along: Sequence[str], stop: Stop) -> bool:
+def pays_along(best: Fitted, taken_along: Sequence[Effect], stop: Stop) -> bool:
     """Return whether what each shot has for itself explains more than it costs, beside the effects of a fit."""
     hypothesis, point = best.hypothesis, best.point
-    kinds = tuple(kind for kind in hypothesis.effects if kind.name not in taken_along)
+    kinds = tuple(kind for kind in hypothesis.effects if kind.effect not in taken_along)
     bare = Hypothesis(hypothesis.data, kinds, hypothesis.fixed)
-    values = tuple({name: v for name, v in of.items() if name not in taken_along} for of in point.values)
+    values = tuple({effect: v for effect, v in of.items() if effect not in taken_along} for of in point.values)
     try:
         return best.bic < fit(bare, bare.pack(Point(point.base, point.own, values)), best.floor, cancelled=stop).bic
     except Infeasible:

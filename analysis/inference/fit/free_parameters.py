@@ -4,19 +4,19 @@ import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from analysis.collision.effects import CATALOGUE, named
+from analysis.collision.effects import CATALOGUE
 from analysis.collision.effects.row import Effect, Parameter
 
 
 @dataclass(frozen=True, slots=True)
 class TrialEffect:
-    """An effect as the diagnosis tries it: its free parameters, and the values of them that it may start from.
+    """An ``effect`` as the diagnosis tries it: its free parameters, and the values of them that it may start from.
 
     ``amplitude`` names those in which the displacement is linear while the effect is small; the others are laid on a
     grid.  ``starts`` are complete sets of values.
     """
 
-    name: str
+    effect: Effect
     free_parameters: tuple[Parameter, ...]
     amplitude: tuple[str, ...]
     starts: tuple[Mapping[str, float], ...]
@@ -35,12 +35,12 @@ class TrialEffect:
 
 
 def trial_effect(row: Effect) -> TrialEffect:
-    """Return a row of the catalogue as it is searched."""
+    """Return an effect as it is searched."""
     free = [parameter for parameter in row.parameters if not parameter.fixed]
     axes = [parameter.tried or parameter.grid or (parameter.scale,) for parameter in row.parameters]
     names = [parameter.name for parameter in row.parameters]
     return TrialEffect(
-        name=row.name,
+        effect=row,
         free_parameters=tuple(free),
         amplitude=tuple(p.name for p in free) if row.own else (row.amplitude,),
         starts=tuple(dict(zip(names, values, strict=True)) for values in itertools.product(*axes)),
@@ -49,12 +49,11 @@ def trial_effect(row: Effect) -> TrialEffect:
     )
 
 
-def trials_named(names: Iterable[str]) -> tuple[TrialEffect, ...]:
-    """Return effects by name as they are searched, what is only taken along and ``laws.own`` keys among them."""
-    return tuple(trial_effect(named(name)) for name in names)
+def trials_of(effects: Iterable[Effect]) -> tuple[TrialEffect, ...]:
+    """Return effects as they are searched."""
+    return tuple(map(trial_effect, effects))
 
 
-def trial_effects(laws: Iterable[str] = ()) -> Sequence[TrialEffect]:
-    """Return the catalogue as it is searched, and beside it the ``laws`` of these keys (``laws.own``)."""
-    rows = (*CATALOGUE.values(), *(named(key) for key in dict.fromkeys(laws)))
-    return tuple(trial_effect(row) for row in rows)
+def trial_effects(further: Iterable[Effect] = ()) -> Sequence[TrialEffect]:
+    """Return the catalogue as it is searched, and beside it ``further`` effects, each once."""
+    return trials_of(dict.fromkeys((*CATALOGUE.values(), *further)))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 from scipy.special import chdtri
 
-from analysis.collision.effects import NUISANCES
+from analysis.collision.effects import NUISANCES, Effect
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import learn, white_floor
 
@@ -36,7 +36,7 @@ class _Flight:
     weight: float
 
 
-def own_flights(shots: Sequence[Samples], chance: float) -> tuple[str, ...]:
+def own_flights(shots: Sequence[Samples], chance: float) -> tuple[Effect, ...]:
     """Return what each shot may have for itself beside whatever is searched: nothing, or its flights' bend.
 
     The bends count as the shots' own where laws of all shots would leave them with less than ``chance``.
@@ -51,7 +51,7 @@ def own_flights(shots: Sequence[Samples], chance: float) -> tuple[str, ...]:
     shared, laws = _log_likelihood(flights, np.stack([flight.laws for flight in flights]), _ONE_WAY, spacing_s)
     own, bends = _log_likelihood(flights, np.eye(len(flights)), np.zeros(len(flights), dtype=np.bool_), spacing_s)
     limit = float(chdtri(bends - laws, chance))
-    return tuple(NUISANCES) if 2.0 * (own - shared) > limit else ()
+    return tuple(NUISANCES.values()) if 2.0 * (own - shared) > limit else ()
 
 
 def _flights(shot: Samples) -> Iterator[_Flight]:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects import named
 from analysis.compiled.side_by_side import side_by_side
 from analysis.inference.fit.arrow import Arrow
 from analysis.inference.fit.free_parameters import TrialEffect
@@ -52,7 +51,7 @@ def all_scores(
     def scored(kind: TrialEffect) -> list[Score]:
         if stop():
             raise Cancelled
-        return scores(at, kind, to_join=to_join, grid=known.get(kind.name))
+        return scores(at, kind, to_join=to_join, grid=known.get(kind.effect))
 
     return [listed for listed in side_by_side(scored, kinds) if listed]
 
@@ -63,7 +62,7 @@ def scores(at: Projector, kind: TrialEffect, *, to_join: float | None = None, gr
     ``to_join`` is the fall of the criterion for which it may join: only what may come to that counts.  ``grid`` is what
     the effect's own starts do, where that is known.
     """
-    if named(kind.name).wave is not None:
+    if kind.effect.wave is not None:
         return _waves(at, kind)
     if any(free.name in (*kind.amplitude, "phase_rad") for free in kind.own):
         return _own_amplitudes(at, kind)
@@ -115,7 +114,7 @@ def _linear(at: Projector, kind: TrialEffect, beside: Seen, freedom: int) -> lis
     power = np.where(beside.power < SPANNED**2 * beside.whole, 0.0, beside.power)
     along = beside.along
     free = next(free for free in kind.free_parameters if free.name == kind.amplitude[0])
-    grows_as = named(kind.name).grows_as
+    grows_as = kind.effect.grows_as
     out = []
     for k, begin in enumerate(beside.starts):
         factor = float(along[k] / power[k]) if power[k] > 0 else 0.0
@@ -190,7 +189,7 @@ def _beside(at: Projector, bare: Sequence[Floats]) -> tuple[float, float, Floats
 def _waves(at: Projector, kind: TrialEffect) -> list[Score]:
     """Score a wave that the sensor adds: any amplitude and phase a shot, frequencies dense against 1 / record."""
     shots = at.fitted.hypothesis.data.shots
-    wave = named(kind.name).wave
+    wave = kind.effect.wave
     assert wave is not None
     grid, total = scan(at)
     freedom = len(kind.shared) + len(shots)

@@ -4,7 +4,7 @@ from typing import Any
 
 from PySide6.QtCore import QObject, Signal, Slot
 
-from analysis.collision.laws.own import LawError, from_key
+from analysis.collision.laws.own import LawError, OwnLaw
 from app.session.model_in_use import OwnLaws
 from app.window.layout import Layout
 from app.window.theme import Tone
@@ -29,9 +29,9 @@ class LawsPresenter(QObject):
         """Show or hide the sheet for laws."""
         self._panels.law.toggle()
 
-    @Slot(str)
-    def _keep(self, key: str) -> None:
-        self._panels.law.fill(from_key(key).written())
+    @Slot(object)
+    def _keep(self, law: OwnLaw) -> None:
+        self._panels.law.fill(law.written())
         self._panels.law.open()
 
     @Slot(dict)

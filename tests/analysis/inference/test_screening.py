@@ -4,12 +4,13 @@ from collections.abc import Mapping
 
 import pytest
 
-from analysis.inference.fit.free_parameters import trials_named
+from analysis.collision.effects import named
+from analysis.inference.fit.free_parameters import trial_effect
 from analysis.inference.screen.screening import Score, apart
 
 
 def _scores(name: str, *starts: tuple[float, Mapping[str, float]]) -> list[Score]:
-    (kind,) = trials_named([name])
+    kind = trial_effect(named(name))
     return [Score(kind, (start, start), gain, 2) for gain, start in starts]
 
 

@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from analysis.collision.laws.own import called
 from analysis.diagnosis.result import Diagnosis
 from analysis.diagnosis.result import to_result as diagnosis_result
 from analysis.diagnosis.verdict.foretold import Foretold
@@ -87,15 +86,16 @@ def fit_result(fit: Fit | None) -> dict[str, Any] | None:
     """Return the fit's entry; the parameters of a fit that did not converge are null."""
     if fit is None:
         return None
+    called = fit.short_names
     parameters = {
-        called(name): to_json(quantity) if fit.converged else None for name, quantity in fit.parameters.items()
+        called[name]: to_json(quantity) if fit.converged else None for name, quantity in fit.parameters.items()
     }
     return {
         "model": fit.model,
         "parameters": parameters,
         "reduced_chi2": fit.reduced_chi2,
         "converged": fit.converged,
-        "effects": list(fit.effects),
+        "effects": [effect.key for effect in fit.effects],
     }
 
 

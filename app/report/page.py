@@ -3,6 +3,7 @@
 from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
 
+from analysis.collision.effects.row import Effect
 from analysis.diagnosis.result import Diagnosis
 from analysis.diagnosis.verdict.foretold import Foretold
 from analysis.fitted.fitted_shot import readings_model
@@ -30,7 +31,7 @@ def report_of(
     title: str | None = None,
     made_at: datetime | None = None,
     prediction: Foretold | None = None,
-    tried: Collection[str] = (),
+    tried: Collection[Effect] = (),
     next_shots: str = "",
 ) -> str:
     """Return the report as HTML.
@@ -76,7 +77,7 @@ def _shot(
     instrument: InstrumentUncertainty | None,
     number: int,
     drawn: bool,
-    tried: Collection[str],
+    tried: Collection[Effect],
     *,
     single: bool,
 ) -> Markup:

@@ -8,6 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from analysis.collision.effects.row import Effect
 from analysis.diagnosis.model_file import saved, to_text
 from analysis.shot.motion import BeatQuality
 from analysis.shot.quantity import NotSeen
@@ -59,7 +60,7 @@ def analysed_with(shot: Shot) -> Markup:
     return table([], rows, "settings")
 
 
-def repeated_by(shot: Shot, tried: Collection[str] = ()) -> Markup:
+def repeated_by(shot: Shot, tried: Collection[Effect] = ()) -> Markup:
     """Return program, data hash and the command that repeats the report."""
     rows = [["program", program_words()]]
     if shot.path is None:

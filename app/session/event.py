@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
+from analysis.collision.effects.row import Effect
 from analysis.diagnosis.model_file import SavedModel
 from analysis.diagnosis.result import Diagnosis
 from analysis.shot.shot import Shot
@@ -97,5 +98,5 @@ class RefittedShot:
 
     number: int
     of: Shot
-    effects: tuple[str, ...]
+    effects: tuple[Effect, ...]
     shot: Shot

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from analysis.collision.effects.row import Effect
 from analysis.pipeline import analyse, analyse_motion
 from analysis.shot.recording import FLAG, Recording
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot, Stop
@@ -25,7 +26,7 @@ def load_and_analyse(
     model: str | None = None,
     *,
     settings: AnalysisSettings | None = None,
-    effects_of: Callable[[str], tuple[str, ...]] | None = None,
+    effects_of: Callable[[str], tuple[Effect, ...]] | None = None,
     checked: bool = True,
     progress: Progress | None = None,
     cancelled: Stop | None = None,
@@ -57,7 +58,7 @@ def analysed(
     model: str | None = None,
     *,
     settings: AnalysisSettings | None = None,
-    effects_of: Callable[[str], tuple[str, ...]] | None = None,
+    effects_of: Callable[[str], tuple[Effect, ...]] | None = None,
     checked: bool = True,
     progress: Progress | None = None,
     cancelled: Stop | None = None,
@@ -110,7 +111,7 @@ def cause_of(path: Path, error: Exception) -> str:
 
 
 def _with_model(
-    settings: AnalysisSettings, base: str, effects_of: Callable[[str], tuple[str, ...]] | None
+    settings: AnalysisSettings, base: str, effects_of: Callable[[str], tuple[Effect, ...]] | None
 ) -> AnalysisSettings:
     return replace(settings, model=base, effects=settings.effects if effects_of is None else effects_of(base))
 

@@ -13,7 +13,10 @@ from typing import Any, cast
 
 import numpy as np
 
+from analysis.collision.effects import Acts, Effect
 from analysis.diagnosis import result
+from analysis.diagnosis.model_file import effect_in_file
+from analysis.drive.catalogue import GAIN_ERROR
 from analysis.shot.disturbance import Disturbance, Shaking, VibrationLine
 from analysis.shot.fit import Fit, Overlay, ShotFit
 from analysis.shot.impact import Impact, KineticCor
@@ -21,6 +24,7 @@ from analysis.shot.motion import BeatQuality, Motion
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.shot.recording import Air, Plate, Setup
 from analysis.shot.shot import AnalysisSettings, Shot
+from levimass.analysis_settings import DRIVE
 
 KNOWN = {
     kind.__name__: kind
@@ -83,6 +87,8 @@ def rejoined(body: Any, arrays: list[np.ndarray]) -> object:
 
 
 def _written(value: object, arrays: list[np.ndarray], seen: dict[int, int]) -> Any:
+    if isinstance(value, Effect):
+        return {"effect": value.key, "base": DRIVE if value.acts is Acts.IN_DRIVE else ""}
     if isinstance(value, Enum):
         return {"kind": type(value).__name__, "value": value.value}
     if value is None or isinstance(value, bool | int | float | str):
@@ -109,6 +115,12 @@ def _read(body: Any, arrays: list[np.ndarray]) -> Any:
         return body
     if "array" in body:
         return arrays[body["array"]]
+    if "effect" in body:
+        known = GAIN_ERROR if body["effect"] == GAIN_ERROR.key else None
+        effect = known or effect_in_file(body["effect"], body["base"])
+        if effect is None:
+            raise NotStorable(f"no effect is called {body['effect'][:40]!r}")
+        return effect
     if "map" in body:
         return {key: _read(one, arrays) for key, one in body["map"]}
     for kind in (tuple, list):

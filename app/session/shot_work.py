@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from analysis.collision.effects.row import Effect
 from analysis.diagnosis.result import Diagnosis
 from analysis.fitted.fit_time import SECONDS, run_in_time
 from analysis.fitted.fitted_shot import fit_again
@@ -24,15 +25,15 @@ def open_shot(
     return load_and_analyse(path, settings=settings, effects_of=effects.of, progress=progress, cancelled=cancelled)
 
 
-def refit_shot(shot: Shot, effects: tuple[str, ...], *, progress: Progress, cancelled: Stop) -> Shot:
+def refit_shot(shot: Shot, effects: tuple[Effect, ...], *, progress: Progress, cancelled: Stop) -> Shot:
     """Return a shot fitted with these effects."""
     return fit_again(shot, effects, cancelled)
 
 
 def diagnose_shots(
     shots: Sequence[Shot],
-    accepted: Sequence[str],
-    laws: Sequence[str],
+    accepted: Sequence[Effect],
+    laws: Sequence[Effect],
     seconds: float,
     **watched: Any,  # progress and cancelled
 ) -> Diagnosis:
@@ -60,7 +61,7 @@ def write_report(
     path: Path,
     shots: Sequence[Shot],
     diagnosis: Diagnosis | None,
-    tried: Sequence[str],
+    tried: Sequence[Effect],
     *,
     progress: Progress,
     cancelled: Stop,
@@ -77,7 +78,7 @@ def write_report(
 
 
 def report_text(
-    shots: Sequence[Shot], diagnosis: Diagnosis | None, tried: Sequence[str], *, progress: Progress, cancelled: Stop
+    shots: Sequence[Shot], diagnosis: Diagnosis | None, tried: Sequence[Effect], *, progress: Progress, cancelled: Stop
 ) -> str:
     """Return the report as HTML; ``tried`` are effects that no diagnosis named."""
     from app.report.page import report_of

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from analysis.collision import general
 from analysis.collision.acting import active_effects
-from analysis.collision.effects import named
 from analysis.collision.effects.kernel import TOUCHING
 from analysis.collision.effects.row import Effect
 from analysis.collision.first_order import along
@@ -136,7 +135,7 @@ def _path(hypothesis: Hypothesis, point: Point, laws: Sequence[Effect], index: i
     shot, own = hypothesis.data.shots[index], point.own[index]
     base = hypothesis.data.base
     collision = base.collision(point.base, own[0], shot.moving_mass_kg, plate_number=shot.plate_number)
-    rows = [named(kind.name) for kind in hypothesis.effects]
+    rows = [kind.effect for kind in hypothesis.effects]
     active = active_effects(rows, point.values[index], collision, float(own[1]))
     active += [general.Active(row, tuple(p.scale for p in row.parameters)) for row in laws]
     active.sort(key=lambda one: one.effect.hidden == 0)

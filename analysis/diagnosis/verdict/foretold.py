@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects import findings
+from analysis.collision.effects import Effect, findings
 from analysis.collision.parameters import Infeasible
 from analysis.diagnosis.model_file import SavedModel
 from analysis.diagnosis.result import Errors
@@ -22,7 +22,7 @@ from analysis.drive.table import Table
 from analysis.fitted.fitted_shot import fit_jointly, in_words
 from analysis.inference.fit.base import PLATE_NAMES, base_named
 from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.free_parameters import TrialEffect, trials_named
+from analysis.inference.fit.free_parameters import TrialEffect, trials_of
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import learn_floor, residuals, square_of
 from analysis.inference.fit.least_squares import minimise
@@ -56,7 +56,7 @@ class Foretold:
     """All shots together, and each; ``sentence`` is for a person."""
 
     model: str
-    effects: tuple[str, ...]
+    effects: tuple[Effect, ...]
     error_base: Errors
     error_model: Errors
     shots: tuple[ForetoldShot, ...]
@@ -122,7 +122,7 @@ def to_result(foretold: Foretold) -> dict[str, Any]:
     """Return the ``foretold`` object of the result file."""
     return {
         "model": foretold.model,
-        "effects": list(foretold.effects),
+        "effects": [effect.key for effect in foretold.effects],
         "error_base": asdict(foretold.error_base),
         "error_model": asdict(foretold.error_model),
         "sentence": foretold.sentence,
@@ -141,7 +141,7 @@ def _all(shots: Sequence[ForetoldShot], which: str) -> Errors:
 
 def _driven(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Errors, Errors]:
     table = Table.of(prepare_drive([motion]))
-    trials: tuple[tuple[tuple[str, ...], Parameters], ...] = (((), base), (model.effects, model.parameters))
+    trials: tuple[tuple[tuple[Effect, ...], Parameters], ...] = (((), base), (model.effects, model.parameters))
     left = [rms(prediction_residual_n(table, of, known)) for of, known in trials]
     noise = Repeatability(force_noise(motion), False, "")
     bare, whole = (Errors(float("nan"), float("nan"), force, chi2(force, noise)) for force in left)
@@ -152,9 +152,9 @@ def _collision(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Err
     data = JointData(averaged_shots([motion]), base_named(model.base))
     start = data.shots[0].course.own
     # What each shot has for itself, it has under the base model as well.
-    along = trials_named(name for name in model.effects if name not in findings(model.effects))
+    along = trials_of(effect for effect in model.effects if effect not in findings(model.effects))
     bare = _own_fitted(Hypothesis(data, along), base, start)
-    effects = trials_named(model.effects)
+    effects = trials_of(model.effects)
     whole = _own_fitted(Hypothesis(data, effects, _fixed(effects)), model.parameters, start)
     floor, _ = learn_floor(data, residuals(*whole))
     own = OWN + sum(len(kind.own) for kind in along)
@@ -162,26 +162,26 @@ def _collision(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Err
     return out[0], out[1]
 
 
-def _fixed(effects: Sequence[TrialEffect]) -> dict[str, dict[str, float]]:
+def _fixed(effects: Sequence[TrialEffect]) -> dict[Effect, dict[str, float]]:
     """Return what a fit chooses among a few values instead of moving it: those of the first."""
     return {
-        e.name: {k: v for k, v in e.starts[0].items() if k not in {free.name for free in e.free_parameters}}
-        for e in effects
+        kind.effect: {k: v for k, v in kind.starts[0].items() if k not in {free.name for free in kind.free_parameters}}
+        for kind in effects
     }
 
 
 def _own_fitted(hypothesis: Hypothesis, known: Parameters, start: Floats) -> tuple[Hypothesis, Floats]:
     """Return the hypothesis and the vector at which the shot's own parameters leave least, all others as known."""
     values = {}
-    for effect in hypothesis.effects:
-        values[effect.name] = dict(effect.starts[0])
-        for free in effect.free_parameters:
-            named = f"{effect.name}.{free.name}"
+    for kind in hypothesis.effects:
+        values[kind.effect] = dict(kind.starts[0])
+        for free in kind.free_parameters:
+            named = f"{kind.effect.key}.{free.name}"
             if free.own:
                 continue
             if named not in known:
                 raise AnalysisError(f"the model file has no parameter {named}")
-            values[effect.name][free.name] = known[named].value
+            values[kind.effect][free.name] = known[named].value
     names = hypothesis.data.base.names
     if missing := [name for name in names if name not in known]:
         raise AnalysisError(f"the model file has no parameter {missing[0]}")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.collision.effects.row import Effect
 from analysis.collision.parameters import Floats
 from analysis.inference.fit.base import OWN_NAMES
 from analysis.inference.fit.response import Response
@@ -30,7 +31,7 @@ class Estimate:
     """
 
     model: str
-    effects: tuple[str, ...]
+    effects: tuple[Effect, ...]
     values: Floats
     covariance: Floats
     shared: Mapping[str, int]

@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.collision.effects import named
 from analysis.collision.parameters import Infeasible
 from analysis.compiled.side_by_side import side_by_side
 from analysis.inference.fit.hypothesis_fit import Fitted, square_of, whitened_residual
@@ -28,7 +27,7 @@ def with_profile_std(fitted: Fitted, stop: Stop) -> Fitted:
     """
     hypothesis = fitted.hypothesis
     places = [
-        k for k, (name, _, _) in enumerate(hypothesis.free_parameters, hypothesis.offset) if named(name).range_at >= 0
+        k for k, (effect, _, _) in enumerate(hypothesis.free_parameters, hypothesis.offset) if effect.range_at >= 0
     ]
     if not places or not np.all(np.isfinite(fitted.inverse)):
         return fitted

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects import kernel, named
+from analysis.collision.effects import kernel
 from analysis.collision.effects.row import Effect
 from analysis.collision.first_order import along
 from analysis.collision.first_order import steps_for as steps_of
@@ -67,10 +67,9 @@ def responses(shot: Shot, path: LinearPath, effect: Effect, starts: Sequence[Map
     x[:], v[:] = path.effect_inputs[0, 0, kernel.X], path.effect_inputs[0, 0, kernel.V]
     at = path.sample >= 0
     x[path.sample[at]], v[path.sample[at]] = path.effect_inputs[at, 2, kernel.X], path.effect_inputs[at, 2, kernel.V]
-    rows = [named(name) for name in shot.values]
-    if all(row.sensor is None for row in rows):
+    if all(effect.sensor is None for effect in shot.values):
         return change
-    remembers = any(row.remembers for row in rows)
+    remembers = any(effect.remembers for effect in shot.values)
     moved = np.asarray(x[:, None] + 1j * _STEP * (change if remembers else 1.0), dtype=np.complex128)
     shown = np.asarray(shown_by_optics(moved, v, shot.time_s, shot.values, shot.optics).imag / _STEP)
     return shown if remembers else shown * change

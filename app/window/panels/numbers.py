@@ -31,7 +31,6 @@ from app.words.wording import (
     NOISE_ONLY,
     concise_text,
     effect_numbers,
-    effect_words,
     how_text,
     kept_words,
     local,
@@ -51,9 +50,11 @@ def _effect_lines(shot: Shot | None) -> list[str]:
     lines = []
     for effect in fit.effects:
         own = {
-            name.removeprefix(f"{effect}."): q for name, q in fit.parameters.items() if name.startswith(f"{effect}.")
+            name.removeprefix(f"{effect.key}."): q
+            for name, q in fit.parameters.items()
+            if name.startswith(f"{effect.key}.")
         }
-        lines.append(f"{effect_words(effect)}: " + effect_numbers(effect, own))
+        lines.append(f"{effect.words}: " + effect_numbers(effect, own))
     return lines
 
 

@@ -61,10 +61,10 @@ def fit_shots(
 ) -> Fit:
     """Fit base ``model`` and ``effects`` (at most three) to the displacement of ``motions``.
 
-    Contact and effects are shared, the plate by the shots that state the same; each shot has its own start (and own
-    effect parameters where the catalogue says so).  ``shakings`` say what shook the frame of each shot: the fit of two
-    bodies then weighs what that does in flight and in contact, and lets the plate swing before it is touched as far as
-    the frame can have made it.
+    Contact and effects are shared by all shots, the plate by shots that state the same plate; each shot has its own
+    speed, touch time and offset (and own effect parameters where the catalogue says so).  ``shakings`` say how the
+    frame of each shot moved: the two-body fit then includes that motion in flight and in contact, and the plate may
+    swing before it is touched, as far as the frame can have made it.
     An effect of the catalogue may be given by its name.
     Raises ValueError for unknown names, NoCollision (an AnalysisError) where a motion shows no collision, AnalysisError
     where no motion of the model comes near, Cancelled when asked to stop.

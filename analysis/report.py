@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from analysis.collision import called
 from analysis.diagnosis import Diagnosis, Foretold, diagnosis_result, foretold_result
 from analysis.fitted import readings_model, readings_model_result
 from analysis.shot import Disturbance, Fit, Shot, program_version, to_json
@@ -76,15 +75,16 @@ def fit_result(fit: Fit | None) -> dict[str, Any] | None:
     """Return the fit's entry; the parameters of a fit that did not converge are null."""
     if fit is None:
         return None
+    called = fit.short_names
     parameters = {
-        called(name): to_json(quantity) if fit.converged else None for name, quantity in fit.parameters.items()
+        called[name]: to_json(quantity) if fit.converged else None for name, quantity in fit.parameters.items()
     }
     return {
         "model": fit.model,
         "parameters": parameters,
         "reduced_chi2": fit.reduced_chi2,
         "converged": fit.converged,
-        "effects": list(fit.effects),
+        "effects": [effect.key for effect in fit.effects],
     }
 
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from levimass.analysis_settings import AnalysisChoices, AnalysisSettings, is_drive
+from levimass.analysis_settings import DRIVE, AnalysisChoices, AnalysisSettings, is_drive
 from levimass.setting import Setting, Value, choice, declared, flag, number, setting_of, settings_of
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from instrument.files import MotionRecord
 
 __all__ = [
+    "DRIVE",
     "AnalysisChoices",
     "AnalysisSettings",
     "Setting",

@@ -1,10 +1,16 @@
 """The settings of an analysis, each declared once for files, the window's sheet and the command line."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
 
 from levimass.setting import choice, number
 
-_DRIVE = "driven"
+if TYPE_CHECKING:
+    from analysis.collision import Effect
+else:
+    Effect = object  # the command line reads its options before the analysis is imported
+
+DRIVE = "driven"
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +28,7 @@ class AnalysisChoices:
             ("clamped", "damping clamped"),
             ("no_tension", "no tension"),
             ("contact", "one body on a spring"),
-            (_DRIVE, "driven slider"),
+            (DRIVE, "driven slider"),
         ),
         "The model that is fitted. Paper: block and plate, damped in both directions, with tension until the "
         "overlap ends; damping clamped: none while they separate, as Eq. 10 is printed; "
@@ -53,10 +59,15 @@ class AnalysisSettings(AnalysisChoices):
 
     motion_rate_hz: float = number(100e3, "", "Rate of the motion", "Hz", 1.0, 1.0, 1e9)
     fit: bool = True
-    effects: tuple[str, ...] = ()  # in the model
+    effects: tuple[Effect, ...] = ()  # in the model
     corrections: tuple[tuple[str, float | None], ...] = ()  # of the rig's values after the shot: ``corrected``
+
+    def written(self) -> dict[str, Any]:
+        """Return the settings as files have them: effects by their keys."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return values | {"effects": [effect.key for effect in self.effects]}
 
 
 def is_drive(model: str) -> bool:
     """Return whether a base model is that of a slider driven by a measured force, which strikes no plate."""
-    return model == _DRIVE
+    return model == DRIVE

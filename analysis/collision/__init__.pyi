@@ -1,6 +1,6 @@
 from . import general
 from .acting import active_effects, chain_matrix, chain_rules
-from .effects import CATALOGUE, MOST_AT_ONCE, NUISANCES, WIDER, findings, named, sensors
+from .effects import CATALOGUE, MOST_AT_ONCE, NUISANCES, WIDER, effects_named, findings, named, sensors
 from .effects.kernel import TOUCHING, V, X, address, complex_address
 from .effects.row import Acts, Effect, Parameter, Sensed
 from .exact import Trajectory, solve
@@ -11,7 +11,7 @@ from .laws.arguments import ARGUMENTS, Argument
 from .laws.curve import Basis, Curve, graded_basis, visited_range
 from .laws.forms import FORMS, Form
 from .laws.functions import FUNCTIONS
-from .laws.own import MOST_PARAMETERS, LawError, OwnLaw, called, from_key, from_mapping, is_law
+from .laws.own import MOST_PARAMETERS, LawError, OwnLaw, from_mapping, known_effect
 from .linearisation import LinearPath, linear_path
 from .parameters import PAPER, Collision, Floats, Infeasible, Variant
 from .slots import Active, FastestRates, fastest_rates
@@ -54,17 +54,16 @@ __all__ = [
     "active_effects",
     "address",
     "along",
-    "called",
     "chain_matrix",
     "chain_rules",
     "complex_address",
+    "effects_named",
     "fastest_rates",
     "findings",
-    "from_key",
     "from_mapping",
     "general",
     "graded_basis",
-    "is_law",
+    "known_effect",
     "linear_path",
     "named",
     "sensors",

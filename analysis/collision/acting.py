@@ -27,14 +27,14 @@ class ChainRule:
 
 
 def active_effects(
-    rows: Sequence[Effect], values: Mapping[str, Mapping[str, float]], collision: Collision, touch_time_s: float
+    rows: Sequence[Effect], values: Mapping[Effect, Mapping[str, float]], collision: Collision, touch_time_s: float
 ) -> list[Active]:
     """Return the effects that act on the motion, in the order of ``rows``; ``values`` by effect and parameter."""
     out = []
     for row in rows:
         if row.kernel is None:
             continue
-        given = tuple(values[row.name][p.name] for p in row.parameters)
+        given = tuple(values[row][p.name] for p in row.parameters)
         if row.clocked is not None:
             plate = collision.plate_stiffness_n_per_m, collision.plate_mass_kg
             at_meeting = row.clocked(given, *plate, touch_time_s + _earlier(rows, values, collision)[0])
@@ -44,7 +44,7 @@ def active_effects(
 
 
 def chain_rules(
-    rows: Sequence[Effect], values: Mapping[str, Mapping[str, float]], collision: Collision, touch_time_s: float
+    rows: Sequence[Effect], values: Mapping[Effect, Mapping[str, float]], collision: Collision, touch_time_s: float
 ) -> list[ChainRule]:
     """Return the chain rules of clocked effects, by exact complex steps; ``slot`` is as in ``active_effects``."""
     out = []
@@ -52,12 +52,12 @@ def chain_rules(
         if row.clocked is None:
             continue
         earlier, reach = _earlier(rows, values, collision)
-        begins = [*(values[row.name][p.name] for p in row.parameters), *collision.vector[:2], touch_time_s + earlier]
+        begins = [*(values[row][p.name] for p in row.parameters), *collision.vector[:2], touch_time_s + earlier]
         steps = np.array(begins)[:, None] + 1j * _STEP * np.eye(len(begins))
         count = len(row.parameters)
         given = row.clocked(steps[:count], *steps[count:])
         slopes = np.stack([np.broadcast_to(np.imag(one) / _STEP, (len(begins),)) for one in given])
-        names = [*(f"{row.name}.{p.name}" for p in row.parameters), *_PLATE, "touch_time_s"]
+        names = [*(f"{row.key}.{p.name}" for p in row.parameters), *_PLATE, "touch_time_s"]
         if reach:
             v = collision.velocity_in_m_per_s
             slopes = np.column_stack([slopes, slopes[:, -1] / v, -slopes[:, -1] * earlier / v])
@@ -82,11 +82,11 @@ def chain_matrix(chains: Sequence[ChainRule], names: Sequence[str], of_base: Map
 
 
 def _earlier(
-    rows: Sequence[Effect], values: Mapping[str, Mapping[str, float]], collision: Collision
+    rows: Sequence[Effect], values: Mapping[Effect, Mapping[str, float]], collision: Collision
 ) -> tuple[float, str]:
     """Return when the bodies begin to act on each other, in s from the touch, and the name of the longest range."""
-    reaches = [(values[row.name][row.parameters[row.range_at].name], row) for row in rows if row.range_at >= 0]
+    reaches = [(values[row][row.parameters[row.range_at].name], row) for row in rows if row.range_at >= 0]
     if not reaches:
         return 0.0, ""
     farthest, row = max(reaches, key=lambda one: one[0])
-    return farthest / collision.velocity_in_m_per_s, f"{row.name}.{row.parameters[row.range_at].name}"
+    return farthest / collision.velocity_in_m_per_s, f"{row.key}.{row.parameters[row.range_at].name}"

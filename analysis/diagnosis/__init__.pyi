@@ -1,5 +1,5 @@
 from .diagnosis_of_shots import diagnose
-from .model_file import ModelFileError, SavedModel, drift, from_text, saved, to_text
+from .model_file import ModelFileError, SavedModel, drift, effect_in_file, from_text, saved, to_text
 from .result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, OtherForm, Verdict, diagnosis_result
 from .search.competing_models import fitted_instead
 from .search.forward_selection import Trail, without
@@ -7,7 +7,7 @@ from .verdict.coincidence import unforetold
 from .verdict.criteria import CRITERIA
 from .verdict.foretold import Foretold, foretell, foretold_result
 from .verdict.identifiability import separation
-from .words import ONE_WITH_TWO_READINGS, plain
+from .words import ONE_WITH_TWO_READINGS
 
 __all__ = [
     "CRITERIA",
@@ -26,11 +26,11 @@ __all__ = [
     "diagnose",
     "diagnosis_result",
     "drift",
+    "effect_in_file",
     "fitted_instead",
     "foretell",
     "foretold_result",
     "from_text",
-    "plain",
     "saved",
     "separation",
     "to_text",

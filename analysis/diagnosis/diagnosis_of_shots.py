@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+from analysis.collision import Effect, effects_named
 from analysis.diagnosis import words
 from analysis.diagnosis.best_first import BestFirst
 from analysis.diagnosis.driven import diagnose_driven
@@ -23,8 +24,8 @@ def diagnose(
     shots: Sequence[Shot | Motion],
     *,
     model: str | None = None,
-    accepted: Sequence[str] = (),
-    laws: Sequence[str] = (),
+    accepted: Sequence[Effect | str] = (),
+    laws: Sequence[Effect] = (),
     hold_out: int | None = None,
     seconds: float = SECONDS,
     progress: Progress | None = None,
@@ -32,12 +33,12 @@ def diagnose(
 ) -> Diagnosis:
     """Diagnose one or several shots of one rig against the base ``model`` with the ``accepted`` effects.
 
-    ``model`` is that of the shots' settings where it is not given, "paper" for motions alone.  ``laws`` are the keys of
-    a person's own laws (``laws.own``), tried like the catalogue's effects.  ``hold_out`` is the index
-    of the shot that is predicted from the others (default: the slowest, a middle one and the fastest in turn, of two
-    the slower).  What shook the frame is taken from the shots' readings; for motions alone it is read here.  After
-    ``seconds`` on two cores what may be left out is left out: further ways through the catalogue, laws.  Errors are
-    judged in displacement.
+    ``model`` is that of the shots' settings where it is not given, "paper" for motions alone.  An effect of the
+    catalogue may be given by its name.  ``laws`` are a person's own laws (``laws.own``), tried like the catalogue's
+    effects.  ``hold_out`` is the index of the shot that is predicted from the others (default: the slowest, a middle
+    one and the fastest in turn, of two the slower).  What shook the frame is taken from the shots' readings; for
+    motions alone it is read here.  After ``seconds`` on two cores what may be left out is left out: further ways
+    through the catalogue, laws.  Errors are judged in displacement.
 
     Raises ValueError for an unknown model or effect and for shots of different base models, AnalysisError where there
     is nothing to judge, Cancelled when asked to stop.
@@ -52,7 +53,7 @@ def diagnose(
     question = Question(
         motions=motions,
         model=model,
-        named=accepted,
+        named=effects_named(accepted),
         laws=laws,
         hold_out=hold_out,
         shakings_read=_shakings(shots),

@@ -6,10 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from analysis.collision import Effect
 from analysis.diagnosis import driven_words as words
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, Verdict
 from analysis.diagnosis.verdict.conclusion import conclude
 from analysis.drive import (
+    GAIN_ERROR,
+    LAWS,
     LawSearch,
     Mask,
     MassCheck,
@@ -23,6 +26,7 @@ from analysis.drive import (
     check_mass,
     chi2,
     filtered_noise_n,
+    laws_named,
     look_alikes,
     prepare,
     regress,
@@ -44,7 +48,7 @@ class _Halves:
 
 def diagnose_driven(
     motions: Sequence[Motion],
-    accepted: Sequence[str] = (),
+    accepted: Sequence[Effect | str] = (),
     progress: Progress | None = None,
     cancelled: Stop | None = None,
 ) -> Diagnosis:
@@ -59,15 +63,16 @@ def diagnose_driven(
     table = Table.of(prepare(motions), cancelled or (lambda: False))
     split = Split.of(table)
     tell("trying the laws of a drive", 0.1)
-    searched = search_laws(split, accepted, lambda share: tell("trying the laws of a drive", 0.1 + 0.7 * share))
+    accepted_names = tuple(law.name for law in laws_named(accepted))
+    searched = search_laws(split, accepted_names, lambda share: tell("trying the laws of a drive", 0.1 + 0.7 * share))
     tell("fitting the whole record", 0.85)
     free = regress(table, searched.found.laws, None, searched.found.nonlinear)
     mass_check = check_mass(motions, free)
-    before = _halves(split, tuple(accepted), searched.found.nonlinear, mass_check)
+    before = _halves(split, accepted_names, searched.found.nonlinear, mass_check)
     after = _halves(split, searched.found.laws, searched.found.nonlinear, mass_check)
     repeatability = repeatability_of(table, after.whole, filtered_noise_n(motions, table.stretches, after.whole))
     tell("telling look-alikes apart", 0.9)
-    effects = tuple(_found(split, after.whole, searched, law) for law in after.whole.laws if law not in accepted)
+    effects = tuple(_found(split, after.whole, searched, law) for law in after.whole.laws if law not in accepted_names)
     verdict = conclude(explained=after.whole.rms_n <= SMALL_REST * repeatability.force_n, effects=effects)
     done = verdict in (Verdict.ADEQUATE, Verdict.EFFECT_FOUND)
     remainder = "" if done else words.rest(table, after.whole, repeatability)
@@ -107,23 +112,24 @@ def _errors(force_n: float, repeatability: Repeatability) -> Errors:
 def _found(split: Split, whole: Regression, searched: LawSearch, law: str) -> FoundEffect:
     merit = searched.merits[law]
     evidence = {"delta_bic": merit.delta_bic, "held_out_force_rms_without_it_n": merit.without_it_n}
-    others = look_alikes(split.table, whole, law)
+    others = laws_named(look_alikes(split.table, whole, law))
     parameters = whole.parameters(law)
-    return FoundEffect(law, parameters, evidence, others, words.effect(law, parameters, whole, others))
+    sentence = words.effect(LAWS[law], parameters, whole, others)
+    return FoundEffect(LAWS[law], parameters, evidence, others, sentence)
 
 
 def _candidates(searched: LawSearch, mass_check: MassCheck) -> tuple[Candidate, ...]:
     out = [_candidate(trial) for trial in searched.trials if len(trial.added) == 1]
     coincides = "not identifiable: in this motion it is a mixture of what is in the model"
-    out += [Candidate(law, 0.0, None, {}, coincides) for law in searched.unidentifiable]
+    out += [Candidate(LAWS[law], 0.0, None, {}, coincides) for law in searched.unidentifiable]
     gain = mass_check.gain_error
     if gain is None:
         remark = "not identifiable: while no mass is stated it only rescales mass, drag and friction"
-        out.append(Candidate("gain_error", 0.0, None, {}, remark))
+        out.append(Candidate(GAIN_ERROR, 0.0, None, {}, remark))
     else:
         remark = "the stated mass agrees" if mass_check.agrees else f"the same as a mass of {mass_check.fitted} kg"
         score = abs(gain.value) / gain.std if gain.std > 0.0 else 0.0
-        out.append(Candidate("gain_error", score, None, {"fraction": gain}, remark))
+        out.append(Candidate(GAIN_ERROR, score, None, {"fraction": gain}, remark))
     return tuple(out)
 
 
@@ -133,4 +139,4 @@ def _candidate(trial: Trial) -> Candidate:
     first = next(iter(quantities.values()))
     score = abs(first.value) / first.std if first.std > 0.0 else 0.0
     remark = f"force error {trial.validation_n:.3g} N on the validation half"
-    return Candidate(law, float(np.nan_to_num(score)), trial.delta_bic, quantities, remark)
+    return Candidate(LAWS[law], float(np.nan_to_num(score)), trial.delta_bic, quantities, remark)

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.result import FoundEffect
-from analysis.diagnosis.words import plain, quantity, stem
-from analysis.drive import LAWS, MassCheck, Regression, Repeatability, Table, rms
+from analysis.diagnosis.words import quantity, stem
+from analysis.drive import LAWS, Law, MassCheck, Regression, Repeatability, Table, rms
 from analysis.shot import Quantity
 
 Floats = NDArray[np.float64]
@@ -37,11 +37,11 @@ def sentence(
     return f"{text} {mass_check.words}".strip()
 
 
-def effect(law: str, parameters: Mapping[str, Quantity], found: Regression, others: Sequence[str]) -> str:
+def effect(law: Law, parameters: Mapping[str, Quantity], found: Regression, others: Sequence[Law]) -> str:
     """Return what one law is in this drive, in words and numbers."""
     numbers = ", ".join(f"{stem(name)} {quantity(name, value)}" for name, value in parameters.items())
-    alike = f" (as well: {', '.join(plain(other) for other in others)})" if others else ""
-    return f"{plain(law)}, {LAWS[law].formula}: {numbers}{_meaning(law, parameters, found)}{alike}"
+    alike = f" (as well: {', '.join(other.short_words for other in others)})" if others else ""
+    return f"{law.short_words}, {law.formula}: {numbers}{_meaning(law.name, parameters, found)}{alike}"
 
 
 def _meaning(law: str, parameters: Mapping[str, Quantity], found: Regression) -> str:
@@ -73,7 +73,7 @@ def blind_spots(table: Table, unidentifiable: Sequence[str], mass_check: MassChe
         "a constant force of the drive and a tilt of the guide are one number here: the offset",
     ]
     mixed = "of any size: in this motion it is a mixture of what is in the model"
-    out += [f"{plain(law)} {mixed}" for law in unidentifiable]
+    out += [f"{LAWS[law].short_words} {mixed}" for law in unidentifiable]
     if mass_check.stated is None:
         out.append("an error of the force's scale only rescales mass, drag and friction")
     return tuple(out)

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from analysis.collision import Effect
 from analysis.diagnosis import words
 from analysis.diagnosis.learning.beyond_catalogue import beside, beyond_catalogue
 from analysis.diagnosis.learning.single_law import SingleLaw
@@ -69,7 +70,7 @@ def explain_with_effects(question: Question, trail: Trail, settled: Settled, hel
         parameters = effect_parameters(sure)
         found = [_found(best, n, parameters[n], residual, separations[n], trail) for n in trail.added(best)]
         effects, verdict = accepted_effects(found, residual, best)
-        doubtful = [effect.name for effect in found if not clear(effect, residual, CRITERIA.clear_of_misfit)]
+        doubtful = [one.effect for one in found if not clear(one, residual, CRITERIA.clear_of_misfit)]
         if effects or not residual.significant or len(doubtful) in (0, len(found)):
             break
         # A small residual leaves those effects in doubt that are not much larger than it, and no others.
@@ -129,7 +130,7 @@ def explain_with_laws(question: Question, known: Explanation, law: SingleLaw, *,
 
 def _found(
     best: Fitted,
-    name: str,
+    effect: Effect,
     parameters: dict[str, Quantity],
     residual: Residual,
     separation: Separation,
@@ -137,8 +138,8 @@ def _found(
 ) -> FoundEffect:
     """Return an effect of a fit with its evidence, and the other effects that it may be."""
     trail.go_on()
-    fewer = without(best, name, trail)
-    others, lead = other_names(best, name, residual, separation, trail)
+    fewer = without(best, effect, trail)
+    others, lead = other_names(best, effect, residual, separation, trail)
     evidence = {
         "snr": min(separation.snr, missed_without(best, fewer)),
         "delta_bic": -float(fewer.bic - best.bic if fewer else 0.0),
@@ -146,12 +147,12 @@ def _found(
     }
     if lead is not None:
         evidence["lead_over_runner_up"] = lead
-    return FoundEffect(name, parameters, evidence, others, words.found(name, parameters, others))
+    return FoundEffect(effect, parameters, evidence, others, words.found(effect, parameters, others))
 
 
 def _described(best: Fitted, trail: Trail, residual: Residual) -> str:
     """Return the residual of the model before in words, and which effects imitate it without being sure of a name."""
-    imitating: Sequence[str] = [words.plain(name) for name in trail.added(best)]
+    imitating: Sequence[str] = [effect.short_words for effect in trail.added(best)]
     if not imitating:
         return residual.text
     more = looks_like(residual.misfit, "the residual beside them")

@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import NUISANCES, WIDER, findings, is_law
+from analysis.collision import Effect, findings, known_effect
 from analysis.diagnosis.result import Diagnosis, Errors
 from analysis.drive import LAWS
-from analysis.inference import trial_effects
 from analysis.shot import AnalysisError, Fit, Quantity
 from levimass import is_drive
 
@@ -44,17 +43,17 @@ class SavedModel:
     """
 
     base: str
-    effects: tuple[str, ...]
+    effects: tuple[Effect, ...]
     parameters: Mapping[str, Quantity]
     covariance: NDArray[np.float64]
     shots: tuple[str, ...]
     errors: Mapping[str, Errors]
     base_parameters: Mapping[str, Quantity] = field(default_factory=dict)
-    tried: tuple[str, ...] = ()
+    tried: tuple[Effect, ...] = ()
 
 
 def saved(
-    fit: Fit, shots: Sequence[str], diagnosis: Diagnosis | None = None, tried: Collection[str] = ()
+    fit: Fit, shots: Sequence[str], diagnosis: Diagnosis | None = None, tried: Collection[Effect] = ()
 ) -> SavedModel:
     """Return what is to be saved of a fit of ``shots``, with the errors of the diagnosis that led to it.
 
@@ -66,18 +65,19 @@ def saved(
         errors = {name: value for name, value in given.items() if value is not None}
     bare = diagnosis.fit_before if diagnosis is not None and not findings(diagnosis.fit_before.effects) else None
     base = dict(bare.parameters) if bare is not None and bare.converged else {}
-    only_tried = tuple(name for name in fit.effects if name in tried)
+    only_tried = tuple(effect for effect in fit.effects if effect in tried)
     parameters = dict(fit.parameters)
     return SavedModel(fit.model, fit.effects, parameters, fit.covariance, tuple(shots), errors, base, only_tried)
 
 
 def to_text(model: SavedModel) -> str:
     """Return the model as TOML."""
+    tried = ", ".join(_string(effect.key) for effect in model.tried)
     lines = [
         f"schema = {_string(SCHEMA)}",
         f"base = {_string(model.base)}",
-        f"effects = [{', '.join(_string(name) for name in model.effects)}]",
-        *([f"tried = [{', '.join(map(_string, model.tried))}]  # no diagnosis named them"] if model.tried else []),
+        f"effects = [{', '.join(_string(effect.key) for effect in model.effects)}]",
+        *([f"tried = [{tried}]  # no diagnosis named them"] if model.tried else []),
         f"shots = [{', '.join(_string(name) for name in model.shots)}]",
         "",
         "[parameters]  # value and standard uncertainty, SI units",
@@ -109,13 +109,7 @@ def from_text(text: str) -> SavedModel:
     base = data.get("base")
     if base not in BASES:
         raise ModelFileError(f"base: {str(base)[:40]!r} is none of {', '.join(BASES)}")
-    effects = _strings(data, "effects")
-    own = set(filter(is_law, effects))
-    known = set(LAWS) if is_drive(base) else own | {kind.name for kind in trial_effects()} | {*NUISANCES, *WIDER}
-    if twice := [name for name in effects if effects.count(name) > 1]:
-        raise ModelFileError(f"effects: {twice[0][:40]!r} is named twice")
-    if unknown := [name for name in effects if name not in known]:
-        raise ModelFileError(f"effects: no effect is called {unknown[0][:40]!r}")
+    effects = _effects(_strings(data, "effects"), base)
     tried = _strings(data, "tried")
     if strange := [name for name in tried if name not in effects]:
         raise ModelFileError(f"tried: {strange[0][:40]!r} is not among the effects")
@@ -137,7 +131,25 @@ def from_text(text: str) -> SavedModel:
             raise ModelFileError(f"errors.{name}: one of {', '.join(_ERRORS)} is expected")
         keys = ("displacement_rms_m", "velocity_rms_m_per_s", "force_rms_n", "reduced_chi2")
         errors[name] = Errors(*(_float(entry, key, name) for key in keys))
-    return SavedModel(base, effects, parameters, covariance, _strings(data, "shots"), errors, base_parameters, tried)
+    return SavedModel(
+        base, tuple(effects.values()), parameters, covariance, _strings(data, "shots"), errors, base_parameters,
+        tuple(effects[name] for name in tried),
+    )  # fmt: skip
+
+
+def effect_in_file(key: str, base: str) -> Effect | None:
+    """Return the effect that a file has under this ``key`` in a model with this base; None where there is none."""
+    return LAWS.get(key) if is_drive(base) else known_effect(key)
+
+
+def _effects(names: Sequence[str], base: str) -> dict[str, Effect]:
+    """Return the effects of these names, by them; ModelFileError where one is unknown or named twice."""
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise ModelFileError(f"effects: {twice[0][:40]!r} is named twice")
+    effects = {name: effect_in_file(name, base) for name in names}
+    if unknown := [name for name, effect in effects.items() if effect is None]:
+        raise ModelFileError(f"effects: no effect is called {unknown[0][:40]!r}")
+    return {name: effect for name, effect in effects.items() if effect is not None}
 
 
 def _check_values(table: str, quantities: Mapping[str, Quantity]) -> None:

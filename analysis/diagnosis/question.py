@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from analysis.collision import WIDER, findings
+from analysis.collision import Acts, Effect, findings
 from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.verdict.criteria import CRITERIA
@@ -34,8 +34,8 @@ class Question:
 
     motions: Sequence[Motion]
     model: str
-    named: Sequence[str]  # effects and laws that the model has already
-    laws: Sequence[str]  # a person's own, tried like the catalogue's effects
+    named: Sequence[Effect]  # effects and laws that the model has already
+    laws: Sequence[Effect]  # a person's own, tried like the catalogue's effects
     hold_out: int | None
     shakings_read: Sequence[Shaking | None] | None
     progress: Progress
@@ -46,10 +46,10 @@ class Question:
     @cached_property
     def catalogue(self) -> Sequence[TrialEffect]:
         """Get every effect that may be tried."""
-        return trial_effects([*self.laws, *(name for name in self.named if "{" in name or name in WIDER)])
+        return trial_effects([*self.laws, *(one for one in self.accepted if one.acts is not Acts.IN_DRIVE)])
 
     @property
-    def accepted(self) -> tuple[str, ...]:
+    def accepted(self) -> tuple[Effect, ...]:
         """Get the effects in the model that a diagnosis could have found."""
         return findings(self.named)
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import called
+from analysis.collision import Effect, OwnLaw
 from analysis.shot import Fit, Quantity, to_json
 
 Floats = NDArray[np.float64]
@@ -38,11 +38,16 @@ class Errors:
 class FoundEffect:
     """An effect that passed every gate, or the class it lies in when another cannot be told from it."""
 
-    name: str
+    effect: Effect
     parameters: Mapping[str, Quantity]
     evidence: Mapping[str, float]
-    indistinguishable_from: tuple[str, ...] = ()
+    indistinguishable_from: tuple[Effect, ...] = ()
     sentence: str = ""
+
+    @property
+    def name(self) -> str:
+        """Get the effect's name."""
+        return self.effect.name
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,13 +74,13 @@ class OtherForm:
 class LearnedLaw:
     """A law off the catalogue as the shots show it (docs/closed-loop.md).
 
-    ``name`` is the key under which the model holds it.  ``form`` and ``formula`` are None where no closed form meets
+    ``effect`` is what the model holds.  ``form`` and ``formula`` are None where no closed form meets
     the curve; ``nearest_form`` is what the model holds then.  The curve, arrays of shape (n,), is the free one with its
     standard uncertainty, moved onto the form by what the base model holds already; ``parameters`` are (quantity, unit)
     by name.
     """
 
-    name: str
+    effect: OwnLaw
     where: str
     argument: str
     form: str | None
@@ -96,7 +101,7 @@ class LearnedLaw:
     @property
     def as_effect(self) -> FoundEffect:
         """Get the law as an effect that can join the model."""
-        return FoundEffect(self.name, {name: q for name, (q, _) in self.parameters.items()}, self.evidence)
+        return FoundEffect(self.effect, {name: q for name, (q, _) in self.parameters.items()}, self.evidence)
 
     def to_json(self) -> dict[str, Any]:
         """Return the law as the result file has it."""
@@ -132,12 +137,17 @@ class Candidate:
     scored (``delta_bic`` None).  None where there is none; the result file does not have it.
     """
 
-    name: str
+    effect: Effect
     score: float
     delta_bic: float | None
     parameters: Mapping[str, Quantity] = field(default_factory=dict)
     remark: str = ""
     explains_m: tuple[Floats, ...] | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def name(self) -> str:
+        """Get the effect's name."""
+        return self.effect.name
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,10 +196,10 @@ def diagnosis_result(diagnosis: Diagnosis) -> dict[str, Any]:
         "sentence": diagnosis.sentence,
         "effects": [
             {
-                "name": called(effect.name),
+                "name": effect.name,
                 "parameters": quantities(effect.parameters),
                 "evidence": dict(effect.evidence),
-                "indistinguishable_from": list(map(called, effect.indistinguishable_from)),
+                "indistinguishable_from": [other.name for other in effect.indistinguishable_from],
                 "sentence": effect.sentence,
             }
             for effect in diagnosis.effects
@@ -197,14 +207,14 @@ def diagnosis_result(diagnosis: Diagnosis) -> dict[str, Any]:
         "laws": [law.to_json() for law in diagnosis.laws],
         "imitated_by": [
             {
-                "name": called(effect.name),
+                "name": effect.name,
                 "parameters": {name: {"value": quantity.value} for name, quantity in effect.parameters.items()},
             }
             for effect in diagnosis.imitated_by
         ],
         "candidates": [
             {
-                "name": called(candidate.name),
+                "name": candidate.name,
                 "score": candidate.score,
                 "delta_bic": candidate.delta_bic,
                 "parameters": quantities(candidate.parameters),

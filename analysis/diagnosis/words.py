@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from analysis.collision import NUISANCES, from_key, named
+from analysis.collision import NUISANCES, Effect, OwnLaw
 from analysis.diagnosis import contact_family
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
@@ -27,11 +27,6 @@ ONE_WITH_TWO_READINGS = {
 }
 
 
-def plain(name: str) -> str:
-    """Return an effect's name in words; a law's are those it was given."""
-    return from_key(name).words if "{" in name else name.replace("_", " ")
-
-
 def unit_of(parameter: str) -> str:
     """Return the unit that a parameter's name carries, or nothing."""
     return words_and_unit(parameter.split(".")[0])[1]
@@ -49,24 +44,24 @@ def quantity(name: str, value: Quantity, unit: str | None = None) -> str:
     return f"{value.in_a_sentence()} {unit}".strip()
 
 
-def found(name: str, parameters: Mapping[str, Quantity], others: Sequence[str]) -> str:
+def found(effect: Effect, parameters: Mapping[str, Quantity], others: Sequence[Effect]) -> str:
     """Return the sentence of one found effect; a phase, every shot's own, is for the table of parameters."""
     told = {key: q for key, q in parameters.items() if not key.startswith("phase_rad")}
-    if "{" in name:
-        law = from_key(name)
-        units = {parameter.name: parameter.unit for parameter in law.parameters}
+    if isinstance(effect, OwnLaw):
+        units = {parameter.name: parameter.unit for parameter in effect.parameters}
         sizes = ", ".join(f"{key} {quantity(key, q, units.get(key))}" for key, q in told.items())
-        numbers = f"{law.formula.text} with {sizes}"
+        numbers = f"{effect.formula.text} with {sizes}"
     else:
         numbers = ", ".join(f"{stem(key)} {quantity(key, q)}" for key, q in told.items())
     if len(others) > CRITERIA.undetermined:
-        return f"a further small effect whose form this data does not determine (best as {plain(name)}: {numbers})"
+        best = f"{effect.short_words}: {numbers}"
+        return f"a further small effect whose form this data does not determine (best as {best})"
     if others:
-        group = frozenset({name, *others})
+        group = frozenset(one.name for one in (effect, *others))
         klass = next((words for names, words in CLASSES.items() if group <= names), "")
-        listed = " or ".join(plain(n) for n in (name, *others))
-        return f"{klass + ': ' if klass else ''}{listed}; as {plain(name)}: {numbers}"
-    return f"{plain(name)}: {numbers}"
+        listed = " or ".join(one.short_words for one in (effect, *others))
+        return f"{klass + ': ' if klass else ''}{listed}; as {effect.short_words}: {numbers}"
+    return f"{effect.short_words}: {numbers}"
 
 
 def learned(law: LearnedLaw) -> str:
@@ -148,14 +143,13 @@ def taken_along(fit: Fit) -> str:
         return ""
     spans = [f"{stem(full.split('.')[1])} the contact {min(v):.2g} to {max(v):.2g}" for full, v in own.items()]
     name, _, parameter = next(iter(own)).partition(".")
-    return f" Each shot has its own {plain(name)}: {', '.join(spans)} {unit_of(parameter)}."
+    return f" Each shot has its own {NUISANCES[name].short_words}: {', '.join(spans)} {unit_of(parameter)}."
 
 
-def separating(name: str, others: Sequence[str], speeds: Sequence[float]) -> str:
+def separating(effect: Effect, others: Sequence[Effect], speeds: Sequence[float]) -> str:
     """Return the shot that would tell look-alikes apart."""
     fast, slow = max(speeds), min(speeds)
-    group = {name, *others[:1]}
-    if any(named(name).at_rest for name in group):
+    if any(one.at_rest for one in (effect, *others[:1])):
         return f"a slow shot, at {0.3 * slow:.2g} m/s, recorded for as long as it flies: what drifts grows with time"
     if fast < 1.6 * slow:
         return f"two more, at {0.5 * slow:.2g} m/s and at {1.6 * fast:.2g} m/s: each goes with the speed its own way"

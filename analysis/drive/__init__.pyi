@@ -1,5 +1,5 @@
 from .bandwidth import force_noise
-from .catalogue import LAWS
+from .catalogue import GAIN_ERROR, LAWS, Law, laws_named
 from .curves import DriveCurves, drive_curves
 from .driven_fit import as_fit, chi2, filtered_noise_n, fit_driven, prediction_residual_n
 from .law_search import LawSearch, Split, Trial, look_alikes, search_laws
@@ -10,8 +10,10 @@ from .stretch import prepare
 from .table import Mask, Table
 
 __all__ = [
+    "GAIN_ERROR",
     "LAWS",
     "DriveCurves",
+    "Law",
     "LawSearch",
     "Mask",
     "MassCheck",
@@ -28,6 +30,7 @@ __all__ = [
     "filtered_noise_n",
     "fit_driven",
     "force_noise",
+    "laws_named",
     "look_alikes",
     "prediction_residual_n",
     "prepare",

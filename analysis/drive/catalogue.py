@@ -6,7 +6,7 @@ which are searched.  To add a law, add a function and a row of ``LAWS``.  Source
 "Dynamic model identification for industrial robots", IEEE Control Syst. 27 (2007).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -14,7 +14,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from analysis.collision import Acts, Effect, Parameter
 from analysis.drive.stretch import LONGEST_DELAY, Stretch
+from analysis.shot import AnalysisError, words_and_unit
 
 Floats = NDArray[np.float64]
 Columns = tuple[Floats, ...]
@@ -51,8 +53,8 @@ class NonlinearParameter:
         return 1.0 / stretches[0].bandwidth_hz if self.scale is ParameterScale.TIME else 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class Law:
+@dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
+class Law(Effect):
     """One law of a drive.
 
     ``force(stretch, nonlinear)`` returns a column (n,) for each linear parameter, in N per unit of it.  Without
@@ -60,18 +62,36 @@ class Law:
     from the measured force, so where it is nearly proportional to it, it would explain anything.
     """
 
-    name: str
     linear: tuple[str, ...]
     formula: str
     force: Callable[[Stretch, Sequence[float]], Columns] | None
-    nonlinear: tuple[NonlinearParameter, ...] = ()
-    of_force: bool = False
-    words: str = ""  # where the name alone does not say it
+    nonlinear_parameters: tuple[NonlinearParameter, ...]
+    of_force: bool
 
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Get the names of all parameters, the linear ones first."""
-        return (*self.linear, *(parameter.name for parameter in self.nonlinear))
+
+def _law(
+    name: str,
+    linear: tuple[str, ...],
+    formula: str,
+    force: Callable[[Stretch, Sequence[float]], Columns] | None,
+    nonlinear: tuple[NonlinearParameter, ...] = (),
+    *,
+    of_force: bool = False,
+    words: str = "",  # where the name alone does not say it
+) -> Law:
+    names = (*linear, *(parameter.name for parameter in nonlinear))
+    return Law(
+        name,
+        words or name.replace("_", " "),
+        Acts.IN_DRIVE,
+        tuple(Parameter(one, words_and_unit(one)[1], 1.0) for one in names),
+        names[0],
+        linear=linear,
+        formula=formula,
+        force=force,
+        nonlinear_parameters=nonlinear,
+        of_force=of_force,
+    )
 
 
 def coulomb(stretch: Stretch, _nonlinear: Sequence[float]) -> Columns:
@@ -167,14 +187,14 @@ REACH = NonlinearParameter("reach_m", ParameterScale.TRAVEL, 1e-7, 0.3, tuple(np
 LAWS: dict[str, Law] = {
     law.name: law
     for law in (
-        Law("coulomb_friction", ("force_n",), "F_c sgn v", coulomb),
-        Law("directional_viscous_drag", ("coefficient_n_s_per_m",), "c_d |v|", directional_drag,
+        _law("coulomb_friction", ("force_n",), "F_c sgn v", coulomb),
+        _law("directional_viscous_drag", ("coefficient_n_s_per_m",), "c_d |v|", directional_drag,
             words="direction-dependent viscous drag"),
-        Law("quadratic_drag", ("coefficient_n_s2_per_m2",), "c v|v|", quadratic_drag),
-        Law("stribeck_friction", ("force_n",), "F_s sgn v exp(-|v|/v_s)", stribeck, (SPEED,),
+        _law("quadratic_drag", ("coefficient_n_s2_per_m2",), "c v|v|", quadratic_drag),
+        _law("stribeck_friction", ("force_n",), "F_s sgn v exp(-|v|/v_s)", stribeck, (SPEED,),
             words="Stribeck friction"),
-        Law("presliding_friction", ("force_n",), "F_d (z - sgn v), dz/dx = (1 - z sgn v)/reach", dahl, (REACH,)),
-        Law(
+        _law("presliding_friction", ("force_n",), "F_d (z - sgn v), dz/dx = (1 - z sgn v)/reach", dahl, (REACH,)),
+        _law(
             "lugre_friction", ("force_n",), "F_l (z - sgn v), z bending to 1 + e exp(-(v/v_s)^2) over a reach", lugre,
             (
                 NonlinearParameter("reach_m", ParameterScale.TRAVEL, 1e-7, 0.3, (1e-4, 1e-3)),
@@ -183,20 +203,20 @@ LAWS: dict[str, Law] = {
             ),
             words="LuGre friction",
         ),
-        Law(
+        _law(
             "position_ripple", ("sine_n", "cosine_n"), "s sin(2 pi x/p) + c cos(2 pi x/p)", ripple,
             (NonlinearParameter("pitch_m", ParameterScale.PITCH, 1.0 / 400.0, 0.7),),
             words="a ripple along the travel",
         ),
-        Law("place_dependent_friction", ("slope_n_per_m", "curvature_n_per_m2"), "sgn v (s x + q x^2)", place_friction,
+        _law("place_dependent_friction", ("slope_n_per_m", "curvature_n_per_m2"), "sgn v (s x + q x^2)", place_friction,
             words="position-dependent friction"),
-        Law("load_dependent_friction", ("fraction",), "m |F| sgn v", load_friction, of_force=True,
+        _law("load_dependent_friction", ("fraction",), "m |F| sgn v", load_friction, of_force=True,
             words="load-dependent friction"),
-        Law("bearing_gradient", ("stiffness_n_per_m",), "k x", gradient),
-        Law("quadratic_stiffness", ("coefficient_n_per_m2",), "k_2 x^2", quadratic_spring,
+        _law("bearing_gradient", ("stiffness_n_per_m",), "k x", gradient),
+        _law("quadratic_stiffness", ("coefficient_n_per_m2",), "k_2 x^2", quadratic_spring,
             words="an asymmetric spring"),
-        Law("cubic_stiffness", ("coefficient_n_per_m3",), "k_3 x^3", cubic_spring),
-        Law(
+        _law("cubic_stiffness", ("coefficient_n_per_m3",), "k_3 x^3", cubic_spring),
+        _law(
             "drive_delay", (), "F(t - time)", None,
             (
                 NonlinearParameter(
@@ -208,3 +228,15 @@ LAWS: dict[str, Law] = {
         ),
     )
 }  # fmt: skip
+
+GAIN_ERROR = Effect(  # a candidate of a diagnosis, and no law that a model may have
+    "gain_error", "an error of the force's scale", Acts.IN_DRIVE, (Parameter("fraction", "", 1e-3),), "fraction"
+)
+
+
+def laws_named(laws: Iterable[Effect | str]) -> tuple[Law, ...]:
+    """Return a drive's laws, some of which a script gives by their names.  Raises AnalysisError for anything else."""
+    names = [law if isinstance(law, str) else law.name for law in laws]
+    if unknown := [name for name in names if name not in LAWS]:
+        raise AnalysisError(f"no effect of a drive is called {unknown[0]!r}; there are {', '.join(LAWS)}")
+    return tuple(LAWS[name] for name in names)

@@ -48,7 +48,7 @@ def drive_curves(motion: Motion, fit: Fit) -> DriveCurves:
 
     table = Table.of(prepare([motion]))
     known = {name: quantity.value for name, quantity in fit.parameters.items()}
-    held = regress(table, fit.effects, None, None, known)
+    held = regress(table, [effect.name for effect in fit.effects], None, None, known)
     measured = table.force(delay_of(held.nonlinear))
     stretch = table.stretches[0]
     breaks = 1 + np.flatnonzero(np.diff(table.time_s) > GAP * stretch.step / stretch.sample_rate_hz)

@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.collision import Effect
 from analysis.drive.bandwidth import force_noise
+from analysis.drive.catalogue import laws_named
 from analysis.drive.law_search import fit_accepted
 from analysis.drive.mass_check import FLAG, MASS, MassCheck, check_mass
 from analysis.drive.regression import Regression, regress, rms
@@ -19,11 +21,11 @@ from analysis.signal import derivative_filters
 Floats = NDArray[np.float64]
 
 
-def fit_driven(motions: Sequence[Motion], effects: Sequence[str] = (), stop: Stop = lambda: False) -> Fit:
+def fit_driven(motions: Sequence[Motion], effects: Sequence[Effect | str] = (), stop: Stop = lambda: False) -> Fit:
     """Return the slider's fit; its ``shots`` are empty, as nothing collides.  Raises AnalysisError, Cancelled."""
     began = time.perf_counter()
     table = Table.of(prepare(motions), stop)
-    free = fit_accepted(table, effects)
+    free = fit_accepted(table, [law.name for law in laws_named(effects)])
     mass_check = check_mass(motions, free)
     found = regress(table, free.laws, None, free.nonlinear, mass_check.fixed)
     repeatability = repeatability_of(table, found, filtered_noise_n(motions, table.stretches, found))
@@ -52,7 +54,7 @@ def as_fit(
         reduced_chi2=chi2(found.rms_n, repeatability),
         noise_std_m=float(np.median([np.nanmedian(motion.displacement_std_m) for motion in motions])),
         converged=True,
-        effects=found.laws,
+        effects=laws_named(found.laws),
         flags=() if mass_check.agrees else (FLAG,),
         seconds=seconds,
     )
@@ -73,7 +75,7 @@ def filtered_noise_n(motions: Sequence[Motion], stretches: Sequence[Stretch], fo
     return float(np.hypot(force * through, weight * place))
 
 
-def prediction_residual_n(table: Table, effects: Sequence[str], parameters: Mapping[str, Quantity]) -> Floats:
+def prediction_residual_n(table: Table, effects: Sequence[Effect], parameters: Mapping[str, Quantity]) -> Floats:
     """Return measured minus predicted force of a saved model, shape (m,); only the offset is fitted to the record."""
     known = {name: quantity.value for name, quantity in parameters.items() if name != "offset_n"}
-    return regress(table, effects, None, None, known).residual_n
+    return regress(table, [effect.name for effect in effects], None, None, known).residual_n

@@ -78,7 +78,9 @@ def screen_laws(
 
 def grid_points(law: Law, stretches: Sequence[Stretch]) -> list[tuple[float, ...]]:
     """Return the points of a law's grid, in the parameters' units."""
-    axes = [[share * parameter.scale_in(stretches) for share in parameter.grid] for parameter in law.nonlinear]
+    axes = [
+        [share * parameter.scale_in(stretches) for share in parameter.grid] for parameter in law.nonlinear_parameters
+    ]
     return list(itertools.product(*axes))
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.drive.catalogue import LAWS
+from analysis.drive.catalogue import LAWS, laws_named
 from analysis.drive.law_screening import CandidateLaws, screen_laws
 from analysis.drive.regression import NonlinearValues, Regression, delay_of, design, regress, rms
 from analysis.drive.repeatability import folds
@@ -101,8 +101,7 @@ def search_laws(
 
 def fit_accepted(table: Table, laws: Sequence[str], mask: Mask | None = None) -> Regression:
     """Return the fit of base and ``laws``, added in the order of their screening.  Raises AnalysisError."""
-    if unknown := [law for law in laws if law not in LAWS]:
-        raise AnalysisError(f"no effect of a drive is called {unknown[0]!r}; there are {', '.join(LAWS)}")
+    laws_named(laws)  # refuses what is none
     found = regress(table, (), mask)
     while missing := [law for law in laws if law not in found.laws]:
         screened = screen_laws(table, found, pairs=len(missing) > 1, laws=missing)

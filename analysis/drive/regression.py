@@ -54,7 +54,7 @@ class Regression:
 
     def parameters(self, law: str) -> dict[str, Quantity]:
         """Return the parameters of one law by their own names."""
-        return {name: self.quantity(f"{law}.{name}") for name in LAWS[law].parameters}
+        return {p.name: self.quantity(f"{law}.{p.name}") for p in LAWS[law].parameters}
 
 
 def rms(values: Floats) -> float:
@@ -96,7 +96,7 @@ def regress(
     table.raise_if_cancelled()
     mask = table.everything if mask is None else mask
     fixed = fixed or {}
-    begin = {name: _start_values(name, start or {}, fixed) for name in laws if LAWS[name].nonlinear}
+    begin = {name: _start_values(name, start or {}, fixed) for name in laws if LAWS[name].nonlinear_parameters}
     nonlinear = _search_nonlinear(table, laws, mask, begin, fixed)
     linear, columns, target = _linear_part(table, laws, nonlinear, fixed)
     if linear and linearly_dependent(columns[mask]):
@@ -133,17 +133,18 @@ def _free_nonlinear(nonlinear: NonlinearValues, fixed: Mapping[str, float]) -> l
 
 
 def _start_values(law: str, start: NonlinearValues, fixed: Mapping[str, float]) -> tuple[float, ...]:
-    given = start.get(law, (np.nan,) * len(LAWS[law].nonlinear))
+    given = start.get(law, (np.nan,) * len(LAWS[law].nonlinear_parameters))
     return tuple(fixed.get(_parameter_name(law, k), value) for k, value in enumerate(given))
 
 
 def _parameter_names(laws: Sequence[str]) -> tuple[str, ...]:
     linear = [f"{name}.{parameter}" for name in laws for parameter in LAWS[name].linear]
-    return (*BASE, *linear, *(_parameter_name(name, k) for name in laws for k in range(len(LAWS[name].nonlinear))))
+    nonlinear = [f"{name}.{parameter.name}" for name in laws for parameter in LAWS[name].nonlinear_parameters]
+    return (*BASE, *linear, *nonlinear)
 
 
 def _parameter_name(law: str, k: int) -> str:
-    return f"{law}.{LAWS[law].nonlinear[k].name}"
+    return f"{law}.{LAWS[law].nonlinear_parameters[k].name}"
 
 
 def _linear_part(
@@ -180,7 +181,7 @@ def _search_nonlinear(
     held = {name: list(values) for name, values in begin.items()}
     if not free:
         return dict(begin)
-    parameters = [LAWS[name].nonlinear[k] for name, k in free]
+    parameters = [LAWS[name].nonlinear_parameters[k] for name, k in free]
     scales = [parameter.scale_in(table.stretches) for parameter in parameters]
 
     def at(z: Floats) -> dict[str, tuple[float, ...]]:
@@ -238,7 +239,7 @@ def _derivative(
 ) -> Floats:
     """Return the derivative of the modelled force by the nonlinear parameter ``at`` (law, index), others constant."""
     name, k = at
-    parameter = LAWS[name].nonlinear[k]
+    parameter = LAWS[name].nonlinear_parameters[k]
     width = parameter.scale_in(table.stretches) * (parameter.high - parameter.low)
     size = _STEP * (nonlinear[name][k] if parameter.logarithmic else width)
     sides = []

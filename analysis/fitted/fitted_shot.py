@@ -10,6 +10,7 @@ from typing import Any
 
 from numpy.linalg import LinAlgError
 
+from analysis.collision import Effect
 from analysis.fitted.fit_time import SECONDS, FitTime, run_in_time
 from analysis.shot import (
     FIT_FLAGS,
@@ -107,7 +108,7 @@ def read_together(shots: Sequence[Shot], fit: Fit) -> list[Shot]:
     return [read_with(shot, fit.on_plate(next(plates))) if it else shot for shot, it in zip(shots, fitted, strict=True)]
 
 
-def fit_again(shot: Shot, effects: tuple[str, ...], cancelled: Callable[[], bool] | None = None) -> Shot:
+def fit_again(shot: Shot, effects: tuple[Effect, ...], cancelled: Callable[[], bool] | None = None) -> Shot:
     """Return ``shot`` fitted with its own base model and ``effects``; unchanged where there is nothing to fit.
 
     Where the fit fails the shot is returned without one and flagged.  Raises Cancelled.
@@ -150,7 +151,7 @@ def shaking_of(shot: Shot) -> Shaking | None:
 def fit_jointly(
     motions: Sequence[Motion],
     base: str,
-    effects: tuple[str, ...],
+    effects: tuple[Effect, ...],
     cancelled: Callable[[], bool] | None = None,
     shakings: Sequence[Shaking | None] = (),
     seconds: float = SECONDS,
@@ -200,7 +201,7 @@ class ReadingsModel:
     """The model from which ``readings``, by their names in the result, come: a base and its effects."""
 
     base: str
-    effects: tuple[str, ...]
+    effects: tuple[Effect, ...]
     readings: tuple[str, ...]
 
 
@@ -218,4 +219,4 @@ def readings_model(shot: Shot) -> ReadingsModel | None:
 def readings_model_result(model: ReadingsModel | None) -> dict[str, Any] | None:
     if model is None:
         return None
-    return {"base": model.base, "effects": list(model.effects), "readings": list(model.readings)}
+    return {"base": model.base, "effects": [effect.key for effect in model.effects], "readings": list(model.readings)}

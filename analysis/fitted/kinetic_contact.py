@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import Collision, Event, Variant, named, solve
+from analysis.collision import Collision, Event, Variant, solve
 from analysis.shot import Fit, NotSeen, Quantity, Reading
 from levimass import is_drive
 
@@ -41,7 +41,7 @@ def fitted_contact_cor(fit: Fit, block_mass_kg: float) -> Reading:
         return NotSeen("the fit did not converge")
     if is_drive(fit.model):
         return NotSeen("a driven slider has no contact")
-    foreign = sorted(name for name in fit.effects if named(name).changes_contact)
+    foreign = sorted(effect.name for effect in fit.effects if effect.changes_contact)
     if foreign:
         return NotSeen(f"with {', '.join(foreign)} the first contact has no single COR of its own")
     values = {name: quantity.value for name, quantity in fit.parameters.items()}

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from analysis.collision import Infeasible
 from analysis.fitted.fitted_shot import READ_FROM_MODEL
-from analysis.inference import Hypothesis, JointData, Point, averaged_shot, base_named, trials_named
+from analysis.inference import Hypothesis, JointData, Point, averaged_shot, base_named, trials_of
 from analysis.shot import AnalysisError, Fit, Impact, Motion, NotSeen, Quantity, Reading
 from levimass import is_drive
 
@@ -87,7 +87,7 @@ def _pulse(fit: Fit, motion: Motion) -> _Pulse:
     """Return the model's first contact with its covariance, by numerical derivatives of a solved shot."""
     shot = fit.shots[0]
     data = JointData((averaged_shot(motion),), base_named(fit.model))
-    hypothesis = Hypothesis(data, trials_named(fit.effects))
+    hypothesis = Hypothesis(data, trials_of(fit.effects))
     own = np.array([q.value for q in (shot.velocity_in_m_per_s, shot.touch_time_s, shot.offset_m)])
     names = list(fit.parameters)
     at = np.array([fit.parameters[name].value for name in names])
@@ -98,11 +98,11 @@ def _pulse(fit: Fit, motion: Motion) -> _Pulse:
 
     def pulse(parameters: Floats, speed: float) -> Floats:
         known = dict(zip(names, parameters, strict=True))
-        values: dict[str, dict[str, float]] = {row.name: dict(row.starts[0]) for row in hypothesis.effects}
-        for name, value in [*mine.items(), *known.items()]:
-            effect, _, parameter = name.partition(".")
-            if parameter:
-                values[effect][parameter] = float(value)
+        every = {**mine, **known}
+        values = {
+            effect: {p.name: float(every[f"{effect.key}.{p.name}"]) for p in effect.parameters}
+            for effect in fit.effects
+        }
         base = np.array([known[name] for name in data.base.names])
         point = Point(base, np.array([[speed, *own[1:]]]), (values,))
         run = hypothesis.run(0, point)

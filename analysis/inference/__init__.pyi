@@ -8,7 +8,7 @@ from .fit.derivatives import linearised_shot, solved
 from .fit.effective_parameters import Point, to_actual, to_effective
 from .fit.first_fit import first_fit
 from .fit.first_guesses import first_guesses
-from .fit.free_parameters import TrialEffect, trial_effect, trial_effects, trials_named
+from .fit.free_parameters import TrialEffect, trial_effect, trial_effects, trials_of
 from .fit.hypothesis import Hypothesis
 from .fit.hypothesis_fit import (
     Fitted,
@@ -103,7 +103,7 @@ __all__ = [
     "to_effective",
     "trial_effect",
     "trial_effects",
-    "trials_named",
+    "trials_of",
     "under_likely_noises",
     "white_floor",
     "white_of",

@@ -8,7 +8,7 @@ from math import inf, sqrt
 from analysis.collision import Infeasible
 from analysis.compiled import side_by_side
 from analysis.diagnosis import CRITERIA, unforetold
-from analysis.inference import Samples, trials_named
+from analysis.inference import Samples, trial_effect
 from analysis.planning.model_comparison import ComparedModel, ModelComparison, rivals
 from analysis.planning.next_shot import NextShot
 from analysis.planning.predictions import (
@@ -159,12 +159,12 @@ def search_rivals_again(
     comparison, some seconds.
     """
     places = {member.effect: place for place, member in enumerate(comparison.members)}
-    grids = {name for name in places if len(trials_named([name])[0].starts) > 1}
+    grids = {effect for effect in places if len(trial_effect(effect).starts) > 1}
     empty = [blank_shot(shot, comparison.members[0].fitted) for shot in shots]
     out = dict(known)
     for true, value in nearest(known).items():
         member = comparison.members[true]
-        others = [name for name, place in places.items() if name in grids and (true, place) in known]
+        others = [effect for effect, place in places.items() if effect in grids and (true, place) in known]
         if not others or value < CRITERIA.separation:
             continue
         best = fit_as_if_taken(member.fitted, [predict(member.fitted, one) for one in empty], comparison.floor)

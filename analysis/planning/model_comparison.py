@@ -6,7 +6,7 @@ from math import inf, isfinite
 
 import numpy as np
 
-from analysis.collision import Infeasible, named
+from analysis.collision import Effect, Infeasible
 from analysis.diagnosis import CRITERIA, Trail, fitted_instead, separation, unforetold, without
 from analysis.inference import (
     FINE_RATE_HZ,
@@ -25,7 +25,7 @@ from analysis.inference import (
     shakings_of,
     site_under,
     start_from_fit,
-    trials_named,
+    trials_of,
     white_of,
 )
 from analysis.shot import AnalysisError, Fit, Motion, Stop
@@ -38,7 +38,7 @@ _UNLIKELY = 9.0  # of chi^2 above the best: three sigma, beyond which a member i
 class ComparedModel:
     """One of the compared models: the effect in which it differs from the others, and its fit."""
 
-    effect: str
+    effect: Effect
     fitted: Fitted
     chi2: float  # with the noise that all members are compared with
     penalty: float = 0.0  # in addition, as chi^2: for parameters with a value of their own in every shot
@@ -61,9 +61,9 @@ class ModelComparison:
     floor: Floor
     shared_nats: float = inf
 
-    def has_penalty(self, effect: str) -> bool:
+    def has_penalty(self, effect: Effect) -> bool:
         """Return whether an effect pays for having values in every shot while others' are shared."""
-        return named(effect).own and isfinite(self.shared_nats)
+        return effect.own and isfinite(self.shared_nats)
 
     @property
     def likely(self) -> tuple[ComparedModel, ...]:
@@ -74,7 +74,7 @@ class ModelComparison:
         """Get the separation of the two likeliest members in noise norms, the root of their misfits' difference."""
         return self.separation_from(())
 
-    def separation_from(self, excluded: Collection[str]) -> float:
+    def separation_from(self, excluded: Collection[Effect]) -> float:
         """Return the separation from the next member that is not among ``excluded``; 0 where there is none."""
         best, *others = self.members
         left = [other.misfit - best.misfit for other in others if other.effect not in excluded]
@@ -82,19 +82,19 @@ class ModelComparison:
 
 
 def compare_models(
-    given: Fit, among: Sequence[str], motions: Sequence[Motion], stop: Stop = lambda: False
+    given: Fit, among: Sequence[Effect], motions: Sequence[Motion], stop: Stop = lambda: False
 ) -> ModelComparison | None:
     """Compare ``given``, a joint fit of ``motions``, with fits in which each effect ``among`` replaces the one in it.
 
     None where none of these effects is in ``given``, or no other has a solution for these shots.  Raises AnalysisError
     where the fit is not one of these shots, Cancelled.
     """
-    name = next((name for name in among if name in given.effects), None)
-    if name is None:
+    effect = next((effect for effect in among if effect in given.effects), None)
+    if effect is None:
         return None
-    others = [other for other in among if other != name]
+    others = [other for other in among if other != effect]
     best = refit_diagnosed(given, motions, stop, others)
-    members = [ComparedModel(name, best, best.chi2(best.floor)), *rivals(best, name, others, stop)]
+    members = [ComparedModel(effect, best, best.chi2(best.floor)), *rivals(best, effect, others, stop)]
     if len(members) < 2:
         return None
     nats = _shared_nats(members)
@@ -102,9 +102,9 @@ def compare_models(
     return ModelComparison(tuple(sorted(members, key=lambda member: member.misfit)), best.floor, nats)
 
 
-def penalty(effect: str, fitted: Fitted, shared_nats: float) -> float:
+def penalty(effect: Effect, fitted: Fitted, shared_nats: float) -> float:
     """Return the penalty, as chi^2, of an effect whose parameters have values of their own in every shot."""
-    if not named(effect).own:
+    if not effect.own:
         return 0.0
     theirs = unforetold(fitted, effect)
     return 0.0 if theirs is None else 2 * max(0.0, theirs.nats - shared_nats)
@@ -115,7 +115,7 @@ def _shared_nats(members: Sequence[ComparedModel]) -> float:
 
     Only members with values in every shot pay the difference: among the others, fewer parameters are no advantage.
     """
-    shared = [member for member in members if not named(member.effect).own]
+    shared = [member for member in members if not member.effect.own]
     best = min(shared, key=lambda member: member.chi2, default=None)
     if best is None or len(shared) == len(members):
         return inf
@@ -124,38 +124,38 @@ def _shared_nats(members: Sequence[ComparedModel]) -> float:
 
 
 def rivals(
-    best: Fitted, name: str, others: Sequence[str], stop: Stop, tolerance: float = _ARRIVED
+    best: Fitted, effect: Effect, others: Sequence[Effect], stop: Stop, tolerance: float = _ARRIVED
 ) -> list[ComparedModel]:
-    """Return the fits in which each of ``others`` replaces the effect ``name``, begun where it imitates that best.
+    """Return the fits in which each of ``others`` replaces the ``effect``, begun where it imitates that best.
 
     All are compared with the noise of ``best``: their own noise might absorb what they cannot describe.  ``tolerance``
     is the decrease of chi^2 at which a search may end.
     """
-    kinds = trials_named(others)
-    far = separation(best, projector(best), name, kinds, stop)
-    fewer = without(best, name, Trail(best, kinds, stop))
-    frequency = best.point.values[0][name].get("frequency_hz")
+    kinds = trials_of(others)
+    far = separation(best, projector(best), effect, kinds, stop)
+    fewer = without(best, effect, Trail(best, kinds, stop))
+    frequency = best.point.values[0][effect].get("frequency_hz")
     out = []
     for kind in kinds:
-        if fewer is None or kind.name not in far.starts:
+        if fewer is None or kind.effect not in far.starts:
             continue
         rival = fitted_instead(best, projector(fewer), far, frequency, stop, kind)
         if rival is not None:
             ended = search(rival.hypothesis, rival.z, best.floor, evaluations=40, tolerance=tolerance, cancelled=stop)
             rival = finish(rival.hypothesis, ended, best.floor)
-            out.append(ComparedModel(kind.name, rival, rival.chi2(best.floor)))
+            out.append(ComparedModel(kind.effect, rival, rival.chi2(best.floor)))
     return out
 
 
-def refit_diagnosed(given: Fit, motions: Sequence[Motion], stop: Stop, others: Sequence[str] = ()) -> Fitted:
+def refit_diagnosed(given: Fit, motions: Sequence[Motion], stop: Stop, others: Sequence[Effect] = ()) -> Fitted:
     """Return the final fit of a diagnosis with its hypothesis, at a sample rate that suits the ``others`` as well."""
-    kinds = trials_named(given.effects)
-    finely = any(named(name).ripples for name in (*given.effects, *others))
+    kinds = trials_of(given.effects)
+    finely = any(effect.ripples for effect in (*given.effects, *others))
     site = site_under(motions, shakings_of(motions, given.model, None), CRITERIA.site_nm)
     begin = start_from_fit(given, motions)
     data = joint_data(motions, begin, site, FINE_RATE_HZ if finely else RATE_HZ)
-    values = tuple({kind.name: _values(given, kind.name, shot) for kind in kinds} for shot in range(len(motions)))
-    fixed = {kind.name: fixed_of(kind, values[0][kind.name]) for kind in kinds}
+    values = tuple({kind.effect: _values(given, kind.effect, shot) for kind in kinds} for shot in range(len(motions)))
+    fixed = {kind.effect: fixed_of(kind, values[0][kind.effect]) for kind in kinds}
     hypothesis = Hypothesis(data, kinds, fixed)
     z = hypothesis.pack(Point(begin.shared, begin.own, values))
     try:
@@ -164,6 +164,6 @@ def refit_diagnosed(given: Fit, motions: Sequence[Motion], stop: Stop, others: S
         raise AnalysisError(f"the diagnosed model has no motion for these shots: {why}") from why
 
 
-def _values(given: Fit, name: str, shot: int) -> Mapping[str, float]:
+def _values(given: Fit, effect: Effect, shot: int) -> Mapping[str, float]:
     every = {**given.parameters, **given.shots[shot].own_parameters}
-    return {p.name: every[f"{name}.{p.name}"].value for p in named(name).parameters}
+    return {p.name: every[f"{effect.key}.{p.name}"].value for p in effect.parameters}

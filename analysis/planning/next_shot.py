@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # the settings need what a rig can do, not the diagnosis
+    from analysis.collision import Effect
     from analysis.diagnosis import Diagnosis
     from analysis.inference import Samples
     from analysis.shot import Motion
@@ -109,9 +110,9 @@ def usual_flights(shots: Sequence[Samples]) -> tuple[float, float]:
     return max(before, 2e-3), max(after, 5e-3)
 
 
-def undecided(diagnosis: Diagnosis) -> tuple[str, ...]:
+def undecided(diagnosis: Diagnosis) -> tuple[Effect, ...]:
     """Return the first effect that the diagnosis could not distinguish from others, and those; () where none is."""
-    for effect in diagnosis.effects:
-        if effect.indistinguishable_from:
-            return (effect.name, *effect.indistinguishable_from[: MOST_MEMBERS - 1])
+    for found in diagnosis.effects:
+        if found.indistinguishable_from:
+            return (found.effect, *found.indistinguishable_from[: MOST_MEMBERS - 1])
     return ()

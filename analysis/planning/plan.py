@@ -14,6 +14,7 @@ from itertools import combinations_with_replacement
 from math import inf
 from typing import Any
 
+from analysis.collision import Effect
 from analysis.diagnosis import CRITERIA
 from analysis.planning.distances import (
     Distances,
@@ -50,13 +51,13 @@ class Plan:
     """
 
     shots: Shots
-    members: tuple[str, ...]
+    members: tuple[Effect, ...]
     now: float
-    expected: Mapping[str, float]
-    after_first: Mapping[str, float]
+    expected: Mapping[Effect, float]
+    after_first: Mapping[Effect, float]
     best: float
-    inseparable: tuple[str, ...]
-    inseparable_from: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    inseparable: tuple[Effect, ...]
+    inseparable_from: Mapping[Effect, tuple[Effect, ...]] = field(default_factory=dict)
 
     @property
     def settles(self) -> bool:
@@ -66,17 +67,17 @@ class Plan:
     @property
     def separation(self) -> float:
         """Get the smallest expected separation over the separable members."""
-        separable = [value for name, value in self.expected.items() if name not in self.inseparable]
+        separable = [value for effect, value in self.expected.items() if effect not in self.inseparable]
         return min(separable, default=max(self.expected.values(), default=0.0))
 
     def to_json(self) -> dict[str, Any]:
         return {
             "shots": [shot.to_json() for shot in self.shots],
-            "between": list(self.members),
-            "expected_if": dict(self.expected),
+            "between": [effect.key for effect in self.members],
+            "expected_if": {effect.key: value for effect, value in self.expected.items()},
             "best_separation": self.best,
-            "inseparable": list(self.inseparable),
-            "one_with": {name: list(others) for name, others in self.inseparable_from.items()},
+            "inseparable": [effect.key for effect in self.inseparable],
+            "one_with": {one.key: [other.key for other in others] for one, others in self.inseparable_from.items()},
         }
 
 
@@ -104,30 +105,30 @@ def plan(
         return _chosen(comparison, pairs, most, on_the_block, refitting, stop)
 
     left, never, chosen, found = _separable(distances, most, choose)
-    names = [member.effect for member in comparison.members]
+    effects = [member.effect for member in comparison.members]
     of = _most_of({shots: nearest(values) for shots, values in found.items()})
 
-    def named(values: Mapping[int, float]) -> dict[str, float]:
-        return {names[member]: value for member, value in sorted(values.items())}
+    def by_effect(values: Mapping[int, float]) -> dict[Effect, float]:
+        return {effects[member]: value for member, value in sorted(values.items())}
 
     if chosen is None:
-        first = expected = named(of)
+        first = expected = by_effect(of)
     else:
         chosen = in_order(chosen, on_the_block)
-        expected = named(nearest(_found(found, chosen)))
+        expected = by_effect(nearest(_found(found, chosen)))
         first = expected
         if len(chosen) > 1:
-            first = named(nearest(refitted(comparison, chosen[:1], left, stop)))
-    inseparable_from = _inseparable_from(names, never) if chosen is not None and left is not distances else {}
-    likely = [names[member] for member in distances.members]
+            first = by_effect(nearest(refitted(comparison, chosen[:1], left, stop)))
+    inseparable_from = _inseparable_from(effects, never) if chosen is not None and left is not distances else {}
+    likely = [effects[member] for member in distances.members]
     return Plan(
         shots=chosen or (),
-        members=tuple(names),
-        now=comparison.separation_from(inseparable_from.get(names[0], ())),
+        members=tuple(effects),
+        now=comparison.separation_from(inseparable_from.get(effects[0], ())),
         expected=expected,
         after_first=first,
         best=max(of.values(), default=0.0),
-        inseparable=tuple(name for name in likely if named(of).get(name, 0.0) < CRITERIA.separation),
+        inseparable=tuple(effect for effect in likely if by_effect(of).get(effect, 0.0) < CRITERIA.separation),
         inseparable_from=inseparable_from,
     )
 
@@ -159,8 +160,9 @@ def _separable(
     return left, never, chosen, found
 
 
-def _inseparable_from(names: Sequence[str], pairs: Collection[Pair]) -> dict[str, tuple[str, ...]]:
-    return {names[a]: tuple(names[b] for one, b in sorted(pairs) if one == a) for a in sorted({a for a, _ in pairs})}
+def _inseparable_from(effects: Sequence[Effect], pairs: Collection[Pair]) -> dict[Effect, tuple[Effect, ...]]:
+    ones = sorted({a for a, _ in pairs})
+    return {effects[a]: tuple(effects[b] for one, b in sorted(pairs) if one == a) for a in ones}
 
 
 def _chosen(

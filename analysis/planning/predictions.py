@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import Infeasible
+from analysis.collision import Effect, Infeasible
 from analysis.inference import (
     OWN_NAMES,
     Course,
@@ -83,18 +83,18 @@ def with_shots(fitted: Fitted, added: Sequence[Samples]) -> tuple[Hypothesis, Fl
     )
 
 
-def _typical(fitted: Fitted) -> dict[str, Mapping[str, float]]:
+def _typical(fitted: Fitted) -> dict[Effect, Mapping[str, float]]:
     """Return the effects' values of a typical shot: those of the shot in which they have their median size.
 
     All values of an effect come from one shot: a plate's position and velocity are correlated, and separate means of
     both would describe a swing of the plate that no shot had.
     """
     every = fitted.point.values
-    out: dict[str, Mapping[str, float]] = {}
+    out: dict[Effect, Mapping[str, float]] = {}
     for kind in fitted.hypothesis.effects:
         first = next((free.name for free in kind.own), None)
-        by_size = sorted((one[kind.name] for one in every), key=lambda v: abs(v[first]) if first else 0.0)
-        out[kind.name] = by_size[len(by_size) // 2]
+        by_size = sorted((one[kind.effect] for one in every), key=lambda v: abs(v[first]) if first else 0.0)
+        out[kind.effect] = by_size[len(by_size) // 2]
     return out
 
 
@@ -160,7 +160,7 @@ def information_of(rival: Fitted, shot: Samples, floor: Floor, unshared: Sequenc
     return information_without(rows[:, 1:], rows[:, 0], len(hypothesis.shared), own)
 
 
-def shot_penalty(rival: Fitted, effect: str, scatter: Floats, shot: Samples, floor: Floor) -> float:
+def shot_penalty(rival: Fitted, effect: Effect, scatter: Floats, shot: Samples, floor: Floor) -> float:
     """Return the penalty, as chi^2, of an effect whose own values would have to fit a predicted shot by chance.
 
     It is ln det(1 + S F): by how much the shot knows the values better than their ``scatter`` (S), with their
@@ -169,7 +169,7 @@ def shot_penalty(rival: Fitted, effect: str, scatter: Floats, shot: Samples, flo
     hypothesis, z = with_shots(rival, [shot])
     last = len(hypothesis.data.shots) - 1
     named = [hypothesis.names[place] for place in hypothesis.places[last]]
-    numbers = [k for k, (name, index) in enumerate(named) if index == last and name.rpartition(".")[0] == effect]
+    numbers = [k for k, (name, index) in enumerate(named) if index == last and name.rpartition(".")[0] == effect.key]
     start = [k for k, (name, index) in enumerate(named) if index == last and name in OWN_NAMES]
     rows = shot.whitened(floor, hypothesis.of_shot(last, z)[1][:, [*numbers, *start]])
     if not np.all(np.isfinite(rows)):

@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis
 from analysis.planning.next_shot import MOST_SHOTS, NextShot, Reach, undecided
 from analysis.shot import Motion, Progress, Stop
@@ -23,18 +24,19 @@ class PlannedStep:
     """
 
     shot: NextShot
-    members: tuple[str, ...]
-    expected: Mapping[str, float]
+    members: tuple[Effect, ...]
+    expected: Mapping[Effect, float]
     reached: float | None = None
-    leader: str | None = None
-    inseparable_from: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # as in ``Plan``
+    leader: Effect | None = None
+    inseparable_from: Mapping[Effect, tuple[Effect, ...]] = field(default_factory=dict)  # as in ``Plan``
 
     @property
     def expected_separation(self) -> float:
         """Get the separation expected if the leader is true; before the shot is taken, if the first member is."""
-        return self.expected.get(self.leader or "", next(iter(self.expected.values())))
+        first = next(iter(self.expected.values()))
+        return first if self.leader is None else self.expected.get(self.leader, first)
 
-    def excluded(self, leader: str) -> Collection[str]:
+    def excluded(self, leader: Effect) -> Collection[Effect]:
         """Return the members from which no separation was expected where ``leader`` is the true one.
 
         For a leader that the plan could separate from none, these are all members that it could not separate.
@@ -46,9 +48,9 @@ class PlannedStep:
     def to_json(self) -> dict[str, Any]:
         return {
             "shot": self.shot.to_json(),
-            "between": list(self.members),
+            "between": [effect.key for effect in self.members],
             "expected_separation": self.expected_separation,
-            "expected_if": dict(self.expected),
+            "expected_if": {effect.key: value for effect, value in self.expected.items()},
             "reached_separation": self.reached,
         }
 

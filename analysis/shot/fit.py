@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.collision import Effect
 from analysis.shot.quantity import Quantity
 
 Floats = NDArray[np.float64]
@@ -68,7 +69,7 @@ class Fit:
     """A model fitted to one shot or to several at once (shared plate and contact, each shot's own start).
 
     ``parameters`` maps the names of the result file ("plate_stiffness_n_per_m", ...; of a second plate
-    "plate_2_stiffness_n_per_m", ...; effects as "effect.parameter") to quantities, ``covariance`` is over them in that
+    "plate_2_stiffness_n_per_m", ...; an effect's key before its own) to quantities, ``covariance`` is over them in that
     order.  Where ``converged`` is False every number is a guess: callers show the flag, not the number.
     """
 
@@ -79,7 +80,7 @@ class Fit:
     reduced_chi2: float
     noise_std_m: float  # of one displacement sample, from the quiet flight
     converged: bool
-    effects: tuple[str, ...] = ()
+    effects: tuple[Effect, ...] = ()
     flags: tuple[str, ...] = ()
     seconds: float = 0.0
     chi2: float = float("nan")  # whitened, over ``samples`` samples and ``free_parameters`` parameters
@@ -95,6 +96,12 @@ class Fit:
         with np.errstate(invalid="ignore"):
             std = np.sqrt(np.where((variance > 0.0) & np.isfinite(variance), variance, np.nan))
         return np.asarray(self.covariance / np.outer(std, std), np.float64)
+
+    @property
+    def short_names(self) -> dict[str, str]:
+        """Get the names of the parameters by those of ``parameters``: "law.c" for one of a law with a longer key."""
+        of_effects = {f"{e.key}.{p.name}": f"{e.name}.{p.name}" for e in self.effects for p in e.parameters}
+        return {name: of_effects.get(name, name) for name in self.parameters}
 
     def of_shot(self, index: int) -> "Fit":
         """Return the fit with one shot's part alone; the shared parameters are those of all shots."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis, Foretold, SavedModel, Verdict, diagnose, drift, saved, to_text
 from analysis.diagnosis import foretell as foretell_motions
 from analysis.fitted import SECONDS, fit_again, read_together, run_in_time
@@ -64,7 +65,7 @@ class _Results:
     diagnosis: Diagnosis | None
     prediction: Foretold | None
     planned: PlannedShots | None
-    tried: Sequence[str]  # effects in the model that no diagnosis named
+    tried: Sequence[Effect]  # effects in the model that no diagnosis named
 
 
 def replay(
@@ -83,7 +84,7 @@ def replay(
     """
     shots: list[Shot] = []
     try:
-        laws = [read_law(path).key for path in request.laws]
+        laws = [read_law(path) for path in request.laws]
         known = known_model(model)
         check_outputs(outputs.json, outputs.export, outputs.report, outputs.model)
     except (AnalysisError, RecordingError, OSError) as error:
@@ -111,7 +112,7 @@ def replay(
     return 0 if ok and shots and not any(shot.problem or shot.fit_problem for shot in shots) else 1
 
 
-def _diagnosis(shots: Sequence[Shot], laws: Sequence[str], seconds: float) -> tuple[Diagnosis | None, bool]:
+def _diagnosis(shots: Sequence[Shot], laws: Sequence[Effect], seconds: float) -> tuple[Diagnosis | None, bool]:
     """Return one diagnosis over the shots that can take part in it, and whether it failed.
 
     Where there is no diagnosis the reason is one line on standard error.

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
+from analysis.collision import Effect
 from analysis.fitted import readings_model
 from analysis.shot import Fit, Quantity, Shot
 from analysis.uncertainty import Origin, combined_of, of_collision, stated
@@ -32,11 +33,12 @@ def summary(shot: Shot) -> str:
 def fit_lines(fit: Fit, combined: Mapping[str, float]) -> list[str]:
     """Return a fitted model's numbers for a terminal; those without a combined uncertainty say so."""
     lines = [f"  fit of model {_model_name(fit.model, fit.effects)}, reduced chi2 {fit.reduced_chi2:.3g}"]
+    short = fit.short_names
     for name, quantity in fit.parameters.items():
         alone = "" if name in combined else "  (± from noise alone)"
-        lines.append(f"    {name:<32} {stated(quantity, name, combined)}{alone}")
+        lines.append(f"    {short[name]:<32} {stated(quantity, name, combined)}{alone}")
     return lines
 
 
-def _model_name(base: str, effects: Sequence[str]) -> str:
-    return " + ".join((base, *effects))
+def _model_name(base: str, effects: Sequence[Effect]) -> str:
+    return " + ".join((base, *(effect.name for effect in effects)))

@@ -12,7 +12,7 @@ from app.report.markup import Markup, joined, table, tag
 from app.report.number_tables import fitted
 from app.report.shot_figures import NOISE, figure
 from app.report.svg_plot import Band, Line, Plot
-from app.words import VERDICTS, effect_words, parameter_parts, prefix_for
+from app.words import VERDICTS, parameter_parts, prefix_for
 from instrument.files import one_line
 
 if TYPE_CHECKING:
@@ -56,15 +56,15 @@ def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot], next_shots: s
     return tag("section", tag("h2", "Diagnosis"), parts)
 
 
-def _effect(effect: FoundEffect) -> Markup:
-    lines = [tag("p", tag("b", effect_words(effect.name)), ": ", _parameters(effect.parameters))]
-    if effect.sentence:
-        lines.append(tag("p", effect.sentence))
-    if effect.evidence:
-        said = ", ".join(f"{name.replace('_', ' ')} {value:.4g}" for name, value in effect.evidence.items())
+def _effect(found: FoundEffect) -> Markup:
+    lines = [tag("p", tag("b", found.effect.words), ": ", _parameters(found.parameters))]
+    if found.sentence:
+        lines.append(tag("p", found.sentence))
+    if found.evidence:
+        said = ", ".join(f"{name.replace('_', ' ')} {value:.4g}" for name, value in found.evidence.items())
         lines.append(tag("p", f"Evidence: {said}."))
-    if effect.indistinguishable_from:
-        others = ", ".join(effect_words(name) for name in effect.indistinguishable_from)
+    if found.indistinguishable_from:
+        others = ", ".join(other.words for other in found.indistinguishable_from)
         lines.append(tag("p", f"These data cannot distinguish it from {others}."))
     return tag("div", lines, class_="whole")
 
@@ -142,7 +142,7 @@ def _candidates(diagnosis: Diagnosis) -> Markup:
     rows = []
     for c in diagnosis.candidates:
         gain = "\u2013" if c.delta_bic is None else f"{c.delta_bic:.4g}"
-        rows.append([effect_words(c.name), f"{c.score:.4g}", gain, _parameters(c.parameters), c.remark])
+        rows.append([c.effect.words, f"{c.score:.4g}", gain, _parameters(c.parameters), c.remark])
     return table(["effect", "score", "ΔBIC", "size", "remark"], rows, "candidates")
 
 
@@ -156,7 +156,7 @@ def _parameters(parameters: Mapping[str, Quantity]) -> str:
 
 def prediction_section(prediction: "Foretold") -> Markup:
     """Return the section on a model file tested on these shots: sentence, errors of all shots and of each."""
-    effects = " + ".join(effect_words(name) for name in prediction.effects) or "no effect"
+    effects = " + ".join(effect.words for effect in prediction.effects) or "no effect"
     columns: list[tuple[str, Errors]] = [("base alone", prediction.error_base), ("whole model", prediction.error_model)]
     shots = []
     for shot in prediction.shots:

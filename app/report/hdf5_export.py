@@ -3,7 +3,6 @@
 import io
 import json
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -53,7 +52,7 @@ def _bytes(shot: Shot, others: Sequence[Shot], path: Path) -> memoryview:
         file.attrs["note"] = _plain(shot.note)
         file.attrs["started_at"] = _plain(shot.started_at or "")
         file.attrs["flags"] = _plain(" ".join(shot.flags))
-        file.attrs["settings"] = json.dumps(asdict(shot.settings))
+        file.attrs["settings"] = json.dumps(shot.settings.written())
         # an attribute holds 64 kB: the budget, which is in the report and in --json, is left out
         result = {key: value for key, value in shot_result(shot, others).items() if key != "budget"}
         file.attrs["result"] = json.dumps(result, allow_nan=False)

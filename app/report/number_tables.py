@@ -3,6 +3,7 @@
 import math
 from collections.abc import Collection
 
+from analysis.collision import Effect
 from analysis.fitted import ReadingsModel
 from analysis.shot import Disturbance, Fit, NotSeen, Quantity, Reading, Shot, shown_in
 from analysis.uncertainty import (
@@ -16,7 +17,7 @@ from analysis.uncertainty import (
     with_unit,
 )
 from app.report.markup import Markup, joined, table, tag
-from app.words import correlation_words, effect_words, parameter_parts
+from app.words import correlation_words, parameter_parts
 
 SMALL = 0.02  # of the combined uncertainty: smaller contributions share one row
 
@@ -37,11 +38,11 @@ def model_of_readings(model: ReadingsModel | None) -> Markup:
     if model is None:
         return tag("p", "All are read from the motion alone.")
     readings = ", ".join(number_of(key).words for key in model.readings)
-    effects = f" with {', '.join(map(effect_words, model.effects))}" if model.effects else ""
+    effects = f" with {', '.join(effect.words for effect in model.effects)}" if model.effects else ""
     return tag("p", f"From the fitted model {model.base}{effects}: {readings}. All others are from the motion alone.")
 
 
-def fitted(fit: Fit | None, tried: Collection[str] = (), of: Budget | None = None) -> Markup:
+def fitted(fit: Fit | None, tried: Collection[Effect] = (), of: Budget | None = None) -> Markup:
     """Return the fitted model's parameters with their uncertainties and correlations, or why there are none.
 
     ``tried`` are effects that no diagnosis named; the table says where one is in the model.  ``of`` is the shot's
@@ -51,22 +52,27 @@ def fitted(fit: Fit | None, tried: Collection[str] = (), of: Budget | None = Non
         return tag("p", "No model was fitted.")
     if not fit.converged:
         return tag("p", f"The fit of model {fit.model} did not converge; its numbers are withheld.", class_="warning")
-    names = list(fit.parameters)
+    short = fit.short_names
     rows = []
     for index, (name, value) in enumerate(fit.parameters.items()):
-        words, unit = parameter_parts(name)
+        words, unit = parameter_parts(short[name])
         correlations = map(correlation_words, fit.correlations[index])
         entry = of.of(name) if of is not None else None
         noise = f"{value.std:.2g}" if entry is not None else "all of it"
         stated = entry.quantity if entry is not None else value
         rows.append([with_unit(words, unit), str(stated), noise, *correlations])
-    header = ["", "value ± standard uncertainty", "of it type A", *(parameter_parts(name)[0] for name in names)]
-    effects = f" with {', '.join(map(effect_words, fit.effects))}" if fit.effects else ""
+    header = [
+        "",
+        "value ± standard uncertainty",
+        "of it type A",
+        *(parameter_parts(name)[0] for name in short.values()),
+    ]
+    effects = f" with {', '.join(effect.words for effect in fit.effects)}" if fit.effects else ""
     said = (
         f"Model {fit.model}{effects}: reduced χ² {fit.reduced_chi2:.4g}, "
         f"noise {1e9 * fit.noise_std_m:.3g} nm per displacement sample. Columns on the right: correlations."
     )
-    unnamed = ", ".join(effect_words(name) for name in fit.effects if name in tried)
+    unnamed = ", ".join(effect.words for effect in fit.effects if effect in tried)
     warning = tag("p", f"Tried, not named by a diagnosis: {unnamed}.", class_="warning") if unnamed else Markup()
     return joined(tag("p", said), warning, table(header, rows, "numbers"))
 

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
 
+from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis, Foretold
 from analysis.fitted import readings_model
 from analysis.shot import UNITS, PlotNote, Shot
@@ -28,7 +29,7 @@ def report_of(
     title: str | None = None,
     made_at: datetime | None = None,
     prediction: Foretold | None = None,
-    tried: Collection[str] = (),
+    tried: Collection[Effect] = (),
     next_shots: str = "",
 ) -> str:
     """Return the report as HTML.
@@ -74,7 +75,7 @@ def _shot(
     instrument: InstrumentUncertainty | None,
     number: int,
     drawn: bool,
-    tried: Collection[str],
+    tried: Collection[Effect],
     *,
     single: bool,
 ) -> Markup:

@@ -8,6 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from analysis.collision import Effect
 from analysis.diagnosis import saved, to_text
 from analysis.shot import DEFAULT_WAVELENGTH_AIR_M, BeatQuality, NotSeen, Setup, Shot, program_version
 from app.report.markup import Markup, joined, table, tag
@@ -61,7 +62,7 @@ def analysed_with(shot: Shot) -> Markup:
     return table([], rows, "settings")
 
 
-def repeated_by(shot: Shot, tried: Collection[str] = ()) -> Markup:
+def repeated_by(shot: Shot, tried: Collection[Effect] = ()) -> Markup:
     """Return program, data hash and the command that repeats the report."""
     rows = [["program", program_words()]]
     if shot.path is None:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
+from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis, SavedModel
 from analysis.shot import Shot
 
@@ -96,5 +97,5 @@ class RefittedShot:
 
     number: int
     of: Shot
-    effects: tuple[str, ...]
+    effects: tuple[Effect, ...]
     shot: Shot

@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis
 from analysis.shot import Progress, Shot, Stop
 from app.session.event import Event, EventKind, SavedElsewhere
@@ -61,7 +62,7 @@ class Exports:
         self._submit("model file", partial(write_model, path, shots, effects, diagnosis))
 
     @property
-    def _tried(self) -> tuple[str, ...]:
+    def _tried(self) -> tuple[Effect, ...]:
         return self._session.effects.tried
 
     def _entries(self, numbers: Sequence[int]) -> list[Entry]:

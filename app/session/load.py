@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from analysis.collision import Effect
 from analysis.pipeline import analyse, analyse_motion
 from analysis.shot import SETUP_CORRECTED, AnalysisError, AnalysisSettings, Cancelled, Progress, Recording, Shot, Stop
 from analysis.signal import motion_from_displacement
@@ -24,7 +25,7 @@ def load_and_analyse(
     model: str | None = None,
     *,
     settings: AnalysisSettings | None = None,
-    effects_of: Callable[[str], tuple[str, ...]] | None = None,
+    effects_of: Callable[[str], tuple[Effect, ...]] | None = None,
     checked: bool = True,
     progress: Progress | None = None,
     cancelled: Stop | None = None,
@@ -56,7 +57,7 @@ def analysed(
     model: str | None = None,
     *,
     settings: AnalysisSettings | None = None,
-    effects_of: Callable[[str], tuple[str, ...]] | None = None,
+    effects_of: Callable[[str], tuple[Effect, ...]] | None = None,
     checked: bool = True,
     progress: Progress | None = None,
     cancelled: Stop | None = None,
@@ -109,7 +110,7 @@ def cause_of(path: Path, error: Exception) -> str:
 
 
 def _with_model(
-    settings: AnalysisSettings, base: str, effects_of: Callable[[str], tuple[str, ...]] | None
+    settings: AnalysisSettings, base: str, effects_of: Callable[[str], tuple[Effect, ...]] | None
 ) -> AnalysisSettings:
     return replace(settings, model=base, effects=settings.effects if effects_of is None else effects_of(base))
 

@@ -1,17 +1,17 @@
 """Model files of a session: saving, loading, parameters that have drifted; and the user's own laws."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from analysis.collision import LawError, OwnLaw, findings, from_mapping
+from analysis.collision import Effect, LawError, OwnLaw, findings, from_mapping
 from analysis.diagnosis import Diagnosis, ModelFileError, SavedModel, drift, from_text, saved, to_text
 from analysis.fitted import fit_jointly, shaking_of
 from analysis.shot import AnalysisError, Fit, Shot, Stop, why_not_together
 from app.report import shared_stds
 from app.session.verdict_basis import ModelEffects
-from app.words import effect_words, model_in_words, parameter_parts
+from app.words import model_in_words, parameter_parts
 from instrument.files import RecordingError, read_laws, read_toml_text, write_law, write_text_atomic
 
 DRIFT_SIGMAS = 4.0  # of the joint standard uncertainty
@@ -42,7 +42,7 @@ def save_model(
         fit = fit_jointly(motions, base, effects, cancelled, [shaking_of(shot) for shot in fitted])
     if not fit.converged:
         raise AnalysisError("the joint fit did not converge: misfit exceeds noise, run Diagnose first")
-    named = {effect.name for effect in diagnosis.findings} if diagnosis is not None else set()
+    named = {finding.effect for finding in diagnosis.findings} if diagnosis is not None else set()
     model = saved(fit, [shot.path or shot.name for shot in fitted], diagnosis, set(accepted.tried) - named)
     write_text_atomic(path, with_combined(to_text(model), fit, fitted), sync=True)
     return f"Model {model_words(model)} saved as {path}"
@@ -79,13 +79,14 @@ def drift_words(known: SavedModel, fit: Fit) -> str:
         return ""
     far = {name: deviation for name, deviation in drift(known, fit).items() if abs(deviation) > DRIFT_SIGMAS}
     ordered = sorted(far.items(), key=lambda item: -abs(item[1]))
-    return ", ".join(f"{_named(name)} {deviation:+.1f} σ" for name, deviation in ordered)
+    return ", ".join(f"{_named(name, known.effects)} {deviation:+.1f} σ" for name, deviation in ordered)
 
 
-def _named(name: str) -> str:
-    effect, dot, parameter = name.rpartition(".")
+def _named(name: str, effects: Iterable[Effect]) -> str:
+    key, dot, parameter = name.rpartition(".")
     words = parameter_parts(parameter)[0]
-    return f"{effect_words(effect)}: {words}" if dot else words
+    of = next((effect.words for effect in effects if effect.key == key), key)
+    return f"{of}: {words}" if dot else words
 
 
 class OwnLaws:
@@ -94,10 +95,10 @@ class OwnLaws:
     def __init__(self, folder: Path | None) -> None:
         self.folder = folder  # None: there are no laws, and none can be saved
 
-    def keys(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Return the keys of the laws, and one line for each file that is not a law."""
+    def read(self) -> tuple[tuple[OwnLaw, ...], tuple[str, ...]]:
+        """Return the laws, and one line for each file that is not a law."""
         laws, problems = read_laws(self.folder) if self.folder is not None else ([], [])
-        return tuple(law.key for law in laws), tuple(problems)
+        return tuple(laws), tuple(problems)
 
     def keep(self, table: dict[str, Any]) -> OwnLaw:
         """Save the law that a table describes.  Raises RecordingError or LawError, one line each."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from analysis.collision import Effect
 from analysis.diagnosis import SavedModel
 from analysis.fitted import awaits_fit, can_be_fitted
 from analysis.shot import Progress, Shot, Stop
@@ -25,7 +26,7 @@ class _PendingFit:
 
     job: Job
     of: Shot
-    effects: tuple[str, ...]
+    effects: tuple[Effect, ...]
 
 
 class ModelWork:
@@ -42,23 +43,23 @@ class ModelWork:
         loaded = self._loaded
         return loaded if loaded is not None and loaded.effects == self.effects_of(loaded.base) else None
 
-    def effects_of(self, base: str) -> tuple[str, ...]:
+    def effects_of(self, base: str) -> tuple[Effect, ...]:
         """Return the effects now in the model of shots with this base."""
         return self._session.effects.of(base)
 
-    def add(self, base: str, names: Sequence[str]) -> None:
+    def add(self, base: str, effects: Sequence[Effect]) -> None:
         """Add effects to the model of shots with this base."""
         now = self.effects_of(base)
-        self._use(base, (*now, *(name for name in names if name not in now)))
+        self._use(base, (*now, *(effect for effect in effects if effect not in now)))
 
-    def try_out(self, base: str, name: str) -> None:
+    def try_out(self, base: str, effect: Effect) -> None:
         """Add an effect that no diagnosis named, marked as tried."""
-        if name not in self.effects_of(base):
-            self._use(base, (*self.effects_of(base), name), tried=(name,))
+        if effect not in self.effects_of(base):
+            self._use(base, (*self.effects_of(base), effect), tried=(effect,))
 
-    def remove(self, base: str, name: str) -> None:
+    def remove(self, base: str, effect: Effect) -> None:
         """Remove an effect from the model."""
-        self._use(base, tuple(effect for effect in self.effects_of(base) if effect != name))
+        self._use(base, tuple(one for one in self.effects_of(base) if one != effect))
 
     def load(self, path: Path) -> None:
         """Queue the reading of a model file, whose effects then replace the model's."""
@@ -70,7 +71,7 @@ class ModelWork:
         self._use(result.model.base, result.model.effects, result.model.tried)
         return Event(EventKind.MODEL, f"Model {model_words(result.model)}, taken from {result.path}")
 
-    def _use(self, base: str, effects: tuple[str, ...], tried: Sequence[str] = ()) -> None:
+    def _use(self, base: str, effects: tuple[Effect, ...], tried: Sequence[Effect] = ()) -> None:
         """Set the model's effects and fit every shot on its own, as ``--model FILE`` and a reopened session do.
 
         The joint fit of a diagnosis is its evidence and goes into model files, but is not a shot's own fit.
@@ -120,7 +121,7 @@ class ModelWork:
         self._pending.clear()
         self._loaded = None
 
-    def _effects_for(self, shot: Shot) -> tuple[str, ...]:
+    def _effects_for(self, shot: Shot) -> tuple[Effect, ...]:
         return self.effects_of(shot.settings.model)
 
     def _submit(self, entry: Entry) -> None:

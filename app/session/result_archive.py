@@ -13,7 +13,18 @@ from typing import Any, cast
 
 import numpy as np
 
-from analysis.diagnosis import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, OtherForm, Verdict
+from analysis.collision import Acts, Effect
+from analysis.diagnosis import (
+    Candidate,
+    Diagnosis,
+    Errors,
+    FoundEffect,
+    LearnedLaw,
+    OtherForm,
+    Verdict,
+    effect_in_file,
+)
+from analysis.drive import GAIN_ERROR
 from analysis.shot import (
     Air,
     AnalysisSettings,
@@ -33,6 +44,7 @@ from analysis.shot import (
     ShotFit,
     VibrationLine,
 )
+from levimass import DRIVE
 
 KNOWN = {
     kind.__name__: kind
@@ -95,6 +107,8 @@ def rejoined(body: Any, arrays: list[np.ndarray]) -> object:
 
 
 def _written(value: object, arrays: list[np.ndarray], seen: dict[int, int]) -> Any:
+    if isinstance(value, Effect):
+        return {"effect": value.key, "base": DRIVE if value.acts is Acts.IN_DRIVE else ""}
     if isinstance(value, Enum):
         return {"kind": type(value).__name__, "value": value.value}
     if value is None or isinstance(value, bool | int | float | str):
@@ -121,6 +135,12 @@ def _read(body: Any, arrays: list[np.ndarray]) -> Any:
         return body
     if "array" in body:
         return arrays[body["array"]]
+    if "effect" in body:
+        known = GAIN_ERROR if body["effect"] == GAIN_ERROR.key else None
+        effect = known or effect_in_file(body["effect"], body["base"])
+        if effect is None:
+            raise NotStorable(f"no effect is called {body['effect'][:40]!r}")
+        return effect
     if "map" in body:
         return {key: _read(one, arrays) for key, one in body["map"]}
     for kind in (tuple, list):

@@ -1,15 +1,17 @@
 """The shots of a session, with notes and verdicts; saved at each change, with undo."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+from analysis.collision import Effect, findings
 from analysis.fitted import awaits_fit
 from analysis.shot import LONGEST, NAMES, UNITS, AnalysisSettings, PlotNote, Shot
 from app.session.verdict_basis import ModelEffects, VerdictBasis, known_effects
 from instrument.files import Checked, RecordingError, read_json, shown, write_json_atomic
+from levimass import DRIVE
 
 SCHEMA = "levimass.session/1"
 UNDO_DEPTH = 100
@@ -259,9 +261,9 @@ class Session:
     def _write(self, path: Path, entries: tuple[Entry, ...], effects: ModelEffects, left_out: tuple[str, ...]) -> None:
         shots = [_to_json(entry) for entry in entries if entry.path]
         accepted = {
-            "effects": list(effects.collision),
-            "drive_effects": list(effects.drive),
-            "tried": list(effects.tried),
+            "effects": _keys(effects.collision),
+            "drive_effects": _keys(effects.drive),
+            "tried": list(dict.fromkeys(_keys(effects.tried))),
         }
         document = {"schema": SCHEMA, **accepted, "shots": shots, "left_out": list(left_out)}
         problem = None
@@ -306,8 +308,7 @@ class Session:
             unknown: set[str] = set()
             session._entries = tuple(_from_json(item, unknown) for item in document.objects("shots") or ())
             session._next = max((entry.number for entry in session._entries), default=0)
-            accepted = (known_effects(document.names(key)) for key in ("effects", "drive_effects", "tried"))
-            session._effects = ModelEffects(*accepted)
+            session._effects = _model_effects(document)
             session._left_out = document.names("left_out")[-MOST_LEFT_OUT:]
             unknown.update(document.unread())
             if unknown:
@@ -331,11 +332,11 @@ _NOT_SAVED = ("shot", "version")  # fields of an entry: read from recording or c
 
 def _to_json(entry: Entry) -> dict[str, Any]:
     saved = {field.name: getattr(entry, field.name) for field in fields(entry) if field.name not in _NOT_SAVED}
-    settings = asdict(entry.settings) | {"corrections": dict(entry.settings.corrections)}
+    settings = entry.settings.written() | {"corrections": dict(entry.settings.corrections)}
     notes = [asdict(note) for note in entry.plot_notes]
     return saved | {
         "settings": settings,
-        "verdict_of": entry.verdict_of and asdict(entry.verdict_of),
+        "verdict_of": entry.verdict_of and _basis_to_json(entry.verdict_of),
         "plot_notes": notes,
     }
 
@@ -347,7 +348,7 @@ def _from_json(item: Checked, unknown: set[str]) -> Entry:
         chosen = item.object("settings")
         if chosen is None:
             raise item.refuse("settings", "missing")
-        built = chosen.built(AnalysisSettings, {"corrections": _corrections})
+        built = chosen.built(AnalysisSettings, {"corrections": _corrections, "effects": _effects})
         unknown.update(chosen.unread())
         return built
 
@@ -365,8 +366,21 @@ def _from_json(item: Checked, unknown: set[str]) -> Entry:
                 unknown.add(f"a note on the plot {shown(note.plot)}")
         return tuple(notes)
 
+    def verdict_of(item: Checked) -> VerdictBasis | None:
+        basis = item.object("verdict_of")
+        if basis is None:
+            return None
+        chosen = item.object("settings")
+        base = _base(chosen) if chosen is not None else ""
+        keys = basis.names("effects"), basis.names("found")
+        effects, found = (known_effects(given, base) for given in keys)
+        built = basis.built(VerdictBasis, {"effects": lambda _: effects, "found": lambda _: found})
+        unknown.update(basis.unread())
+        return built if (len(effects), len(found)) == tuple(map(len, keys)) else None
+
     own = {
         "settings": settings,
+        "verdict_of": verdict_of,
         "shot": lambda _: None,
         "version": lambda _: "",
         "name": _name,
@@ -375,6 +389,32 @@ def _from_json(item: Checked, unknown: set[str]) -> Entry:
     entry = item.built(Entry, own)
     unknown.update(item.unread())
     return entry
+
+
+def _keys(effects: Iterable[Effect]) -> list[str]:
+    return [effect.key for effect in effects]
+
+
+def _basis_to_json(basis: VerdictBasis) -> dict[str, Any]:
+    values = {field.name: getattr(basis, field.name) for field in fields(basis)}
+    return values | {"effects": _keys(basis.effects), "found": _keys(basis.found)}
+
+
+def _model_effects(document: Checked) -> ModelEffects:
+    """Return the effects in the model; an effect of both kinds of base that is marked as tried is so in both."""
+    collision = findings(known_effects(document.names("effects"), ""))
+    drive = known_effects(document.names("drive_effects"), DRIVE)
+    tried = document.names("tried")
+    both = (*collision, *drive)
+    return ModelEffects(collision, drive, tuple(effect for key in tried for effect in both if effect.key == key))
+
+
+def _base(settings: Checked) -> str:
+    return settings.text("model") or AnalysisSettings().model
+
+
+def _effects(settings: Checked) -> tuple[Effect, ...]:
+    return known_effects(settings.names("effects"), _base(settings))
 
 
 def _name(item: Checked) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis
 from analysis.fitted import SECONDS, fit_again, run_in_time
 from analysis.shot import AnalysisError, AnalysisSettings, Progress, Shot, Stop
@@ -23,15 +24,15 @@ def open_shot(
     return load_and_analyse(path, settings=settings, effects_of=effects.of, progress=progress, cancelled=cancelled)
 
 
-def refit_shot(shot: Shot, effects: tuple[str, ...], *, progress: Progress, cancelled: Stop) -> Shot:
+def refit_shot(shot: Shot, effects: tuple[Effect, ...], *, progress: Progress, cancelled: Stop) -> Shot:
     """Return a shot fitted with these effects."""
     return fit_again(shot, effects, cancelled)
 
 
 def diagnose_shots(
     shots: Sequence[Shot],
-    accepted: Sequence[str],
-    laws: Sequence[str],
+    accepted: Sequence[Effect],
+    laws: Sequence[Effect],
     seconds: float,
     **watched: Any,  # progress and cancelled
 ) -> Diagnosis:
@@ -59,7 +60,7 @@ def write_report(
     path: Path,
     shots: Sequence[Shot],
     diagnosis: Diagnosis | None,
-    tried: Sequence[str],
+    tried: Sequence[Effect],
     *,
     progress: Progress,
     cancelled: Stop,
@@ -76,7 +77,7 @@ def write_report(
 
 
 def report_text(
-    shots: Sequence[Shot], diagnosis: Diagnosis | None, tried: Sequence[str], *, progress: Progress, cancelled: Stop
+    shots: Sequence[Shot], diagnosis: Diagnosis | None, tried: Sequence[Effect], *, progress: Progress, cancelled: Stop
 ) -> str:
     """Return the report as HTML; ``tried`` are effects that no diagnosis named."""
     from app.report import report_of

@@ -3,10 +3,9 @@
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from analysis.collision import findings, is_law
-from analysis.diagnosis import Diagnosis, Verdict
+from analysis.collision import Effect, findings
+from analysis.diagnosis import Diagnosis, Verdict, effect_in_file
 from app.session.event import Diagnosed
-from app.words import known_effect
 from levimass import is_drive
 
 
@@ -18,24 +17,24 @@ class VerdictBasis:
     ``conclusion`` is None in files of earlier versions.
     """
 
-    effects: tuple[str, ...] = ()
-    found: tuple[str, ...] = ()
+    effects: tuple[Effect, ...] = ()
+    found: tuple[Effect, ...] = ()
     shots: tuple[int, ...] = ()
     conclusion: Verdict | None = None
 
-    def holds(self, effects: Iterable[str], there: Collection[int]) -> bool:
+    def holds(self, effects: Iterable[Effect], there: Collection[int]) -> bool:
         """Return whether the verdict holds for a model with these effects and a session with these shots.
 
         It also holds once the effects found are in the model, as the diagnosis fitted that model too.
         """
-        now, before = set(findings(tuple(effects))), set(self.effects)
+        now, before = set(findings(effects)), set(self.effects)
         return now in (before, before | set(self.found)) and set(self.shots) <= set(there)
 
 
 def verdict_of(diagnosis: Diagnosis, numbers: Iterable[int]) -> VerdictBasis:
     """Return the model and shots that a diagnosis is about."""
-    found = tuple(effect.name for effect in diagnosis.findings)
-    return VerdictBasis(tuple(findings(diagnosis.fit_before.effects)), found, tuple(numbers), diagnosis.verdict)
+    found = tuple(finding.effect for finding in diagnosis.findings)
+    return VerdictBasis(findings(diagnosis.fit_before.effects), found, tuple(numbers), diagnosis.verdict)
 
 
 class Diagnoses(list[Diagnosed]):
@@ -59,27 +58,28 @@ class Diagnoses(list[Diagnosed]):
 
 @dataclass(frozen=True, slots=True)
 class ModelEffects:
-    """Names of the effects in the model, in the order in which they were accepted."""
+    """The effects in the model, in the order in which they were accepted."""
 
-    collision: tuple[str, ...] = ()
-    drive: tuple[str, ...] = ()
-    tried: tuple[str, ...] = ()  # those that no diagnosis named
+    collision: tuple[Effect, ...] = ()
+    drive: tuple[Effect, ...] = ()
+    tried: tuple[Effect, ...] = ()  # those that no diagnosis named
 
-    def of(self, base: str) -> tuple[str, ...]:
+    def of(self, base: str) -> tuple[Effect, ...]:
         """Return the effects in the model of shots with this base."""
         return self.drive if is_drive(base) else self.collision
 
-    def with_effects(self, base: str, effects: tuple[str, ...]) -> "ModelEffects":
+    def with_effects(self, base: str, effects: tuple[Effect, ...]) -> "ModelEffects":
         """Return the same with other effects for shots with this base."""
         changed = replace(self, **{"drive" if is_drive(base) else "collision": effects})
         there = (*changed.collision, *changed.drive)
-        return replace(changed, tried=tuple(name for name in self.tried if name in there))
+        return replace(changed, tried=tuple(effect for effect in self.tried if effect in there))
 
-    def trying(self, names: Iterable[str]) -> "ModelEffects":
+    def trying(self, effects: Iterable[Effect]) -> "ModelEffects":
         """Return the same with these marked as tried."""
-        return replace(self, tried=(*self.tried, *(name for name in names if name not in self.tried)))
+        return replace(self, tried=(*self.tried, *(effect for effect in effects if effect not in self.tried)))
 
 
-def known_effects(names: Iterable[object]) -> tuple[str, ...]:
-    """Return those names that are effects of the catalogue or readable laws."""
-    return tuple(name for name in names if isinstance(name, str) and (known_effect(name) or is_law(name)))
+def known_effects(keys: Iterable[str], base: str) -> tuple[Effect, ...]:
+    """Return the effects that a session's file has under these keys, without those that this version does not know."""
+    found = (effect_in_file(key, base) for key in keys)
+    return tuple(effect for effect in found if effect is not None)

@@ -11,11 +11,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.collision import Effect
 from analysis.diagnosis import Candidate, Diagnosis
 from analysis.fitted import fit_jointly, shaking_of
 from analysis.shot import AnalysisError, Motion, Progress, Shaking, Shot, Stop
 from app.session.jobs import Job, Work
-from app.words import effect_words
 from levimass import is_drive
 
 Floats = NDArray[np.float64]
@@ -27,7 +27,7 @@ KIND = "why"
 class Remainder:
     """The residual with one candidate in the model: for each shot (n,), in m; None where the fit did not converge."""
 
-    name: str
+    effect: Effect
     left_m: tuple[Floats, ...] | None
     reduced_chi2: float
 
@@ -40,7 +40,7 @@ def by_evidence(candidates: Sequence[Candidate]) -> list[Candidate]:
 def remainder_of(
     motions: Sequence[Motion],
     base: str,
-    effects: tuple[str, ...],
+    effects: tuple[Effect, ...],
     shakings: Sequence[Shaking | None],
     *,
     progress: Progress,
@@ -63,10 +63,10 @@ class Why:
         self._of: Diagnosis | None = None
         self._motions: list[Motion] = []
         self._shakings: list[Shaking | None] = []
-        self._wanted: list[str] = []
+        self._wanted: list[Effect] = []
         self._job: Job | None = None
-        self._fitting = ""  # the candidate that the job is about
-        self.found: dict[str, Remainder] = {}
+        self._fitting: Effect | None = None  # the candidate that the job is about
+        self.found: dict[Effect, Remainder] = {}
 
     @property
     def waiting(self) -> bool:
@@ -86,15 +86,15 @@ class Why:
         if diagnosis is None or is_drive(diagnosis.fit_before.model) or not self._motions:
             return
         before = set(diagnosis.fit_before.effects)
-        named = [effect.name for effect in diagnosis.effects]
-        ranked = [candidate.name for candidate in by_evidence(diagnosis.candidates)]
-        self._wanted = [name for name in dict.fromkeys([*named, *ranked]) if name not in before][:MOST]
+        named = [found.effect for found in diagnosis.effects]
+        ranked = [candidate.effect for candidate in by_evidence(diagnosis.candidates)]
+        self._wanted = [effect for effect in dict.fromkeys([*named, *ranked]) if effect not in before][:MOST]
 
-    def first(self, name: str) -> None:
+    def first(self, effect: Effect) -> None:
         """Fit this candidate before the others, as the operator points at it."""
-        if name in self._wanted:
-            self._wanted.remove(name)
-            self._wanted.insert(0, name)
+        if effect in self._wanted:
+            self._wanted.remove(effect)
+            self._wanted.insert(0, effect)
 
     def stop(self) -> None:
         """Fit no more candidates of this diagnosis."""
@@ -106,16 +106,16 @@ class Why:
         if job is not None and job.done.is_set():
             self._job = None
             if isinstance(job.result, Remainder) and not job.cancelled:
-                self.found[job.result.name] = job.result
+                self.found[job.result.effect] = job.result
                 came = True
             if not job.cancelled:
-                self._wanted = [name for name in self._wanted if name != self._fitting]
+                self._wanted = [effect for effect in self._wanted if effect != self._fitting]
         if self._job is None and self._wanted and self._of is not None and self._work.jobs.open_jobs == 0:
             self._ask(self._of, self._wanted[0])
         return came
 
-    def _ask(self, diagnosis: Diagnosis, name: str) -> None:
-        effects = (*diagnosis.fit_before.effects, name)
+    def _ask(self, diagnosis: Diagnosis, effect: Effect) -> None:
+        effects = (*diagnosis.fit_before.effects, effect)
         fitting = partial(remainder_of, self._motions, diagnosis.fit_before.model, effects, self._shakings)
 
         def work(report: Progress, cancelled: Stop) -> Remainder:
@@ -123,5 +123,5 @@ class Why:
             made: Remainder = self._work.do(fitting, report, cancelled)
             return made
 
-        self._fitting = name
-        self._job = self._work.jobs.submit(effect_words(name), work, KIND)
+        self._fitting = effect
+        self._job = self._work.jobs.submit(effect.words, work, KIND)

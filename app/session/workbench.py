@@ -265,7 +265,7 @@ class Workbench:
         if why := why_not_together(shots):
             return why
         ids = tuple(entry.number for entry in chosen)
-        laws, problems = self.own_laws.keys()
+        laws, problems = self.own_laws.read()
         self._waiting += [Event(EventKind.PROBLEM, problem) for problem in problems]
         accepted = self.model.effects_of(shots[0].settings.model)
         seconds = self._settings().diagnosis_seconds  # the present setting, not that of the shots

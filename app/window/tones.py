@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from html import escape
 
+from analysis.collision import Effect
 from app.session import Entry
 from app.window.theme import MARKS, Tone
 from app.words import MILD_FLAGS, VERDICTS, flag_words
@@ -18,7 +19,7 @@ def flag_line(flag: str) -> str:
     return f"{MARKS[flag_tone(flag)]} {flag_words(flag)}"
 
 
-def verdict_line(entry: Entry | None, effects: Iterable[str] = (), holds: bool = True) -> tuple[str, Tone]:
+def verdict_line(entry: Entry | None, effects: Iterable[Effect] = (), holds: bool = True) -> tuple[str, Tone]:
     """Return an entry's verdict in words, and its tone, for a fit with these effects; "" without a verdict.
 
     ``holds``: whether the verdict is about the present model and shots.

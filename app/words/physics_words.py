@@ -3,13 +3,11 @@
 import math
 from collections.abc import Collection
 
-from analysis.collision import CATALOGUE, WIDER, from_key
-from analysis.drive import LAWS
+from analysis.collision import Effect
 from analysis.shot import Role, words_and_unit
 from levimass import is_drive
 
 PREFIXES = ((1e-12, "p"), (1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""), (1e3, "k"), (1e6, "M"))
-_OTHER_WORDS = {"gain_error": "an error of the force's scale"}  # in no catalogue
 CHANNEL_NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "light switch"}
 _BASE_WORDS = {
     "paper": "paper model",
@@ -24,12 +22,12 @@ def base_words(base: str) -> str:
     return "driven slider" if is_drive(base) else _BASE_WORDS.get(base, base)
 
 
-def model_in_words(base: str, effects: Collection[str], tried: Collection[str] = ()) -> str:
+def model_in_words(base: str, effects: Collection[Effect], tried: Collection[Effect] = ()) -> str:
     """Return "paper model, no added effects" or "paper model + quadratic drag on the block"."""
     words = base_words(base)
     if not effects:
         return f"{words}, no added effects"
-    return " + ".join((words, *(model_effect_words(name, tried) for name in effects)))
+    return " + ".join((words, *(model_effect_words(effect, tried) for effect in effects)))
 
 
 def repeatability_words(repeats: bool, what: str) -> str:
@@ -39,27 +37,14 @@ def repeatability_words(repeats: bool, what: str) -> str:
     return "the record-to-record repeatability" if "record" in what else "the cycle-to-cycle repeatability"
 
 
-def effect_words(name: str) -> str:
-    """Return the name of an effect or law in words."""
-    if "{" in name:
-        return from_key(name).words
-    row = CATALOGUE.get(name) or WIDER.get(name) or LAWS.get(name)
-    return (row.words if row is not None else _OTHER_WORDS.get(name, "")) or name.replace("_", " ")
-
-
-def short_effect_words(name: str) -> str:
+def short_effect_words(effect: Effect) -> str:
     """Return an effect's short name, without where it acts."""
-    return effect_words(name) if "{" in name else name.replace("_", " ").replace("coulomb", "Coulomb")
+    return effect.short_words.replace("coulomb", "Coulomb")
 
 
-def known_effect(name: str) -> bool:
-    """Return whether a catalogue has an effect of this name."""
-    return name in CATALOGUE or name in WIDER or name in LAWS
-
-
-def model_effect_words(name: str, tried: Collection[str]) -> str:
+def model_effect_words(effect: Effect, tried: Collection[Effect]) -> str:
     """Return an effect in the model in words, with "(tried)" after one that no diagnosis named."""
-    return f"{effect_words(name)} (tried)" if name in tried else effect_words(name)
+    return f"{effect.words} (tried)" if effect in tried else effect.words
 
 
 def correlation_words(correlation: float) -> str:

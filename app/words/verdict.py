@@ -1,13 +1,14 @@
 """Words and tones of verdicts.
 
-A verdict is data: the conclusion and the names of the effects found.  Its words are made here, and never parsed.
+A verdict is data: the conclusion and the effects found.  Its words are made here, and never parsed.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from analysis.collision import Effect
 from analysis.diagnosis import Verdict
-from app.words.physics_words import effect_words, short_effect_words
+from app.words.physics_words import short_effect_words
 
 OUTDATED = "This verdict is about another model or other shots: diagnose again"
 
@@ -35,7 +36,7 @@ VERDICTS: Mapping[Verdict, VerdictWords] = {
 }
 
 
-def verdict_words(conclusion: Verdict, found: Sequence[str], *, short: bool = False) -> str:
+def verdict_words(conclusion: Verdict, found: Sequence[Effect], *, short: bool = False) -> str:
     """Return the effects and laws that were found, by their names, else the conclusion, such as "adequate".
 
     ``short``: the short name of the first, and the number of others.
@@ -44,5 +45,5 @@ def verdict_words(conclusion: Verdict, found: Sequence[str], *, short: bool = Fa
     if not said.names or not found:
         return said.brief
     if not short:
-        return " + ".join(map(effect_words, found))
+        return " + ".join(effect.words for effect in found)
     return short_effect_words(found[0]) + (f" + {len(found) - 1}" if found[1:] else "")

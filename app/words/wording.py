@@ -6,9 +6,8 @@ from collections.abc import Mapping
 
 from PySide6.QtCore import QLocale
 
-from analysis.collision import called, from_key
+from analysis.collision import Effect, OwnLaw
 from analysis.shot import NotSeen, Quantity, Reading
-from app.words.physics_words import effect_words as effect_words
 from app.words.physics_words import model_effect_words as model_effect_words
 from app.words.physics_words import model_in_words as model_in_words
 from app.words.physics_words import parameter_parts as parameter_parts
@@ -86,15 +85,15 @@ def how_text(name: str, reading: Reading | None, meaning: str = "", std: str = "
     return "<br>".join(line for line in lines if line)
 
 
-def effect_numbers(effect: str, parameters: Mapping[str, Quantity]) -> str:
+def effect_numbers(effect: Effect, parameters: Mapping[str, Quantity]) -> str:
     """Return an effect's parameters in words, with units; a law states its own."""
-    units = {parameter.name: parameter.unit for parameter in from_key(effect).parameters} if "{" in effect else {}
+    units = {p.name: p.unit for p in effect.parameters} if isinstance(effect, OwnLaw) else {}
     return ", ".join(parameter_words(name, value, units.get(name)) for name, value in parameters.items())
 
 
 def parameter_words(name: str, value: Quantity, unit: str | None = None) -> str:
     """Return "coefficient (1.90 ± 0.10)e-3 N s²/m²" for "coefficient_n_s2_per_m2"."""
-    base, _, shot = called(name).partition(".")
+    base, _, shot = name.partition(".")
     words, unit = parameter_parts(base) if unit is None else (base, unit)
     which = f" of shot {shot}" if shot else ""
     return f"{words}{which} {local(value.in_a_sentence())} {unit}".rstrip()

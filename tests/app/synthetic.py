@@ -4,6 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from analysis.collision.effects import named
 from analysis.collision.laws.own import from_mapping
 from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, OtherForm, Verdict
 from analysis.drive.driven_fit import fit_driven
@@ -161,13 +162,13 @@ def diagnosis(of: Shot) -> Diagnosis:
         "error 62 → 1.1 nm; on the held-out shot 70 → 1.3 nm.",
         effects=(
             FoundEffect(
-                "quadratic_drag",
+                named("quadratic_drag"),
                 {"coefficient_n_s2_per_m2": Quantity(1.9e-3, 1e-4)},
                 {"delta_bic": 812.0},
-                ("viscous_drag",),
+                (named("viscous_drag"),),
             ),
         ),
-        candidates=tuple(Candidate(n, 60.0 / (i + 1), -812.0 / (i + 1) ** 2) for i, n in enumerate(names)),
+        candidates=tuple(Candidate(named(n), 60.0 / (i + 1), -812.0 / (i + 1) ** 2) for i, n in enumerate(names)),
         error_before=before,
         error_after=after,
         error_held_out_before=Errors(70e-9, 41e-6, 3.2e-3, 4000.0),
@@ -193,7 +194,7 @@ def learned_law() -> LearnedLaw:
     other = OtherForm("block", "place", "inverse square", "a/(1 + abs(x)/b)**2", 4.2, 0.9 * force)
     far = OtherForm("plate", "bend", "hinge", "a*max(0, y - c)", 8.0)
     return LearnedLaw(
-        own.key, "block", "place", "exponential", own.formula.text, "exponential",
+        own, "block", "place", "exponential", own.formula.text, "exponential",
         {"a": (Quantity(-4e-3, 1e-6), "N"), "b": (Quantity(5e-4, 1e-7), "m")}, (other, far), (), at, "m", force,
         np.full(31, 1e-5), (-2e-3, 1e-3), ("any part outside the range visited",), {"delta_bic": -900.0}, force,
     )  # fmt: skip

@@ -20,6 +20,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from analysis.collision.effects import CATALOGUE
 from app.session.session import Session
 from app.session.settings import FIELDS
 from app.window import commands
@@ -206,7 +207,7 @@ def test_nothing_but_the_window_ever_comes_up_and_the_keyboard_stays(window, qtb
         for page in range(8):
             panels.tabs.setCurrentIndex(page)
             panels.diagnosis.show_diagnosis(found, [shot])
-            panels.diagnosis.show_diagnosis(found, [shot], ("quadratic_drag",))
+            panels.diagnosis.show_diagnosis(found, [shot], (CATALOGUE["quadratic_drag"],))
             panels.diagnosis.show_diagnosis(None, [])
             panels.shot.show_shot(shot)
             panels.compare.show_entries([])

@@ -18,7 +18,7 @@ from app.report.page import report_of
 from app.session.session import Session
 from app.session.verdict_basis import ModelEffects
 from app.words.verdict import verdict_words
-from app.words.wording import effect_numbers, effect_words
+from app.words.wording import effect_numbers
 from tests.app import synthetic
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "add-an-effect.md"
@@ -48,14 +48,14 @@ def test_the_row_is_named_in_model_files_sessions_verdicts_and_reports(added: An
     shot = synthetic.shot()
     parameter = f"{NAME}.coefficient_n_s3_per_m3"
     parameters, size = {**shot.fit.parameters, parameter: SIZE}, len(shot.fit.parameters) + 1
-    fit = replace(shot.fit, effects=(NAME,), parameters=parameters, covariance=np.eye(size))
-    assert from_text(to_text(saved(fit, ["shot-1"]))).effects == (NAME,)
+    fit = replace(shot.fit, effects=(added,), parameters=parameters, covariance=np.eye(size))
+    assert from_text(to_text(saved(fit, ["shot-1"]))).effects == (added,)
     session = Session(tmp_path / "session.json")
-    session.set_effects(ModelEffects().with_effects("paper", (NAME,)))
-    assert Session.reopen(tmp_path / "session.json").effects.collision == (NAME,)
-    assert effect_words(NAME) == added.words == verdict_words(Verdict.EFFECT_FOUND, (NAME,))
-    assert verdict_words(Verdict.EFFECT_FOUND, (NAME,), short=True) == "cubic drag"
-    assert effect_numbers(NAME, {"coefficient_n_s3_per_m3": SIZE}).endswith("e-3 N s³/m³")
-    found = FoundEffect(NAME, {"coefficient_n_s3_per_m3": SIZE}, {})
+    session.set_effects(ModelEffects().with_effects("paper", (added,)))
+    assert Session.reopen(tmp_path / "session.json").effects.collision == (added,)
+    assert added.words == verdict_words(Verdict.EFFECT_FOUND, (added,))
+    assert verdict_words(Verdict.EFFECT_FOUND, (added,), short=True) == "cubic drag"
+    assert effect_numbers(added, {"coefficient_n_s3_per_m3": SIZE}).endswith("e-3 N s³/m³")
+    found = FoundEffect(added, {"coefficient_n_s3_per_m3": SIZE}, {})
     page = report_of([replace(shot, fit=fit)], replace(synthetic.diagnosis(shot), effects=(found,), fit_after=fit))
     assert page.count(added.words) >= 2 and "N s³/m³" in page

@@ -1,14 +1,25 @@
 """A person's own laws in the window: typed, kept, asked; and a learned law drawn, compared, exported."""
 
 import csv
+import json
+import pickle
+import tomllib
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from analysis.collision.effects import CATALOGUE, NUISANCES, WIDER, named
 from analysis.collision.laws.own import from_mapping
+from analysis.diagnosis.model_file import from_text, saved, to_text
+from analysis.drive.catalogue import GAIN_ERROR, LAWS
+from analysis.report import fit_result
+from analysis.shot.quantity import Quantity
 from app.report.csv_export import export_laws
 from app.session.model_in_use import OwnLaws
+from app.session.result_archive import NotStorable, parted, rejoined
+from app.session.session import Session
+from app.session.verdict_basis import ModelEffects, VerdictBasis
 from app.window.panels.law_curve import LawCurve
 from app.window.panels.law_sheet import LawSheet
 from app.window.theme import LIGHT
@@ -45,14 +56,57 @@ def test_a_law_is_written_as_it_is_read(tmp_path, table):
     assert path.read_bytes() == before
 
 
+def test_a_law_in_the_model_goes_through_files_and_processes_as_the_same_effect(tmp_path):
+    law, other = from_mapping(STIR), from_mapping({**STIR, "formula": "-c * v**5 + 0*b"})
+    assert law != other and law.name == other.name and {law, other} - {from_mapping(STIR)} == {other}
+    of = shot()
+    sizes = {**of.fit.parameters, f"{law.key}.c": Quantity(3e-3, 1e-5), f"{law.key}.b": Quantity(1.0, 0.1)}
+    fit = replace(of.fit, effects=(law,), parameters=sizes, covariance=np.eye(len(sizes)))
+    of = replace(of, path=str(tmp_path / "a.csv"), fit=fit, settings=replace(of.settings, effects=(law, named("tilt"))))
+    text = to_text(saved(fit, ["a"], tried=(law,)))
+    assert from_text(text).effects == from_text(text).tried == (law,)
+    assert tomllib.loads(text)["effects"] == ['stir{"name":"stir",' + law.key.partition(",")[2]]
+    assert pickle.loads(pickle.dumps(of.settings)) == of.settings
+    assert rejoined(*parted(of)).fit.effects == (law,)
+    session = Session(tmp_path / "session.json")
+    session.add(of)
+    session.set_effects(ModelEffects((law,)).trying((law,)))
+    session.set_verdict(1, "found", VerdictBasis((law,), (other,), (1,)))
+    written = json.loads((tmp_path / "session.json").read_text())
+    assert written["effects"] == written["tried"] == [law.key]
+    assert written["shots"][0]["settings"]["effects"] == [law.key, "tilt"]
+    assert written["shots"][0]["verdict_of"]["found"] == [other.key]
+    again = Session.reopen(tmp_path / "session.json")
+    assert again.effects == session.effects and again.entries[0].verdict_of == session.entries[0].verdict_of
+    assert again.entries[0].settings == of.settings
+    assert list(fit_result(fit)["parameters"])[-2:] == ["stir.c", "stir.b"] and fit_result(fit)["effects"] == [law.key]
+
+
+def test_every_effect_and_candidate_is_kept_and_sent_to_another_process():
+    for effect in (*CATALOGUE.values(), *WIDER.values(), *NUISANCES.values(), *LAWS.values(), GAIN_ERROR):
+        assert rejoined(*parted(effect)) == pickle.loads(pickle.dumps(effect)) == effect, effect
+    with pytest.raises(NotStorable, match="gremlins"):
+        rejoined({"effect": "gremlins", "base": ""}, [])
+
+
+def test_what_a_later_version_named_is_no_verdict_of_this_one(tmp_path):
+    session = Session(tmp_path / "session.json")
+    session.add(replace(shot(), path=str(tmp_path / "a.csv")))
+    session.set_verdict(1, "gremlins", VerdictBasis((), (named("tilt"),), (1,)))
+    path = tmp_path / "session.json"
+    path.write_text(path.read_text().replace('"tilt"', '"gremlins"'))
+    (entry,) = Session.reopen(path).entries
+    assert entry.verdict == "gremlins" and entry.verdict_of is None
+
+
 def test_the_folder_of_laws_is_asked_and_a_spoilt_file_told(tmp_path):
     laws = OwnLaws(tmp_path)
-    assert laws.keys() == ((), ())
+    assert laws.read() == ((), ())
     laws.keep(STIR)
     (tmp_path / "broken.toml").write_text("name = 3\n")
     (tmp_path / "twice.toml").write_text((tmp_path / "stir.toml").read_text())
-    keys, problems = laws.keys()
-    assert keys == (from_mapping(STIR).key,)
+    found, problems = laws.read()
+    assert found == (from_mapping(STIR),)
     assert [
         problem.partition(":")[0].endswith(name)
         for problem, name in zip(problems, ("broken.toml", "twice.toml"), strict=True)
@@ -101,7 +155,7 @@ def test_the_curve_has_its_band_and_the_forms_that_fit(qtbot):
     assert panel.plot.span == pytest.approx((-2.0, 1.0))  # mm, the range visited
     with qtbot.waitSignal(panel.keep_wanted) as kept:
         panel.keep.click()
-    assert kept.args == [law.name]
+    assert kept.args == [law.effect]
     panel.show_laws((law, replace(law, argument="bend")))
     assert "1 OF 2" in panel._heading.text()
     panel.other.click()

@@ -8,7 +8,9 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFileDialog, QLineEdit
 from pytestqt.qtbot import QtBot
 
+from analysis.collision.effects import CATALOGUE
 from analysis.diagnosis.model_file import from_text, saved, to_text
+from analysis.drive.catalogue import LAWS
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisError
 from app.session.model_in_use import drift_words, load_model, model_words, save_model
@@ -58,19 +60,20 @@ def test_a_model_that_is_saved_says_which_effects_were_only_tried(tmp_path: Path
     shot = synthetic.shot("a", 0.2, 1)
     found = synthetic.diagnosis(shot)
     assert shot.fit is not None
-    (named,) = {effect.name for effect in found.effects}
-    found = replace(found, fit_after=replace(shot.fit, effects=(named, "adhesion")))
-    effects = ModelEffects((named, "adhesion")).trying(("adhesion", named))
+    (named,), adhesion = {finding.effect for finding in found.effects}, CATALOGUE["adhesion"]
+    found = replace(found, fit_after=replace(shot.fit, effects=(named, adhesion)))
+    effects = ModelEffects((named, adhesion)).trying((adhesion, named))
     said = save_model(tmp_path / "m.toml", [shot], effects, found, _never)
-    assert load_model(tmp_path / "m.toml").tried == ("adhesion",)  # the other was named meanwhile
+    assert load_model(tmp_path / "m.toml").tried == (adhesion,)  # the other was named meanwhile
     assert "adhesion at release (tried)" in said
 
 
 def test_the_accepted_effects_come_back_with_the_session(tmp_path: Path) -> None:
     session = Session(tmp_path / "session.json")
-    session.set_effects(ModelEffects(("quadratic_drag",), ("coulomb_friction",)))
+    drag, friction = (CATALOGUE["quadratic_drag"],), (LAWS["coulomb_friction"],)
+    session.set_effects(ModelEffects(drag, friction))
     again = Session.reopen(tmp_path / "session.json").effects
-    assert again.of("clamped") == ("quadratic_drag",) and again.of("driven") == ("coulomb_friction",)
+    assert again.of("clamped") == drag and again.of("driven") == friction
 
 
 def test_saved_and_opened_by_keys(qtbot: QtBot, tmp_path: Path, warm_kernels: None) -> None:
@@ -94,7 +97,8 @@ def test_saved_and_opened_by_keys(qtbot: QtBot, tmp_path: Path, warm_kernels: No
         shot = synthetic.shot("a", 0.2, 1)
         assert shot.fit is not None
         model = saved(shot.fit, ["a"])
-        for name, effects, tried in (("tilted", ("tilt", "adhesion"), ("adhesion",)), ("plain", (), ())):
+        pair = CATALOGUE["tilt"], CATALOGUE["adhesion"]
+        for name, effects, tried in (("tilted", pair, pair[1:]), ("plain", (), ())):
             path = tmp_path / f"{name}.toml"
             path.write_text(to_text(replace(model, effects=effects, tried=tried)), encoding="utf-8")
             qtbot.keyClick(window, Qt.Key.Key_O, both)

@@ -8,6 +8,7 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
+from analysis.collision.effects import effects_named
 from analysis.diagnosis.model_file import SavedModel, saved
 from analysis.shot.shot import AnalysisSettings
 from app.session.event import LoadedModel
@@ -16,8 +17,8 @@ from app.session.workbench import Workbench
 from tests.app import synthetic
 from tests.app.stepped_work import SteppedWork
 
-EFFECTS = st.sampled_from(("viscous_drag", "quadratic_drag", "coulomb_friction"))
-SAVED = st.sampled_from((("viscous_drag",), ("quadratic_drag", "tilt"), ()))
+EFFECTS = st.sampled_from(effects_named(("viscous_drag", "quadratic_drag", "coulomb_friction")))
+SAVED = st.sampled_from((effects_named(("viscous_drag",)), effects_named(("quadratic_drag", "tilt")), ()))
 
 
 def model_file(effects: tuple[str, ...], base: str = "paper") -> SavedModel:

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from analysis.collision.effects import effects_named
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.planning.next_shot import NextShot
 from analysis.planning.plan import Plan
@@ -26,8 +27,8 @@ from tests.analysis.planning.rig import rig
 from tests.app import synthetic
 
 FAST = NextShot(0.6, 0.05, 0.012, 0.02)
-BETWEEN = ("quadratic_drag", "viscous_drag")
-PLAN = Plan((FAST,), BETWEEN, 2.0, {"quadratic_drag": 9.0}, {"quadratic_drag": 9.0}, 9.0, ())
+BETWEEN = DRAG, _ = effects_named(("quadratic_drag", "viscous_drag"))
+PLAN = Plan((FAST,), BETWEEN, 2.0, {DRAG: 9.0}, {DRAG: 9.0}, 9.0, ())
 HOPELESS = replace(PLAN, shots=(), best=1.5, inseparable=BETWEEN)
 STEP = PlannedStep(FAST, BETWEEN, PLAN.after_first)
 
@@ -64,7 +65,7 @@ def test_the_card_says_what_to_set_what_it_will_show_and_what_it_showed(card, sa
         card.take.click()
     card.show_standing(said, PlanningState(PLAN), FAST, False)
     assert card.take.isHidden() and not card.give_up.isHidden() and "Set, then push" in card.words
-    done = replace(STEP, reached=8.4, leader="quadratic_drag")
+    done = replace(STEP, reached=8.4, leader=DRAG)
     card.show_standing(said, PlanningState(None, (done,)), None, False)
     assert "9 noise norms expected, 8.4 reached" in card.log_words and "Resolved" in card.words
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from analysis.collision.effects import effects_named
 from analysis.report import result
 from analysis.shot.shot import AnalysisSettings
 from app.session.load import load_and_analyse
@@ -32,8 +33,9 @@ def test_what_is_added_in_the_window_is_what_a_model_file_gives(tmp_path: Path, 
     sizes["coulomb_friction"] = {"force_n": 1e-4}
     (path,) = simulate(tmp_path, 1, 4, {name: sizes[name] for name in effects})
     opened = load_and_analyse(path)
-    added = refit_shot(opened, effects, progress=lambda _what, _share: None, cancelled=lambda: False)
-    replayed = load_and_analyse(path, "paper", settings=AnalysisSettings(effects=effects))
+    chosen = effects_named(effects)
+    added = refit_shot(opened, chosen, progress=lambda _what, _share: None, cancelled=lambda: False)
+    replayed = load_and_analyse(path, "paper", settings=AnalysisSettings(effects=chosen))
     assert added.fit is not None and set(effects) <= {name.split(".")[0] for name in added.fit.parameters}
     assert _told(added) == _told(replayed)
     assert _told(added) != _told(opened)

@@ -9,7 +9,9 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QLabel, QPushButton
 
+from analysis.collision.effects import named
 from analysis.diagnosis.result import Candidate, Errors, Verdict
+from analysis.drive.catalogue import LAWS
 from analysis.drive.curves import drive_curves
 from analysis.shot.disturbance import Disturbance, Shaking
 from analysis.shot.quantity import NotSeen, Quantity
@@ -121,7 +123,7 @@ def test_the_numbers_name_what_the_effects_in_the_model_came_to(qtbot):
     driven = synthetic.driven_shot()
     fit = replace(
         driven.fit,
-        effects=("coulomb_friction",),
+        effects=(named("coulomb_friction"),),
         parameters={**driven.fit.parameters, "coulomb_friction.force_n": Quantity(20.0, 0.1)},
     )
     panel.show_shot(replace(driven, fit=fit))
@@ -343,11 +345,11 @@ def test_the_diagnosis_says_the_verdict_first_and_offers_to_add_the_effect(qtbot
     assert panel.sentence.startswith("Quadratic drag on the block")
     with qtbot.waitSignal(panel.add_wanted) as added:
         panel.effects.button("quadratic_drag").click()
-    assert added.args == [["quadratic_drag"]]
-    panel.show_diagnosis(synthetic.diagnosis(shot), [shot], ("quadratic_drag",))
+    assert added.args == [[named("quadratic_drag")]]
+    panel.show_diagnosis(synthetic.diagnosis(shot), [shot], (named("quadratic_drag"),))
     with qtbot.waitSignal(panel.remove_wanted) as removed:
         panel.effects.button("quadratic_drag").click()
-    assert removed.args == ["quadratic_drag"]
+    assert removed.args == [named("quadratic_drag")]
     panel.show_progress("scoring", 0.4)
     assert not panel.diagnose.isEnabled() and panel.cancel.isVisible()
     panel.show_progress(None, 0.0)
@@ -392,9 +394,9 @@ def test_what_stays_open_offers_the_next_step(qtbot, shot):
     ]  # fmt: skip
     with qtbot.waitSignal(panel.try_wanted) as tried:
         panel.next_steps.buttons[1].click()
-    assert tried.args == ["viscous_drag"]
-    panel.mark_tried(("viscous_drag",))
-    panel.show_diagnosis(left, [shot], ("viscous_drag",))
+    assert tried.args == [named("viscous_drag")]
+    panel.mark_tried((named("viscous_drag"),))
+    panel.show_diagnosis(left, [shot], (named("viscous_drag"),))
     words = " ".join(label.text() for label in panel.effects.findChildren(QLabel))
     assert "tried; not named by a diagnosis" in words
     assert all("viscous" not in button.text() for button in panel.next_steps.buttons)
@@ -434,14 +436,14 @@ def test_several_effects_are_added_by_one_press(qtbot):
     qtbot.addWidget(panel)
     shot = synthetic.shot()
     found = synthetic.diagnosis(shot)
-    two = replace(found, effects=(*found.effects, replace(found.effects[0], name="tilt")))
+    two = replace(found, effects=(*found.effects, replace(found.effects[0], effect=named("tilt"))))
     panel.show_diagnosis(two, [shot], ())
     asked = []
     panel.add_wanted.connect(asked.append)
     (button,) = [b for b in panel.findChildren(QPushButton) if b.text() == "Add all to the model"]
     button.click()
-    assert asked == [["quadratic_drag", "tilt"]]
-    panel.show_diagnosis(two, [shot], ("tilt",))
+    assert asked == [[named("quadratic_drag"), named("tilt")]]
+    panel.show_diagnosis(two, [shot], (named("tilt"),))
     qtbot.waitUntil(lambda: not [b for b in panel.findChildren(QPushButton) if b.text() == "Add all to the model"])
 
 
@@ -467,7 +469,7 @@ def test_a_diagnosis_without_a_residual_to_draw_leaves_no_other_sets_picture(qtb
     assert len(curves[0].samples) > 0 and shot.name in panel.residuals._heading.text() and shot.name in panel._of.text()
     slider = replace(found.fit_after, model="driven", shots=())
     drive = replace(found, fit_before=slider, fit_after=slider, verdict=Verdict.UNEXPLAINED)
-    panel.show_diagnosis(drive, [replace(shot, name="emps")], ("quadratic_drag",))
+    panel.show_diagnosis(drive, [replace(shot, name="emps")], (LAWS["quadratic_drag"],))
     assert [len(curve.samples) for curve in curves] == [0, 0]
     assert shot.name not in panel.residuals._heading.text() and "emps" in panel._of.text()
     assert "UNEXPLAINED" in panel._verdict.text() and MARKS[Tone.GOOD] not in panel._verdict.text()
@@ -477,7 +479,8 @@ def test_a_diagnosis_without_a_residual_to_draw_leaves_no_other_sets_picture(qtb
 def test_candidates_stand_in_the_order_of_their_bars_and_a_tick_never_beside_a_worse_bic(qtbot, shot):
     bars = CandidateBars(LIGHT)
     qtbot.addWidget(bars)
-    bars.show_candidates((Candidate("tilt", 9.0, 4.0), Candidate("adhesion", 60.0, -80.0)), {"tilt", "adhesion"})
+    tilt, adhesion = named("tilt"), named("adhesion")
+    bars.show_candidates((Candidate(tilt, 9.0, 4.0), Candidate(adhesion, 60.0, -80.0)), {tilt, adhesion})
     words = [label.text() for label in bars.findChildren(QLabel)]
     names = [text for text in words if "adhesion" in text or "tilt" in text]
     assert "adhesion" in names[0] and MARKS[Tone.GOOD] in names[0] and MARKS[Tone.GOOD] not in names[1]

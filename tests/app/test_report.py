@@ -11,6 +11,7 @@ import numpy as np
 import pypdfium2
 import pytest
 
+from analysis.collision.effects import Acts, Effect, effects_named
 from analysis.diagnosis.result import FoundEffect
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Plate
@@ -98,7 +99,7 @@ def test_the_diagnosis_is_in_it(whole: str) -> None:
         assert said in text
     one = shot(count=8000)
     assert one.fit is not None
-    found = replace(diagnosis(one), fit_after=replace(one.fit, effects=("quadratic_drag",)))
+    found = replace(diagnosis(one), fit_after=replace(one.fit, effects=effects_named(("quadratic_drag",))))
     text = Elements(report_of([one], found, made_at=MADE)).text
     assert "shot-1 (nm)" in text and "before and after." in text and "with quadratic drag on the block" in text
     assert "Diagnosis" not in Elements(report_of([shot()], None, made_at=MADE)).text
@@ -116,9 +117,9 @@ def test_planned_shots_stand_in_the_place_of_a_general_hint() -> None:
 def test_an_effect_that_no_diagnosis_named_is_told(tmp_path: Path) -> None:
     one = shot(count=8000)
     assert one.fit is not None
-    fit = replace(one.fit, effects=("tilt", "adhesion"))
+    fit = replace(one.fit, effects=effects_named(("tilt", "adhesion")))
     tried = replace(one, fit=fit, path=str(tmp_path / "a"), settings=replace(one.settings, effects=fit.effects))
-    text = Elements(report_of([tried], made_at=MADE, tried=("adhesion", "cyclic_error"))).text
+    text = Elements(report_of([tried], made_at=MADE, tried=effects_named(("adhesion", "cyclic_error")))).text
     assert "not named by a diagnosis: adhesion at release." in text  # and not the one that is not in the model
     assert 'tried = ["adhesion"]' in text
     assert "not named by a diagnosis" not in Elements(report_of([tried], made_at=MADE)).text
@@ -155,8 +156,9 @@ def test_nothing_foreign_becomes_markup() -> None:
         setup=replace(one.setup, extra={HOSTILE: {HOSTILE: HOSTILE}}),
         fit=replace(one.fit, parameters={HOSTILE: Quantity(1.0, 0.1, HOSTILE)}, covariance=np.eye(1)),
     )
+    bad_one = Effect(HOSTILE, HOSTILE, Acts.ON_BLOCK, (), "")
     said = replace(diagnosis(one), sentence=HOSTILE, remainder=HOSTILE, blind_spots=(HOSTILE,))
-    said = replace(said, effects=(FoundEffect(HOSTILE, {HOSTILE: Quantity(1, 1)}, {HOSTILE: 1.0}, (HOSTILE,)),))
+    said = replace(said, effects=(FoundEffect(bad_one, {HOSTILE: Quantity(1, 1)}, {HOSTILE: 1.0}, (bad_one,)),))
     page = report_of([bad, replace(bad, problem=HOSTILE, motion=None, impact=None, fit=None)], said, title=HOSTILE)
     elements = Elements(page)
     assert "script" not in {name for name, _ in elements.elements}

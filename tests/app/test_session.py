@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from analysis.collision.effects import effects_named
 from analysis.fitted.fitted_shot import with_fit_to_follow
 from analysis.shot.shot import AnalysisSettings
 from app.session.session import Session
@@ -114,11 +115,12 @@ def test_a_second_window_keeps_a_session_of_its_own(tmp_path):
 
 def test_an_effect_that_was_tried_stays_marked_until_it_is_taken_out(tmp_path):
     session = Session(tmp_path / "session.json")
-    effects = session.effects.with_effects("paper", ("tilt", "adhesion")).trying(["adhesion"])
+    tilt, adhesion = effects_named(("tilt", "adhesion"))
+    effects = session.effects.with_effects("paper", (tilt, adhesion)).trying([adhesion])
     session.set_effects(effects)
     again = Session.reopen(tmp_path / "session.json")
-    assert again.effects.tried == ("adhesion",) and again.effects.of("paper") == ("tilt", "adhesion")
-    assert again.effects.with_effects("paper", ("tilt",)).tried == ()
+    assert again.effects.tried == (adhesion,) and again.effects.of("paper") == (tilt, adhesion)
+    assert again.effects.with_effects("paper", (tilt,)).tried == ()
 
 
 def test_what_was_not_saved_yet_is_on_disk_before_another_session_takes_its_place(tmp_path):

@@ -19,6 +19,7 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
+from analysis.collision.effects import effects_named
 from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.shot.shot import AnalysisSettings
 from app.session.session import Session
@@ -29,7 +30,7 @@ from instrument.files.atomic_file import write_json_atomic
 from tests.app import synthetic
 from tests.app.stepped_work import LONGEST_S, SteppedWork
 
-EFFECTS = ("viscous_drag", "quadratic_drag", "coulomb_friction")
+EFFECTS = effects_named(("viscous_drag", "quadratic_drag", "coulomb_friction"))
 BASE = "paper"
 
 
@@ -216,7 +217,7 @@ class Sessions(RuleBasedStateMachine):
         found = self.diagnosed[-1]
         self.newest.insert(0, (set(numbers), found))
         for line in lines:
-            line.verdict = verdict_words(found.verdict, tuple(effect.name for effect in found.effects))
+            line.verdict = verdict_words(found.verdict, tuple(finding.effect for finding in found.effects))
 
     @precondition(lambda self: self.shown.lines)
     @rule(data=st.data())

@@ -40,7 +40,6 @@ from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import DARK, LIGHT, Theme, Tone
 from app.words.flags import FLAG_WORDS, flags_in_short
-from app.words.physics_words import effect_words
 from app.words.verdict import verdict_words
 from tests.app import synthetic
 
@@ -49,7 +48,7 @@ SIZES = (SMALLEST, (1366, 768 - 30), (1920, 1080 - 30))
 FULL_HD_AT_150 = (1280, 720 - 30)
 LONG = "2026-03-01_rig-a_paper-plate_run-"
 
-EFFECTS = (*CATALOGUE, *WIDER, *LAWS)
+EFFECTS = (*CATALOGUE.values(), *WIDER.values(), *LAWS.values())
 
 
 class _Nobody:
@@ -202,9 +201,9 @@ def test_no_page_is_wider_than_the_window(window):
     panels = window.panels
     shot = panels.diagnosis._shots[0]
     found = synthetic.diagnosis(shot)
-    longest_first = sorted(EFFECTS, key=lambda name: -len(effect_words(name)))  # more are not shown
-    every = tuple(Candidate(name, 3580.0 - 100 * n, -25700.0) for n, name in enumerate(longest_first))
-    named = tuple(replace(found.effects[0], name=name) for name in longest_first[:3])  # in bold, with a tick
+    longest_first = sorted(EFFECTS, key=lambda effect: -len(effect.words))  # more are not shown
+    every = tuple(Candidate(effect, 3580.0 - 100 * n, -25700.0) for n, effect in enumerate(longest_first))
+    named = tuple(replace(found.effects[0], effect=effect) for effect in longest_first[:3])  # in bold, with a tick
     found = replace(found, candidates=every, effects=named)
     kinds = (found, replace(found, verdict=Verdict.UNEXPLAINED), replace(found, laws=(synthetic.learned_law(),)))
     own = (window.width(), window.height())
@@ -328,7 +327,7 @@ def test_every_flag_has_room_in_its_column(window):
 
 def test_every_effects_name_has_room_in_the_column_of_verdicts_and_keeps_its_beginning(window):
     table = window.panels.table
-    words = [verdict_words(Verdict.EFFECT_FOUND, (name, name), short=True) for name in EFFECTS]
+    words = [verdict_words(Verdict.EFFECT_FOUND, (effect, effect), short=True) for effect in EFFECTS]
     widest = max(words, key=table.fontMetrics().horizontalAdvance)
     assert table.fontMetrics().horizontalAdvance(widest) < table.table.columnWidth(VERDICT) - 8, widest
     option = QStyleOptionViewItem()

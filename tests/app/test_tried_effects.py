@@ -4,6 +4,7 @@ from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import QApplication, QLabel
 from pytestqt.qtbot import QtBot
 
+from analysis.collision.effects import effects_named
 from analysis.shot.shot import AnalysisSettings
 from app.session.event import Diagnosed
 from app.session.session import Session
@@ -31,13 +32,12 @@ def test_an_effect_that_was_tried_is_marked_and_one_that_was_found_is_not(qtbot:
             QApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete.value)  # the rows before
             return " ".join(label.text() for label in panels.diagnosis.effects.findChildren(QLabel))
 
-        effects = workbench.session.effects
-        workbench.session.set_effects(effects.with_effects("paper", ("viscous_drag",)))
+        effects, both = workbench.session.effects, effects_named(("viscous_drag", "tilt"))
+        workbench.session.set_effects(effects.with_effects("paper", both[:1]))
         assert "iscous drag" in words() and TRIED not in words()
-        both = ("viscous_drag", "tilt")
-        workbench.session.set_effects(effects.with_effects("paper", both).trying(("tilt",)))
+        workbench.session.set_effects(effects.with_effects("paper", both).trying(both[1:]))
         assert words().count(TRIED) == 1
-        workbench.session.set_effects(effects.with_effects("paper", ("viscous_drag",)))
+        workbench.session.set_effects(effects.with_effects("paper", both[:1]))
         assert "iscous drag" in words() and TRIED not in words()
     finally:
         workbench.close()

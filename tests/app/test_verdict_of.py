@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 from PySide6.QtCore import Qt
 
+from analysis.collision.effects import effects_named, named
 from analysis.diagnosis.result import Verdict
 from analysis.shot.shot import AnalysisSettings
 from app.report.diagnosis_section import diagnosis_section
@@ -29,7 +30,7 @@ from tests.app.stepped_work import SteppedWork
 def _found(effects=()):
     """Return a diagnosis of shots 1 and 2 with these effects in the model, which found quadratic drag."""
     told = synthetic.diagnosis(synthetic.shot())
-    return replace(told, fit_before=replace(told.fit_before, effects=effects))
+    return replace(told, fit_before=replace(told.fit_before, effects=effects_named(effects)))
 
 
 @pytest.mark.parametrize(
@@ -44,7 +45,7 @@ def _found(effects=()):
     ],
 )
 def test_it_holds_for_its_model_and_its_shots(before, now, there, holds):
-    assert verdict_of(_found(before), (1, 2)).holds(now, there) is holds
+    assert verdict_of(_found(before), (1, 2)).holds(effects_named(now), there) is holds
 
 
 def test_it_is_kept_with_the_session_and_an_older_file_has_none(tmp_path):
@@ -71,9 +72,9 @@ def test_taken_out_of_the_model_an_effect_takes_its_verdict_with_it_here_and_aft
     page = DiagnosisPresenter(bench, panels, panels)
     try:
         shot = synthetic.shot()
-        bench.model.add("paper", ("quadratic_drag",))
-        fit = replace(shot.fit, effects=("quadratic_drag",))
-        settings = replace(shot.settings, effects=("quadratic_drag",))
+        bench.model.add("paper", (named("quadratic_drag"),))
+        fit = replace(shot.fit, effects=(named("quadratic_drag"),))
+        settings = replace(shot.settings, effects=(named("quadratic_drag"),))
         bench.add_shot(replace(shot, path=str(tmp_path / "a.csv"), fit=fit, settings=settings))
         told = replace(_found(("quadratic_drag",)), verdict=Verdict.ADEQUATE, effects=(), fit_after=fit)
         bench._take(Diagnosed(told, (1,)))
@@ -87,7 +88,7 @@ def test_taken_out_of_the_model_an_effect_takes_its_verdict_with_it_here_and_aft
 
         struck, beside, heading = looks()
         assert not struck and beside.endswith("adequate") and "ADEQUATE" in heading and "<s>" not in heading
-        bench.model.remove("paper", "quadratic_drag")
+        bench.model.remove("paper", named("quadratic_drag"))
         struck, beside, heading = looks()
         assert struck and "diagnose again" in beside and "<s>ADEQUATE</s>" in heading
         again = Session.reopen(path)
@@ -103,7 +104,7 @@ def test_taken_out_of_the_model_an_effect_takes_its_verdict_with_it_here_and_aft
 def _entry(conclusion, found=(), words="in words of which nobody reads anything back"):
     session = Session()
     session.add(synthetic.shot())
-    session.set_verdict(1, words, VerdictBasis((), found, (1,), conclusion))
+    session.set_verdict(1, words, VerdictBasis((), effects_named(found), (1,), conclusion))
     return session.entries[0]
 
 
@@ -119,14 +120,14 @@ def _entry(conclusion, found=(), words="in words of which nobody reads anything 
     ],
 )
 def test_a_verdicts_tone_comes_from_what_was_concluded_and_not_from_its_words(conclusion, found, model, tone, more):
-    entry = _entry(conclusion, found)
+    entry, model = _entry(conclusion, found), effects_named(model)
     assert verdict_line(entry, model) == (entry.verdict + more, tone)
     assert verdict_line(entry, model, holds=False) == (f"<s>{entry.verdict}</s> outdated: diagnose again", Tone.NEUTRAL)
 
 
 def test_every_conclusion_is_worded_in_one_place(qtbot):
     assert set(VERDICTS) == set(Verdict)
-    found = ("quadratic_drag", "tilt")
+    found = effects_named(("quadratic_drag", "tilt"))
     for conclusion, said in VERDICTS.items():
         assert Tone(said.tone) and verdict_words(conclusion, ()) == said.brief == said.brief.lower()
         whole, short = (verdict_words(conclusion, found, short=short) for short in (False, True))

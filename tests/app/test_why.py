@@ -10,7 +10,9 @@ from PySide6.QtCore import QEvent, QPointF
 from PySide6.QtGui import QColor, QEnterEvent
 from PySide6.QtWidgets import QApplication, QLabel
 
+from analysis.collision.effects import CATALOGUE
 from analysis.diagnosis.result import Candidate
+from analysis.drive.catalogue import LAWS
 from app.session import why
 from app.session.jobs import Jobs, Work
 from app.session.why import Remainder, Why, by_evidence
@@ -20,12 +22,13 @@ from app.window.plots.residual_grid import MOST, Cell, ResidualGrid, SymLog, _th
 from app.window.theme import LIGHT
 from tests.app import synthetic
 
+VISCOUS = CATALOGUE["viscous_drag"]
 CANDIDATES = (
-    Candidate("viscous_drag", 494.0, -580.0),
-    Candidate("quadratic_drag", 394.0, -11400.0),
-    Candidate("lugre_friction", 3.0, -1000.0),
-    Candidate("tilt", 450.0, None),
-    Candidate("adhesion", 60.0, -4.0),
+    Candidate(CATALOGUE["viscous_drag"], 494.0, -580.0),
+    Candidate(CATALOGUE["quadratic_drag"], 394.0, -11400.0),
+    Candidate(LAWS["lugre_friction"], 3.0, -1000.0),
+    Candidate(CATALOGUE["tilt"], 450.0, None),
+    Candidate(CATALOGUE["adhesion"], 60.0, -4.0),
 )
 
 
@@ -68,7 +71,7 @@ def test_columns_have_headings_and_a_line_says_where_evidence_begins(qtbot):
     qtbot.addWidget(bars)
     bars.resize(500, 400)
     bars.show()
-    bars.show_candidates(CANDIDATES, {"quadratic_drag"})
+    bars.show_candidates(CANDIDATES, {CATALOGUE["quadratic_drag"]})
     qtbot.wait(20)
     labels = {label.text(): label.mapTo(bars, label.rect().topLeft()).y() for label in bars.findChildren(QLabel)}
     assert {"−ΔBIC", "size (σ)", "11400", "394"} <= set(labels)
@@ -83,7 +86,7 @@ def test_all_shots_stand_on_one_axis_and_accepting_turns_before_into_after(qtbot
     assert [cell.title for cell in cells] == [shot.name for shot in shots]
     assert page.why.grid.scale.most == pytest.approx(max(np.nanmax(np.abs(c.before_m)) for c in cells))
     assert all(shot.name in page._of.text() for shot in shots)
-    page.show_diagnosis(told, shots, tuple(effect.name for effect in told.effects))
+    page.show_diagnosis(told, shots, tuple(found.effect for found in told.effects))
     accepted = page.why.grid.cells
     assert all(cell.before_m is None for cell in accepted)
     assert all(np.array_equal(new.after_m, old.after_m) for new, old in zip(accepted, cells, strict=True))
@@ -93,7 +96,7 @@ def test_all_shots_stand_on_one_axis_and_accepting_turns_before_into_after(qtbot
 def test_pointing_at_a_candidate_overlays_what_it_would_explain_at_once(qtbot, told, shots):
     page = _page(qtbot, told, shots)
     left = tuple(part.residual_m - 0.7 * _wave(part) for part in told.fit_before.shots)
-    page.why.show_found({"viscous_drag": Remainder("viscous_drag", left, 44.0)})
+    page.why.show_found({VISCOUS: Remainder(VISCOUS, left, 44.0)})
     orange = _pixels(page.why.grid, LIGHT.simulated)
     (name,) = (w for w in page.bars.findChildren(QLabel) if w.text() == "viscous drag on the block")
     QApplication.sendEvent(name, QEnterEvent(*[QPointF(2.0, 2.0)] * 3))
@@ -103,7 +106,7 @@ def test_pointing_at_a_candidate_overlays_what_it_would_explain_at_once(qtbot, t
     assert "would remain" in page.why.words and "44" in page.why.words
     QApplication.sendEvent(name, QEvent(QEvent.Type.Leave))
     assert page.why.grid.overlays == () and "Point at" in page.why.words
-    page.why.point_at("tilt")
+    page.why.point_at(CATALOGUE["tilt"])
     assert "not fitted in full yet" in page.why.words
 
 
@@ -113,17 +116,17 @@ def test_the_curve_of_the_diagnosis_is_drawn_until_the_candidates_own_fit_is_the
     curves = tuple(0.7e-6 * np.sin(np.linspace(0.0, 20.0, 500)).astype(np.float32) for _ in sizes)
     with_curves = tuple(replace(one, explains_m=curves) for one in told.candidates)
     page = _page(qtbot, replace(told, candidates=with_curves), shots)
-    page.why.point_at("tilt")  # which was only scored
+    page.why.point_at(CATALOGUE["tilt"])  # which was only scored
     assert "first order" in page.why.words and "would remain" in page.why.words
     for over, part, size in zip(page.why.grid.overlays, told.fit_before.shots, sizes, strict=True):
         assert over.signature_m.shape == (size,)
         assert np.allclose(over.signature_m, 0.7 * _wave(part), atol=2e-8)
         assert np.allclose(over.signature_m + over.remains_m, part.residual_m)
-    page.why.point_at("viscous_drag")
+    page.why.point_at(VISCOUS)
     assert "as fitted in the diagnosis" in page.why.words and len(page.why.grid.overlays) == 3
     left = tuple(part.residual_m - 0.9 * _wave(part) for part in told.fit_before.shots)
-    page.why.show_found({"viscous_drag": Remainder("viscous_drag", left, 44.0)})
-    page.why.point_at("viscous_drag")
+    page.why.show_found({VISCOUS: Remainder(VISCOUS, left, 44.0)})
+    page.why.point_at(VISCOUS)
     assert "44" in page.why.words and "diagnosis" not in page.why.words
     assert np.array_equal(page.why.grid.overlays[0].remains_m, left[0])
 
@@ -132,15 +135,15 @@ def test_the_best_candidate_and_its_neighbour_stand_side_by_side(qtbot, told, sh
     page = _page(qtbot, told, shots)
     assert not page.why.neighbour.isEnabled()
     found = {}
-    for name, share in (("quadratic_drag", 0.0), ("lugre_friction", 0.4)):
+    for effect, share in ((CATALOGUE["quadratic_drag"], 0.0), (LAWS["lugre_friction"], 0.4)):
         left = tuple(part.residual_m + share * _wave(part) for part in told.fit_after.shots)
-        found[name] = Remainder(name, left, 1.0 + 100 * share)
+        found[effect] = Remainder(effect, left, 1.0 + 100 * share)
     page.why.show_found(found)
     page.why.neighbour.click()
     cells = page.why.grid.cells
     assert len(cells) == 6
-    assert np.array_equal(cells[0].after_m, found["quadratic_drag"].left_m[0])
-    assert np.array_equal(cells[1].after_m, found["lugre_friction"].left_m[0])
+    assert np.array_equal(cells[0].after_m, found[CATALOGUE["quadratic_drag"]].left_m[0])
+    assert np.array_equal(cells[1].after_m, found[LAWS["lugre_friction"]].left_m[0])
     assert "41" in page.why.words
 
 
@@ -177,14 +180,14 @@ def test_candidates_are_fitted_while_nothing_else_is_to_be_done(told, shots, mon
         whole = Why(work)
         whole.show(told, shots)
         whole.refresh()
-        until(lambda: asked == ["quadratic_drag"])
+        until(lambda: asked == [CATALOGUE["quadratic_drag"]])
         other = work.jobs.submit("export", lambda _, __: None, "export")  # it comes first
         assert other.done.wait(5.0)
-        whole.first("tilt")
+        whole.first(CATALOGUE["tilt"])
         go.set()
         until(lambda: whole.refresh() or not whole.waiting)
         until(lambda: (whole.refresh(), not whole.waiting and len(whole.found) == 5)[1])
-        assert asked[1] == "tilt" and set(whole.found) == {candidate.name for candidate in CANDIDATES}
+        assert asked[1] == CATALOGUE["tilt"] and set(whole.found) == {candidate.effect for candidate in CANDIDATES}
         whole.show(None, [])
         assert whole.found == {}
     finally:

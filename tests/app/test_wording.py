@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import QLocale
 
+from analysis.collision.effects import CATALOGUE
 from analysis.diagnosis import words
 from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.shot.quantity import NotSeen, Quantity
@@ -94,7 +95,7 @@ def test_a_learned_law_is_named_in_the_list_and_its_numbers_have_units():
     found = verdict_of(learned, (1,)).found
     assert verdict.verdict_words(learned.verdict, found) == "a force of the place, exponential"
     assert verdict.verdict_words(learned.verdict, ()) == "law learned"
-    assert wording.effect_numbers(law.name, sizes) == "a (-4.0000 ± 0.0010)e-3 N, b (5.0000 ± 0.0010)e-4 m"
+    assert wording.effect_numbers(law.effect, sizes) == "a (-4.0000 ± 0.0010)e-3 N, b (5.0000 ± 0.0010)e-4 m"
 
 
 def test_a_partly_explained_set_never_has_a_rest_that_is_nothing():
@@ -106,7 +107,7 @@ def test_a_partly_explained_set_never_has_a_rest_that_is_nothing():
 
 @pytest.mark.parametrize(("fall", "said"), [(0.0038, "Residual reduced to 0.38 %."), (0.96, "96 %"), (0.997, "")])
 def test_no_sentence_says_that_a_residual_is_reduced_to_all_of_it(fall, said):
-    effect = FoundEffect("tilt", {}, {}, (), "tilt: angle 0.1 mrad")
+    effect = FoundEffect(CATALOGUE["tilt"], {}, {}, (), "tilt: angle 0.1 mrad")
     sentence = words.sentence(Verdict.EFFECT_FOUND, effects=[effect], reduced_to=fall)
     assert said in sentence and "100 %" not in sentence and "1e+02" not in sentence
     assert ("reduced" in sentence) == bool(said)

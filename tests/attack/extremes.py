@@ -99,7 +99,7 @@ def _record(stem: Path, random_: random.Random, *, wild: bool) -> Attempt:
     mass = random_.choice((*[0.01785] * 6, 1e-9, 1e6, 1.0, 1e-3))
     model = random_.choice(("plate", "plate", "contact", "driven") if wild else ("plate", "plate", "contact"))
     base = random_.choice((None, None, None, "clamped", "no_tension")) if model == "plate" else None
-    effects = tuple(random_.sample([kind.name for kind in trial_effects()], random_.choice((0, 0, 1, 2))))
+    effects = tuple(random_.sample([kind.effect for kind in trial_effects()], random_.choice((0, 0, 1, 2))))
     settings = replace(BOUNDED, effects=effects if model == "plate" else ())
     force = noise.normal(0.0, 1.0, time.size)
 
@@ -118,7 +118,7 @@ def _record(stem: Path, random_: random.Random, *, wild: bool) -> Attempt:
             assert "Collision(" not in shot.fit_problem, shot.fit_problem
         return SURVIVED if shot.problem is None else refused_in_a_line(shot.problem)
 
-    what = " + ".join((base or model, *settings.effects))
+    what = " + ".join((base or model, *(effect.name for effect in settings.effects)))
     return f"{what}, {kind}, {time.size} rows, time in {unit_s:g} s, place in {unit_m:g} m, {mass:g} kg", attempt
 
 
@@ -183,7 +183,7 @@ def laws(folder: Path, random_: random.Random) -> Iterator[Attempt]:
                 return refused_in_a_line(str(error))
             assert is_law(law.key), "does not survive its own file"
             try:
-                active = general.Active(law.effect, (law.parameters[0].tried[0],))
+                active = general.Active(law, (law.parameters[0].tried[0],))
                 general.solve(PAPER, [active], times, directions=[0, 2])
             except ArithmeticError as error:  # no trajectory: a search turns back there
                 assert "division" not in str(error), error

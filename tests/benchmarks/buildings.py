@@ -112,7 +112,7 @@ def judge(case: Case) -> Outcome:
     return Outcome(
         case,
         said.verdict.value,
-        tuple((effect.name, *effect.indistinguishable_from) for effect in said.effects),
+        tuple((one.name, *(other.name for other in one.indistinguishable_from)) for one in said.effects),
         tuple(f"{law.where} {law.argument} {law.form}" for law in said.laws),
         found,
         time.perf_counter() - began,

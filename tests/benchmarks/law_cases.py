@@ -336,7 +336,7 @@ def judge(case: LawCase, diagnose: Callable[[Sequence[Motion]], Any]) -> LawOutc
         held_out_chi2=float(said.laws[0].evidence["held_out_chi2"]) if said.laws else math.nan,
         norms=rig.norms(speeds),
         seconds=seconds,
-        classes=tuple(effect.indistinguishable_from for effect in said.effects),
+        classes=tuple(tuple(other.name for other in one.indistinguishable_from) for one in said.effects),
         beside={effect.name: row_leaves(rig, effect.name, speeds) for effect in said.effects if effect.name in ROWS},
         said=said.sentence,
     )

@@ -190,7 +190,7 @@ def judge(case: Case, diagnose: Callable[[Sequence[Motion]], Any]) -> Outcome:
         snr=snr,
         verdict=str(said.verdict),
         named=tuple(effect.name for effect in said.effects),
-        classes=tuple(tuple(effect.indistinguishable_from) for effect in said.effects),
+        classes=tuple(tuple(other.name for other in effect.indistinguishable_from) for effect in said.effects),
         truth={name: dict(values) for name, values in truth.effects.items()},
         found=found,
         bound=rig.bound,

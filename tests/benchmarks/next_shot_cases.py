@@ -66,7 +66,7 @@ def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutc
     first, like = diagnose(motions), averaged_shots(motions)
     diagnosed = time.process_time()
     spent = (diagnosed - began, 0.0, 0.0)
-    outcome = NextOutcome(case, rig.snr, _names(first), undecided(first), truth=dict(truth.effects), cpu_s=spent)
+    outcome = NextOutcome(case, rig.snr, _names(first), _open(first), truth=dict(truth.effects), cpu_s=spent)
     if not outcome.open_first:
         return replace(outcome, named=outcome.named_first)
     random = np.random.default_rng((case.seed, 0x19))
@@ -90,7 +90,7 @@ def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutc
         outcome,
         cpu_s=(spent[0], settled - diagnosed, 0.0),
         named=_names(said),
-        open_last=undecided(said),
+        open_last=_open(said),
         steps=tuple((s.expected_separation if s.leader in s.expected else 0.0, s.reached) for s in standing.steps),
         proven=standing.plan is not None and not standing.plan.settles,
         best=0.0 if standing.plan is None else standing.plan.best,
@@ -101,9 +101,9 @@ def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutc
     one, two = (diagnose(_motions(_at_random(truth, n, like, random))) for n in (count, 2 * count))
     return replace(
         outcome,
-        random_open=undecided(one),
+        random_open=_open(one),
         random_named=_names(one),
-        twice_open=undecided(two),
+        twice_open=_open(two),
         twice_named=_names(two),
         cpu_s=(*outcome.cpu_s[:2], time.process_time() - settled),
     )
@@ -167,6 +167,10 @@ def _needed_at_random(
 
 def _motions(truth: Truth) -> tuple[Motion, ...]:
     return tuple(as_motion(record) for record in records(truth))
+
+
+def _open(diagnosis: Diagnosis) -> tuple[str, ...]:
+    return tuple(effect.name for effect in undecided(diagnosis))
 
 
 def _names(diagnosis: Diagnosis) -> tuple[str, ...]:

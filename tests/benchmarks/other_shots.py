@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effects_named, named
 from analysis.collision.effects.row import Acts, Sensed
 from analysis.collision.parameters import Infeasible
 from analysis.inference.fit.hypothesis_fit import Fitted
@@ -70,12 +70,12 @@ def row(true: str, rival: str, seed: int) -> Row | None:
     truth = draw(Case("single", (true,), 13.0, "white", seed), bounded=False).truth
     motions = [as_motion(record) for record in records(truth)]
     given = fit_shots(motions, effects=(true,))
-    open_class = compare_models(given, (true, rival), motions)
-    fine = refit_diagnosed(given, motions, _calm, ("cyclic_error",))
-    finely = rivals(fine, true, [rival], _calm)
+    open_class = compare_models(given, effects_named((true, rival)), motions)
+    fine = refit_diagnosed(given, motions, _calm, (named("cyclic_error"),))
+    finely = rivals(fine, named(true), [named(rival)], _calm)
     if open_class is None or not finely:
         return None
-    a, b = (next(m for m in open_class.members if m.effect == name) for name in (true, rival))
+    a, b = (next(m for m in open_class.members if m.effect.name == name) for name in (true, rival))
     shots = a.fitted.hypothesis.data.shots
     known, floor = present_information(b.fitted, open_class.floor), open_class.floor
     unshared = _of_the_plate(b.fitted)
@@ -138,9 +138,9 @@ def _sensed(fitted: Fitted, like: Samples) -> tuple[Floats, Floats, Floats]:
     def seen(z: Floats, turn: float = 0.0) -> Floats:
         values, out = hypothesis.unpack(z).values[0], np.zeros((time_s.size, 1))
         for kind in hypothesis.effects:
-            effect = named(kind.name)
+            effect = kind.effect
             if effect.at_rest and effect.sensor is not None:
-                of = {**values[kind.name]}
+                of = {**values[effect]}
                 if "phase_rad" in of:
                     of["phase_rad"] += turn
                 p = np.array([[of[one.name]] for one in effect.parameters])

@@ -142,7 +142,7 @@ def judge(case: Case, diagnose: Callable[[Sequence[Motion]], Any]) -> Outcome:
         true,
         str(said.verdict),
         tuple(effect.name for effect in said.effects),
-        tuple(tuple(effect.indistinguishable_from) for effect in said.effects),
+        tuple(tuple(other.name for other in effect.indistinguishable_from) for effect in said.effects),
         {name: (value.value, value.std) for name, value in found.items()},
         time.process_time() - began,
         said.sentence if str(said.verdict) in ("unexplained", "partly_explained") else "",

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.collision.laws.own import called
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.result import Diagnosis, Errors
 from analysis.shot.motion import Motion
@@ -66,7 +65,7 @@ def typed() -> Diagnosis:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "brake.toml"
         path.write_text(TYPED, encoding="utf-8")
-        return diagnose(braked(), laws=[read_law(path).key])
+        return diagnose(braked(), laws=[read_law(path)])
 
 
 def recorded(folder: Path) -> tuple[Motion, ...]:
@@ -99,9 +98,10 @@ def told(title: str, lead: str, found: Diagnosis, image: Path | None, page: Path
     """Return one story as Markdown."""
     lines = [f"## {title}", "", lead, "", f"**{found.verdict.value}**. {found.sentence}", ""]
     for effect in found.effects:
-        others = f"; not told from {', '.join(effect.indistinguishable_from)}" if effect.indistinguishable_from else ""
+        others = ", ".join(other.name for other in effect.indistinguishable_from)
+        others = f"; not told from {others}" if others else ""
         evidence = ", ".join(f"{key} {value:.3g}" for key, value in effect.evidence.items())
-        lines.append(f"- `{called(effect.name)}`: {evidence}{others}")
+        lines.append(f"- `{effect.name}`: {evidence}{others}")
     for law in found.laws:
         evidence = ", ".join(f"{key} {value:.4g}" for key, value in law.evidence.items())
         reach = f"visited from {law.visited[0]:.3g} to {law.visited[1]:.3g} {law.curve_unit}"
@@ -111,7 +111,7 @@ def told(title: str, lead: str, found: Diagnosis, image: Path | None, page: Path
     lines += [errors_row("before", found.error_before), errors_row("after", found.error_after)]
     lines += [errors_row("held out, before", found.error_held_out_before)]
     lines += [errors_row("held out, after", found.error_held_out_after), ""]
-    ranked = [f"`{called(c.name)}` {c.delta_bic:+.0f}" for c in found.candidates[:4] if c.delta_bic is not None]
+    ranked = [f"`{c.name}` {c.delta_bic:+.0f}" for c in found.candidates[:4] if c.delta_bic is not None]
     lines += [f"Tried, by what the criterion (BIC) falls: {', '.join(ranked)}.", ""]
     if found.separating_shot:
         lines += [f"What would separate look-alikes: {found.separating_shot}.", ""]

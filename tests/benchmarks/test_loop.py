@@ -114,7 +114,9 @@ def test_a_case_runs_from_draw_to_outcome():
         seen.extend(shown)
         error = SimpleNamespace(displacement_rms_m=1e-10)
         effect = SimpleNamespace(
-            name="tilt", parameters={"angle_rad": Quantity(1e-4, 1e-6)}, indistinguishable_from=("sensor_drift",)
+            name="tilt",
+            parameters={"angle_rad": Quantity(1e-4, 1e-6)},
+            indistinguishable_from=(SimpleNamespace(name="sensor_drift"),),
         )
         return SimpleNamespace(
             verdict="effect_found", effects=(effect,), error_held_out_before=error, error_held_out_after=error

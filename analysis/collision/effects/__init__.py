@@ -13,29 +13,26 @@ WIDER: Mapping[str, Effect] = {row.name: row for row in on_sensor.WIDER}  # trie
 MOST_AT_ONCE = 3
 
 
-def findings(names: Iterable[str]) -> tuple[str, ...]:
-    """Return those of the named effects that a diagnosis may find: all but the nuisances."""
-    return tuple(name for name in names if name not in NUISANCES)
+def findings(effects: Iterable[Effect]) -> tuple[Effect, ...]:
+    """Return those effects that a diagnosis may find: all but the nuisances."""
+    nuisances = set(NUISANCES.values())
+    return tuple(effect for effect in effects if effect not in nuisances)
 
 
-def sensors(names: Iterable[str]) -> list[Effect]:
-    """Return those of the named effects that act on the measured path, in the order in which they act.
+def sensors(effects: Iterable[Effect]) -> list[Effect]:
+    """Return those effects that act on the measured path, in the order in which they act.
 
     The cyclic error comes last, as it depends on the path with lag and vibration.
     """
-    wanted = set(names)
+    wanted = set(effects)
     places = [row for row in CATALOGUE.values() if row.sensor is not None]
-    wider = [row for row in WIDER.values() if row.name in wanted]
+    wider = [row for row in WIDER.values() if row in wanted]
     rows = [one for row in places for one in (row, *(other for other in wider if other.widens == row.name))]
-    return [row for row in rows if row.name in wanted]
+    return [row for row in rows if row in wanted]
 
 
 def named(name: str) -> Effect:
-    """Return the effect called ``name``, or the law in the name (``laws.own``).  Raises ValueError."""
-    if "{" in name:
-        from analysis.collision.laws.own import from_key  # imports this module
-
-        return from_key(name).effect
+    """Return the effect of the catalogue called ``name``.  Raises ValueError."""
     if name in NUISANCES:
         return NUISANCES[name]
     if name in WIDER:
@@ -43,7 +40,12 @@ def named(name: str) -> Effect:
     try:
         return CATALOGUE[name]
     except KeyError:
-        raise ValueError(f"no effect {name!r}; there are {', '.join(CATALOGUE)}") from None
+        raise ValueError(f"no effect is called {name!r}; there are {', '.join(CATALOGUE)}") from None
+
+
+def effects_named(effects: Iterable[Effect | str]) -> tuple[Effect, ...]:
+    """Return effects, some of which a script gives by their names in the catalogue.  Raises ValueError."""
+    return tuple(named(effect) if isinstance(effect, str) else effect for effect in effects)
 
 
 __all__ = [
@@ -54,6 +56,7 @@ __all__ = [
     "Acts",
     "Effect",
     "Parameter",
+    "effects_named",
     "findings",
     "named",
     "sensors",

@@ -3,7 +3,8 @@
 from typing import Any
 
 from analysis.collision.effects.kernel import CONTACT_STIFFNESS, NEAR, PAIR, TOUCHING, XI, XI_RATE, power
-from analysis.collision.effects.row import Acts, Effect, Parameter
+from analysis.collision.effects.row import Acts, Effect, Floats, Parameter
+from analysis.collision.parameters import Collision
 
 REFERENCE_OVERLAP_M = 50e-6  # xi_0, at which both laws are equal; about the paper's largest overlap
 
@@ -29,6 +30,17 @@ def adhesion(s: Any, p: Any, out: Any) -> None:
     out[PAIR] -= p[0] * s[NEAR].real
 
 
+def exponent_factor(values: Floats, _collision: Collision) -> float:
+    """Return by how much another exponent may stiffen the contact, up to four times the reference overlap."""
+    return (1 + abs(float(values[0]))) * 4 ** abs(float(values[0]))
+
+
+def overlap_damping_rate(values: Floats, collision: Collision) -> float:
+    """Return the rate of a dashpot of so many N s/m^2 at the reference overlap."""
+    inverse = 1 / collision.block_mass_kg + 1 / collision.plate_mass_kg
+    return REFERENCE_OVERLAP_M * float(values[0]) * inverse
+
+
 ROWS = (
     Effect(
         "contact_exponent",
@@ -38,7 +50,7 @@ ROWS = (
         "delta",
         contact_exponent,
         rough=True,
-        stiffens=lambda values, _: (1 + abs(float(values[0]))) * 4 ** abs(float(values[0])),
+        stiffens=exponent_factor,
         look_alikes=("cubic_stiffness",),
     ),
     Effect(
@@ -48,7 +60,7 @@ ROWS = (
         (Parameter("coefficient_n_s_per_m2", "N s/m²", 1e3, lower=0.0),),
         "coefficient_n_s_per_m2",
         nonlinear_contact_damping,
-        fastest=lambda values, c: REFERENCE_OVERLAP_M * float(values[0]) * (1 / c.block_mass_kg + 1 / c.plate_mass_kg),
+        fastest=overlap_damping_rate,
         look_alikes=("plate_motion",),
     ),
     Effect(

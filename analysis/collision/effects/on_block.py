@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from analysis.collision.effects.kernel import BLOCK_MASS, MASS, ON_BLOCK, Q_RATE, SIGN_V, W_RATE, Q, V, W, X, sine
-from analysis.collision.effects.row import Acts, Effect, Parameter, frequencies
+from analysis.collision.effects.row import Acts, Effect, Parameter, frequencies, second_as_frequency
 
 STANDARD_GRAVITY_M_PER_S2 = 9.80665
 
@@ -60,7 +60,7 @@ def flight_acceleration(s: Any, p: Any, out: Any) -> None:
 NUISANCES = (  # fitted per shot together with all other effects, never searched for or named
     Effect(
         "flight_acceleration",
-        "an acceleration in flight that each shot has for itself",
+        "flight acceleration",
         Acts.ON_BLOCK,
         (
             Parameter("before_m_per_s2", "m/s²", 1e-3, tried=(0.0,), own=True),
@@ -130,6 +130,6 @@ ROWS = (
         block_mode,
         hidden=2,
         rides=True,
-        fastest=lambda values, _: 2 * math.pi * float(values[1]),
+        fastest=second_as_frequency,
     ),
 )

@@ -17,7 +17,8 @@ from analysis.collision.effects.kernel import (
     W,
     Y,
 )
-from analysis.collision.effects.row import Acts, Effect, Parameter, frequencies
+from analysis.collision.effects.row import Acts, Effect, Floats, Parameter, frequencies, second_as_frequency
+from analysis.collision.parameters import Collision
 
 _LIGHTEST = 1e-300  # of a mode's mass, as a search may try zero
 
@@ -66,6 +67,22 @@ def support_compliance(s: Any, p: Any, out: Any) -> None:
     out[W_RATE] += omega * omega * (p[0] * s[PLATE_STIFFNESS] * (s[Y] - s[Q]) - s[Q])
 
 
+def damping_rate(values: Floats, collision: Collision) -> float:
+    """Return the rate at which a dashpot of so many N s/m stops the plate."""
+    return float(values[0]) / collision.plate_mass_kg
+
+
+def relaxation_rate(values: Floats, _collision: Collision) -> float:
+    """Return the rate of an effect whose second value is its relaxation time in s."""
+    return 1 / float(values[1])
+
+
+def light_mode_factor(values: Floats, collision: Collision) -> float:
+    """Return by how much a mode of so many kg between block and plate stiffens the contact."""
+    inverse = 1 / collision.block_mass_kg + 1 / collision.plate_mass_kg
+    return 1 + 1 / max(_LIGHTEST, float(values[0]) * inverse)
+
+
 ROWS = (
     Effect(
         "cubic_stiffness",
@@ -84,7 +101,7 @@ ROWS = (
         (Parameter("coefficient_n_s_per_m", "N s/m", 2e-4, lower=0.0),),
         "coefficient_n_s_per_m",
         plate_damping,
-        fastest=lambda values, c: float(values[0]) / c.plate_mass_kg,
+        fastest=damping_rate,
         look_alikes=("viscoelastic_arm",),
     ),
     Effect(
@@ -100,7 +117,7 @@ ROWS = (
         "stiffness_n_per_m",
         viscoelastic_arm,
         hidden=1,
-        fastest=lambda values, _: 1 / float(values[1]),
+        fastest=relaxation_rate,
         look_alikes=("plate_damping",),
     ),
     Effect(
@@ -117,10 +134,8 @@ ROWS = (
         hidden=2,
         shift=1.0,
         inverse=True,
-        stiffens=lambda values, c: (
-            1 + 1 / max(_LIGHTEST, float(values[0]) * (1 / c.block_mass_kg + 1 / c.plate_mass_kg))
-        ),
-        fastest=lambda values, _: 2 * math.pi * float(values[1]),
+        stiffens=light_mode_factor,
+        fastest=second_as_frequency,
     ),
     Effect(
         "support_compliance",
@@ -134,7 +149,7 @@ ROWS = (
         support_compliance,
         hidden=2,
         in_series=("compliance_m_per_n", "frequency_hz"),
-        fastest=lambda values, _: 2 * math.pi * float(values[1]),
+        fastest=second_as_frequency,
         look_alikes=("coulomb_friction", "viscous_drag"),
     ),
     Effect(

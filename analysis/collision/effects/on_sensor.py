@@ -12,6 +12,7 @@ from numba import njit
 
 from analysis.collision.effects.kernel import Q_RATE, W_RATE, Q, W
 from analysis.collision.effects.row import Acts, Effect, Floats, Parameter, Sensed, frequencies
+from analysis.collision.parameters import Collision
 
 _PLATE_QUALITY = 1e4  # the base model's plate has no damping: this only keeps a resonance finite
 _CHIRP_PASSES, _CHIRP_STOPS = 0.38, 0.66  # of the record's rate: pass band and stop band of the decimator
@@ -123,6 +124,12 @@ _LINE = (
     Parameter("phase_rad", "rad", 0.0, grid=(0.0, math.pi / 2), tried=(0.0,), own=True),
 )
 
+
+def third_as_rate(values: Floats, _collision: Collision) -> float:
+    """Return the rate of an effect whose third value it is, in rad/s."""
+    return float(values[2])
+
+
 ROWS = (
     Effect(
         "sensor_drift",
@@ -186,6 +193,6 @@ WIDER = (
         at_rest=True,
         clocked=plate_response_to_frame,
         widens="frame_vibration",
-        fastest=lambda values, _: float(values[2]),
+        fastest=third_as_rate,
     ),
 )

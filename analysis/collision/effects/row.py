@@ -1,8 +1,8 @@
-"""A row of the catalogue of effects: name, parameters, where the effect acts, and its function."""
+"""An effect, a row of the catalogue or a law: name, words, parameters, where it acts, and its function."""
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
@@ -23,6 +23,7 @@ class Acts(Enum):
     IN_CONTACT = "contact"  # between the two
     AT_START = "start"  # on the plate's state at first touch
     ON_SENSOR = "sensor"  # on the measurement, not on the motion
+    IN_DRIVE = "drive"  # on a slider that a measured force drives
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,9 +85,27 @@ Clocked = Callable[[Any, Any, Any, Any], tuple[Any, Any, Any]]  # (values, k_p, 
 Wave = Callable[[float, Floats], list[dict[str, float]]]  # (frequency in Hz, cosine and sine a shot in m) -> values
 
 
-@dataclass(frozen=True, slots=True)
+def no_rate(_values: Floats, _collision: Collision) -> float:
+    """Return the rate of an effect that has none of its own."""
+    return 0.0
+
+
+def no_factor(_values: Floats, _collision: Collision) -> float:
+    """Return the factor of an effect that leaves the contact's stiffness as it is."""
+    return 1.0
+
+
+def second_as_frequency(values: Floats, _collision: Collision) -> float:
+    """Return the rate of an effect whose second value is its frequency in Hz."""
+    return 2 * math.pi * float(values[1])
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Effect:
-    """A row of the catalogue (docs/catalogue.md).
+    """What may act beside a base model: a row of the catalogue (docs/catalogue.md), or a law (``laws.own``).
+
+    Effects of the same kind and ``key`` are the same effect.  All functions of a row have names in their modules, so
+    that an effect can be sent to another process.
 
     ``amplitude`` names the parameter in which a small effect is linear; ``inverse``: the effect vanishes as that
     parameter grows.  ``kernel`` is the mechanical function; ``sensor`` that on the displacement, shape (n, k), of a
@@ -132,10 +151,29 @@ class Effect:
     widens: str = ""
     ripples: bool = False
     at_rest: bool = False
-    fastest: Rate = field(default=lambda _values, _collision: 0.0)
-    stiffens: Rate = field(default=lambda _values, _collision: 1.0)
+    fastest: Rate = no_rate
+    stiffens: Rate = no_factor
     locked: Kernel | None = None
     look_alikes: tuple[str, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """Get what names the effect among all others, in files and in a fit's parameters: here its name."""
+        return self.name
+
+    @property
+    def short_words(self) -> str:
+        """Get what the effect is called in sentences and narrow cells."""
+        return self.name.replace("_", " ")
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Effect) and type(self) is type(other) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.key!r})"
 
     @property
     def one_body(self) -> bool:

@@ -1,4 +1,4 @@
-"""A law that the user wrote: where it acts, its formula and its parameters, as a row like those of the catalogue.
+"""A law that the user wrote, or that was learned: an effect like those of the catalogue, made from a formula.
 
 The fastest rate of the law, by which the solver chooses its steps, comes from the slopes of the formula over the motion
 of a collision.
@@ -6,15 +6,15 @@ of a collision.
 
 import json
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects import CATALOGUE
+from analysis.collision.effects import CATALOGUE, NUISANCES, WIDER, named
 from analysis.collision.effects.kernel import ON_BLOCK, ON_PLATE, PAIR
 from analysis.collision.effects.row import Acts, Effect, Parameter
 from analysis.collision.laws.formula import STATE, TIME, Formula, FormulaError, kernel_of, read
@@ -37,29 +37,31 @@ class LawError(ValueError):
     """Why a law cannot be used, in one line."""
 
 
-@dataclass(frozen=True, slots=True)
-class OwnLaw:
-    """A law as it was written; hashable, so that it can be part of the settings of an analysis.
+@dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
+class OwnLaw(Effect):
+    """A law as it was written, with what the solver and the search need of it.
 
     ``where`` is "block", "plate" or "contact" (between the two, the force on the block); the formula's force is in N,
-    positive to the right; ``parameters`` in the order in which they were written.
+    positive to the right; ``parameters`` in the order in which they were written.  ``definition`` is all of it as JSON.
     """
 
-    name: str
-    words: str
     where: str
     formula: Formula
-    parameters: tuple[Parameter, ...]
+    definition: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        text = json.dumps(self.written(), ensure_ascii=False, separators=(",", ":"))
+        object.__setattr__(self, "definition", text)
 
     @property
     def key(self) -> str:
-        """Get the name of the law followed by all of it as JSON, from which ``from_key`` reads it again."""
-        return self.name + json.dumps(self.written(), ensure_ascii=False, separators=(",", ":"))
+        """Get the name followed by the definition, from which ``from_key`` reads the law again."""
+        return self.name + self.definition
 
     @property
-    def effect(self) -> Effect:
-        """Get the law as a row of the catalogue."""
-        return _row(self)
+    def short_words(self) -> str:
+        """Get the words that the law was given."""
+        return self.words
 
     def written(self) -> dict[str, Any]:
         """Return the law as ``from_mapping`` reads it."""
@@ -74,6 +76,12 @@ class OwnLaw:
             for p in self.parameters
         }
         return table
+
+    def __hash__(self) -> int:
+        return hash(self.definition)
+
+    def __reduce__(self) -> tuple[Callable[[str], "OwnLaw"], tuple[str]]:
+        return from_key, (self.key,)
 
 
 def from_mapping(table: Mapping[str, Any]) -> OwnLaw:
@@ -103,14 +111,12 @@ def from_mapping(table: Mapping[str, Any]) -> OwnLaw:
         raise LawError(
             "formula: t is for laws of the block or the plate; in contact name d, d_rate or the plate's bend"
         )
-    law = OwnLaw(name, words, where, formula, parameters)
-    _ = law.effect  # raises now, not during a fit
-    return law
+    return _law(name, words, where, formula, parameters)
 
 
 @cache
 def from_key(key: str) -> OwnLaw:
-    """Return the law with this ``key``.  Raises LawError."""
+    """Return the law with this ``key``, as files have it.  Raises LawError."""
     name, brace, rest = key.partition("{")
     try:
         return from_mapping(json.loads(brace + rest))
@@ -118,17 +124,19 @@ def from_key(key: str) -> OwnLaw:
         raise LawError(f"no law can be read from {name!r}: {why}") from None
 
 
-def is_law(name: str) -> bool:
-    """Return whether a name is the key of a law."""
+def is_law(key: str) -> bool:
+    """Return whether a file's name of an effect is the key of a law."""
     try:
-        return "{" in name and from_key(name).key == name
+        return from_key(key).key == key
     except LawError:
         return False
 
 
-def called(name: str) -> str:
-    """Return the name of an effect or parameter for display: that of a law without its JSON."""
-    return name.partition("{")[0] + name.rpartition("}")[2] if "{" in name else name
+def known_effect(key: str) -> Effect | None:
+    """Return the effect that a file has under this ``key``, of the catalogue or a law; None where there is none."""
+    if key in CATALOGUE or key in WIDER or key in NUISANCES:
+        return named(key)
+    return from_key(key) if is_law(key) else None
 
 
 def _text(table: Mapping[str, Any], key: str) -> str:
@@ -172,41 +180,43 @@ def _number(name: str, table: Mapping[str, Any], key: str, otherwise: float) -> 
 
 
 @cache
-def _row(law: OwnLaw) -> Effect:
-    acts, adds_to = _PLACES[law.where]
-    return Effect(
-        law.key,
-        law.words,
+def _law(name: str, words: str, where: str, formula: Formula, parameters: tuple[Parameter, ...]) -> OwnLaw:
+    acts, adds_to = _PLACES[where]
+    return OwnLaw(
+        name,
+        words,
         acts,
-        law.parameters,
-        _amplitude(law),
-        kernel_of(law.formula, adds_to, while_touching=acts is Acts.IN_CONTACT),
+        parameters,
+        _amplitude(formula, parameters),
+        kernel_of(formula, adds_to, while_touching=acts is Acts.IN_CONTACT),
         rough=acts is Acts.IN_CONTACT,
-        nonlinear=not law.formula.straight,
-        kinked=law.formula.kinked,
-        hidden=int(law.formula.timed),
-        fastest=lambda values, collision: _fastest(law, values, collision),
+        nonlinear=not formula.straight,
+        kinked=formula.kinked,
+        hidden=int(formula.timed),
+        fastest=lambda values, collision: _fastest(where, formula, parameters, values, collision),
+        where=where,
+        formula=formula,
     )
 
 
-def _amplitude(law: OwnLaw) -> str:
+def _amplitude(formula: Formula, parameters: Sequence[Parameter]) -> str:
     """Return a shared parameter that turns the law off at 0, preferably one in which the law is linear."""
-    states, start = _states(PAPER), {p.name: p.tried[0] for p in law.parameters}
+    states, start = _states(PAPER), {p.name: p.tried[0] for p in parameters}
     with np.errstate(all="ignore"):
-        here = np.broadcast_to(law.formula.values(states, start), (_DRAWN,))
+        here = np.broadcast_to(formula.values(states, start), (_DRAWN,))
         if not np.all(np.isfinite(here)):
             raise LawError("formula: no finite force somewhere within an ordinary collision, at the parameters' start")
         if not np.any(here):
             raise LawError("formula: no force anywhere within an ordinary collision, at the parameters' start")
         off, linear = [], []
-        for name, value in ((p.name, p.tried[0]) for p in law.parameters if not p.own):
-            nothing = np.asarray(law.formula.values(states, start | {name: 0.0}))
+        for name, value in ((p.name, p.tried[0]) for p in parameters if not p.own):
+            nothing = np.asarray(formula.values(states, start | {name: 0.0}))
             if np.all(np.isfinite(nothing)) and not np.any(nothing):
                 off.append(name)
-                if np.allclose(law.formula.values(states, start | {name: 2 * value}), 2 * here, rtol=1e-9, atol=0):
+                if np.allclose(formula.values(states, start | {name: 2 * value}), 2 * here, rtol=1e-9, atol=0):
                     linear.append(name)
     if not off:
-        shared = "parameter" if not any(p.own for p in law.parameters) else "parameter that the shots share"
+        shared = "parameter" if not any(p.own for p in parameters) else "parameter that the shots share"
         raise LawError(f"formula: no {shared} turns the law off at 0; multiply it by one")
     return (linear or off)[0]
 
@@ -226,27 +236,29 @@ def _states(collision: Collision) -> dict[str, Floats]:
     }  # fmt: skip
 
 
-def _fastest(law: OwnLaw, values: Floats, collision: Collision) -> float:
+def _fastest(
+    where: str, formula: Formula, parameters: Sequence[Parameter], values: Floats, collision: Collision
+) -> float:
     """Return the fastest rate of the law in rad/s, from its slopes by position and velocity over the motion."""
-    given = {p.name: float(v) for p, v in zip(law.parameters, values, strict=True)}
-    on_plate = law.where != "block" and math.isfinite(collision.plate_mass_kg)
+    given = {p.name: float(v) for p, v in zip(parameters, values, strict=True)}
+    on_plate = where != "block" and math.isfinite(collision.plate_mass_kg)
     mass = min(collision.block_mass_kg, collision.plate_mass_kg) if on_plate else collision.block_mass_kg
     states, rate = _states(collision), 0.0
-    for name in law.formula.state:
+    for name in formula.state:
         if name == TIME:
-            rate = max(rate, _of_time(law, given, states))
+            rate = max(rate, _of_time(formula, given, states))
             continue
         with np.errstate(all="ignore"):
-            slope = np.imag(law.formula.values(states | {name: states[name] + 1j * _H}, given)) / _H / mass
+            slope = np.imag(formula.values(states | {name: states[name] + 1j * _H}, given)) / _H / mass
         steep = float(np.max(np.abs(slope), initial=0.0, where=np.isfinite(slope)))
         rate = max(rate, math.sqrt(steep) if name in _PLACE_NAMES else steep)
     return rate
 
 
-def _of_time(law: OwnLaw, given: Mapping[str, float], states: Mapping[str, Floats]) -> float:
+def _of_time(formula: Formula, given: Mapping[str, float], states: Mapping[str, Floats]) -> float:
     """Return the rate in rad/s at which the law changes in time: its derivative over its size."""
     with np.errstate(all="ignore"):
-        moved = law.formula.values({**states, TIME: states[TIME] + 1j * _H}, given)
+        moved = formula.values({**states, TIME: states[TIME] + 1j * _H}, given)
     force, rate = np.real(moved), np.imag(moved) / _H
     size = math.sqrt(float(np.mean(force**2, where=np.isfinite(force))))
     return math.sqrt(float(np.mean(rate**2, where=np.isfinite(rate)))) / size if size > 0.0 else 0.0

@@ -122,12 +122,12 @@ def _together(
     """
     fitted, kept = found.fitted, list(effects)
     while True:
-        fewer = {effect.name: without_effect(fitted, effect.name, stop) for effect in kept}
-        idle = min(fewer, key=lambda name: _worth(fitted, fewer[name]), default="")
-        trial = fewer.get(idle)
+        fewer = {one.effect: without_effect(fitted, one.effect, stop) for one in kept}
+        idle = min(fewer, key=lambda one: _worth(fitted, fewer[one]), default=None)
+        trial = None if idle is None else fewer[idle]
         if trial is None or _worth(fitted, trial) >= CRITERIA.least_fall:
             break
-        fitted, kept = trial, [effect for effect in kept if effect.name != idle]
+        fitted, kept = trial, [one for one in kept if one.effect != idle]
     fitted = lead_on(fitted, cancelled=stop)
     told, rest, at = found.predictions[1], found.residual, projector(fitted)
     if fitted is not found.fitted:
@@ -135,7 +135,7 @@ def _together(
     explains = found.explains and not rest.significant
     laws = tuple(in_joint_fit(law, fitted, law.form is not None) for law in found.laws)
     parameters = effect_parameters(fitted)
-    anew = [_anew(effect, parameters[effect.name], fitted, at, fewer[effect.name]) for effect in kept]
+    anew = [_anew(one, parameters[one.effect], fitted, at, fewer[one.effect]) for one in kept]
     named, imitations = (anew, []) if passed or explains else ([], anew)
     verdict = conclude(explained=explains, effects=named, laws=laws)
     return Beyond(fitted, verdict, named, laws, (base, told), rest, imitations)
@@ -147,15 +147,15 @@ def _worth(fitted: Fitted, fewer: Fitted | None) -> float:
 
 
 def _anew(
-    effect: FoundEffect, parameters: Mapping[str, Quantity], fitted: Fitted, at: Projector, fewer: Fitted | None
+    found: FoundEffect, parameters: Mapping[str, Quantity], fitted: Fitted, at: Projector, fewer: Fitted | None
 ) -> FoundEffect:
     """Return an effect with its numbers and evidence in another fit."""
     evidence = {
-        "snr": min(snr(fitted, at, effect.name), missed_without(fitted, fewer)),
-        "delta_bic": -_worth(fitted, fewer) if fewer is not None else effect.evidence["delta_bic"],
+        "snr": min(snr(fitted, at, found.effect), missed_without(fitted, fewer)),
+        "delta_bic": -_worth(fitted, fewer) if fewer is not None else found.evidence["delta_bic"],
     }
-    sentence = words.found(effect.name, parameters, effect.indistinguishable_from)
-    return replace(effect, parameters=parameters, evidence={**effect.evidence, **evidence}, sentence=sentence)
+    sentence = words.found(found.effect, parameters, found.indistinguishable_from)
+    return replace(found, parameters=parameters, evidence={**found.evidence, **evidence}, sentence=sentence)
 
 
 def _helps(before: Fitted, nearest: Fitted, held: tuple[int, ...], stop: Stop) -> tuple[Prediction, Prediction] | None:

@@ -23,7 +23,6 @@ from analysis.collision import (
     along,
     general,
     linear_path,
-    named,
     visited_range,
 )
 from analysis.compiled import side_by_side
@@ -139,7 +138,7 @@ def _path(hypothesis: Hypothesis, point: Point, laws: Sequence[Effect], index: i
     shot, own = hypothesis.data.shots[index], point.own[index]
     base = hypothesis.data.base
     collision = base.collision(point.base, own[0], shot.moving_mass_kg, plate_number=shot.plate_number)
-    rows = [named(kind.name) for kind in hypothesis.effects]
+    rows = [kind.effect for kind in hypothesis.effects]
     active = active_effects(rows, point.values[index], collision, float(own[1]))
     active += [general.Active(row, tuple(p.scale for p in row.parameters)) for row in laws]
     active.sort(key=lambda one: one.effect.hidden == 0)

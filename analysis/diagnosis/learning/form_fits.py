@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.collision import Infeasible, LawError, named
+from analysis.collision import Infeasible, LawError
 from analysis.compiled import side_by_side
 from analysis.diagnosis.learning.closed_forms import Fitting
 from analysis.diagnosis.learning.curve_fit import Learned
@@ -69,7 +69,7 @@ def over_kinks(fitted: Fitted, stop: Stop) -> Fitted:
     What a step over a corner misses goes as the square of its length, and so do the numbers that a fit ends with: at
     the length that serves to compare up to five standard deviations of a corner of the overlap, of a bend's a tenth.
     """
-    if not any(named(name).kinked for name in fitted.names):
+    if not any(effect.kinked for effect in fitted.effects):
         return fitted
     hypothesis = replace(fitted.hypothesis, stride=_OVER_A_KINK)
     try:
@@ -84,8 +84,8 @@ def _begin(start: Fitted, learned: Learned, forms: Forms) -> tuple[Hypothesis, n
     kinds, values = [], base.values
     for form, term in zip(forms, learned.terms, strict=True):
         span = max(abs(term.basis.knots[0]), abs(term.basis.knots[-1]))
-        kind = trial_effect(form.form.law(term.argument, form.parameters, span).effect)
+        kind = trial_effect(form.form.law(term.argument, form.parameters, span))
         kinds.append(kind)
-        values = tuple({**one, kind.name: dict(kind.starts[0])} for one in values)
+        values = tuple({**one, kind.effect: dict(kind.starts[0])} for one in values)
     hypothesis = Hypothesis(start.hypothesis.data, (*start.hypothesis.effects, *kinds), start.hypothesis.fixed)
     return hypothesis, hypothesis.pack(Point(base.base, base.own, values))

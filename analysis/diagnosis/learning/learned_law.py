@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import Argument, from_key
+from analysis.collision import Argument, OwnLaw
 from analysis.diagnosis.learning.closed_forms import Fitting, gauge, information
 from analysis.diagnosis.learning.curve_fit import Learned
 from analysis.diagnosis.result import LearnedLaw, OtherForm
@@ -38,13 +38,15 @@ class FormFit:
         return self.fitted.bic
 
     @property
-    def key(self) -> str:
-        """Get the name under which the model holds the law."""
-        return self.fitted.names[self.place]
+    def law(self) -> OwnLaw:
+        """Get the law that the model holds."""
+        law = self.fitted.effects[self.place]
+        assert isinstance(law, OwnLaw)
+        return law
 
     def values(self) -> dict[str, float]:
         """Return the law's parameters as fitted."""
-        return dict(self.fitted.point.values[0][self.key])
+        return dict(self.fitted.point.values[0][self.law])
 
     def curve(self, at: Floats) -> Floats:
         """Return the form's curve in N at arguments ``at``, any shape."""
@@ -65,19 +67,19 @@ def as_learned(
     known = np.linalg.pinv(information(learned, len(learned.terms) - 1) + learned.penalty_of(-1), hermitian=True)
     std = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", design, known, design), 0.0))
     shown = best.curve(at)
-    near = [one for one in fits[1:] if one.bic < best.bic + CRITERIA.form_excluded and one.key != best.key]
+    near = [one for one in fits[1:] if one.bic < best.bic + CRITERIA.form_excluded and one.law != best.law]
     others = [_other(one, best, at, shown) for one in near]
     new_n = news(argument, at, shown)
     twins = [other for other in others if is_same_function(other, shown, new_n)]
     curve = term.curve(at)
     return LearnedLaw(
-        name=best.key,
+        effect=best.law,
         where=argument.where,
         argument=argument.name,
         form=best.form.form.name if named else None,
-        formula=from_key(best.key).formula.text if named else None,
+        formula=best.law.formula.text if named else None,
         nearest_form=best.form.form.name,
-        parameters=_parameters(best.key, fitted) if named else {},
+        parameters=_parameters(best.law, fitted) if named else {},
         other_forms=tuple(other for other in others if not is_same_function(other, shown, new_n)),
         same_by_gauge=tuple(
             filter(None, (argument.unseen, *(f"{t.form}, {t.formula}: the same over the range visited" for t in twins)))
@@ -101,20 +103,20 @@ def in_joint_fit(law: LearnedLaw, beside: Fitted, named: bool) -> LearnedLaw:
     """Return a law with its numbers from the fit ``beside``, which holds another law as well."""
     if not named:
         return law
-    formula = from_key(law.name).formula.text
-    return replace(law, form=law.nearest_form, formula=formula, parameters=_parameters(law.name, beside))
+    formula = law.effect.formula.text
+    return replace(law, form=law.nearest_form, formula=formula, parameters=_parameters(law.effect, beside))
 
 
-def _parameters(key: str, fitted: Fitted) -> dict[str, tuple[Quantity, str]]:
-    values = fitted.point.values[0][key]
+def _parameters(law: OwnLaw, fitted: Fitted) -> dict[str, tuple[Quantity, str]]:
+    values = fitted.point.values[0][law]
     places = {
         free.name: fitted.hypothesis.offset + k
-        for k, (name, free, _) in enumerate(fitted.hypothesis.free_parameters)
-        if name == key
+        for k, (effect, free, _) in enumerate(fitted.hypothesis.free_parameters)
+        if effect == law
     }
     return {
         p.name: (Quantity(values[p.name], float(fitted.std[places[p.name]]), "fit of the law"), p.unit)
-        for p in from_key(key).parameters
+        for p in law.parameters
     }
 
 

@@ -43,7 +43,7 @@ class SingleLaw:
         law = self.found
         if law is None or not law.explains or law.fitted.bic > best.bic - CRITERIA.law_fall:
             return False
-        apart = separation(law.fitted, projector(law.fitted), law.laws[0].name, catalogue, self.stop)
+        apart = separation(law.fitted, projector(law.fitted), law.laws[0].effect, catalogue, self.stop)
         return not apart.too_close(_SAME * apart.snr)
 
     def is_likelier_than(self, named: Fitted) -> bool:

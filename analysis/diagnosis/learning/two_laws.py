@@ -105,7 +105,7 @@ def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float =
     tried[at] = fitted = over_kinks(tried[at], stop)
     if fitted.bic > curves.bic + CRITERIA.form_meets:
         return None
-    fewer = [without_effect(fitted, name, stop) for name in fitted.names[-2:]]
+    fewer = [without_effect(fitted, effect, stop) for effect in fitted.effects[-2:]]
     if any(one is not None and fitted.bic > one.bic - CRITERIA.law_fall for one in fewer):
         return None
     before, after = (predict(one, held, fitted.floor, stop) for one in (start, fitted))

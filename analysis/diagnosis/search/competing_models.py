@@ -7,7 +7,7 @@ at a frequency of its own.  So the nearest are fitted, beginning where they imit
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
-from analysis.collision import named
+from analysis.collision import Effect
 from analysis.diagnosis.search.forward_selection import Trail, better, without
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import Separation, separation
@@ -15,7 +15,7 @@ from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference import Fitted, Projector, TrialEffect, fit_hypothesis, refit, scores, times
 from analysis.shot import Cancelled, Stop
 
-Separations = Mapping[str, Separation]
+Separations = Mapping[Effect, Separation]
 Start = tuple[Mapping[str, float], ...]  # an effect's values a shot
 
 _FITTED = 2  # look-alikes of an effect at most
@@ -27,8 +27,8 @@ _HOPELESS = 150.0  # of the criterion behind the best after a short search
 
 
 def separations_of(best: Fitted, projector: Projector, trail: Trail) -> Separations:
-    """Return how far each effect that the start lacks is from everything else in the catalogue, by its name."""
-    return {name: separation(best, projector, name, trail.catalogue, trail.stop) for name in trail.added(best)}
+    """Return how far each effect that the start lacks is from everything else in the catalogue."""
+    return {one: separation(best, projector, one, trail.catalogue, trail.stop) for one in trail.added(best)}
 
 
 def with_look_alikes_tried(
@@ -40,14 +40,14 @@ def with_look_alikes_tried(
     """
     separations = separations_of(best, projector, trail)
     likeliest = best
-    for name, separation_of_it in separations.items():
-        fewer = without(best, name, trail)
+    for effect, separation_of_it in separations.items():
+        fewer = without(best, effect, trail)
         if fewer is None:
             continue
-        frequency_hz = best.point.values[0][name].get("frequency_hz")
-        near = _nearest(name, separation_of_it, trail.catalogue)
-        known = {kind.name: _known(trail, fewer, kind, frequency_hz) for kind in near}
-        new = [kind for kind in near if known[kind.name] is None]
+        frequency_hz = best.point.values[0][effect].get("frequency_hz")
+        near = _nearest(effect, separation_of_it, trail.catalogue)
+        known = {kind.effect: _known(trail, fewer, kind, frequency_hz) for kind in near}
+        new = [kind for kind in near if known[kind.effect] is None]
         fitted = [one for one in known.values() if one is not None]
         if new:
             beside = trail.projector_of(fewer)
@@ -72,8 +72,8 @@ def alternative_without_misfit(
     near = [
         other
         for key, other in trail.fits.items()
-        if len(key) == len(best.names)
-        and len(set(key) - set(best.names)) == 1
+        if len(key) == len(best.effects)
+        and len(set(key) - set(best.effects)) == 1
         and other.converged
         and other.bic < best.bic + CRITERIA.nearly
     ]
@@ -86,31 +86,29 @@ def alternative_without_misfit(
     return best, projector, residual
 
 
-def _nearest(effect: str, distances: Separation, catalogue: Sequence[TrialEffect]) -> list[TrialEffect]:
+def _nearest(effect: Effect, distances: Separation, catalogue: Sequence[TrialEffect]) -> list[TrialEffect]:
     """Return the effects that do most of what one does, nearest first, and those that ring at the same place.
 
     What rings long is a line so narrow that to first order it differs even from a line one hundredth away.
     """
-    near = sorted(
-        (distance, name) for name, distance in distances.from_other.items() if distance < _ALIKE * distances.snr
-    )
-    twins = named(effect).look_alikes  # to first order the true effect may be only the third nearest
-    names = [name for place, (_, name) in enumerate(near) if place < _FITTED or name in twins]
-    names += [name for name in distances.from_other if name not in names and _ring_alike(effect, name)]
-    return [kind for name in names for kind in catalogue if kind.name == name]
+    close = [other for other, distance in distances.from_other.items() if distance < _ALIKE * distances.snr]
+    close.sort(key=lambda other: (distances.from_other[other], other.key))
+    twins = effect.look_alikes  # to first order the true effect may be only the third nearest
+    near = [other for place, other in enumerate(close) if place < _FITTED or other.name in twins]
+    near += [other for other in distances.from_other if other not in near and _ring_alike(effect, other)]
+    return [kind for other in near for kind in catalogue if kind.effect == other]
 
 
-def _ring_alike(effect: str, other: str) -> bool:
-    one, two = named(effect), named(other)
+def _ring_alike(one: Effect, two: Effect) -> bool:
     return one.hidden == two.hidden == _RINGS and one.acts == two.acts
 
 
 def _known(trail: Trail, fewer: Fitted, kind: TrialEffect, frequency_hz: float | None) -> Fitted | None:
     """Return the fit of ``fewer`` and ``kind`` if there is one that converged: for a line, at that frequency."""
-    known = trail.of((*fewer.names, kind.name))
+    known = trail.of((*fewer.effects, kind.effect))
     if known is None:
         return None
-    values = known.point.values[0][kind.name]
+    values = known.point.values[0][kind.effect]
     if frequency_hz is None or "frequency_hz" not in values:
         return known if known.converged else None
     return known if _close(values, frequency_hz) else None
@@ -126,7 +124,7 @@ def fitted_instead(
     """
     if stop():
         raise Cancelled
-    starts = [far.starts[kind.name]]
+    starts = [far.starts[kind.effect]]
     if frequency_hz is not None and "frequency_hz" in starts[0][0]:
         starts = _of_one_line(at, kind, starts[0], frequency_hz)
     trials = [trial for start in starts if (trial := refit(at, kind, start, stop, least_bic=best.bic)) is not None]
@@ -146,7 +144,7 @@ def _of_one_line(at: Projector, kind: TrialEffect, start: Start, frequency_hz: f
     """
     near = [score.start for score in scores(at, kind) if _close(score.start[0], frequency_hz)]
     nearest = min(near, key=lambda one: abs(one[0]["frequency_hz"] - frequency_hz), default=start)
-    if not named(kind.name).hidden:
+    if not kind.effect.hidden:
         return [nearest]
     strong = tuple(times(kind, {**values, "frequency_hz": frequency_hz}, _STRONGER) for values in nearest)
     return [nearest, strong]

@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import Infeasible
+from analysis.collision import Effect, Infeasible
 from analysis.compiled import side_by_side
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.search.wider_effects import narrower, widened
@@ -52,10 +52,10 @@ class Trail:
     start: Fitted
     catalogue: Sequence[TrialEffect]
     stop: Stop
-    scores: dict[str, Score] = field(default_factory=dict)
-    fits: dict[tuple[str, ...], Fitted] = field(default_factory=dict)  # by sorted names
+    scores: dict[Effect, Score] = field(default_factory=dict)
+    fits: dict[frozenset[Effect], Fitted] = field(default_factory=dict)
     last: Projector | None = None  # of the last round
-    asked: set[tuple[str, ...]] = field(default_factory=set)  # fitted from a fit with one effect more as well
+    asked: set[frozenset[Effect]] = field(default_factory=set)  # fitted from a fit with one effect more as well
     widens: bool = True  # try the wider of two effects where the narrow one was found
     limit: Limit | None = None
 
@@ -77,9 +77,9 @@ class Trail:
         finally:
             self.stop = stop
 
-    def added(self, fitted: Fitted) -> list[str]:
-        """Return the names of the effects that a fit has and the start has not."""
-        return [name for name in fitted.names if name not in self.start.names]
+    def added(self, fitted: Fitted) -> list[Effect]:
+        """Return the effects that a fit has and the start has not."""
+        return [effect for effect in fitted.effects if effect not in self.start.effects]
 
     def least_fall(self, floor: Floor | None = None) -> float:
         """Return by how much the best of the catalogue must lower the criterion to join, with the noise ``floor``."""
@@ -92,7 +92,7 @@ class Trail:
 
     def keep(self, fitted: Fitted) -> None:
         """Keep a fit unless a better one of the same effects is there."""
-        key = tuple(sorted(fitted.names))
+        key = frozenset(fitted.effects)
         if key not in self.fits or fitted.bic < self.fits[key].bic:
             self.fits[key] = fitted
 
@@ -104,13 +104,13 @@ class Trail:
 
     def alone(self) -> list[Fitted]:
         """Return the fits with one effect more than the start, the likeliest first."""
-        single = len(self.start.names) + 1
+        single = len(self.start.effects) + 1
         found = [fitted for key, fitted in self.fits.items() if len(key) == single and len(self.added(fitted)) == 1]
         return sorted(found, key=lambda fitted: fitted.bic)
 
-    def of(self, names: Iterable[str]) -> Fitted | None:
+    def of(self, effects: Iterable[Effect]) -> Fitted | None:
         """Return the best fit of these effects, if there is one."""
-        return self.fits.get(tuple(sorted(names)))
+        return self.fits.get(frozenset(effects))
 
 
 def explore(
@@ -129,7 +129,7 @@ def explore(
 
 def another_way(best: Fitted, trail: Trail) -> Fitted:
     """Restart the search from other first effects: two that depend on each other may look like a third."""
-    firsts = [fitted for fitted in trail.alone() if not set(fitted.names) <= set(best.names)][:OTHER_FIRSTS]
+    firsts = [fitted for fitted in trail.alone() if not set(fitted.effects) <= set(best.effects)][:OTHER_FIRSTS]
     ends = [climb(polish(first, trail), trail, CRITERIA.most_effects - 1, NARROW) for first in firsts]
     return min([best, *ends], key=lambda fitted: fitted.bic)
 
@@ -143,11 +143,11 @@ def paired(trail: Trail) -> Fitted | None:
 
     def together(two: tuple[Fitted, Fitted]) -> Fitted | None:
         one, other = two
-        if narrower(one.names) & {*other.names} or narrower(other.names) & {*one.names}:
+        if narrower(one.effects) & {*other.effects} or narrower(other.effects) & {*one.effects}:
             return None
         return with_both_effects(one, other, trail.start, trail.stop)
 
-    new = [(a, b) for a, b in itertools.combinations(firsts, 2) if trail.of({*a.names, *b.names}) is None]
+    new = [(a, b) for a, b in itertools.combinations(firsts, 2) if trail.of({*a.effects, *b.effects}) is None]
     fits = [fitted for fitted in side_by_side(together, new) if fitted is not None]
     best = min(fits, key=lambda fitted: fitted.bic, default=None)
     return None if best is None else polish(best, trail)
@@ -156,7 +156,7 @@ def paired(trail: Trail) -> Fitted | None:
 def climb(here: Fitted, trail: Trail, most: int = CRITERIA.most_effects, width: int = REFITTED + STRONGER) -> Fitted:
     """Return the best fit with at most ``most`` effects more than ``here``, one at a time, of ``width`` at most."""
     for _ in range(most):
-        first = len(here.names) == len(trail.start.names)
+        first = len(here.effects) == len(trail.start.effects)
         what = "effects of the catalogue" if first else "a further effect of the catalogue"
         best = trail.within(what, partial(extend, here, trail, first=first, width=width), None)
         # Each of two effects alone leaves a noise that wanders; what that requires is tested at the end.
@@ -168,8 +168,8 @@ def climb(here: Fitted, trail: Trail, most: int = CRITERIA.most_effects, width: 
 
 def wider(here: Fitted, trail: Trail) -> Fitted:
     """Return the fit with the wider effect in the place of each that has one, where that pays."""
-    for name in trail.added(here) if trail.widens else []:
-        for trial in widened(here, name, trail.stop):
+    for effect in trail.added(here) if trail.widens else []:
+        for trial in widened(here, effect, trail.stop):
             trail.keep(trial)
             if trail.pays(trial, here):
                 here = polish(trial, trail)
@@ -186,7 +186,7 @@ def polish(fitted: Fitted, trail: Trail) -> Fitted:
     better = fit_hypothesis(fitted.hypothesis, fitted.z, fitted.floor, evaluations=60, anew=True, cancelled=trail.stop)
     if better.log_likelihood < fitted.log_likelihood - (0.5 if better.converged else 0.0):
         return fitted
-    trail.fits[tuple(sorted(better.names))] = better
+    trail.fits[frozenset(better.effects)] = better
     return better
 
 
@@ -194,13 +194,13 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
     """Return the best fit with one effect more of the ``width`` that score best, or None where nothing scored."""
     at = trail.projector_of(here)
     trail.last = at
-    there = {*here.names, *narrower(here.names)}
-    free = [kind for kind in trail.catalogue if kind.name not in there]
+    there = {*here.effects, *narrower(here.effects)}
+    free = [kind for kind in trail.catalogue if kind.effect not in there]
     if here.hypothesis.data.base.one_body:
         free = [kind for kind in free if kind.one_body]
     ranked = _ranked(at, free, trail)
     if first:
-        trail.scores.update({listed[0].kind.name: listed[0] for listed in ranked})
+        trail.scores.update({listed[0].kind.effect: listed[0] for listed in ranked})
     strong = float(at.left @ at.left) > 1.5 * at.left.size or not here.converged
     # The first round compares, later ones only look for more.
     compared = (REFITTED if ranked and ranked[0][0].gain > WORTH_FITTING else 2) if first else 0
@@ -212,14 +212,14 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
     ]
     if here.floor.wanders:
         # The noise was learnt from the residual and may have absorbed an effect: score as if it were white, too.
-        names = {score.kind.name for score in tried}
+        scored = {score.kind.effect for score in tried}
         other = _ranked(at.under(here.floor.still), free, trail)[:IF_WHITE]
-        tried += [listed[0] for listed in other if listed[0].kind.name not in names]
+        tried += [listed[0] for listed in other if listed[0].kind.effect not in scored]
     refitted: list[Fitted | None] = []
     for score in tried:
         least = min((trial.bic for trial in refitted if trial is not None), default=math.inf)
         refitted.append(refit(at, score.kind, score.start, trail.stop, least_bic=least))
-    known = {score.kind.name: trail.of((*trail.start.names, score.kind.name)) for score in tried if not first}
+    known = {score.kind.effect: trail.of((*trail.start.effects, score.kind.effect)) for score in tried if not first}
     alone = [fitted for fitted in known.values() if fitted is not None and trail.pays(fitted, trail.start)]
     refitted += [with_both_effects(here, fitted, trail.start, trail.stop) for fitted in alone]
     quick = sorted((trial for trial in refitted if trial is not None), key=lambda trial: trial.bic)
@@ -245,33 +245,33 @@ def _ranked(at: Projector, free: Sequence[TrialEffect], trail: Trail) -> list[li
     return sorted(listed, key=lambda one: -one[0].worth(at.left.size))
 
 
-def without(fitted: Fitted, name: str, trail: Trail) -> Fitted | None:
+def without(fitted: Fitted, effect: Effect, trail: Trail) -> Fitted | None:
     """Return the fit with one effect taken out: the one on the trail, or the better of it and one made now.
 
     A fit made before the other effects were found may have stopped in another valley.
     """
-    names = tuple(n for n in fitted.names if n != name)
-    known = trail.of(names)
-    sure = not names or tuple(sorted(names)) in trail.asked
+    left = frozenset(fitted.effects) - {effect}
+    known = trail.of(left)
+    sure = not left or left in trail.asked
     if known is not None and (sure or (known.converged and known.bic < fitted.bic + CLOSE)):
         return known
-    trail.asked.add(tuple(sorted(names)))
-    trial = without_effect(fitted, name, trail.stop)
+    trail.asked.add(left)
+    trial = without_effect(fitted, effect, trail.stop)
     if trial is None:
         return known
     trail.keep(trial)
-    return trail.of(names)
+    return trail.of(left)
 
 
-def without_effect(fitted: Fitted, name: str, stop: Stop) -> Fitted | None:
+def without_effect(fitted: Fitted, effect: Effect, stop: Stop) -> Fitted | None:
     """Return the fit with one effect taken out, begun at the parameters it has; None where nothing can be fitted."""
     hypothesis = Hypothesis(
         fitted.hypothesis.data,
-        tuple(kind for kind in fitted.hypothesis.effects if kind.name != name),
-        {key: value for key, value in fitted.hypothesis.fixed.items() if key != name},
+        tuple(kind for kind in fitted.hypothesis.effects if kind.effect != effect),
+        {key: value for key, value in fitted.hypothesis.fixed.items() if key != effect},
     )
     effective = to_effective(fitted.point)
-    values = tuple({key: value for key, value in v.items() if key != name} for v in effective.values)
+    values = tuple({key: value for key, value in v.items() if key != effect} for v in effective.values)
     z = hypothesis.pack_effective(Point(effective.base, effective.own, values))
     try:
         return fit_hypothesis(hypothesis, z, fitted.floor, anew=True, cancelled=stop)
@@ -285,7 +285,7 @@ def prune(fitted: Fitted, trail: Trail) -> Fitted:
         removable = trail.added(fitted)
         if len(removable) < 2:
             return fitted
-        fewer = [f for name in removable if (f := without(fitted, name, trail)) is not None]
+        fewer = [f for effect in removable if (f := without(fitted, effect, trail)) is not None]
         best = min(fewer, key=lambda f: f.bic, default=None)
         if best is None or trail.pays(fitted, best):
             return fitted

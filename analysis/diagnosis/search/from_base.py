@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.collision import Infeasible
+from analysis.collision import Effect, Infeasible
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.search.forward_selection import Trail, better, climb, explore
 from analysis.diagnosis.search.wider_effects import narrower
@@ -25,14 +25,14 @@ from analysis.shot import Stop
 _SOFTENED = ((1.0, 1.0), (0.01, 0.1))  # times the stiffness and damping of the contact as it was read
 
 
-def accept(base: Fitted, catalogue: Sequence[TrialEffect], accepted: Sequence[str], stop: Stop) -> Fitted:
+def accept(base: Fitted, catalogue: Sequence[TrialEffect], accepted: Sequence[Effect], stop: Stop) -> Fitted:
     """Return the fit with the effects that the model already has."""
-    for name in accepted:
-        if name not in {kind.name for kind in catalogue}:
-            raise ValueError(f"no effect is called {name!r}; there are {', '.join(k.name for k in catalogue)}")
+    kinds = {kind.effect: kind for kind in catalogue}
+    for effect in accepted:
+        if effect not in kinds:
+            raise ValueError(f"no effect is called {effect.name!r}; there are {', '.join(e.name for e in kinds)}")
     held = narrower(accepted)
-    kinds = {kind.name: kind for kind in catalogue}
-    return joined(base, [kinds[name] for name in accepted if name not in held], stop)
+    return joined(base, [kinds[effect] for effect in accepted if effect not in held], stop)
 
 
 def explored(
@@ -48,7 +48,7 @@ def explored(
     if not before.converged and given.left > CRITERIA.drawn_far:
         return _from_the_guess(before, catalogue, stop, limit)
     best, trail = explore(before, catalogue, stop, most=most, limit=limit)
-    again = trail.of(before.names)
+    again = trail.of(before.effects)
     if again is not None and better(
         again, before
     ):  # taking an effect in and out led the base itself to a better minimum

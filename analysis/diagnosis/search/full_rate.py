@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.collision import named
 from analysis.diagnosis.search.forward_selection import Trail, polish, prune
 from analysis.inference import (
     FINE_RATE_HZ,
@@ -41,16 +40,16 @@ def at_full_rate(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple
 
     All other effects were found at the rate of the averaged samples.
     """
-    ripple = next((kind for kind in trail.catalogue if named(kind.name).ripples), None)
+    ripple = next((kind for kind in trail.catalogue if kind.effect.ripples), None)
     here = best.hypothesis.data
-    if ripple is None or ripple.name in trail.start.names or any(shot.wavelength_m is None for shot in here.shots):
+    if ripple is None or ripple.effect in trail.start.effects or any(shot.wavelength_m is None for shot in here.shots):
         return None
     shots = averaged_shots(motions, FINE_RATE_HZ)
     if shots[0].factor == here.shots[0].factor:
         return None
     shots = with_plates(shots, [shot.plate for shot in here.shots])
     start = None
-    if ripple.name not in best.names:
+    if ripple.effect not in best.effects:
         start = _promised(ripple, best, shots, trail)
         if start is None:
             return None

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from analysis.collision import named
+from analysis.collision import Effect
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.search.forward_selection import Trail, climb, paired
 from analysis.diagnosis.search.from_base import accept, explored
@@ -69,7 +69,7 @@ class Search:
     motions: Sequence[Motion]
     given: SearchStart
     catalogue: Sequence[TrialEffect]
-    accepted: Sequence[str]
+    accepted: Sequence[Effect]
     tell: Progress
     stop: Stop
     limit: Limit | None = None
@@ -80,10 +80,10 @@ class Search:
         catalogue = [
             kind
             for kind in self.catalogue
-            if site is None or kind.name in self.accepted or not resembles_frame_motion(named(kind.name))
+            if site is None or kind.effect in self.accepted or not resembles_frame_motion(kind.effect)
         ]
 
-        def along_with(along: Sequence[str]) -> tuple[Fitted, Trail]:
+        def along_with(along: Sequence[Effect]) -> tuple[Fitted, Trail]:
             base = base_fit(data, self.given, self.stop, along)
             start = accept(base, self.catalogue, self.accepted, self.stop)
             self.tell("scoring the catalogue", 0.15)
@@ -111,7 +111,7 @@ class Search:
         lacks the effect, are badly known, and a fit may end with the touch wrong by ten times the noise.
         """
         best = searched.best
-        if not best.names:
+        if not best.effects:
             return False
         still = replace(best.hypothesis, data=joint_data(self.motions, self.given, None))
         rms_m = math.sqrt(float(np.mean(np.concatenate(best.residual_m) ** 2)))

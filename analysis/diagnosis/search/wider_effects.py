@@ -5,33 +5,33 @@ It has the parameters of the narrow one and one more, and is fitted in its place
 
 from collections.abc import Iterable
 
-from analysis.collision import WIDER, Infeasible, named
+from analysis.collision import CATALOGUE, WIDER, Effect, Infeasible
 from analysis.inference import Fitted, Hypothesis, Point, TrialEffect, fit_hypothesis, to_effective, trial_effect
 from analysis.shot import Stop
 
 
-def narrower(names: Iterable[str]) -> set[str]:
-    """Return the effects that the named ones contain: they cannot join beside them."""
-    return {named(name).widens for name in names} - {""}
+def narrower(effects: Iterable[Effect]) -> set[Effect]:
+    """Return the effects that these contain: they cannot join beside them."""
+    return {CATALOGUE[effect.widens] for effect in effects if effect.widens}
 
 
-def widened(here: Fitted, name: str, stop: Stop) -> list[Fitted]:
+def widened(here: Fitted, effect: Effect, stop: Stop) -> list[Fitted]:
     """Return the fits with wider effects in the place of one of a fit, begun at its parameters."""
     hypothesis = here.hypothesis
-    rows = [row for row in WIDER.values() if row.widens == name]
+    rows = [row for row in WIDER.values() if row.widens == effect.key]
     if hypothesis.data.base.one_body:
         rows = [row for row in rows if row.one_body]
-    found = [_fitted(here, name, trial_effect(row), stop) for row in rows]
+    found = [_fitted(here, effect, trial_effect(row), stop) for row in rows]
     return [fitted for fitted in found if fitted is not None]
 
 
-def _fitted(here: Fitted, name: str, kind: TrialEffect, stop: Stop) -> Fitted | None:
-    effects = tuple(kind if one.name == name else one for one in here.hypothesis.effects)
-    fixed = {key: given for key, given in here.hypothesis.fixed.items() if key != name}
+def _fitted(here: Fitted, narrow: Effect, kind: TrialEffect, stop: Stop) -> Fitted | None:
+    effects = tuple(kind if one.effect == narrow else one for one in here.hypothesis.effects)
+    fixed = {key: given for key, given in here.hypothesis.fixed.items() if key != narrow}
     hypothesis = Hypothesis(here.hypothesis.data, effects, fixed)
     effective = to_effective(here.point)
     values = tuple(
-        {key: given for key, given in of.items() if key != name} | {kind.name: {**kind.starts[0], **of[name]}}
+        {key: given for key, given in of.items() if key != narrow} | {kind.effect: {**kind.starts[0], **of[narrow]}}
         for of in effective.values
     )
     try:

@@ -42,7 +42,7 @@ def keep_predictive(best: Fitted, held_out: tuple[int, ...], trail: Trail) -> tu
         added = trail.added(best)
         if len(added) == 1:
             break
-        fewer = [one for name in added if (one := without(best, name, trail)) is not None]
+        fewer = [one for effect in added if (one := without(best, effect, trail)) is not None]
         shorter = [(one, predict(one, held_out, floor, trail.stop)) for one in fewer]
         no_worse = [(one.bic, one) for one, of_it in shorter if of_it is not None and not prediction.beats(of_it)]
         if not no_worse:
@@ -57,13 +57,15 @@ def without_faint_effects(best: Fitted, trail: Trail) -> tuple[Fitted, Projector
     """Return the fit, with its projector, without the effects that do not stand out, the faintest taken out first."""
     projector = trail.projector_of(best)
     while added := trail.added(best):
-        fewer = {name: without(best, name, trail) for name in added}
-        sizes = {name: min(snr(best, projector, name), missed_without(best, fewer[name])) for name in added}
+        fewer = {effect: without(best, effect, trail) for effect in added}
+        sizes = {one: min(snr(best, projector, one), missed_without(best, fewer[one])) for one in added}
         faintest = min(added, key=sizes.__getitem__)
         if sizes[faintest] >= CRITERIA.size_of_one(len(added)):
-            pays = {name: one.bic - best.bic for name, one in fewer.items() if one is not None}
-            faintest = min(pays, key=pays.__getitem__, default="")
-            if len(added) == 1 or not faintest or pays[faintest] >= CRITERIA.several_fall:
+            pays = {effect: one.bic - best.bic for effect, one in fewer.items() if one is not None}
+            if len(added) == 1 or not pays:
+                break
+            faintest = min(pays, key=pays.__getitem__)
+            if pays[faintest] >= CRITERIA.several_fall:
                 break
         best = (fewer[faintest] if len(added) > 1 else None) or trail.start
         projector = trail.projector_of(best)

@@ -23,20 +23,20 @@ def candidates(best: Fitted, trail: Trail) -> tuple[Candidate, ...]:
     out = []
     before = trail.start
     at = trail.projector_of(before)
-    for name, score in trail.scores.items():
-        fitted = trail.of((*before.names, name))
+    for effect, score in trail.scores.items():
+        fitted = trail.of((*before.effects, effect))
         if fitted is not None and fitted.log_likelihood < before.log_likelihood:
             fitted = None  # at zero strength it would be as likely: the search did not converge
-        parameters: dict[str, Quantity] = effect_parameters(fitted)[name] if fitted else {}
+        parameters: dict[str, Quantity] = effect_parameters(fitted)[effect] if fitted else {}
         delta = fitted.bic - before.bic if fitted else None
-        if name in best.names:
+        if effect in best.effects:
             remark = "in the model now"
         elif fitted is None:
             remark = "scored only"
         else:
             remark = "does not pay" if delta is None or delta > -trail.least_fall() else "another does better"
         curves = curve_of_fit(fitted, before) if fitted is not None else curve_to_first_order(at, score)
-        out.append(Candidate(name, float(score.gain), delta, parameters, remark, curves))
+        out.append(Candidate(effect, float(score.gain), delta, parameters, remark, curves))
     out.sort(key=lambda c: (c.delta_bic if c.delta_bic is not None else 0.0, -c.score))
     return tuple(out)
 
@@ -45,16 +45,16 @@ def blind_spots(at: Projector, catalogue: Sequence[TrialEffect], best: Fitted) -
     """Return what these data could not have shown, with the size that would have stood out by 5 sigma."""
     out = []
     for kind in catalogue:
-        if kind.name in best.names or len(kind.starts) > 12:
+        if kind.effect in best.effects or len(kind.starts) > 12:
             continue
         if best.hypothesis.data.base.one_body and not kind.one_body:
             continue
         least = least_seen(at, kind)
         name = kind.amplitude[0]
         if least is None:
-            out.append(f"{words.plain(kind.name)} of any size")
+            out.append(f"{kind.effect.short_words} of any size")
         else:
-            out.append(f"{words.plain(kind.name)} below {least:.1g} {words.unit_of(name)}".strip())
+            out.append(f"{kind.effect.short_words} below {least:.1g} {words.unit_of(name)}".strip())
     out.append("a wrong wavelength, a cosine error and a wrong mass, which only rescale the parameters")
     return tuple(out)
 
@@ -64,7 +64,7 @@ def separating(effects: Sequence[FoundEffect], data: JointData) -> str:
     speeds = [abs(s.course.velocity_in_m_per_s) for s in data.shots]
     return "; ".join(
         dict.fromkeys(
-            words.separating(e.name, e.indistinguishable_from, speeds) for e in effects if e.indistinguishable_from
+            words.separating(e.effect, e.indistinguishable_from, speeds) for e in effects if e.indistinguishable_from
         )
     )
 

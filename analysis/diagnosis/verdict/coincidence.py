@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import named
+from analysis.collision import Effect
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Fitted
 
@@ -31,11 +31,11 @@ class Unforetold:
     scatter: Floats
 
 
-def unforetold(fitted: Fitted, effect: str) -> Unforetold | None:
+def unforetold(fitted: Fitted, effect: Effect) -> Unforetold | None:
     """Return the cost of the numbers of one effect of a fit, None where the data do not determine them."""
     free = fitted.hypothesis.free_parameters
-    places = [fitted.hypothesis.offset + k for k, (name, _, _) in enumerate(free) if name == effect]
-    names = [parameter.name for name, parameter, _ in free if name == effect]
+    places = [fitted.hypothesis.offset + k for k, (one, _, _) in enumerate(free) if one == effect]
+    names = [parameter.name for one, parameter, _ in free if one == effect]
     here, known = fitted.z[places], fitted.inverse[np.ix_(places, places)]
     if not places or not np.all(np.isfinite(known)) or np.any(np.diag(known) <= 0.0):
         return None
@@ -56,13 +56,13 @@ def unforetold(fitted: Fitted, effect: str) -> Unforetold | None:
     return Unforetold(float(nats), np.sqrt(variance) * of_kind)
 
 
-def by_chance(rival: Fitted | None, effect: str, best: Fitted, instead: str) -> bool:
+def by_chance(rival: Fitted | None, effect: Effect, best: Fitted, instead: Effect) -> bool:
     """Return whether ``effect`` of a rival fit would do what ``instead`` of the best does only by coincidence.
 
     That is told where its numbers are all a shot's own and the others are not, and where ``instead`` makes the shots
     likelier by as much as one does that stands apart (``Criteria.separation``), both beside the noise of ``best``.
     """
-    if rival is None or not named(effect).own or named(instead).own:
+    if rival is None or not effect.own or instead.own:
         return False
     theirs, ours = unforetold(rival, effect), unforetold(best, instead)
     if theirs is None or ours is None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import Infeasible, findings
+from analysis.collision import Effect, Infeasible, findings
 from analysis.diagnosis.model_file import SavedModel
 from analysis.diagnosis.result import Errors
 from analysis.diagnosis.verdict.residual import errors
@@ -27,7 +27,7 @@ from analysis.inference import (
     minimise,
     residuals,
     square_of,
-    trials_named,
+    trials_of,
     white_floor,
 )
 from analysis.shot import AnalysisError, Cancelled, Motion, Quantity, Stop, names_on_plate, plates_named, stated_n_per_m
@@ -54,7 +54,7 @@ class Foretold:
     """All shots together, and each; ``sentence`` is for a person."""
 
     model: str
-    effects: tuple[str, ...]
+    effects: tuple[Effect, ...]
     error_base: Errors
     error_model: Errors
     shots: tuple[ForetoldShot, ...]
@@ -120,7 +120,7 @@ def foretold_result(foretold: Foretold) -> dict[str, Any]:
     """Return the ``foretold`` object of the result file."""
     return {
         "model": foretold.model,
-        "effects": list(foretold.effects),
+        "effects": [effect.key for effect in foretold.effects],
         "error_base": asdict(foretold.error_base),
         "error_model": asdict(foretold.error_model),
         "sentence": foretold.sentence,
@@ -139,7 +139,7 @@ def _all(shots: Sequence[ForetoldShot], which: str) -> Errors:
 
 def _driven(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Errors, Errors]:
     table = Table.of(prepare_drive([motion]))
-    trials: tuple[tuple[tuple[str, ...], Parameters], ...] = (((), base), (model.effects, model.parameters))
+    trials: tuple[tuple[tuple[Effect, ...], Parameters], ...] = (((), base), (model.effects, model.parameters))
     left = [rms(prediction_residual_n(table, of, known)) for of, known in trials]
     noise = Repeatability(force_noise(motion), False, "")
     bare, whole = (Errors(float("nan"), float("nan"), force, chi2(force, noise)) for force in left)
@@ -150,9 +150,9 @@ def _collision(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Err
     data = JointData(averaged_shots([motion]), base_named(model.base))
     start = data.shots[0].course.own
     # What each shot has for itself, it has under the base model as well.
-    along = trials_named(name for name in model.effects if name not in findings(model.effects))
+    along = trials_of(effect for effect in model.effects if effect not in findings(model.effects))
     bare = _own_fitted(Hypothesis(data, along), base, start)
-    effects = trials_named(model.effects)
+    effects = trials_of(model.effects)
     whole = _own_fitted(Hypothesis(data, effects, _fixed(effects)), model.parameters, start)
     floor, _ = learn_floor(data, residuals(*whole))
     own = OWN + sum(len(kind.own) for kind in along)
@@ -160,26 +160,26 @@ def _collision(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Err
     return out[0], out[1]
 
 
-def _fixed(effects: Sequence[TrialEffect]) -> dict[str, dict[str, float]]:
+def _fixed(effects: Sequence[TrialEffect]) -> dict[Effect, dict[str, float]]:
     """Return what a fit chooses among a few values instead of moving it: those of the first."""
     return {
-        e.name: {k: v for k, v in e.starts[0].items() if k not in {free.name for free in e.free_parameters}}
-        for e in effects
+        kind.effect: {k: v for k, v in kind.starts[0].items() if k not in {free.name for free in kind.free_parameters}}
+        for kind in effects
     }
 
 
 def _own_fitted(hypothesis: Hypothesis, known: Parameters, start: Floats) -> tuple[Hypothesis, Floats]:
     """Return the hypothesis and the vector at which the shot's own parameters leave least, all others as known."""
     values = {}
-    for effect in hypothesis.effects:
-        values[effect.name] = dict(effect.starts[0])
-        for free in effect.free_parameters:
-            named = f"{effect.name}.{free.name}"
+    for kind in hypothesis.effects:
+        values[kind.effect] = dict(kind.starts[0])
+        for free in kind.free_parameters:
+            named = f"{kind.effect.key}.{free.name}"
             if free.own:
                 continue
             if named not in known:
                 raise AnalysisError(f"the model file has no parameter {named}")
-            values[effect.name][free.name] = known[named].value
+            values[kind.effect][free.name] = known[named].value
     names = hypothesis.data.base.names
     if missing := [name for name in names if name not in known]:
         raise AnalysisError(f"the model file has no parameter {missing[0]}")

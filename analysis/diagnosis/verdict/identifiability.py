@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.collision import Effect
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Fitted, Point, Projector, TrialEffect, all_scores, scores, to_actual, to_effective
 from analysis.shot import Stop
@@ -21,37 +22,37 @@ class Separation:
     """
 
     snr: float
-    from_other: dict[str, float]
-    starts: dict[str, tuple[Mapping[str, float], ...]]
+    from_other: dict[Effect, float]
+    starts: dict[Effect, tuple[Mapping[str, float], ...]]
 
-    def too_close(self, remainder: float = 0.0) -> tuple[str, ...]:
+    def too_close(self, remainder: float = 0.0) -> tuple[Effect, ...]:
         """Return the effects that are indistinguishable from this one, closest first.
 
         What stays unexplained, of size ``remainder`` in units of the noise, may stand in for a difference of its size.
         """
         near = sorted(self.from_other.items(), key=lambda item: item[1])
-        return tuple(name for name, distance in near if distance < CRITERIA.separation + remainder)
+        return tuple(other for other, distance in near if distance < CRITERIA.separation + remainder)
 
 
-def beside(fitted: Fitted, at: Projector, name: str) -> Projector:
+def beside(fitted: Fitted, at: Projector, effect: Effect) -> Projector:
     """Return the projector of a fit whose ``left`` is the part of one effect that no other parameter can absorb."""
     hypothesis = fitted.hypothesis
-    own = [hypothesis.offset + k for k, (effect, _, _) in enumerate(hypothesis.free_parameters) if effect == name]
+    own = [hypothesis.offset + k for k, (of, _, _) in enumerate(hypothesis.free_parameters) if of == effect]
     basis = at.tangents.without(own).span()
     point = fitted.point
-    kind = next(k for k in hypothesis.effects if k.name == name)
+    kind = next(k for k in hypothesis.effects if k.effect == effect)
     shots = hypothesis.data.shots
     effective = to_effective(point)
-    nothing = tuple({**v, name: _nothing(kind, v[name])} for v in effective.values)
+    nothing = tuple({**v, effect: _nothing(kind, v[effect])} for v in effective.values)
     without = to_actual(Point(effective.base, effective.own, nothing))
     rows = [(hypothesis.coarse(i, point) - hypothesis.coarse(i, without))[:, None] for i in range(len(shots))]
     done = at.whitened(rows)[:, 0]
     return replace(at, basis=basis, left=basis.projected(done))
 
 
-def snr(fitted: Fitted, at: Projector, name: str) -> float:
+def snr(fitted: Fitted, at: Projector, effect: Effect) -> float:
     """Return the size of the part of one effect that no other parameter can absorb, in units of the noise."""
-    return float(np.linalg.norm(beside(fitted, at, name).left))
+    return float(np.linalg.norm(beside(fitted, at, effect).left))
 
 
 def missed_without(fitted: Fitted, fewer: Fitted | None) -> float:
@@ -66,21 +67,21 @@ def missed_without(fitted: Fitted, fewer: Fitted | None) -> float:
 
 
 def separation(
-    fitted: Fitted, at: Projector, name: str, catalogue: Sequence[TrialEffect], stop: Stop = lambda: False
+    fitted: Fitted, at: Projector, effect: Effect, catalogue: Sequence[TrialEffect], stop: Stop = lambda: False
 ) -> Separation:
     """Return how far one effect of a fit stands from everything else in the catalogue (signs kept physical).
 
     Raises Cancelled.
     """
-    alone = beside(fitted, at, name)
+    alone = beside(fitted, at, effect)
     whole = float(alone.left @ alone.left)
-    others = [k for k in catalogue if k.name not in fitted.names]
+    others = [k for k in catalogue if k.effect not in fitted.effects]
     if fitted.hypothesis.data.base.one_body:
         others = [k for k in others if k.one_body]
-    distance = {kind.name: float(np.sqrt(whole)) for kind in others}
-    starts: dict[str, tuple[Mapping[str, float], ...]] = {}
+    distance = {kind.effect: float(np.sqrt(whole)) for kind in others}
+    starts: dict[Effect, tuple[Mapping[str, float], ...]] = {}
     for listed in all_scores(alone, others, stop):
-        other = listed[0].kind.name
+        other = listed[0].kind.effect
         distance[other] = float(np.sqrt(max(0.0, whole - listed[0].gain)))
         starts[other] = listed[0].start
     return Separation(float(np.sqrt(whole)), distance, starts)

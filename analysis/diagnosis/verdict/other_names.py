@@ -3,7 +3,7 @@
 import math
 from functools import partial
 
-from analysis.collision import named
+from analysis.collision import Effect
 from analysis.diagnosis.search.competing_models import fitted_instead
 from analysis.diagnosis.search.forward_selection import Trail, without
 from analysis.diagnosis.verdict.coincidence import by_chance
@@ -14,21 +14,21 @@ from analysis.inference import Fitted, lead_on
 
 
 def other_names(
-    best: Fitted, name: str, remainder: Residual, far: Separation, trail: Trail
-) -> tuple[tuple[str, ...], float | None]:
+    best: Fitted, effect: Effect, remainder: Residual, far: Separation, trail: Trail
+) -> tuple[tuple[Effect, ...], float | None]:
     """Return the effects that may be meant instead of one of a fit, and the lead over the best of them (BIC).
 
     These are the effects that nearly coincide with it to first order, and those whose fit in its place is nearly as
     likely.  The lead is None where none was fitted.  Raises Cancelled.
     """
     others = list(far.too_close(remainder.size))
-    kept = {n for n in best.names if n != name}
+    kept = {one for one in best.effects if one != effect}
     lead = math.inf
     for key, other in trail.fits.items():
-        swapped = set(key) - set(best.names)
-        if len(key) == len(best.names) and len(swapped) == 1 and kept <= set(key):
+        swapped = set(key) - set(best.effects)
+        if len(key) == len(best.effects) and len(swapped) == 1 and kept <= set(key):
             new = next(iter(swapped))
-            if "{" not in new and named(new).widens == name:  # holds it: its further parameter was not worth its price
+            if new.widens == effect.key:  # holds it: its further parameter was not worth its price
                 continue
             lead = min(lead, other.bic - best.bic)
             # Of look-alikes the one with fewer parameters is not the true one for that alone.
@@ -38,8 +38,8 @@ def other_names(
         others = [
             other
             for other in others
-            if not by_chance(trail.of((*kept, other)), other, best, name)
-            and not _falls_behind(best, name, other, trail.of((*kept, other)), far, trail)
+            if not by_chance(trail.of((*kept, other)), other, best, effect)
+            and not _falls_behind(best, effect, other, trail.of((*kept, other)), far, trail)
         ]
     return tuple(others), lead if math.isfinite(lead) else None
 
@@ -49,18 +49,20 @@ def _behind(other: Fitted, best: Fitted) -> float:
     return 2 * (best.log_likelihood - other.log_likelihood)
 
 
-def _falls_behind(best: Fitted, name: str, other: str, found: Fitted | None, far: Separation, trail: Trail) -> bool:
+def _falls_behind(
+    best: Fitted, effect: Effect, other: Effect, found: Fitted | None, far: Separation, trail: Trail
+) -> bool:
     """Return whether a line that coincides to first order does not when it is fitted.
 
     To first order every shot has an amplitude of its own; in truth all share one.  It is fitted from where it was
     ``found`` in the search and from where it imitates the effect best, both to the end.
     """
-    if "{" in other or named(other).wave is None or other not in far.starts:
+    if other.wave is None or other not in far.starts:
         return False
-    fewer = without(best, name, trail)
+    fewer = without(best, effect, trail)
     if fewer is None or found is None:
         return False
-    kind = next(kind for kind in trail.catalogue if kind.name == other)
+    kind = next(kind for kind in trail.catalogue if kind.effect == other)
     instead = fitted_instead(best, trail.projector_of(fewer), far, None, trail.stop, kind)
     ends = list(map(partial(lead_on, cancelled=trail.stop), [found] if instead is None else [found, instead]))
     for end in ends:

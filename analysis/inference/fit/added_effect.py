@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import Infeasible
+from analysis.collision import Effect, Infeasible
 from analysis.inference.fit.arrow import Arrow
 from analysis.inference.fit.effective_parameters import Point, to_effective
 from analysis.inference.fit.free_parameters import TrialEffect
@@ -36,7 +36,7 @@ def refit(
     hypothesis = Hypothesis(
         here.hypothesis.data,
         (*here.hypothesis.effects, kind),
-        {**here.hypothesis.fixed, kind.name: fixed_of(kind, start[0])},
+        {**here.hypothesis.fixed, kind.effect: fixed_of(kind, start[0])},
     )
     effective = to_effective(here.point)
     low, high = hypothesis.bounds
@@ -50,7 +50,7 @@ def refit(
     stop_early = hopeless if math.isfinite(least_bic) else None
     for share in _START_SHARES:  # a linear step may lead to where there is no trajectory
         weaker = [times(kind, given, share) for given in start]
-        values = tuple({**v, kind.name: given} for v, given in zip(effective.values, weaker, strict=True))
+        values = tuple({**v, kind.effect: given} for v, given in zip(effective.values, weaker, strict=True))
         try:
             z = np.clip(hypothesis.pack_effective(Point(effective.base, effective.own, values)), low, high)
             z = _compensated(at, hypothesis, z)
@@ -68,10 +68,10 @@ def _compensated(at: Projector, hypothesis: Hypothesis, z: Floats) -> Floats:
     """
     before = at.fitted.hypothesis
     places = {
-        (name, free.name, shot): hypothesis.offset + k
-        for k, (name, free, shot) in enumerate(hypothesis.free_parameters)
+        (effect, free.name, shot): hypothesis.offset + k
+        for k, (effect, free, shot) in enumerate(hypothesis.free_parameters)
     }
-    free_parameters = [places[name, free.name, shot] for name, free, shot in before.free_parameters]
+    free_parameters = [places[effect, free.name, shot] for effect, free, shot in before.free_parameters]
     moving = np.array([*range(before.offset), *free_parameters])
     compensation = at.once("compensation", lambda: _compensation(at.tangents))
     low, high = hypothesis.bounds
@@ -123,8 +123,8 @@ def with_both_effects(here: Fitted, alone: Fitted, start: Fitted, stop: Stop) ->
     z = np.empty(hypothesis.size)
     z[: first.offset] = here.z[: first.offset] + alone.z[: first.offset] - start.z[: first.offset]
     found = {**_free_parameters(alone), **_free_parameters(here)}
-    for k, (name, free, shot) in enumerate(hypothesis.free_parameters, first.offset):
-        z[k] = found[name, free.name, shot]
+    for k, (effect, free, shot) in enumerate(hypothesis.free_parameters, first.offset):
+        z[k] = found[effect, free.name, shot]
     if stop():
         raise Cancelled
     try:
@@ -134,10 +134,10 @@ def with_both_effects(here: Fitted, alone: Fitted, start: Fitted, stop: Stop) ->
         return None
 
 
-def _free_parameters(fitted: Fitted) -> dict[tuple[str, str, int], float]:
+def _free_parameters(fitted: Fitted) -> dict[tuple[Effect, str, int], float]:
     """Return the search coordinates of a fit's effects by (effect, parameter, shot)."""
     hypothesis = fitted.hypothesis
     return {
-        (name, free.name, shot): float(fitted.z[k])
-        for k, (name, free, shot) in enumerate(hypothesis.free_parameters, hypothesis.offset)
+        (effect, free.name, shot): float(fitted.z[k])
+        for k, (effect, free, shot) in enumerate(hypothesis.free_parameters, hypothesis.offset)
     }

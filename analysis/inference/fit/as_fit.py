@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import Parameter
+from analysis.collision import Effect, Parameter
 from analysis.inference.fit.build_fit import Estimate, Part, Path, build_fit
 from analysis.inference.fit.derivatives import solved
 from analysis.inference.fit.hypothesis_fit import Fitted
@@ -18,17 +18,17 @@ _ROUNDING = 1e-13
 _POINTS = 128  # over the fitted stretch: the frame's motion varies slowly
 
 
-def effect_parameters(fitted: Fitted) -> dict[str, dict[str, Quantity]]:
+def effect_parameters(fitted: Fitted) -> dict[Effect, dict[str, Quantity]]:
     """Return every effect's parameters; each shot's own are named with ``.2``, ``.3`` from the second shot on."""
-    out: dict[str, dict[str, Quantity]] = {name: {} for name in fitted.names}
+    out: dict[Effect, dict[str, Quantity]] = {effect: {} for effect in fitted.effects}
     hypothesis, point = fitted.hypothesis, fitted.point
     std = fitted.std
-    for k, (name, free, shot) in enumerate(hypothesis.free_parameters):
-        value = point.values[max(shot, 0)][name][free.name]
-        out[name][_parameter_name(free, shot)] = Quantity(value, float(std[hypothesis.offset + k]), "joint fit")
-    for name, fixed in fitted.hypothesis.fixed.items():
-        if name in out:
-            out[name].update({key: Quantity(value, 0.0, "tried") for key, value in fixed.items()})
+    for k, (effect, free, shot) in enumerate(hypothesis.free_parameters):
+        value = point.values[max(shot, 0)][effect][free.name]
+        out[effect][_parameter_name(free, shot)] = Quantity(value, float(std[hypothesis.offset + k]), "joint fit")
+    for effect, fixed in fitted.hypothesis.fixed.items():
+        if effect in out:
+            out[effect].update({key: Quantity(value, 0.0, "tried") for key, value in fixed.items()})
     return out
 
 
@@ -53,7 +53,7 @@ def as_fit(
     places = {(name, shot): place for place, (name, shot) in enumerate(hypothesis.names)}
     estimate = Estimate(
         model=model,
-        effects=fitted.names,
+        effects=fitted.effects,
         values=hypothesis.flat(point),
         covariance=birge * fitted.covariance,
         shared={name: place for (name, shot), place in places.items() if shot < 0},
@@ -61,7 +61,7 @@ def as_fit(
         converged=fitted.converged,
         how=how,
         flags=tuple(flags),
-        chosen={f"{name}.{key}": value for name, given in hypothesis.fixed.items() for key, value in given.items()},
+        chosen={f"{effect.key}.{key}": v for effect, given in hypothesis.fixed.items() for key, v in given.items()},
     )
     parts = [
         Part(

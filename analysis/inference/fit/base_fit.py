@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.collision import Infeasible
+from analysis.collision import Effect, Infeasible
 from analysis.inference.fit.base import SearchStart
 from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.free_parameters import trials_named
+from analysis.inference.fit.free_parameters import trials_of
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import Fitted, first_floor, fit_hypothesis
 from analysis.inference.fit.samples import Samples
@@ -19,13 +19,13 @@ _SAMPLES = 100  # at least
 _SOFTER = 8  # times, at most, that a contact too stiff for the samples is softened tenfold
 
 
-def base_fit(data: JointData, begin: SearchStart, stop: Stop, nuisances: Sequence[str] = ()) -> Fitted:
+def base_fit(data: JointData, begin: SearchStart, stop: Stop, nuisances: Sequence[Effect] = ()) -> Fitted:
     """Return the base model's best fit at the diagnosis' sample rate, searched from ``begin``.
 
     ``nuisances`` are effects that every shot may have for itself and that do not count as findings.
     """
-    along = trials_named(nuisances)
-    values = tuple({kind.name: kind.starts[0] for kind in along} for _ in data.shots)
+    along = trials_of(nuisances)
+    values = tuple({kind.effect: kind.starts[0] for kind in along} for _ in data.shots)
     point = Point(begin.shared, begin.own, values)
     hypothesis = Hypothesis(data, along)
     point = slow_enough(hypothesis, point)
@@ -45,12 +45,12 @@ def white_of(shots: Sequence[Samples]) -> float:
     return max(white_by_differences([s.displacement_m for s in shots], [s.valid for s in shots]), 1e-15)
 
 
-def nuisances_pay(best: Fitted, nuisances: Sequence[str], stop: Stop) -> bool:
+def nuisances_pay(best: Fitted, nuisances: Sequence[Effect], stop: Stop) -> bool:
     """Return whether the ``nuisances`` effects lower the criterion (BIC), given the other effects of a fit."""
     hypothesis, point = best.hypothesis, best.point
-    kinds = tuple(kind for kind in hypothesis.effects if kind.name not in nuisances)
+    kinds = tuple(kind for kind in hypothesis.effects if kind.effect not in nuisances)
     bare = Hypothesis(hypothesis.data, kinds, hypothesis.fixed)
-    values = tuple({name: v for name, v in of.items() if name not in nuisances} for of in point.values)
+    values = tuple({effect: v for effect, v in of.items() if effect not in nuisances} for of in point.values)
     try:
         return (
             best.bic

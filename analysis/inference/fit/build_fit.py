@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import Floats
+from analysis.collision import Effect, Floats
 from analysis.inference.fit.base import OWN_NAMES
 from analysis.inference.fit.response import Response
 from analysis.shot import Fit, Motion, Overlay, Quantity, ShotFit
@@ -28,7 +28,7 @@ class Estimate:
     """
 
     model: str
-    effects: tuple[str, ...]
+    effects: tuple[Effect, ...]
     values: Floats
     covariance: Floats
     shared: Mapping[str, int]

@@ -47,8 +47,9 @@ def solved(
         if too_fast(at.base, at.own, values, shot.moving_mass_kg, shot.spacing_s, shot.factor):
             raise Infeasible("something would swing faster than any record can show")
     model = vector.model(_chosen(vector, values), laws)
-    shared = [*point.base, *(_value(values, name) for name in model.shared_effect_names)]
-    own = [*point.own[index], *(_value(values, name) for name in model.own_names[3:])]
+    searched = [(p.own, values[effect][p.name]) for _, effect, _, p in model.effect_parameters if not p.fixed]
+    shared = [*point.base, *(value for is_own, value in searched if not is_own)]
+    own = [*point.own[index], *(value for is_own, value in searched if is_own)]
     block = shot.factor if averaged and not centres else 1
     given = np.array(shared), np.array(own)
     if any(np.isnan(one).any() for one in given):
@@ -79,9 +80,5 @@ def linearised_shot(
 
 def _chosen(vector: SearchVector, values: Values) -> tuple[tuple[str, float], ...]:
     """Return the values that are not searched, from the point: scores try several orders of a cyclic error."""
-    return tuple((f"{name}.{key}", values[name][key]) for name, given in vector.fixed.items() for key in given)
-
-
-def _value(values: Values, full: str) -> float:
-    name, _, parameter = full.rpartition(".")
-    return values[name][parameter]
+    fixed = vector.fixed.items()
+    return tuple((f"{effect.key}.{key}", values[effect][key]) for effect, given in fixed for key in given)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import Infeasible, named
+from analysis.collision import Effect, Infeasible
 from analysis.inference.fit.situation import Values
 
 Floats = NDArray[np.float64]
@@ -49,19 +49,19 @@ def to_actual(effective: Point) -> Point:
     return clamp.put(effective, own, effective.base[0] / left, clamp.swing * math.sqrt(left))
 
 
-def chained(effective: Point, seen: Floats, at: Mapping[tuple[str, str], int], touches: list[int]) -> Floats:
+def chained(effective: Point, seen: Floats, at: Mapping[tuple[Effect, str], int], touches: list[int]) -> Floats:
     """Return the derivatives of physical parameters, given those of the effective ones (``seen``).
 
     Both have shape (p, k), one row for each parameter; ``at`` gives the row of each (effect, parameter), ``touches``
     the rows of the touch times.
     """
     out = seen.copy()
-    for (name, parameter), place in at.items():
-        if parameter == named(name).delays:
+    for (effect, parameter), place in at.items():
+        if parameter == effect.delays:
             out[touches] -= seen[place]
     clamp = _clamp(effective.values[0])
-    if clamp is not None and (soft := at.get((clamp.name, clamp.compliance))) is not None:
-        fast = at[clamp.name, clamp.frequency]
+    if clamp is not None and (soft := at.get((clamp.effect, clamp.compliance))) is not None:
+        fast = at[clamp.effect, clamp.frequency]
         stiffness, left = float(effective.base[0]), clamp.left(effective.base[0])
         root = math.sqrt(left)
         by_left = -0.5 * clamp.swing / root
@@ -74,7 +74,7 @@ def chained(effective: Point, seen: Floats, at: Mapping[tuple[str, str], int], t
 class _Clamp:
     """An effect whose spring is in series with the plate's: names of effect and parameters, and their values."""
 
-    name: str
+    effect: Effect
     compliance: str
     frequency: str
     softness: float
@@ -91,17 +91,17 @@ class _Clamp:
         """Return the point with this stiffness of the plate and this frequency of the clamp (Hz)."""
         base = point.base.copy()
         base[0] = stiffness
-        values = tuple({**v, self.name: {**v[self.name], self.frequency: swing}} for v in point.values)
+        values = tuple({**v, self.effect: {**v[self.effect], self.frequency: swing}} for v in point.values)
         return Point(base, own, values)
 
 
 def _clamp(values: Values) -> _Clamp | None:
-    for name, given in values.items():
-        if (names := named(name).in_series) is not None:
-            return _Clamp(name, *names, *(given[parameter] for parameter in names))
+    for effect, given in values.items():
+        if (names := effect.in_series) is not None:
+            return _Clamp(effect, *names, *(given[parameter] for parameter in names))
     return None
 
 
 def _delay(values: Values) -> float:
     """Return the delay of the optics in s: where it grows, the touch must not appear to move."""
-    return sum(given[named(name).delays] for name, given in values.items() if named(name).delays)
+    return sum(given[effect.delays] for effect, given in values.items() if effect.delays)

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import Infeasible
+from analysis.collision import Effect, Infeasible
 from analysis.inference.fit.base import TRUSTED, Plates, SearchStart, base_of
 from analysis.inference.fit.base_fit import slow_enough
 from analysis.inference.fit.effective_parameters import Point
@@ -122,7 +122,7 @@ def _search_from(
 ) -> SearchStart:
     """Return where one search ends, with its chi^2 per sample; Infeasible where it cannot begin."""
     hypothesis = Hypothesis(data, ())
-    values: tuple[dict[str, dict[str, float]], ...] = tuple({} for _ in data.shots)
+    values: tuple[dict[Effect, dict[str, float]], ...] = tuple({} for _ in data.shots)
     point = slow_enough(hypothesis, Point(shared, own, values))
     z = hypothesis.pack(point)
     found = search(hypothesis, z, floor, evaluations=evaluations, tolerance=_TOLERANCE, cancelled=stop)

@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from analysis.collision import CATALOGUE, Effect, Parameter, named
+from analysis.collision import CATALOGUE, Effect, Parameter
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,7 +15,7 @@ class TrialEffect:
     on a grid.  ``starts`` are complete sets of values.
     """
 
-    name: str
+    effect: Effect
     free_parameters: tuple[Parameter, ...]
     amplitude: tuple[str, ...]
     starts: tuple[Mapping[str, float], ...]
@@ -39,7 +39,7 @@ def trial_effect(row: Effect) -> TrialEffect:
     axes = [parameter.tried or parameter.grid or (parameter.scale,) for parameter in row.parameters]
     names = [parameter.name for parameter in row.parameters]
     return TrialEffect(
-        name=row.name,
+        effect=row,
         free_parameters=tuple(free),
         amplitude=tuple(p.name for p in free) if row.own else (row.amplitude,),
         starts=tuple(dict(zip(names, values, strict=True)) for values in itertools.product(*axes)),
@@ -48,12 +48,11 @@ def trial_effect(row: Effect) -> TrialEffect:
     )
 
 
-def trials_named(names: Iterable[str]) -> tuple[TrialEffect, ...]:
-    """Return effects by name in the form in which they are searched; keys of ``laws.own`` are names, too."""
-    return tuple(trial_effect(named(name)) for name in names)
+def trials_of(effects: Iterable[Effect]) -> tuple[TrialEffect, ...]:
+    """Return effects in the form in which they are searched."""
+    return tuple(map(trial_effect, effects))
 
 
-def trial_effects(laws: Iterable[str] = ()) -> Sequence[TrialEffect]:
-    """Return all effects of the catalogue, then the ``laws`` of these keys (``laws.own``), as they are searched."""
-    rows = (*CATALOGUE.values(), *(named(key) for key in dict.fromkeys(laws)))
-    return tuple(trial_effect(row) for row in rows)
+def trial_effects(further: Iterable[Effect] = ()) -> Sequence[TrialEffect]:
+    """Return all effects of the catalogue, then ``further`` ones, each once, in the form in which they are searched."""
+    return trials_of(dict.fromkeys((*CATALOGUE.values(), *further)))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import Infeasible
+from analysis.collision import Effect, Infeasible
 from analysis.inference.fit.arrow import Arrow
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
@@ -44,9 +44,9 @@ class Fitted:
         return self.hypothesis.unpack(self.z)
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Get the names of the effects."""
-        return tuple(kind.name for kind in self.hypothesis.effects)
+    def effects(self) -> tuple[Effect, ...]:
+        """Get the effects."""
+        return tuple(kind.effect for kind in self.hypothesis.effects)
 
     @property
     def covariance(self) -> Floats:

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.collision import Infeasible, named
+from analysis.collision import Infeasible
 from analysis.compiled import side_by_side
 from analysis.inference.fit.hypothesis_fit import Fitted, square_of, whitened_residual
 from analysis.inference.fit.least_squares import minimise
@@ -27,7 +27,7 @@ def with_profile_std(fitted: Fitted, stop: Stop) -> Fitted:
     """
     hypothesis = fitted.hypothesis
     places = [
-        k for k, (name, _, _) in enumerate(hypothesis.free_parameters, hypothesis.offset) if named(name).range_at >= 0
+        k for k, (effect, _, _) in enumerate(hypothesis.free_parameters, hypothesis.offset) if effect.range_at >= 0
     ]
     if not places or not np.all(np.isfinite(fitted.inverse)):
         return fitted

@@ -68,7 +68,7 @@ class Model:
     @cached_property
     def effect_parameters(self) -> tuple[tuple[str, Effect, int, Parameter], ...]:
         """Get (full name, effect, place, parameter) of every effect parameter."""
-        return tuple((f"{e.name}.{p.name}", e, place, p) for e in self.effects for place, p in enumerate(e.parameters))
+        return tuple((f"{e.key}.{p.name}", e, place, p) for e in self.effects for place, p in enumerate(e.parameters))
 
     @cached_property
     def shared_effect_names(self) -> tuple[str, ...]:
@@ -95,9 +95,9 @@ class Model:
             x, v = x + float(own[len(OWN_NAMES)]), v + float(own[len(OWN_NAMES) + 1])
         return x, v
 
-    def by_effect(self, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    def by_effect(self, values: Mapping[str, float]) -> dict[Effect, dict[str, float]]:
         """Return values given by full name as values by effect and parameter."""
-        return {e.name: {p.name: values[f"{e.name}.{p.name}"] for p in e.parameters} for e in self.effects}
+        return {e: {p.name: values[f"{e.key}.{p.name}"] for p in e.parameters} for e in self.effects}
 
     def values(self, shared: Floats, own: Floats) -> dict[str, float]:
         """Return the value of every effect parameter, by full name."""
@@ -156,7 +156,7 @@ def respond(
     # A parameter that enters a kernel through others: these get names that no parameter has; the chain rule follows.
     wanted |= {f"{c.slot} {k}": general.direction(c.slot, k) for c in chains for k in range(c.slopes.shape[0])}
     times = shot.time_s - own[1]
-    seeing = sensors(e.name for e in model.effects)
+    seeing = sensors(model.effects)
     inner = 1 if seeing else block  # the sensor's effects act on every sample, before averaging
     rates = fastest_rates(collision, active)
     if max(rates.contact, rates.every) > fastest_rad_per_s:
@@ -196,7 +196,7 @@ def _direction(of_base: Mapping[str, int], active: Sequence[general.Active], nam
         if one.effect.clocked is not None:
             continue
         for place, parameter in enumerate(one.effect.parameters):
-            if name == f"{one.effect.name}.{parameter.name}":
+            if name == f"{one.effect.key}.{parameter.name}":
                 return general.direction(slot, place)
     return _PLATE_AT.get(name)
 

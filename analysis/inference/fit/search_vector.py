@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import Effect, Parameter, named
+from analysis.collision import Effect, Parameter
 from analysis.inference.fit.arrow import Arrow, Places
 from analysis.inference.fit.base import OWN_NAMES, Base
 from analysis.inference.fit.coordinates import Coordinates
@@ -71,11 +71,11 @@ class SearchVector:
     stride: float = 2.0  # step of ``general.solve``: at 2 a nonlinear law is right to 0.05 pm, far below any noise
 
     @cached_property
-    def free_parameters(self) -> list[tuple[str, Parameter, int]]:
+    def free_parameters(self) -> list[tuple[Effect, Parameter, int]]:
         """Get (effect, parameter, shot or -1 if shared) of each searched effect parameter, in order."""
-        out = [(kind.name, free, -1) for kind in self.effects for free in kind.shared]
+        out = [(kind.effect, free, -1) for kind in self.effects for free in kind.shared]
         for shot in range(len(self.data.shots)):
-            out += [(kind.name, free, shot) for kind in self.effects for free in kind.own]
+            out += [(kind.effect, free, shot) for kind in self.effects for free in kind.own]
         return out
 
     @cached_property
@@ -84,7 +84,7 @@ class SearchVector:
 
     def model(self, chosen: tuple[tuple[str, float], ...] = (), laws: Sequence[Effect] = ()) -> Model:
         """Return the model of base, effects and further ``laws``; models without laws are cached by ``chosen``."""
-        rows = tuple(named(kind.name) for kind in self.effects)
+        rows = tuple(kind.effect for kind in self.effects)
         if laws:
             return Model(self.data.base, (*rows, *laws), chosen)
         if chosen not in self._models:
@@ -101,7 +101,7 @@ class SearchVector:
         """Get (name as in a ``Fit``, shot or -1 if shared) of each entry."""
         shared = [(name, -1) for name in self.data.base.names]
         own = [(name, shot) for shot in range(len(self.data.shots)) for name in OWN_NAMES]
-        return (*shared, *own, *((f"{name}.{free.name}", shot) for name, free, shot in self.free_parameters))
+        return (*shared, *own, *((f"{effect.key}.{free.name}", shot) for effect, free, shot in self.free_parameters))
 
     @cached_property
     def shared(self) -> list[int]:
@@ -130,7 +130,7 @@ class SearchVector:
 
     def flat(self, point: Point) -> Floats:
         """Return the physical parameters of a point in the vector's order, shape (size,)."""
-        free = [point.values[max(shot, 0)][name][free.name] for name, free, shot in self.free_parameters]
+        free = [point.values[max(shot, 0)][effect][free.name] for effect, free, shot in self.free_parameters]
         return np.concatenate([point.base, point.own.ravel(), free])
 
     @property
@@ -158,8 +158,8 @@ class SearchVector:
         """Return the search vector of a point that is given in effective parameters."""
         z = np.empty(self.size)
         z[: self.offset] = self.coordinates.to_search(np.concatenate([effective.base, effective.own.ravel()]))
-        for k, (name, free, shot) in enumerate(self.free_parameters):
-            z[self.offset + k] = free.to_search(effective.values[max(shot, 0)][name][free.name])
+        for k, (effect, free, shot) in enumerate(self.free_parameters):
+            z[self.offset + k] = free.to_search(effective.values[max(shot, 0)][effect][free.name])
         return z
 
     def unpack(self, z: Floats) -> Point:
@@ -173,7 +173,9 @@ class SearchVector:
         out = np.diag([1.0] * self.offset + of_free)
         out[: self.offset, : self.offset] = of_base
         shared = {
-            (name, free.name): self.offset + k for k, (name, free, shot) in enumerate(self.free_parameters) if shot < 0
+            (effect, free.name): self.offset + k
+            for k, (effect, free, shot) in enumerate(self.free_parameters)
+            if shot < 0
         }
         touches = [self.data.count + 3 * i + 1 for i in range(len(self.data.shots))]
         return chained(effective, out, shared, touches)
@@ -181,13 +183,13 @@ class SearchVector:
     def _effective(self, z: Floats) -> tuple[Point, Floats]:
         """Return a vector's effective parameters, and the derivatives of base and per-shot ones by it."""
         parameters, of_base = self.coordinates.to_parameters(z[: self.offset])
-        values: list[dict[str, dict[str, float]]] = []
+        values: list[dict[Effect, dict[str, float]]] = []
         for _ in self.data.shots:
-            values.append({kind.name: dict(self.fixed.get(kind.name, {})) for kind in self.effects})
-        for k, (name, free, shot) in enumerate(self.free_parameters):
+            values.append({kind.effect: dict(self.fixed.get(kind.effect, {})) for kind in self.effects})
+        for k, (effect, free, shot) in enumerate(self.free_parameters):
             value = free.to_value(float(z[self.offset + k]))
             for index in range(len(values)) if shot < 0 else (shot,):
-                values[index][name][free.name] = value
+                values[index][effect][free.name] = value
         own = parameters[self.data.count :].reshape(-1, 3)
         return Point(parameters[: self.data.count], own, tuple(values)), of_base
 

@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import MOST_AT_ONCE, Infeasible, findings, named
+from analysis.collision import MOST_AT_ONCE, Effect, Infeasible, effects_named, findings, named
 from analysis.inference.fit.as_fit import as_fit
 from analysis.inference.fit.base import SearchStart
 from analysis.inference.fit.base_fit import slow_enough
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.first_fit import STRONG, first_fit, likely_plates
-from analysis.inference.fit.free_parameters import trials_named
+from analysis.inference.fit.free_parameters import trial_effect, trials_of
 from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.hypothesis_fit import Fitted, over_likely_strengths, residuals, search
 from analysis.inference.fit.least_squares import Minimum, covariance
@@ -33,6 +33,7 @@ from analysis.inference.screen.screening import scores
 from analysis.shot import PLATE_RINGS, AnalysisError, Cancelled, Fit, Motion, Progress, Shaking, Stop
 
 Floats = NDArray[np.float64]
+_PLATE_MOTION = named("plate_motion")
 _EVALUATIONS, _TO_CONTINUE = 60, 120  # of a search, and of its continuation where it had not converged
 _TOLERANCE = 1e-6  # of chi^2: a thousandth of a standard deviation
 _POOR_FIT = 1.15  # reduced chi^2 above which the frame may also move faster than a building does, as after a knock
@@ -48,7 +49,7 @@ def fit_shots(
     motions: Sequence[Motion],
     *,
     model: str = "paper",
-    effects: Sequence[str] = (),
+    effects: Sequence[Effect | str] = (),
     progress: Progress | None = None,
     cancelled: Stop | None = None,
     shakings: Sequence[Shaking | None] = (),
@@ -59,6 +60,7 @@ def fit_shots(
     speed, touch time and offset (and own effect parameters where the catalogue says so).  ``shakings`` say how the
     frame of each shot moved: the two-body fit then includes that motion in flight and in contact, and the plate may
     swing before it is touched, as far as the frame can have made it.
+    An effect of the catalogue may be given by its name.
     Raises ValueError for unknown names, NoCollision (an AnalysisError) where a motion shows no collision, AnalysisError
     where no motion of the model comes near, Cancelled when asked to stop.
     A search that did not end in a minimum comes back with ``converged`` False: its numbers are no result.
@@ -66,11 +68,12 @@ def fit_shots(
     began = time.perf_counter()
     if not motions:
         raise ValueError("no shot to fit")
-    if len(findings(effects)) > MOST_AT_ONCE or len(set(effects)) != len(effects):
+    chosen = effects_named(effects)
+    if len(findings(chosen)) > MOST_AT_ONCE or len(set(chosen)) != len(chosen):
         raise ValueError(f"effects must be at most {MOST_AT_ONCE} different ones")
     tell, stop = progress or (lambda _what, _fraction: None), cancelled or (lambda: False)
-    request = _FitRequest(motions, model, tuple(effects), tell, stop)
-    shaken = model == "paper" and "plate_motion" not in effects and all(can_tell(motion) for motion in motions)
+    request = _FitRequest(motions, model, chosen, tell, stop)
+    shaken = model == "paper" and _PLATE_MOTION not in chosen and all(can_tell(motion) for motion in motions)
     site = site_under(motions, shakings, 0.0) if shaken and any(shakings) else None
     best = request.fitted_on(site)
     if site is not None and _POOR_FIT < best.reduced_chi2 < STRONG:
@@ -120,11 +123,11 @@ class _SearchEnd:
         ms per shot.
         """
         hypothesis, square = self.hypothesis, self.found.square
-        if hypothesis.data.site is not None or not self.found.converged or "plate_motion" in fitted.names:
+        if hypothesis.data.site is not None or not self.found.converged or _PLATE_MOTION in fitted.effects:
             return False
         free = square.samples - hypothesis.size
         excess = square.chi2 - free - math.sqrt(2.0 * free)  # more than chance alone would make it
-        listed = scores(projector(fitted, self.noise), trials_named(("plate_motion",))[0])
+        listed = scores(projector(fitted, self.noise), trial_effect(_PLATE_MOTION))
         return any(score.worth(square.samples) > _RINGING and score.gain > _LEAST_SHARE * excess for score in listed)
 
 
@@ -134,7 +137,7 @@ class _FitRequest:
 
     motions: Sequence[Motion]
     model: str
-    effects: tuple[str, ...]
+    effects: tuple[Effect, ...]
     tell: Progress
     stop: Stop
 
@@ -143,7 +146,7 @@ class _FitRequest:
         self.tell("finding a start", 0.1)
         noise, trusted = noise_of_flights(averaged_shots(self.motions), site)
         begin = first_fit(self.motions, self.model, site, self.stop, noise=noise)
-        finely = any(named(name).ripples for name in self.effects)
+        finely = any(effect.ripples for effect in self.effects)
         data = joint_data(self.motions, begin, site, FINE_RATE_HZ if finely else RATE_HZ)
         if finely or data.site is not site:
             noise, trusted = noise_of_flights(data.shots, data.site)
@@ -164,7 +167,7 @@ def _fit_base(data: JointData, begin: SearchStart, noise: Floor, stop: Stop) -> 
     The last value is the uncertainty, shape (p,), one standard deviation each, that remains of the parameters where a
     plate swings so far that the iteration between motion and contribution does not converge.
     """
-    values: tuple[dict[str, dict[str, float]], ...] = tuple({} for _ in data.shots)
+    values: tuple[dict[Effect, dict[str, float]], ...] = tuple({} for _ in data.shots)
     here = begin
     for turn in range(_TURNS):
         hypothesis = Hypothesis(data, ())
@@ -202,10 +205,10 @@ def _minimum_from(
 
 
 def _with_effects(
-    hypothesis: Hypothesis, of_base: Minimum, noise: Floor, names: Sequence[str], stop: Stop
+    hypothesis: Hypothesis, of_base: Minimum, noise: Floor, effects: Sequence[Effect], stop: Stop
 ) -> tuple[Hypothesis, Minimum]:
     """Return the minimum with the named effects, added one after the other."""
-    here = with_effect(hypothesis, of_base.parameters, noise, trials_named(names), stop)
+    here = with_effect(hypothesis, of_base.parameters, noise, trials_of(effects), stop)
     found = _minimum_from(here.hypothesis, here.z, noise, stop)
     if not found.converged:
         found = _minimum_from(here.hypothesis, found.parameters, noise, stop, _TO_CONTINUE)

@@ -8,10 +8,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import Active, Collision, Infeasible, Sensed, active_effects, fastest_rates, named, sensors
+from analysis.collision import (
+    Active,
+    Acts,
+    Collision,
+    Effect,
+    Infeasible,
+    Sensed,
+    active_effects,
+    fastest_rates,
+    sensors,
+)
 
 Floats = NDArray[np.float64]
-Values = Mapping[str, Mapping[str, float]]
+Values = Mapping[Effect, Mapping[str, float]]
 _MOST_RADIANS = 60.0  # of the fastest oscillation between two averaged samples: a trajectory follows no faster one
 _AT_REST = {"displacement_m": 0.0, "velocity_m_per_s": 0.0}
 
@@ -44,7 +54,7 @@ def situation(base: Floats, own: Floats, values: Values, mass_kg: float) -> tupl
 
     Raises Infeasible where the parameters give no collision.
     """
-    start = values.get("plate_motion", _AT_REST)
+    start = next((given for effect, given in values.items() if effect.acts is Acts.AT_START), _AT_REST)
     try:
         k_p, m_p, k_n, gamma_n = (float(value) for value in base)
         y_0, u_0 = start["displacement_m"], start["velocity_m_per_s"]
@@ -53,8 +63,7 @@ def situation(base: Floats, own: Floats, values: Values, mass_kg: float) -> tupl
         collision = Collision(mass_kg, float(own[0]), k_p, m_p, k_n, gamma_n, y_0, u_0)
     except ValueError as why:
         raise Infeasible(str(why)) from why
-    rows = [named(name) for name in values]
-    active = active_effects(rows, values, collision, float(own[1]))
+    active = active_effects(list(values), values, collision, float(own[1]))
     if any(math.isnan(value) for one in active for value in one.values):
         raise Infeasible("a parameter is not a number")
     return collision, sorted(active, key=lambda one: one.effect.hidden == 0)
@@ -71,7 +80,7 @@ def shown_by_optics(x: Any, v: Floats, time_s: Floats, values: Values, optics: O
     out = x.reshape(x.shape[0], math.prod(x.shape[1:]))
     for row in sensors(values):
         assert row.sensor is not None
-        given = values[row.name]
+        given = values[row]
         if (row.optical and wavelength is None) or given[row.amplitude] == 0.0:
             continue
         p = np.zeros((max(3, len(row.parameters)), out.shape[1]), dtype=out.dtype)

@@ -49,7 +49,7 @@ def _with_one_more(here: Fitted, kind: TrialEffect, stop: Stop) -> Fitted:
         natural = (_from_natural_size(here, kind, start, stop) for start in kind.starts[:_FOLLOWED])
         trials += [trial for trial in natural if trial is not None]
     if not trials:
-        raise Infeasible(f"no start of {kind.name} gives a trajectory")
+        raise Infeasible(f"no start of {kind.effect.name} gives a trajectory")
     trials.sort(key=lambda trial: trial.bic)
     best = trials[0]
     return fit_hypothesis(best.hypothesis, best.z, best.floor, evaluations=_SHORT, cancelled=stop)
@@ -58,10 +58,10 @@ def _with_one_more(here: Fitted, kind: TrialEffect, stop: Stop) -> Fitted:
 def _from_natural_size(here: Fitted, kind: TrialEffect, start: Mapping[str, float], stop: Stop) -> Fitted | None:
     """Return a fit from an effect's natural size, for where other parameters absorb it to first order; None if none."""
     before = here.hypothesis
-    fixed = {**before.fixed, kind.name: fixed_of(kind, start)}
+    fixed = {**before.fixed, kind.effect: fixed_of(kind, start)}
     hypothesis = Hypothesis(before.data, (*before.effects, kind), fixed)
     effective = to_effective(here.point)
-    values = tuple({**v, kind.name: dict(start)} for v in effective.values)
+    values = tuple({**v, kind.effect: dict(start)} for v in effective.values)
     low, high = hypothesis.bounds
     try:
         z = np.clip(hypothesis.pack_effective(Point(effective.base, effective.own, values)), low, high)

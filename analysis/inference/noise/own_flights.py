@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 from scipy.special import chdtri
 
-from analysis.collision import NUISANCES
+from analysis.collision import NUISANCES, Effect
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import learn, white_floor
 
@@ -36,8 +36,8 @@ class _Flight:
     weight: float
 
 
-def own_flights(shots: Sequence[Samples], chance: float) -> tuple[str, ...]:
-    """Return the names of effects that each shot may have for itself in any fit: none, or bends of its flights.
+def own_flights(shots: Sequence[Samples], chance: float) -> tuple[Effect, ...]:
+    """Return the effects that each shot may have for itself in any fit: none, or bends of its flights.
 
     The bends count where laws common to all shots would leave them with a probability below ``chance``.
     For records without optics only.  Cost: some 0.1 s.
@@ -51,7 +51,7 @@ def own_flights(shots: Sequence[Samples], chance: float) -> tuple[str, ...]:
     shared, laws = _log_likelihood(flights, np.stack([flight.laws for flight in flights]), _ONE_WAY, spacing_s)
     own, bends = _log_likelihood(flights, np.eye(len(flights)), np.zeros(len(flights), dtype=np.bool_), spacing_s)
     limit = float(chdtri(bends - laws, chance))
-    return tuple(NUISANCES) if 2.0 * (own - shared) > limit else ()
+    return tuple(NUISANCES.values()) if 2.0 * (own - shared) > limit else ()
 
 
 def _flights(shot: Samples) -> Iterator[_Flight]:

@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import Infeasible, LinearPath, named
+from analysis.collision import Effect, Infeasible, LinearPath
 from analysis.compiled import side_by_side
 from analysis.inference.fit.effective_parameters import Point, to_actual, to_effective
 from analysis.inference.fit.free_parameters import TrialEffect
@@ -68,7 +68,7 @@ def column_products(
 
     def total(columns: Callable[[int], Floats | None], how: str) -> ColumnProducts | None:
         def of_shot(index: int) -> _ShotProducts | None:
-            key = f"{how} of {kind.name}, shot {index}"
+            key = f"{how} of {kind.effect.key}, shot {index}"
             bare = at.once(key, partial(columns, index), nearby=True) if remember else columns(index)
             if bare is None:
                 return None
@@ -88,38 +88,38 @@ def column_products(
     return found
 
 
-def products_along_paths(at: Projector, kinds: Sequence[TrialEffect]) -> dict[str, ColumnProducts]:
+def products_along_paths(at: Projector, kinds: Sequence[TrialEffect]) -> dict[Effect, ColumnProducts]:
     """Return the products of all effects computed to first order along common paths, by name; only for many shots.
 
     A shot's path, some 15 MB, serves all effects and is then released.
     """
     count = len(at.fitted.hypothesis.data.shots)
-    inside = {kind.name: _inside(at, kind.starts) for kind in kinds if named(kind.name).wave is None}
-    many = [kind for kind in kinds if not kind.own and len(inside.get(kind.name, ())) > MANY_STARTS]
+    inside = {kind.effect: _inside(at, kind.starts) for kind in kinds if kind.effect.wave is None}
+    many = [kind for kind in kinds if not kind.own and len(inside.get(kind.effect, ())) > MANY_STARTS]
     if count <= FEW_SHOTS:
         return {}
 
-    def of_shot(index: int) -> dict[str, _ShotProducts]:
+    def of_shot(index: int) -> dict[Effect, _ShotProducts]:
         paths: Paths = {}
         out = {}
         for kind in many:
             with contextlib.suppress(Infeasible):
-                bare = _to_first_order(at, kind, inside[kind.name], index, paths)
+                bare = _to_first_order(at, kind, inside[kind.effect], index, paths)
                 if bare is not None:
                     white = WhitenedColumns.of(at.fitted.hypothesis.data.shots[index], at.floor, bare)
-                    out[kind.name] = _shot_products(at, index, white)
+                    out[kind.effect] = _shot_products(at, index, white)
         return out
 
     each = side_by_side(of_shot, range(count))
-    every = {kind.name: _sum_over_shots(inside[kind.name], [one.get(kind.name) for one in each]) for kind in many}
-    return {name: found for name, found in every.items() if found is not None}
+    every = {kind.effect: _sum_over_shots(inside[kind.effect], [one.get(kind.effect) for one in each]) for kind in many}
+    return {effect: found for effect, found in every.items() if found is not None}
 
 
 def own_columns(at: Projector, kind: TrialEffect, starts: Starts) -> list[Floats] | None:
     """Return the columns of ``starts`` by trajectories, shape (n, k) for each shot; None where one has none."""
     moved = [_moved(at, kind, start) for start in starts]
     makes = [partial(_by_trajectories, at, kind, moved, index) for index in range(len(at.lines))]
-    bare = [at.once(f"{index} of {kind.name} {starts}", make, nearby=True) for index, make in enumerate(makes)]
+    bare = [at.once(f"{index} of {kind.effect.key} {starts}", make, nearby=True) for index, make in enumerate(makes)]
     return bare if all(np.all(np.isfinite(columns)) for columns in bare) else None
 
 
@@ -162,7 +162,7 @@ def _sum_over_shots(starts: list[Mapping[str, float]], found: Sequence[_ShotProd
 def _moved(at: Projector, kind: TrialEffect, start: Mapping[str, float]) -> Point | None:
     """Return a fit's point with an effect added at one start for all shots; None where there is no such motion."""
     effective = to_effective(at.fitted.point)
-    values = tuple({**v, kind.name: start} for v in effective.values)
+    values = tuple({**v, kind.effect: start} for v in effective.values)
     try:
         return to_actual(Point(effective.base, effective.own, values))
     except Infeasible:
@@ -172,7 +172,7 @@ def _moved(at: Projector, kind: TrialEffect, start: Mapping[str, float]) -> Poin
 def moved_to(at: Projector, kind: TrialEffect, starts: Starts) -> Point | None:
     """Return a fit's point with an effect added at a start for each shot; None where there is no such motion."""
     effective = to_effective(at.fitted.point)
-    values = tuple({**v, kind.name: start} for v, start in zip(effective.values, starts, strict=True))
+    values = tuple({**v, kind.effect: start} for v, start in zip(effective.values, starts, strict=True))
     try:
         return to_actual(Point(effective.base, effective.own, values))
     except Infeasible:
@@ -202,10 +202,10 @@ def _by_trajectories(at: Projector, kind: TrialEffect, moved: Sequence[Point | N
 def _with_and_without(at: Projector, kind: TrialEffect, index: int) -> tuple[Hypothesis, bool, Floats]:
     """Return the model with the effect, whether it must be averaged like the data, and the shot without the effect."""
     before = at.fitted.hypothesis
-    fixed = {**before.fixed, kind.name: fixed_of(kind, kind.starts[0])}
+    fixed = {**before.fixed, kind.effect: fixed_of(kind, kind.starts[0])}
     with_it = Hypothesis(before.data, (*before.effects, kind), fixed)
     # The ripple of a sensor's effect is finer than averaged samples: it is averaged like the data.
-    finely = named(kind.name).sensor is not None
+    finely = kind.effect.sensor is not None
     show = partial(_shown, before, index, at.fitted.point, finely)
     return with_it, finely, at.once(f"seen without it {finely} {index}", show)
 
@@ -221,7 +221,7 @@ def _to_first_order(
 
     With many shots a path is kept in ``paths`` alone.  Raises Infeasible.
     """
-    effect, hypothesis, point = named(kind.name), at.fitted.hypothesis, at.fitted.point
+    effect, hypothesis, point = kind.effect, at.fitted.hypothesis, at.fitted.point
     shot = hypothesis.shot_at(index, point)
     steps = np.array(first_order.steps_for(hypothesis.shot_at(0, point), effect, starts))
     out = np.empty((shot.time_s.size, len(starts)))

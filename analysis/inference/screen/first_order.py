@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import Effect, LinearPath, V, X, along, linear_path, named
+from analysis.collision import Effect, LinearPath, V, X, along, linear_path
 from analysis.collision import steps_for as steps_of
 from analysis.inference.fit.situation import Optics, Values, shown_by_optics, situation
 
@@ -64,10 +64,9 @@ def responses(shot: Shot, path: LinearPath, effect: Effect, starts: Sequence[Map
     x[:], v[:] = path.effect_inputs[0, 0, X], path.effect_inputs[0, 0, V]
     at = path.sample >= 0
     x[path.sample[at]], v[path.sample[at]] = path.effect_inputs[at, 2, X], path.effect_inputs[at, 2, V]
-    rows = [named(name) for name in shot.values]
-    if all(row.sensor is None for row in rows):
+    if all(effect.sensor is None for effect in shot.values):
         return change
-    remembers = any(row.remembers for row in rows)
+    remembers = any(effect.remembers for effect in shot.values)
     moved = np.asarray(x[:, None] + 1j * _STEP * (change if remembers else 1.0), dtype=np.complex128)
     shown = np.asarray(shown_by_optics(moved, v, shot.time_s, shot.values, shot.optics).imag / _STEP)
     return shown if remembers else shown * change

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import named
 from analysis.compiled import side_by_side
 from analysis.inference.fit.arrow import Arrow
 from analysis.inference.fit.free_parameters import TrialEffect
@@ -59,7 +58,7 @@ def all_scores(
     def scored(kind: TrialEffect) -> list[Score]:
         if stop():
             raise Cancelled
-        return scores(at, kind, to_join=to_join, grid=known.get(kind.name))
+        return scores(at, kind, to_join=to_join, grid=known.get(kind.effect))
 
     return [listed for listed in side_by_side(scored, kinds) if listed]
 
@@ -72,7 +71,7 @@ def scores(
     ``to_join`` is the fall of the criterion that the effect needs to be added; lines that cannot reach it are not
     looked at more closely.  ``grid`` holds the products of the effect's own starts, if known.
     """
-    if named(kind.name).wave is not None:
+    if kind.effect.wave is not None:
         return _waves(at, kind)
     if any(free.name in (*kind.amplitude, "phase_rad") for free in kind.own):
         return _own_amplitudes(at, kind)
@@ -124,7 +123,7 @@ def _linear(at: Projector, kind: TrialEffect, products: ColumnProducts, freedom:
     power = np.where(products.power < SPANNED**2 * products.whole, 0.0, products.power)
     along = products.along
     free = next(free for free in kind.free_parameters if free.name == kind.amplitude[0])
-    grows_as = named(kind.name).grows_as
+    grows_as = kind.effect.grows_as
     out = []
     for k, begin in enumerate(products.starts):
         factor = float(along[k] / power[k]) if power[k] > 0 else 0.0
@@ -199,7 +198,7 @@ def _given_fit(at: Projector, bare: Sequence[Floats]) -> tuple[float, float, Flo
 def _waves(at: Projector, kind: TrialEffect) -> list[Score]:
     """Score a wave added by the sensor: amplitude and phase for each shot, frequencies closer than 1 / record."""
     shots = at.fitted.hypothesis.data.shots
-    wave = named(kind.name).wave
+    wave = kind.effect.wave
     assert wave is not None
     grid, total = scan(at)
     freedom = len(kind.shared) + len(shots)

@@ -6,10 +6,11 @@ from PySide6.QtCore import QEvent, QObject, QRectF, QSize, Qt, Signal, Slot
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
+from analysis.collision import Effect
 from analysis.diagnosis import CRITERIA, Candidate
 from app.session import by_evidence
 from app.window.theme import MARKS, Colours, Tone
-from app.words import DASH, effect_numbers, effect_words, number
+from app.words import DASH, effect_numbers, number
 
 SHOWN = 7  # at first; a button shows all
 HEADINGS = (
@@ -52,13 +53,13 @@ class _Name(QLabel):
 class CandidateBars(QWidget):
     """A row per candidate: name, logarithmic bar, evidence, size; a line at the threshold of evidence."""
 
-    pointed = Signal(str)  # the candidate under the mouse or the keyboard; "" for none
+    pointed = Signal(object)  # the effect of the candidate under the mouse or the keyboard; None for none
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._colours = colours
         self._candidates: tuple[Candidate, ...] = ()
-        self._named: set[str] = set()
+        self._named: set[Effect] = set()
         self._all = False
         self._inner: QWidget | None = None
         self._column = QVBoxLayout(self)
@@ -75,7 +76,7 @@ class CandidateBars(QWidget):
         """Get the fall of the BIC that is evidence for the best of so many candidates."""
         return CRITERIA.fall(len(self._candidates))
 
-    def show_candidates(self, candidates: tuple[Candidate, ...], named: set[str]) -> None:
+    def show_candidates(self, candidates: tuple[Candidate, ...], named: set[Effect]) -> None:
         """Show the candidates; those the diagnosis named have a tick."""
         self._candidates, self._named = candidates, named
         self._build()
@@ -136,10 +137,10 @@ class CandidateBars(QWidget):
 
     def _add_row(self, grid: QGridLayout, line: int, candidate: Candidate, most: float, inner: QWidget) -> None:
         pays = candidate.delta_bic is None or candidate.delta_bic < 0.0
-        chosen = candidate.name in self._named and pays
-        name = _Name((f"{MARKS[Tone.GOOD]} " if chosen else "") + effect_words(candidate.name), inner)
+        chosen = candidate.effect in self._named and pays
+        name = _Name((f"{MARKS[Tone.GOOD]} " if chosen else "") + candidate.effect.words, inner)
         name.setFocusPolicy(Qt.FocusPolicy.TabFocus)
-        name.setAccessibleName(f"{effect_words(candidate.name)}: show what it would explain")
+        name.setAccessibleName(f"{candidate.effect.words}: show what it would explain")
         font = name.font()
         font.setBold(chosen)
         name.setFont(font)
@@ -150,7 +151,7 @@ class CandidateBars(QWidget):
         size = QLabel(number(abs(candidate.score), 3), inner)
         remark = candidate.remark or ("not fitted in full: its first score was too small" if fall is None else "")
         hover = "<br>".join(
-            (f"<b>{effect_words(candidate.name)}</b>", remark, effect_numbers(candidate.name, candidate.parameters))
+            (f"<b>{candidate.effect.words}</b>", remark, effect_numbers(candidate.effect, candidate.parameters))
         )
         right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
         grid.addWidget(name, 2 * line, 0)
@@ -160,16 +161,16 @@ class CandidateBars(QWidget):
             grid.addWidget(label, 2 * line, place, 2, 1)
         for widget in (name, bar, evidence, size):
             widget.setToolTip(hover)
-            widget.setProperty("candidate", candidate.name)
+            widget.setProperty("candidate", candidate.effect.key)
             widget.installEventFilter(self)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         """Emit which candidate is hovered or focused."""
-        name = watched.property("candidate")
-        if name and event.type() in (QEvent.Type.Enter, QEvent.Type.FocusIn):
-            self.pointed.emit(str(name))
-        elif name and event.type() in (QEvent.Type.Leave, QEvent.Type.FocusOut):
-            self.pointed.emit("")
+        key = watched.property("candidate")
+        if key and event.type() in (QEvent.Type.Enter, QEvent.Type.FocusIn):
+            self.pointed.emit(next((one.effect for one in self._candidates if one.effect.key == key), None))
+        elif key and event.type() in (QEvent.Type.Leave, QEvent.Type.FocusOut):
+            self.pointed.emit(None)
         return super().eventFilter(watched, event)
 
 

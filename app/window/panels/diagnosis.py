@@ -13,6 +13,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis, Verdict
 from analysis.shot import Shot
 from app.window.panels.candidates import CandidateBars
@@ -38,9 +39,9 @@ class DiagnosisPanel(QWidget):
 
     diagnose_wanted = Signal()
     cancel_wanted = Signal()
-    add_wanted = Signal(list)  # names of effects
-    remove_wanted = Signal(str)
-    try_wanted = Signal(str)  # name of a candidate
+    add_wanted = Signal(list)  # of effects
+    remove_wanted = Signal(object)  # an effect
+    try_wanted = Signal(object)  # the effect of a candidate
     law_wanted = Signal()  # a law is to be typed
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
@@ -48,8 +49,8 @@ class DiagnosisPanel(QWidget):
         self._colours = colours
         self._diagnosis: Diagnosis | None = None
         self._shots: list[Shot] = []
-        self._model_effects: tuple[str, ...] = ()
-        self._tried: tuple[str, ...] = ()
+        self._model_effects: tuple[Effect, ...] = ()
+        self._tried: tuple[Effect, ...] = ()
         self._version = ""  # of the program that made it, where it is a cached result
         self._holds = True
         self._busy = False
@@ -192,7 +193,7 @@ class DiagnosisPanel(QWidget):
         self._evidence.setOrientation(Qt.Orientation.Horizontal if beside else Qt.Orientation.Vertical)
         self._evidence.setMinimumHeight((16 if beside else 30) * self.fontMetrics().lineSpacing())
 
-    def mark_tried(self, tried: tuple[str, ...]) -> None:
+    def mark_tried(self, tried: tuple[Effect, ...]) -> None:
         """Set the effects that no diagnosis named; the next ``show_diagnosis`` shows them."""
         self._tried = tried
 
@@ -226,7 +227,7 @@ class DiagnosisPanel(QWidget):
         self,
         diagnosis: Diagnosis | None,
         shots: list[Shot],
-        model_effects: tuple[str, ...] = (),
+        model_effects: tuple[Effect, ...] = (),
         version: str = "",
         holds: bool = True,
     ) -> None:
@@ -261,14 +262,14 @@ class DiagnosisPanel(QWidget):
             return
         verdict = VERDICTS[diagnosis.verdict]
         tone, words = Tone(verdict.tone), verdict.brief.upper()
-        if diagnosis.findings and all(effect.name in model_effects for effect in diagnosis.findings):
+        if diagnosis.findings and all(found.effect in model_effects for found in diagnosis.findings):
             found = diagnosis.verdict in (Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED)
             tone, words = (Tone.GOOD, f"{words}, IN THE MODEL") if found else (tone, f"{words}, THOUGH IN THE MODEL")
         tone, words = (tone, words) if holds else (Tone.NEUTRAL, f"<s>{words}</s>")
         self._verdict.setText(f"{MARKS[tone]} {words}")
         self._verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
         self._sentence.setText(local_words(diagnosis.sentence))
-        self.bars.show_candidates(diagnosis.candidates, {effect.name for effect in diagnosis.effects})
+        self.bars.show_candidates(diagnosis.candidates, {found.effect for found in diagnosis.effects})
         blind = list(diagnosis.blind_spots)
         lines = [f"Remaining residual: {diagnosis.remainder}"] if diagnosis.remainder else []
         if diagnosis.verdict is Verdict.UNEXPLAINED and diagnosis.error_after.reduced_chi2 < NEAR_ONE:
@@ -285,7 +286,7 @@ class DiagnosisPanel(QWidget):
     def _accepted(self) -> bool:
         """Get whether all effects found are in the model."""
         found = self._diagnosis.findings if self._diagnosis is not None else ()
-        return bool(found) and all(effect.name in self._model_effects for effect in found)
+        return bool(found) and all(one.effect in self._model_effects for one in found)
 
     def _name_shots(self) -> None:
         """Name the shots of the diagnosis shown, and the running diagnosis."""

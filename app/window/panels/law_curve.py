@@ -25,7 +25,7 @@ ALONG = CursorAxis("mm", "mm")
 class LawCurve(QWidget):
     """One law at a time; with two, a button shows the other."""
 
-    keep_wanted = Signal(str)  # the law's key
+    keep_wanted = Signal(object)  # the OwnLaw
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -98,7 +98,7 @@ class LawCurve(QWidget):
     @Slot()
     def _keep(self) -> None:
         if self.law is not None:
-            self.keep_wanted.emit(self.law.name)
+            self.keep_wanted.emit(self.law.effect)
 
     @Slot()
     def _draw(self) -> None:

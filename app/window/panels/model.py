@@ -5,6 +5,7 @@ from html import escape
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
+from analysis.collision import Effect
 from analysis.fitted import awaits_fit
 from analysis.shot import Fit, Shot
 from app.window.theme import MARKS, Colours, Tone
@@ -34,7 +35,7 @@ class ModelPanel(QFrame):
         super().__init__(parent)
         self._colours = colours
         self._shot: Shot | None = None
-        self._tried: tuple[str, ...] = ()
+        self._tried: tuple[Effect, ...] = ()
         self._verdict_shown = self._known_shown = ("", Tone.NEUTRAL)
         column = QVBoxLayout(self)
         column.setContentsMargins(10, 2, 8, 4)
@@ -80,7 +81,7 @@ class ModelPanel(QFrame):
         self.show_verdict(*self._verdict_shown)
         self.show_known(*self._known_shown)
 
-    def show_shot(self, shot: Shot | None, tried: tuple[str, ...] = ()) -> None:
+    def show_shot(self, shot: Shot | None, tried: tuple[Effect, ...] = ()) -> None:
         """Show the model of a shot's fit; ``tried`` are effects that no diagnosis named."""
         self._shot, self._tried = shot, tried
         fit = shot.fit if shot is not None else None

@@ -3,10 +3,11 @@
 from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QPushButton, QVBoxLayout, QWidget
 
+from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis, Verdict
 from app.window.flow_layout import FlowLayout, clear_layout
 from app.window.widgets import text_label
-from app.words import effect_words, local_words
+from app.words import local_words
 
 MOST_TRIED = 3
 OPEN = (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED)
@@ -20,11 +21,12 @@ ANOTHER_SHOT = (
 class NextSteps(QWidget):
     """Heading, buttons, and the next shot in words; hidden where nothing is open."""
 
-    try_wanted = Signal(str)  # name of a candidate that did not pass
+    try_wanted = Signal(object)  # the effect of a candidate that did not pass
     law_wanted = Signal()
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
+        self._effects: dict[str, Effect] = {}  # of the buttons, by key
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(2)
@@ -48,21 +50,22 @@ class NextSteps(QWidget):
         widgets = (self._row.itemAt(place).widget() for place in range(self._row.count()))
         return [widget for widget in widgets if isinstance(widget, QPushButton)]
 
-    def show_diagnosis(self, diagnosis: Diagnosis | None, in_model: tuple[str, ...]) -> None:
+    def show_diagnosis(self, diagnosis: Diagnosis | None, in_model: tuple[Effect, ...]) -> None:
         """Show the possible next steps after a diagnosis."""
         clear_layout(self._row)
         self.setVisible(diagnosis is not None and diagnosis.verdict in OPEN)
         if diagnosis is None or diagnosis.verdict not in OPEN:
             return
-        named = {effect.name for effect in diagnosis.effects} | set(in_model)
-        left = [c for c in diagnosis.candidates if c.name not in named and c.parameters]
+        named = {found.effect for found in diagnosis.effects} | set(in_model)
+        left = [c for c in diagnosis.candidates if c.effect not in named and c.parameters]
         for candidate in sorted(left, key=lambda c: -abs(c.score))[:MOST_TRIED]:
             button = self._button(
-                f"Try {effect_words(candidate.name)}",
+                f"Try {candidate.effect.words}",
                 f"Add it to the model although it did not pass{f' ({candidate.remark})' if candidate.remark else ''}; "
                 "it is marked as tried",
             )
-            button.setProperty("effect", candidate.name)
+            button.setProperty("effect", candidate.effect.key)
+            self._effects[candidate.effect.key] = candidate.effect
             button.clicked.connect(self._try)
         button = self._button("Propose a law …", "Type a law of your own; it is fitted and judged like the others")
         button.clicked.connect(self.law_wanted)
@@ -77,4 +80,4 @@ class NextSteps(QWidget):
 
     @Slot()
     def _try(self) -> None:
-        self.try_wanted.emit(str(self.sender().property("effect")))
+        self.try_wanted.emit(self._effects[str(self.sender().property("effect"))])

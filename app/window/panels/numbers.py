@@ -28,7 +28,6 @@ from app.words import (
     by_weight,
     concise_text,
     effect_numbers,
-    effect_words,
     flag_words,
     how_text,
     kept_words,
@@ -49,9 +48,11 @@ def _effect_lines(shot: Shot | None) -> list[str]:
     lines = []
     for effect in fit.effects:
         own = {
-            name.removeprefix(f"{effect}."): q for name, q in fit.parameters.items() if name.startswith(f"{effect}.")
+            name.removeprefix(f"{effect.key}."): q
+            for name, q in fit.parameters.items()
+            if name.startswith(f"{effect.key}.")
         }
-        lines.append(f"{effect_words(effect)}: " + effect_numbers(effect, own))
+        lines.append(f"{effect.words}: " + effect_numbers(effect, own))
     return lines
 
 

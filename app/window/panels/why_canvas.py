@@ -9,6 +9,7 @@ import numpy as np
 from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
+from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis
 from analysis.shot import Shot
 from analysis.uncertainty import diagnosed_band
@@ -17,7 +18,7 @@ from app.session import Remainder, by_evidence
 from app.window.panels.candidates import CandidateBars
 from app.window.plots.residual_grid import MOST, Cell, Floats, Overlay, ResidualGrid
 from app.window.theme import Colours, Tone
-from app.words import effect_words, number, short_name
+from app.words import number, short_name
 
 BESIDE_SHOTS = 4  # whose two remainders stand side by side
 
@@ -32,7 +33,7 @@ def explained(left_m: Floats, curve_m: Floats) -> Overlay:
 class WhyCanvas(QWidget):
     """Heading, canvas, and the button that puts two remainders side by side; candidates stand to its left."""
 
-    pointed = Signal(str)
+    pointed = Signal(object)  # the effect of a candidate
 
     def __init__(self, colours: Colours, bars: CandidateBars, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -40,8 +41,8 @@ class WhyCanvas(QWidget):
         self._diagnosis: Diagnosis | None = None
         self._shots: list[Shot] = []
         self._accepted = False
-        self._found: Mapping[str, Remainder] = {}
-        self._name = ""
+        self._found: Mapping[Effect, Remainder] = {}
+        self._effect: Effect | None = None
         column = QVBoxLayout(self)
         column.setContentsMargins(6, 0, 0, 0)
         top = QHBoxLayout()
@@ -76,30 +77,30 @@ class WhyCanvas(QWidget):
     def show_diagnosis(self, diagnosis: Diagnosis | None, shots: list[Shot], accepted: bool) -> None:
         """Show the residuals of all shots; ``accepted``: what was found is in the model, so after is what there is."""
         if diagnosis is not self._diagnosis:
-            self._found, self._name = {}, ""
+            self._found, self._effect = {}, None
             self.neighbour.setChecked(False)
         self._diagnosis, self._shots, self._accepted = diagnosis, shots, accepted
         self._draw()
 
-    def show_found(self, found: Mapping[str, Remainder]) -> None:
+    def show_found(self, found: Mapping[Effect, Remainder]) -> None:
         """Take the candidates' remainders, as far as they are there."""
         self._found = dict(found)
         self._draw()
 
-    @Slot(str)
-    def point_at(self, name: str) -> None:
-        """Lay over the canvas what a candidate would explain; "" takes it away."""
-        self._name = name
-        if name:
-            self.pointed.emit(name)
+    @Slot(object)
+    def point_at(self, effect: Effect | None) -> None:
+        """Lay over the canvas what a candidate would explain; None takes it away."""
+        self._effect = effect
+        if effect is not None:
+            self.pointed.emit(effect)
         self._draw_overlay()
 
     def _pair(self) -> tuple[Remainder, Remainder] | None:
         """Return the remainders of the best candidate and of its neighbour, once both are there."""
         if self._diagnosis is None:
             return None
-        ranked = [candidate.name for candidate in by_evidence(self._diagnosis.candidates)]
-        there = [self._found[name] for name in ranked if name in self._found and self._found[name].left_m is not None]
+        ranked = [self._found.get(candidate.effect) for candidate in by_evidence(self._diagnosis.candidates)]
+        there = [remainder for remainder in ranked if remainder is not None and remainder.left_m is not None]
         return (there[0], there[1]) if len(there) > 1 else None
 
     @Slot()
@@ -141,23 +142,23 @@ class WhyCanvas(QWidget):
         for place, cell in enumerate(self._cells(self._diagnosis)[:BESIDE_SHOTS]):
             for remainder in (first, second):
                 left = remainder.left_m[place] if remainder.left_m is not None else cell.after_m
-                title = f"{cell.title}: {effect_words(remainder.name)}"
+                title = f"{cell.title}: {remainder.effect.words}"
                 cells.append(Cell(title, cell.time_ms, None, left, cell.noise_m))
         self.grid.show_cells(cells)
-        names = [effect_words(remainder.name) for remainder in (first, second)]
+        names = [remainder.effect.words for remainder in (first, second)]
         self._heading.setText("RESIDUAL UNDER THE BEST CANDIDATE AND UNDER ITS NEIGHBOUR")
         chi2 = [number(remainder.reduced_chi2, 3) for remainder in (first, second)]
         self._say.setText(f"Joint χ²/ν {chi2[0]} with {names[0]}, {chi2[1]} with {names[1]}")
 
-    def _explained(self, found: Diagnosis, name: str) -> tuple[Sequence[Overlay | None], str]:
+    def _explained(self, found: Diagnosis, effect: Effect) -> tuple[Sequence[Overlay | None], str]:
         """Return what a candidate would explain of each shot, and the line that says so.
 
         Its own fit to all shots gives it; until that is there, the curve that came with the diagnosis.
         """
-        remainder = self._found.get(name)
-        candidate = next((one for one in found.candidates if one.name == name), None)
+        remainder = self._found.get(effect)
+        candidate = next((one for one in found.candidates if one.effect == effect), None)
         lefts = [np.asarray(shot.residual_m) for shot in found.fit_before.shots]
-        words = effect_words(name)
+        words = effect.words
         if remainder is not None and remainder.left_m is not None:
             pairs = zip(lefts, remainder.left_m, strict=False)
             overlays = [Overlay(left - remains, remains) for left, remains in pairs if left.shape == remains.shape]
@@ -181,7 +182,7 @@ class WhyCanvas(QWidget):
             return
         words = "Point at a candidate to see what it would explain and what would remain."
         overlays: Sequence[Overlay | None] = ()
-        if self._name:
-            overlays, words = self._explained(found, self._name)
+        if self._effect is not None:
+            overlays, words = self._explained(found, self._effect)
         self.grid.overlay(overlays)
         self._say.setText(words)

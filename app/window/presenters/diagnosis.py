@@ -5,7 +5,7 @@ from typing import Any
 
 from PySide6.QtCore import QObject, Signal, Slot
 
-from analysis.collision import LawError, from_key
+from analysis.collision import Effect, LawError, OwnLaw
 from analysis.diagnosis import Diagnosis
 from analysis.drive import DriveCurves, drive_curves
 from analysis.shot import Progress, Shot, Stop
@@ -44,7 +44,7 @@ class DiagnosisPresenter(QObject):
         super().__init__(parent)
         self._workbench, self._panels = workbench, panels
         # diagnosis and effects shown, and whether the diagnosis holds for them
-        self._shown: tuple[object, tuple[str, ...], bool] = (None, (), True)
+        self._shown: tuple[object, tuple[Effect, ...], bool] = (None, (), True)
         self._forces = ShotJob[_Drive, _Forces](workbench.short_jobs, "residual of the force", _forces_of)
         p = panels
         p.model.diagnose_wanted.connect(self.diagnose)
@@ -99,7 +99,7 @@ class DiagnosisPresenter(QObject):
         entries = [self._workbench.session.entry(number) for number in found.numbers] if found is not None else []
         return [entry.shot for entry in entries if entry is not None and entry.shot is not None]
 
-    def _holds(self, found: Diagnosed, effects: tuple[str, ...]) -> bool:
+    def _holds(self, found: Diagnosed, effects: tuple[Effect, ...]) -> bool:
         there = {entry.number for entry in self._workbench.session.entries}
         return verdict_of(found.diagnosis, found.numbers).holds(effects, there)
 
@@ -117,20 +117,20 @@ class DiagnosisPresenter(QObject):
             self._workbench.jobs.cancel(kind)
 
     @Slot(list)
-    def _add(self, names: list[str]) -> None:
-        self._workbench.model.add(self._base(), names)
+    def _add(self, effects: list[Effect]) -> None:
+        self._workbench.model.add(self._base(), effects)
 
-    @Slot(str)
-    def _try(self, name: str) -> None:
-        self._workbench.model.try_out(self._base(), name)
+    @Slot(object)
+    def _try(self, effect: Effect) -> None:
+        self._workbench.model.try_out(self._base(), effect)
 
-    @Slot(str)
-    def _pointed(self, name: str) -> None:
-        self._workbench.why.first(name)
+    @Slot(object)
+    def _pointed(self, effect: Effect) -> None:
+        self._workbench.why.first(effect)
 
-    @Slot(str)
-    def _remove(self, name: str) -> None:
-        self._workbench.model.remove(self._base(), name)
+    @Slot(object)
+    def _remove(self, effect: Effect) -> None:
+        self._workbench.model.remove(self._base(), effect)
 
     def found(self) -> Diagnosed | None:
         """Return the diagnosis of the selected shots, or the newest where none is selected."""
@@ -164,9 +164,9 @@ class LawsPresenter(QObject):
         """Show or hide the sheet for laws."""
         self._panels.law.toggle()
 
-    @Slot(str)
-    def _keep(self, key: str) -> None:
-        self._panels.law.fill(from_key(key).written())
+    @Slot(object)
+    def _keep(self, law: OwnLaw) -> None:
+        self._panels.law.fill(law.written())
         self._panels.law.open()
 
     @Slot(dict)

@@ -1,6 +1,7 @@
 """Every effect: the sign of its force, its effect on the energy, and closed forms where there are any."""
 
 import math
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -37,7 +38,8 @@ def test_the_catalogue_is_that_of_the_field() -> None:
         function = effect.kernel or effect.sensor
         assert function is None or "p = (" in (function.__doc__ or "")
         assert set(effect.look_alikes) <= set(CATALOGUE)
-    with pytest.raises(ValueError, match="no effect 'magic'"):
+        assert pickle.loads(pickle.dumps(effect)) == effect
+    with pytest.raises(ValueError, match="no effect is called 'magic'"):
         named("magic")
 
 

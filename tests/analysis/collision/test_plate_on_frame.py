@@ -100,8 +100,7 @@ def test_the_contact_point_swings_as_a_foot_moves_it() -> None:
 
 
 def test_it_stands_where_the_narrow_one_does() -> None:
-    names = [*CATALOGUE, *WIDER]
-    order = [row.name for row in sensors(names)]
+    order = [row.name for row in sensors([*CATALOGUE.values(), *WIDER.values()])]
     assert order.index(NAME) == order.index("frame_vibration") + 1
     for row in WIDER.values():
         narrow = CATALOGUE[row.widens]

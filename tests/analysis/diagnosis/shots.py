@@ -19,7 +19,7 @@ from tests.bench.blind import Truth, drawn, records
 from tests.bench.displacement_noise import Noise, NoiseKind
 
 WHITE_M = 1e-10
-KINDS = {kind.name: kind for kind in trial_effects()}
+KINDS = {kind.effect.name: kind for kind in trial_effects()}
 
 
 def shots(effects: Effects, *, seed: int = 3, count: int = 3, floor: bool = False) -> tuple[Motion, ...]:

@@ -5,6 +5,7 @@ from typing import Any, cast
 
 import pytest
 
+from analysis.collision.effects import Effect, named
 from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict import acceptance
@@ -13,6 +14,7 @@ from analysis.diagnosis.verdict.residual import Residual
 from analysis.inference.noise.floor import Floor
 from tests.analysis.diagnosis.shots import calm
 
+TILT = named("tilt")
 CALM = Floor(1e-10, (0.0, 0.0), (1e-2, 1e-2), 5e-5)
 WANDERING = Floor(1e-10, (1e-10, 0.0), (1e-2, 1e-2), 5e-5)
 
@@ -21,7 +23,7 @@ WANDERING = Floor(1e-10, (1e-10, 0.0), (1e-2, 1e-2), 5e-5)
 class Fit:
     """What the gates look at."""
 
-    names: tuple[str, ...]
+    effects: tuple[Effect, ...]
     floor: Floor = CALM
     converged: bool = True
     worth: float = 200.0  # of the criterion, each of its effects
@@ -29,47 +31,49 @@ class Fit:
     @property
     def bic(self) -> float:
         """Get the criterion."""
-        return -self.worth * len(self.names)
+        return -self.worth * len(self.effects)
 
 
 def effect(snr: float) -> FoundEffect:
-    return FoundEffect("tilt", {}, {"snr": snr}, (), "tilt")
+    return FoundEffect(TILT, {}, {"snr": snr}, (), "tilt")
 
 
-@pytest.mark.parametrize(("floor", "named"), [(CALM, True), (WANDERING, False)])
-def test_beside_a_wandering_floor_an_effect_does_more_than_the_next_freedom(floor: Floor, named: bool) -> None:
+@pytest.mark.parametrize(("floor", "accepted"), [(CALM, True), (WANDERING, False)])
+def test_beside_a_wandering_floor_an_effect_does_more_than_the_next_freedom(floor: Floor, accepted: bool) -> None:
     rest = Residual(0.0, 57.0, 0.03, 1.1, "", misfit=LackOfFit("a force of the place", 56.0, 63.0, 4))
-    effects, verdict = acceptance.accepted_effects([effect(10.4)], rest, cast(Any, Fit(("tilt",), floor)))
-    assert bool(effects) is named
-    assert verdict is (Verdict.EFFECT_FOUND if named else Verdict.UNEXPLAINED)
+    effects, verdict = acceptance.accepted_effects([effect(10.4)], rest, cast(Any, Fit((TILT,), floor)))
+    assert bool(effects) is accepted
+    assert verdict is (Verdict.EFFECT_FOUND if accepted else Verdict.UNEXPLAINED)
 
 
 @pytest.mark.parametrize(("snr", "verdict"), [(60.0, Verdict.PARTLY_EXPLAINED), (17.0, Verdict.UNEXPLAINED)])
 def test_what_passed_beside_a_rest_is_told_as_partly_explained(snr: float, verdict: Verdict) -> None:
     rest = Residual(20.0, 15.0, 0.03, 1.1, "a line", size=16.0)
     assert rest.significant
-    effects, said = acceptance.accepted_effects([effect(snr)], rest, cast(Any, Fit(("tilt",))))
+    effects, said = acceptance.accepted_effects([effect(snr)], rest, cast(Any, Fit((TILT,))))
     assert said is verdict
     assert bool(effects) is (verdict is Verdict.PARTLY_EXPLAINED)
 
 
-def kept(sizes: dict[str, float], worth: float, monkeypatch: pytest.MonkeyPatch) -> tuple[str, ...]:
+def kept(sizes: dict[Effect, float], worth: float, monkeypatch: pytest.MonkeyPatch) -> tuple[Effect, ...]:
     """Return which effects of these sizes and this worth each are not too faint."""
-    monkeypatch.setattr(acceptance, "snr", lambda _fit, _at, name: sizes[name])
+    monkeypatch.setattr(acceptance, "snr", lambda _fit, _at, effect: sizes[effect])
     monkeypatch.setattr(acceptance, "missed_without", lambda *_: 100.0)
     monkeypatch.setattr(Trail, "projector_of", lambda _trail, _fit: None)
     monkeypatch.setattr(
-        acceptance, "without", lambda fit, name, *_: Fit(tuple(n for n in fit.names if n != name), worth=fit.worth)
+        acceptance,
+        "without",
+        lambda fit, gone, *_: Fit(tuple(one for one in fit.effects if one != gone), worth=fit.worth),
     )
     every = Fit(tuple(sizes), worth=worth)
-    return acceptance.without_faint_effects(cast(Any, every), Trail(cast(Any, Fit(())), (), calm))[0].names
+    return acceptance.without_faint_effects(cast(Any, every), Trail(cast(Any, Fit(())), (), calm))[0].effects
 
 
 @pytest.mark.parametrize(("least", "left"), [(11.0, 1), (20.0, 2), (40.0, 3)])
 def test_the_more_effects_the_more_each_must_stand_out(
     least: float, left: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    sizes = {"plate_damping": 90.0, "sensor_drift": max(least, 11.5), "tilt": least}
+    sizes = {named("plate_damping"): 90.0, named("sensor_drift"): max(least, 11.5), TILT: least}
     assert len(kept(sizes, 200.0, monkeypatch)) == left
 
 
@@ -77,4 +81,4 @@ def test_the_more_effects_the_more_each_must_stand_out(
 def test_each_of_several_pays_more_than_what_mends_a_misfit(
     worth: float, left: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert len(kept({"adhesion": 92.0, "plate_motion": 13.0}, worth, monkeypatch)) == left
+    assert len(kept({named("adhesion"): 92.0, named("plate_motion"): 13.0}, worth, monkeypatch)) == left

@@ -10,7 +10,7 @@ from analysis.inference.fit.free_parameters import trial_effects
 
 
 def test_the_diagnosis_tries_what_the_catalogue_holds() -> None:
-    tried = {kind.name: kind for kind in trial_effects()}
+    tried = {kind.effect.name: kind for kind in trial_effects()}
     assert list(tried) == list(CATALOGUE)
     for name, effect in CATALOGUE.items():
         kind = tried[name]

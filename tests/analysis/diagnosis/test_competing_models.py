@@ -1,5 +1,6 @@
 """A look-alike is fitted in an effect's place, and takes it where it does better."""
 
+from analysis.collision.effects import effects_named, named
 from analysis.diagnosis.search.competing_models import _nearest, with_look_alikes_tried
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict.criteria import CRITERIA
@@ -20,8 +21,8 @@ def test_the_better_of_two_look_alikes_takes_the_place() -> None:
     trail = Trail(before, [KINDS[true], KINDS[first]], calm)
     trail.keep(wrong)
     best, _, far = with_look_alikes_tried(wrong, projector(wrong), trail, lambda _: True)
-    assert best.names == (true,) and best.bic < wrong.bic - CRITERIA.least_lead
-    assert list(far) == [true]
+    assert best.effects == (named(true),) and best.bic < wrong.bic - CRITERIA.least_lead
+    assert list(far) == [named(true)]
     kept, _, _ = with_look_alikes_tried(wrong, projector(wrong), trail, lambda _: False)
     assert kept is wrong  # what does not predict a held-out shot takes no place
 
@@ -34,19 +35,21 @@ def test_what_rings_in_the_same_place_is_asked_however_far_apart_it_is_to_first_
     quick = refit(at, KINDS[first], scores(at, KINDS[first])[0].start, calm)
     assert quick is not None
     wrong = fit_hypothesis(quick.hypothesis, quick.z, quick.floor, evaluations=60)
-    far = separation(wrong, projector(wrong), first, [KINDS[true]])
-    assert far.from_other[true] > 0.7 * far.snr  # a line so narrow that its twin beside it stands apart
+    far = separation(wrong, projector(wrong), named(first), [KINDS[true]])
+    assert far.from_other[named(true)] > 0.7 * far.snr  # a line so narrow that its twin beside it stands apart
     trail = Trail(before, [KINDS[true], KINDS[first]], calm)
     trail.keep(wrong)
     best, _, _ = with_look_alikes_tried(wrong, projector(wrong), trail, lambda _: True)
-    assert best.names == (true,) and best.bic < wrong.bic
+    assert best.effects == (named(true),) and best.bic < wrong.bic
 
 
 def test_a_look_alike_that_the_catalogue_names_is_fitted_where_others_stand_nearer_to_first_order() -> None:
     """In a building a strong damping was named an arm at its shortest relaxation time, and damping was not fitted."""
     names = ("support_compliance", "second_plate_mode", "plate_damping", "block_mode")
-    far = Separation(94.2, dict(zip(names, (42.26, 42.28, 44.44, 80.4), strict=True)), {})
-    near = [kind.name for kind in _nearest("viscoelastic_arm", far, [KINDS[name] for name in names])]
+    far = Separation(94.2, dict(zip(effects_named(names), (42.26, 42.28, 44.44, 80.4), strict=True)), {})
+    near = [kind.effect.name for kind in _nearest(named("viscoelastic_arm"), far, [KINDS[name] for name in names])]
     assert near == ["support_compliance", "second_plate_mode", "plate_damping"]
     further = Separation(70.0, far.from_other, {})  # what does less than half of the same is none
-    assert "plate_damping" not in [kind.name for kind in _nearest("viscoelastic_arm", further, list(KINDS.values()))]
+    assert "plate_damping" not in [
+        kind.effect.name for kind in _nearest(named("viscoelastic_arm"), further, list(KINDS.values()))
+    ]

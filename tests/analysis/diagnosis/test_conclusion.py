@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import pytest
 
+from analysis.collision.effects import named
 from analysis.diagnosis import words
 from analysis.diagnosis.learning import beyond_catalogue as beyond
 from analysis.diagnosis.result import FoundEffect, Verdict, diagnosis_result
@@ -16,7 +17,7 @@ from analysis.shot.quantity import Quantity
 from tests.app import synthetic
 
 ANALYSIS = Path(__file__).parents[3] / "analysis"
-EFFECT = FoundEffect("tilt", {"angle_rad": Quantity(1e-4, 1e-6)}, {"snr": 40.0}, (), "tilt: angle 0.1 mrad")
+EFFECT = FoundEffect(named("tilt"), {"angle_rad": Quantity(1e-4, 1e-6)}, {"snr": 40.0}, (), "tilt: angle 0.1 mrad")
 LAW = cast(Any, SimpleNamespace())
 
 
@@ -76,7 +77,7 @@ def test_effects_that_passed_no_gate_are_named_beside_a_law_only_where_nothing_r
         "without_effect": lambda *_: SimpleNamespace(bic=1e3),
         "lead_on": lambda fitted, **_: fitted,
         "projector": lambda _: None,
-        "effect_parameters": lambda _: {"tilt": EFFECT.parameters},
+        "effect_parameters": lambda _: {EFFECT.effect: EFFECT.parameters},
         "snr": lambda *_: 40.0,
         "missed_without": lambda *_: 40.0,
         "in_joint_fit": lambda law, *_: law,

@@ -3,18 +3,24 @@
 import numpy as np
 import pytest
 
+from analysis.collision.effects import named
+from analysis.collision.laws.own import from_mapping
 from analysis.diagnosis.contact_family import sentence
 from analysis.diagnosis.result import FoundEffect, LearnedLaw
 from analysis.shot.quantity import Quantity
 
+LAW = from_mapping(
+    {"name": "law", "where": "contact", "formula": "a*d_rate*d", "parameters": {"a": {"unit": "N", "start": 20.0}}}
+)
+
 
 def _exponent(delta: float, std: float = 1e-3) -> FoundEffect:
-    return FoundEffect("contact_exponent", {"delta": Quantity(delta, std)}, {})
+    return FoundEffect(named("contact_exponent"), {"delta": Quantity(delta, std)}, {})
 
 
 def _damping(n: float, std: float = 4e-3, form: str = "power") -> LearnedLaw:
     return LearnedLaw(
-        name="law", where="contact", argument="overlap times rate", form=form, formula="", nearest_form=form,
+        effect=LAW, where="contact", argument="overlap times rate", form=form, formula="", nearest_form=form,
         parameters={"a": (Quantity(20.0, 1.0), "N"), "n": (Quantity(n, std), "")}, other_forms=(), same_by_gauge=(),
         curve_argument=np.zeros(1), curve_unit="m", curve_force_n=np.zeros(1), curve_std_n=np.zeros(1),
         visited=(0.0, 1.0), not_observable=(), evidence={}, form_force_n=np.zeros(1),
@@ -28,7 +34,7 @@ def _damping(n: float, std: float = 4e-3, form: str = "power") -> LearnedLaw:
         ([_exponent(0.5)], [_damping(0.502)], "Kuwabara"),
         ([_exponent(0.5)], [_damping(0.251)], "Tsuji"),
         ([], [_damping(1.0, form="linear")], "Hunt"),
-        ([FoundEffect("nonlinear_contact_damping", {}, {})], [], "Hunt"),
+        ([FoundEffect(named("nonlinear_contact_damping"), {}, {})], [], "Hunt"),
     ],
 )
 def test_a_contact_of_the_literature_is_named(effects: list[FoundEffect], laws: list[LearnedLaw], name: str) -> None:
@@ -36,7 +42,7 @@ def test_a_contact_of_the_literature_is_named(effects: list[FoundEffect], laws: 
 
 
 def test_an_exponent_that_was_assumed_is_not_told_as_found() -> None:
-    assert "not tried" in sentence([FoundEffect("nonlinear_contact_damping", {}, {})], [])
+    assert "not tried" in sentence([FoundEffect(named("nonlinear_contact_damping"), {}, {})], [])
     assert "not tried" not in sentence([], [_damping(1.0, form="linear")])
 
 
@@ -48,7 +54,7 @@ def test_an_exponent_that_was_assumed_is_not_told_as_found() -> None:
         ([_exponent(0.5, 0.2)], []),
         ([_exponent(0.5)], [_damping(0.7)]),
         ([_exponent(0.2)], [_damping(0.5)]),
-        ([FoundEffect("coulomb_friction", {}, {})], []),
+        ([FoundEffect(named("coulomb_friction"), {}, {})], []),
     ],
 )
 def test_nothing_is_said_of_others(effects: list[FoundEffect], laws: list[LearnedLaw]) -> None:

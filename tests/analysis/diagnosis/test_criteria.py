@@ -38,7 +38,7 @@ def test_what_the_page_says_in_words_is_what_the_table_says() -> None:
 @pytest.mark.parametrize("tried", [1, 19, 60])
 def test_an_effect_of_a_longer_catalogue_pays_more(tried: int) -> None:
     class Nothing:
-        names: tuple[str, ...] = ()
+        effects: tuple[str, ...] = ()
         bic = 0.0
 
     trail = Trail(Nothing(), [None] * tried, lambda: False)  # type: ignore[arg-type, list-item]

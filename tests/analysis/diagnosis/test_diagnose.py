@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from analysis.collision.effects import named
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.result import Verdict, diagnosis_result
 from analysis.shot.shot import Cancelled
@@ -33,7 +34,7 @@ def test_friction_is_named_and_the_error_falls_to_the_noise() -> None:
     assert found.error_held_out_before is not None
     assert found.error_held_out_after is not None
     assert found.error_held_out_after.displacement_rms_m == pytest.approx(WHITE_M, rel=0.05)
-    assert found.fit_after.effects == ("coulomb_friction",)
+    assert found.fit_after.effects == (named("coulomb_friction"),)
     assert diagnosis_result(found)["effects"][0]["parameters"]["force_n"]["value"] == force.value
 
 
@@ -62,7 +63,7 @@ def test_what_is_off_the_catalogue_is_explained_in_part_and_the_rest_described()
 def test_one_shot_is_judged_without_a_held_out_one() -> None:
     found = diagnose(shots({"viscous_drag": {"coefficient_n_s_per_m": 2e-4}}, count=1))
     assert found.error_held_out_before is None
-    named = {name for effect in found.effects for name in (effect.name, *effect.indistinguishable_from)}
+    named = {one.name for found_one in found.effects for one in (found_one.effect, *found_one.indistinguishable_from)}
     assert "viscous_drag" in named
 
 
@@ -70,7 +71,7 @@ def test_an_accepted_effect_is_part_of_the_model_before() -> None:
     motions = shots({"viscous_drag": {"coefficient_n_s_per_m": 2e-4}}, count=2)
     found = diagnose(motions, accepted=("viscous_drag",))
     assert found.verdict is Verdict.ADEQUATE
-    assert found.fit_before.effects == ("viscous_drag",)
+    assert found.fit_before.effects == (named("viscous_drag"),)
     assert math.isclose(found.fit_before.parameters["viscous_drag.coefficient_n_s_per_m"].value, 2e-4, rel_tol=0.02)
 
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from analysis.collision.effects import named
 from analysis.diagnosis.search.forward_selection import another_way, explore
 from analysis.inference.fit.added_effect import refit, with_both_effects
 from analysis.inference.fit.hypothesis import Hypothesis
@@ -22,9 +23,9 @@ def test_two_effects_that_look_like_a_third_are_found_by_another_way() -> None:
     before = base_fit(motions)
     catalogue = [KINDS[name] for name in (*true, "viscous_drag", "frame_vibration")]
     greedy, trail = explore(before, catalogue, calm, most=2)
-    assert "viscous_drag" in greedy.names
+    assert named("viscous_drag") in greedy.effects
     best = another_way(greedy, trail)
-    assert set(best.names) == true and best.bic < greedy.bic - 100
+    assert {effect.name for effect in best.effects} == true and best.bic < greedy.bic - 100
 
 
 def test_a_mode_is_found_beside_a_ripple_from_where_it_was_found_alone() -> None:
@@ -43,9 +44,9 @@ def test_a_mode_is_found_beside_a_ripple_from_where_it_was_found_alone() -> None
 
     first = one_more(start, ripple)
     both = with_both_effects(first, one_more(start, mode), start, calm)
-    assert both is not None and both.names == (ripple, mode)
+    assert both is not None and both.effects == (named(ripple), named(mode))
     assert both.bic < one_more(first, mode).bic - 500  # which goes nowhere from there
-    assert both.point.values[0][mode]["mass_kg"] == pytest.approx(0.0138, rel=0.05)
+    assert both.point.values[0][named(mode)]["mass_kg"] == pytest.approx(0.0138, rel=0.05)
 
 
 def test_a_fit_far_behind_another_is_not_followed_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -79,4 +80,4 @@ def test_two_that_nearly_undo_each_other_are_found_though_neither_pays_alone() -
     before = base_fit(shots(effects, seed=5))
     greedy, trail = explore(before, [KINDS[name] for name in (*effects, "cubic_stiffness")], calm)
     assert greedy is before
-    assert set(another_way(greedy, trail).names) == set(effects)
+    assert {effect.name for effect in another_way(greedy, trail).effects} == set(effects)

@@ -2,6 +2,7 @@
 
 import pytest
 
+from analysis.collision.effects import named
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.search.full_rate import at_full_rate
 from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ
@@ -16,7 +17,7 @@ def test_a_ripple_too_weak_for_averaged_samples_is_seen_at_the_records_rate() ->
     found = at_full_rate(before, Trail(before, list(KINDS.values()), calm), motions)
     assert found is not None
     best, _ = found
-    assert best.names == (RIPPLE,)
+    assert best.effects == (named(RIPPLE),)
     assert best.hypothesis.data.shots[0].spacing_s == pytest.approx(1 / FINE_RATE_HZ)
     assert before.hypothesis.data.shots[0].spacing_s == pytest.approx(1 / RATE_HZ)
     clean = shots({})

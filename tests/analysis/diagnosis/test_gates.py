@@ -7,6 +7,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from analysis.collision.effects import CATALOGUE, Effect
 from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict import other_names as names
@@ -17,16 +18,17 @@ from analysis.diagnosis.verdict.identifiability import Separation
 from analysis.diagnosis.verdict.lack_of_fit import LackOfFit
 from analysis.diagnosis.verdict.residual import Residual
 from tests.analysis.diagnosis.shots import calm
-from tests.analysis.diagnosis.test_acceptance import Fit
+from tests.analysis.diagnosis.test_acceptance import TILT, Fit
 
+ADHESION = CATALOGUE["adhesion"]
 NOTHING_LEFT = Residual(0.0, 57.0, 0.03, 1.1, "")
 SHAPE_LEFT = Residual(120.0, 57.0, 0.03, 1.1, "a shape", size=10.0)  # and no freedom that the law lacks
 MISFIT_LEFT = replace(NOTHING_LEFT, misfit=LackOfFit("a force of the place", 104.0, 63.0, 4))
-ONE = cast(Any, Fit(("tilt",)))
+ONE = cast(Any, Fit((TILT,)))
 
 
 def effect(snr: float, alike: int = 0) -> FoundEffect:
-    return FoundEffect("tilt", {}, {"snr": snr}, tuple(f"other {k}" for k in range(alike)), "tilt")
+    return FoundEffect(TILT, {}, {"snr": snr}, tuple(CATALOGUE.values())[:alike], "tilt")
 
 
 def said(effects: list[FoundEffect], rest: Residual, fit: Any = ONE) -> tuple[int, Verdict]:
@@ -79,7 +81,7 @@ def test_what_is_left_decides_what_is_said(changed: dict[str, Any], verdict: Ver
 
 def test_a_fit_that_did_not_arrive_names_nothing() -> None:
     assert said([effect(1e4)], NOTHING_LEFT) == (1, Verdict.EFFECT_FOUND)
-    assert said([effect(1e4)], NOTHING_LEFT, cast(Any, Fit(("tilt",), converged=False))) == (0, Verdict.UNEXPLAINED)
+    assert said([effect(1e4)], NOTHING_LEFT, cast(Any, Fit((TILT,), converged=False))) == (0, Verdict.UNEXPLAINED)
 
 
 def test_where_no_effect_stands_a_rest_makes_the_difference() -> None:
@@ -118,8 +120,8 @@ def test_look_alikes_are_those_that_stand_nearer_than_five_norms_and_what_is_lef
 class Likely(Fit):
     """A fit of the names by its criterion and its likelihood."""
 
-    def __init__(self, named: tuple[str, ...], bic: float, log_likelihood: float) -> None:
-        super().__init__(named)
+    def __init__(self, effects: tuple[Effect, ...], bic: float, log_likelihood: float) -> None:
+        super().__init__(effects)
         object.__setattr__(self, "_likely", (bic, log_likelihood))
 
     @property
@@ -145,25 +147,25 @@ class Likely(Fit):
 def test_what_was_fitted_in_the_place_and_is_nearly_as_likely_is_named_beside(
     behind: float, less_likely: float, named: bool
 ) -> None:
-    best, other = Likely(("tilt",), 0.0, 0.0), Likely(("adhesion",), behind, -less_likely / 2)
+    best, other = Likely((TILT,), 0.0, 0.0), Likely((ADHESION,), behind, -less_likely / 2)
     trail = Trail(cast(Any, Fit(())), (), calm)
     for one in (best, other):
-        trail.fits[one.names] = cast(Any, one)
-    far = Separation(50.0, {"adhesion": 40.0}, {})
-    found, lead = names.other_names(cast(Any, best), "tilt", SHAPE_LEFT, far, trail)
-    assert found == (("adhesion",) if named else ())
+        trail.fits[frozenset(one.effects)] = cast(Any, one)
+    far = Separation(50.0, {ADHESION: 40.0}, {})
+    found, lead = names.other_names(cast(Any, best), TILT, SHAPE_LEFT, far, trail)
+    assert found == ((ADHESION,) if named else ())
     assert lead == behind
 
 
 @pytest.mark.parametrize(("distance", "named"), [(4.9, True), (5.1, False)])
 @pytest.mark.parametrize("rest", [NOTHING_LEFT, SHAPE_LEFT])
 def test_what_is_near_to_first_order_is_named_beside(distance: float, named: bool, rest: Residual) -> None:
-    far = Separation(50.0, {"adhesion": distance + rest.size}, {})
+    far = Separation(50.0, {ADHESION: distance + rest.size}, {})
     trail = Trail(cast(Any, Fit(())), (), calm)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Trail, "of", lambda _trail, _names: None)  # it was never fitted
-        found, _ = names.other_names(cast(Any, Fit(("tilt",))), "tilt", rest, far, trail)
-    assert found == (("adhesion",) if named else ())
+        found, _ = names.other_names(cast(Any, Fit((TILT,))), TILT, rest, far, trail)
+    assert found == ((ADHESION,) if named else ())
 
 
 @pytest.mark.parametrize(

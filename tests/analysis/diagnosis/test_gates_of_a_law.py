@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from analysis.collision.effects import named
 from analysis.diagnosis.learning import law_learning, single_law
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law
 from analysis.diagnosis.learning.learned_law import FormFit
@@ -114,7 +115,7 @@ def test_a_form_that_is_far_behind_its_curve_is_not_the_law(
 
 
 def discovery(bic: float = 900.0, residual: Residual = NOTHING_LEFT, *forms: str | None, converged: bool = True) -> Any:
-    laws = tuple(SimpleNamespace(name="law", form=form) for form in forms or ("power",))
+    laws = tuple(SimpleNamespace(effect=None, form=form) for form in forms or ("power",))
     told = Prediction((), 10.0, 1.0, np.zeros(1)), Prediction((), 9.0, 1.0, np.zeros(1))
     fitted = Fit(bic, converged=converged)
     return Discovery(cast(Any, Fit(START)), cast(Any, laws), cast(Any, fitted), residual, told)
@@ -138,7 +139,7 @@ def alone(found: Discovery | None, patch: pytest.MonkeyPatch, nearest: float = 5
     """Return a law that the shots show, with its size and how far the nearest row of the catalogue is from it."""
     patch.setattr(single_law, "learn_law", lambda *_: found)
     patch.setattr(single_law, "projector", lambda _fitted: None)
-    patch.setattr(single_law, "separation", lambda *_: Separation(size, {"cubic": nearest}, {}))
+    patch.setattr(single_law, "separation", lambda *_: Separation(size, {named("cubic_stiffness"): nearest}, {}))
     return SingleLaw(cast(Any, Fit(START)), (0,), lambda _what, _fraction: None, calm, Limit(SECONDS, calm))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from analysis.collision.effects import CATALOGUE, Effect
 from analysis.diagnosis.limit import SECONDS, Limit
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict import acceptance, coincidence, lack_of_fit
@@ -18,13 +19,14 @@ from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit, worst
 from analysis.diagnosis.verdict.residual import Residual
 from analysis.inference.noise.floor import Floor
 from tests.analysis.diagnosis.shots import calm
-from tests.analysis.diagnosis.test_acceptance import CALM, WANDERING, Fit
+from tests.analysis.diagnosis.test_acceptance import CALM, TILT, WANDERING, Fit
 
 HELD = (1,)
+ADHESION, LINE = CATALOGUE["adhesion"], CATALOGUE["frame_vibration"]
 NOTHING_LEFT = Residual(0.0, 57.0, 0.03, 1.1, "")
 SHAPE_LEFT = Residual(120.0, 57.0, 0.03, 1.1, "a shape", size=10.0)
 START = Fit(())
-ONE, OTHER, BOTH = Fit(("tilt",)), Fit(("adhesion",)), Fit(("tilt", "adhesion"))
+ONE, OTHER, BOTH = Fit((TILT,)), Fit((ADHESION,)), Fit((TILT, ADHESION))
 
 
 def trail() -> Any:
@@ -39,17 +41,17 @@ def predicted(surprise: float) -> Prediction:
 def foretold(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Floor]]:
     """Return a function that sets each fit's surprise on the held-out shot and returns the floors compared under."""
 
-    def set_to(surprises: dict[tuple[str, ...], float | None]) -> list[Floor]:
+    def set_to(surprises: dict[tuple[Effect, ...], float | None]) -> list[Floor]:
         floors: list[Floor] = []
 
         def predict(fit: Fit, held: tuple[int, ...], floor: Floor, _stop: object) -> Prediction | None:
             assert held == HELD
             floors.append(floor)
-            surprise = surprises[tuple(sorted(fit.names))]
+            surprise = surprises[tuple(sorted(fit.effects, key=lambda effect: effect.key))]
             return None if surprise is None else predicted(surprise)
 
-        def without(fit: Fit, name: str, _trail: Trail) -> Fit:
-            return Fit(tuple(other for other in fit.names if other != name))
+        def without(fit: Fit, effect: Effect, _trail: Trail) -> Fit:
+            return Fit(tuple(other for other in fit.effects if other != effect))
 
         monkeypatch.setattr(acceptance, "predict", predict)
         monkeypatch.setattr(acceptance, "without", without)
@@ -62,9 +64,9 @@ def foretold(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Floor]]:
 def test_one_effect_makes_the_held_out_shots_likelier(
     surprise: float, passes: bool, foretold: Callable[..., list[Floor]]
 ) -> None:
-    floors = foretold({(): 10.0, ("tilt",): surprise})
-    best, told = keep_predictive(cast(Any, Fit(("tilt",), WANDERING)), HELD, trail())
-    assert best.names == (("tilt",) if passes else ())
+    floors = foretold({(): 10.0, (TILT,): surprise})
+    best, told = keep_predictive(cast(Any, Fit((TILT,), WANDERING)), HELD, trail())
+    assert best.effects == ((TILT,) if passes else ())
     assert told == (predicted(10.0), predicted(surprise if passes else 10.0))
     assert floors == [WANDERING, WANDERING]
 
@@ -72,29 +74,29 @@ def test_one_effect_makes_the_held_out_shots_likelier(
 @pytest.mark.parametrize(
     ("alone", "left"),
     [
-        ({("tilt",): 9.0, ("adhesion",): 9.0}, ("tilt", "adhesion")),  # neither does as well as both
-        ({("tilt",): 8.0, ("adhesion",): 9.0}, ("tilt",)),  # better without the other
-        ({("tilt",): 9.0, ("adhesion",): 8.0}, ("adhesion",)),
-        ({("tilt",): 11.0, ("adhesion",): 8.0}, ("adhesion",)),
+        ({(TILT,): 9.0, (ADHESION,): 9.0}, (TILT, ADHESION)),  # neither does as well as both
+        ({(TILT,): 8.0, (ADHESION,): 9.0}, (TILT,)),  # better without the other
+        ({(TILT,): 9.0, (ADHESION,): 8.0}, (ADHESION,)),
+        ({(TILT,): 11.0, (ADHESION,): 8.0}, (ADHESION,)),
     ],
 )
 def test_each_of_two_effects_pays_on_the_held_out_shots(
-    alone: dict[tuple[str, ...], float], left: tuple[str, ...], foretold: Callable[..., list[Floor]]
+    alone: dict[tuple[Effect, ...], float], left: tuple[Effect, ...], foretold: Callable[..., list[Floor]]
 ) -> None:
-    foretold({(): 10.0, ("adhesion", "tilt"): 8.5, **alone})
+    foretold({(): 10.0, (ADHESION, TILT): 8.5, **alone})
     best, told = keep_predictive(cast(Any, BOTH), HELD, trail())
-    assert best.names == left
+    assert best.effects == left
     assert told == (predicted(10.0), predicted(8.5 if len(left) == 2 else 8.0))
 
 
 def test_where_no_effect_of_two_pays_nothing_is_left(foretold: Callable[..., list[Floor]]) -> None:
-    foretold({(): 10.0, ("adhesion", "tilt"): 12.0, ("tilt",): 11.0, ("adhesion",): 11.0})
+    foretold({(): 10.0, (ADHESION, TILT): 12.0, (TILT,): 11.0, (ADHESION,): 11.0})
     found = trail()
     assert keep_predictive(cast(Any, BOTH), HELD, found) == (found.start, (predicted(10.0), predicted(10.0)))
 
 
 def test_where_nothing_can_be_foretold_nothing_is_claimed_of_it(foretold: Callable[..., list[Floor]]) -> None:
-    foretold({(): 10.0, ("tilt",): None})
+    foretold({(): 10.0, (TILT,): None})
     assert keep_predictive(cast(Any, ONE), HELD, trail()) == (cast(Any, ONE), None)
     assert keep_predictive(cast(Any, ONE), (), trail()) == (cast(Any, ONE), None)
 
@@ -144,7 +146,7 @@ def test_what_one_stage_refuses_does_not_stand(stage: str, monkeypatch: pytest.M
     assert stages.asked == 0
 
 
-LIKELIER, AS_LIKELY = Fit(("adhesion",), worth=201.5), Fit(("adhesion",), worth=200.5)
+LIKELIER, AS_LIKELY = Fit((ADHESION,), worth=201.5), Fit((ADHESION,), worth=200.5)
 
 
 @pytest.mark.parametrize(
@@ -166,9 +168,9 @@ def test_another_way_is_taken_where_something_is_left_and_it_is_likelier(
 @pytest.mark.parametrize(
     ("stands", "left", "taken"),
     [
-        (Fit(("line",), worth=150.0), NOTHING_LEFT, True),  # less likely, but it explains all
-        (Fit(("line",), worth=150.0), SHAPE_LEFT, False),
-        (Fit(("line",), worth=250.0), SHAPE_LEFT, True),
+        (Fit((LINE,), worth=150.0), NOTHING_LEFT, True),  # less likely, but it explains all
+        (Fit((LINE,), worth=150.0), SHAPE_LEFT, False),
+        (Fit((LINE,), worth=250.0), SHAPE_LEFT, True),
         (START, NOTHING_LEFT, False),  # nothing at all explains nothing
     ],
 )
@@ -214,7 +216,7 @@ def test_what_is_named_instead_is_foretold_better_than_nothing(
     assert settled(trail()).best == (OTHER if may else ONE)
 
 
-SHARED, OWN = "tilt", "plate_motion"
+SHARED, OWN = TILT, CATALOGUE["plate_motion"]
 
 
 class Shown(Fit):
@@ -238,17 +240,17 @@ class Shown(Fit):
     ],
 )
 def test_numbers_of_every_shot_that_fall_where_one_number_foretells_them_are_chance(
-    rival: str,
-    instead: str,
+    rival: Effect,
+    instead: Effect,
     nats: float | None,
     rival_chi2: float,
     refused: bool,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    theirs, ours = Shown((rival, ""), worth=-rival_chi2), Shown((instead,), worth=0.0)
+    theirs, ours = Shown((rival, LINE), worth=-rival_chi2), Shown((instead,), worth=0.0)
     cost = {theirs: None if nats is None else nats + 3.0, ours: 3.0}
 
-    def unforetold(fitted: Shown, _effect: str) -> Unforetold | None:
+    def unforetold(fitted: Shown, _effect: Effect) -> Unforetold | None:
         known = cost[fitted]
         return None if known is None else Unforetold(known, np.ones(1))
 

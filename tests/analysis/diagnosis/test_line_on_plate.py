@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from analysis.collision.effects import named
 from analysis.collision.laws.own import from_mapping
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.model_file import from_text, saved, to_text
@@ -44,10 +45,10 @@ def shots() -> list[Motion]:
 
 
 def test_a_diagnosis_finds_each_shots_phase(shots: list[Motion]) -> None:
-    told = diagnose(shots, laws=(SHAKEN.key,))
+    told = diagnose(shots, laws=(SHAKEN,))
     assert told.verdict is Verdict.EFFECT_FOUND
     (found,) = told.effects
-    assert found.name == SHAKEN.key
+    assert found.effect == SHAKEN
     for name, truth in (("a", SIZE_N), ("f", LINE_HZ), ("phase_rad", 2.5), ("phase_rad.2", -1.9)):
         known = found.parameters[name]
         assert abs(known.value - truth) < 4 * known.std, name
@@ -55,7 +56,7 @@ def test_a_diagnosis_finds_each_shots_phase(shots: list[Motion]) -> None:
 
 
 def test_a_fit_finds_them_too(shots: list[Motion]) -> None:
-    fit = fit_shots(shots, effects=[SHAKEN.key])
+    fit = fit_shots(shots, effects=[SHAKEN])
     assert fit.converged
     assert fit.parameters[f"{SHAKEN.key}.a"].value == pytest.approx(SIZE_N, rel=1e-4)
     assert fit.parameters[f"{SHAKEN.key}.f"].value == pytest.approx(LINE_HZ, rel=1e-4)
@@ -88,12 +89,14 @@ def test_in_the_model_it_is_all_there_is(on_a_frame: tuple[Motion, ...]) -> None
     told = diagnose(on_a_frame, accepted=(WIDE,))
     assert told.verdict is Verdict.ADEQUATE
     read = from_text(to_text(saved(told.fit_after, ("a", "b", "c"), told)))
-    assert read.effects == (WIDE,) and read.parameters[f"{WIDE}.plate_factor"].value == pytest.approx(0.8, abs=2e-3)
+    assert read.effects == (named(WIDE),) and read.parameters[f"{WIDE}.plate_factor"].value == pytest.approx(
+        0.8, abs=2e-3
+    )
 
 
 def test_the_narrow_one_in_the_model_stays_what_it_is(on_a_frame: tuple[Motion, ...]) -> None:
-    start = accept(base_fit(on_a_frame), trial_effects(), ("frame_vibration",), lambda: False)
-    assert start.names == ("frame_vibration",)
+    start = accept(base_fit(on_a_frame), trial_effects(), (named("frame_vibration"),), lambda: False)
+    assert start.effects == (named("frame_vibration"),)
 
 
 def test_a_plate_that_stays_is_none_of_it() -> None:

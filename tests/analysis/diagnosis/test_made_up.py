@@ -99,6 +99,6 @@ def test_what_remembers_and_what_only_the_sensor_shows_score_best(
     start = bare.pack(Point(PAPER.vector[:4], own, tuple({} for _ in motions)))
     at = projector(fit_hypothesis(bare, start, Floor(1e-10, (0.0, 0.0), (1e-2, 1e-2), data.shots[0].spacing_s)))
     like = ("viscous_drag", "quadratic_drag", "tilt", "sensor_drift", row.name)
-    gains = {kind.name: scores(at, kind)[0].gain for kind in trial_effects() if kind.name in like}
+    gains = {kind.effect.name: scores(at, kind)[0].gain for kind in trial_effects() if kind.effect.name in like}
     assert max(gains, key=lambda name: gains[name]) == row.name
     assert gains[row.name] > 100

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from analysis.collision.effects import CATALOGUE
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.result import Verdict
 from analysis.signal.record import motion_from_displacement
@@ -28,7 +29,7 @@ def test_the_air_track_lacks_a_damping_that_grows(measured: Path) -> None:
     assert cubic is not None
     assert damping < min(cubic - 6, -10)
     named = {effect.name: effect for effect in found.effects}
-    assert "cubic_stiffness" not in named["nonlinear_contact_damping"].indistinguishable_from
+    assert CATALOGUE["cubic_stiffness"] not in named["nonlinear_contact_damping"].indistinguishable_from
     assert found.error_held_out_before is not None
     assert found.error_held_out_after is not None
     assert found.error_held_out_after.displacement_rms_m < 0.75 * found.error_held_out_before.displacement_rms_m

@@ -7,13 +7,14 @@ import re
 import numpy as np
 import pytest
 
+from analysis.collision.effects import named
 from analysis.diagnosis.model_file import ModelFileError, SavedModel, from_text, to_text
 from analysis.diagnosis.result import Errors
 from analysis.shot.quantity import Quantity
 
 MODEL = SavedModel(
     base="paper",
-    effects=("coulomb_friction",),
+    effects=(named("coulomb_friction"),),
     parameters={
         "plate_stiffness_n_per_m": Quantity(221.3977, 0.0003),
         "coulomb_friction.force_n": Quantity(9.0e-5, 3.5e-8),
@@ -34,10 +35,10 @@ def test_what_is_written_comes_back() -> None:
 
 
 def test_an_effect_that_no_diagnosis_named_stays_marked() -> None:
-    tried = dataclasses.replace(MODEL, tried=("coulomb_friction",))
-    assert "tried" not in to_text(MODEL) and from_text(to_text(tried)).tried == ("coulomb_friction",)
+    tried = dataclasses.replace(MODEL, tried=(named("coulomb_friction"),))
+    assert "tried" not in to_text(MODEL) and from_text(to_text(tried)).tried == (named("coulomb_friction"),)
     with pytest.raises(ModelFileError, match="tried: 'tilt'"):
-        from_text(to_text(dataclasses.replace(MODEL, tried=("tilt",))))
+        from_text(to_text(dataclasses.replace(MODEL, tried=(named("tilt"),))))
 
 
 def test_a_name_that_is_no_text_does_no_harm() -> None:

@@ -22,4 +22,6 @@ def test_a_gradient_of_the_bearing_is_no_line_though_every_shot_alone_could_be_o
 
 def test_a_line_is_never_given_up_for_what_it_looks_like():
     said = _said("frame_vibration", 13.0, 43000151)
-    assert "frame_vibration" in {name for one in said.effects for name in (one.name, *one.indistinguishable_from)}
+    assert "frame_vibration" in {
+        name for one in said.effects for name in (one.name, *(other.name for other in one.indistinguishable_from))
+    }

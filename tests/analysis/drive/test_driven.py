@@ -8,6 +8,7 @@ import pytest
 
 from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.result import Diagnosis, Verdict
+from analysis.drive.catalogue import LAWS
 from analysis.drive.curves import drive_curves
 from analysis.drive.driven_fit import fit_driven
 from analysis.drive.law_screening import screen_laws
@@ -191,11 +192,11 @@ def test_load_friction_is_no_candidate_in_motion_one_way() -> None:
 def test_the_accepted_laws_are_the_model() -> None:
     motion = Drive(friction).motion()
     fit = fit_driven([motion], ["coulomb_friction"])
-    assert fit.effects == ("coulomb_friction",)
+    assert fit.effects == (LAWS["coulomb_friction"],)
     assert fit.parameters["coulomb_friction.force_n"].value == pytest.approx(20.0, abs=0.3)
     diagnosis = diagnose_driven([motion], ["coulomb_friction"])
     assert diagnosis.verdict is Verdict.ADEQUATE
-    assert diagnosis.fit_after.effects == ("coulomb_friction",)
+    assert diagnosis.fit_after.effects == (LAWS["coulomb_friction"],)
     assert diagnosis.error_before.force_rms_n == pytest.approx(diagnosis.error_after.force_rms_n)
 
 

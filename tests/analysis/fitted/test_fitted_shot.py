@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from analysis.collision.effects import Effect, named
 from analysis.fitted.fitted_shot import fit_again, with_fit
 from analysis.shot.consistency import concerning
 from analysis.shot.fit import Fit
@@ -13,7 +14,7 @@ from tests.analysis.shots import PAPER_FIT
 from tests.app import synthetic
 
 
-def of_fit(contact_damping_n_s_per_m: float, *flags: str, effects: tuple[str, ...] = ()) -> Fit:
+def of_fit(contact_damping_n_s_per_m: float, *flags: str, effects: tuple[Effect, ...] = ()) -> Fit:
     damping = Quantity(contact_damping_n_s_per_m, 1e-4)
     parameters = {**PAPER_FIT.parameters, "contact_damping_n_s_per_m": damping}
     return replace(PAPER_FIT, parameters=parameters, flags=flags, effects=effects)
@@ -30,10 +31,10 @@ def test_a_new_fit_replaces_all_of_the_old_one() -> None:
     shot = replace(synthetic.shot(), flags=("clipped",))
     first = with_fit(shot, of_fit(0.4, "contact_damping_n_s_per_m_at_bound"))
     assert first.flags == ("clipped", "contact_damping_n_s_per_m_at_bound")
-    second = with_fit(first, of_fit(0.2, effects=("tilt",)))
+    second = with_fit(first, of_fit(0.2, effects=(named("tilt"),)))
     assert second.flags == ("clipped",)
     assert contact(second) > contact(first) + 0.05
-    assert second.settings.effects == ("tilt",)
+    assert second.settings.effects == (named("tilt"),)
     assert with_fit(first, second.fit) == second
     assert second.impact is not None and shot.impact is not None
     others = replace(second.impact, cor_kinetic=shot.impact.cor_kinetic)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.collision.effects import named
 from analysis.diagnosis.search.from_base import accept
 from analysis.inference.fit.as_fit import as_fit
 from analysis.inference.fit.shot_fit import fit_shots
@@ -18,7 +19,7 @@ from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 def test_the_velocity_out_is_that_after_the_last_release_with_its_own_uncertainty() -> None:
     name = "coulomb_friction"
     motions = shots({name: {"force_n": 2e-5}}, count=2)
-    ours = as_fit(accept(base_fit(motions), list(KINDS.values()), (name,), calm), motions, "paper", 0.0)
+    ours = as_fit(accept(base_fit(motions), list(KINDS.values()), (named(name),), calm), motions, "paper", 0.0)
     other = fit_shots(motions, effects=(name,))
     for mine, theirs in zip(ours.shots, other.shots, strict=True):
         out, reference = mine.velocity_out_m_per_s, theirs.velocity_out_m_per_s

@@ -2,6 +2,7 @@
 
 import pytest
 
+from analysis.collision.effects import named
 from analysis.diagnosis.search.from_base import explored
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference.fit.base import base_named
@@ -21,5 +22,5 @@ def test_an_effect_that_draws_the_base_to_a_wall_is_found_from_where_the_collisi
     assert given.left > CRITERIA.drawn_far and not before.converged
     assert before.point.base[2] > 10 * 1e4  # the contact is not a tenth as stiff
     best, trail = explored(before, given, [KINDS["cubic_stiffness"], KINDS["tilt"]], calm)
-    assert trail.start is before and best.names == ("cubic_stiffness",)
-    assert abs(best.point.values[0]["cubic_stiffness"]["coefficient_n_per_m3"] / size - 1) < 1e-3
+    assert trail.start is before and best.effects == (named("cubic_stiffness"),)
+    assert abs(best.point.values[0][named("cubic_stiffness")]["coefficient_n_per_m3"] / size - 1) < 1e-3

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from analysis.collision.effects import named
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.inference.fit.build_fit import Estimate, build_fit
 
@@ -9,7 +10,7 @@ from analysis.inference.fit.build_fit import Estimate, build_fit
 def test_a_fit_with_a_chosen_parameter_is_saved_and_read_again() -> None:
     estimate = Estimate(
         model="paper",
-        effects=("cyclic_error",),
+        effects=(named("cyclic_error"),),
         values=np.array([221.4, 1e-9]),
         covariance=np.array([[4.0, 1e-11], [1e-11, 1e-20]]),
         shared={"plate_stiffness_n_per_m": 0, "cyclic_error.amplitude_m": 1},

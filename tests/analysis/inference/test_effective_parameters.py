@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from analysis.collision.effects import named
 from analysis.collision.parameters import PAPER, Infeasible
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point, to_actual, to_effective
@@ -10,18 +11,19 @@ from analysis.inference.fit.hypothesis import Hypothesis, JointData
 from analysis.inference.fit.samples import averaged_shots
 from tests.analysis.diagnosis.shots import KINDS, shots
 
+DELAY, SUPPORT = named("demodulation_lag"), named("support_compliance")
 OWN = np.array([[-0.15, 0.0101, 1e-3], [-0.27, 0.0102, 2e-3]])
 LAG, CLAMP = {"time_s": 7e-6}, {"compliance_m_per_n": 2e-4, "frequency_hz": 2200.0}
 
 
 def point(compliance_m_per_n: float = 2e-4) -> Point:
     clamp = {**CLAMP, "compliance_m_per_n": compliance_m_per_n}
-    return Point(PAPER.vector[:4].copy(), OWN, ({"demodulation_lag": LAG, "support_compliance": clamp},) * 2)
+    return Point(PAPER.vector[:4].copy(), OWN, ({DELAY: LAG, SUPPORT: clamp},) * 2)
 
 
 def flat(one: Point) -> np.ndarray:
-    clamp = one.values[0]["support_compliance"]
-    values = [one.values[0]["demodulation_lag"]["time_s"], clamp["compliance_m_per_n"], clamp["frequency_hz"]]
+    clamp = one.values[0][SUPPORT]
+    values = [one.values[0][DELAY]["time_s"], clamp["compliance_m_per_n"], clamp["frequency_hz"]]
     return np.array([*one.base, *one.own.ravel(), *values])
 
 
@@ -29,16 +31,16 @@ def test_a_plate_on_a_soft_clamp_is_seen_softer_and_its_mode_faster() -> None:
     seen = to_effective(point())
     stiffness = PAPER.plate_stiffness_n_per_m
     assert seen.base[0] == pytest.approx(1 / (1 / stiffness + 2e-4), rel=1e-12)  # springs in series
-    assert seen.values[1]["support_compliance"]["frequency_hz"] == pytest.approx(2200 * (1 + 2e-4 * stiffness) ** 0.5)
+    assert seen.values[1][SUPPORT]["frequency_hz"] == pytest.approx(2200 * (1 + 2e-4 * stiffness) ** 0.5)
     assert seen.own[:, 1] == pytest.approx(OWN[:, 1] + 7e-6, abs=1e-15)
     assert flat(to_actual(seen)) == pytest.approx(flat(point()), rel=1e-12)
 
 
 def test_a_clamp_softer_than_what_is_seen_is_no_place_for_a_search() -> None:
     seen = to_effective(point())
-    soft = {**seen.values[0]["support_compliance"], "compliance_m_per_n": 0.95 / seen.base[0]}
+    soft = {**seen.values[0][SUPPORT], "compliance_m_per_n": 0.95 / seen.base[0]}
     with pytest.raises(Infeasible, match="clamp"):
-        to_actual(Point(seen.base, seen.own, ({**seen.values[0], "support_compliance": soft},) * 2))
+        to_actual(Point(seen.base, seen.own, ({**seen.values[0], SUPPORT: soft},) * 2))
 
 
 def test_the_slope_is_that_of_the_parameters() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision.effects import CATALOGUE, Acts, Effect, Parameter
+from analysis.collision.effects import CATALOGUE, Acts, Effect, Parameter, named
 from analysis.collision.effects.kernel import ON_BLOCK, Q_RATE, W_RATE, Q, V, W
 from analysis.collision.first_order import along
 from analysis.collision.parameters import PAPER
@@ -62,7 +62,8 @@ def difference(row: Effect, start: Mapping[str, float], have: Any, own: np.ndarr
 
 def check(row: Effect, have: Any, speed: float, points: int) -> None:
     own = np.array([speed, 0.0101234, 3e-6])
-    shot = Shot(TIME_S, PAPER.vector[:4], own, have, PAPER.block_mass_kg, OPTICS)
+    values = {named(name): given for name, given in have.items()}
+    shot = Shot(TIME_S, PAPER.vector[:4], own, values, PAPER.block_mass_kg, OPTICS)
     starts = trial_effect(row).starts
     for k in np.unique(np.linspace(0, len(starts) - 1, points).astype(int)):
         start = starts[k]
@@ -140,9 +141,9 @@ def test_the_scores_are_those_of_trajectories_solved_one_by_one(monkeypatch: pyt
     monkeypatch.setattr(screening, "MANY_STARTS", 10**9)
     slow = [screening.scores(projector(fitted), kind) for kind in kinds]
     for one, other in zip(quick, slow, strict=True):
-        assert len(one) == len(other), one[0].kind.name
+        assert len(one) == len(other), one[0].kind.effect.name
         gains = {tuple(score.start[0][name] for name in AXES if name in score.start[0]): score.gain for score in one}
         best = other[0]
         at = tuple(best.start[0][name] for name in AXES if name in best.start[0])
-        assert abs(gains[at] - best.gain) < 0.02 * best.gain, (best.kind.name, at)
-    assert max(quick, key=lambda listed: listed[0].gain)[0].kind.name == "block_mode"
+        assert abs(gains[at] - best.gain) < 0.02 * best.gain, (best.kind.effect.name, at)
+    assert max(quick, key=lambda listed: listed[0].gain)[0].kind.effect.name == "block_mode"

@@ -5,6 +5,7 @@ import sys
 import numpy as np
 import pytest
 
+from analysis.collision.effects import named
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.result import Verdict
@@ -30,7 +31,7 @@ def shots(bends: tuple[tuple[float, float], ...], drag: float = 0.0, growing: fl
 
 
 def test_bends_that_no_shared_law_gives_are_the_shots_own() -> None:
-    assert own_flights(averaged_shots(shots(OWN)), CRITERIA.own_flights) == ("flight_acceleration",)
+    assert own_flights(averaged_shots(shots(OWN)), CRITERIA.own_flights) == (named("flight_acceleration"),)
 
 
 @pytest.mark.parametrize("drag", [0.0, 0.12])
@@ -58,9 +59,9 @@ def test_what_is_taken_along_is_no_finding_and_a_foretold_shot_has_its_own(monke
     found = diagnose(motions[:3], model="contact")
     assert "its own flight acceleration" in found.sentence
     assert found.effects == ()
-    assert found.fit_before.effects == found.fit_after.effects == ("flight_acceleration",)
+    assert found.fit_before.effects == found.fit_after.effects == (named("flight_acceleration"),)
     model = from_text(to_text(saved(found.fit_after, ["1", "2", "3"], found)))
-    assert model.effects == ("flight_acceleration",)
+    assert model.effects == (named("flight_acceleration"),)
     assert set(model.parameters) == set(model.base_parameters) == {
         "contact_stiffness_n_per_m", "contact_damping_n_s_per_m",
     }  # fmt: skip

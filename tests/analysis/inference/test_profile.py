@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from analysis.collision.effects import named
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.hypothesis_fit import fit_hypothesis
@@ -16,7 +17,7 @@ def test_an_attraction_is_no_surer_than_the_likelihood_along_its_valley() -> Non
     start = base_fit(shots({"adhesion": true}))
     assert with_profile_std(start, calm) is start
     hypothesis = Hypothesis(start.hypothesis.data, (KINDS["adhesion"],))
-    z = hypothesis.pack(Point(start.point.base, start.point.own, ({"adhesion": true},) * 3))
+    z = hypothesis.pack(Point(start.point.base, start.point.own, ({named("adhesion"): true},) * 3))
     best = fit_hypothesis(hypothesis, z, start.floor, evaluations=60)
     own = slice(hypothesis.offset, hypothesis.size)
     wide = with_profile_std(best, calm)
@@ -25,5 +26,5 @@ def test_an_attraction_is_no_surer_than_the_likelihood_along_its_valley() -> Non
     widened = with_profile_std(too_sure, calm)
     assert np.all(widened.std[own] > 3 * too_sure.std[own])  # the likelihood itself says six tenths of ``best``
     assert np.array_equal(wide.std[: hypothesis.offset], best.std[: hypothesis.offset])
-    found = [best.point.values[0]["adhesion"][name] for name in ("force_n", "range_m")]
+    found = [best.point.values[0][named("adhesion")][name] for name in ("force_n", "range_m")]
     assert np.all(np.abs(np.subtract(found, list(true.values()))) < 3 * wide.std[own])

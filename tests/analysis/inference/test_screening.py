@@ -5,13 +5,14 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from analysis.inference.fit.free_parameters import trials_named
+from analysis.collision.effects import named
+from analysis.inference.fit.free_parameters import trial_effect
 from analysis.inference.screen import columns
 from analysis.inference.screen.screening import Score, distinct_starts
 
 
 def _scores(name: str, *starts: tuple[float, Mapping[str, float]]) -> list[Score]:
-    (kind,) = trials_named([name])
+    kind = trial_effect(named(name))
     return [Score(kind, (start, start), gain, 2) for gain, start in starts]
 
 

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from analysis.collision.effects import named
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
@@ -162,7 +163,7 @@ def test_a_plate_known_to_swing_moves_as_the_effect_does() -> None:
     swing = {"displacement_m": 3e-7, "velocity_m_per_s": -4e-4}
     still = replace(data, shots=with_plates(data.shots, [(0.0, 0.0)] * 3))
     moving = replace(data, shots=with_plates(data.shots, [tuple(swing.values())] * 3))
-    as_known, as_effect = Point(base, own, ({},) * 3), Point(base, own, ({"plate_motion": swing},) * 3)
+    as_known, as_effect = Point(base, own, ({},) * 3), Point(base, own, ({named("plate_motion"): swing},) * 3)
     known, effect = Hypothesis(moving, ()), Hypothesis(still, (KINDS["plate_motion"],))
     np.testing.assert_allclose(known.averaged(0, as_known), effect.averaged(0, as_effect), atol=1e-15)
     np.testing.assert_allclose(known.coarse(0, as_known), effect.coarse(0, as_effect), atol=1e-15)

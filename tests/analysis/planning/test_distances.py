@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from analysis.collision.effects import Effect, effects_named
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.planning import distances as planned
 from analysis.planning.distances import Distances, Pair, nearest
@@ -68,20 +69,20 @@ def test_the_nearest_rival_counts_whichever_comes_first(order: tuple[float, ...]
 def test_rivals_with_a_grid_are_searched_anew_where_all_seemed_far_enough(
     before: float, searched: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: list[list[str]] = []
+    asked: list[list[Effect]] = []
 
-    def rivals(_fitted: Any, _member: str, others: list[str], *_: Any) -> list[SimpleNamespace]:
+    def rivals(_fitted: Any, _member: Effect, others: list[Effect], *_: Any) -> list[SimpleNamespace]:
         asked.append(others)
-        return [SimpleNamespace(effect=name, chi2=20.0) for name in others]
+        return [SimpleNamespace(effect=effect, chi2=20.0) for effect in others]
 
     for name in ("blank_shot", "predict", "fit_as_if_taken"):
         monkeypatch.setattr(planned, name, lambda *_: None)
     monkeypatch.setattr(planned, "rivals", rivals)
-    names = ("viscous_drag", "tilt", "block_mode")  # the last alone has a grid to be searched
-    members = [SimpleNamespace(effect=name, fitted=None) for name in names]
+    effects = effects_named(("viscous_drag", "tilt", "block_mode"))  # the last alone has a grid to be searched
+    members = [SimpleNamespace(effect=effect, fitted=None) for effect in effects]
     comparison = cast(Any, SimpleNamespace(members=members, floor=None))
     known = {(0, 1): before * CRITERIA.separation, (0, 2): 9.0 * CRITERIA.separation}
     distances = Distances({}, {}, {0: 4.0})
     found = planned.search_rivals_again(comparison, (SLOW,), known, distances, lambda: False)
-    assert asked == ([["block_mode"]] if searched else [])
+    assert asked == ([[effects[2]]] if searched else [])
     assert found == (known | {(0, 2): 4.0} if searched else known)

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from analysis.collision.effects import effects_named
 from analysis.diagnosis.verdict.coincidence import by_chance, unforetold
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.planning.distances import nearest, refitted, screen_shots
@@ -56,7 +57,7 @@ def damped() -> tuple[Truth, ModelComparison]:
 
 def _contest(truth: Truth, given: str) -> ModelComparison:
     motions = motions_of(truth)
-    found = compare_models(fit_shots(motions, effects=(given,)), NAMES, motions)
+    found = compare_models(fit_shots(motions, effects=(given,)), effects_named(NAMES), motions)
     assert found is not None
     return found
 
@@ -67,8 +68,8 @@ def test_the_penalty_that_a_next_shot_adds_is_predicted(damped):
     samples = now.members[0].fitted.hypothesis.data.shots
     foreseen = nearest(refitted(now, (shot,), screen_shots(now, [shot], lambda _: None, calm), calm))
     then = _contest(with_shots(truth, [shot], contact_s(shot, samples)), NAMES[0])
-    leader = [member.effect for member in now.members].index("nonlinear_contact_damping")
-    assert then.members[0].effect == "nonlinear_contact_damping"
+    leader = [member.effect.name for member in now.members].index("nonlinear_contact_damping")
+    assert then.members[0].effect.name == "nonlinear_contact_damping"
     assert then.members[1].penalty > now.members[1 - leader].penalty + 3.0
     # Two shots know the coefficient to a tenth or so, and what is reached scatters by one noise norm.
     assert then.reached == pytest.approx(foreseen[leader], rel=0.25, abs=3.0)
@@ -78,7 +79,7 @@ def test_a_shared_value_replaces_a_swinging_plate_and_not_the_reverse(damped):
     truth, _ = damped
     shots = [NextShot(0.6, 0.05, 0.012, 0.02)] * 4
     many = _contest(with_shots(truth, shots, 0.025), NAMES[0])
-    shared, own = sorted(many.members, key=lambda member: member.effect)
+    shared, own = sorted(many.members, key=lambda member: member.effect.name)
     assert by_chance(own.fitted, own.effect, shared.fitted, shared.effect)
     assert not by_chance(shared.fitted, shared.effect, own.fitted, own.effect)
 
@@ -86,7 +87,7 @@ def test_a_shared_value_replaces_a_swinging_plate_and_not_the_reverse(damped):
 def test_a_plate_that_does_swing_is_not_taken_for_a_coincidence():
     truth = rig({"plate_motion": {"velocity_m_per_s": 4e-6, "displacement_m": 2e-9}})
     swings = _contest(truth, NAMES[1])
-    own = next(member for member in swings.members if member.effect == "plate_motion")
-    shared = next(member for member in swings.members if member.effect != "plate_motion")
+    own = next(member for member in swings.members if member.effect.name == "plate_motion")
+    shared = next(member for member in swings.members if member.effect.name != "plate_motion")
     assert swings.members[0] is own
     assert not by_chance(own.fitted, own.effect, shared.fitted, shared.effect)

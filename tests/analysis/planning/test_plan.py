@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from analysis.collision.effects import effects_named, named
 from analysis.diagnosis.result import FoundEffect
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.planning import predictions
@@ -31,7 +32,7 @@ REACH = Reach(speeds_m_per_s=(0.1, 0.3), added_kg=(0.0, 0.05))
 def _stood(truth: Truth, names: tuple[str, ...]) -> tuple[ModelComparison, Fit, tuple[Motion, ...]]:
     motions = motions_of(truth)
     fit = fit_shots(motions, effects=names[:1])
-    open_class = compare_models(fit, names, motions)
+    open_class = compare_models(fit, effects_named(names), motions)
     assert open_class is not None
     return open_class, fit, motions
 
@@ -49,13 +50,13 @@ def test_friction_and_drift_are_separated_as_predicted(friction):
     samples = open_class.members[0].fitted.hypothesis.data.shots
     (shot,) = wanted.shots
     motions = motions_of(with_shots(truth, wanted.shots, contact_s(shot, samples)))
-    found = FoundEffect("coulomb_friction", {}, {})
+    found = FoundEffect(named("coulomb_friction"), {}, {})
     said = SimpleNamespace(effects=(found,), fit_after=fit_shots(motions, effects=NAMES[:1]))
     standing = plan_next(motions, said, (PlannedStep(shot, wanted.members, wanted.after_first),))
     (step,) = standing.steps
-    assert standing.plan is None and standing.settled and step.leader == "coulomb_friction"
+    assert standing.plan is None and standing.settled and step.leader == named("coulomb_friction")
     # The force itself is known to a tenth or so beforehand, and what is reached scatters by one.
-    assert step.expected_separation == wanted.expected["coulomb_friction"]
+    assert step.expected_separation == wanted.expected[named("coulomb_friction")]
     assert step.reached == pytest.approx(step.expected_separation, rel=0.25, abs=3.0)
     assert json.loads(json.dumps(step.to_json()))["reached_separation"] == step.reached
 
@@ -104,7 +105,7 @@ def test_a_plan_states_the_settings_and_can_be_cancelled(friction):
 def test_there_is_no_comparison_without_one_of_its_members(friction):
     truth, _, _ = friction
     motions = motions_of(truth)
-    assert compare_models(fit_shots(motions), NAMES, motions) is None
+    assert compare_models(fit_shots(motions), effects_named(NAMES), motions) is None
 
 
 def test_a_swinging_plate_is_predicted_to_swing_as_in_one_of_the_shots():
@@ -112,7 +113,7 @@ def test_a_swinging_plate_is_predicted_to_swing_as_in_one_of_the_shots():
     fitted = refit_diagnosed(fit_shots(motions_of(truth), effects=("plate_motion",)), motions_of(truth), calm)
     shot = next_shots(fitted.hypothesis.data.shots, REACH)[0]
     hypothesis, z = predictions.with_shots(fitted, [blank_shot(shot, fitted)])
-    *starts, added = [values["plate_motion"] for values in hypothesis.unpack(z).values]
+    *starts, added = [values[named("plate_motion")] for values in hypothesis.unpack(z).values]
     assert any(added == pytest.approx(one) for one in starts)
 
 
@@ -133,15 +134,15 @@ def test_an_inseparable_pair_is_separated_from_a_third_as_one():
     truth = rig({"plate_damping": {"coefficient_n_s_per_m": 2e-5}})
     open_class, _, _ = _stood(truth, ("plate_damping", "viscoelastic_arm", "second_plate_mode"))
     wanted = plan(open_class, Reach(speeds_m_per_s=(0.6,), added_kg=(0.0,)), most=1)
-    assert wanted.settles and wanted.inseparable_from["plate_damping"] == ("viscoelastic_arm",)
+    assert wanted.settles and wanted.inseparable_from[named("plate_damping")] == (named("viscoelastic_arm"),)
     assert "plate damping and viscoelastic arm stay one" in plan_sentence(wanted)
     assert json.loads(json.dumps(wanted.to_json()))["one_with"]["viscoelastic_arm"] == ["plate_damping"]
 
 
 def test_without_an_expectation_only_members_that_the_plan_could_separate_count():
     shot = NextShot(0.3, 0.0, 0.02, 0.02)
-    members = ("second_plate_mode", "plate_damping", "viscoelastic_arm")
-    inseparable_from = {"plate_damping": members[::2], "viscoelastic_arm": members[:2]}
-    step = PlannedStep(shot, members, {"second_plate_mode": 4.0}, 10.0, "plate_damping", inseparable_from)
-    assert step.leader not in step.expected and set(step.excluded("plate_damping")) == set(members[1:])
-    assert not step.excluded("second_plate_mode") and "second_plate_mode" in step.expected
+    members = mode, damping, arm = effects_named(("second_plate_mode", "plate_damping", "viscoelastic_arm"))
+    inseparable_from = {damping: members[::2], arm: members[:2]}
+    step = PlannedStep(shot, members, {mode: 4.0}, 10.0, damping, inseparable_from)
+    assert step.leader not in step.expected and set(step.excluded(damping)) == set(members[1:])
+    assert not step.excluded(mode) and mode in step.expected

@@ -223,7 +223,7 @@ def _slope(motion: Motion, touch: Edge, release: Edge, flight: Flight, noise: Fl
     deflection = flight.position_m(np.array([touch.time_s]))[0] - motion.displacement_m[index]
     force = motion.force_n[index]
     centred = deflection - deflection.mean()
-    if not np.any(centred):
+    if np.ptp(motion.displacement_m[index]) == 0.0:
         return NotSeen("the deflection is the same all through the contact")
     slope = float(centred @ force / (centred @ centred))
     residual = force - force.mean() - slope * centred

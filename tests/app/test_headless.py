@@ -12,6 +12,7 @@ from analysis.shot.shot import Progress
 from app.command_line import machine, start
 from app.command_line.cli import main
 from app.session import kernel_compilation
+from tests.app import rigs
 
 
 def test_simulated_shots_are_replayed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -54,8 +55,12 @@ def test_doctor(capsys: pytest.CaptureFixture[str]) -> None:
         assert any(f"{name}:" in line for line in lines), name
 
 
-def test_the_doctor_judges_the_signals_of_a_source(capsys: pytest.CaptureFixture[str]) -> None:
-    main(["--doctor", "--source", "bench"])
+def test_the_doctor_judges_the_signals_of_a_source(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patched:  # the bench as it is chosen by name pushes its block after some seconds
+        patched.setattr("app.command_line.doctor.open_in_subprocess", rigs.still_bench)
+        main(["--doctor", "--source", "bench"])
     lines = [line for line in capsys.readouterr().out.splitlines() if " signal, " in line]
     assert [line.split(", ")[1].split(":")[0] for line in lines] == ["PD0", "PD1", "light switch", "rest frequency"]
     assert all("beat at 2.7" in line for line in lines[:2]), lines

@@ -28,7 +28,10 @@ class Square:
 
 @dataclass(frozen=True, slots=True)
 class Minimum:
-    """The end of a search; ``converged``: the next step would move no parameter by 1e-3 standard deviations."""
+    """The end of a search; ``converged``: the next step would move no parameter by 1e-3 standard deviations.
+
+    Where rounding hides what steps of up to 0.1 standard deviations change, that is the end as well.
+    """
 
     parameters: Floats
     square: Square
@@ -43,6 +46,7 @@ Hopeless = Callable[[Floats, Square], bool]
 _CORRECTIONS = 6
 _STEEP = 1e-5  # relative damping: directions with less curvature than that are not corrected
 _LITTLE = 15.0  # of chi^2: once the next step promises less, ``hopeless`` is called
+_ROUNDED = 1e-2  # of chi^2: where no step makes even so little of a promise true, rounding hides it (noise of 1 pm)
 _STRAIGHT = 1.0  # of chi^2: a step that promises less is too short for corrections
 
 
@@ -100,8 +104,8 @@ def minimise(
             damping.ease(fell / expected)
         elif 0 < expected < 1e-12 * square.chi2 + tolerance * 1e-2:
             return Minimum(here, square, True, used)  # rounding hides falls below 1e-12 of chi^2
-        elif not damping.refuse():
-            break
+        elif not damping.refuse():  # no step lowers chi^2, however short
+            return Minimum(here, square, 0 <= promised < _ROUNDED * unit, used)
     return Minimum(here, square, False, used)
 
 

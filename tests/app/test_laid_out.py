@@ -1,4 +1,4 @@
-"""The window as a whole: every widget has its place, every plot its unit, and a change of colours reaches all of them."""
+"""The window as a whole: every widget has its place, every plot its unit, and all follow a change of colours."""
 
 import re
 from dataclasses import replace

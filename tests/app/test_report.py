@@ -75,6 +75,19 @@ def test_it_needs_nothing_else(whole: str) -> None:
     assert "url(" not in whole and "@import" not in whole and "http" not in whole.replace("http-equiv", "")
 
 
+def test_every_element_is_one_and_the_sections_stand_in_their_order(whole: str) -> None:
+    page = Elements(whole)
+    known = {
+        *("html head meta title style body header section figure figcaption footer main nav a").split(),
+        *("h1 h2 h3 h4 h5 p b br ul ol li dl dt dd span div code sub sup em i table thead tbody tr th td").split(),
+        *("svg g defs clippath path line rect circle text tspan desc").split(),
+    }
+    assert {name for name, _ in page.elements} <= known
+    assert re.findall("<h3>(.*?)</h3>", whole.split('id="shot-1"')[1]) == [
+        *("Numbers", "Model", "Figures", "Uncertainty budget", "Taken with", "Analysed with", "To repeat it")
+    ]
+
+
 def test_it_holds_every_number_and_what_makes_it_uncertain(whole: str) -> None:
     text, one = Elements(whole).text, shot()
     for entry in budget(one).quantities:

@@ -264,8 +264,8 @@ def test_no_number_and_no_heading_of_the_table_is_cut(qtbot):
 def test_the_table_sorts_filters_groups_and_hides_columns(qtbot):
     session, table = Session(), SessionTable()
     qtbot.addWidget(table)
-    for number, (name, speed) in enumerate((("paper-2", 0.3), ("steel-1", 0.1), ("paper-10", 0.2)), 1):
-        session.add(synthetic.shot(name, speed, number, count=9000))
+    for seed, (name, speed) in enumerate((("paper-2", 0.3), ("steel-1", 0.1), ("paper-10", 0.2)), 1):
+        session.add(synthetic.shot(name, speed, seed, count=9000))
     session.set_verdict(2, "adequate")
     table.show_session(session)
     table.show()

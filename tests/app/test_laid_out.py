@@ -11,12 +11,13 @@ from analysis.drive.curves import drive_curves
 from app.session.session import Session
 from app.session.settings import FIELDS
 from app.window.layout import Layout
+from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import DARK, LIGHT, Theme, Tone
 from instrument.devices.device_search import FoundDevice
 from tests.app import synthetic
 
-UNITS = {"MHz", "m/s", "N", "mN", "µN", "µm", "nm", "mm", "V", "", "µm/s", "pm", "mm/s"}
+UNITS = {"MHz", "m/s", "N", "mN", "µN", "µm", "nm", "mm", "V", "", "µm/s", "pm", "mm/s", "dB above 1 V²/Hz"}
 
 
 @pytest.fixture
@@ -82,10 +83,13 @@ def test_every_value_axis_has_a_name_and_after_it_a_known_unit(panels):
     driven = synthetic.driven_shot()
     panels.diagnosis.residuals.show_forces(driven, *2 * [drive_curves(driven.motion, driven.fit)])
     plots = [(plot, plot.title, plot.unit) for stack in panels.findChildren(TimeStack) for plot in stack.plots]
-    assert len(plots) > 15
+    plots += [(view.plot, view.plot.title, view.plot.unit) for view in panels.findChildren(PlainPlot)]
+    assert len(plots) > 25
     for plot, title, unit in plots:
         assert unit in UNITS and title not in UNITS, (title, unit)
         assert all(curve.unit in UNITS for curve in plot.sampled if hasattr(curve, "unit"))
+        below = plot.getAxis("bottom").labelText
+        assert not below or re.fullmatch(r"[^()]+ \((\S+)\)(, .+)?", below), below
 
 
 def _coloured(panels) -> dict[str, list[str]]:

@@ -11,6 +11,7 @@ from shutil import copyfile
 import pytest
 from PySide6.QtCore import QEvent, QMimeData, QPointF, Qt, QUrl
 from PySide6.QtGui import QDropEvent, QKeyEvent
+from PySide6.QtWidgets import QLineEdit, QPushButton
 
 from app.window import main_window
 from app.window.layout import Layout
@@ -47,6 +48,7 @@ def opened(qtbot, tmp_path, warm_kernels):
         if thread.name == "levimass fit":  # a fit that was given up ends by itself, a moment later
             thread.join(WAIT_MS / 1e3)
     left = [thread.name for thread in threading.enumerate() if thread.name.startswith("levimass")]
+    print("\n".join(map(str, left)))
     assert left == []
 
 
@@ -357,3 +359,18 @@ def test_enter_presses_the_button_with_the_focus_once_and_other_keys_are_passed_
         event = QKeyEvent(QEvent.Type.KeyPress, key, Qt.KeyboardModifier.NoModifier)
         window.keyPressEvent(event)
         assert len(pressed) == times and event.isAccepted() is taken
+
+
+def test_every_button_and_field_that_acts_at_once_is_connected_to_something(opened):
+    window = opened()
+    buttons = [b for b in window.findChildren(QPushButton) if not b.isCheckable() and b.group() is None]
+    fields = window.findChildren(QLineEdit)
+    assert len(buttons) > 30 and len(fields) > 20
+    deaf = []
+    for widget in buttons + fields:
+        meta = widget.metaObject()
+        signals = (meta.method(number) for number in range(meta.methodCount()))
+        wanted = ("clicked", "returnPressed", "textChanged", "textEdited", "editingFinished")
+        if not any(widget.isSignalConnected(s) for s in signals if bytes(s.name()).decode() in wanted):
+            deaf.append(widget.accessibleName() or widget.text())
+    assert deaf == []

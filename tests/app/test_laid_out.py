@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 from PySide6.QtCore import QCoreApplication, QEvent, Qt
-from PySide6.QtWidgets import QLabel, QLayout, QWidget
+from PySide6.QtWidgets import QGridLayout, QLabel, QLayout, QPushButton, QWidget
 
 from analysis.drive.curves import drive_curves
 from app.session.session import Session
@@ -77,6 +77,16 @@ def test_every_widget_has_a_place_in_the_layout_of_what_holds_it(panels):
             if child not in placed and not child.isWindow():
                 astray.append(f"{type(holder).__name__}: {type(child).__name__} {getattr(child, 'text', str)()!r}")
     assert astray == []
+
+
+def test_every_button_has_words_and_no_two_widgets_share_a_cell(panels):
+    assert [b for b in panels.findChildren(QPushButton) if not b.text().strip()] == []
+    shared = []
+    for grid in panels.findChildren(QGridLayout):
+        cells = [grid.getItemPosition(place)[:2] for place in range(grid.count())]
+        if not panels.live.isAncestorOf(grid.parentWidget()):  # whose words "No samples yet" lie over the curves
+            shared += [f"{type(grid.parentWidget()).__name__} {cell}" for cell in set(cells) if cells.count(cell) > 1]
+    assert shared == []
 
 
 def test_every_value_axis_has_a_name_and_after_it_a_known_unit(panels):

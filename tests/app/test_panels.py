@@ -417,6 +417,17 @@ def test_a_residual_is_counted_in_the_unit_that_suits_its_size(qtbot, shot):
         assert np.nanmax(panel.residuals.forces._curves[1].samples) == pytest.approx(shown, rel=1e-3)
 
 
+def test_a_shots_residual_takes_the_place_of_a_drives(qtbot, shot):
+    panel = DiagnosisPanel(LIGHT)
+    qtbot.addWidget(panel)
+    driven = synthetic.driven_shot()
+    curves = drive_curves(driven.motion, driven.fit)
+    panel.residuals.show_forces(driven, curves, curves)
+    assert all(len(curve.samples) > 0 for curve in panel.residuals.forces._curves)
+    panel.show_diagnosis(synthetic.diagnosis(shot), [shot])
+    assert [len(curve.samples) for curve in panel.residuals.forces._curves] == [0, 0]
+
+
 def test_a_chi2_near_one_beside_unexplained_says_why(qtbot, shot):
     panel = DiagnosisPanel(LIGHT)
     qtbot.addWidget(panel)

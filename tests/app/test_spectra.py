@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from PySide6.QtCore import QPointF
 from PySide6.QtWidgets import QLabel
 
 from analysis.shot.recording import Channel, Recording, Role, Setup
@@ -99,6 +100,10 @@ def test_the_page_shows_both_and_clears_them(qtbot, spectra):
     low, high = spectra.image_span_hz
     assert (place.left(), place.right()) == pytest.approx((-1e3 * ZERO_S, 1e3 * spectra.image_span_s[1]))
     assert (place.top(), place.bottom()) == pytest.approx((1e-6 * low, 1e-6 * high))
+    for row, beat_hz in ((5, BEFORE_HZ), (ROWS - 5, AFTER_HZ)):
+        drawn = panel._picture.mapToParent(QPointF(row + 0.5, spectra.image_db[row].argmax() + 0.5))
+        assert drawn.x() == pytest.approx(1e3 * ((row + 0.5) * BINS / RATE_HZ - ZERO_S))
+        assert drawn.y() == pytest.approx(1e-6 * beat_hz, abs=1e-3)
     (left, right), (bottom, top) = image.plot.view.viewRange()
     assert (left, right) == pytest.approx((-1e3 * ZERO_S, 1e3 * spectra.image_span_s[1]))
     assert (bottom, top) == pytest.approx((1e-6 * low, 1e-6 * high))

@@ -79,6 +79,39 @@ def _runs_back(module: str, taken: set[str]) -> set[str]:
     return {name for name in taken if _layer(name) > _layer(module)}
 
 
+def _without_encoding(source: str) -> Iterator[int]:
+    """Yield the lines that open, read or write a text file in whatever encoding the computer happens to use."""
+    for node in ast.walk(ast.parse(source)):
+        if not isinstance(node, ast.Call) or any(keyword.arg == "encoding" for keyword in node.keywords):
+            continue
+        name = node.func.id if isinstance(node.func, ast.Name) else getattr(node.func, "attr", "")
+        bare = isinstance(node.func, ast.Name)
+        modes = [a.value for a in node.args[1 if bare else 0 :][:1] if isinstance(a, ast.Constant)]
+        text = re.fullmatch(r"[rwaxt+]+", str(modes[0])) if modes else bare and len(node.args) == 1
+        given = {"open": not text, "read_text": len(node.args) > 0, "write_text": len(node.args) > 1}
+        if not given.get(name, True):
+            yield node.lineno
+
+
+@pytest.mark.parametrize("top", ["analysis", "instrument", "app", "levimass"])
+def test_every_text_file_is_read_and_written_in_a_stated_encoding(top: str) -> None:
+    sources = {path: path.read_text(encoding="utf-8") for path in sorted((HOUSE / top).rglob("*.py"))}
+    assert {f"{path.name}:{line}" for path, text in sources.items() for line in _without_encoding(text)} == set()
+
+
+def test_a_text_file_without_an_encoding_is_seen() -> None:
+    for wrong in ('open("a")', 'open("a", "w")', 'p.open("w")', "p.read_text()", "p.write_text(words)"):
+        assert list(_without_encoding(wrong)) == [1], wrong
+    for right in (
+        'open("a", "rb")',
+        'p.open("w", encoding="utf-8")',
+        "sheet.open()",
+        'p.read_text("utf-8")',
+        'rig.open("bench")',
+    ):
+        assert list(_without_encoding(right)) == [], right
+
+
 @pytest.mark.parametrize("top", sorted(LAYERS))
 def test_packages_import_in_one_order(top: str) -> None:
     folder = HOUSE / top

@@ -35,6 +35,7 @@ def spectra_of(recording: Recording, zero_s: float, report: Progress, cancelled:
     frequency = np.asarray(np.fft.rfftfreq(BINS, 1 / recording.sample_rate_hz), dtype=np.float64)
     power: dict[Role, Floats] = {}
     image = np.zeros((0, len(frequency)))
+    pictured = recording.samples  # that the rows of the image hold
     for role in BEATS:
         column = recording.column(role)
         if column is None or count == 0:
@@ -57,6 +58,7 @@ def spectra_of(recording: Recording, zero_s: float, report: Progress, cancelled:
         power[role] = 10 * np.log10(total / max(1, len(rows)) + 1e-30)
         if role is Role.MEASUREMENT:
             image = 10 * np.log10(np.array(rows) + 1e-30)
+            pictured = len(rows) * per_row * BINS
     centre = power.get(Role.REFERENCE, power.get(Role.MEASUREMENT))
     strongest = int(centre.argmax()) if centre is not None else 0
     reach = max(40, int(1.4e6 / (frequency[1] if len(frequency) > 1 else 1.0)))
@@ -68,7 +70,7 @@ def spectra_of(recording: Recording, zero_s: float, report: Progress, cancelled:
         frequency,
         power,
         shown,
-        (-zero_s, -zero_s + recording.samples / recording.sample_rate_hz),
+        (-zero_s, -zero_s + pictured / recording.sample_rate_hz),
         (float(frequency[low]), float(frequency[high - 1])) if len(frequency) else (0.0, 1.0),
         (lowest - 10, highest + 5),
         (float(np.median(shown)), float(shown.max())) if shown.size else (0.0, 1.0),

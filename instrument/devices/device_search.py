@@ -121,7 +121,7 @@ def _ni_in_sys(pci: Path) -> list[str]:
     found = []
     for entry in sorted(pci.glob("*/vendor")):
         with contextlib.suppress(OSError):
-            if entry.read_text().strip().lower() == _NI_VENDOR:
+            if entry.read_text(encoding="utf-8").strip().lower() == _NI_VENDOR:
                 found.append(entry.parent.name)
     return found
 

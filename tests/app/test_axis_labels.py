@@ -150,3 +150,29 @@ def test_the_numbers_of_a_small_plot_do_not_lie_over_one_another(qapp, monkeypat
     finally:
         plot.close()
         plot.deleteLater()
+
+
+def test_a_line_of_the_grid_stands_at_a_number_and_nowhere_else(qapp):
+    plot = PlainPlot("Trend", ("restitution", ""), "speed (m/s)", TIME)
+    plot.dress(LIGHT)
+    plot.resize(*HIGH)
+    plot.show()
+    plot.plot.view.setRange(xRange=(0.0, 1.0), yRange=(0.0, 1.0), padding=0.0)
+    QTest.qWait(20)
+    try:
+        for side in ("left", "bottom"):
+            axis = plot.plot.getAxis(side)
+            picture = QPicture()
+            painter = QPainter(picture)
+            _, ticks, texts = axis.generateDrawSpecs(painter)
+            painter.end()
+            along = 1 if side == "left" else 0
+            numbers = [(rectangle.center().x(), rectangle.center().y())[along] for rectangle, _, _ in texts]
+            lines = sorted(start[along] for _, start, _ in ticks)
+            assert len(texts) > 3 and len(lines) > 3
+            for line in lines[1:-1]:  # the outermost numbers may have no room
+                assert min(abs(line - number) for number in numbers) < 1.5
+            assert {pen.color().name() for pen, _, _ in ticks} == {LIGHT.grid}
+    finally:
+        plot.close()
+        plot.deleteLater()

@@ -4,6 +4,7 @@ import contextlib
 import csv
 import gc
 import hashlib
+import io
 import json
 import signal
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 
 from analysis.shot.shot import AnalysisSettings
 from analysis.shot.version import program, program_version
+from app.command_line.campaign import run
 from app.command_line.campaign.cluster import guarded
 from app.command_line.campaign.journal import JOURNAL, Journal
 from app.command_line.campaign.task import NotReached, analyse_one, tasks_of, unfit
@@ -118,6 +120,32 @@ def test_a_worker_that_cannot_do_the_work_says_why(tmp_path: Path) -> None:
     assert unfit(program(), [here, here + "/none"], None) == f"does not see the folder {here}/none"
     (tmp_path / "a file").touch()
     assert f"cannot write to {here}/a file" in str(unfit(program(), [here], f"{here}/a file"))
+
+
+def test_a_terminal_is_told_how_many_shots_are_done_and_how_long_the_others_take(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now = [100.0]
+    terminal = io.StringIO()
+    monkeypatch.setattr(terminal, "isatty", lambda: True)
+    monkeypatch.setattr("sys.stderr", terminal)
+    monkeypatch.setattr(run.time, "monotonic", lambda: now[0])
+    progress = run.Progress(10, already=7)
+    for _ in range(4):
+        now[0] += 3.0
+        progress.step()
+    progress.end()
+    assert "7 shots were analysed by an earlier call" in terminal.getvalue()
+    lines = [line for line in terminal.getvalue().split("\r") if "to go" in line]
+    assert [line.split(" \x1b")[0] for line in lines] == [
+        f"{done}/10 shots, {left} s to go" for done, left in ((1, 27), (2, 24), (3, 21), (4, 18))
+    ]
+    terminal.truncate(0)
+    monkeypatch.setattr(terminal, "isatty", lambda: False)
+    quiet = run.Progress(2, already=1)
+    quiet.step()
+    quiet.end()
+    assert terminal.getvalue() == ""
 
 
 def test_windows_waits_for_61_processes_at_most(monkeypatch: pytest.MonkeyPatch) -> None:

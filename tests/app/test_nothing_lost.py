@@ -321,6 +321,15 @@ def test_a_recording_that_a_kill_cut_off_is_offered_at_the_next_start(qtbot: QtB
     assert workbench.session.entries[0].path == str(cut) and notices.words == ""
 
 
+def test_of_many_unlisted_recordings_three_are_named_and_the_rest_counted(away: Away) -> None:
+    workbench, _, _ = away
+    paths = tuple(Path(f"shot-{number:04d}.sigmf-meta") for number in range(1, 6))
+    for count, words in ((3, "shot-0001, shot-0002, shot-0003"), (5, "shot-0001, shot-0002, shot-0003 and 2 more")):
+        workbench._take_unlisted(Unlisted(paths[:count]))
+        (event,) = workbench.poll()
+        assert event.words == f"{count} recordings in the data folder not in any session: {words}"
+
+
 def test_a_recording_that_no_session_lists_is_offered_until_it_is_declined(
     qtbot: QtBot, tmp_path: Path, away: Away
 ) -> None:

@@ -18,6 +18,7 @@ from analysis.shot.quantity import NotSeen, Quantity
 from analysis.uncertainty.gum_budget import budget
 from app.report.number_tables import fitted
 from app.session.session import Session
+from app.window.panels.budget import BudgetPanel
 from app.window.panels.candidates import CandidateBars
 from app.window.panels.compare import ComparePanel
 from app.window.panels.diagnosis import DiagnosisPanel
@@ -27,11 +28,11 @@ from app.window.panels.notice import NoticeLine
 from app.window.panels.numbers import NumbersPanel
 from app.window.panels.session_model import FLAGS
 from app.window.panels.session_table import NOTE, SessionTable
-from app.window.panels.shot import ShotPanel
+from app.window.panels.shot import VIEWS, ShotPanel
 from app.window.panels.shot_motion import RESIDUALS
 from app.window.plots import save
 from app.window.theme import LIGHT, MARKS, Tone
-from app.words.wording import value_text
+from app.words.wording import number, value_text
 from tests.app import synthetic
 
 
@@ -197,6 +198,13 @@ def test_at_most_two_points_a_pixel_are_drawn(shot_panel):
             assert len(x) <= 2 * max(64, plot.view.width())
 
 
+def test_every_view_has_a_button_that_shows_it(shot_panel, qtbot):
+    buttons = {button.text(): button for button in shot_panel.findChildren(QPushButton)}
+    for view, words, _, _ in (*VIEWS[1:], VIEWS[0]):
+        qtbot.mouseClick(buttons[words], Qt.MouseButton.LeftButton)
+        assert shot_panel.view == view and buttons[words].isChecked()
+
+
 def test_every_view_draws_what_a_shot_has_and_nothing_of_the_one_before(shot_panel, shot):
     lacking = (
         shot,
@@ -256,8 +264,8 @@ def test_no_number_and_no_heading_of_the_table_is_cut(qtbot):
 def test_the_table_sorts_filters_groups_and_hides_columns(qtbot):
     session, table = Session(), SessionTable()
     qtbot.addWidget(table)
-    for number, (name, speed) in enumerate((("paper-2", 0.3), ("steel-1", 0.1), ("paper-10", 0.2)), 1):
-        session.add(synthetic.shot(name, speed, number, count=9000))
+    for seed, (name, speed) in enumerate((("paper-2", 0.3), ("steel-1", 0.1), ("paper-10", 0.2)), 1):
+        session.add(synthetic.shot(name, speed, seed, count=9000))
     session.set_verdict(2, "adequate")
     table.show_session(session)
     table.show()
@@ -337,6 +345,29 @@ def test_the_last_eight_are_overlaid_from_their_touch_on_and_bars_reach_one_std_
     assert float(said) == pytest.approx(float(np.std(values, ddof=1)), rel=0.01)
 
 
+def test_the_budget_states_three_digits_of_a_source_and_two_of_what_it_contributes(qtbot, shot):
+    panel = BudgetPanel()
+    qtbot.addWidget(panel)
+    panel.show_shot(shot)
+    (q,) = [q for q in budget(shot).quantities if q.key == "force_peak_n"]
+    tree = panel.table
+    line = next(
+        tree.topLevelItem(i) for i in range(tree.topLevelItemCount()) if tree.topLevelItem(i).text(0) == q.words
+    )
+    assert [float(line.text(column)) for column in (3, 4, 5, 6)] == [
+        float(f"{part:.2g}") for part in (q.std_a, q.std_b, q.std, q.expanded)
+    ]
+    assert line.childCount() == len(q.rows) > 2
+    for place, row in enumerate(q.rows):
+        cells = [line.child(place).text(column) for column in range(7)]
+        assert cells[0] == row.source and cells[2] == row.unit.replace("1", "") and cells[3] == row.kind
+        if row.std is not None:
+            assert cells[1] == number(row.std, 3) and cells[4] == number(row.sensitivity, 3)
+            assert cells[5] == number(row.contribution, 2)
+            share = 100 * (row.contribution / q.std) ** 2
+            assert float(cells[6].removesuffix(" %")) == pytest.approx(share if share >= 0.01 else 0.0, rel=0.05)
+
+
 def test_the_diagnosis_says_the_verdict_first_and_offers_to_add_the_effect(qtbot, shot):
     panel = DiagnosisPanel(LIGHT)
     qtbot.addWidget(panel)
@@ -364,6 +395,37 @@ def test_the_errors_before_and_after_are_told_in_one_unit(qtbot, shot):
     words = " ".join(re.sub("<[^>]*>", " ", panel.residuals._errors.text()).split())
     assert "displacement (nm)" in words and "force (mN)" in words
     assert words.split("before")[1].split()[0] == "141" and words.split("after")[1].split()[0] == "0.152"
+
+
+def test_a_residual_is_counted_in_the_unit_that_suits_its_size(qtbot, shot):
+    panel = DiagnosisPanel(LIGHT)
+    qtbot.addWidget(panel)
+    found = synthetic.diagnosis(shot)
+    for size, unit in ((3e-11, "pm"), (3e-9, "nm"), (3e-6, "µm")):
+        left = size * np.sin(np.arange(shot.motion.time_s.size))
+        fit = replace(found.fit_after, shots=(replace(found.fit_after.shots[0], residual_m=left),))
+        panel.show_diagnosis(replace(found, fit_before=fit, fit_after=fit), [shot])
+        assert [plot.unit for plot in panel.residuals.stack.plots] == [unit, unit]
+        shown = {"pm": 30.0, "nm": 3.0, "µm": 3.0}[unit]
+        assert np.nanmax(panel.residuals._curves[0].samples) == pytest.approx(shown, rel=1e-3)
+    driven = synthetic.driven_shot()
+    curves = drive_curves(driven.motion, driven.fit)
+    for size, unit, shown in ((3e-5, "µN", 30.0), (3e-2, "mN", 30.0), (3.0, "N", 3.0)):
+        left = size * np.sin(np.arange(curves.time_s.size))
+        panel.residuals.show_forces(driven, curves, replace(curves, measured_n=curves.modelled_n + left))
+        assert panel.residuals.forces.stack.plots[1].unit == unit
+        assert np.nanmax(panel.residuals.forces._curves[1].samples) == pytest.approx(shown, rel=1e-3)
+
+
+def test_a_shots_residual_takes_the_place_of_a_drives(qtbot, shot):
+    panel = DiagnosisPanel(LIGHT)
+    qtbot.addWidget(panel)
+    driven = synthetic.driven_shot()
+    curves = drive_curves(driven.motion, driven.fit)
+    panel.residuals.show_forces(driven, curves, curves)
+    assert all(len(curve.samples) > 0 for curve in panel.residuals.forces._curves)
+    panel.show_diagnosis(synthetic.diagnosis(shot), [shot])
+    assert [len(curve.samples) for curve in panel.residuals.forces._curves] == [0, 0]
 
 
 def test_a_chi2_near_one_beside_unexplained_says_why(qtbot, shot):
@@ -549,6 +611,8 @@ def test_the_band_is_what_the_verdict_was_judged_by(qtbot, shot):
     assert "noise, wander and building, ±2 σ" in [words for words, _ in panel._legend.entries]
     panel.show_shot(shot, judged_by=wandering)
     assert "noise as all shots show it, ±2 σ" in [words for words, _ in panel._legend.entries]
+    panel.show_shot(replace(shot, fit=None))  # no other shot's words
+    assert "noise, wander and building, ±2 σ" in [words for words, _ in panel._legend.entries]
 
 
 def test_two_numbers_of_one_kind_have_two_names(qtbot, shot):

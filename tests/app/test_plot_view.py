@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pyqtgraph import Point
 from PySide6.QtCore import QLocale, QPointF, QRectF, Qt
 from PySide6.QtGui import QAccessible, QGuiApplication, QImage
 from PySide6.QtWidgets import QWidget
@@ -120,8 +121,34 @@ def test_box_wheel_back_and_forward(panels, name):
     y = view.viewRange()[1]
     view.wheelEvent(_Wheel(Qt.KeyboardModifier.NoModifier))
     assert view.viewRange()[0] != x and view.viewRange()[1] == y
+    x = view.viewRange()[0]
+    left_axis = (plot.plots[1] if name == "stack" else plot.plot).getAxis("left")
+    left_axis.wheelEvent(_Wheel(Qt.KeyboardModifier.NoModifier))
+    assert view.viewRange()[0] == x and view.viewRange()[1] != y
+    y = view.viewRange()[1]
+    left_axis.mouseDragEvent(_Drag())
+    assert view.viewRange()[0] == x and view.viewRange()[1] != y
+    y = view.viewRange()[1]
+    view.mouseDragEvent(_Drag())
+    assert view.viewRange()[0] != x and view.viewRange()[1] == y
     plot.tell((object(),), "another shot")
     assert not plot.step_view(-1)
+
+
+@pytest.mark.parametrize(("over_axis", "kind"), [(False, "wheelEvent"), (True, "wheelEvent"), (True, "mouseDragEvent")])
+def test_values_zoomed_by_hand_stay_when_the_time_is_zoomed(panels, over_axis, kind):
+    panels.tabs.setCurrentIndex(Layout.SHOT)
+    panels.shot.set_view("whole")
+    panels.shot.reset()
+    plot = panels.shot.stack.plots[1]
+    event = _Drag() if kind == "mouseDragEvent" else _Wheel(CTRL if not over_axis else Qt.KeyboardModifier.NoModifier)
+    getattr(plot.getAxis("left") if over_axis else plot.view, kind)(event)
+    chosen = plot.view.viewRange()[1]
+    for _ in range(5):
+        plot.view.wheelEvent(_Wheel(Qt.KeyboardModifier.NoModifier))
+    assert plot.view.viewRange()[1] == chosen
+    panels.shot.reset()
+    assert plot.view.viewRange()[1] != chosen
 
 
 def _flat(states):
@@ -141,8 +168,36 @@ class _Wheel:
     def pos(self):
         return QPointF(40.0, 40.0)
 
+    def scenePos(self):
+        return QPointF(-9e3, -9e3)  # not over the plot
+
     def accept(self):
         pass
+
+
+class _Drag(_Wheel):
+    """A drag with the left button, by 10 pixels each way."""
+
+    def __init__(self):
+        super().__init__(Qt.KeyboardModifier.NoModifier)
+
+    def button(self):
+        return Qt.MouseButton.LeftButton
+
+    def pos(self):
+        return Point(40.0, 40.0)
+
+    def lastPos(self):
+        return Point(30.0, 30.0)
+
+    def buttonDownPos(self, button=None):
+        return QPointF(30.0, 30.0)
+
+    def buttonDownScenePos(self, button=None):
+        return self.scenePos()
+
+    def isFinish(self):
+        return True
 
 
 def test_the_cursors_give_the_stiffness_as_the_slope_of_each_branch(panels):

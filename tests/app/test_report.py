@@ -30,6 +30,10 @@ from tests.app.synthetic import diagnosis, shot
 MADE = datetime(2026, 3, 1, 12, 0, tzinfo=UTC)
 HOSTILE = "<script>alert(1)</script>\" onload='x' &amp; \x00\ud800</style>"
 VOID = {"meta", "br", "path", "line", "rect", "circle"}
+KNOWN = VOID | {
+    *("html", "head", "title", "style", "body", "header", "footer", "section", "div", "h1", "h2", "h3", "h5", "p"),
+    *("b", "span", "ul", "li", "table", "thead", "tbody", "tr", "th", "td", "figure", "figcaption", "svg", "text"),
+}
 
 
 class Elements(HTMLParser):
@@ -73,6 +77,14 @@ def test_it_needs_nothing_else(whole: str) -> None:
     assert not [key for key, _ in attributes if key.startswith("on") or key in ("src", "xlink:href", "style")]
     assert all(str(value).startswith("#") for key, value in attributes if key == "href")
     assert "url(" not in whole and "@import" not in whole and "http" not in whole.replace("http-equiv", "")
+
+
+def test_every_element_is_one_and_the_sections_stand_in_their_order(whole: str) -> None:
+    page = Elements(whole)
+    assert {name for name, _ in page.elements} <= KNOWN
+    assert re.findall("<h3>(.*?)</h3>", whole.split('id="shot-1"')[1]) == [
+        *("Numbers", "Model", "Figures", "Uncertainty budget", "Taken with", "Analysed with", "To repeat it")
+    ]
 
 
 def test_it_holds_every_number_and_what_makes_it_uncertain(whole: str) -> None:

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from PySide6.QtWidgets import QPushButton
 
 from analysis.planning.next_shot import Reach
 from analysis.shot.recording import SETUP_CORRECTED, Air, Setup, corrected
@@ -13,6 +14,10 @@ from app.session.choices import Choices
 from app.session.load import load_and_analyse
 from app.session.session import Session
 from app.session.settings import FIELDS, Settings, WrongSettings, correction_words
+from app.window.file_dialog import Want
+from app.window.panels import settings_sheet
+from app.window.panels.settings_sheet import SettingsSheet
+from app.window.theme import LIGHT
 
 
 def test_what_is_saved_comes_back(tmp_path):
@@ -138,3 +143,23 @@ def test_a_corrected_mass_scales_the_force_of_a_motion_record_and_is_flagged(tmp
     session = Session(tmp_path / "session.json")
     session.add(after)
     assert Session.reopen(tmp_path / "session.json").entries[0].settings == after.settings
+
+
+def test_a_folder_is_chosen_by_the_button_beside_its_field(qtbot, monkeypatch, tmp_path):
+    sheet = SettingsSheet(LIGHT)
+    qtbot.addWidget(sheet)
+    sheet.offer(FIELDS)
+    sheet.show_values(Settings(folder="/before").values())
+    asked = []
+
+    def answered(parent, title, want, then, start):
+        asked.append((want, start))
+        then([tmp_path])
+
+    monkeypatch.setattr(settings_sheet, "ask", answered)
+    (browse,) = [button for button in sheet.findChildren(QPushButton) if button.text() == "…"]
+    browse.click()
+    assert asked == [(Want.FOLDER, "/before")]
+    with qtbot.waitSignal(sheet.applied) as applied:
+        sheet.apply()
+    assert applied.args[0]["folder"] == str(tmp_path)

@@ -9,9 +9,11 @@ from pathlib import Path
 from shutil import copyfile
 
 import pytest
-from PySide6.QtCore import QMimeData, QPointF, Qt, QUrl
-from PySide6.QtGui import QDropEvent
+from PySide6.QtCore import QEvent, QMimeData, QPointF, Qt, QUrl
+from PySide6.QtGui import QDropEvent, QKeyEvent
+from PySide6.QtWidgets import QLineEdit, QPushButton
 
+from app.window import main_window
 from app.window.layout import Layout
 from app.window.main_window import open_window
 from app.window.panels.side_sheet import SideSheet
@@ -46,6 +48,7 @@ def opened(qtbot, tmp_path, warm_kernels):
         if thread.name == "levimass fit":  # a fit that was given up ends by itself, a moment later
             thread.join(WAIT_MS / 1e3)
     left = [thread.name for thread in threading.enumerate() if thread.name.startswith("levimass")]
+    print("\n".join(map(str, left)))
     assert left == []
 
 
@@ -332,3 +335,42 @@ def test_a_filter_that_hides_the_shot_in_front_says_so_and_gives_it_back(opened,
     assert "filter hides the selected shot 2" in window.panels.shot._empty.text()
     table.filter.setText("")
     assert table.numbers == [2] and window.panels.shot._pages.currentWidget() is window.panels.shot.stack
+
+
+@pytest.mark.parametrize(("site", "wanted"), [(None, "bench?site=VC-C"), ("VC-A", "bench?site=VC-A")])
+def test_the_source_of_the_settings_is_opened_at_the_site(qtbot, tmp_path, warm_kernels, monkeypatch, site, wanted):
+    asked = []
+    monkeypatch.setattr(main_window, "open_in_subprocess", lambda text: (asked.append(text), rigs.idle_bench(text))[1])
+    settings = {"levimass_settings": 1, "folder": str(tmp_path / "data"), "site": "VC-C"}
+    (tmp_path / "settings.json").write_text(json.dumps(settings))
+    window = open_window(tmp_path, apart=False, site=site)
+    qtbot.addWidget(window)
+    qtbot.waitUntil(lambda: bool(asked), timeout=WAIT_MS)
+    assert asked == [wanted]
+    window.close()
+
+
+def test_enter_presses_the_button_with_the_focus_once_and_other_keys_are_passed_on(opened, qtbot):
+    window = opened()
+    button, pressed = window.panels.controls.rearm, []
+    button.clicked.connect(lambda: pressed.append(1))
+    button.setFocus()
+    for key, times, taken in ((Qt.Key.Key_Return, 1, True), (Qt.Key.Key_Enter, 2, True), (Qt.Key.Key_F24, 2, False)):
+        event = QKeyEvent(QEvent.Type.KeyPress, key, Qt.KeyboardModifier.NoModifier)
+        window.keyPressEvent(event)
+        assert len(pressed) == times and event.isAccepted() is taken
+
+
+def test_every_button_and_field_that_acts_at_once_is_connected_to_something(opened):
+    window = opened()
+    buttons = [b for b in window.findChildren(QPushButton) if not b.isCheckable() and b.group() is None]
+    fields = window.findChildren(QLineEdit)
+    assert len(buttons) > 30 and len(fields) > 20
+    deaf = []
+    for widget in buttons + fields:
+        meta = widget.metaObject()
+        signals = (meta.method(number) for number in range(meta.methodCount()))
+        wanted = ("clicked", "returnPressed", "textChanged", "textEdited", "editingFinished")
+        if not any(widget.isSignalConnected(s) for s in signals if bytes(s.name()).decode() in wanted):
+            deaf.append(widget.accessibleName() or widget.text())
+    assert deaf == []

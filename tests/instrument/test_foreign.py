@@ -237,7 +237,7 @@ def test_tables_of_many_kinds(tmp_path: Path) -> None:
         held = foreign_channels(path)
         assert [c.name for c in held.channels] == names, text
         assert held.channels[0].sample_rate_hz == (None if rate is None else pytest.approx(rate))
-        assert csv_table.columns(path, names)[0].values.size == 3 - ("x;y" in text)
+        assert csv_table.columns(path, names, False)[0].values.size == 3 - ("x;y" in text)
 
 
 @pytest.mark.parametrize(
@@ -326,6 +326,17 @@ def test_a_tdms_file_may_lie_or_end_early(volts: Volts, tmp_path: Path, capfd: p
         writer.write_segment([channel])
     with pytest.raises(RecordingError, match="scales"):
         foreign_channels(path)
+    for said in ({"wf_increment": "short", "unit_string": 7}, {"wf_increment": 0.0, "unit_string": 7}):
+        with nptdms.TdmsWriter(path) as writer:
+            writer.write_segment([nptdms.ChannelObject("g", "a", np.arange(50, dtype=np.int16), said)])
+        (channel,) = foreign_channels(path).channels  # a property that is no such number counts as none
+        assert (channel.name, channel.samples, channel.sample_rate_hz, channel.unit) == ("g/a", 50, None, "7")
+    with nptdms.TdmsWriter(path) as writer:
+        said = {"NI_Number_Of_Scales": "a few"}
+        writer.write_segment([nptdms.ChannelObject("g", "a", np.arange(50, dtype=np.int16), said)])
+    with pytest.raises(RecordingError, match="cannot be read as tdms") as refusal:
+        foreign_channels(path)
+    assert "\n" not in str(refusal.value)
     names = write_tdms(path, volts)
     mapping = mapping_for(path, names)
     path.write_bytes(path.read_bytes()[:-4000])

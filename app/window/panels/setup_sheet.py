@@ -30,6 +30,8 @@ class SetupSheet(SideSheet):
         super().__init__("Set-up", parent)
         self._colours = colours
         self._checks: tuple[Check, ...] = ()
+        self._waiting = ""
+        self._listed: tuple[Sequence[FoundDevice], Sequence[FoundDevice], str, str] | None = None
         column, self._close = self.head("Set-up", "Close the set-up  (F3 or Esc)")
         column.setSpacing(6)
         self._add_sources(column)
@@ -116,6 +118,7 @@ class SetupSheet(SideSheet):
     ) -> None:
         """List the bench, the devices found and known addresses; ``problem``: why the search failed."""
         self.look.setEnabled(True)
+        self._listed = (found, known, present, problem)
         clear_layout(self._devices)
         if problem:
             self._found.setText(f"{MARKS[Tone.WARNING]} The search for devices failed: {problem}")
@@ -172,7 +175,7 @@ class SetupSheet(SideSheet):
 
     def show_checks(self, checks: tuple[Check, ...], waiting: str = "") -> None:
         """Show the checks of the signals, or why there are none yet."""
-        self._checks = checks
+        self._checks, self._waiting = checks, waiting
         for index, line in enumerate(self._lines):
             line.setVisible(index < len(checks) or (index == 0 and not checks))
             if index < len(checks):
@@ -207,7 +210,12 @@ class SetupSheet(SideSheet):
         for line in (*self._lines, self._verdict):
             line.setText("")
         self._refusal.setStyleSheet(f"color: {colours.signs[Tone.BAD]}")
-        self.show_checks(self._checks)
+        self.show_checks(self._checks, self._waiting)
+        looking = not self.look.isEnabled()
+        if self._listed is not None:
+            self.show_devices(*self._listed)
+        if looking:
+            self.show_looking()
 
     def open(self) -> None:
         """Show the sheet."""

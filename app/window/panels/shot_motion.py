@@ -103,6 +103,7 @@ class MotionView(QObject):
         motion, fit = shot.motion, shot.fit
         kind, _, unit = RESIDUALS[self.kind.currentIndex()]
         if fit is None or not fit.shots:
+            self.band_words = ""
             self._residual.clear_samples()
             self._band.show_band(0.0, 1.0, np.empty(0))
             return

@@ -58,7 +58,7 @@ def contents(path: Path) -> ForeignContents:
     return ForeignContents(path, "csv", checked_channels(path, found))
 
 
-def columns(path: Path, names: Sequence[str], timed: bool = True) -> list[ForeignColumn]:
+def columns(path: Path, names: Sequence[str], timed: bool) -> list[ForeignColumn]:
     """Return the named columns; ``timed``: with the rate from the time column, whose steps must be equal.
 
     Raises RecordingError for a row that holds no numbers and for unequal steps of the time.

@@ -1,5 +1,6 @@
 """The exact solver against the reference table of docs/physics.md, "the model", to its digits."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -61,3 +62,24 @@ def test_gear_agrees_within_its_own_error() -> None:
     assert error < 3e-6
     assert np.abs(fine.velocity_m_per_s - exact.velocity_m_per_s).max() < 0.5 * error
     assert coarse.velocity_m_per_s[-1] == pytest.approx(exact.velocity_m_per_s[-1], abs=3e-7)
+
+
+def test_gears_steps_are_those_of_its_matrices() -> None:
+    """Eq. 5-8 in their printed form: prediction by Pascal's triangle, correction by one column of coefficients."""
+    step_s, steps = 8e-6, 250
+    run = simulate(PAPER, steps * step_s, step_s=step_s)
+    predict = np.array([[math.comb(column, row) for column in range(6)] for row in range(6)], float)
+    correct = np.array([3 / 16, 251 / 360, 1.0, 11 / 18, 1 / 6, 1 / 60])
+    block, plate = np.zeros(6), np.zeros(6)  # x^(n) h^n / n!
+    block[1] = PAPER.velocity_in_m_per_s * step_s
+    for step in range(1, steps + 1):
+        block, plate = predict @ block, predict @ plate
+        overlap, rate = plate[0] - block[0], (plate[1] - block[1]) / step_s
+        stiffness, damping = PAPER.contact_stiffness_n_per_m, PAPER.contact_damping_n_s_per_m
+        force = stiffness * overlap + damping * rate if overlap > 0.0 else 0.0
+        pull = -PAPER.plate_stiffness_n_per_m * plate[0] - force
+        block = block + correct * (0.5 * step_s**2 * force / PAPER.block_mass_kg - block[2])
+        plate = plate + correct * (0.5 * step_s**2 * pull / PAPER.plate_mass_kg - plate[2])
+        assert run.displacement_m[step] == pytest.approx(block[0], rel=1e-11)
+        assert run.plate_displacement_m[step] == pytest.approx(plate[0], rel=1e-11)
+        assert run.velocity_m_per_s[step] * step_s == pytest.approx(block[1], rel=1e-11)

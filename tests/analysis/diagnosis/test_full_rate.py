@@ -1,8 +1,14 @@
-"""A ripple finer than the averaged samples is asked at the record's rate."""
+"""A ripple finer than the averaged samples is asked at the record's rate; the frame's sway follows the parameters."""
 
+from dataclasses import dataclass
+from types import SimpleNamespace as Some
+from typing import Any
+
+import numpy as np
 import pytest
 
 from analysis.collision.effects import named
+from analysis.diagnosis.search import full_rate
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.search.full_rate import at_full_rate
 from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ
@@ -23,3 +29,32 @@ def test_a_ripple_too_weak_for_averaged_samples_is_seen_at_the_records_rate() ->
     clean = shots({})
     alone = base_fit(clean)
     assert at_full_rate(alone, Trail(alone, list(KINDS.values()), calm), clean) is None
+
+
+@dataclass(frozen=True)
+class _Data:
+    site: object
+    base: object = None
+    shots: tuple[object, ...] = ()
+
+
+@pytest.mark.parametrize(("change", "anew"), [(0.1, True), (-0.1, True), (1e-3, False), (-1e-3, False)])
+def test_the_sway_is_computed_anew_for_parameters_that_fell_as_for_those_that_rose(
+    monkeypatch: pytest.MonkeyPatch, change: float, anew: bool
+) -> None:
+    """A change counts by its size, and both sets of parameters are tried."""
+    tried: list[float] = []
+    monkeypatch.setattr(full_rate, "on_site", lambda shots, site, base, body, own: tried.append(body[1]) or shots)
+    monkeypatch.setattr(full_rate, "_plates", lambda fitted: ([], 0.0))
+    monkeypatch.setattr(full_rate, "with_plates", lambda shots, plates: shots)
+    monkeypatch.setattr(full_rate, "_at", lambda fitted, data, stop: fitted)
+    monkeypatch.setattr(full_rate, "_anew", lambda fitted, trail: (fitted, trail))
+    data = _Data(site=Some(shaking=Some(rms_m=1e-9)))
+    start: Any = Some(point=Some(base=np.array([221.4, 1e4])))
+    base = np.array([221.4, 1e4 * (1 + change)])
+    best: Any = Some(
+        hypothesis=Some(data=data), point=Some(base=base, own=()), floor=Some(white_m=1e-10), bic=0.0, effects=()
+    )
+    trail: Any = Some(start=start, stop=calm)
+    assert full_rate.with_sway_updated(best, trail) == (best, trail)
+    assert set(tried) == ({float(base[1]), 1e4} if anew else set())

@@ -1,10 +1,11 @@
 """The builder of a fit: what is chosen, not fitted, stands in the covariance like everything else."""
 
 import numpy as np
+import pytest
 
 from analysis.collision.effects import named
 from analysis.diagnosis.model_file import from_text, saved, to_text
-from analysis.inference.fit.build_fit import Estimate, build_fit
+from analysis.inference.fit.build_fit import Estimate, _has_loud_moment, build_fit
 
 
 def test_a_fit_with_a_chosen_parameter_is_saved_and_read_again() -> None:
@@ -26,3 +27,16 @@ def test_a_fit_with_a_chosen_parameter_is_saved_and_read_again() -> None:
     assert np.array_equal(again.covariance, fit.covariance)
     assert np.array_equal(fit.covariance[:2, :2], estimate.covariance)
     assert not fit.covariance[2].any() and not fit.covariance[:, 2].any()
+
+
+@pytest.mark.parametrize(
+    ("louder", "share", "rings"),
+    [(1.0, 0.0, False), (3.0, 0.05, True), (3.0, 0.35, True), (3.0, 0.45, False), (1.1, 0.05, False)],
+)
+def test_a_residual_rings_that_is_loud_for_a_moment_and_not_throughout(
+    louder: float, share: float, rings: bool
+) -> None:
+    whitened = np.random.default_rng(1).standard_normal(15_000)
+    whitened[: round(share * whitened.size)] *= louder
+    assert _has_loud_moment(whitened) is rings
+    assert not _has_loud_moment(whitened[:200])  # too short to tell

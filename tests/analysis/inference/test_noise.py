@@ -48,6 +48,19 @@ def test_what_rings_in_the_outgoing_flight_is_no_floor() -> None:
     assert found.white_m == pytest.approx(WHITE_M, rel=0.2)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_louder_after_the_contact_is_not_taken_for_noise(seed: int) -> None:
+    quiet = with_flights(3000, 3000, seed, 0.0)
+    loud = quiet.displacement_m.copy()
+    loud[3100:] *= 3.0
+    found, _ = noise_of_flights([replace(quiet, displacement_m=loud)])
+    assert found.white_m == pytest.approx(WHITE_M, rel=0.1) and found.rms_m == (0.0, 0.0)
+    quieter = quiet.displacement_m.copy()
+    quieter[:3000] *= 3.0  # the incoming flight is what an effect has not touched yet
+    found, _ = noise_of_flights([replace(quiet, displacement_m=quieter)])
+    assert 1.5 * WHITE_M < found.white_m < 3.3 * WHITE_M
+
+
 def test_too_little_flight_is_not_trusted() -> None:
     found, trusted = noise_of_flights([with_flights(20, 10, 5, 0.0)])
     assert not trusted

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from analysis.collision.parameters import PAPER, Variant
@@ -139,3 +140,12 @@ def test_result_is_json(table: Reproduction) -> None:
 
 def test_half_sine() -> None:
     assert half_sine_time_s(221.4, 17.85e-3 + 1.984e-4) == pytest.approx(28.36e-3, abs=5e-6)
+
+
+def test_force_peaks_are_found_between_the_samples(run: Simulated) -> None:
+    time, force = run.trajectory.time_s, run.trajectory.force_n
+    for peak_s in run.force_peaks_s:
+        near = np.abs(time - peak_s) < 8e-6
+        slope = np.polynomial.Polynomial.fit(time[near], force[near], 6).deriv()
+        roots = slope.roots()
+        assert np.abs(roots - peak_s).min() < 5e-10

@@ -7,6 +7,7 @@ from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisSettings
 from analysis.signal.demodulation import demodulate
 from analysis.signal.filters import derivative_filters
+from analysis.signal.track import local_variance
 from app.words.flags import FLAG_WORDS
 from tests.analysis.signal.beats import free_flight, make_recording
 
@@ -52,3 +53,19 @@ def test_a_clipped_beat_is_flagged_and_has_words() -> None:
     recording = make_recording(free_flight(-0.2), 300_000, alter=lambda role, t, x: np.clip(x, -6500, 6500))
     assert "clipped" in demodulate(recording, AnalysisSettings()).flags
     assert "gain" in FLAG_WORDS["clipped"]
+
+
+def test_the_local_noise_of_a_beat_is_that_of_its_stretch_and_unknown_where_all_is_dark() -> None:
+    deviates = np.random.default_rng(1).standard_normal(20_480)
+    deviates[10_240:] *= 3.0
+    found = local_variance(deviates**2)
+    assert found.shape == deviates.shape
+    assert np.mean(found[:9_700]) == pytest.approx(1.0, rel=0.08)
+    assert np.mean(found[10_800:]) == pytest.approx(9.0, rel=0.08)
+    holed = np.where(np.arange(deviates.size) % 512 < 460, np.nan, deviates**2)
+    assert np.mean(local_variance(holed)[:9_700]) == pytest.approx(1.0, rel=0.25)
+    dark = local_variance(np.full(5_000, np.nan))
+    assert dark.shape == (5_000,) and np.isnan(dark).all()
+    few = np.full(5_000, np.nan)
+    few[::600] = 1.0  # a sample here and there is no measure
+    assert np.isnan(local_variance(few)).all()

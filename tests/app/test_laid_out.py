@@ -1,0 +1,128 @@
+"""The window as a whole: every widget has its place, every plot its unit, and all follow a change of colours."""
+
+import re
+from dataclasses import replace
+
+import pytest
+from PySide6.QtCore import QCoreApplication, QEvent, Qt
+from PySide6.QtWidgets import QGridLayout, QLabel, QLayout, QPushButton, QWidget
+
+from analysis.drive.curves import drive_curves
+from app.session.session import Session
+from app.session.settings import FIELDS
+from app.window.layout import Layout
+from app.window.plots.plain_plot import PlainPlot
+from app.window.plots.time_stack import TimeStack
+from app.window.theme import DARK, LIGHT, Theme, Tone
+from instrument.devices.device_search import FoundDevice
+from tests.app import synthetic
+
+UNITS = {"MHz", "m/s", "N", "mN", "µN", "µm", "nm", "mm", "V", "", "µm/s", "pm", "mm/s", "dB above 1 V²/Hz"}
+
+
+@pytest.fixture
+def panels(qtbot):
+    """Return the panels of a window, each with something to show, in light colours."""
+    panels = Layout(Theme("light"))
+    qtbot.addWidget(panels)
+    panels.settings.offer(FIELDS)
+    session = Session()
+    for index, speed in enumerate((0.2, 0.25), 1):
+        session.add(synthetic.shot(f"shot-{index}", speed, index))
+    entries = list(session.entries)
+    first = entries[0].shot
+    panels.table.show_session(session)
+    panels.shot.show_shot(first)
+    panels.numbers.show_shot(replace(first, flags=("momentum_disagrees", "clipped")))
+    panels.model.show_shot(replace(first, fit=replace(first.fit, reduced_chi2=5e3)))
+    panels.model.show_verdict("the model lacks quadratic drag", Tone.GOOD)
+    panels.banner.show_state("FAULT", "No space left on device.", Tone.BAD)
+    panels.compare.show_entries(entries)
+    panels.diagnosis.show_diagnosis(synthetic.diagnosis(first), [first])
+    panels.budget.show_shot(first)
+    panels.setup.show_devices(
+        (FoundDevice("hantek6022", "Hantek 6022", "USB", "no permission", "a rule"),), (), "bench"
+    )
+    QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)  # what was replaced meanwhile
+    return panels
+
+
+def _laid_out(layout: QLayout):
+    for place in range(layout.count()):
+        item = layout.itemAt(place)
+        if item.widget() is not None:
+            yield item.widget()
+        elif item.layout() is not None:
+            yield from _laid_out(item.layout())
+
+
+def test_every_widget_has_a_place_in_the_layout_of_what_holds_it(panels):
+    over_all = {
+        panels.settings,
+        panels.setup,
+        panels.mapping,
+        panels.law,
+        panels.keys,
+        panels.about,
+        panels.messages,
+        panels.tour,
+        panels.tour._ring,
+    }
+    astray = []
+    for holder in (panels, *panels.findChildren(QWidget)):
+        if holder.layout() is None:
+            continue
+        placed = set(_laid_out(holder.layout())) | (over_all if holder is panels else set())
+        for child in holder.findChildren(QWidget, options=Qt.FindChildOption.FindDirectChildrenOnly):
+            if child not in placed and not child.isWindow():
+                astray.append(f"{type(holder).__name__}: {type(child).__name__} {getattr(child, 'text', str)()!r}")
+    assert astray == []
+
+
+def test_every_button_has_words_and_no_two_widgets_share_a_cell(panels):
+    assert [b for b in panels.findChildren(QPushButton) if not b.text().strip()] == []
+    shared = []
+    for grid in panels.findChildren(QGridLayout):
+        cells = [grid.getItemPosition(place)[:2] for place in range(grid.count())]
+        if not panels.live.isAncestorOf(grid.parentWidget()):  # whose words "No samples yet" lie over the curves
+            shared += [f"{type(grid.parentWidget()).__name__} {cell}" for cell in set(cells) if cells.count(cell) > 1]
+    assert shared == []
+
+
+def test_every_value_axis_has_a_name_and_after_it_a_known_unit(panels):
+    driven = synthetic.driven_shot()
+    panels.diagnosis.residuals.show_forces(driven, *2 * [drive_curves(driven.motion, driven.fit)])
+    plots = [(plot, plot.title, plot.unit) for stack in panels.findChildren(TimeStack) for plot in stack.plots]
+    plots += [(view.plot, view.plot.title, view.plot.unit) for view in panels.findChildren(PlainPlot)]
+    assert len(plots) > 25
+    for plot, title, unit in plots:
+        assert unit in UNITS and title not in UNITS, (title, unit)
+        assert all(curve.unit in UNITS for curve in plot.sampled if hasattr(curve, "unit"))
+        below = plot.getAxis("bottom").labelText
+        assert not below or re.fullmatch(r"[^()]+ \((\S+)\)(, .+)?", below), below
+
+
+def _coloured(panels) -> dict[str, list[str]]:
+    """Return the colours that widgets give their own words and frames, and which widgets do."""
+    found = {}
+    for widget in panels.findChildren(QWidget):
+        words = widget.text() if isinstance(widget, QLabel) else "(a frame)"
+        for colour in re.findall(r"#[0-9a-f]{6}", widget.styleSheet() + words) if words else ():
+            found.setdefault(colour, []).append(f"{type(widget.parent()).__name__}: {words}")
+    return found
+
+
+def _all_of(colours) -> set[str]:
+    tones = {colour for pair in colours.tones.values() for colour in pair}
+    return {colours.text, colours.faint, colours.accent, *colours.signs.values(), *tones}
+
+
+def test_a_change_of_colours_reaches_every_word_that_is_coloured(panels):
+    assert len(_all_of(LIGHT).intersection(_coloured(panels))) > 4
+    panels._theme._colours = DARK  # the application's own style sheet takes seconds
+    panels.dress()
+    QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
+    found = _coloured(panels)
+    assert {colour: found[colour] for colour in found.keys() & (_all_of(LIGHT) - _all_of(DARK))} == {}
+    assert len(_all_of(DARK).intersection(found)) > 4
+    assert "no samples yet" in panels.setup.lines

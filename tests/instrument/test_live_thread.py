@@ -1,0 +1,70 @@
+"""The thread behind LIVE: a picture that fails is said and does not end it."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.shot.recording import Channel, Role, Setup
+from instrument.devices.digitizer import CaptureSettings
+from instrument.live.live_thread import LiveThread
+from instrument.live.ring import Ring, Stream
+
+RATE_HZ = 1e6
+CHANNELS = (Channel(Role.MEASUREMENT, 1e-3),)
+
+
+def _stream(channels: tuple[Channel, ...] = CHANNELS) -> Stream:
+    """Return a stream of a beat of 91 kHz."""
+    ring = Ring(200_000, 1)
+    beat = np.rint(900 * np.sin(2 * np.pi * 0.091 * np.arange(150_000)))
+    ring.append(beat.astype(np.int16)[:, None])
+    settings = CaptureSettings(RATE_HZ, 50_000, 1000)
+    return Stream(ring, 0, settings, channels, Setup(17.85e-3, rest_frequency_hz=91e3), "bench")
+
+
+def _until(condition: Callable[[], bool], seconds: float = 10.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.005)
+
+
+def test_a_picture_that_fails_is_said_and_the_next_stream_is_shown(tmp_path: Path) -> None:
+    stream: list[Stream | None] = [None]
+
+    def newest() -> Stream | None:
+        if stream[0] is None:
+            raise ZeroDivisionError("no rate\nat all")
+        return stream[0]
+
+    live = LiveThread(newest, lambda: tmp_path)
+    assert live.view.problem is None
+    live.start()
+    try:
+        _until(lambda: live.view.problem is not None)
+        view = live.view
+        assert view.problem == "the live picture failed: ZeroDivisionError('no rate\\nat all')"
+        assert view.raw_time_s.shape == (0,) and view.raw_v.shape == (0, 0) and view.time_s.size == 0
+        stream[0] = _stream()
+        _until(lambda: live.view.time_s.size > 0 and live.channels != ())
+        assert live.view.problem is None
+        assert live.view.raw_v.shape == (live.view.raw_time_s.size, 1) and live.view.raw_time_s.size > 100
+        assert live.channels[0].frequency_hz == pytest.approx(91e3, rel=1e-2)
+        assert live.disk_free_bytes is not None and live.disk_free_bytes > 0
+    finally:
+        assert live.close()
+
+
+def test_a_stream_without_a_moving_beat_says_so_and_still_shows_its_signals(tmp_path: Path) -> None:
+    stream = _stream((Channel(Role.SWITCH, 1e-3),))
+    live = LiveThread(lambda: stream, lambda: tmp_path)
+    live.start()
+    try:
+        _until(lambda: live.view.problem is not None and live.channels != ())
+        assert live.view.problem == "no measurement channel (PD1)"
+        assert live.view.raw_v.shape[1] == 1 and live.view.raw_v.shape[0] > 100
+    finally:
+        assert live.close()

@@ -16,7 +16,7 @@ COLUMNS = 400
 
 @dataclass(frozen=True, slots=True)
 class Spectra:
-    """Power of each beat against frequency, and PD1's against time; decibels above 1 V^2/Hz."""
+    """One-sided power density of each beat against frequency, and PD1's against time; decibels above 1 V^2/Hz."""
 
     frequency_hz: Floats  # (f,)
     power_db: dict[Role, Floats]  # each (f,)
@@ -30,7 +30,7 @@ class Spectra:
 def spectra_of(recording: Recording, zero_s: float, report: Progress, cancelled: Stop) -> Spectra:
     """Return averaged Hann periodograms of the beats; cost: one pass of FFTs of 4096 over the record."""
     window = np.hanning(BINS)
-    scale = 1.0 / (recording.sample_rate_hz * float(window @ window))
+    scale = 2.0 / (recording.sample_rate_hz * float(window @ window))  # one-sided: both signs of a frequency
     count = recording.samples // BINS
     frequency = np.asarray(np.fft.rfftfreq(BINS, 1 / recording.sample_rate_hz), dtype=np.float64)
     power: dict[Role, Floats] = {}

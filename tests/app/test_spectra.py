@@ -54,6 +54,14 @@ def test_each_beat_stands_at_its_frequency_as_far_above_the_noise_as_it_is(spect
     assert low < np.median(still) and high > still.max() and high - low < 110
 
 
+def test_the_density_is_one_sided_as_its_axis_is(spectra):
+    """White noise of std s has 2 s^2 / rate between 0 and half the rate; it was shown 3 dB lower."""
+    noise_v2 = 1e-3**2 + 1e-4**2 / 12  # of the samples, and of rounding to counts of 0.1 mV
+    expected_db = 10 * np.log10(2 * noise_v2 / RATE_HZ)
+    for power_db in spectra.power_db.values():
+        assert 10 * np.log10(np.mean(10 ** (power_db[-500:-1] / 10))) == pytest.approx(expected_db, abs=0.1)
+
+
 def test_the_picture_has_the_moving_beats_frequency_at_every_time(spectra):
     low, high = spectra.image_span_hz
     rows, bins = spectra.image_db.shape

@@ -1,4 +1,4 @@
-"""An axis whose grid is an opaque line per labelled tick; a half-transparent grid takes half a frame."""
+"""An axis whose grid is an opaque line at every coarse tick; a half-transparent grid takes half a frame."""
 
 import math
 from typing import Any
@@ -20,7 +20,7 @@ def _round_up(distance: float) -> float:
 
 
 class PlainAxis(pg.AxisItem):
-    """The axis; its grid is that of the labelled ticks."""
+    """The axis; finer ticks may have numbers, but no lines."""
 
     fitted = Signal(bool)  # whether the whole label is shown
 
@@ -83,7 +83,7 @@ class PlainAxis(pg.AxisItem):
         self._fit_label()  # at once, so that it is never drawn cut
 
     def generateDrawSpecs(self, p: QPainter) -> Any:
-        """Keep only the lines of the labelled ticks."""
+        """Keep only the lines of the coarsest ticks."""
         specs = super().generateDrawSpecs(p)
         if specs is None or not specs[1]:
             return specs

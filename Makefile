@@ -36,7 +36,7 @@ unit: kernels
 slow: $(READY)
 	QT_QPA_PLATFORM=offscreen $(BIN)/python -m pytest -m slow
 
-# 200 faults drawn by a seed, each in a copy of the program: does a test notice?  About two hours on two cores
+# 200 faults drawn by a seed, each in a copy of the program: does a test notice?  An hour or two on two cores
 mutants: $(READY)
 	nice $(BIN)/python -m tests.mutants --faults 200 --seed 1
 

@@ -2,7 +2,7 @@ from . import plate
 from .air import STANDARD_AIR, refractive_index, wavelength_in_air_m
 from .consistency import CONCERNS, FIT_FLAGS, PLATE_RINGS, concerning, fit_flags, reading_flags
 from .disturbance import Disturbance, Shaking, VibrationLine
-from .fit import Fit, Overlay, ShotFit, names_on_plate, plates_named
+from .fit import Fit, Overlay, ShotFit, Wander, names_on_plate, plates_named
 from .impact import Impact, KineticCor
 from .motion import BeatQuality, Motion
 from .plate import Disc, Number, PlateTolerance, compliance_of, corrected_slope, stated_n_per_m
@@ -69,6 +69,7 @@ __all__ = [
     "ShotFit",
     "Stop",
     "VibrationLine",
+    "Wander",
     "compliance_of",
     "concerning",
     "corrected",

@@ -11,6 +11,7 @@ from analysis.collision import Effect
 from analysis.shot.quantity import Quantity
 
 Floats = NDArray[np.float64]
+Wander = tuple[tuple[float, float], ...]  # of each part of the noise that wanders: rms in m, memory in s
 _FURTHER = re.compile(r"plate_(\d+)_(.+)")  # a further plate's stiffness or mass
 
 
@@ -86,7 +87,7 @@ class Fit:
     chi2: float = float("nan")  # whitened, over ``samples`` samples and ``free_parameters`` parameters
     samples: int = 0
     free_parameters: int = 0
-    wander: tuple[tuple[float, float], ...] = ()  # of each part of the noise that wanders: rms in m, memory in s
+    wander: Wander = ()
     on_frames: bool = False  # the frames' vibration is part of the noise, and the plates may move before the touch
 
     @property

@@ -11,7 +11,7 @@ from .gum_budget import (
     stated,
 )
 from .instrument_uncertainty import InstrumentUncertainty
-from .motion_band import Floats, NoiseBand, Wander, band_of, diagnosed_band, judged_band, noise_band, wander_of
+from .motion_band import Floats, NoiseBand, band_of, diagnosed_band, judged_band, noise_band, wander_of
 from .numbers import Group, Origin, ResultNumber, number_of, of_collision, of_series, read, shown_numbers, with_unit
 from .series_statistics import Series, Summary, Trend, series, series_result, series_rows
 
@@ -30,7 +30,6 @@ __all__ = [
     "Series",
     "Summary",
     "Trend",
-    "Wander",
     "band_of",
     "budget",
     "budget_result",

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis, Foretold, SavedModel, Verdict, diagnose, drift, saved, to_text
@@ -30,6 +30,7 @@ from app.session import DRIFT_SIGMAS, load_and_analyse, with_combined
 from instrument.files import RecordingError, find_recordings, read_law, write_text_atomic
 from levimass import is_drive
 
+Result = TypeVar("Result")
 NOTHING_OPEN = "the diagnosis leaves nothing open that another shot would have to decide"
 
 
@@ -123,13 +124,9 @@ def _diagnosis(shots: Sequence[Shot], laws: Sequence[Effect], seconds: float) ->
     if why := why_not_together(shots):
         say(f"no joint diagnosis: {why}")
         return None, False
-    try:
-        found = diagnose(shots, accepted=shots[0].settings.effects, laws=laws, seconds=seconds)
-    except AnalysisError as error:
-        say(f"no diagnosis: {error}")
-        return None, True
-    except Exception as error:  # the shots keep their numbers
-        say(f"no diagnosis: {own_fault(error)}")
+    accepted = shots[0].settings.effects
+    found = _or_said(lambda: diagnose(shots, accepted=accepted, laws=laws, seconds=seconds), "no diagnosis")
+    if found is None:
         return None, True
     if found.not_asked:
         say(f"no time within {seconds:g} s for {'; '.join(found.not_asked)}")
@@ -140,21 +137,28 @@ def _prediction(shots: Sequence[Shot], known: SavedModel) -> Foretold | None:
     """Return how well the model file predicts these shots; None, and one line on standard error, where it cannot."""
     seen = [shot for shot in shots if shot.motion is not None and not shot.problem]
     motions = [shot.motion for shot in seen if shot.motion is not None]
-    try:
-        names = [shot.path or shot.name for shot in seen]
-        prediction = run_in_time(lambda: foretell_motions(motions, names, known), SECONDS * (1 + len(seen)))
-    except AnalysisError as error:
-        say(f"no prediction: {error}")
-        return None
-    except Exception as error:  # the shots keep their numbers
-        say(f"no prediction: {own_fault(error)}")
-        return None
-    for shot in prediction.shots:
+    names = [shot.path or shot.name for shot in seen]
+    seconds = SECONDS * (1 + len(seen))
+    prediction = _or_said(
+        lambda: run_in_time(lambda: foretell_motions(motions, names, known), seconds), "no prediction"
+    )
+    for shot in prediction.shots if prediction is not None else ():
         if shot.took_part:
             say(f"{shot.name}: took part in the model's fit, so it is no test of it")
         if shot.problem:
             say(f"{shot.name}: not predicted: {shot.problem}")
     return prediction
+
+
+def _or_said(work: Callable[[], Result], lacking: str) -> Result | None:
+    """Return the result of ``work``; None, and one line on standard error about what is ``lacking``, where it fails."""
+    try:
+        return work()
+    except AnalysisError as error:
+        say(f"{lacking}: {error}")
+    except Exception as error:  # the shots keep their numbers
+        say(f"{lacking}: {own_fault(error)}")
+    return None
 
 
 def _say_drift(known: SavedModel, diagnosis: Diagnosis) -> None:
@@ -249,19 +253,16 @@ def plan_shots(
     if is_drive(diagnosis.fit_after.model):
         say("nothing planned: a drive strikes no plate, so there is no collision to plan")
         return None
-    try:
+
+    def planned() -> PlannedShots:
         if parameter:
             fitted = refit_diagnosed(diagnosis.fit_after, motions, lambda: False)
             sharper = plan_precision(fitted, parameter, reach=reach)
             words = f"{shots_words(sharper.shots)} would make {sharper.words}."
             return PlannedShots(words, {**sharper.to_json(), "words": words})
         further = plan_next(motions, diagnosis, reach=reach).plan
-    except AnalysisError as error:
-        say(f"nothing planned: {error}")
-        return None
-    except Exception as error:  # the shots keep their numbers
-        say(f"nothing planned: {own_fault(error)}")
-        return None
-    if further is None:
-        return PlannedShots(NOTHING_OPEN, None)
-    return PlannedShots(plan_sentence(further), with_words(further))
+        if further is None:
+            return PlannedShots(NOTHING_OPEN, None)
+        return PlannedShots(plan_sentence(further), with_words(further))
+
+    return _or_said(planned, "nothing planned")

@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis import Diagnosis, Errors, LearnedLaw
 from analysis.fitted import shaking_of
-from analysis.shot import Motion, Quantity, Reading, Shaking, Shot
+from analysis.shot import Motion, Quantity, Reading, Shot
 from analysis.uncertainty import COLUMNS as BUDGET_COLUMNS
 from analysis.uncertainty import (
     Origin,
     ResultNumber,
-    Wander,
     budget,
     budget_rows,
     combined_of,
@@ -114,7 +113,7 @@ def motion_columns(shot: Shot) -> dict[str, Floats]:
     """Return the columns of a shot's motion, and of the model where the fit converged; each of shape (n,)."""
     assert shot.motion is not None
     columns = {name: np.asarray(getattr(shot.motion, name)) for name in MOTION_COLUMNS}
-    columns |= _stds(shot.motion, shaking_of(shot), wander_of(shot))
+    columns |= _stds(shot, shot.motion)
     if shot.fit is not None and shot.fit.converged and len(shot.fit.shots) == 1:
         overlay = shot.fit.shots[0].overlay
         modelled = (overlay.displacement_m, overlay.velocity_m_per_s, overlay.force_n, overlay.gap_m)
@@ -122,14 +121,15 @@ def motion_columns(shot: Shot) -> dict[str, Floats]:
     return columns
 
 
-def _stds(motion: Motion, shaking: Shaking | None, wander: Wander) -> dict[str, Floats]:
+def _stds(shot: Shot, motion: Motion) -> dict[str, Floats]:
     """Return the columns of standard uncertainties from noise and path vibration, each (n,); none without a shaking.
 
     The motion's own columns take a wandering path for a random walk: six times too large for the force at VC-D.
     """
+    shaking = shaking_of(shot)
     if shaking is None:
         return {}
-    band = noise_band(motion, shaking, wander=wander)
+    band = noise_band(motion, shaking, wander=wander_of(shot))
     stds = (band.displacement_m, band.velocity_m_per_s, band.force_n / motion.moving_mass_kg, band.force_n)
     seen = motion.valid
     return {

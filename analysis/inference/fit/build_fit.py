@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.collision import Effect, Floats
 from analysis.inference.fit.base import OWN_NAMES
 from analysis.inference.fit.response import Response
-from analysis.shot import Fit, Motion, Overlay, Quantity, ShotFit
+from analysis.shot import Fit, Motion, Overlay, Quantity, ShotFit, Wander
 from analysis.signal import derivatives
 
 _WINDOW = 150  # samples
@@ -88,7 +88,7 @@ def build_fit(
     estimate: Estimate,
     parts: Sequence[Part],
     noise_std_m: float,
-    wander: tuple[tuple[float, float], ...],
+    wander: Wander,
     seconds: float,
 ) -> Fit:
     """Return the fit; ``noise_std_m`` is that of one sample of the motion, ``wander`` as ``Fit`` has it.

@@ -12,8 +12,8 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, solve_triangular
 
+from analysis.compiled import solve_triangle
 from analysis.reading.octaves import Octaves
 
 Floats = NDArray[np.float64]
@@ -119,16 +119,15 @@ class FlightObservation:
     def _white(self, low: Floats, columns: Floats) -> Floats:
         """Return the bins and then ``columns`` (n, m) as the factor of a covariance leaves them: white, (n, 1 + m)."""
         both = np.column_stack([self.value_m / self.white_m, columns])
-        return np.asarray(solve_triangular(low, both, lower=True, check_finite=False))
+        return solve_triangle(low, both, lower=True)
 
-    def factor(self, at: Floats) -> tuple[Floats, bool]:
-        """Return the Cholesky factor of the bins' covariance in white noises, for ``cho_solve``."""
+    def root(self, at: Floats) -> Floats:
+        """Return the Cholesky factor of the bins' covariance in white noises, (n, n), the lower triangle."""
         power = self.powers(at) @ self.octaves.power_m2 / self.white_m**2
         half = self.waves * np.sqrt(np.concatenate([power, power]))
         covariance = half @ half.T
         covariance[np.diag_indices_from(covariance)] += 1.0 + _ROUNDING * float(np.trace(covariance))
-        factor: tuple[Floats, bool] = cho_factor(covariance, lower=True, overwrite_a=True, check_finite=False)
-        return factor
+        return np.asarray(np.linalg.cholesky(covariance))
 
     def known(self, at: Floats, scale: Floats) -> Floats:
         """Return the prior precisions of a design's coefficients that was divided by ``scale``, in white noises."""
@@ -143,13 +142,13 @@ class FlightObservation:
     ) -> tuple[float, Floats, Floats]:
         """Return log-likelihood with the prior's, its gradient and the expected curvature, over all strengths."""
         size = self.octaves.centre_hz.size
-        low = self.factor(at)[0]
+        low = self.root(at)
         known = self.known(at, scale)
         width = columns.shape[1]
         white = self._white(low, np.hstack([columns, self.waves]))
         data, regressors, waves = white[:, 0], white[:, 1 : 1 + width], white[:, 1 + width :]
         inner = np.linalg.cholesky(regressors.T @ regressors + np.diag(known))
-        across = solve_triangular(inner, regressors.T, lower=True, check_finite=False)
+        across = solve_triangle(inner, regressors.T, lower=True)
         rest = data - across.T @ (across @ data)
         coefficients = np.linalg.solve(inner.T, across @ data)
         informed = known > 0
@@ -183,7 +182,7 @@ class FlightObservation:
         """Return the log-likelihood of strengths and of a design's best coefficients, with what was known before."""
         mean, precision = _prior(self.octaves.centre_hz.size)
         scale = _scale(design)
-        low = self.factor(at)[0]
+        low = self.root(at)
         white = self._white(low, design / scale)
         inner = white[:, 1:].T @ white[:, 1:] + np.diag(self.known(at, scale))
         across = white[:, 1:].T @ white[:, 0]
@@ -195,7 +194,7 @@ class FlightObservation:
         scale = _scale(design)
         solutions, covariances = [], []
         for _, at in estimate.parts:
-            white = self._white(self.factor(at)[0], design / scale)
+            white = self._white(self.root(at), design / scale)
             covariance = np.linalg.inv(white[:, 1:].T @ white[:, 1:] + np.diag(self.known(at, scale)))
             covariances.append(covariance)
             solutions.append(covariance @ (white[:, 1:].T @ white[:, 0]))
@@ -220,7 +219,7 @@ def powers_of(at: Floats) -> Floats:
 def points_about(at: Floats, curve: Floats) -> tuple[Floats, ...]:
     """Return points that stand for a normal distribution about ``at``, (k,), of precision ``curve``, (k, k)."""
     level, turn = np.linalg.eigh(curve)
-    spread = turn / np.sqrt(level)
+    spread = turn / np.sqrt(level) @ turn.T  # symmetric: eigenvectors alone turn with every rounding
     return tuple(at + spread @ point for point in _normal(at.size))
 
 

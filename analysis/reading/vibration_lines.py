@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve
 
+from analysis.compiled import solve_triangle
 from analysis.reading.bins import Bins
 from analysis.reading.octaves import waves_of
 from analysis.reading.strengths import FlightObservation, FloorEstimate
@@ -110,18 +110,17 @@ def _strongest_line(bins: Bins, observation: FlightObservation, at: Floats, desi
     if highest <= lowest:
         return None
     frequency = np.arange(lowest, highest, 0.2 * bins.resolution_hz)
-    factor = observation.factor(at)
-    design = design / np.abs(design).max(axis=0)
-    across = cho_solve(factor, design, check_finite=False)
-    inner = np.linalg.inv(design.T @ across)
-    cosine, sine = _waves_of(bins, frequency)
+    root = observation.root(at)
+    fitted = solve_triangle(root, design / np.abs(design).max(axis=0), lower=True)
+    inner = np.linalg.inv(fitted.T @ fitted)
 
-    def project(columns: Floats) -> Floats:
-        return np.asarray(cho_solve(factor, columns, check_finite=False) - across @ (inner @ (across.T @ columns)))
+    def left_of(columns: Floats) -> Floats:
+        white = solve_triangle(root, columns, lower=True)
+        return np.asarray(white - fitted @ (inner @ (fitted.T @ white)))
 
-    rest = project(observation.value_m / observation.white_m)
-    pc, ps = project(cosine), project(sine)
-    cc, ss, cs = (cosine * pc).sum(axis=0), (sine * ps).sum(axis=0), (cosine * ps).sum(axis=0)
+    rest = left_of(observation.value_m / observation.white_m)
+    cosine, sine = map(left_of, _waves_of(bins, frequency))
+    cc, ss, cs = (cosine**2).sum(axis=0), (sine**2).sum(axis=0), (cosine * sine).sum(axis=0)
     c, s = cosine.T @ rest, sine.T @ rest
     determinant = cc * ss - cs**2
     sure = determinant > 1e-6 * (cc + ss) ** 2

@@ -215,13 +215,10 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
         scored = {score.kind.effect for score in tried}
         other = _ranked(at.under(here.floor.still), free, trail)[:IF_WHITE]
         tried += [listed[0] for listed in other if listed[0].kind.effect not in scored]
-    refitted: list[Fitted | None] = []
-    for score in tried:
-        least = min((trial.bic for trial in refitted if trial is not None), default=math.inf)
-        refitted.append(refit(at, score.kind, score.start, trail.stop, least_bic=least))
+    refitted = _refitted(at, tried, trail.stop)
     known = {score.kind.effect: trail.of((*trail.start.effects, score.kind.effect)) for score in tried if not first}
     alone = [fitted for fitted in known.values() if fitted is not None and trail.pays(fitted, trail.start)]
-    refitted += [with_both_effects(here, fitted, trail.start, trail.stop) for fitted in alone]
+    refitted += side_by_side(lambda fitted: with_both_effects(here, fitted, trail.start, trail.stop), alone)
     quick = sorted((trial for trial in refitted if trial is not None), key=lambda trial: trial.bic)
 
     def finished(place: int) -> Fitted:
@@ -232,11 +229,27 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
         return trial
 
     best: Fitted | None = None
-    for trial in map(finished, range(len(quick))):
+    for trial in side_by_side(finished, range(len(quick))):
         trail.keep(trial)
         if best is None or trial.bic < best.bic:
             best = trial
     return best
+
+
+def _refitted(at: Projector, tried: Sequence[Score], stop: Stop) -> list[Fitted | None]:
+    """Return the short fits from these starts, in order; a hopeless one ends at what those before it have reached.
+
+    The first by itself, the others in pairs: the same on one core as on two.
+    """
+    out: list[Fitted | None] = []
+    while len(out) < len(tried):
+        least = min((trial.bic for trial in out if trial is not None), default=math.inf)
+
+        def fit(score: Score, least: float = least) -> Fitted | None:
+            return refit(at, score.kind, score.start, stop, least_bic=least)
+
+        out += side_by_side(fit, tried[len(out) : len(out) + (2 if out else 1)])
+    return out
 
 
 def _ranked(at: Projector, free: Sequence[TrialEffect], trail: Trail) -> list[list[Score]]:

@@ -18,6 +18,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from analysis.compiled import side_by_side
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Arrow, Fitted, Floor, Hypothesis, Point, Projector, Response, Samples, learn_floor
 
@@ -101,7 +102,7 @@ def worst(fitted: Fitted, at: Projector, slow: float = 1.0) -> LackOfFit:
         shapes["an effect that is another one after the turn"] = Arrow.of(turned.blocks, turned.shared)
     shapes |= {name: shared(columns) for name, columns in free_laws(hypothesis, fitted.point).items()}
     found = []
-    gains = [gain(fitted, at, shape) for shape in shapes.values()]
+    gains = side_by_side(lambda shape: gain(fitted, at, shape), shapes.values())
     for name, (value, width, floor) in zip(shapes, gains, strict=True):
         # A wandering floor is learnt from the same data, anew beside every shape.  Where a shape makes it cease to
         # wander, the floor was the shape, and white noise is the measure.

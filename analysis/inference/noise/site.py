@@ -15,11 +15,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
-from scipy.linalg.lapack import dtrtri
 
 from analysis.collision import Acts, Effect
-from analysis.compiled import side_by_side
+from analysis.compiled import side_by_side, solve_triangle
 from analysis.inference.fit.base import PLATE_START, Base
 from analysis.inference.fit.response import Model, respond
 from analysis.inference.fit.samples import Samples
@@ -73,7 +71,7 @@ class WhitenedDirections:
 
     def along(self, rows: Floats) -> Floats:
         """Return the coordinates of whitened ``rows``, shape (n,) or (n, k), along the orthonormal directions."""
-        return np.asarray(solve_triangular(self.root, self.columns.T @ rows, trans="T", check_finite=False))
+        return solve_triangle(self.root, self.columns.T @ rows, lower=False, transposed=True)
 
 
 @dataclass(frozen=True)
@@ -164,8 +162,7 @@ class Sway:
     def _pull(self, scaled: Floats, along: Floats) -> Floats:
         """Return the inverse covariance along the directions times ``along``."""
         root = root_of(scaled)
-        inner = solve_triangular(root, along, lower=True, check_finite=False)
-        return np.asarray(solve_triangular(root, inner, lower=True, trans="T", check_finite=False))
+        return solve_triangle(root, solve_triangle(root, along, lower=True), lower=True, transposed=True)
 
     def _whiten_directions(self, shape: Floor) -> WhitenedDirections:
         if shape.rms_m[0] == 0.0:
@@ -183,11 +180,11 @@ class Sway:
 
     def _whitening_matrix(self, noise: Floor) -> Floats:
         root = root_of(self.scaled(noise))
-        whitening_matrix = solve_triangular(root, np.eye(root.shape[0]), lower=True, check_finite=False)
+        whitening_matrix = solve_triangle(root, np.eye(root.shape[0]), lower=True)
         whitening_matrix[np.diag_indices_from(whitening_matrix)] -= 1.0
         triangle = self.whitened_directions(noise).root
-        half = solve_triangular(triangle, whitening_matrix, check_finite=False)
-        return np.asarray(solve_triangular(triangle, half.T, check_finite=False).T)
+        half = solve_triangle(triangle, whitening_matrix, lower=False)
+        return solve_triangle(triangle, half.T, lower=False).T
 
     def _cached(self, what: str, noise: Floor, make: Callable[[Floor], Any]) -> Any:
         """Return ``make(noise)``; the last few results are kept."""
@@ -208,10 +205,16 @@ def shape_of(noise: Floor) -> Floor:
 
 
 def root_of(scaled: Floats) -> Floats:
-    """Return the Cholesky factor of the covariance along whitened directions, shape (r, r)."""
+    """Return the Cholesky factor of 1 + scaled scaled^T, the covariance along whitened directions, shape (r, r).
+
+    ``scaled`` has shape (r, m).  LinAlgError where rounding leaves it none.
+    """
     covariance = scaled @ scaled.T
     covariance[np.diag_indices_from(covariance)] += 1.0
-    return np.asarray(np.linalg.cholesky(covariance))
+    root = np.asarray(np.linalg.cholesky(covariance))
+    if not np.isfinite(root[-1, -1]):
+        raise np.linalg.LinAlgError("the covariance has no Cholesky factor")
+    return root
 
 
 def resembles_frame_motion(row: Effect) -> bool:
@@ -307,7 +310,7 @@ def _orthonormal(columns: Floats) -> tuple[Floats, Floats]:
         for _ in range(2):
             products = out.T @ out
             root = np.linalg.cholesky(products)
-            out = np.asarray(out @ np.asarray(dtrtri(root, lower=1)[0]).T)
+            out = np.asarray(out @ solve_triangle(root, np.eye(len(root)), lower=True).T)
             triangle = root.T @ triangle
             if np.abs(products - np.eye(len(products))).max() < _NEARLY:
                 break

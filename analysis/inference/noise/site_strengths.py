@@ -14,16 +14,14 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.blas import dsyrk
-from scipy.linalg.lapack import dpotrf, dtrtrs
 from scipy.optimize import minimize
 
-from analysis.compiled import side_by_side
+from analysis.compiled import side_by_side, solve_triangle
 from analysis.inference.fit.arrow import Arrow, Places
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor, white_floor
 from analysis.inference.noise.likeliest import LONGEST_TAU_S, SHORTEST_TAU_S
-from analysis.inference.noise.site import Site, WhitenedDirections
+from analysis.inference.noise.site import Site, WhitenedDirections, root_of
 
 Floats = NDArray[np.float64]
 _NEIGHBOURS = 1.0  # prior std of the difference of log strengths of neighbouring bands
@@ -222,7 +220,9 @@ def over_likely(
     found = left.found(_shape_of(start), np.array([2.0 * math.log(start.white_m), *start.site]))
     parts = left.under(found.shape)
     level, turn = np.linalg.eigh(_curvature(_likelihood(found.at, parts, left.precision), parts, left.precision))
-    points = found.at + _normal_points(found.at.size) @ (turn / np.sqrt(np.maximum(level, _LEAST_LEVEL))).T
+    # the symmetric root of the covariance: eigenvectors of nearly equal eigenvalues turn with every rounding
+    spread = turn / np.sqrt(np.maximum(level, _LEAST_LEVEL)) @ turn.T
+    points = found.at + _normal_points(found.at.size) @ spread
     values, covariances, _ = _fits_at(np.vstack([found.at, points]), parts)
     apart = values[1:] - values[0]
     covariance = np.mean(covariances[1:], axis=0) + apart.T @ apart / len(points)
@@ -242,7 +242,7 @@ def _fits_at(points: Floats, shots: Sequence[_Shot]) -> tuple[Floats, Floats, Fl
     """Return ``_parameters_under`` at each of ``points``, (ln white^2, strengths), shape (p, 1 + bands)."""
 
     def products(shot: _Shot) -> Floats:
-        halves = (_triangle_solved(_root(_scaled(shot.directions, at)), shot.along) for at in points)
+        halves = (solve_triangle(root_of(_scaled(shot.directions, at)), shot.along, lower=True) for at in points)
         return np.stack([shot.rest_products + half.T @ half for half in halves])
 
     return _parameters_under(shots, side_by_side(products, shots), np.exp(points[:, 0]))
@@ -366,9 +366,9 @@ def _likelihood(at: Floats, shots: Sequence[_Shot], precision: Floats) -> _Point
 def _whitened(shot: _Shot, at: Floats) -> _Whitened:
     """Return a shot whitened by its covariance under (ln white^2, strengths); LinAlgError if not positive."""
     scaled = _scaled(shot.directions, at)
-    root = _root(scaled)
-    half = _triangle_solved(root, shot.along)
-    return _Whitened(root, _triangle_solved(root, scaled), half, shot.rest_products + half.T @ half)
+    root = root_of(scaled)
+    half = solve_triangle(root, shot.along, lower=True)
+    return _Whitened(root, solve_triangle(root, scaled, lower=True), half, shot.rest_products + half.T @ half)
 
 
 def _shot_covariance(fitted: _Fitted, shot: _Shot) -> Floats:
@@ -413,21 +413,6 @@ def _parameters_under(
 def _scaled(directions: WhitenedDirections, at: Floats) -> Floats:
     """Return the frame's contributions along a shot's directions at (ln white^2, strengths), over the white std."""
     return np.asarray(directions.factors * np.exp(0.5 * (at[1:] - at[0]))[directions.band])
-
-
-def _root(scaled: Floats) -> Floats:
-    """Return the Cholesky factor of 1 + scaled scaled^T, shape (r, r); ``scaled`` has shape (r, m)."""
-    covariance = dsyrk(1.0, scaled, lower=1)
-    covariance[np.diag_indices_from(covariance)] += 1.0
-    root, failed = dpotrf(covariance, lower=1, overwrite_a=1)
-    if failed or not np.isfinite(root[-1, -1]):
-        raise np.linalg.LinAlgError("the covariance has no Cholesky factor")
-    return np.asarray(root)
-
-
-def _triangle_solved(root: Floats, rows: Floats) -> Floats:
-    """Return the inverse of a Cholesky factor times ``rows``, shape (r, k)."""
-    return np.asarray(dtrtrs(root, rows, lower=1)[0])
 
 
 def _curvature(point: _Point, shots: Sequence[_Shot], precision: Floats) -> Floats:

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.compiled import side_by_side
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor
@@ -43,15 +44,22 @@ def _scan(at: Projector) -> tuple[Floats, Floats]:
     if not at.left.any():
         return grid, total
     few = len(shots) <= FEW_SHOTS
-    for index, (shot, left) in enumerate(zip(shots, at.tangents.parts(at.left), strict=True)):
+    lefts = at.tangents.parts(at.left)
+
+    def of_part(part: tuple[int, int]) -> Floats:
+        index, first = part
+        shot = shots[index]
         # The projection is done shot by shot: shared parameters absorb little of a line.
-        fitted = np.column_stack([at.basis.of_shot(index), left])
-        for first in range(0, grid.size, _AT_ONCE):
-            some = grid[first : first + _AT_ONCE]
-            white = at.floor.whiten(_waves(some, shot.centre_s), shot.valid, shot.weight)
-            make = partial(_Waves.of, shot, at.floor, white)
-            waves = at.once(f"lines {index} from {first}", make) if few else make()
-            total[first : first + some.size] += waves.gain(white, fitted)
+        fitted = np.column_stack([at.basis.of_shot(index), lefts[index]])
+        some = grid[first : first + _AT_ONCE]
+        white = at.floor.whiten(_waves(some, shot.centre_s), shot.valid, shot.weight)
+        make = partial(_Waves.of, shot, at.floor, white)
+        waves = at.once(f"lines {index} from {first}", make) if few else make()
+        return waves.gain(white, fitted)
+
+    parts = [(index, first) for index in range(len(shots)) for first in range(0, grid.size, _AT_ONCE)]
+    for (_, first), gain in zip(parts, side_by_side(of_part, parts), strict=True):
+        total[first : first + gain.size] += gain
     return grid, total
 
 

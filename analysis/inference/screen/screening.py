@@ -54,13 +54,18 @@ def all_scores(
     Raises Cancelled.
     """
     known = products_along_paths(at, kinds)
+    if any(_looks_for_lines(kind) for kind in kinds):
+        scan(at)  # several effects need it: here on both cores, below one would wait for the other
 
     def scored(kind: TrialEffect) -> list[Score]:
         if stop():
             raise Cancelled
         return scores(at, kind, to_join=to_join, grid=known.get(kind.effect))
 
-    return [listed for listed in side_by_side(scored, kinds) if listed]
+    longest_first = sorted(kinds, key=lambda kind: -len(kind.starts))  # so that both cores end at the same time
+    every = side_by_side(scored, longest_first)
+    found = {kind.effect: listed for kind, listed in zip(longest_first, every, strict=True)}
+    return [found[kind.effect] for kind in kinds if found[kind.effect]]
 
 
 def scores(
@@ -81,7 +86,7 @@ def scores(
     def more(some: Sequence[Mapping[str, float]]) -> list[Score]:
         return _linear(at, kind, column_products(at, kind, some, KNOWN_PATH), freedom)
 
-    if "frequency_hz" in kind.starts[0]:
+    if _looks_for_lines(kind):
         # An effect that is to be added must pay for its parameters: only lines with so much gain are worth a look.
         cost = 0.0 if to_join is None else freedom * math.log(at.left.size) + to_join
         lines = near_loud_lines(at, kind, louder_than=cost)
@@ -90,6 +95,10 @@ def scores(
         out += more(_between(out, kind))
     out.sort(key=lambda score: -score.gain)
     return out
+
+
+def _looks_for_lines(kind: TrialEffect) -> bool:
+    return kind.effect.wave is not None or "frequency_hz" in kind.starts[0]
 
 
 def _freedom(at: Projector, kind: TrialEffect) -> int:

@@ -147,7 +147,7 @@ class FlightObservation:
         width = columns.shape[1]
         white = self._white(low, np.hstack([columns, self.waves]))
         data, regressors, waves = white[:, 0], white[:, 1 : 1 + width], white[:, 1 + width :]
-        inner = np.linalg.cholesky(regressors.T @ regressors + np.diag(known))
+        inner = np.asarray(np.linalg.cholesky(regressors.T @ regressors + np.diag(known)), np.float64)
         across = solve_triangle(inner, regressors.T, lower=True)
         rest = data - across.T @ (across @ data)
         coefficients = np.linalg.solve(inner.T, across @ data)

@@ -309,7 +309,7 @@ def _orthonormal(columns: Floats) -> tuple[Floats, Floats]:
     try:
         for _ in range(2):
             products = out.T @ out
-            root = np.linalg.cholesky(products)
+            root = np.asarray(np.linalg.cholesky(products), np.float64)
             out = np.asarray(out @ solve_triangle(root, np.eye(len(root)), lower=True).T)
             triangle = root.T @ triangle
             if np.abs(products - np.eye(len(products))).max() < _NEARLY:

@@ -1,26 +1,50 @@
 from .diagnosis_of_shots import diagnose
 from .model_file import ModelFileError, SavedModel, drift, effect_in_file, from_text, saved, to_text
-from .result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, OtherForm, Verdict, diagnosis_result
+from .result import (
+    BlindSpot,
+    Candidate,
+    Diagnosis,
+    DriveEvidence,
+    DriveRemainder,
+    Errors,
+    FoundEffect,
+    Freedom,
+    LearnedLaw,
+    OtherForm,
+    Phase,
+    Remainder,
+    Standing,
+    Verdict,
+)
+from .result_file import diagnosis_result, foretold_result
 from .search.competing_models import fitted_instead
 from .search.forward_selection import Trail, without
 from .verdict.coincidence import unforetold
 from .verdict.criteria import CRITERIA
-from .verdict.foretold import Foretold, foretell, foretold_result
+from .verdict.foretold import Foretold, foretell
 from .verdict.identifiability import separation
+from .wording import in_words, prediction_words, remark_on
 from .words import ONE_WITH_TWO_READINGS
 
 __all__ = [
     "CRITERIA",
     "ONE_WITH_TWO_READINGS",
+    "BlindSpot",
     "Candidate",
     "Diagnosis",
+    "DriveEvidence",
+    "DriveRemainder",
     "Errors",
     "Foretold",
     "FoundEffect",
+    "Freedom",
     "LearnedLaw",
     "ModelFileError",
     "OtherForm",
+    "Phase",
+    "Remainder",
     "SavedModel",
+    "Standing",
     "Trail",
     "Verdict",
     "diagnose",
@@ -31,6 +55,9 @@ __all__ = [
     "foretell",
     "foretold_result",
     "from_text",
+    "in_words",
+    "prediction_words",
+    "remark_on",
     "saved",
     "separation",
     "to_text",

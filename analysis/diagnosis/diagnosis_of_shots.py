@@ -4,14 +4,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from analysis.collision import Effect, effects_named
-from analysis.diagnosis import words
 from analysis.diagnosis.best_first import BestFirst
 from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.explanation import Explanation
 from analysis.diagnosis.limit import SECONDS, Limit
 from analysis.diagnosis.question import Question
 from analysis.diagnosis.result import Diagnosis, Errors, Verdict
-from analysis.diagnosis.verdict.alternatives import blind_spots, candidates, separating
+from analysis.diagnosis.verdict.alternatives import blind_spots, candidates
 from analysis.diagnosis.verdict.cross_validation import Prediction
 from analysis.diagnosis.verdict.residual import errors
 from analysis.fitted import shaking_of
@@ -90,7 +89,7 @@ def _diagnosis(question: Question, explanation: Explanation) -> Diagnosis:
     """Return an explanation as the result that people and files see."""
     question.progress("errors before and after", 0.9)
     motions, before, after = question.motions, explanation.before, explanation.after
-    data, verdict = before.hypothesis.data, explanation.verdict
+    shots, verdict = before.hypothesis.data.shots, explanation.verdict
     predictions = explanation.predictions or (None, None)
     detectable = (
         ()
@@ -101,15 +100,6 @@ def _diagnosis(question: Question, explanation: Explanation) -> Diagnosis:
     fit_after = replace(as_fit(after, motions, question.model, 0.0), seconds=question.seconds)
     diagnosis = Diagnosis(
         verdict=verdict,
-        sentence=words.sentence(
-            verdict,
-            effects=explanation.effects,
-            laws=explanation.laws,
-            imitations=explanation.imitations,
-            remainder=explanation.remainder,
-            reduced_to=error_after.displacement_rms_m / error_before.displacement_rms_m,
-            fit=fit_after,
-        ),
         effects=explanation.effects,
         candidates=candidates(explanation.nearest, explanation.trail),
         error_before=error_before,
@@ -120,7 +110,7 @@ def _diagnosis(question: Question, explanation: Explanation) -> Diagnosis:
         fit_after=fit_after,
         remainder=explanation.remainder,
         blind_spots=detectable,
-        separating_shot=separating(explanation.effects, data),
+        speeds_m_per_s=tuple(abs(shot.course.velocity_in_m_per_s) for shot in shots),
         seconds=question.seconds,
         laws=explanation.laws,
         imitated_by=explanation.imitations,

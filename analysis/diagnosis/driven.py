@@ -5,10 +5,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.collision import Effect
-from analysis.diagnosis import driven_words as words
-from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, Verdict
+from analysis.diagnosis.result import (
+    Candidate,
+    Diagnosis,
+    DriveEvidence,
+    DriveRemainder,
+    Errors,
+    FoundEffect,
+    Standing,
+)
 from analysis.diagnosis.verdict.conclusion import conclude
 from analysis.drive import (
     GAIN_ERROR,
@@ -35,6 +43,7 @@ from analysis.drive import (
 )
 from analysis.shot import Motion, Progress, Stop
 
+Floats = NDArray[np.float64]
 SMALL_REST = 1.5  # of the floor: a remainder up to here counts as accounted for
 
 
@@ -73,13 +82,10 @@ def diagnose_driven(
     repeatability = repeatability_of(table, after.whole, filtered_noise_n(motions, table.stretches, after.whole))
     tell("telling look-alikes apart", 0.9)
     effects = tuple(_found(split, after.whole, searched, law) for law in after.whole.laws if law not in accepted_names)
-    verdict = conclude(explained=after.whole.rms_n <= SMALL_REST * repeatability.force_n, effects=effects)
-    done = verdict in (Verdict.ADEQUATE, Verdict.EFFECT_FOUND)
-    remainder = "" if done else words.rest(table, after.whole, repeatability)
+    explained = after.whole.rms_n <= SMALL_REST * repeatability.force_n
     seconds = time.perf_counter() - began
     diagnosis = Diagnosis(
-        verdict=verdict,
-        sentence=words.sentence(effects, before.whole, after.whole, after.held_n, repeatability, mass_check),
+        verdict=conclude(explained=explained, effects=effects),
         effects=effects,
         candidates=_candidates(searched, mass_check),
         error_before=_errors(before.whole.rms_n, repeatability),
@@ -88,10 +94,14 @@ def diagnose_driven(
         error_held_out_after=_errors(after.held_n, repeatability),
         fit_before=as_fit(motions, before.whole, mass_check, repeatability, 0.0),
         fit_after=as_fit(motions, after.whole, mass_check, repeatability, seconds),
-        remainder=remainder,
-        blind_spots=words.blind_spots(table, searched.unidentifiable, mass_check),
-        separating_shot=words.separating(effects, searched.unidentifiable),
         seconds=seconds,
+        drive=DriveEvidence(
+            repeatability,
+            mass_check,
+            table.stretches[0].bandwidth_hz,
+            laws_named(searched.unidentifiable),
+            None if explained else _remainder(table, after.whole),
+        ),
     )
     tell("diagnosed", 1.0)
     return diagnosis
@@ -113,23 +123,37 @@ def _found(split: Split, whole: Regression, searched: LawSearch, law: str) -> Fo
     merit = searched.merits[law]
     evidence = {"delta_bic": merit.delta_bic, "held_out_force_rms_without_it_n": merit.without_it_n}
     others = laws_named(look_alikes(split.table, whole, law))
-    parameters = whole.parameters(law)
-    sentence = words.effect(LAWS[law], parameters, whole, others)
-    return FoundEffect(LAWS[law], parameters, evidence, others, sentence)
+    return FoundEffect(LAWS[law], whole.parameters(law), evidence, others)
+
+
+def _remainder(table: Table, found: Regression) -> DriveRemainder:
+    """Return what the remaining force goes with: direction, reversals, place."""
+    left = found.residual_n
+    speed, place = table.velocity_m_per_s, table.displacement_m
+    slow = np.abs(speed) < 0.1 * float(np.abs(speed).max())
+    one_way = np.stack([np.maximum(speed, 0.0), (speed > 0.0).astype(np.float64), speed, np.ones(speed.size)], axis=1)
+    waves = [f(2.0 * np.pi * k * place / np.ptp(place)) for k in (1, 2, 3) for f in (np.sin, np.cos)]
+    along = np.stack([np.ones(place.size), place, *waves], axis=1)
+    reversals = float(left[slow] @ left[slow]) / float(left @ left)
+    return DriveRemainder(_explained(left, one_way), _explained(left, along), reversals, float(np.mean(slow)))
+
+
+def _explained(left: Floats, columns: Floats) -> float:
+    solution, *_ = np.linalg.lstsq(columns, left, rcond=None)
+    over = left - columns @ solution
+    return 1.0 - float(over @ over) / float(left @ left)
 
 
 def _candidates(searched: LawSearch, mass_check: MassCheck) -> tuple[Candidate, ...]:
     out = [_candidate(trial) for trial in searched.trials if len(trial.added) == 1]
-    coincides = "not identifiable: in this motion it is a mixture of what is in the model"
-    out += [Candidate(LAWS[law], 0.0, None, {}, coincides) for law in searched.unidentifiable]
+    out += [Candidate(LAWS[law], 0.0, None, {}, Standing.MIXTURE) for law in searched.unidentifiable]
     gain = mass_check.gain_error
     if gain is None:
-        remark = "not identifiable: while no mass is stated it only rescales mass, drag and friction"
-        out.append(Candidate(GAIN_ERROR, 0.0, None, {}, remark))
+        out.append(Candidate(GAIN_ERROR, 0.0, None, {}, Standing.RESCALES))
     else:
-        remark = "the stated mass agrees" if mass_check.agrees else f"the same as a mass of {mass_check.fitted} kg"
+        standing = Standing.MASS_AGREES if mass_check.agrees else Standing.MASS_DIFFERS
         score = abs(gain.value) / gain.std if gain.std > 0.0 else 0.0
-        out.append(Candidate(GAIN_ERROR, score, None, {"fraction": gain}, remark))
+        out.append(Candidate(GAIN_ERROR, score, None, {"fraction": gain}, standing, mass_check.fitted))
     return tuple(out)
 
 
@@ -138,5 +162,6 @@ def _candidate(trial: Trial) -> Candidate:
     quantities = trial.found.parameters(law)
     first = next(iter(quantities.values()))
     score = abs(first.value) / first.std if first.std > 0.0 else 0.0
-    remark = f"force error {trial.validation_n:.3g} N on the validation half"
-    return Candidate(LAWS[law], float(np.nan_to_num(score)), trial.delta_bic, quantities, remark)
+    return Candidate(
+        LAWS[law], float(np.nan_to_num(score)), trial.delta_bic, quantities, Standing.VALIDATED, trial.validation_n
+    )

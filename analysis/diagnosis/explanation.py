@@ -1,15 +1,13 @@
 """An explanation of the shots: which effects are named beside the base model, which laws, and what remains."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from analysis.collision import Effect
-from analysis.diagnosis import words
 from analysis.diagnosis.learning.beyond_catalogue import beside, beyond_catalogue
 from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.question import Question
-from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
+from analysis.diagnosis.result import FoundEffect, LearnedLaw, Remainder, Verdict
 from analysis.diagnosis.search.competing_models import separations_of
 from analysis.diagnosis.search.forward_selection import Trail, without
 from analysis.diagnosis.verdict.acceptance import Settled, accepted_effects, clear
@@ -17,7 +15,7 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.identifiability import Separation, missed_without
 from analysis.diagnosis.verdict.other_names import other_names
-from analysis.diagnosis.verdict.residual import Residual, describe, looks_like, residual_of
+from analysis.diagnosis.verdict.residual import Residual, remainder_of, residual_of
 from analysis.inference import Fitted, Projector, effect_parameters, under_likely_noises, with_profile_std
 from analysis.shot import Quantity
 
@@ -39,7 +37,7 @@ class Explanation:
     projector: Projector
     after: Fitted
     effects: tuple[FoundEffect, ...]
-    remainder: str
+    remainder: Remainder | None
     held_out: tuple[int, ...]
     predictions: Predictions | None
     laws: tuple[LearnedLaw, ...] = ()
@@ -91,7 +89,7 @@ def explain_with_effects(question: Question, trail: Trail, settled: Settled, hel
         projector=projector,
         after=sure if effects else trail.start,
         effects=tuple(effects),
-        remainder=residual.text if named else _described(best, trail, residual),
+        remainder=_remainder(best, residual) if named else _imitated(best, trail, residual),
         held_out=held_out,
         predictions=predictions,
         imitations=() if named else tuple(found),
@@ -119,7 +117,7 @@ def explain_with_laws(question: Question, known: Explanation, law: SingleLaw, *,
             effects=tuple(beyond.effects),
             laws=beyond.laws,
             imitations=tuple(beyond.imitations),
-            remainder=beyond.residual.text,
+            remainder=_remainder(beyond.fitted, beyond.residual),
             held_out=law.held,
             predictions=beyond.predictions,
         )
@@ -147,13 +145,15 @@ def _found(
     }
     if lead is not None:
         evidence["lead_over_runner_up"] = lead
-    return FoundEffect(effect, parameters, evidence, others, words.found(effect, parameters, others))
+    return FoundEffect(effect, parameters, evidence, others)
 
 
-def _described(best: Fitted, trail: Trail, residual: Residual) -> str:
-    """Return the residual of the model before in words, and which effects imitate it without being sure of a name."""
-    imitating: Sequence[str] = [effect.short_words for effect in trail.added(best)]
-    if not imitating:
-        return residual.text
-    more = looks_like(residual.misfit, "the residual beside them")
-    return f"{describe(trail.start)}; best imitated by {' with '.join(imitating)}, which did not pass every test{more}"
+def _remainder(fitted: Fitted, residual: Residual) -> Remainder | None:
+    """Return what a fit leaves, or None where that is noise."""
+    return remainder_of(fitted, residual.misfit) if residual.significant else None
+
+
+def _imitated(best: Fitted, trail: Trail, residual: Residual) -> Remainder | None:
+    """Return what the model before leaves, with the effects that imitate it without being sure of a name."""
+    imitating = trail.added(best)
+    return remainder_of(trail.start, residual.misfit, imitating) if imitating else _remainder(best, residual)

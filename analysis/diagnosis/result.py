@@ -1,15 +1,18 @@
-"""What a diagnosis says; the form others read is in docs/formats.md."""
+"""What a diagnosis found, as data: ``wording`` puts it into words, ``result_file`` into the form of docs/formats.md."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision import Effect, OwnLaw
-from analysis.shot import Fit, Quantity, to_json
+from analysis.shot import Fit, Quantity
+
+if TYPE_CHECKING:
+    from analysis.drive import MassCheck, Repeatability
 
 Floats = NDArray[np.float64]
 
@@ -42,7 +45,6 @@ class FoundEffect:
     parameters: Mapping[str, Quantity]
     evidence: Mapping[str, float]
     indistinguishable_from: tuple[Effect, ...] = ()
-    sentence: str = ""
 
     @property
     def name(self) -> str:
@@ -128,6 +130,20 @@ class LearnedLaw:
         }
 
 
+class Standing(StrEnum):
+    """Why an effect that was tried is in the model or not."""
+
+    IN_MODEL = "in_model"
+    SCORED_ONLY = "scored_only"
+    DOES_NOT_PAY = "does_not_pay"
+    BEHIND_ANOTHER = "behind_another"
+    VALIDATED = "validated"  # of a drive: it leaves ``number`` (N) of the force on the validation half
+    MIXTURE = "mixture"  # of a drive: in this motion it is a mixture of what is in the model
+    RESCALES = "rescales"  # of a drive: while no mass is stated it only rescales mass, drag and friction
+    MASS_AGREES = "mass_agrees"  # of a drive: with the stated one
+    MASS_DIFFERS = "mass_differs"  # of a drive: it is the same as the mass ``number`` (kg)
+
+
 @dataclass(frozen=True, slots=True)
 class Candidate:
     """One effect that was tried, with what it would have explained and why it was or was not named.
@@ -141,7 +157,8 @@ class Candidate:
     score: float
     delta_bic: float | None
     parameters: Mapping[str, Quantity] = field(default_factory=dict)
-    remark: str = ""
+    standing: Standing | None = None
+    number: Quantity | float | None = None  # that its standing names
     explains_m: tuple[Floats, ...] | None = field(default=None, compare=False, repr=False)
 
     @property
@@ -150,16 +167,93 @@ class Candidate:
         return self.effect.name
 
 
+class Phase(StrEnum):
+    """A part of a shot."""
+
+    FLIGHT_IN = "flight_in"
+    BOUNCES = "bounces"
+    LOADING = "loading"
+    UNLOADING = "unloading"
+    RELEASE = "release"
+    FLIGHT_OUT = "flight_out"
+
+
+class Freedom(StrEnum):
+    """A freedom that a right hypothesis has no use for (``lack_of_fit``)."""
+
+    KINKS = "kinks"  # where the bodies meet, turn or part
+    KINKS_WITH_SPEED = "kinks_with_speed"  # that grow with the speed
+    BASE_APART = "base_apart"  # plate and contact of every shot's own
+    EFFECT_APART = "effect_apart"  # the effects of every shot's own
+    EFFECT_AFTER_TURN = "effect_after_turn"  # another one than before
+    SPEED_AGAINST_MOTION = "speed_against_motion"  # from here on a force of any law of its argument
+    SPEED_ONE_WAY = "speed_one_way"
+    PLACE = "place"
+    BEND = "bend"
+    BEND_AGAINST_MOTION = "bend_against_motion"
+
+
+@dataclass(frozen=True, slots=True)
+class Remainder:
+    """What a model of a collision leaves of the displacement, above the white noise ``noise_m``; rms in m.
+
+    ``phases`` are the loudest with their rms.  Its size goes as the speed to the power ``speed_power``; a line stands
+    at ``line_hz``.  It is nearest to the effects ``imitated_by``, none of which passed every test; what is left beside
+    them, or all of it where there are none, has most use for the freedom ``looks_like``, by ``norms`` noise norms.
+    """
+
+    rms_m: float
+    noise_m: float
+    phases: tuple[tuple[Phase, float], ...]
+    speed_power: float | None = None
+    line_hz: float | None = None
+    looks_like: Freedom | None = None
+    norms: float = 0.0
+    imitated_by: tuple[Effect, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class BlindSpot:
+    """An effect that these data would not have shown below ``least`` of its ``parameter``; None: of any size."""
+
+    effect: Effect
+    parameter: str
+    least: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class DriveRemainder:
+    """What a model of a drive leaves of the force: shares of its power that go with the direction and with the place.
+
+    ``reversals`` is the share within the share ``reversal_samples`` of samples around reversals.
+    """
+
+    direction: float
+    place: float
+    reversals: float
+    reversal_samples: float
+
+
+@dataclass(frozen=True, slots=True)
+class DriveEvidence:
+    """What only the diagnosis of a drive has; ``unidentifiable`` laws are in this motion a mixture of the model's."""
+
+    repeatability: "Repeatability"
+    mass: "MassCheck"
+    bandwidth_hz: float
+    unidentifiable: tuple[Effect, ...]
+    remainder: DriveRemainder | None
+
+
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """Verdict with its evidence; ``sentence`` is for a person, ``blind_spots`` is what this data could not show.
+    """Verdict with its evidence; ``blind_spots`` is what this data could not show, of the effects that were tried.
 
     ``effects`` and ``laws`` passed every gate for their size; ``imitated_by`` are effects that come near to what
     remains and did not: their numbers are those of a fit, and no measurement.
     """
 
     verdict: Verdict
-    sentence: str
     effects: tuple[FoundEffect, ...]
     candidates: tuple[Candidate, ...]
     error_before: Errors
@@ -168,67 +262,23 @@ class Diagnosis:
     error_held_out_after: Errors | None
     fit_before: Fit
     fit_after: Fit
-    remainder: str = ""  # what is left, described for a physicist
-    blind_spots: tuple[str, ...] = ()
-    separating_shot: str = ""
+    remainder: Remainder | None = None  # of a collision; None: consistent with noise
+    blind_spots: tuple[BlindSpot, ...] = ()
+    speeds_m_per_s: tuple[float, ...] = ()  # of the shots, before the contact
     seconds: float = 0.0
     laws: tuple[LearnedLaw, ...] = ()
     imitated_by: tuple[FoundEffect, ...] = ()
     not_asked: tuple[str, ...] = ()  # what a limit of time left out, in words
+    drive: DriveEvidence | None = None
+
+    @property
+    def sentence(self) -> str:
+        """Get the verdict in words, for a script."""
+        from analysis.diagnosis.wording import in_words
+
+        return in_words(self).sentence
 
     @property
     def findings(self) -> tuple[FoundEffect, ...]:
         """Get what can join the model: the effects, and the laws that have a form."""
         return (*self.effects, *(law.as_effect for law in self.laws if law.form is not None))
-
-
-def diagnosis_result(diagnosis: Diagnosis) -> dict[str, Any]:
-    """Return the ``diagnosis`` object of the result file."""
-
-    def errors(value: Errors | None) -> dict[str, float] | None:
-        return None if value is None else asdict(value)
-
-    def quantities(parameters: Mapping[str, Quantity]) -> dict[str, Any]:
-        return {name: to_json(quantity) for name, quantity in parameters.items()}
-
-    return {
-        "verdict": diagnosis.verdict.value,
-        "sentence": diagnosis.sentence,
-        "effects": [
-            {
-                "name": effect.name,
-                "parameters": quantities(effect.parameters),
-                "evidence": dict(effect.evidence),
-                "indistinguishable_from": [other.name for other in effect.indistinguishable_from],
-                "sentence": effect.sentence,
-            }
-            for effect in diagnosis.effects
-        ],
-        "laws": [law.to_json() for law in diagnosis.laws],
-        "imitated_by": [
-            {
-                "name": effect.name,
-                "parameters": {name: {"value": quantity.value} for name, quantity in effect.parameters.items()},
-            }
-            for effect in diagnosis.imitated_by
-        ],
-        "candidates": [
-            {
-                "name": candidate.name,
-                "score": candidate.score,
-                "delta_bic": candidate.delta_bic,
-                "parameters": quantities(candidate.parameters),
-                "remark": candidate.remark,
-            }
-            for candidate in diagnosis.candidates
-        ],
-        "error_before": errors(diagnosis.error_before),
-        "error_after": errors(diagnosis.error_after),
-        "error_held_out_before": errors(diagnosis.error_held_out_before),
-        "error_held_out_after": errors(diagnosis.error_held_out_after),
-        "remainder": diagnosis.remainder,
-        "blind_spots": list(diagnosis.blind_spots),
-        "separating_shot": diagnosis.separating_shot,
-        "seconds": diagnosis.seconds,
-        "not_asked": list(diagnosis.not_asked),
-    }

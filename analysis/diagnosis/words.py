@@ -1,10 +1,10 @@
-"""Sentences a person can use: the verdict, what could not be seen, what would separate look-alikes."""
+"""Sentences on a collision: the verdict, what remains, what could not be seen, what would separate look-alikes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from analysis.collision import NUISANCES, Effect, OwnLaw
 from analysis.diagnosis import contact_family
-from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
+from analysis.diagnosis.result import Diagnosis, FoundEffect, Freedom, LearnedLaw, Remainder, Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.shot import Fit, Quantity, words_and_unit
 
@@ -14,7 +14,18 @@ CLASSES = {
     frozenset({"cubic_stiffness", "contact_exponent"}): "a stiffness that grows with the load",
     frozenset({"support_compliance", "second_plate_mode"}): "a plate of two modes, whose second has two readings",
 }
-CALM = "residual consistent with noise"
+FREEDOMS = {
+    Freedom.KINKS: "kinks where the bodies meet, turn or part",
+    Freedom.KINKS_WITH_SPEED: "kinks that grow with the speed",
+    Freedom.BASE_APART: "plate and contact that differ from shot to shot",
+    Freedom.EFFECT_APART: "an effect that differs from shot to shot",
+    Freedom.EFFECT_AFTER_TURN: "an effect that is another one after the turn",
+    Freedom.SPEED_AGAINST_MOTION: "a force of the speed, against the motion",
+    Freedom.SPEED_ONE_WAY: "a force of the speed, one way",
+    Freedom.PLACE: "a force of the place",
+    Freedom.BEND: "a force of the plate's bend",
+    Freedom.BEND_AGAINST_MOTION: "a force of the plate's bend, against the motion",
+}
 _REDUCED = 0.995  # of the residual before: what is closer to it than that is no reduction to speak of
 # what is the same by physics, wholly or in a limit: no shot of any rig tells them apart there
 ONE_WITH_TWO_READINGS = {
@@ -44,9 +55,10 @@ def quantity(name: str, value: Quantity, unit: str | None = None) -> str:
     return f"{value.in_a_sentence()} {unit}".strip()
 
 
-def found(effect: Effect, parameters: Mapping[str, Quantity], others: Sequence[Effect]) -> str:
+def found(one: FoundEffect) -> str:
     """Return the sentence of one found effect; a phase, every shot's own, is for the table of parameters."""
-    told = {key: q for key, q in parameters.items() if not key.startswith("phase_rad")}
+    effect, others = one.effect, one.indistinguishable_from
+    told = {key: q for key, q in one.parameters.items() if not key.startswith("phase_rad")}
     if isinstance(effect, OwnLaw):
         units = {parameter.name: parameter.unit for parameter in effect.parameters}
         sizes = ", ".join(f"{key} {quantity(key, q, units.get(key))}" for key, q in told.items())
@@ -57,9 +69,9 @@ def found(effect: Effect, parameters: Mapping[str, Quantity], others: Sequence[E
         best = f"{effect.short_words}: {numbers}"
         return f"a further small effect whose form this data does not determine (best as {best})"
     if others:
-        group = frozenset(one.name for one in (effect, *others))
+        group = frozenset(other.name for other in (effect, *others))
         klass = next((words for names, words in CLASSES.items() if group <= names), "")
-        listed = " or ".join(one.short_words for one in (effect, *others))
+        listed = " or ".join(other.short_words for other in (effect, *others))
         return f"{klass + ': ' if klass else ''}{listed}; as {effect.short_words}: {numbers}"
     return f"{effect.short_words}: {numbers}"
 
@@ -79,57 +91,67 @@ def learned(law: LearnedLaw) -> str:
     return f"{what}, {law.form}: {law.formula} with {numbers}{other}"
 
 
-def sentence(
-    verdict: Verdict,
-    *,
-    effects: Sequence[FoundEffect] = (),
-    laws: Sequence[LearnedLaw] = (),
-    imitations: Sequence[FoundEffect] = (),
-    remainder: str = "",
-    reduced_to: float | None = None,
-    fit: Fit | None = None,
-) -> str:
-    """Return the verdict on a collision as a few sentences.
-
-    ``imitations`` did not pass every gate; ``reduced_to`` is the error after over that before (displacement rms);
-    ``fit`` is that of the model after, for what each shot has of its own.
-    """
+def sentence(diagnosis: Diagnosis) -> str:
+    """Return the verdict on a collision as a few sentences."""
+    effects, laws = diagnosis.effects, diagnosis.laws
     return (
-        _verdict(verdict, effects, laws, imitations, remainder)
-        + _reduced(reduced_to if effects or laws or (imitations and verdict is Verdict.PARTLY_EXPLAINED) else None)
+        _verdict(diagnosis)
+        + (_reduced(diagnosis) if effects or laws or diagnosis.verdict is Verdict.PARTLY_EXPLAINED else "")
         + contact_family.sentence(effects, laws)
-        + (taken_along(fit) if fit is not None else "")
+        + taken_along(diagnosis.fit_after)
     )
 
 
-def _verdict(
-    verdict: Verdict,
-    effects: Sequence[FoundEffect],
-    laws: Sequence[LearnedLaw],
-    imitations: Sequence[FoundEffect],
-    remainder: str,
-) -> str:
+def _verdict(diagnosis: Diagnosis) -> str:
+    verdict, effects, laws = diagnosis.verdict, diagnosis.effects, diagnosis.laws
     if verdict is Verdict.ADEQUATE:
         return "The model is adequate: nothing is missing that this data could show."
+    left = remainder(diagnosis.remainder)
     if verdict is Verdict.UNEXPLAINED:
-        return f"Unexplained: something is missing that no effect of the catalogue accounts for: {remainder}."
-    named = " and ".join([*(effect.sentence for effect in effects), *map(learned, laws)])
+        return f"Unexplained: something is missing that no effect of the catalogue accounts for: {left}."
+    named = " and ".join([*map(found, effects), *map(learned, laws)])
     if verdict in (Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED):
         return f"The model lacks {named}."
-    alike = " and ".join(effect.sentence for effect in imitations)
+    alike = " and ".join(map(found, diagnosis.imitated_by))
     parts = [f"the model lacks {named}"] if effects else [f"what is missing is mostly like {named}"] if laws else []
     if alike:
         parts.append(
             f"what {'remains' if parts else 'is missing'} is mostly like {alike}, which did not pass every test"
         )
-    elif remainder == CALM:
+    elif diagnosis.remainder is None:
         parts.append("it did not pass every test")
-    parts.append(CALM if remainder == CALM else f"a significant residual remains: {remainder}")
+    parts.append(left if diagnosis.remainder is None else f"a significant residual remains: {left}")
     return f"Partly explained: {'; '.join(parts)}."
 
 
-def _reduced(to: float | None) -> str:
-    return f" Residual reduced to {100 * to:.2g} %." if to is not None and to < _REDUCED else ""
+def remainder(left: Remainder | None) -> str:
+    """Return what a model of a collision leaves, for a physicist."""
+    if left is None:
+        return "residual consistent with noise"
+    size = f"{_nm(left.rms_m)} rms in displacement" if left.rms_m > 0.0 else "in all no rms in displacement"
+    phases = "".join(f", {phase.value.replace('_', ' ')} {_nm(rms_m)}" for phase, rms_m in left.phases)
+    parts = [f"{size} above the white noise of {_nm(left.noise_m)}{phases}"]
+    if left.speed_power is not None:
+        parts.append(f"its size goes as the speed to the power {left.speed_power:.1f}")
+    if left.line_hz is not None:
+        parts.append(f"a line stands at {left.line_hz:.0f} Hz")
+    if left.imitated_by:
+        imitating = " with ".join(effect.short_words for effect in left.imitated_by)
+        parts.append(f"best imitated by {imitating}, which did not pass every test")
+    if left.looks_like is not None:
+        what = "the residual beside them" if left.imitated_by else "it"
+        parts.append(f"{what} looks like {FREEDOMS[left.looks_like]} ({left.norms:.0f} noise norms)")
+    return "; ".join(parts)
+
+
+def _nm(size_m: float) -> str:
+    size_nm = size_m * 1e9
+    return f"{size_nm:.2g} nm" if size_nm < 1000 else f"{size_nm / 1000:.2g} µm"
+
+
+def _reduced(diagnosis: Diagnosis) -> str:
+    to = diagnosis.error_after.displacement_rms_m / diagnosis.error_before.displacement_rms_m
+    return f" Residual reduced to {100 * to:.2g} %." if to < _REDUCED else ""
 
 
 def taken_along(fit: Fit) -> str:
@@ -146,8 +168,27 @@ def taken_along(fit: Fit) -> str:
     return f" Each shot has its own {NUISANCES[name].short_words}: {', '.join(spans)} {unit_of(parameter)}."
 
 
-def separating(effect: Effect, others: Sequence[Effect], speeds: Sequence[float]) -> str:
-    """Return the shot that would tell look-alikes apart."""
+def blind_spots(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Return what the shots could not have shown."""
+    if diagnosis.verdict is Verdict.UNEXPLAINED:
+        return ()
+    hidden = [
+        f"{spot.effect.short_words} of any size"
+        if spot.least is None
+        else f"{spot.effect.short_words} below {spot.least:.1g} {unit_of(spot.parameter)}".strip()
+        for spot in diagnosis.blind_spots
+    ]
+    return (*hidden, "a wrong wavelength, a cosine error and a wrong mass, which only rescale the parameters")
+
+
+def separating_shot(diagnosis: Diagnosis) -> str:
+    """Return the shots that would tell effects from their look-alikes, or nothing."""
+    alike = [found for found in diagnosis.effects if found.indistinguishable_from]
+    speeds = diagnosis.speeds_m_per_s
+    return "; ".join(dict.fromkeys(_separating(one.effect, one.indistinguishable_from, speeds) for one in alike))
+
+
+def _separating(effect: Effect, others: Sequence[Effect], speeds: Sequence[float]) -> str:
     fast, slow = max(speeds), min(speeds)
     if any(one.at_rest for one in (effect, *others[:1])):
         return f"a slow shot, at {0.3 * slow:.2g} m/s, recorded for as long as it flies: what drifts grows with time"

@@ -1,5 +1,5 @@
 from .bandwidth import force_noise
-from .catalogue import GAIN_ERROR, LAWS, Law, laws_named
+from .catalogue import GAIN_ERROR, LAWS, laws_named
 from .curves import DriveCurves, drive_curves
 from .driven_fit import as_fit, chi2, filtered_noise_n, fit_driven, prediction_residual_n
 from .law_search import LawSearch, Split, Trial, look_alikes, search_laws
@@ -13,7 +13,6 @@ __all__ = [
     "GAIN_ERROR",
     "LAWS",
     "DriveCurves",
-    "Law",
     "LawSearch",
     "Mask",
     "MassCheck",

@@ -36,18 +36,6 @@ class MassCheck:
         spread = float(np.hypot(self.stated.std / self.stated.value, self.fitted.std / self.fitted.value))
         return Quantity(ratio - 1.0, abs(ratio) * spread, "stated over fitted mass")
 
-    @property
-    def words(self) -> str:
-        """Get the result in words; "" where no mass is stated."""
-        if self.stated is None:
-            return ""
-        if self.agrees:
-            return f"The mass is the stated one, {self.stated} kg; force and motion give {self.fitted} kg."
-        return (
-            f"The stated mass of {self.stated} kg is contradicted: force and motion give {self.fitted} kg, which is "
-            f"used. The mass is wrong, or the force is, by a factor of {self.stated.value / self.fitted.value:.3g}."
-        )
-
 
 def check_mass(motions: Sequence[Motion], found: Regression) -> MassCheck:
     """Compare the stated masses with that of ``found``, a fit with the mass free.

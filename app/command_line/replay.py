@@ -6,7 +6,18 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from analysis.collision import Effect
-from analysis.diagnosis import Diagnosis, Foretold, SavedModel, Verdict, diagnose, drift, saved, to_text
+from analysis.diagnosis import (
+    Diagnosis,
+    Foretold,
+    SavedModel,
+    Verdict,
+    diagnose,
+    drift,
+    in_words,
+    prediction_words,
+    saved,
+    to_text,
+)
 from analysis.diagnosis import foretell as foretell_motions
 from analysis.fitted import SECONDS, fit_again, read_together, run_in_time
 from analysis.planning import Reach, plan_next, plan_precision, plan_sentence, refit_diagnosed, with_words
@@ -217,9 +228,9 @@ def _write(found: _Results, outputs: Outputs) -> bool:
         if not shot.problem or shot.impact is not None:  # otherwise the problem is on standard error already
             print(summary(shot))
     if diagnosis is not None:
-        print(f"diagnosis: {diagnosis.verdict.value}: {diagnosis.sentence}")
+        print(f"diagnosis: {diagnosis.verdict.value}: {in_words(diagnosis).sentence}")
     if prediction is not None:
-        print(prediction.sentence)
+        print(prediction_words(prediction))
     if planned is not None:
         print(f"next: {planned.words}")
     return ok

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis import Diagnosis, Errors, LearnedLaw
+from analysis.diagnosis import Diagnosis, Errors, LearnedLaw, prediction_words
 from analysis.fitted import shaking_of
 from analysis.shot import Motion, Quantity, Reading, Shot
 from analysis.uncertainty import COLUMNS as BUDGET_COLUMNS
@@ -237,7 +237,7 @@ def export_prediction(prediction: "Foretold", folder: Path) -> Path:
         for shot in prediction.shots
     ]
     errors = [*_error_cells(prediction.error_base), *_error_cells(prediction.error_model)]
-    rows.append(["all", "", prediction.sentence, *errors])
+    rows.append(["all", "", prediction_words(prediction), *errors])
     write_table(header, rows, folder / "foretold.csv")
     return folder / "foretold.csv"
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.diagnosis import Diagnosis, Errors, FoundEffect, LearnedLaw
+from analysis.diagnosis import Diagnosis, Errors, FoundEffect, LearnedLaw, in_words, prediction_words, remark_on
 from analysis.shot import Quantity, Shot, plates_words, weights_words
 from analysis.uncertainty import diagnosed_band
 from app.report.markup import Markup, joined, table, tag
@@ -32,23 +32,24 @@ def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot], next_shots: s
     motions = [shot.motion for shot in shots if shot.motion is not None and shot.fit is not None]
     count = len(motions)
     rig = "; ".join(filter(None, (weights_words([m.moving_mass_kg for m in motions]), plates_words(motions))))
+    said = in_words(diagnosis)
     parts = [
         tag("p", tag("b", f"Verdict: {VERDICTS[diagnosis.verdict].full}."), class_="verdict"),
-        tag("p", diagnosis.sentence),
+        tag("p", said.sentence),
         tag("p", f"Made from {count} shot{'s' if count != 1 else ''} together{f': {rig}' if rig else ''}."),
     ]
     if diagnosis.effects:
-        parts += [tag("h3", "Effects"), *[_effect(effect) for effect in diagnosis.effects]]
+        parts += [tag("h3", "Effects"), *map(_effect, diagnosis.effects, said.effects)]
     if diagnosis.laws:
         parts += [tag("h3", "Laws learned from the shots"), *[_law(law) for law in diagnosis.laws]]
     parts += [tag("h3", "Error before and after"), _errors(diagnosis), _residuals(diagnosis, shots)]
-    if diagnosis.remainder:
-        parts += [tag("h3", "Remaining residual"), tag("p", diagnosis.remainder)]
+    if said.remainder:
+        parts += [tag("h3", "Remaining residual"), tag("p", said.remainder)]
     if diagnosis.candidates:
         parts += [tag("h3", "Every effect that was tried, best first"), _candidates(diagnosis)]
-    if diagnosis.blind_spots:
-        parts += [tag("h3", "Detection limits"), tag("ul", [tag("li", b) for b in diagnosis.blind_spots])]
-    if further := next_shots or diagnosis.separating_shot:
+    if said.blind_spots:
+        parts += [tag("h3", "Detection limits"), tag("ul", [tag("li", b) for b in said.blind_spots])]
+    if further := next_shots or said.separating_shot:
         parts += [tag("h3", "The shot that would decide"), tag("p", further)]
     parts += [tag("h3", "Model of all shots, before"), fitted(diagnosis.fit_before)]
     if diagnosis.fit_after is not diagnosis.fit_before:
@@ -56,10 +57,8 @@ def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot], next_shots: s
     return tag("section", tag("h2", "Diagnosis"), parts)
 
 
-def _effect(found: FoundEffect) -> Markup:
-    lines = [tag("p", tag("b", found.effect.words), ": ", _parameters(found.parameters))]
-    if found.sentence:
-        lines.append(tag("p", found.sentence))
+def _effect(found: FoundEffect, sentence: str) -> Markup:
+    lines = [tag("p", tag("b", found.effect.words), ": ", _parameters(found.parameters)), tag("p", sentence)]
     if found.evidence:
         said = ", ".join(f"{name.replace('_', ' ')} {value:.4g}" for name, value in found.evidence.items())
         lines.append(tag("p", f"Evidence: {said}."))
@@ -142,7 +141,7 @@ def _candidates(diagnosis: Diagnosis) -> Markup:
     rows = []
     for c in diagnosis.candidates:
         gain = "\u2013" if c.delta_bic is None else f"{c.delta_bic:.4g}"
-        rows.append([c.effect.words, f"{c.score:.4g}", gain, _parameters(c.parameters), c.remark])
+        rows.append([c.effect.words, f"{c.score:.4g}", gain, _parameters(c.parameters), remark_on(c)])
     return table(["effect", "score", "ΔBIC", "size", "remark"], rows, "candidates")
 
 
@@ -168,8 +167,9 @@ def prediction_section(prediction: "Foretold") -> Markup:
         f"Model {prediction.model} with {effects}, as it was saved; only the parameters of each shot (speed, touch and "
         "offset; a drive\u2019s constant force) were fitted."
     )
+    sentence = prediction_words(prediction)
     body = joined(
-        tag("p", tag("b", f"{prediction.sentence[0].upper()}{prediction.sentence[1:]}.")),
+        tag("p", tag("b", f"{sentence[0].upper()}{sentence[1:]}.")),
         tag("p", said),
         table(["", *(name for name, _ in columns)], error_rows(columns), "numbers"),
         table(["shot", f"base alone: {which}", "whole model", "remarks"], shots, "numbers"),

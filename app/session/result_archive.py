@@ -15,16 +15,23 @@ import numpy as np
 
 from analysis.collision import Acts, Effect
 from analysis.diagnosis import (
+    BlindSpot,
     Candidate,
     Diagnosis,
+    DriveEvidence,
+    DriveRemainder,
     Errors,
     FoundEffect,
+    Freedom,
     LearnedLaw,
     OtherForm,
+    Phase,
+    Remainder,
+    Standing,
     Verdict,
     effect_in_file,
 )
-from analysis.drive import GAIN_ERROR
+from analysis.drive import GAIN_ERROR, MassCheck, Repeatability
 from analysis.shot import (
     Air,
     AnalysisSettings,
@@ -51,7 +58,8 @@ KNOWN = {
     for kind in (
         Shot, AnalysisSettings, Setup, Air, Plate, Motion, BeatQuality, Impact, KineticCor, Disturbance, Shaking,
         VibrationLine, Fit, ShotFit, Overlay, Quantity, NotSeen, Diagnosis, Verdict, Errors, FoundEffect,
-        LearnedLaw, OtherForm, Candidate,
+        LearnedLaw, OtherForm, Candidate, Standing, Remainder, Phase, Freedom, BlindSpot, DriveEvidence, DriveRemainder,
+        Repeatability, MassCheck,
     )
 }  # fmt: skip
 _HEAD, _BODY = "head", "body"

@@ -114,7 +114,7 @@ def predictions_of(path: Path, shots: Sequence[Shot], progress: Progress, cancel
 
     Raises RecordingError where the file is no model, AnalysisError where no shot can be predicted, Cancelled.
     """
-    from analysis.diagnosis import foretell  # slow to import
+    from analysis.diagnosis import foretell, prediction_words  # slow to import
 
     progress("predicting", 0.0)
     model = load_model(path)
@@ -125,4 +125,4 @@ def predictions_of(path: Path, shots: Sequence[Shot], progress: Progress, cancel
     prediction = run_in_time(lambda: foretell(motions, names, model, cancelled), SECONDS * (1 + len(seen)), cancelled)
     took_part = sum(shot.took_part for shot in prediction.shots)
     warning = f" ({took_part} of them took part in the model's fit: no test)" if took_part else ""
-    return f"{model_words(model)}: {prediction.sentence}{warning}"
+    return f"{model_words(model)}: {prediction_words(prediction)}{warning}"

@@ -6,7 +6,16 @@ import numpy as np
 
 from analysis.collision.effects import named
 from analysis.collision.laws.own import from_mapping
-from analysis.diagnosis.result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, OtherForm, Verdict
+from analysis.diagnosis.result import (
+    BlindSpot,
+    Candidate,
+    Diagnosis,
+    Errors,
+    FoundEffect,
+    LearnedLaw,
+    OtherForm,
+    Verdict,
+)
 from analysis.drive.driven_fit import fit_driven
 from analysis.shot.fit import Fit, Overlay, ShotFit
 from analysis.shot.impact import Impact, KineticCor
@@ -158,8 +167,6 @@ def diagnosis(of: Shot) -> Diagnosis:
     names = ("quadratic_drag", "viscous_drag", "coulomb_friction", "tilt", "adhesion", "frame_vibration")
     return Diagnosis(
         verdict=Verdict.EFFECT_FOUND,
-        sentence="Quadratic drag on the block, 1.9 ± 0.1 mN at 1 m/s, explains 99 % of the residual; "
-        "error 62 → 1.1 nm; on the held-out shot 70 → 1.3 nm.",
         effects=(
             FoundEffect(
                 named("quadratic_drag"),
@@ -175,8 +182,8 @@ def diagnosis(of: Shot) -> Diagnosis:
         error_held_out_after=Errors(1.3e-9, 8e-6, 2.0e-3, 1.05),
         fit_before=of.fit,
         fit_after=of.fit,
-        blind_spots=("a cosine error of the alignment", "a wrong wavelength"),
-        separating_shot="two more shots at 0.4 m/s",
+        blind_spots=(BlindSpot(named("tilt"), "angle_rad", 2e-5),),
+        speeds_m_per_s=(0.2,),
     )
 
 

@@ -9,7 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.diagnosis.result import Verdict
+from analysis.collision.effects import named
+from analysis.diagnosis.result import (
+    BlindSpot,
+    DriveEvidence,
+    DriveRemainder,
+    Freedom,
+    Phase,
+    Remainder,
+    Standing,
+    Verdict,
+)
+from analysis.drive import LAWS, MassCheck, Repeatability
+from analysis.shot.quantity import Quantity
 from analysis.shot.version import program_version
 from app.session import result_archive, result_cache
 from app.session.event import Diagnosed
@@ -53,6 +65,20 @@ def test_a_shot_and_a_diagnosis_come_back_whole(shot):
     with_curve = replace(synthetic.diagnosis(shot), candidates=(replace(found.candidates[0], explains_m=(curve,)),))
     kept = unpacked(io.BytesIO(packed({}, with_curve))).candidates[0].explains_m
     assert np.array_equal(kept[0], curve) and kept[0].dtype == np.float32
+
+
+def test_what_remains_comes_back_as_it_was(shot):
+    left = Remainder(2e-9, 1e-10, ((Phase.LOADING, 3e-9),), None, 1100.0, Freedom.BEND, 13.0, (named("tilt"),))
+    mass = MassCheck(None, Quantity(0.2, 1e-3), agrees=True)
+    drive = DriveEvidence(
+        Repeatability(0.1, True, "a cycle"), mass, 50.0, (LAWS["drive_delay"],), DriveRemainder(0.1, 0.2, 0.3, 0.4)
+    )
+    found = synthetic.diagnosis(shot)
+    candidates = (replace(found.candidates[0], standing=Standing.VALIDATED, number=0.5),)
+    found = replace(found, remainder=left, drive=drive, candidates=candidates)
+    again = unpacked(io.BytesIO(packed({}, found)))
+    assert (again.remainder, again.drive, again.candidates) == (left, drive, candidates)
+    assert again.blind_spots == found.blind_spots == (BlindSpot(named("tilt"), "angle_rad", 2e-5),)
 
 
 def test_only_the_analysis_own_classes_are_made():

@@ -12,7 +12,7 @@ import pypdfium2
 import pytest
 
 from analysis.collision.effects import Acts, Effect, effects_named
-from analysis.diagnosis.result import FoundEffect
+from analysis.diagnosis.result import BlindSpot, FoundEffect, Remainder
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Plate
 from analysis.uncertainty.gum_budget import budget
@@ -106,8 +106,8 @@ def test_it_holds_every_number_and_what_makes_it_uncertain(whole: str) -> None:
 def test_the_diagnosis_is_in_it(whole: str) -> None:
     text = Elements(whole).text
     for said in ("effect found", "quadratic drag on the block", "0.00190 ± 0.00010 N s²/m²",
-                 "cannot distinguish it from", "viscous drag", "a wrong wavelength", "two more shots",
-                 "held-out", "3800", "1.01"):  # fmt: skip
+                 "cannot distinguish it from", "viscous drag", "a wrong wavelength", "two more, at 0.1 m/s",
+                 "validation shot", "3800", "1.01"):  # fmt: skip
         assert said in text
     one = shot(count=8000)
     assert one.fit is not None
@@ -119,8 +119,8 @@ def test_the_diagnosis_is_in_it(whole: str) -> None:
 
 def test_planned_shots_stand_in_the_place_of_a_general_hint() -> None:
     one = shot()
-    found = replace(diagnosis(one), separating_shot="a shot, some time")
-    assert "a shot, some time" in Elements(report_of([one], found, made_at=MADE)).text
+    found = diagnosis(one)
+    assert "two more, at 0.1 m/s and at 0.32 m/s" in Elements(report_of([one], found, made_at=MADE)).text
     text = Elements(report_of([one], found, made_at=MADE, next_shots="Two shots at 0.45 m/s would tell")).text
     assert "Two shots at 0.45 m/s would tell" in text
     assert "a shot, some time" not in text
@@ -169,7 +169,8 @@ def test_nothing_foreign_becomes_markup() -> None:
         fit=replace(one.fit, parameters={HOSTILE: Quantity(1.0, 0.1, HOSTILE)}, covariance=np.eye(1)),
     )
     bad_one = Effect(HOSTILE, HOSTILE, Acts.ON_BLOCK, (), "")
-    said = replace(diagnosis(one), sentence=HOSTILE, remainder=HOSTILE, blind_spots=(HOSTILE,))
+    left = Remainder(1e-9, 1e-10, (), imitated_by=(bad_one,))
+    said = replace(diagnosis(one), remainder=left, blind_spots=(BlindSpot(bad_one, HOSTILE, 1.0),))
     said = replace(said, effects=(FoundEffect(bad_one, {HOSTILE: Quantity(1, 1)}, {HOSTILE: 1.0}, (bad_one,)),))
     page = report_of([bad, replace(bad, problem=HOSTILE, motion=None, impact=None, fit=None)], said, title=HOSTILE)
     elements = Elements(page)

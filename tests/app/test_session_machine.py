@@ -46,7 +46,7 @@ class AtOnce(SteppedWork):
         if work.func is not diagnose_shots:
             self._go.set()
             return super().run(work, progress, cancelled)
-        found = replace(synthetic.diagnosis(self.fitted), sentence=f"diagnosis {len(self.diagnosed)}")
+        found = replace(synthetic.diagnosis(self.fitted), seconds=float(len(self.diagnosed)))
         if len(self.diagnosed) % 2:
             found = replace(found, verdict=Verdict.ADEQUATE, effects=())
         self.diagnosed.append(found)

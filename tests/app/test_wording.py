@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import QLocale
 
-from analysis.collision.effects import CATALOGUE
 from analysis.diagnosis import words
-from analysis.diagnosis.result import FoundEffect, Verdict
+from analysis.diagnosis.result import Remainder, Verdict
 from analysis.shot.quantity import NotSeen, Quantity
 from app.session.verdict_basis import verdict_of
 from app.words import verdict, wording
@@ -100,14 +99,16 @@ def test_a_learned_law_is_named_in_the_list_and_its_numbers_have_units():
 
 def test_a_partly_explained_set_never_has_a_rest_that_is_nothing():
     remains = "a significant residual remains: 12 nm rms"
-    for remainder, said in ((words.CALM, "did not pass every test"), ("12 nm rms", remains)):
-        sentence = words.sentence(Verdict.PARTLY_EXPLAINED, remainder=remainder)
-        assert said in sentence and f"a significant residual remains: {words.CALM}" not in sentence
+    partly = replace(synthetic.diagnosis(synthetic.shot(count=9000)), verdict=Verdict.PARTLY_EXPLAINED, effects=())
+    for remainder, said in ((None, "did not pass every test"), (Remainder(12e-9, 1e-10, ()), remains)):
+        sentence = words.sentence(replace(partly, remainder=remainder))
+        assert said in sentence and "remains: residual consistent with noise" not in sentence
 
 
 @pytest.mark.parametrize(("fall", "said"), [(0.0038, "Residual reduced to 0.38 %."), (0.96, "96 %"), (0.997, "")])
 def test_no_sentence_says_that_a_residual_is_reduced_to_all_of_it(fall, said):
-    effect = FoundEffect(CATALOGUE["tilt"], {}, {}, (), "tilt: angle 0.1 mrad")
-    sentence = words.sentence(Verdict.EFFECT_FOUND, effects=[effect], reduced_to=fall)
+    found = synthetic.diagnosis(synthetic.shot(count=9000))
+    after = replace(found.error_after, displacement_rms_m=fall * found.error_before.displacement_rms_m)
+    sentence = words.sentence(replace(found, error_after=after))
     assert said in sentence and "100 %" not in sentence and "1e+02" not in sentence
     assert ("reduced" in sentence) == bool(said)

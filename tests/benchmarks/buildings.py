@@ -16,6 +16,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from analysis.diagnosis.wording import in_words
 from tests.benchmarks.kept_runs import kept_runs
 from tests.benchmarks.loop_score import Share
 
@@ -117,7 +118,7 @@ def judge(case: Case) -> Outcome:
         found,
         time.perf_counter() - began,
         time.process_time() - cpu,
-        text=said.remainder[:200],
+        text=in_words(said).remainder[:200],
     )
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.result import Diagnosis, Errors
+from analysis.diagnosis.wording import in_words
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisSettings
 from analysis.signal.demodulation import demodulate
@@ -96,7 +97,8 @@ def errors_row(what: str, errors: Errors | None) -> str:
 
 def told(title: str, lead: str, found: Diagnosis, image: Path | None, page: Path) -> str:
     """Return one story as Markdown."""
-    lines = [f"## {title}", "", lead, "", f"**{found.verdict.value}**. {found.sentence}", ""]
+    said = in_words(found)
+    lines = [f"## {title}", "", lead, "", f"**{found.verdict.value}**. {said.sentence}", ""]
     for effect in found.effects:
         others = ", ".join(other.name for other in effect.indistinguishable_from)
         others = f"; not told from {others}" if others else ""
@@ -113,10 +115,10 @@ def told(title: str, lead: str, found: Diagnosis, image: Path | None, page: Path
     lines += [errors_row("held out, after", found.error_held_out_after), ""]
     ranked = [f"`{c.name}` {c.delta_bic:+.0f}" for c in found.candidates[:4] if c.delta_bic is not None]
     lines += [f"Tried, by what the criterion (BIC) falls: {', '.join(ranked)}.", ""]
-    if found.separating_shot:
-        lines += [f"What would separate look-alikes: {found.separating_shot}.", ""]
-    if found.remainder:
-        lines += [f"What is left: {found.remainder}.", ""]
+    if said.separating_shot:
+        lines += [f"What would separate look-alikes: {said.separating_shot}.", ""]
+    if said.remainder:
+        lines += [f"What is left: {said.remainder}.", ""]
     if image is not None:
         lines += [f"![residual before and after]({image.relative_to(page.parent)})", ""]
     return "\n".join(lines)

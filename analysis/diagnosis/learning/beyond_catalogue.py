@@ -4,7 +4,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from analysis.diagnosis import words
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law
 from analysis.diagnosis.learning.learned_law import in_joint_fit
 from analysis.diagnosis.learning.single_law import SingleLaw
@@ -154,8 +153,7 @@ def _anew(
         "snr": min(snr(fitted, at, found.effect), missed_without(fitted, fewer)),
         "delta_bic": -_worth(fitted, fewer) if fewer is not None else found.evidence["delta_bic"],
     }
-    sentence = words.found(found.effect, parameters, found.indistinguishable_from)
-    return replace(found, parameters=parameters, evidence={**found.evidence, **evidence}, sentence=sentence)
+    return replace(found, parameters=parameters, evidence={**found.evidence, **evidence})
 
 
 def _helps(before: Fitted, nearest: Fitted, held: tuple[int, ...], stop: Stop) -> tuple[Prediction, Prediction] | None:

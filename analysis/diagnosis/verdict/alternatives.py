@@ -1,4 +1,4 @@
-"""Alternatives and detection limits: every effect tried with its curve, what could not be seen, what would decide."""
+"""Alternatives and detection limits: every effect tried with its curve, and what could not be seen."""
 
 from collections.abc import Sequence
 
@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision import Infeasible
-from analysis.diagnosis import words
-from analysis.diagnosis.result import Candidate, FoundEffect
+from analysis.diagnosis.result import BlindSpot, Candidate, Standing
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict.identifiability import least_seen
-from analysis.inference import Fitted, JointData, Projector, Score, TrialEffect, effect_parameters, moved_to, shown_with
+from analysis.inference import Fitted, Projector, Score, TrialEffect, effect_parameters, moved_to, shown_with
 from analysis.shot import Quantity
 
 Floats = NDArray[np.float64]
@@ -30,43 +29,28 @@ def candidates(best: Fitted, trail: Trail) -> tuple[Candidate, ...]:
         parameters: dict[str, Quantity] = effect_parameters(fitted)[effect] if fitted else {}
         delta = fitted.bic - before.bic if fitted else None
         if effect in best.effects:
-            remark = "in the model now"
+            standing = Standing.IN_MODEL
         elif fitted is None:
-            remark = "scored only"
+            standing = Standing.SCORED_ONLY
         else:
-            remark = "does not pay" if delta is None or delta > -trail.least_fall() else "another does better"
+            pays = delta is not None and delta <= -trail.least_fall()
+            standing = Standing.BEHIND_ANOTHER if pays else Standing.DOES_NOT_PAY
         curves = curve_of_fit(fitted, before) if fitted is not None else curve_to_first_order(at, score)
-        out.append(Candidate(effect, float(score.gain), delta, parameters, remark, curves))
+        out.append(Candidate(effect, float(score.gain), delta, parameters, standing, explains_m=curves))
     out.sort(key=lambda c: (c.delta_bic if c.delta_bic is not None else 0.0, -c.score))
     return tuple(out)
 
 
-def blind_spots(at: Projector, catalogue: Sequence[TrialEffect], best: Fitted) -> tuple[str, ...]:
-    """Return what these data could not have shown, with the size that would have stood out by 5 sigma."""
+def blind_spots(at: Projector, catalogue: Sequence[TrialEffect], best: Fitted) -> tuple[BlindSpot, ...]:
+    """Return the effects that these data could not have shown, with the size that would have stood out by 5 sigma."""
     out = []
     for kind in catalogue:
         if kind.effect in best.effects or len(kind.starts) > 12:
             continue
         if best.hypothesis.data.base.one_body and not kind.one_body:
             continue
-        least = least_seen(at, kind)
-        name = kind.amplitude[0]
-        if least is None:
-            out.append(f"{kind.effect.short_words} of any size")
-        else:
-            out.append(f"{kind.effect.short_words} below {least:.1g} {words.unit_of(name)}".strip())
-    out.append("a wrong wavelength, a cosine error and a wrong mass, which only rescale the parameters")
+        out.append(BlindSpot(kind.effect, kind.amplitude[0], least_seen(at, kind)))
     return tuple(out)
-
-
-def separating(effects: Sequence[FoundEffect], data: JointData) -> str:
-    """Return in words which further shot would separate effects from their look-alikes."""
-    speeds = [abs(s.course.velocity_in_m_per_s) for s in data.shots]
-    return "; ".join(
-        dict.fromkeys(
-            words.separating(e.effect, e.indistinguishable_from, speeds) for e in effects if e.indistinguishable_from
-        )
-    )
 
 
 def curve_of_fit(fitted: Fitted, before: Fitted) -> tuple[Floats, ...]:

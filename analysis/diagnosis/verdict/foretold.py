@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,14 +50,13 @@ class ForetoldShot:
 
 @dataclass(frozen=True, slots=True)
 class Foretold:
-    """All shots together, and each; ``sentence`` is for a person."""
+    """The errors of all shots together, and each."""
 
     model: str
     effects: tuple[Effect, ...]
     error_base: Errors
     error_model: Errors
     shots: tuple[ForetoldShot, ...]
-    sentence: str
 
 
 def foretell(motions: Sequence[Motion], names: Sequence[str], model: SavedModel, stop: Stop | None = None) -> Foretold:
@@ -85,8 +83,7 @@ def foretell(motions: Sequence[Motion], names: Sequence[str], model: SavedModel,
         except (AnalysisError, Infeasible, np.linalg.LinAlgError) as error:
             told.append(ForetoldShot(name, took_part, None, None, in_words(error)))
     bare, whole = _all(told, "error_base"), _all(told, "error_model")
-    words = sentence(bare, whole, sum(shot.error_model is not None for shot in told))
-    return Foretold(model.base, model.effects, bare, whole, tuple(told), words)
+    return Foretold(model.base, model.effects, bare, whole, tuple(told))
 
 
 def _on_its_plate(motion: Motion, model: SavedModel, base: Parameters) -> tuple[SavedModel, Parameters]:
@@ -102,30 +99,6 @@ def _on_its_plate(motion: Motion, model: SavedModel, base: Parameters) -> tuple[
         {plain: of[name] for plain, name in names_on_plate(of, its).items()} for of in (model.parameters, base)
     )
     return replace(model, parameters=mine), of_base
-
-
-def sentence(base: Errors, model: Errors, count: int) -> str:
-    """Return how much better the whole model foretells than its base."""
-    driven = not np.isfinite(model.displacement_rms_m)
-    before, after = (e.force_rms_n if driven else 1e6 * e.displacement_rms_m for e in (base, model))
-    unit = "N" if driven else "µm"
-    share = 1.0 - after / before if before > 0.0 else -math.inf
-    how = "better" if share > 0.0 else "not better"
-    better = f"foretold {how} by {abs(share):.0%}" if math.isfinite(share) else f"foretold {how}"
-    shots = f"{count} shot{'' if count == 1 else 's'}"
-    return f"{better}: {after:.3g} {unit} rms against {before:.3g} {unit} of the base alone, over {shots}"
-
-
-def foretold_result(foretold: Foretold) -> dict[str, Any]:
-    """Return the ``foretold`` object of the result file."""
-    return {
-        "model": foretold.model,
-        "effects": [effect.key for effect in foretold.effects],
-        "error_base": asdict(foretold.error_base),
-        "error_model": asdict(foretold.error_model),
-        "sentence": foretold.sentence,
-        "shots": [asdict(shot) for shot in foretold.shots],
-    }
 
 
 def _all(shots: Sequence[ForetoldShot], which: str) -> Errors:

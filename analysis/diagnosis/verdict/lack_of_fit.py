@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from analysis.compiled import side_by_side
+from analysis.diagnosis.result import Freedom
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Arrow, Fitted, Floor, Hypothesis, Point, Projector, Response, Samples, learn_floor
 
@@ -33,7 +34,7 @@ class LackOfFit:
     ``width`` numbers describe the shape.
     """
 
-    shape: str
+    shape: Freedom | None
     gain: float
     limit: float
     width: int = 0
@@ -49,7 +50,7 @@ class LackOfFit:
         return self.gain > self.limit
 
 
-NOTHING = LackOfFit("nothing", 0.0, np.inf)
+NOTHING = LackOfFit(None, 0.0, np.inf)
 
 
 def colour(white: Sequence[Floats]) -> float:
@@ -87,19 +88,19 @@ def worst(fitted: Fitted, at: Projector, slow: float = 1.0) -> LackOfFit:
     hypothesis = fitted.hypothesis
     fastest = max(abs(shot.course.velocity_in_m_per_s) for shot in shots)
     kinks = [_kinks(shot) for shot in shots]
-    shapes = {"kinks where the bodies meet, turn or part": shared(kinks)}
+    shapes = {Freedom.KINKS: shared(kinks)}
     tangents = hypothesis.arrow([tangent for _, tangent in at.lines])
     if len(shots) > 1:
         base, effects = slice(hypothesis.data.count), slice(hypothesis.data.count, len(hypothesis.shared))
-        shapes["plate and contact that differ from shot to shot"] = _apart(tangents, base)
+        shapes[Freedom.BASE_APART] = _apart(tangents, base)
         speeds = [abs(shot.course.velocity_in_m_per_s) / fastest for shot in shots]
-        shapes["kinks that grow with the speed"] = shared([c * v for c, v in zip(kinks, speeds, strict=True)])
+        shapes[Freedom.KINKS_WITH_SPEED] = shared([c * v for c, v in zip(kinks, speeds, strict=True)])
         if len(hypothesis.shared) > hypothesis.data.count:
-            shapes["an effect that differs from shot to shot"] = _apart(tangents, effects)
+            shapes[Freedom.EFFECT_APART] = _apart(tangents, effects)
     if hypothesis.free_parameters:
         of_effects = tangents.without(range(hypothesis.offset))
         turned = of_effects.mapped(lambda k, block: block * _after_turn(shots[k])[:, None])
-        shapes["an effect that is another one after the turn"] = Arrow.of(turned.blocks, turned.shared)
+        shapes[Freedom.EFFECT_AFTER_TURN] = Arrow.of(turned.blocks, turned.shared)
     shapes |= {name: shared(columns) for name, columns in free_laws(hypothesis, fitted.point).items()}
     found = []
     gains = side_by_side(lambda shape: gain(fitted, at, shape), shapes.values())
@@ -159,7 +160,7 @@ def _pushed(force_n, mass_kg, stiffness_n_per_m, touching, spacing_s, out):  # t
             x += spacing_s * v
 
 
-def free_laws(hypothesis: Hypothesis, point: Point) -> dict[str, list[Floats]]:
+def free_laws(hypothesis: Hypothesis, point: Point) -> dict[Freedom, list[Floats]]:
     """Return what forces of free laws would do, named by their argument; shot by shot, shape (n, k).
 
     The block carries the force alone; in contact the plate follows it as a spring without mass, and the short bounces
@@ -172,17 +173,17 @@ def free_laws(hypothesis: Hypothesis, point: Point) -> dict[str, list[Floats]]:
     fastest = max(float(np.abs(run.velocity_m_per_s).max()) for run in runs)
     farthest = max(float(x.max()) for x in away)
     deepest = max(float((-x).max()) for x in away)
-    laws: dict[str, list[Floats]] = {}
+    laws: dict[Freedom, list[Floats]] = {}
     for run, x, shot in zip(runs, away, shots, strict=True):
         speed, way = np.abs(run.velocity_m_per_s) / fastest, np.sign(run.velocity_m_per_s)[:, None]
         inside = _inside(run)
         bent = _hats(-x / deepest, _BEND)[:, 1:] * inside[:, None]
         forces = {
-            "a force of the speed, against the motion": way * _hats(speed, _SPEED),
-            "a force of the speed, one way": _hats(speed, _SPEED),
-            "a force of the place": _hats(x / farthest, _PLACE),
-            "a force of the plate's bend": bent,
-            "a force of the plate's bend, against the motion": way * bent,
+            Freedom.SPEED_AGAINST_MOTION: way * _hats(speed, _SPEED),
+            Freedom.SPEED_ONE_WAY: _hats(speed, _SPEED),
+            Freedom.PLACE: _hats(x / farthest, _PLACE),
+            Freedom.BEND: bent,
+            Freedom.BEND_AGAINST_MOTION: way * bent,
         }
         for name, force in forces.items():
             out = np.empty_like(force)

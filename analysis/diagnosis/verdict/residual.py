@@ -2,16 +2,16 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from analysis.diagnosis.result import Errors
+from analysis.collision import Effect
+from analysis.diagnosis.result import Errors, Phase, Remainder
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit, colour, gain, shared, worst
-from analysis.diagnosis.words import CALM
 from analysis.inference import Fitted, Floor, Projector, Samples
 from analysis.shot import Motion
 from analysis.signal import derivatives
@@ -33,7 +33,6 @@ class Residual:
     limit: float
     correlation: float
     ratio: float
-    text: str
     size: float = 0.0  # of a significant shared shape, in units of the noise
     misfit: LackOfFit = NOTHING  # the freedom that the hypothesis misses most
 
@@ -68,8 +67,7 @@ def residual_of(fitted: Fitted, at: Projector) -> Residual:
     coherence, limit, width = _coherence(fitted, at) if len(shots) > 1 else (0.0, math.inf, 0)
     limit *= slow
     size = math.sqrt(max(0.0, coherence - width)) if coherence > limit else 0.0
-    rest = Residual(coherence, limit, correlation, ratio, CALM, size, worst(fitted, at, slow))
-    return replace(rest, text=describe(fitted) + looks_like(rest.misfit)) if rest.significant else rest
+    return Residual(coherence, limit, correlation, ratio, size, worst(fitted, at, slow))
 
 
 def _correlation(white: Sequence[Floats]) -> float:
@@ -85,20 +83,19 @@ def _correlation(white: Sequence[Floats]) -> float:
     return out
 
 
-def _phase_of(shot: Samples) -> list[tuple[str, NDArray[np.bool_]]]:
-    """Return the phases of a shot with the samples in each (flight in, bounces, loading, unloading, release, out)."""
+def _phase_of(shot: Samples) -> list[tuple[Phase, NDArray[np.bool_]]]:
+    """Return the phases of a shot with the samples in each."""
     t = shot.centre_s
     c = shot.course
     bounce = c.touch_time_s + 0.2 * c.contact_time_s
     release = c.release_time_s
     edge = 0.08 * c.contact_time_s
     bounds = [-np.inf, c.touch_time_s, bounce, c.turnaround_time_s, release - edge, release + edge, np.inf]
-    names = ("flight in", "bounces", "loading", "unloading", "release", "flight out")
-    return [(n, (t >= a) & (t < b) & shot.valid) for n, a, b in zip(names, bounds[:-1], bounds[1:], strict=True)]
+    return [(n, (t >= a) & (t < b) & shot.valid) for n, a, b in zip(Phase, bounds[:-1], bounds[1:], strict=True)]
 
 
 def _ratio(white: Sequence[Floats], shots: Sequence[Samples]) -> float:
-    power: dict[str, list[Floats]] = {}
+    power: dict[Phase, list[Floats]] = {}
     for w, shot in zip(white, shots, strict=True):
         for name, here in _phase_of(shot):
             part = w[here[shot.valid]]
@@ -145,50 +142,37 @@ def _bumps(shot: Samples) -> Floats:
     return 0.5 - 0.5 * np.cos(np.pi * out)
 
 
-def describe(fitted: Fitted) -> str:
-    """Return in words where the residual is large, how it goes with the speed, and its strongest line.
+def remainder_of(fitted: Fitted, misfit: LackOfFit = NOTHING, imitated_by: Sequence[Effect] = ()) -> Remainder:
+    """Return where the residual of a fit is large, how it goes with the speed, and its strongest line.
 
     Sizes are those above the sensor's white noise, which of a camera is nearly all, and with the site's most likely
-    motion taken off.
+    motion taken off.  ``misfit`` is of the model with the effects that imitate the residual, where there are any.
     """
     shots = fitted.hypothesis.data.shots
     noise_m = fitted.floor.white_m
-    square: dict[str, list[float]] = {}
+    square: dict[Phase, list[float]] = {}
     above, speeds = [], []
     for shot, left_m in zip(shots, fitted.residual_m, strict=True):
         residual = shot.without_frame_motion(fitted.floor, left_m)
         white = (noise_m * shot.weight) ** 2
         above.append(float(np.mean(residual[shot.valid] ** 2)) - white)
         speeds.append(abs(shot.course.velocity_in_m_per_s))
-        for name, here in _phase_of(shot):
+        for phase, here in _phase_of(shot):
             if here.sum() > 5:
-                square.setdefault(name, []).append(float(np.mean(residual[here] ** 2)) - white)
-    rms = {name: _root(values) * 1e9 for name, values in square.items()}
-    loud = sorted((name for name in rms if rms[name] > 0.0), key=lambda name: -rms[name])
-    total, noise = _root(above) * 1e9, _nm(noise_m * 1e9)
-    size = f"{_nm(total)} rms in displacement" if total > 0.0 else "in all no rms in displacement"
-    parts = [f"{size} above the white noise of {noise}" + "".join(f", {name} {_nm(rms[name])}" for name in loud[:3])]
+                square.setdefault(phase, []).append(float(np.mean(residual[here] ** 2)) - white)
+    rms = {phase: _root(values) for phase, values in square.items()}
+    loud = sorted((phase for phase in rms if rms[phase] > 0.0), key=lambda phase: -rms[phase])
+    power = None
     if len(shots) > 1 and max(speeds) / min(speeds) > 1.15 and min(above) > 0.0:
-        slope = float(np.polyfit(np.log(speeds), 0.5 * np.log(above), 1)[0])
-        parts.append(f"its size goes as the speed to the power {slope:.1f}")
-    line = _line(fitted)
-    if line is not None:
-        parts.append(f"a line stands at {line:.0f} Hz")
-    return "; ".join(parts)
-
-
-def looks_like(misfit: LackOfFit, what: str = "it") -> str:
-    """Return in words which freedom ``what`` would use most, as the end of a description, or nothing."""
-    return f"; {what} looks like {misfit.shape} ({misfit.size:.0f} noise norms)" if misfit.significant else ""
+        power = float(np.polyfit(np.log(speeds), 0.5 * np.log(above), 1)[0])
+    used, norms = (misfit.shape, misfit.size) if misfit.significant else (None, 0.0)
+    loudest = tuple((phase, rms[phase]) for phase in loud[:3])
+    return Remainder(_root(above), noise_m, loudest, power, _line(fitted), used, norms, tuple(imitated_by))
 
 
 def _root(squares: Sequence[float]) -> float:
     """Return the root of the mean of squares less a noise's, nothing where the noise was more."""
     return math.sqrt(max(0.0, float(np.mean(squares))))
-
-
-def _nm(value: float) -> str:
-    return f"{value:.2g} nm" if value < 1000 else f"{value / 1000:.2g} µm"
 
 
 def _line(fitted: Fitted) -> float | None:

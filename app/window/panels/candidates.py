@@ -7,7 +7,7 @@ from PySide6.QtGui import QColor, QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
 from analysis.collision import Effect
-from analysis.diagnosis import CRITERIA, Candidate
+from analysis.diagnosis import CRITERIA, Candidate, remark_on
 from app.session import by_evidence
 from app.window.theme import MARKS, Colours, Tone
 from app.words import DASH, effect_numbers, number
@@ -149,7 +149,7 @@ class CandidateBars(QWidget):
         fall = candidate.delta_bic
         evidence = QLabel(DASH if fall is None else number(-fall, 3), inner)
         size = QLabel(number(abs(candidate.score), 3), inner)
-        remark = candidate.remark or ("not fitted in full: its first score was too small" if fall is None else "")
+        remark = remark_on(candidate) or ("not fitted in full: its first score was too small" if fall is None else "")
         hover = "<br>".join(
             (f"<b>{candidate.effect.words}</b>", remark, effect_numbers(candidate.effect, candidate.parameters))
         )

@@ -14,7 +14,7 @@ from PySide6.QtWidgets import (
 )
 
 from analysis.collision import Effect
-from analysis.diagnosis import Diagnosis, Verdict
+from analysis.diagnosis import Diagnosis, Verdict, in_words
 from analysis.shot import Shot
 from app.window.panels.candidates import CandidateBars
 from app.window.panels.effect_rows import EffectRows
@@ -268,15 +268,15 @@ class DiagnosisPanel(QWidget):
         tone, words = (tone, words) if holds else (Tone.NEUTRAL, f"<s>{words}</s>")
         self._verdict.setText(f"{MARKS[tone]} {words}")
         self._verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
-        self._sentence.setText(local_words(diagnosis.sentence))
+        said = in_words(diagnosis)
+        self._sentence.setText(local_words(said.sentence))
         self.bars.show_candidates(diagnosis.candidates, {found.effect for found in diagnosis.effects})
-        blind = list(diagnosis.blind_spots)
-        lines = [f"Remaining residual: {diagnosis.remainder}"] if diagnosis.remainder else []
+        lines = [f"Remaining residual: {said.remainder}"] if said.remainder else []
         if diagnosis.verdict is Verdict.UNEXPLAINED and diagnosis.error_after.reduced_chi2 < NEAR_ONE:
             lines.append("χ²/ν is relative to noise estimated from this residual, unexplained part included: so near 1")
-        separating = diagnosis.separating_shot and not self.next_steps.isVisibleTo(self)
-        lines += [f"What would separate these: {diagnosis.separating_shot}"] if separating else []
-        lines += [f"Detection limits: {'; '.join(blind)}"] if blind else []
+        separating = said.separating_shot and not self.next_steps.isVisibleTo(self)
+        lines += [f"What would separate these: {said.separating_shot}"] if separating else []
+        lines += [f"Detection limits: {'; '.join(said.blind_spots)}"] if said.blind_spots else []
         self._blind.setText(local_words("\n".join(lines)))
         self.residuals.show_diagnosis(diagnosis, shots)
         self.why.show_diagnosis(diagnosis, [] if self._driven else shots, self._accepted)

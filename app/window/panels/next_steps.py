@@ -4,7 +4,7 @@ from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QPushButton, QVBoxLayout, QWidget
 
 from analysis.collision import Effect
-from analysis.diagnosis import Diagnosis, Verdict
+from analysis.diagnosis import Diagnosis, Verdict, in_words, remark_on
 from app.window.flow_layout import FlowLayout, clear_layout
 from app.window.widgets import text_label
 from app.words import local_words
@@ -59,17 +59,17 @@ class NextSteps(QWidget):
         named = {found.effect for found in diagnosis.effects} | set(in_model)
         left = [c for c in diagnosis.candidates if c.effect not in named and c.parameters]
         for candidate in sorted(left, key=lambda c: -abs(c.score))[:MOST_TRIED]:
+            remark = f" ({said})" if (said := remark_on(candidate)) else ""
             button = self._button(
                 f"Try {candidate.effect.words}",
-                f"Add it to the model although it did not pass{f' ({candidate.remark})' if candidate.remark else ''}; "
-                "it is marked as tried",
+                f"Add it to the model although it did not pass{remark}; it is marked as tried",
             )
             button.setProperty("effect", candidate.effect.key)
             self._effects[candidate.effect.key] = candidate.effect
             button.clicked.connect(self._try)
         button = self._button("Propose a law …", "Type a law of your own; it is fitted and judged like the others")
         button.clicked.connect(self.law_wanted)
-        self._shot.setText(f"Next shot: {local_words(diagnosis.separating_shot or ANOTHER_SHOT)}")
+        self._shot.setText(f"Next shot: {local_words(in_words(diagnosis).separating_shot or ANOTHER_SHOT)}")
 
     def _button(self, words: str, tip: str) -> QPushButton:
         button = QPushButton(words, self)

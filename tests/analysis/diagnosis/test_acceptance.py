@@ -6,7 +6,7 @@ from typing import Any, cast
 import pytest
 
 from analysis.collision.effects import Effect, named
-from analysis.diagnosis.result import FoundEffect, Verdict
+from analysis.diagnosis.result import FoundEffect, Freedom, Verdict
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict import acceptance
 from analysis.diagnosis.verdict.lack_of_fit import LackOfFit
@@ -35,12 +35,12 @@ class Fit:
 
 
 def effect(snr: float) -> FoundEffect:
-    return FoundEffect(TILT, {}, {"snr": snr}, (), "tilt")
+    return FoundEffect(TILT, {}, {"snr": snr}, ())
 
 
 @pytest.mark.parametrize(("floor", "accepted"), [(CALM, True), (WANDERING, False)])
 def test_beside_a_wandering_floor_an_effect_does_more_than_the_next_freedom(floor: Floor, accepted: bool) -> None:
-    rest = Residual(0.0, 57.0, 0.03, 1.1, "", misfit=LackOfFit("a force of the place", 56.0, 63.0, 4))
+    rest = Residual(0.0, 57.0, 0.03, 1.1, misfit=LackOfFit(Freedom.PLACE, 56.0, 63.0, 4))
     effects, verdict = acceptance.accepted_effects([effect(10.4)], rest, cast(Any, Fit((TILT,), floor)))
     assert bool(effects) is accepted
     assert verdict is (Verdict.EFFECT_FOUND if accepted else Verdict.UNEXPLAINED)
@@ -48,7 +48,7 @@ def test_beside_a_wandering_floor_an_effect_does_more_than_the_next_freedom(floo
 
 @pytest.mark.parametrize(("snr", "verdict"), [(60.0, Verdict.PARTLY_EXPLAINED), (17.0, Verdict.UNEXPLAINED)])
 def test_what_passed_beside_a_rest_is_told_as_partly_explained(snr: float, verdict: Verdict) -> None:
-    rest = Residual(20.0, 15.0, 0.03, 1.1, "a line", size=16.0)
+    rest = Residual(20.0, 15.0, 0.03, 1.1, size=16.0)
     assert rest.significant
     effects, said = acceptance.accepted_effects([effect(snr)], rest, cast(Any, Fit((TILT,))))
     assert said is verdict

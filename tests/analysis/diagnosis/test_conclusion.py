@@ -1,6 +1,7 @@
 """The verdict of collisions and drives alike: one function, and nowhere else in the analysis."""
 
 import ast
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,13 +12,15 @@ import pytest
 from analysis.collision.effects import named
 from analysis.diagnosis import words
 from analysis.diagnosis.learning import beyond_catalogue as beyond
-from analysis.diagnosis.result import FoundEffect, Verdict, diagnosis_result
+from analysis.diagnosis.result import Errors, FoundEffect, Remainder, Verdict
+from analysis.diagnosis.result_file import diagnosis_result
 from analysis.diagnosis.verdict.conclusion import conclude
 from analysis.shot.quantity import Quantity
 from tests.app import synthetic
 
 ANALYSIS = Path(__file__).parents[3] / "analysis"
-EFFECT = FoundEffect(named("tilt"), {"angle_rad": Quantity(1e-4, 1e-6)}, {"snr": 40.0}, (), "tilt: angle 0.1 mrad")
+EFFECT = FoundEffect(named("tilt"), {"angle_rad": Quantity(1e-4, 1e-6)}, {"snr": 40.0})
+LEFT = Remainder(12e-9, 1e-10, ())
 LAW = cast(Any, SimpleNamespace())
 
 
@@ -59,6 +62,17 @@ def _made(source: Path) -> list[int]:
 def test_a_verdict_is_made_in_one_place() -> None:
     made = {source.name: lines for source in sorted(ANALYSIS.rglob("*.py")) if (lines := _made(source))}
     assert set(made) == {"conclusion.py"}
+
+
+WORDS = ("words", "driven_words", "contact_family", "wording", "result_file")
+
+
+def test_what_decides_imports_no_words() -> None:
+    """... but for the verdict in words that a script may ask a diagnosis for."""
+    module = re.compile(rf"from analysis\.diagnosis(\.| import )({'|'.join(WORDS)})\b")
+    sources = {source: source.read_text(encoding="utf-8") for source in (ANALYSIS / "diagnosis").rglob("*.py")}
+    assert {source.stem for source, text in sources.items() if module.search(text)} - {*WORDS} == {"result"}
+    assert sources[ANALYSIS / "diagnosis" / "result.py"].count("import in_words") == 1
 
 
 class _Law(SimpleNamespace):
@@ -107,14 +121,21 @@ def test_what_merely_imitates_the_remainder_has_numbers_without_uncertainties() 
     ("effects", "imitations", "said", "not_said"),
     [
         ([EFFECT], [], "the model lacks tilt", "mostly like"),
-        ([], [EFFECT], "what is missing is mostly like tilt: angle 0.1 mrad, which did not pass every test", "lacks"),
+        ([], [EFFECT], "what is missing is mostly like tilt: angle (1.000 ± 0.010)e-4 rad, which did", "lacks"),
     ],
 )
 def test_the_sentence_says_what_passed_and_what_only_comes_near(
     effects: list[FoundEffect], imitations: list[FoundEffect], said: str, not_said: str
 ) -> None:
-    sentence = words.sentence(
-        Verdict.PARTLY_EXPLAINED, effects=effects, imitations=imitations, remainder="12 nm rms", reduced_to=0.4
+    diagnosis = replace(
+        synthetic.diagnosis(synthetic.shot(count=9000)),
+        verdict=Verdict.PARTLY_EXPLAINED,
+        effects=tuple(effects),
+        imitated_by=tuple(imitations),
+        remainder=LEFT,
+        error_before=Errors(5e-9, 1e-6, 1e-3, 9.0),
+        error_after=Errors(2e-9, 1e-6, 1e-3, 2.0),
     )
+    sentence = words.sentence(diagnosis)
     assert said in sentence and not_said not in sentence
     assert "a significant residual remains: 12 nm rms" in sentence and "Residual reduced to 40 %." in sentence

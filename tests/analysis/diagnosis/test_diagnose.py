@@ -6,7 +6,9 @@ import pytest
 
 from analysis.collision.effects import named
 from analysis.diagnosis.diagnosis_of_shots import diagnose
-from analysis.diagnosis.result import Verdict, diagnosis_result
+from analysis.diagnosis.result import Verdict
+from analysis.diagnosis.result_file import diagnosis_result
+from analysis.diagnosis.wording import in_words
 from analysis.shot.shot import Cancelled
 from tests.analysis.diagnosis.shots import WHITE_M, shots
 
@@ -16,7 +18,7 @@ def test_a_clean_rig_on_a_wandering_floor_is_adequate() -> None:
     assert found.verdict is Verdict.ADEQUATE
     assert found.effects == ()
     assert found.error_before == found.error_after
-    assert any("tilt below" in line for line in found.blind_spots)
+    assert any("tilt below" in line for line in in_words(found).blind_spots)
 
 
 def test_friction_is_named_and_the_error_falls_to_the_noise() -> None:

@@ -8,7 +8,8 @@ import pytest
 
 from analysis.diagnosis.model_file import SavedModel
 from analysis.diagnosis.result import Errors
-from analysis.diagnosis.verdict.foretold import ForetoldShot, _all, _on_its_plate, sentence
+from analysis.diagnosis.verdict.foretold import Foretold, ForetoldShot, _all, _on_its_plate
+from analysis.diagnosis.wording import prediction_words
 from analysis.shot.plate import stated_n_per_m
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Plate
@@ -82,5 +83,9 @@ def test_errors_of_several_shots_are_their_rms_and_what_failed_is_left_out() -> 
     ],
 )
 def test_the_sentence_says_by_how_much_and_over_how_many(base: Errors, model: Errors, words: str) -> None:
-    assert sentence(base, model, 1).startswith(words)
-    assert sentence(base, model, 1).endswith("over 1 shot") and sentence(base, model, 2).endswith("over 2 shots")
+    shot, failed = ForetoldShot("1", False, base, model), ForetoldShot("2", False, None, None, "too short")
+    one, two = (
+        prediction_words(Foretold("paper", (), base, model, (*shots, failed))) for shots in ([shot], [shot] * 2)
+    )
+    assert one.startswith(words)
+    assert one.endswith("over 1 shot") and two.endswith("over 2 shots")

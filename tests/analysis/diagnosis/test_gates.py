@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import CATALOGUE, Effect
-from analysis.diagnosis.result import FoundEffect, Verdict
+from analysis.diagnosis.result import FoundEffect, Freedom, Verdict
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict import other_names as names
 from analysis.diagnosis.verdict.acceptance import accepted_effects, clear
@@ -21,14 +21,14 @@ from tests.analysis.diagnosis.shots import calm
 from tests.analysis.diagnosis.test_acceptance import TILT, Fit
 
 ADHESION = CATALOGUE["adhesion"]
-NOTHING_LEFT = Residual(0.0, 57.0, 0.03, 1.1, "")
-SHAPE_LEFT = Residual(120.0, 57.0, 0.03, 1.1, "a shape", size=10.0)  # and no freedom that the law lacks
-MISFIT_LEFT = replace(NOTHING_LEFT, misfit=LackOfFit("a force of the place", 104.0, 63.0, 4))
+NOTHING_LEFT = Residual(0.0, 57.0, 0.03, 1.1)
+SHAPE_LEFT = Residual(120.0, 57.0, 0.03, 1.1, size=10.0)  # and no freedom that the law lacks
+MISFIT_LEFT = replace(NOTHING_LEFT, misfit=LackOfFit(Freedom.PLACE, 104.0, 63.0, 4))
 ONE = cast(Any, Fit((TILT,)))
 
 
 def effect(snr: float, alike: int = 0) -> FoundEffect:
-    return FoundEffect(TILT, {}, {"snr": snr}, tuple(CATALOGUE.values())[:alike], "tilt")
+    return FoundEffect(TILT, {}, {"snr": snr}, tuple(CATALOGUE.values())[:alike])
 
 
 def said(effects: list[FoundEffect], rest: Residual, fit: Any = ONE) -> tuple[int, Verdict]:
@@ -70,8 +70,8 @@ def test_an_effect_stands_clear_of_what_is_left(snr: float, rest: Residual, seve
         ({"ratio": 2.4}, Verdict.EFFECT_FOUND),
         ({"coherence": 56.9}, Verdict.EFFECT_FOUND),
         ({"coherence": 57.1, "size": 6.0}, Verdict.PARTLY_EXPLAINED),
-        ({"misfit": LackOfFit("x", 62.9, 63.0, 4)}, Verdict.EFFECT_FOUND),
-        ({"misfit": LackOfFit("x", 63.1, 63.0, 4)}, Verdict.PARTLY_EXPLAINED),
+        ({"misfit": LackOfFit(Freedom.PLACE, 62.9, 63.0, 4)}, Verdict.EFFECT_FOUND),
+        ({"misfit": LackOfFit(Freedom.PLACE, 63.1, 63.0, 4)}, Verdict.PARTLY_EXPLAINED),
     ],
 )
 def test_what_is_left_decides_what_is_said(changed: dict[str, Any], verdict: Verdict) -> None:

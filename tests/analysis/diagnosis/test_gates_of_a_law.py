@@ -20,8 +20,8 @@ from analysis.diagnosis.verdict.residual import Residual
 from tests.analysis.diagnosis.shots import calm
 
 START = 1000.0  # of the criterion, where no law is in the model
-NOTHING_LEFT = Residual(0.0, 57.0, 0.03, 1.1, "")
-SHAPE_LEFT = Residual(120.0, 57.0, 0.03, 1.1, "a shape", size=10.0)
+NOTHING_LEFT = Residual(0.0, 57.0, 0.03, 1.1)
+SHAPE_LEFT = Residual(120.0, 57.0, 0.03, 1.1, size=10.0)
 PLACE = SimpleNamespace(name="place", where="block", factor="")
 
 

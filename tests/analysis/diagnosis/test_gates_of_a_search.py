@@ -23,8 +23,8 @@ from tests.analysis.diagnosis.test_acceptance import CALM, TILT, WANDERING, Fit
 
 HELD = (1,)
 ADHESION, LINE = CATALOGUE["adhesion"], CATALOGUE["frame_vibration"]
-NOTHING_LEFT = Residual(0.0, 57.0, 0.03, 1.1, "")
-SHAPE_LEFT = Residual(120.0, 57.0, 0.03, 1.1, "a shape", size=10.0)
+NOTHING_LEFT = Residual(0.0, 57.0, 0.03, 1.1)
+SHAPE_LEFT = Residual(120.0, 57.0, 0.03, 1.1, size=10.0)
 START = Fit(())
 ONE, OTHER, BOTH = Fit((TILT,)), Fit((ADHESION,)), Fit((TILT, ADHESION))
 
@@ -286,7 +286,7 @@ def test_a_freedom_is_missed_where_it_gains_more_than_chance(
     )
     assert found.shape == "place" and found.width == 4
     assert found.significant is missed
-    assert Residual(0.0, 57.0, 0.03, 1.1, "", misfit=found).significant is missed
+    assert Residual(0.0, 57.0, 0.03, 1.1, misfit=found).significant is missed
 
 
 def test_the_freedom_is_named_that_exceeds_its_limit_most(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,7 @@ from analysis.collision.laws.forms import FORMS
 from analysis.collision.laws.own import from_mapping
 from analysis.diagnosis import words
 from analysis.diagnosis.learning.learned_law import is_same_function, news
-from analysis.diagnosis.result import OtherForm
+from analysis.diagnosis.result import FoundEffect, OtherForm
 from analysis.shot.quantity import Quantity
 
 BEND = next(one for one in ARGUMENTS if (one.where, one.name) == ("plate", "bend"))
@@ -52,5 +52,5 @@ def test_forms_that_differ_only_beside_what_the_base_model_holds_are_not_one_fun
 def test_a_law_of_ones_own_is_told_with_its_formula_and_its_units() -> None:
     parameters = {"a": {"unit": "N s/m", "start": 1e-3}, "b": {"unit": "m", "start": 1e-3}}
     law = from_mapping({"name": "brake", "where": "block", "formula": "-a*exp(x/b)*v", "parameters": parameters})
-    said = words.found(law, {"a": Quantity(4e-4, 1e-6, ""), "b": Quantity(1.2e-3, 1e-6, "")}, ())
-    assert said == "brake: -a*exp(x/b)*v with a (4.000 ± 0.010)e-4 N s/m, b (1.2000 ± 0.0010)e-3 m"
+    found = FoundEffect(law, {"a": Quantity(4e-4, 1e-6, ""), "b": Quantity(1.2e-3, 1e-6, "")}, {})
+    assert words.found(found) == "brake: -a*exp(x/b)*v with a (4.000 ± 0.010)e-4 N s/m, b (1.2000 ± 0.0010)e-3 m"

@@ -7,7 +7,8 @@ import pytest
 
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.limit import Limit
-from analysis.diagnosis.result import Verdict, diagnosis_result
+from analysis.diagnosis.result import Verdict
+from analysis.diagnosis.result_file import diagnosis_result
 from analysis.shot.shot import Cancelled
 from tests.analysis.diagnosis.shots import calm, shots
 from tests.law_rigs import LawRig

@@ -9,6 +9,7 @@ from analysis.collision.effects import CATALOGUE, Acts, Effect, Parameter
 from analysis.collision.effects.kernel import MASS, ON_BLOCK, Q_RATE, W_RATE, V, W
 from analysis.collision.effects.row import Sensed
 from analysis.collision.parameters import PAPER
+from analysis.diagnosis import words
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.result import Verdict
 from analysis.inference.fit.base import base_named
@@ -84,7 +85,7 @@ def test_a_force_is_simulated_fitted_and_named(monkeypatch: pytest.MonkeyPatch) 
     assert found.effects[0].name == "cubic_drag"
     value = found.effects[0].parameters["coefficient_n_s3_per_m3"]
     assert abs(value.value - 3e-3) < 4 * value.std < 1e-5
-    assert "N s³/m³" in found.effects[0].sentence
+    assert "N s³/m³" in words.found(found.effects[0])
 
 
 @pytest.mark.parametrize(("row", "values"), [(SLOSHING, (1e-5, 3e-3)), (CUBIC_DRIFT, (1e-4,))])

@@ -6,8 +6,12 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from analysis.collision.effects import CATALOGUE
+from analysis.diagnosis import words
+from analysis.diagnosis.result import Candidate, Freedom, Standing
 from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit
-from analysis.diagnosis.verdict.residual import describe, looks_like
+from analysis.diagnosis.verdict.residual import remainder_of
+from analysis.diagnosis.wording import remark_on
 
 
 def _fit(scale: float) -> Any:
@@ -37,12 +41,22 @@ def _fit(scale: float) -> Any:
 
 @pytest.mark.parametrize(("scale", "said"), [(2.0, "0.17 nm rms in displacement above"), (0.99, "in all no rms in")])
 def test_a_residual_within_the_noise_is_not_said_to_be_0_nm(scale: float, said: str) -> None:
-    text = describe(cast(Any, _fit(scale)))
+    text = words.remainder(remainder_of(cast(Any, _fit(scale))))
     assert text.startswith(said) and "above the white noise of 0.1 nm" in text
     assert not text.startswith("0 nm")
 
 
 def test_what_a_residual_looks_like_has_a_size() -> None:
-    misfit = LackOfFit("a force of the place", 104.0, 63.0, 4)
-    assert looks_like(misfit) == "; it looks like a force of the place (10 noise norms)"
-    assert looks_like(NOTHING) == ""
+    misfit = LackOfFit(Freedom.PLACE, 104.0, 63.0, 4)
+    said = words.remainder(remainder_of(cast(Any, _fit(2.0)), misfit))
+    assert said.endswith("; it looks like a force of the place (10 noise norms)")
+    beside = words.remainder(remainder_of(cast(Any, _fit(2.0)), misfit, [CATALOGUE["tilt"]]))
+    assert "best imitated by tilt, which did not pass every test; the residual beside them looks like" in beside
+    assert "looks like" not in words.remainder(remainder_of(cast(Any, _fit(2.0)), NOTHING))
+
+
+def test_every_kind_of_remainder_and_standing_has_words() -> None:
+    assert set(words.FREEDOMS) == set(Freedom)
+    for standing in Standing:
+        remark = remark_on(Candidate(CATALOGUE["tilt"], 1.0, None, standing=standing, number=0.25))
+        assert remark and "{" not in remark and "None" not in remark

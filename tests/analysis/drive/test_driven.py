@@ -8,6 +8,7 @@ import pytest
 
 from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.result import Diagnosis, Verdict
+from analysis.diagnosis.wording import in_words, remark_on
 from analysis.drive.catalogue import LAWS
 from analysis.drive.curves import drive_curves
 from analysis.drive.driven_fit import fit_driven
@@ -96,7 +97,7 @@ def test_the_force_is_filtered_like_the_motion() -> None:
     diagnosis = diagnose_driven([motion])
     assert diagnosis.verdict is Verdict.ADEQUATE
     assert diagnosis.error_after.force_rms_n < 1.5
-    assert any("Hz" in words for words in diagnosis.blind_spots)
+    assert any("Hz" in words for words in in_words(diagnosis).blind_spots)
 
 
 def test_motion_one_way_leaves_friction_undetermined() -> None:
@@ -105,9 +106,9 @@ def test_motion_one_way_leaves_friction_undetermined() -> None:
     assert (np.diff(motion.displacement_m) > 0.0).all()
     diagnosis = diagnose_driven([motion])
     assert diagnosis.verdict is Verdict.ADEQUATE
-    remarks = {candidate.name: candidate.remark for candidate in diagnosis.candidates}
+    remarks = {candidate.name: remark_on(candidate) for candidate in diagnosis.candidates}
     assert "not identifiable" in remarks["coulomb_friction"]
-    assert "both ways" in diagnosis.separating_shot
+    assert "both ways" in in_words(diagnosis).separating_shot
 
 
 def test_a_stated_mass_is_used() -> None:
@@ -137,7 +138,7 @@ def test_the_scatter_between_cycles_is_the_repeatability() -> None:
     diagnosis = diagnose_driven([cycles.motion()])
     assert diagnosis.verdict in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED)
     assert "cycle of 4 s repeats to" in diagnosis.sentence
-    assert "times what its cycle" in diagnosis.remainder
+    assert "times what its cycle" in in_words(diagnosis).remainder
 
 
 def test_the_scatter_between_records_of_one_input_is_the_repeatability() -> None:

@@ -1,0 +1,79 @@
+"""A diagnosis and a tested prediction in words, for the result file, the window, reports and scripts alike.
+
+Nothing that decides imports this module or the words that it uses.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analysis.diagnosis import driven_words, words
+from analysis.diagnosis.result import Candidate, Diagnosis, Standing
+
+if TYPE_CHECKING:
+    from analysis.diagnosis.verdict.foretold import Foretold
+
+
+@dataclass(frozen=True, slots=True)
+class Wording:
+    """What a diagnosis says to a person; ``effects`` has a sentence for each of its effects."""
+
+    sentence: str
+    effects: tuple[str, ...]
+    remainder: str
+    blind_spots: tuple[str, ...]
+    separating_shot: str
+
+
+def in_words(diagnosis: Diagnosis) -> Wording:
+    """Put a diagnosis into words."""
+    drive = diagnosis.drive
+    if drive is None:
+        return Wording(
+            words.sentence(diagnosis),
+            tuple(map(words.found, diagnosis.effects)),
+            words.remainder(diagnosis.remainder),
+            words.blind_spots(diagnosis),
+            words.separating_shot(diagnosis),
+        )
+    return Wording(
+        driven_words.sentence(diagnosis, drive),
+        tuple(driven_words.effect(found, diagnosis.fit_after) for found in diagnosis.effects),
+        driven_words.remainder(diagnosis.error_after.force_rms_n, drive),
+        driven_words.blind_spots(drive),
+        driven_words.separating(diagnosis.effects, drive),
+    )
+
+
+_STANDINGS = {
+    Standing.IN_MODEL: "in the model now",
+    Standing.SCORED_ONLY: "scored only",
+    Standing.DOES_NOT_PAY: "does not pay",
+    Standing.BEHIND_ANOTHER: "another does better",
+    Standing.VALIDATED: "force error {number:.3g} N on the validation half",
+    Standing.MIXTURE: "not identifiable: in this motion it is a mixture of what is in the model",
+    Standing.RESCALES: "not identifiable: while no mass is stated it only rescales mass, drag and friction",
+    Standing.MASS_AGREES: "the stated mass agrees",
+    Standing.MASS_DIFFERS: "the same as a mass of {number} kg",
+}
+
+
+def remark_on(candidate: Candidate) -> str:
+    """Say why an effect that was tried is in the model or not."""
+    return "" if candidate.standing is None else _STANDINGS[candidate.standing].format(number=candidate.number)
+
+
+def prediction_words(foretold: "Foretold") -> str:
+    """Say how much better the whole model foretells than its base."""
+    base, model = foretold.error_base, foretold.error_model
+    count = sum(shot.error_model is not None for shot in foretold.shots)
+    driven = not np.isfinite(model.displacement_rms_m)
+    before, after = (e.force_rms_n if driven else 1e6 * e.displacement_rms_m for e in (base, model))
+    unit = "N" if driven else "µm"
+    share = 1.0 - after / before if before > 0.0 else -math.inf
+    how = "better" if share > 0.0 else "not better"
+    better = f"foretold {how} by {abs(share):.0%}" if math.isfinite(share) else f"foretold {how}"
+    shots = f"{count} shot{'' if count == 1 else 's'}"
+    return f"{better}: {after:.3g} {unit} rms against {before:.3g} {unit} of the base alone, over {shots}"

@@ -49,15 +49,50 @@ def _gauss_table() -> NDArray[np.float32]:
 GAUSS = _gauss_table()  # the sum of two independent draws has variance one
 
 
+def _cosine_series(terms: int) -> tuple[float, ...]:
+    """Return the Taylor coefficients of cos(2 pi b) in b^2."""
+    series = [1.0]
+    for k in range(1, terms):
+        series.append(-series[-1] * (2.0 * math.pi) ** 2 / ((2 * k - 1) * 2 * k))
+    return tuple(series)
+
+
+_C0, _C1, _C2, _C3, _C4, _C5, _C6 = _cosine_series(7)
+
+
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _cos_turns(turns: float) -> float:
     """Return cos(2 pi turns) by a Taylor series about the nearest half turn: error below 2e-8, and it vectorises."""
-    half = np.floor(2.0 * turns + 0.5)  # math.floor gives an integer, whose conversions do not vectorise
-    sign = 1.0 - 4.0 * (0.5 * half - np.floor(0.5 * half))
-    a = 2.0 * math.pi * (turns - 0.5 * half)
-    s = a * a
-    poly = 1.0 - s / 2 * (1.0 - s / 12 * (1.0 - s / 30 * (1.0 - s / 56 * (1.0 - s / 90 * (1.0 - s / 132)))))
-    return float(sign * poly)
+    half = 0.5 * np.floor(2.0 * turns + 0.5)  # math.floor gives an integer, whose conversions do not vectorise
+    sign = 1.0 - 4.0 * (half - np.floor(half))
+    b = turns - half
+    s = b * b
+    return float(sign * (_C0 + s * (_C1 + s * (_C2 + s * (_C3 + s * (_C4 + s * (_C5 + s * _C6)))))))
+
+
+# products and sums in one instruction where the processor has it: this changes the last bit of a double, and the
+# beats are float32 afterwards
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _beat(offset, amplitude, phase, spacing, out):  # type: ignore[no-untyped-def]
+    """Fill ``out`` (m,) with a beat; amplitude and phase (turns) are polynomials in u = i * spacing.
+
+    Cost: about 0.8 ns per sample.
+    """
+    a0, a1 = amplitude
+    p0, p1, p2, p3 = phase
+    for i in range(out.shape[0]):
+        u = i * spacing
+        out[i] = offset + (a0 + a1 * u) * _cos_turns(p0 + u * (p1 + u * (p2 + u * p3)))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _add_beat(amplitude, phase, spacing, out):  # type: ignore[no-untyped-def]
+    """Add a beat to ``out``; arguments as of ``_beat``."""
+    a0, a1 = amplitude
+    p0, p1, p2, p3 = phase
+    for i in range(out.shape[0]):
+        u = i * spacing
+        out[i] += (a0 + a1 * u) * _cos_turns(p0 + u * (p1 + u * (p2 + u * p3)))
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -66,7 +101,7 @@ def _to_counts(  # type: ignore[no-untyped-def]
 ) -> int:
     """Round ``level`` plus noise into ``out`` (m,), limited to the rails; return the number of limited samples.
 
-    ``shift`` selects the bits of ``drawn`` that give the noise.  Cost: about 1.5 ns per sample.
+    ``shift`` selects the bits of ``drawn`` that give the noise.  Cost: about 1.1 ns per sample.
     """
     beyond = 0
     for i in range(out.shape[0]):
@@ -108,7 +143,7 @@ def fill_counts(
 
     Node j is at sample ``first_sample + j * per_segment``.  ``noise`` is the seed and GAUSS, ``columns`` are those of
     reference, measurement and switch in ``out``, -1 when not recorded.  Clipped samples are added to ``clipped``
-    (channels,).  Cost: about 8 ns per sample of three channels.
+    (channels,).  Cost: about 5 ns per sample of three channels.
     """
     path_turns, path_slope, rest_turns, rest_slope, light, position_m = nodes
     seed, gauss = noise
@@ -142,21 +177,14 @@ def fill_counts(
         a0 = p[MEASUREMENT_A] * light[j]
         a1 = p[MEASUREMENT_A] * (light[j + 1] - light[j])
         if reference >= 0:
-            for i in range(m):
-                u = i * inverse
-                ref[i] = o_ref + a_ref * _cos_turns(r0 + u * (r1 + u * (r2 + u * r3)))
-        for i in range(m):
-            u = i * inverse
-            turns = r0 - p0 + u * (r1 - p1 + u * (r2 - p2 + u * (r3 - p3)))
-            mea[i] = o_mea + (a0 + a1 * u) * _cos_turns(turns)
+            _beat(o_ref, (a_ref, 0.0), (r0, r1, r2, r3), inverse, ref[:m])
+        _beat(o_mea, (a0, a1), (r0 - p0, r1 - p1, r2 - p2, r3 - p3), inverse, mea[:m])
         if p[LEAK] != 0.0:  # light in the wrong arm: a second beat, harmonic of the path
             w = p[LEAK_ORDER] - 1.0
             base = path_turns[j] * w
             base -= math.floor(base)
-            for i in range(m):
-                u = i * inverse
-                turns = r0 + base + p[LEAK_TURNS] + u * (r1 + w * p1 + u * (r2 + w * p2 + u * (r3 + w * p3)))
-                mea[i] += p[LEAK] * (a0 + a1 * u) * _cos_turns(turns)
+            turns = r0 + base + p[LEAK_TURNS], r1 + w * p1, r2 + w * p2, r3 + w * p3
+            _add_beat((p[LEAK] * a0, p[LEAK] * a1), turns, inverse, mea[:m])
         if switch >= 0:
             e0 = (position_m[j] - p[SWITCH_X]) / p[SWITCH_WIDTH]
             e1 = (position_m[j + 1] - p[SWITCH_X]) / p[SWITCH_WIDTH]

@@ -49,33 +49,90 @@ def _gauss_table() -> NDArray[np.float32]:
 GAUSS = _gauss_table()  # the sum of two independent draws has variance one
 
 
+def _cosine_series(terms: int) -> tuple[float, ...]:
+    """Return the Taylor coefficients of cos(2 pi b) in b^2."""
+    series = [1.0]
+    for k in range(1, terms):
+        series.append(-series[-1] * (2.0 * math.pi) ** 2 / ((2 * k - 1) * 2 * k))
+    return tuple(series)
+
+
+_C0, _C1, _C2, _C3, _C4, _C5, _C6 = _cosine_series(7)
+
+
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _cos_turns(turns: float) -> float:
     """Return cos(2 pi turns) by a Taylor series about the nearest half turn: error below 2e-8, and it vectorises."""
-    half = np.floor(2.0 * turns + 0.5)  # math.floor gives an integer, whose conversions do not vectorise
-    sign = 1.0 - 4.0 * (0.5 * half - np.floor(0.5 * half))
-    a = 2.0 * math.pi * (turns - 0.5 * half)
-    s = a * a
-    poly = 1.0 - s / 2 * (1.0 - s / 12 * (1.0 - s / 30 * (1.0 - s / 56 * (1.0 - s / 90 * (1.0 - s / 132)))))
-    return float(sign * poly)
+    half = 0.5 * np.floor(2.0 * turns + 0.5)  # math.floor gives an integer, whose conversions do not vectorise
+    sign = 1.0 - 4.0 * (half - np.floor(half))
+    b = turns - half
+    s = b * b
+    return float(sign * (_C0 + s * (_C1 + s * (_C2 + s * (_C3 + s * (_C4 + s * (_C5 + s * _C6)))))))
+
+
+# products and sums in one instruction where the processor has it: this changes the last bit of a double, and the
+# beats are float32 afterwards
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _beat(offset, amplitude, phase, spacing, out):  # type: ignore[no-untyped-def]
+    """Fill ``out`` (m,) with a beat; amplitude and phase (turns) are polynomials in u = i * spacing.
+
+    Cost: about 0.8 ns per sample.
+    """
+    a0, a1 = amplitude
+    p0, p1, p2, p3 = phase
+    for i in range(out.shape[0]):
+        u = i * spacing
+        out[i] = offset + (a0 + a1 * u) * _cos_turns(p0 + u * (p1 + u * (p2 + u * p3)))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _add_beat(amplitude, phase, spacing, out):  # type: ignore[no-untyped-def]
+    """Add a beat to ``out``; arguments as of ``_beat``."""
+    a0, a1 = amplitude
+    p0, p1, p2, p3 = phase
+    for i in range(out.shape[0]):
+        u = i * spacing
+        out[i] += (a0 + a1 * u) * _cos_turns(p0 + u * (p1 + u * (p2 + u * p3)))
+
+
+# one loop each for what gathers, what computes and what interleaves: together they would not vectorise
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _draw(drawn, shift, draws, gauss, noise) -> None:  # type: ignore[no-untyped-def]
+    """Fill ``noise`` (m,) with the sum of one or two draws, from the bits of ``drawn`` that begin at ``shift``."""
+    if draws == 1:
+        for i in range(noise.shape[0]):
+            noise[i] = gauss[(drawn[i] >> shift) & _MASK]
+    else:
+        for i in range(noise.shape[0]):
+            z = drawn[i] >> shift
+            noise[i] = gauss[z & _MASK] + gauss[(z >> np.uint64(_BITS)) & _MASK]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _to_counts(  # type: ignore[no-untyped-def]
-    level, sigma, drawn, shift, gauss, lowest, highest, out
-) -> int:
-    """Round ``level`` plus noise into ``out`` (m,), limited to the rails; return the number of limited samples.
-
-    ``shift`` selects the bits of ``drawn`` that give the noise.  Cost: about 1.5 ns per sample.
-    """
+def _to_counts(level, sigma, noise, rails, out) -> int:  # type: ignore[no-untyped-def]
+    """Round ``level`` plus noise into ``out`` (m,), limited to the rails; return the number of limited samples."""
+    lowest, highest = rails
     beyond = 0
     for i in range(out.shape[0]):
-        z = drawn[i] >> shift
-        value = level[i] + sigma * (gauss[z & _MASK] + gauss[(z >> np.uint64(12)) & _MASK])
+        value = level[i] + sigma * noise[i]
         within = min(max(value, lowest), highest)
         beyond += int(within != value)  # no branch, so that it vectorises
         out[i] = np.int16(np.int32(np.floor(within + np.float32(0.5))))
     return beyond
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _interleave(rows, out) -> None:  # type: ignore[no-untyped-def]
+    """Copy ``rows`` (channels, m or more) into ``out`` (m, channels)."""
+    m, channels = out.shape
+    if channels == 3:  # a spacing that is known vectorises: 0.1 ns per sample, not 0.6
+        flat = out.reshape(out.size)
+        for i in range(m):
+            flat[3 * i], flat[3 * i + 1], flat[3 * i + 2] = rows[0, i], rows[1, i], rows[2, i]
+    else:
+        for c in range(channels):
+            for i in range(m):
+                out[i, c] = rows[c, i]
 
 
 class PathNodes(NamedTuple):
@@ -108,7 +165,7 @@ def fill_counts(
 
     Node j is at sample ``first_sample + j * per_segment``.  ``noise`` is the seed and GAUSS, ``columns`` are those of
     reference, measurement and switch in ``out``, -1 when not recorded.  Clipped samples are added to ``clipped``
-    (channels,).  Cost: about 8 ns per sample of three channels.
+    (channels,).  Cost: about 4 ns per sample of three channels.
     """
     path_turns, path_slope, rest_turns, rest_slope, light, position_m = nodes
     seed, gauss = noise
@@ -118,7 +175,9 @@ def fill_counts(
     mea = np.empty(per_segment, np.float32)
     swi = np.empty(per_segment, np.float32)
     drawn = np.empty(per_segment, np.uint64)
-    lowest, highest = np.float32(p[LOWEST]), np.float32(p[HIGHEST])
+    noisy = np.empty(per_segment, np.float32)
+    rows = np.empty((out.shape[1], per_segment), np.int16)
+    rails = np.float32(p[LOWEST]), np.float32(p[HIGHEST])
     s_ref, s_mea = np.float32(p[REFERENCE_SIGMA]), np.float32(p[MEASUREMENT_SIGMA])
     s_swi = np.float32(p[SWITCH_SIGMA] * math.sqrt(2.0))
     a_ref, o_ref = p[REFERENCE_A], p[REFERENCE_OFFSET]
@@ -142,21 +201,14 @@ def fill_counts(
         a0 = p[MEASUREMENT_A] * light[j]
         a1 = p[MEASUREMENT_A] * (light[j + 1] - light[j])
         if reference >= 0:
-            for i in range(m):
-                u = i * inverse
-                ref[i] = o_ref + a_ref * _cos_turns(r0 + u * (r1 + u * (r2 + u * r3)))
-        for i in range(m):
-            u = i * inverse
-            turns = r0 - p0 + u * (r1 - p1 + u * (r2 - p2 + u * (r3 - p3)))
-            mea[i] = o_mea + (a0 + a1 * u) * _cos_turns(turns)
+            _beat(o_ref, (a_ref, 0.0), (r0, r1, r2, r3), inverse, ref[:m])
+        _beat(o_mea, (a0, a1), (r0 - p0, r1 - p1, r2 - p2, r3 - p3), inverse, mea[:m])
         if p[LEAK] != 0.0:  # light in the wrong arm: a second beat, harmonic of the path
             w = p[LEAK_ORDER] - 1.0
             base = path_turns[j] * w
             base -= math.floor(base)
-            for i in range(m):
-                u = i * inverse
-                turns = r0 + base + p[LEAK_TURNS] + u * (r1 + w * p1 + u * (r2 + w * p2 + u * (r3 + w * p3)))
-                mea[i] += p[LEAK] * (a0 + a1 * u) * _cos_turns(turns)
+            turns = r0 + base + p[LEAK_TURNS], r1 + w * p1, r2 + w * p2, r3 + w * p3
+            _add_beat((p[LEAK] * a0, p[LEAK] * a1), turns, inverse, mea[:m])
         if switch >= 0:
             e0 = (position_m[j] - p[SWITCH_X]) / p[SWITCH_WIDTH]
             e1 = (position_m[j + 1] - p[SWITCH_X]) / p[SWITCH_WIDTH]
@@ -174,16 +226,12 @@ def fill_counts(
             z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
             z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
             drawn[i] = z ^ (z >> np.uint64(31))
-        end = begin + m
         if reference >= 0:
-            clipped[reference] += _to_counts(
-                ref, s_ref, drawn, np.uint64(0), gauss, lowest, highest, out[begin:end, reference]
-            )
-        clipped[measurement] += _to_counts(
-            mea, s_mea, drawn, np.uint64(24), gauss, lowest, highest, out[begin:end, measurement]
-        )
+            _draw(drawn, np.uint64(0), 2, gauss, noisy[:m])
+            clipped[reference] += _to_counts(ref, s_ref, noisy, rails, rows[reference, :m])
+        _draw(drawn, np.uint64(24), 2, gauss, noisy[:m])
+        clipped[measurement] += _to_counts(mea, s_mea, noisy, rails, rows[measurement, :m])
         if switch >= 0:
-            for i in range(m):
-                value = swi[i] + s_swi * gauss[(drawn[i] >> np.uint64(48)) & _MASK]
-                value = min(max(value, lowest), highest)
-                out[begin + i, switch] = np.int16(np.int32(np.floor(value + np.float32(0.5))))
+            _draw(drawn, np.uint64(48), 1, gauss, noisy[:m])
+            _to_counts(swi, s_swi, noisy, rails, rows[switch, :m])
+        _interleave(rows, out[begin : begin + m])

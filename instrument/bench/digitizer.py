@@ -12,7 +12,15 @@ from analysis.shot import Setup
 from instrument.bench.effects import parse
 from instrument.bench.rig import Bench, SimulatedStream
 from instrument.bench.site import QUIET, site_named
-from instrument.devices import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError, SourceOptions
+from instrument.devices import (
+    Block,
+    Capabilities,
+    CaptureSettings,
+    Digitizer,
+    DigitizerError,
+    SourceOptions,
+    block_samples,
+)
 
 RATES_HZ = (10e6, 15e6, 20e6, 30e6)
 _CHUNK = 1 << 17
@@ -128,14 +136,14 @@ class BenchDigitizer(Digitizer):
         if self._stop.is_set():
             return self._end()
         if self._real_time:
-            # wait for at least 10 ms of samples, so that reading is not a busy loop
+            # wait for a whole block, so that reading is not a busy loop
             deadline = self._clock() + timeout_s
-            least = min(wanted, int(self._rate_hz * 0.01))
-            while self._waiting() < least:
+            least = min(wanted, block_samples(self._rate_hz))
+            while (missing := least - self._waiting()) > 0:
                 left = deadline - self._clock()
                 if left <= 0.0:
                     break
-                if self._stop.wait(min(left, 0.005)):
+                if self._stop.wait(min(left, (missing + 1) / self._rate_hz)):
                     return self._end()
             waiting = self._waiting()
             memory = int(self._memory_s * self._rate_hz)

@@ -54,18 +54,24 @@ class PathVibration:
         return self._sines.at(start_s, spacing_s, n)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc"})  # the sum over sines, in any order
 def _add_sines(
     start_s: float, spacing_s: float, omega: Floats, amplitude: Floats, phase: Floats, x: Floats, v: Floats
 ) -> None:
-    """Add sines by rotation.  Cost: about 2 ns per sine and time."""
-    for k in range(omega.shape[0]):
-        c, s = np.cos(omega[k] * start_s + phase[k]), np.sin(omega[k] * start_s + phase[k])
-        dc, ds = np.cos(omega[k] * spacing_s), np.sin(omega[k] * spacing_s)
-        for i in range(x.shape[0]):
-            x[i] += amplitude[k] * s
-            v[i] += amplitude[k] * omega[k] * c
-            c, s = c * dc - s * ds, s * dc + c * ds
+    """Add sines by rotation, all of them from one time to the next.  Cost: about 0.4 ns per sine and time."""
+    c, s = np.cos(omega * start_s + phase), np.sin(omega * start_s + phase)
+    dc, ds = np.cos(omega * spacing_s), np.sin(omega * spacing_s)
+    speed = amplitude * omega
+    for i in range(x.shape[0]):
+        moved, rate = 0.0, 0.0
+        for k in range(omega.shape[0]):
+            moved += amplitude[k] * s[k]
+            rate += speed[k] * c[k]
+            turned = c[k] * dc[k] - s[k] * ds[k]
+            s[k] = s[k] * dc[k] + c[k] * ds[k]
+            c[k] = turned
+        x[i] += moved
+        v[i] += rate
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

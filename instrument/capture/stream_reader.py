@@ -9,14 +9,12 @@ from numpy.typing import NDArray
 
 from analysis.shot import DEFAULT_WAVELENGTH_AIR_M, Role, Setup
 from instrument.capture.capture_options import CaptureOptions, check_channels, check_settings
-from instrument.devices import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
+from instrument.devices import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError, block_samples
 from instrument.live import Ring, Stream
 from instrument.trigger import Level, LightSwitch, MotionTrigger, TriggerSettings
 
 READ_TIMEOUT_S = 0.05
 STALL_S = 3.0  # without a sample from a running stream: the device has stopped
-_BLOCK_S = 0.01
-_BLOCK_SAMPLES = 256, 1 << 18  # least and most a read
 _RING_S = 0.5  # of the stream, for readers that lag
 _MOST_RING_BYTES = 512 * 2**20
 
@@ -104,7 +102,7 @@ class StreamReader:
         check_settings(settings, len(able.channels))
         check_channels(able)
         own = self._digitizer.setup
-        self._block = int(np.clip(_BLOCK_S * settings.sample_rate_hz, *_BLOCK_SAMPLES))
+        self._block = block_samples(settings.sample_rate_hz)
         self._make_ring(settings, len(able.channels))
         assert self._ring is not None
         self._switch = None

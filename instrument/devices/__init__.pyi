@@ -1,5 +1,5 @@
 from .device_search import FoundDevice, found_devices, udev_instructions
-from .digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError, usual_settings
+from .digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError, block_samples, usual_settings
 from .doctor import Check, Grade, examine
 from .scpi_address import network_name, network_source
 from .source_options import SourceOptions
@@ -16,6 +16,7 @@ __all__ = [
     "Grade",
     "SourceOptions",
     "at_site",
+    "block_samples",
     "examine",
     "found_devices",
     "is_bench",

@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +58,20 @@ class Block:
     ended: bool = False  # no sample follows until the next arm
     trigger_sample: int | None = None  # index in this block, if the hardware triggered here
     fired: bool = False  # without samples: the hardware trigger fired, and its samples follow
+
+    def __reduce__(self) -> tuple[Any, ...]:  # of every block, between processes: what a dataclass inherits is slow
+        values = self.samples, self.lost_before, self.clipped, self.ended, self.trigger_sample, self.fired
+        return Block, values
+
+
+BLOCK_S = 0.02  # each block wakes a thread: shorter ones cost more, longer ones are seen late
+_BLOCK_SAMPLES = 256, 1 << 20  # least and most
+
+
+def block_samples(sample_rate_hz: float) -> int:
+    """Return how many samples per channel of a stream are read at a time."""
+    least, most = _BLOCK_SAMPLES
+    return max(least, min(most, int(BLOCK_S * sample_rate_hz)))
 
 
 class Digitizer(ABC):

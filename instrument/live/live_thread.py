@@ -75,7 +75,8 @@ class LiveThread:
                 self._problem = f"the live picture failed: {one_line(repr(error))}"
                 self._demodulator = None
                 self.view = self._window.view(np.empty(0), np.empty((0, 0), np.float32), None, self._problem, 0)
-            self._ending.wait(max(0.002, _EVERY_S - (time.monotonic() - begun)))
+            every_s = _EVERY_S if self.watched else _CHECK_EVERY_S
+            self._ending.wait(max(0.002, every_s - (time.monotonic() - begun)))
 
     def _look(self, now: float) -> None:
         if now - self._disk_s > _DISK_EVERY_S:
@@ -93,7 +94,7 @@ class LiveThread:
             self._skip_to(max(self._at, newest.ring.total - self._chunk.shape[0] // 4))
         if self.watched and self._follow(newest):
             self._draw(newest)
-        if now - self._checked_s > _CHECK_EVERY_S and newest.ring.total - newest.start >= 64:
+        if now - self._checked_s > 0.9 * _CHECK_EVERY_S and newest.ring.total - newest.start >= 64:
             self._checked_s = now
             length = min(CHECKED_SAMPLES, newest.ring.total - newest.start)
             counts = np.empty((length, newest.ring.channels), np.int16)

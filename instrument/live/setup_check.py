@@ -1,6 +1,7 @@
 """Checks of the guided set-up: is each beat there, strong and unclipped, and does the light switch toggle."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,22 +140,31 @@ def check_signals(
     rail = 1 << (bits - 1)
     signals = []
     for column, channel in enumerate(channels):
-        values = counts[:, column].astype(np.float64)
-        clipped = float(np.mean((values >= rail - 1) | (values <= -rail)))
+        taken = np.ascontiguousarray(counts[:, column])
+        clipped = float(np.mean((taken >= rail - 1) | (taken <= -rail)))
         scale = abs(channel.volts_per_count)
         if channel.role is Role.SWITCH:
-            level = float(np.median(values)) * channel.volts_per_count + channel.offset_v
+            level = float(np.median(taken)) * channel.volts_per_count + channel.offset_v
             signals.append(ChannelSignal(channel.role, level, clipped, None, None))
             continue
+        values = taken.astype(np.float64)
         frequency, snr = _strongest_line(values - values.mean(), sample_rate_hz)
         amplitude = float(values.std()) * np.sqrt(2.0) * scale
         signals.append(ChannelSignal(channel.role, float(amplitude), clipped, frequency, snr))
     return tuple(signals)
 
 
+@lru_cache(maxsize=1)
+def _hann(length: int) -> NDArray[np.float64]:
+    """Return the Hann window, which takes longer to compute than the spectrum; a stream is checked at one length."""
+    window = np.hanning(length)
+    window.flags.writeable = False
+    return window
+
+
 def _strongest_line(values: NDArray[np.float64], sample_rate_hz: float) -> tuple[float | None, float | None]:
     """Return frequency in Hz and power over all other power in dB of the strongest line, None if it is noise."""
-    power = np.abs(np.fft.rfft(values * np.hanning(values.size))) ** 2
+    power = np.abs(np.fft.rfft(values * _hann(values.size))) ** 2
     power[:_LINE_HALF_WIDTH] = 0.0
     peak = int(np.argmax(power))
     if power[peak] <= 0.0:

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from multiprocessing.connection import Connection
 
-from instrument.devices import Block, CaptureSettings, Digitizer, DigitizerError
+from instrument.devices import Block, CaptureSettings, Digitizer, DigitizerError, block_samples
 from instrument.files import one_line
 from instrument.process.messages import Answer, BlockReady, DeviceState, Fault, Order, lower_priority
 from instrument.process.shared_ring import SharedRing
@@ -32,11 +32,6 @@ def most_blocks(system: str) -> int:
 
 
 MOST_BLOCKS = most_blocks(sys.platform)
-
-
-def block_samples(sample_rate_hz: float) -> int:
-    """Return the number of samples per channel that are read at a time: 10 ms of them."""
-    return max(256, min(1 << 18, int(0.01 * sample_rate_hz)))
 
 
 def serve(opener: Opener, orders: Connection, answers: Connection) -> None:

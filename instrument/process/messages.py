@@ -3,6 +3,7 @@
 import os
 import sys
 from dataclasses import dataclass
+from typing import Any
 
 from analysis.shot import Setup
 from instrument.devices import Block, Capabilities, CaptureSettings
@@ -56,6 +57,9 @@ class BlockReady:
     block: Block
     fault: Fault | None = None
     device: DeviceState | None = None  # when the stream ends: the next shot may have other capabilities
+
+    def __reduce__(self) -> tuple[Any, ...]:  # as of a Block
+        return BlockReady, (self.run, self.first, self.block, self.fault, self.device)
 
 
 _BELOW_NORMAL = 0x4000  # BELOW_NORMAL_PRIORITY_CLASS of SetPriorityClass

@@ -14,8 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot import Setup
-from instrument.devices import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError, open_source, source_of
-from instrument.process.child import Opener, block_samples
+from instrument.devices import (
+    Block,
+    Capabilities,
+    CaptureSettings,
+    Digitizer,
+    DigitizerError,
+    block_samples,
+    open_source,
+    source_of,
+)
+from instrument.process.child import Opener
 from instrument.process.device_process import DeviceProcess, error_of
 from instrument.process.messages import BlockReady
 from instrument.process.shared_ring import SharedRing

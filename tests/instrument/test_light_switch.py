@@ -133,3 +133,83 @@ def test_the_thresholds_are_where_the_next_step_is_found(how: TriggerSettings) -
         steps_seen += up or down
         level = switch.level
     assert steps_seen == 2
+
+
+class SampleBySample:
+    """The light switch as its settings define it: one sample after another, nothing passed over."""
+
+    def __init__(self, how: TriggerSettings, least: float) -> None:
+        self.how, self.least = how, least
+        self.swing = how.swing_counts or 0.0
+        self.level = self.seen = self.toggles = 0
+        self.squares = self.previous = self.minimum = self.maximum = 0.0
+
+    def step(self, value: float) -> int:
+        """Return 1 for a step up, -1 for a step down, 0 for none."""
+        found = self._given(value) if self.how.low_counts is not None else self._learned(value)
+        self.previous = value
+        self.seen += 1
+        if found:
+            self.level, self.minimum, self.maximum = found, value, value
+            self.toggles += 1
+        return found
+
+    def _given(self, value: float) -> int:
+        assert self.how.low_counts is not None and self.how.high_counts is not None
+        side = 1 if value >= self.how.high_counts else -1 if value <= self.how.low_counts else 0
+        if self.level == 0:
+            self.level = side
+            return 0
+        return side if side != self.level else 0
+
+    def _learned(self, value: float) -> int:
+        if self.seen == 0:
+            self.minimum = self.maximum = value
+        if not self.swing:
+            if self.seen:
+                self.squares += (value - self.previous) ** 2
+            if self.seen == LEARNED_FROM:
+                self.swing = max(self.least, 12.0 * np.sqrt(0.5 * self.squares / LEARNED_FROM))
+                self.minimum = self.maximum = value
+        self.minimum, self.maximum = min(self.minimum, value), max(self.maximum, value)
+        if self.swing and self.level <= 0 and value >= self.minimum + self.swing:
+            return 1
+        return -1 if self.swing and self.level >= 0 and value <= self.maximum - self.swing else 0
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    st.sampled_from([LEARNED, TriggerSettings(swing_counts=200), TriggerSettings(low_counts=0, high_counts=200)]),
+    st.sampled_from(list(Edge)),
+    st.lists(st.tuples(st.integers(-2, 3), st.integers(1, 2_600)), min_size=1, max_size=12),
+    st.lists(st.tuples(st.integers(0, 12_000), st.integers(-2, 3)), max_size=5),
+    st.lists(st.integers(0, 12_000), max_size=5),
+    st.integers(0, 1_500),
+    st.sampled_from([1, 3]),
+)
+def test_passing_over_still_stretches_finds_what_looking_at_every_sample_finds(
+    how: TriggerSettings,
+    edge: Edge,
+    plateaus: list[tuple[int, int]],
+    spikes: list[tuple[int, int]],
+    cuts: list[int],
+    start: int,
+    channels: int,
+) -> None:
+    # levels a hundred counts apart meet the thresholds exactly, and spikes of one sample lie within long plateaus
+    values = np.concatenate([np.full(length, 100 * level, np.int16) for level, length in plateaus])
+    for at, level in spikes:
+        values[at % values.size] = 100 * level
+    counts = np.zeros((values.size, channels), np.int16)
+    counts[:, -1] = values
+    how = TriggerSettings(edge, how.low_counts, how.high_counts, how.swing_counts)
+    switch, plain = LightSwitch(how, channels - 1, 12), SampleBySample(how, 0.05 * 4096)
+    inner = sorted(cut for cut in cuts if cut < values.size)
+    for a, b in zip([0, *inner], [*inner, values.size], strict=True):
+        steps_seen = [plain.step(float(value)) for value in values[a:b]]
+        wanted = next((i for i, s in enumerate(steps_seen) if s and i >= start and edge in (0, s)), None)
+        assert switch.first_step(counts[a:b], start) == wanted
+        assert (switch.level, switch.toggles) == (plain.level, plain.toggles)
+        if how.low_counts is None:
+            assert switch.moved_counts == (plain.maximum - plain.minimum if plain.seen else None)
+            assert switch.needed_counts == max(plain.swing, 0.05 * 4096)

@@ -273,7 +273,7 @@ class Diagnosis:
 
     @property
     def sentence(self) -> str:
-        """Get the verdict in words, for a script."""
+        """Get the verdict in words."""
         from analysis.diagnosis.wording import in_words
 
         return in_words(self).sentence

@@ -13,7 +13,6 @@ from analysis.diagnosis import (
     Verdict,
     diagnose,
     drift,
-    in_words,
     prediction_words,
     saved,
     to_text,
@@ -228,7 +227,7 @@ def _write(found: _Results, outputs: Outputs) -> bool:
         if not shot.problem or shot.impact is not None:  # otherwise the problem is on standard error already
             print(summary(shot))
     if diagnosis is not None:
-        print(f"diagnosis: {diagnosis.verdict.value}: {in_words(diagnosis).sentence}")
+        print(f"diagnosis: {diagnosis.verdict.value}: {diagnosis.sentence}")
     if prediction is not None:
         print(prediction_words(prediction))
     if planned is not None:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from analysis.diagnosis import Diagnosis, diagnose, in_words
+from analysis.diagnosis import Diagnosis, diagnose
 from analysis.planning import (
     NextShot,
     PlannedStep,
@@ -50,7 +50,7 @@ def resolve(first: int, most: int, request: CaptureRequest, json_to: str | None,
     if json_to != "-":
         for shot in shots:
             print(shot.path)
-        print(f"diagnosis: {diagnosis.verdict.value}: {in_words(diagnosis).sentence}")
+        print(f"diagnosis: {diagnosis.verdict.value}: {diagnosis.sentence}")
     return _write(shots, diagnosis, standing, json_to)
 
 
@@ -88,7 +88,7 @@ def _standing(
     if not motions:
         raise AnalysisError("no shot could be analysed, so there is nothing to diagnose")
     diagnosis = diagnose(fitted)
-    say(f"after {len(motions)} shots: {in_words(diagnosis).sentence}")
+    say(f"after {len(motions)} shots: {diagnosis.sentence}")
     standing = plan_next(motions, diagnosis, steps, left=left, reach=reach)
     if standing.steps:
         last = standing.steps[-1]

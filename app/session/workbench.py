@@ -11,7 +11,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from analysis.diagnosis import in_words
 from analysis.fitted import awaits_fit
 from analysis.shot import AnalysisSettings, Progress, Shot, Stop, why_not_together
 from app.session.event import (
@@ -351,7 +350,7 @@ class Workbench:
         of = verdict_of(result.diagnosis, result.numbers)
         for number in result.numbers:
             self.session.set_verdict(number, verdict_words(result.diagnosis.verdict, of.found), of)
-        self._waiting.append(Event(EventKind.DIAGNOSED, in_words(result.diagnosis).sentence, result.numbers))
+        self._waiting.append(Event(EventKind.DIAGNOSED, result.diagnosis.sentence, result.numbers))
         if result.diagnosis.not_asked:
             self._waiting.append(Event(EventKind.PROBLEM, f"no time for {'; '.join(result.diagnosis.not_asked)} (F2)"))
 

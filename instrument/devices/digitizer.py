@@ -64,14 +64,14 @@ class Block:
         return Block, values
 
 
-BLOCK_S = 0.02  # each block wakes a thread: shorter ones cost more, longer ones are seen late
+_BLOCK_S = 0.02  # each block wakes a thread: shorter ones cost more, longer ones are seen late
 _BLOCK_SAMPLES = 256, 1 << 20  # least and most
 
 
 def block_samples(sample_rate_hz: float) -> int:
     """Return how many samples per channel of a stream are read at a time."""
     least, most = _BLOCK_SAMPLES
-    return max(least, min(most, int(BLOCK_S * sample_rate_hz)))
+    return max(least, min(most, int(_BLOCK_S * sample_rate_hz)))
 
 
 class Digitizer(ABC):

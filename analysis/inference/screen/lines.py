@@ -44,18 +44,17 @@ def _scan(at: Projector) -> tuple[Floats, Floats]:
     if not at.left.any():
         return grid, total
     few = len(shots) <= FEW_SHOTS
-    lefts = at.tangents.parts(at.left)
+    # The projection is done shot by shot: shared parameters absorb little of a line.
+    fitted = [np.column_stack([at.basis.of_shot(index), left]) for index, left in enumerate(at.tangents.parts(at.left))]
 
     def of_part(part: tuple[int, int]) -> Floats:
         index, first = part
         shot = shots[index]
-        # The projection is done shot by shot: shared parameters absorb little of a line.
-        fitted = np.column_stack([at.basis.of_shot(index), lefts[index]])
         some = grid[first : first + _AT_ONCE]
         white = at.floor.whiten(_waves(some, shot.centre_s), shot.valid, shot.weight)
         make = partial(_Waves.of, shot, at.floor, white)
         waves = at.once(f"lines {index} from {first}", make) if few else make()
-        return waves.gain(white, fitted)
+        return waves.gain(white, fitted[index])
 
     parts = [(index, first) for index in range(len(shots)) for first in range(0, grid.size, _AT_ONCE)]
     for (_, first), gain in zip(parts, side_by_side(of_part, parts), strict=True):

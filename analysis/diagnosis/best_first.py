@@ -41,8 +41,8 @@ class Branch:
 
     @property
     def leaves_something(self) -> bool:
-        """Get whether the residual of the best fit is more than noise."""
-        return self.searched.residual.significant
+        """Get whether the best fit leaves something to explain."""
+        return self.searched.leaves_something
 
 
 class BestFirst:

@@ -67,7 +67,7 @@ def explain_with_effects(question: Question, trail: Trail, settled: Settled, hel
         sure = with_profile_std(under_likely_noises(best), question.stop)
         parameters = effect_parameters(sure)
         found = [_found(best, n, parameters[n], residual, separations[n], trail) for n in trail.added(best)]
-        effects, verdict = accepted_effects(found, residual, best)
+        effects, verdict = accepted_effects(found, residual, best, nothing_pays=trail.nothing_pays)
         doubtful = [one.effect for one in found if not clear(one, residual, CRITERIA.clear_of_misfit)]
         if effects or not residual.significant or len(doubtful) in (0, len(found)):
             break

@@ -262,7 +262,7 @@ class Diagnosis:
     error_held_out_after: Errors | None
     fit_before: Fit
     fit_after: Fit
-    remainder: Remainder | None = None  # of a collision; None: consistent with noise
+    remainder: Remainder | None = None  # of a collision; None: no more than noise; beside "adequate": a trace
     blind_spots: tuple[BlindSpot, ...] = ()
     speeds_m_per_s: tuple[float, ...] = ()  # of the shots, before the contact
     seconds: float = 0.0

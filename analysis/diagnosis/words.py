@@ -105,7 +105,7 @@ def sentence(diagnosis: Diagnosis) -> str:
 def _verdict(diagnosis: Diagnosis) -> str:
     verdict, effects, laws = diagnosis.verdict, diagnosis.effects, diagnosis.laws
     if verdict is Verdict.ADEQUATE:
-        return "The model is adequate: nothing is missing that this data could show."
+        return "The model is adequate: nothing is missing that this data could show." + _trace(diagnosis.remainder)
     left = remainder(diagnosis.remainder)
     if verdict is Verdict.UNEXPLAINED:
         return f"Unexplained: something is missing that no effect of the catalogue accounts for: {left}."
@@ -122,6 +122,16 @@ def _verdict(diagnosis: Diagnosis) -> str:
         parts.append("it did not pass every test")
     parts.append(left if diagnosis.remainder is None else f"a significant residual remains: {left}")
     return f"Partly explained: {'; '.join(parts)}."
+
+
+def _trace(left: Remainder | None) -> str:
+    """Say what was seen beside an adequate model, fainter than noise can vouch for."""
+    if left is None or left.looks_like is None:
+        return ""
+    return (
+        f" A trace that looks like {FREEDOMS[left.looks_like]} ({left.norms:.1f} noise norms) is too faint to be told"
+        " from noise."
+    )
 
 
 def remainder(left: Remainder | None) -> str:

@@ -32,11 +32,12 @@ _SMALL = 0.02  # of the strength drawn, to first order
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One set: where the bench stands, the effect it has ("": none), and its seed."""
+    """One set: where the bench stands, the effect it has ("": none) of so many noise norms, and its seed."""
 
     site: str
     effect: str
     seed: int
+    norms: float = NORMS
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +86,7 @@ def draw(case: Case) -> tuple[Truth, float]:
     if not case.effect:
         return truth, 0.0
     drawn_norms = norms(truth)
-    strength = min(NORMS / drawn_norms, strongest(truth))
+    strength = min(case.norms / drawn_norms, strongest(truth))
     return replace(truth, effects=scaled(truth.effects, strength)), strength * drawn_norms
 
 

@@ -1,7 +1,7 @@
 """The diagnosis in buildings: ``python -m tests.benchmarks.sites [--clean N] [--effects N] [--seed S] [--keep FILE]``.
 
 ``--clean`` sets a site without an effect, and ``--effects`` sets of each effect at a site, scaled so that it stands out
-by twelve norms of what noise and site leave to first order.  Outcomes are kept line by line, so that a run that was cut
+by twelve (``--norms``) norms of what noise and site leave to first order.  Outcomes are kept line by line, so that a run that was cut
 off goes on where it stopped.
 """
 
@@ -16,17 +16,19 @@ from pathlib import Path
 
 from tests.benchmarks.kept_runs import kept_runs
 from tests.benchmarks.loop_score import Share
-from tests.benchmarks.site_cases import EFFECTS, Case, Outcome, from_json
+from tests.benchmarks.site_cases import EFFECTS, NORMS, Case, Outcome, from_json
 
 SITES = ("VC-A", "VC-B", "VC-C", "VC-D", "VC-E", "VC-F", "VC-G")
 SCORES = ("right", "in the class", "with a false partner", "wrong", "unnamed", "missed", "failed")
 
 
-def cases(sites: Sequence[str], effects: Sequence[str], clean: int, of_each: int, seed: int) -> list[Case]:
-    """Return the cases; every one has a seed of its own."""
+def cases(
+    sites: Sequence[str], effects: Sequence[str], clean: int, of_each: int, seed: int, norms: float = NORMS
+) -> list[Case]:
+    """Return the cases, effects of so many noise ``norms``; every one has a seed of its own."""
     wanted = [(site, "") for _ in range(clean) for site in sites]
     wanted += [(site, effect) for _ in range(of_each) for site in sites for effect in effects]
-    return [Case(site, effect, seed * 1_000_003 + place) for place, (site, effect) in enumerate(wanted)]
+    return [Case(site, effect, seed * 1_000_003 + place, norms) for place, (site, effect) in enumerate(wanted)]
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -36,12 +38,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--effects", type=int, default=0, metavar="N", help="sets an effect and site")
     parser.add_argument("--sites", default=",".join(SITES))
     parser.add_argument("--only", default=",".join(EFFECTS), metavar="EFFECT,...")
+    parser.add_argument("--norms", type=float, default=NORMS, help="how far an effect stands out of noise and site")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=min(2, os.cpu_count() or 1))
     parser.add_argument("--keep", type=Path, metavar="FILE", help="outcomes, a JSON object a line; read back if there")
     options = parser.parse_args(arguments)
     sites, effects = options.sites.split(","), options.only.split(",")
-    todo = cases(sites, effects, options.clean, options.effects, options.seed)
+    todo = cases(sites, effects, options.clean, options.effects, options.seed, options.norms)
     outcomes: list[Outcome] = []
     for outcome in kept_runs(todo, _one, options.processes, options.keep, from_json):
         outcomes.append(outcome)

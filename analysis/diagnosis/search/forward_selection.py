@@ -90,6 +90,11 @@ class Trail:
         """Return whether a fit explains enough more than ``fewer``, which has fewer effects."""
         return fewer.bic - fitted.bic >= self.least_fall(fitted.floor)
 
+    @property
+    def nothing_pays(self) -> bool:
+        """Get whether no fit on the way explains enough more than the start."""
+        return not any(self.pays(fitted, self.start) for fitted in self.fits.values())
+
     def keep(self, fitted: Fitted) -> None:
         """Keep a fit unless a better one of the same effects is there."""
         key = frozenset(fitted.effects)

@@ -15,6 +15,7 @@ from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.search.forward_selection import Trail, climb, paired
 from analysis.diagnosis.search.from_base import accept, explored
 from analysis.diagnosis.search.full_rate import with_sway_updated
+from analysis.diagnosis.verdict.conclusion import leaves_something
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference import (
@@ -49,6 +50,11 @@ class Searched:
     def residual(self) -> Residual:
         """Get the residual of the best fit."""
         return residual_of(self.best, self.trail.projector_of(self.best))
+
+    @property
+    def leaves_something(self) -> bool:
+        """Get whether the best fit leaves more than noise, and more than a trace that no effect explains."""
+        return leaves_something(self.residual, nothing_pays=self.trail.nothing_pays)
 
     def to_the_end(self) -> "Searched":
         """Return the search with the rounds that were left out, where there is a residual to explain."""

@@ -15,7 +15,7 @@ from analysis.diagnosis.search.competing_models import (
     with_look_alikes_tried,
 )
 from analysis.diagnosis.search.forward_selection import Trail, another_way, better, without
-from analysis.diagnosis.verdict.conclusion import conclude
+from analysis.diagnosis.verdict.conclusion import conclude, leaves_something
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.identifiability import missed_without, snr
@@ -74,11 +74,15 @@ def without_faint_effects(best: Fitted, trail: Trail) -> tuple[Fitted, Projector
     return best, projector
 
 
-def accepted_effects(effects: list[FoundEffect], residual: Residual, best: Fitted) -> tuple[list[FoundEffect], Verdict]:
+def accepted_effects(
+    effects: list[FoundEffect], residual: Residual, best: Fitted, *, nothing_pays: bool = False
+) -> tuple[list[FoundEffect], Verdict]:
     """Return the effects of the fit ``best`` that may be named, all of them or none, and the verdict."""
     if effects and not _pass(effects, residual, best):
         return [], conclude(explained=False, effects=())
-    return effects, conclude(explained=not residual.significant, effects=effects)
+    return effects, conclude(
+        explained=not leaves_something(residual, nothing_pays=nothing_pays and not effects), effects=effects
+    )
 
 
 def _pass(effects: list[FoundEffect], residual: Residual, best: Fitted) -> bool:

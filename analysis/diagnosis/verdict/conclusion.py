@@ -3,6 +3,15 @@
 from collections.abc import Collection
 
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
+from analysis.diagnosis.verdict.residual import Residual
+
+
+def leaves_something(residual: Residual, *, nothing_pays: bool) -> bool:
+    """Return whether a residual is to be explained: it is more than noise and no mere trace that no effect explains.
+
+    ``nothing_pays``: the fit holds no effect, and none that was tried explains enough to join.
+    """
+    return residual.significant and not (nothing_pays and residual.faint)
 
 
 def conclude(

@@ -26,7 +26,7 @@ class Residual:
     """``significant``: more than noise; ``coherence`` is the likelihood ratio of a shape shared by all shots.
 
     ``limit`` is what it may reach by chance.  ``correlation`` and ``ratio`` are of the whitened remainder: its largest
-    autocorrelation, and its power in the loudest phase over that in the quietest.
+    autocorrelation, and its power in the loudest phase over that in the quietest.  ``samples`` were tested.
     """
 
     coherence: float
@@ -35,6 +35,7 @@ class Residual:
     ratio: float
     size: float = 0.0  # of a significant shared shape, in units of the noise
     misfit: LackOfFit = NOTHING  # the freedom that the hypothesis misses most
+    samples: int = 1
 
     @property
     def missed(self) -> float:
@@ -56,6 +57,18 @@ class Residual:
         """Get whether the residual is more than noise."""
         return self.rough or self.coherence > self.limit or self.misfitting
 
+    @property
+    def faint(self) -> bool:
+        """Get whether all that is missed is a freedom so small that the noise cannot vouch for it.
+
+        Chi^2 of n samples scatters by sqrt(2 n) by itself; and no law can be learned from what explains less than a law
+        must.  White noise looks so in three of a thousand fits, each of which would be searched for laws in vain.
+        """
+        if not self.misfitting or self.rough or self.coherence > self.limit:
+            return False
+        least_of_a_law = CRITERIA.law_fall + math.log(self.samples)
+        return self.misfit.size**2 < min(math.sqrt(2.0 * self.samples), least_of_a_law)
+
 
 def residual_of(fitted: Fitted, at: Projector) -> Residual:
     """Test the residual of a fit."""
@@ -67,7 +80,8 @@ def residual_of(fitted: Fitted, at: Projector) -> Residual:
     coherence, limit, width = _coherence(fitted, at) if len(shots) > 1 else (0.0, math.inf, 0)
     limit *= slow
     size = math.sqrt(max(0.0, coherence - width)) if coherence > limit else 0.0
-    return Residual(coherence, limit, correlation, ratio, size, worst(fitted, at, slow))
+    samples = sum(part.size for part in white)
+    return Residual(coherence, limit, correlation, ratio, size, worst(fitted, at, slow), samples)
 
 
 def _correlation(white: Sequence[Floats]) -> float:

@@ -1,5 +1,6 @@
 """What an effect must be to be named."""
 
+import math
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -82,3 +83,41 @@ def test_each_of_several_pays_more_than_what_mends_a_misfit(
     worth: float, left: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert len(kept({named("adhesion"): 92.0, named("plate_motion"): 13.0}, worth, monkeypatch)) == left
+
+
+def lacking(
+    norms: float, width: int = 4, samples: int = 7200, coherence: float = 0.0, correlation: float = 0.03
+) -> Any:
+    """Return a residual with use for a freedom of so many noise norms, where chance may do 20."""
+    misfit = LackOfFit(Freedom.PLACE, norms**2 + width, 20.0, width)
+    return Residual(coherence, 57.0, correlation, 1.1, misfit=misfit, samples=samples)
+
+
+LEAST_OF_A_LAW = math.sqrt(28.0 + math.log(7200))  # of so many samples, in noise norms
+
+
+@pytest.mark.parametrize(
+    ("rest", "faint"),
+    [
+        (lacking(0.99 * LEAST_OF_A_LAW), True),
+        (lacking(1.01 * LEAST_OF_A_LAW), False),  # a law might be learned from it
+        (lacking(4.4, samples=200), True),  # sqrt(2 n) is 20 there, 4.47 norms squared
+        (lacking(4.6, samples=200), False),  # more than a chi^2 of so many samples scatters
+        (lacking(4.5, coherence=58.0), False),  # all shots share it
+        (lacking(4.5, correlation=0.2), False),  # no noise at all
+        (lacking(3.0), False),  # chance does that: nothing is missed
+    ],
+)
+def test_a_trace_is_less_than_the_noise_vouches_for_and_than_a_law_must_be(rest: Residual, faint: bool) -> None:
+    assert rest.faint is faint
+    for nothing_pays, effects in ((True, []), (False, []), (True, [effect(8.0)])):
+        _, verdict = acceptance.accepted_effects(effects, rest, cast(Any, Fit(())), nothing_pays=nothing_pays)
+        explained = not rest.significant or (faint and nothing_pays and not effects)
+        assert (verdict in (Verdict.ADEQUATE, Verdict.EFFECT_FOUND)) is explained
+
+
+@pytest.mark.parametrize(("worth", "nothing"), [(1.0, True), (200.0, False)])
+def test_an_effect_pays_on_the_way_or_none_does(worth: float, nothing: bool) -> None:
+    trail = Trail(cast(Any, Fit((), worth=worth)), (), calm)
+    trail.keep(cast(Any, Fit((TILT,), worth=worth)))
+    assert trail.nothing_pays is nothing

@@ -12,7 +12,7 @@ import pytest
 from analysis.collision.effects import named
 from analysis.diagnosis import words
 from analysis.diagnosis.learning import beyond_catalogue as beyond
-from analysis.diagnosis.result import Errors, FoundEffect, Remainder, Verdict
+from analysis.diagnosis.result import Errors, FoundEffect, Freedom, Remainder, Verdict
 from analysis.diagnosis.result_file import diagnosis_result
 from analysis.diagnosis.verdict.conclusion import conclude
 from analysis.shot.quantity import Quantity
@@ -139,3 +139,14 @@ def test_the_sentence_says_what_passed_and_what_only_comes_near(
     sentence = words.sentence(diagnosis)
     assert said in sentence and not_said not in sentence
     assert "a significant residual remains: 12 nm rms" in sentence and "Residual reduced to 40 %." in sentence
+
+
+@pytest.mark.parametrize("trace", [True, False])
+def test_a_trace_beside_an_adequate_model_is_told(trace: bool) -> None:
+    left = replace(LEFT, looks_like=Freedom.PLACE, norms=4.6) if trace else None
+    adequate = replace(
+        synthetic.diagnosis(synthetic.shot(count=9000)), verdict=Verdict.ADEQUATE, effects=(), remainder=left
+    )
+    said = words.sentence(adequate)
+    assert said.startswith("The model is adequate: nothing is missing that this data could show.")
+    assert ("A trace that looks like a force of the place (4.6 noise norms) is too faint" in said) is trace

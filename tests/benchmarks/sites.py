@@ -1,8 +1,8 @@
 """The diagnosis in buildings: ``python -m tests.benchmarks.sites [--clean N] [--effects N] [--seed S] [--keep FILE]``.
 
 ``--clean`` sets a site without an effect, and ``--effects`` sets of each effect at a site, scaled so that it stands out
-by twelve (``--norms``) norms of what noise and site leave to first order.  Outcomes are kept line by line, so that a run that was cut
-off goes on where it stopped.
+by twelve (``--norms``) norms of what noise and site leave to first order.  Outcomes are kept line by line, so that a
+run that was cut off goes on where it stopped.
 """
 
 import argparse

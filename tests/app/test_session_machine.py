@@ -288,6 +288,8 @@ class Sessions(RuleBasedStateMachine):
     @rule()
     def save_as(self) -> None:
         self.count += 1
+        if not self.disk_full and self.path in self.kept:
+            self.kept[self.path] = self.shown.saved()
         self.path = self.folder / f"session-{self.count}.json"
         assert (self.bench.save_session(self.path) is not None) == self.disk_full
 
@@ -295,7 +297,9 @@ class Sessions(RuleBasedStateMachine):
     def start_anew(self, busy: bool) -> None:
         """``busy``: a person writes a note before any recording is read, and starts once more."""
         self.bench.close()
-        self.written = None  # what is there is what was written before
+        if self.written == self.path:  # what a full disk had refused
+            self.kept[self.path] = self.shown.saved()
+        self.written = None
         self.bench = self._bench()
         kept = self.kept.get(self.path)
         if busy and kept is not None and kept.lines:
@@ -366,6 +370,25 @@ Sessions.TestCase.settings = settings(
     max_examples=50, stateful_step_count=20, deadline=None, suppress_health_check=list(HealthCheck)
 )
 TestSessions = Sessions.TestCase
+
+
+@pytest.mark.parametrize("then", ["start_anew", "save_as"])
+def test_what_a_full_disk_refused_is_saved_before_the_session_is_left(then: str) -> None:
+    session = Sessions()
+    try:
+        first = session.path
+        for full in (True, False):
+            session.disk_fills_or_is_freed(full)
+            if full:
+                session.open_recording()
+            session.what_is_not_saved_is_said()
+        assert len(Session.reopen(first).entries) == 1
+        session.start_anew(False) if then == "start_anew" else session.save_as()
+        session.shown_is_as_it_must_be()
+        session.what_is_not_saved_is_said()
+        assert len(Session.reopen(first).entries) == 2
+    finally:
+        session.teardown()
 
 
 def test_a_number_is_not_given_twice_after_opening_again(tmp_path: Path) -> None:

@@ -377,6 +377,7 @@ def test_what_a_full_disk_refused_is_saved_before_the_session_is_left(then: str)
     session = Sessions()
     try:
         first = session.path
+        session.what_is_not_saved_is_said()
         for full in (True, False):
             session.disk_fills_or_is_freed(full)
             if full:

@@ -1,19 +1,11 @@
 from .diagnosis_of_shots import diagnose
 from .model_file import ModelFileError, SavedModel, drift, effect_in_file, from_text, saved, to_text
 from .result import (
-    BlindSpot,
     Candidate,
     Diagnosis,
-    DriveEvidence,
-    DriveRemainder,
     Errors,
     FoundEffect,
-    Freedom,
     LearnedLaw,
-    OtherForm,
-    Phase,
-    Remainder,
-    Standing,
     Verdict,
 )
 from .result_file import diagnosis_result, foretold_result
@@ -29,22 +21,14 @@ from .words import ONE_WITH_TWO_READINGS
 __all__ = [
     "CRITERIA",
     "ONE_WITH_TWO_READINGS",
-    "BlindSpot",
     "Candidate",
     "Diagnosis",
-    "DriveEvidence",
-    "DriveRemainder",
     "Errors",
     "Foretold",
     "FoundEffect",
-    "Freedom",
     "LearnedLaw",
     "ModelFileError",
-    "OtherForm",
-    "Phase",
-    "Remainder",
     "SavedModel",
-    "Standing",
     "Trail",
     "Verdict",
     "diagnose",

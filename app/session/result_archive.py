@@ -1,6 +1,6 @@
 """Analysed shots and diagnoses as a NumPy archive, with their structure as JSON.
 
-No code is read from such a file: it names classes of the analysis, and only those listed here are built.
+No code is read from such a file: it names classes, and only those that a shot or a diagnosis is made of are built.
 """
 
 import io
@@ -9,64 +9,42 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
-from typing import Any, cast
+from functools import cache
+from typing import Any, cast, get_args, get_type_hints
 
 import numpy as np
 
 from analysis.collision import Acts, Effect
-from analysis.diagnosis import (
-    BlindSpot,
-    Candidate,
-    Diagnosis,
-    DriveEvidence,
-    DriveRemainder,
-    Errors,
-    FoundEffect,
-    Freedom,
-    LearnedLaw,
-    OtherForm,
-    Phase,
-    Remainder,
-    Standing,
-    Verdict,
-    effect_in_file,
-)
+from analysis.diagnosis import Diagnosis, effect_in_file
 from analysis.drive import GAIN_ERROR, MassCheck, Repeatability
-from analysis.shot import (
-    Air,
-    AnalysisSettings,
-    BeatQuality,
-    Disturbance,
-    Fit,
-    Impact,
-    KineticCor,
-    Motion,
-    NotSeen,
-    Overlay,
-    Plate,
-    Quantity,
-    Setup,
-    Shaking,
-    Shot,
-    ShotFit,
-    VibrationLine,
-)
+from analysis.shot import Shot
 from levimass import DRIVE
 
-KNOWN = {
-    kind.__name__: kind
-    for kind in (
-        Shot, AnalysisSettings, Setup, Air, Plate, Motion, BeatQuality, Impact, KineticCor, Disturbance, Shaking,
-        VibrationLine, Fit, ShotFit, Overlay, Quantity, NotSeen, Diagnosis, Verdict, Errors, FoundEffect,
-        LearnedLaw, OtherForm, Candidate, Standing, Remainder, Phase, Freedom, BlindSpot, DriveEvidence, DriveRemainder,
-        Repeatability, MassCheck,
-    )
-}  # fmt: skip
 _HEAD, _BODY = "head", "body"
 
 
 class NotStorable(Exception):
     """Why a value cannot be stored, or a file not be read."""
+
+
+@cache
+def kinds() -> dict[str, type]:
+    """Return the dataclasses and enumerations that a shot and a diagnosis are made of, by name; effects have keys."""
+    found: dict[str, type] = {}
+    left: list[Any] = [Shot, Diagnosis]
+    while left:
+        kind = left.pop()
+        left += get_args(kind)
+        if not isinstance(kind, type) or kind.__name__ in found or issubclass(kind, Effect):
+            continue
+        if is_dataclass(kind):
+            # a diagnosis knows these two by name only
+            hints = get_type_hints(kind, localns={one.__name__: one for one in (MassCheck, Repeatability)})
+            left += [hints[field.name] for field in fields(kind)]
+        elif not issubclass(kind, Enum):
+            continue
+        found[kind.__name__] = kind
+    return found
 
 
 def packed(head: Mapping[str, Any], value: object) -> bytes:
@@ -132,7 +110,7 @@ def _written(value: object, arrays: list[np.ndarray], seen: dict[int, int]) -> A
         return {"map": [[key, _written(one, arrays, seen)] for key, one in value.items()]}
     if isinstance(value, tuple | list):
         return {type(value).__name__: [_written(one, arrays, seen) for one in value]}
-    if is_dataclass(value) and type(value).__name__ in KNOWN:
+    if is_dataclass(value) and type(value).__name__ in kinds():
         own = {field.name: _written(getattr(value, field.name), arrays, seen) for field in fields(value)}
         return {"kind": type(value).__name__, "fields": own}
     raise NotStorable(f"a {type(value).__name__} cannot be stored")
@@ -154,7 +132,7 @@ def _read(body: Any, arrays: list[np.ndarray]) -> Any:
     for kind in (tuple, list):
         if kind.__name__ in body:
             return kind(_read(one, arrays) for one in body[kind.__name__])
-    kind = cast(Any, KNOWN[body["kind"]])
+    kind = cast(Any, kinds()[body["kind"]])
     if "value" in body:
         return kind(body["value"])
     return kind(**{name: _read(one, arrays) for name, one in body["fields"].items()})

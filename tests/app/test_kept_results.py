@@ -22,6 +22,7 @@ from analysis.diagnosis.result import (
 )
 from analysis.drive import LAWS, MassCheck, Repeatability
 from analysis.shot.quantity import Quantity
+from analysis.shot.shot import PlotNote
 from analysis.shot.version import program_version
 from app.session import result_archive, result_cache
 from app.session.event import Diagnosed
@@ -114,6 +115,14 @@ def test_what_was_altered_is_not_taken_for_the_same(tmp_path, saved, monkeypatch
     assert list((tmp_path / "kept").iterdir()) == []
 
 
+def test_a_shot_with_a_note_on_a_plot_is_kept_whole(tmp_path, saved):
+    kept = ResultCache(tmp_path / "kept")
+    noted = replace(saved, plot_notes=(PlotNote("force", 0.01, 0.2, "a knock"),))
+    kept.store_shot(noted)
+    found = kept.shot(Key(saved.path, saved.settings))
+    assert found is not None and found.shot.plot_notes == noted.plot_notes
+
+
 def test_a_changed_program_of_the_same_version_analyses_again(tmp_path, saved, monkeypatch):
     kept = ResultCache(tmp_path / "kept")
     key = Key(saved.path, saved.settings)
@@ -131,7 +140,7 @@ def test_a_result_whose_class_has_changed_is_analysed_again(tmp_path, saved, mon
     def other(**_: object) -> None:
         raise TypeError("unexpected keyword argument 'flags'")
 
-    monkeypatch.setitem(result_archive.KNOWN, "Impact", other)
+    monkeypatch.setitem(result_archive.kinds(), "Impact", other)
     assert kept.shot(Key(saved.path, saved.settings)) is None
 
 

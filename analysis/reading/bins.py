@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot import Motion
+from analysis.signal import LEAST_NOISE_M, white_noise
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -55,12 +56,12 @@ def binned(motion: Motion, into: tuple[int, int], out: tuple[int, int] | None) -
         side.append(np.full(int(whole.sum()), number == 0))
         third = np.diff(x, 3)
         thirds.append(third[np.isfinite(third)])
-    third = np.abs(np.concatenate(thirds))
+    third = np.concatenate(thirds)
     stated = float(np.nanmedian(motion.displacement_std_m))
-    white = float(1.4826 * np.median(third) / np.sqrt(20.0)) if third.size > 30 else stated
+    white = white_noise(third) if third.size > 30 else stated
     return Bins(
         np.concatenate(time), np.concatenate(value), np.concatenate(side), each, step,
-        max(white, 1e-15) / np.sqrt(each),
+        max(white, LEAST_NOISE_M) / np.sqrt(each),
     )  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from analysis.reading.edges import Edge, edge_of_line, edges_of_short_flight
 from analysis.reading.flight import Flight, fit_flight
 from analysis.reading.floor_spectrum import FloorSpectrum
 from analysis.shot import Motion
+from analysis.signal import LEAST_NOISE_M, white_noise
 
 Floats = NDArray[np.float64]
 
@@ -52,7 +53,7 @@ def find_bounces(motion: Motion, touch: Edge, release: Edge, flight_in: Flight, 
     inside = np.flatnonzero((time >= touch.time_s) & (time <= end))
     onsets, releases = [touch], list[Edge]()
     quiet = motion.displacement_m[flight_in.first : flight_in.last + 1]
-    noise = max(white_noise_std(quiet), 1e-15)
+    noise = max(white_noise(np.diff(quiet[np.isfinite(quiet)], 3)), LEAST_NOISE_M)
     disturbed = False
     if inside.size >= 2 * SUPPORTS[0] and motion.valid[inside].all():
         force, std = _local_force(motion, inside, noise)
@@ -172,12 +173,6 @@ def _as_it_grazes(edges: tuple[Edge, Edge], first_contact_s: float) -> tuple[Edg
 
 def _less_sure(edge: Edge, std_s: float) -> Edge:
     return Edge(edge.time_s, float(np.hypot(edge.std_s, std_s)))
-
-
-def white_noise_std(displacement_m: Floats) -> float:
-    """Return the std of the white part of a smooth record's noise, from its third differences (variance 20 sigma^2)."""
-    third = np.diff(displacement_m[np.isfinite(displacement_m)], 3)
-    return float(1.4826 * np.median(np.abs(third)) / np.sqrt(20.0)) if third.size else 0.0
 
 
 def _peaks(

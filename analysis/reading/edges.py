@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from analysis.reading.flight import Flight
 from analysis.shot import Motion
-from analysis.signal import first_run
+from analysis.signal import LEAST_NOISE_M, first_run
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -65,7 +65,7 @@ def edge_of_flight(
     departure = x - x[0] - np.polyval(np.polyfit(u[straight], x[straight] - x[0], bend), u)
     rest = departure[straight]
     std = float(np.sqrt(rest @ rest / (rest.size - bend - 1)))
-    std = max(std, float(np.nanmedian(motion.displacement_std_m)), 1e-15)
+    std = max(std, float(np.nanmedian(motion.displacement_std_m)), LEAST_NOISE_M)
     omega = abs(float(np.polyfit(u[straight], x[straight] - x[0], 1)[0])) / max(depth_m, 1e-12)  # of a half-sine
     most = SHAPED_SIGMAS * std
     if into:
@@ -102,7 +102,7 @@ def edge_of_line(motion: Motion, line: Flight, *, until: int, bend: int = 0) -> 
     window = np.arange(line.first if sign > 0 else line.last, until + sign, sign)
     window = window[motion.valid[window] & np.isfinite(motion.displacement_m[window])]
     departure = motion.displacement_m[window] - line.position_m(motion.time_s[window])
-    std = max(line.noise_std_m, 1e-15)
+    std = max(line.noise_std_m, LEAST_NOISE_M)
     edge = _edge_in(motion, window, departure, (std, SHAPED_SIGMAS * std, 0.0), sign, bend)
     if edge is None or bend == 0:
         return edge

@@ -3,8 +3,10 @@ from .demodulation import demodulate
 from .filters import MAX_BANDWIDTH_SHARE, derivative_filters, derivative_gains, derivatives, first_run, stretches
 from .record import motion_from_displacement
 from .stream import LiveChunk, LiveDemodulator
+from .third_differences import LEAST_NOISE_M, white_noise
 
 __all__ = [
+    "LEAST_NOISE_M",
     "LEFT",
     "MAX_BANDWIDTH_SHARE",
     "LiveChunk",
@@ -16,4 +18,5 @@ __all__ = [
     "first_run",
     "motion_from_displacement",
     "stretches",
+    "white_noise",
 ]

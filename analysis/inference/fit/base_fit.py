@@ -14,6 +14,7 @@ from analysis.inference.fit.samples import Samples
 from analysis.inference.fit.situation import too_fast
 from analysis.inference.noise.floor import white_by_differences
 from analysis.shot import AnalysisError, Stop
+from analysis.signal import LEAST_NOISE_M
 
 _SAMPLES = 100  # at least
 _SOFTER = 8  # times, at most, that a contact too stiff for the samples is softened tenfold
@@ -42,7 +43,7 @@ def white_of(shots: Sequence[Samples]) -> float:
     """Return the white noise of an averaged sample in m from third differences; AnalysisError with too few samples."""
     if sum(int(np.count_nonzero(s.valid[3:] & s.valid[:-3])) for s in shots) < _SAMPLES:
         raise AnalysisError("too few samples for a diagnosis")
-    return max(white_by_differences([s.displacement_m for s in shots], [s.valid for s in shots]), 1e-15)
+    return max(white_by_differences([s.displacement_m for s in shots], [s.valid for s in shots]), LEAST_NOISE_M)
 
 
 def nuisances_pay(best: Fitted, nuisances: Sequence[Effect], stop: Stop) -> bool:

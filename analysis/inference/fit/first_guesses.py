@@ -20,6 +20,7 @@ from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import white_floor
 from analysis.shot import Cancelled, Stop
+from analysis.signal import LEAST_NOISE_M
 
 Floats = NDArray[np.float64]
 _TRIED = 6  # candidates
@@ -49,7 +50,7 @@ def first_guesses(base: Base, shots: Sequence[Samples], stop: Stop, sways_m: flo
     shot, ranked = _ranked(base, shots)
     contact = _contact_of(shot)
     hypothesis = Hypothesis(JointData((contact,), base), ())
-    white = white_floor(max(contact.course.noise_std_m, 1e-15), contact.spacing_s)
+    white = white_floor(max(contact.course.noise_std_m, LEAST_NOISE_M), contact.spacing_s)
 
     def tried(guess: guesses.Guess) -> tuple[Minimum, Floats] | None:
         if stop():

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor, white_by_differences, white_floor
 from analysis.inference.noise.site import Site
+from analysis.signal import LEAST_NOISE_M
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Spectrum = tuple[Floats, Floats]  # angles, powers per sample
 FEWEST = 24  # samples of a flight from which noise is learnt
-_LEAST_M = 1e-15  # white noise per sample: a place that is never another one has it from rounding alone
 _TREND = 2  # degree of the polynomial that is subtracted: the flight, and drag too slow to distinguish from it
 _CORRELATION_TIMES_S = tuple(np.geomspace(1e-3, 30e-3, 7))  # corner frequencies between 160 and 5 Hz
 _WEIGHT = 0.5  # degrees of freedom per bin: a Hann taper correlates about two neighbouring bins
@@ -70,7 +70,7 @@ def _flight(shot: Samples, part: slice) -> Floats:
 
 def _by_differences(shots: Sequence[Samples]) -> float:
     series = [shot.displacement_m / shot.weight for shot in shots]
-    return max(white_by_differences(series, [shot.valid for shot in shots]), _LEAST_M)
+    return max(white_by_differences(series, [shot.valid for shot in shots]), LEAST_NOISE_M)
 
 
 def _with_outgoing(noise: Floor, incoming: list[Spectrum], outgoing: list[Spectrum], spacing_s: float) -> Floor:
@@ -127,7 +127,7 @@ def detrended(values: Floats, degree: int) -> Floats:
 def likeliest_noise(spectra: Sequence[Spectrum], spacing_s: float) -> Floor:
     """Return the likeliest white noise, with a wandering part where its gain in Whittle likelihood pays for it."""
     angle, power = (np.concatenate(part) for part in zip(*spectra, strict=True))
-    power = np.maximum(power, _LEAST_M**2)
+    power = np.maximum(power, LEAST_NOISE_M**2)
     flat = float(np.mean(power))
     alone = _WEIGHT * float(np.sum(np.log(flat) + power / flat))
     tried: list[tuple[float, float, float, float]] = []

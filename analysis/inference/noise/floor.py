@@ -23,6 +23,7 @@ from analysis.inference.noise.likeliest import (
     shape_at,
     steps_of,
 )
+from analysis.signal import white_noise
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -210,7 +211,7 @@ def learn(
 def white_by_differences(series: Sequence[Floats], valid: Sequence[Mask]) -> float:
     """Return the white noise of a sample by third differences, in the units of ``series``; 0 where they are too few."""
     quick = np.concatenate([np.diff(s, 3)[v[3:] & v[:-3]] for s, v in zip(series, valid, strict=True)])
-    return 1.4826 * float(np.median(np.abs(quick))) / math.sqrt(20.0) if quick.size else 0.0
+    return white_noise(quick)
 
 
 def _roughness(series: Sequence[Floats], valid: Sequence[Mask]) -> float:

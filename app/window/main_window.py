@@ -1,4 +1,4 @@
-"""The main window: panels and presenters, updated 28 times a second."""
+"""The main window: panels and presenters, updated up to 28 times a second."""
 
 import signal
 import sys
@@ -51,6 +51,7 @@ from instrument.devices import Digitizer, at_site
 from instrument.process import SubprocessAnalysis, SubprocessWorker, open_in_subprocess
 
 PULL_MS = 35
+LIVE_MS = 50  # while nothing moves but the live curves, which come every 100 ms
 STILL_MS = 140  # between two pulls while nothing moves: no curve runs, nothing is under way
 FRAMED_MS = 300  # after the first show: the system has then drawn the title bar
 SWITCH_S = 5e-4  # after which a busy thread yields; Python's default of 5 ms would delay frames
@@ -179,15 +180,17 @@ class MainWindow(QMainWindow):
         self.model_presenter.refresh()
         self.mapping_presenter.refresh()
         self.setup_presenter.refresh(snapshot)
-        pace = STILL_MS if self._is_still(snapshot) else PULL_MS
+        pace = self._pace_ms(snapshot)
         if self._timer.interval() != pace:
             self._timer.setInterval(pace)
 
-    def _is_still(self, snapshot: Snapshot) -> bool:
-        """Return whether nothing changes on the screen unless the operator does something."""
+    def _pace_ms(self, snapshot: Snapshot) -> int:
+        """Return the time between two pulls: long where nothing changes unless the operator does something."""
         work = self.workbench.jobs.open_jobs or self.workbench.short_jobs.open_jobs or snapshot.analysing
-        page = self.panels.tabs.currentIndex()
-        return snapshot.state is State.IDLE and page != Layout.LIVE and not (work or self.panels.setup.isVisible())
+        if work or snapshot.state is not State.IDLE:
+            return PULL_MS
+        live = self.panels.tabs.currentIndex() == Layout.LIVE or self.panels.setup.isVisible()
+        return LIVE_MS if live else STILL_MS
 
     @Slot(str, Tone)
     def say(self, words: str, tone: Tone) -> None:

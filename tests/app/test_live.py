@@ -58,7 +58,9 @@ def test_the_value_axis_stands_still_in_noise_and_follows_a_push(panel):
     assert abs(float(shown)) < 1e-3
 
 
-def test_a_time_that_is_only_rounded_otherwise_draws_no_axis_anew(panel):
+def test_a_time_that_is_only_rounded_otherwise_draws_no_axis_anew(panel, monkeypatch):
+    monkeypatch.setattr(live, "LEAST_RAW", -1000)  # room on any screen
+    panel.resize(1000, 701)
     channels = tuple(Channel(role, 1e-3) for role in (Role.REFERENCE, Role.MEASUREMENT, Role.SWITCH))
     moved = []
     panel.raw.plots[0].view.sigXRangeChanged.connect(lambda *_: moved.append(1))
@@ -98,6 +100,26 @@ def test_raw_signals_are_whole_or_not_there(panel, monkeypatch, lines, seen):
     QTest.qWait(20)
     panel.show_raw(view, channels)
     assert panel.raw.isVisible()
+
+
+def test_raw_signals_without_room_cost_nothing_and_are_there_when_there_is_room(panel, monkeypatch):
+    channels = tuple(Channel(role, 1e-3) for role in (Role.REFERENCE, Role.MEASUREMENT, Role.SWITCH))
+    raw_v = np.random.default_rng(1).standard_normal((200, 3)).astype(np.float32)
+    view = replace(views(1, range(0), 0.0)[0], raw_time_s=np.arange(200) / RATE_HZ, raw_v=raw_v)
+    with monkeypatch.context() as patch:
+        patch.setattr(live, "LEAST_RAW", 1000)
+        panel.resize(1000, 990)
+        QTest.qWait(20)
+        panel.show_raw(view, channels)
+        assert not panel.raw.isVisible()
+        assert all(len(curve.samples) == 0 for curve in panel._raw_curves)
+    panel.hold.setChecked(True)  # no newer samples come, the held ones are shown
+    monkeypatch.setattr(live, "LEAST_RAW", 1)
+    panel.resize(1000, 1000)
+    QTest.qWait(20)
+    assert panel.raw.isVisible()
+    for column, curve in enumerate(panel._raw_curves):
+        assert np.array_equal(curve.samples, raw_v[-live.RAW_SHOWN :, column])
 
 
 def test_the_floor_of_the_site_is_shown_with_its_lines_and_advice(panel):

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from app.window.layout import Layout
-from app.window.main_window import PULL_MS, STILL_MS, open_window
+from app.window.main_window import LIVE_MS, PULL_MS, STILL_MS, open_window
 from tests.app import rigs
 
 WAIT_MS = 60_000
@@ -32,17 +32,18 @@ def _moves(window, qtbot, wait_ms=300) -> bool:
 
 
 def test_live_curves_are_made_while_they_are_looked_at(window, qtbot):
-    assert window._timer.interval() == PULL_MS and _moves(window, qtbot)
+    qtbot.waitUntil(lambda: window._timer.interval() == LIVE_MS, timeout=WAIT_MS)
+    assert _moves(window, qtbot)
     window.panels.tabs.setCurrentIndex(Layout.SHOT)
     qtbot.waitUntil(lambda: window._timer.interval() == STILL_MS, timeout=WAIT_MS)
     qtbot.wait(300)  # the look that was under way
     assert not _moves(window, qtbot)
     window.setup_presenter.toggle_setup()  # which shows the floor of the site
-    qtbot.waitUntil(lambda: window._timer.interval() == PULL_MS, timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: window._timer.interval() == LIVE_MS, timeout=WAIT_MS)
     qtbot.waitUntil(lambda: _moves(window, qtbot), timeout=WAIT_MS)
     window.setup_presenter.toggle_setup()
     window.panels.tabs.setCurrentIndex(Layout.LIVE)
-    qtbot.waitUntil(lambda: window._timer.interval() == PULL_MS, timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: window._timer.interval() == LIVE_MS, timeout=WAIT_MS)
     qtbot.waitUntil(lambda: _moves(window, qtbot), timeout=WAIT_MS)
     shown = window.panels.live._curves["velocity"].samples
     assert len(shown) > 10  # and they are drawn

@@ -6,6 +6,7 @@ from PySide6.QtWidgets import QWidget
 
 from analysis.shot.recording import Channel, Recording, Role, Setup
 from app.window.main_window import open_window
+from app.window.panels import live
 from app.window.panels.live import LivePanel
 from app.window.panels.shot_raw import RawView, curves_of
 from app.window.theme import LIGHT
@@ -21,6 +22,12 @@ def recording(trigger: int | None) -> Recording:
     counts[1000:, SWITCH] = 3000
     counts[999, SWITCH] = 1000
     return Recording("shot", counts, 1e6, CHANNELS, Setup(0.02), trigger_sample=trigger)
+
+
+@pytest.fixture
+def roomy(monkeypatch):
+    """Show the raw signals of LIVE on any screen and with any font."""
+    monkeypatch.setattr(live, "LEAST_RAW", -1000)
 
 
 def lines_of(plot):
@@ -49,7 +56,7 @@ def test_a_shot_shows_the_level_at_which_it_was_triggered(qtbot, trigger):
         assert view.show_curves(curves_of(untriggered)) and not lines_of(plot)
 
 
-def test_live_shows_the_thresholds_that_were_set_and_keeps_them_in_view(qtbot):
+def test_live_shows_the_thresholds_that_were_set_and_keeps_them_in_view(qtbot, roomy):
     panel = LivePanel(LIGHT)
     qtbot.addWidget(panel)
     panel.resize(1000, 1000)
@@ -69,7 +76,7 @@ def test_live_shows_the_thresholds_that_were_set_and_keeps_them_in_view(qtbot):
     assert not lines_of(plots[SWITCH])
 
 
-def test_live_shows_learned_thresholds_as_such(qtbot):
+def test_live_shows_learned_thresholds_as_such(qtbot, roomy):
     panel = LivePanel(LIGHT)
     qtbot.addWidget(panel)
     panel.resize(1000, 1000)
@@ -81,7 +88,7 @@ def test_live_shows_learned_thresholds_as_such(qtbot):
     assert line.toolTip() == line.label.format  # in a low plot its name is read there
 
 
-def test_a_running_bench_tells_the_thresholds_that_it_learned(qtbot, tmp_path, warm_kernels):
+def test_a_running_bench_tells_the_thresholds_that_it_learned(qtbot, tmp_path, warm_kernels, roomy):
     """Only thresholds that were set had a line."""
     window = open_window(tmp_path, still_bench, apart=False)
     qtbot.addWidget(window)

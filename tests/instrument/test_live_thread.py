@@ -9,6 +9,7 @@ import pytest
 
 from analysis.shot.recording import Channel, Role, Setup
 from instrument.devices.digitizer import CaptureSettings
+from instrument.live import live_thread
 from instrument.live.live_thread import LiveThread
 from instrument.live.ring import Ring, Stream
 
@@ -66,5 +67,39 @@ def test_a_stream_without_a_moving_beat_says_so_and_still_shows_its_signals(tmp_
         _until(lambda: live.view.problem is not None and live.channels != ())
         assert live.view.problem == "no measurement channel (PD1)"
         assert live.view.raw_v.shape[1] == 1 and live.view.raw_v.shape[0] > 100
+    finally:
+        assert live.close()
+
+
+def test_a_stream_that_nobody_watches_shows_a_new_fault_soon(tmp_path: Path) -> None:
+    stream = _stream()
+    live = LiveThread(lambda: stream, lambda: tmp_path)
+    live.watched = False
+    live.start()
+    try:
+        _until(lambda: live.channels != ())
+        assert live.channels[0].clipped_fraction == 0.0
+        stream.ring.append(np.full((9000, 1), (1 << stream.setup.digitizer_bits - 1) - 1, np.int16))
+        _until(lambda: live.channels[0].clipped_fraction > 0.0, 2.0)  # on a busy machine
+        assert live_thread._UNWATCHED_EVERY_S <= 0.2  # with the pull of a still page a third of a second
+        assert live.view.time_s.size == 0  # and nothing is demodulated
+    finally:
+        assert live.close()
+
+
+def test_looks_come_at_their_pace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ten pictures a second where somebody watches, five checks where nobody does; neither more often."""
+    stream = _stream()
+    live = LiveThread(lambda: stream, lambda: tmp_path)
+    looks: list[float] = []
+    monkeypatch.setattr(live, "_look", looks.append)
+    live.start()
+    try:
+        for watched, least_s in ((True, 0.09), (False, 0.19)):
+            live.watched = watched
+            _until(lambda: len(looks) > 2)
+            looks.clear()
+            _until(lambda: len(looks) > 4)
+            assert (looks[4] - looks[1]) / 3 > least_s
     finally:
         assert live.close()

@@ -8,7 +8,7 @@ from analysis.shot.recording import Channel, Role
 from instrument.bench.frame import frame_of
 from instrument.bench.site import Site
 from instrument.devices.doctor import Grade
-from instrument.live.setup_check import check_setup, judge_site
+from instrument.live.setup_check import CHECKED_SAMPLES, check_setup, check_signals, judge_site
 
 RATE_HZ = 30e6
 BITS = 12
@@ -77,3 +77,35 @@ def test_the_site_is_judged_by_what_it_costs():
     assert calm.grade is Grade.OK and "meets VC-G" in calm.line
     pump = judge_site(read_site(still + 5e-5 * np.sin(2 * np.pi * 24.9 * time_s), rate))
     assert pump.grade is Grade.WARN and "pump" in pump.line and "24.9 Hz costs you a factor" in pump.line
+
+
+@pytest.mark.parametrize("n", [64, 1001, CHECKED_SAMPLES])
+def test_channels_checked_side_by_side_give_what_each_gives_alone(n):
+    switch = np.where(np.arange(n) < 0.6 * n, 1800, 100).astype(np.int16)
+    channels = Channel(Role.SWITCH, VOLTS, 0.1), PD0, Channel(Role.MEASUREMENT, -VOLTS)
+    counts = np.stack((switch, _beat(2.7301e6, 1.1, n=n), _beat(2.7299e6, 0.2, 0.1, n=n)), axis=1)
+    together = check_signals(counts, channels, RATE_HZ, BITS)
+    for column, signal in enumerate(together):
+        alone = check_signals(counts[:, column : column + 1], channels[column : column + 1], RATE_HZ, BITS)
+        assert (signal,) == alone
+    of_switch, reference, measurement = together
+    assert of_switch.amplitude_v == pytest.approx(np.median(switch) * VOLTS + 0.1)
+    assert (of_switch.clipped_fraction, measurement.clipped_fraction) == (0.0, 0.0)
+    at_rail = (counts[:, 1] == 2047) | (counts[:, 1] == -2048)
+    assert reference.clipped_fraction == np.mean(at_rail) > 0.05
+    assert measurement.amplitude_v == pytest.approx(np.sqrt(2) * counts[:, 2].std() * VOLTS, rel=1e-12)
+    if n > 64:  # else the line covers too much of the noise
+        assert measurement.snr_db == pytest.approx(10 * np.log10(0.5 * 0.2**2 / 0.1**2), abs=1.0)
+
+
+def test_one_sample_at_the_end_of_the_range_is_counted():
+    for rail in (2047, -2048):
+        counts = _beat(2.73e6, 0.5, n=CHECKED_SAMPLES)
+        counts[77] = rail
+        (signal,) = check_signals(counts[:, None], (PD1,), RATE_HZ, BITS)
+        assert signal.clipped_fraction == 1 / CHECKED_SAMPLES
+
+
+def test_a_switch_without_beats_is_checked():
+    (signal,) = check_signals(np.full((64, 1), 100, np.int16), (SWITCH,), RATE_HZ, BITS)
+    assert signal.amplitude_v == pytest.approx(100 * VOLTS) and signal.frequency_hz is None

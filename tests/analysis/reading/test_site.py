@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from analysis.reading import site
 from analysis.reading.site import (
     CENTRES_HZ,
     MachineLine,
@@ -100,6 +101,21 @@ def test_twice_the_floor_is_twice_the_uncertainty():
     assert two.cor_std == pytest.approx(2 * one.cor_std, rel=1e-6)
     more = expected_cor_std(one, PlannedShot(), (MachineLine(24.9, 1e-6, ""),))
     assert more > one.cor_std
+
+
+def test_a_line_costs_what_the_expectation_without_it_lacks(monkeypatch):
+    made = []
+    covariance = site._covariance
+    monkeypatch.setattr(site, "_covariance", lambda *of: made.append(1) or covariance(*of))
+    tones = sum(size * np.sin(2 * np.pi * hz * TIME) for hz, size in ((24.9, 2e-5), (50.0, 2e-5), (9.1, 2e-5)))
+    floor = read_site(_velocity(Site(third_octave_m_per_s=4e-7)) + tones, RATE)
+    assert len(made) == 1  # one floor, one covariance, though a line each is left out
+    assert len(floor.lines) >= 3
+    stay = [line for line in floor.lines if not 7.0 <= line.frequency_hz <= 12.5]
+    assert floor.cor_std == expected_cor_std(floor, PlannedShot(), stay)
+    for line in floor.lines:
+        without = expected_cor_std(floor, PlannedShot(), [other for other in stay if other is not line])
+        assert line.cost == floor.cor_std / without
 
 
 @pytest.mark.parametrize(

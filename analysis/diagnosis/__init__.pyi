@@ -1,13 +1,6 @@
 from .diagnosis_of_shots import diagnose
 from .model_file import ModelFileError, SavedModel, drift, effect_in_file, from_text, saved, to_text
-from .result import (
-    Candidate,
-    Diagnosis,
-    Errors,
-    FoundEffect,
-    LearnedLaw,
-    Verdict,
-)
+from .result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
 from .result_file import diagnosis_result, foretold_result
 from .search.competing_models import fitted_instead
 from .search.forward_selection import Trail, without

@@ -125,7 +125,7 @@ def _verdict(diagnosis: Diagnosis) -> str:
 
 
 def _trace(left: Remainder | None) -> str:
-    """Say what was seen beside an adequate model, fainter than noise can vouch for."""
+    """Say what was seen beside an adequate model and is too faint to be told from noise, or nothing."""
     if left is None or left.looks_like is None:
         return ""
     return (

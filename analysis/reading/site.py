@@ -140,16 +140,8 @@ def likely_cause(frequency_hz: float, resolution_hz: float) -> str:
     return "the building or a table on its legs" if frequency_hz < _HAND_HZ[0] else "a fan or a resonance"
 
 
-def expected_cor_std(floor: SiteFloor, planned: PlannedShot, lines: Sequence[MachineLine]) -> float:
-    """Return u(COR) of two straight flights on this floor with these lines of unknown phase and frequency.
-
-    By generalised least squares with the floor's covariance.  Cost: about 3 ms.
-    """
-    return _flights(floor, planned).cor_std(lines)
-
-
 @dataclass(frozen=True, slots=True)
-class _Flights:
+class PlannedFlights:
     """Two straight flights at steps of time, shape (n,), and their covariance on a floor without lines, (n, n) in m^2.
 
     The covariance takes most of the time and is the same for any lines.
@@ -161,8 +153,22 @@ class _Flights:
     design: Floats  # (n, 4)
     covariance_m2: Floats
 
+    @classmethod
+    def on(cls, floor: SiteFloor, planned: PlannedShot) -> "PlannedFlights":
+        """Return the flights of a planned shot on this floor.  Cost: about 2 ms."""
+        span = planned.before_s + planned.contact_s + planned.after_s
+        step = max(5e-4, (planned.before_s + planned.after_s) / _MOST_STEPS)
+        time_s = np.arange(0.5 * step, span, step)
+        before, after = time_s < planned.before_s, time_s > planned.before_s + planned.contact_s
+        keep = before | after
+        index = np.flatnonzero(keep)
+        covariance = _covariance(floor, step, time_s.size)[np.abs(index[:, None] - index[None, :])]
+        columns = (before, before * (time_s - planned.before_s), after, after * (time_s - span + planned.after_s))
+        design = np.stack(columns, axis=1)[keep].astype(np.float64)
+        return cls(planned, span, time_s[keep], design, covariance)
+
     def cor_std(self, lines: Sequence[MachineLine]) -> float:
-        """Return u(COR) with these lines.  Cost: about 0.5 ms."""
+        """Return u(COR) with these lines, of unknown phase and frequency, by generalised least squares: some 0.5 ms."""
         matrix = self.covariance_m2
         for line in lines:
             angle = 2 * np.pi * line.frequency_hz * self.time_s
@@ -174,21 +180,8 @@ class _Flights:
         return float(np.sqrt(ratio @ found @ ratio))
 
 
-def _flights(floor: SiteFloor, planned: PlannedShot) -> _Flights:
-    span = planned.before_s + planned.contact_s + planned.after_s
-    step = max(5e-4, (planned.before_s + planned.after_s) / _MOST_STEPS)
-    time_s = np.arange(0.5 * step, span, step)
-    before, after = time_s < planned.before_s, time_s > planned.before_s + planned.contact_s
-    keep = before | after
-    index = np.flatnonzero(keep)
-    covariance = _covariance(floor, step, time_s.size)[np.abs(index[:, None] - index[None, :])]
-    columns = (before, before * (time_s - planned.before_s), after, after * (time_s - span + planned.after_s))
-    design = np.stack(columns, axis=1)[keep].astype(np.float64)
-    return _Flights(planned, span, time_s[keep], design, covariance)
-
-
 def _with_expectation(floor: SiteFloor, planned: PlannedShot) -> SiteFloor:
-    flights = _flights(floor, planned)
+    flights = PlannedFlights.on(floor, planned)
     stay = [line for line in floor.lines if not _of_hand(line.frequency_hz)]
     whole = flights.cor_std(stay)
     lines = tuple(

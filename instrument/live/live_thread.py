@@ -24,7 +24,6 @@ WINDOW_S = 2.0
 RAW_SAMPLES = 2000
 _CHUNK = 1 << 19  # samples demodulated at a time: shorter ones cost more calls, longer ones leave the caches
 _EVERY_S = 0.1  # a curve that rolls is followed as well at ten pictures a second as at 30, for a third of the work
-_CHECK_EVERY_S = 0.1
 _UNWATCHED_EVERY_S = 0.2  # only the signal line shows what is found
 _DISK_EVERY_S = 1.0
 KEPT_S = 4.0  # of rest: enough to resolve motors a tenth of a hertz from the mains
@@ -53,7 +52,7 @@ class LiveThread:
         self._problem: str | None = None
         self._rest_hz: float | None = None
         self._chunk = np.empty((0, 0), np.int16)
-        self._checked_s = self._disk_s = -np.inf
+        self._disk_s = -np.inf
         self.skipped = 0
         self.watched = True  # whether somebody looks: else the stream is only checked, and nothing is demodulated
         self.view = empty_view()
@@ -95,8 +94,7 @@ class LiveThread:
             self._skip_to(max(self._at, newest.ring.total - self._chunk.shape[0] // 4))
         if self.watched and self._follow(newest):
             self._draw(newest)
-        if now - self._checked_s > 0.9 * _CHECK_EVERY_S and newest.ring.total - newest.start >= 64:
-            self._checked_s = now
+        if newest.ring.total - newest.start >= 64:
             length = min(CHECKED_SAMPLES, newest.ring.total - newest.start)
             counts = np.empty((length, newest.ring.channels), np.int16)
             try:

@@ -14,11 +14,14 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from analysis.diagnosis.wording import in_words
 from tests.benchmarks.kept_runs import kept_runs
 from tests.benchmarks.loop_score import Share
+
+if TYPE_CHECKING:
+    from tests.building_rig import Rig
 
 SITES = ("VC-A", "VC-B", "VC-C", "VC-D", "VC-E", "VC-F", "VC-G")
 EFFECTS = {  # of the catalogue: the rig's own name for it, its size, the parameter that tells it
@@ -89,12 +92,18 @@ def cases(clean: int, of_each: int, seed: int, shots: int) -> list[Case]:
     return [Case(site, effect, seed * 1_000_003 + place, shots) for place, (site, effect) in enumerate(wanted)]
 
 
+def clean_rig(site: str, seed: int) -> "Rig":
+    """Return a rig without an effect; in a third of all sets the plate begins with a swing."""
+    from tests.building_rig import Rig
+
+    return Rig(site, plate_swings=seed % 3 == 0)
+
+
 def judge(case: Case) -> Outcome:
     """Draw a case, have it diagnosed, and write down what was said."""
     from analysis.diagnosis.diagnosis_of_shots import diagnose
-    from tests.building_rig import Rig
 
-    rig = Rig(case.site, plate_swings=case.seed % 3 == 0)
+    rig = clean_rig(case.site, case.seed)
     if case.effect:
         name, size, _ = EFFECTS[case.effect]
         rig = rig.with_bodies(**{name: size})

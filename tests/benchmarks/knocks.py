@@ -8,26 +8,25 @@ import argparse
 import subprocess
 from collections.abc import Callable, Iterator
 
+from analysis.compiled.kernel_cache import use_kernel_cache
 from analysis.reading.read import NoImpact, read_impact
 from analysis.shot.motion import Motion
-from instrument.bench.site import site_named
-from tests.bench.blind import drawn, records
-from tests.bench.displacement_noise import Noise, NoiseKind
-from tests.benchmarks.buildings import SITES
+from tests.bench.blind import records
+from tests.benchmarks.buildings import SITES, clean_rig
 from tests.benchmarks.loop_cases import as_motion
 from tests.benchmarks.loop_score import Share
-from tests.building_rig import Rig
+from tests.benchmarks.site_cases import Case, draw
 
 
 def own_bench(site: str, seed: int) -> list[Motion]:
     """Return a clean set of the program's own bench."""
-    truth = drawn((), seed, Noise(NoiseKind.WHITE, white_m=1e-10), site=site_named(site))
+    truth, _ = draw(Case(site, "", seed))
     return [as_motion(record) for record in records(truth)]
 
 
 def independent_rig(site: str, seed: int) -> list[Motion]:
-    """Return a clean set of the independent rig; in a third of them the plate begins with a swing."""
-    return Rig(site, plate_swings=seed % 3 == 0).shots(seed)
+    """Return a clean set of the independent rig."""
+    return clean_rig(site, seed).shots(seed)
 
 
 def flags(rig: Callable[[str, int], list[Motion]], site: str, seed: int, shots: int) -> Iterator[tuple[str, ...]]:
@@ -48,6 +47,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--shots", type=int, default=48, metavar="N", help="a site and rig")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args(arguments)
+    use_kernel_cache()
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False)
     print(f"seed {options.seed} at {commit.stdout.strip()}, clean shots in buildings")
     for rig in (own_bench, independent_rig):

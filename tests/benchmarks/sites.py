@@ -14,11 +14,11 @@ from collections.abc import Sequence
 from operator import attrgetter
 from pathlib import Path
 
+from tests.benchmarks.buildings import SITES
 from tests.benchmarks.kept_runs import kept_runs
 from tests.benchmarks.loop_score import Share
 from tests.benchmarks.site_cases import EFFECTS, NORMS, Case, Outcome, from_json
 
-SITES = ("VC-A", "VC-B", "VC-C", "VC-D", "VC-E", "VC-F", "VC-G")
 SCORES = ("right", "in the class", "with a false partner", "wrong", "unnamed", "missed", "failed")
 
 

@@ -59,10 +59,10 @@ class Residual:
 
     @property
     def faint(self) -> bool:
-        """Get whether all that is missed is a freedom so small that the noise cannot vouch for it.
+        """Get whether all that is missed is a freedom so small that noise alone may look like it.
 
-        Chi^2 of n samples scatters by sqrt(2 n) by itself; and no law can be learned from what explains less than a law
-        must.  White noise looks so in three of a thousand fits, each of which would be searched for laws in vain.
+        It is less than the sqrt(2 n) by which chi^2 of n samples scatters by itself, and less than a law must explain
+        to be learned.  White noise looks so in three of a thousand fits: a search for laws would be in vain.
         """
         if not self.misfitting or self.rough or self.coherence > self.limit:
             return False

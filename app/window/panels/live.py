@@ -1,6 +1,7 @@
 """LIVE: beat frequency, velocity and force of the stream, as curves and large digits; raw signals; site vibration."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from PySide6.QtCore import Qt, Slot
@@ -40,23 +41,13 @@ def _levels(thresholds_v: tuple[float | None, float | None], learned: bool) -> d
     return {f"trigger {name}{how}, {number(v, 3)} V": v for name, v in named if v is not None}
 
 
-@dataclass(frozen=True, slots=True)
-class _Raw:
-    """The raw signals to show, as ``show_raw`` gets them."""
-
-    view: LiveView
-    channels: tuple[Channel, ...]
-    thresholds_v: tuple[float | None, float | None]
-    learned: bool
-
-
 class LivePanel(QWidget):
     """Three rolling plots, three large numbers, the raw signals."""
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._colours = colours
-        self._raw_due: _Raw | None = None  # not drawn, because there was no room
+        self._draw_due: Callable[[], None] | None = None  # of raw signals for which there was no room
         around = QVBoxLayout(self)
         around.setContentsMargins(0, 0, 0, 0)
         scroll = QScrollArea(self)  # on a low screen the floor is reached by scrolling
@@ -153,8 +144,8 @@ class LivePanel(QWidget):
         super().resizeEvent(event)
         room = self.stack.geometry().bottom() - self.hold.geometry().bottom()
         self.raw.setVisible(room >= LEAST_RAW * self.fontMetrics().lineSpacing())
-        if self._raw_due is not None and not self.raw.isHidden():
-            self._draw_raw(self._raw_due)
+        if self._draw_due is not None and not self.raw.isHidden():
+            self._draw_due()
 
     def text(self, name: str) -> str:
         """Return the digits shown for "beat", "velocity" or "force"."""
@@ -212,15 +203,14 @@ class LivePanel(QWidget):
         """
         if self.hold.isChecked() or len(view.raw_time_s) < 2 or view.raw_v.shape[1] != len(channels):
             return
-        raw = _Raw(view, channels, thresholds_v, learned)
+        levels = _levels(thresholds_v, learned)
         if self.raw.isHidden():
-            self._raw_due = raw
+            self._draw_due = partial(self._draw_raw, view, channels, levels)
         else:
-            self._draw_raw(raw)
+            self._draw_raw(view, channels, levels)
 
-    def _draw_raw(self, raw: _Raw) -> None:
-        self._raw_due = None
-        view, channels = raw.view, raw.channels
+    def _draw_raw(self, view: LiveView, channels: tuple[Channel, ...], levels: dict[str, float]) -> None:
+        self._draw_due = None
         step = 1e3 * float(view.raw_time_s[1] - view.raw_time_s[0])
         length = step * min(RAW_SHOWN, len(view.raw_time_s))
         if abs(self.raw.span[1] - length) > 1e-3 * length:  # more than rounding of the times
@@ -233,6 +223,6 @@ class LivePanel(QWidget):
                 if plot.title != name:
                     plot.call(name)
                 of_switch = channels[index].role is Role.SWITCH
-                plot.show_levels(_levels(raw.thresholds_v, raw.learned) if of_switch else {})
+                plot.show_levels(levels if of_switch else {})
                 curve.show_samples(0.0, step, view.raw_v[-RAW_SHOWN:, index])
                 plot.fit_y()

@@ -7,10 +7,10 @@ from analysis.reading import site
 from analysis.reading.site import (
     CENTRES_HZ,
     MachineLine,
+    PlannedFlights,
     PlannedShot,
     _most_by_chance,
     _periodogram,
-    expected_cor_std,
     likely_cause,
     read_site,
 )
@@ -99,7 +99,7 @@ def test_the_tremor_of_a_hand_is_named_and_belongs_to_neither_site_nor_shot():
 def test_twice_the_floor_is_twice_the_uncertainty():
     one, two = (read_site(size * _velocity(Site(third_octave_m_per_s=3e-6)), RATE) for size in (1.0, 2.0))
     assert two.cor_std == pytest.approx(2 * one.cor_std, rel=1e-6)
-    more = expected_cor_std(one, PlannedShot(), (MachineLine(24.9, 1e-6, ""),))
+    more = PlannedFlights.on(one, PlannedShot()).cor_std((MachineLine(24.9, 1e-6, ""),))
     assert more > one.cor_std
 
 
@@ -112,9 +112,10 @@ def test_a_line_costs_what_the_expectation_without_it_lacks(monkeypatch):
     assert len(made) == 1  # one floor, one covariance, though a line each is left out
     assert len(floor.lines) >= 3
     stay = [line for line in floor.lines if not 7.0 <= line.frequency_hz <= 12.5]
-    assert floor.cor_std == expected_cor_std(floor, PlannedShot(), stay)
+    flights = PlannedFlights.on(floor, PlannedShot())
+    assert floor.cor_std == flights.cor_std(stay)
     for line in floor.lines:
-        without = expected_cor_std(floor, PlannedShot(), [other for other in stay if other is not line])
+        without = flights.cor_std([other for other in stay if other is not line])
         assert line.cost == floor.cor_std / without
 
 

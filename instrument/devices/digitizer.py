@@ -64,7 +64,7 @@ class Block:
         return Block, values
 
 
-_BLOCK_S = 0.02  # each block wakes a thread: shorter ones cost more, longer ones are seen late
+_BLOCK_S = 0.04  # each block wakes a thread: shorter ones cost more, longer ones are seen late
 _BLOCK_SAMPLES = 256, 1 << 20  # least and most
 
 

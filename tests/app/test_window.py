@@ -31,6 +31,7 @@ def opened(qtbot, tmp_path, warm_kernels):
 
     def make(open_digitizer=rigs.quick_bench, settings=None):
         chosen = {"levimass_settings": 1, "folder": str(tmp_path / "data"), "duration_s": 0.12} | (settings or {})
+        chosen = {"edge": "rising"} | chosen  # armed with the block behind the switch: wait for the next push
         (tmp_path / "settings.json").write_text(json.dumps(chosen))
         window = open_window(tmp_path, open_digitizer, apart=False)
         qtbot.addWidget(window)

@@ -102,9 +102,8 @@ def minimise(
         if trial is not None and fell > 0 and expected > 0:
             here, square = trial
             damping.ease(fell / expected)
-        elif 0 < expected < 1e-12 * square.chi2 + tolerance * 1e-2:
-            return Minimum(here, square, True, used)  # rounding hides falls below 1e-12 of chi^2
-        elif not damping.refuse():  # no step lowers chi^2, however short
+        elif 0 < expected < 1e-12 * square.chi2 + tolerance * 1e-2 or not damping.refuse():
+            # rounding hides falls below 1e-12 of chi^2, or no step lowers chi^2, however short
             return Minimum(here, square, 0 <= promised < _ROUNDED * unit, used)
     return Minimum(here, square, False, used)
 

@@ -6,10 +6,13 @@ import pytest
 from analysis.inference.fit.least_squares import Square, minimise
 
 
+@pytest.mark.parametrize("at", [0.0, 1e12])
 @pytest.mark.parametrize(("promise", "converged"), [(1e-3, True), (0.5, False)])
-def test_an_end_in_rounding_is_a_minimum_only_where_little_was_promised(promise: float, converged: bool) -> None:
-    """No step lowers the sum, until the next one is lost in the digits of the parameter."""
-    start = np.array([1e12])
+def test_an_end_in_rounding_is_a_minimum_only_where_little_was_promised(
+    promise: float, converged: bool, at: float
+) -> None:
+    """No step lowers the sum, until its fall is lost in the digits of the sum, or it in those of the parameter."""
+    start = np.array([at])
 
     def square(z: np.ndarray) -> Square:
         chi2 = 1000.0 if np.array_equal(z, start) else 1000.0 + 1e-4

@@ -139,7 +139,7 @@ def test_a_parent_that_stands_still_loses_nothing_silently(opened, monkeypatch):
     while lost < 0.1 * RATE_HZ:
         if at > 0.05 * RATE_HZ and not stood:
             stood = True
-            time.sleep(0.8)  # 0.2 s of the device's: the ring holds 0.05 s, the device 0.02 s
+            time.sleep(1.6)  # 0.4 s of the device's: the ring holds four blocks, 0.16 s, the device 0.02 s
         block = read(digitizer, buffer)
         at, lost = at + block.lost_before, lost + block.lost_before
         assert np.array_equal(buffer[: block.samples], samples(at, block.samples))

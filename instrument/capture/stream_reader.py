@@ -195,7 +195,7 @@ class StreamReader:
         self._digitizer.stop()
 
     def _make_ring(self, settings: CaptureSettings, channels: int) -> None:
-        lag = max(round(_RING_S * settings.sample_rate_hz), 16 * self._block)
+        lag = max(round(_RING_S * settings.sample_rate_hz), 12 * self._block)
         most = max(_MOST_RING_BYTES // (2 * channels), settings.pre_trigger_samples + 8 * self._block)
         blocks = -(-min(settings.pre_trigger_samples + lag, most) // self._block)
         capacity = blocks * self._block

@@ -1,7 +1,7 @@
 """``python -m tests.app.virtual_screen PICTURES [light|dark] [brief] [2]``: the whole session on its own screen (Xvfb).
 
-The last word scales everything, as on a dense screen: 2 takes 2960 x 1840 pixels.  Needs Xvfb and what Qt's xcb
-platform needs; on Debian: apt install xvfb libxcb-cursor0 libxkbcommon-x11-0 libegl1 libgl1.
+The last word scales everything, as on a dense screen: 2 takes 2960 x 1840 pixels.  Needs Xvfb and the libraries of
+Qt's xcb platform that the README lists.
 """
 
 import os

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from analysis.drive.catalogue import BASE, LAWS, ParameterScale
 from analysis.drive.table import Mask, Table
@@ -209,6 +208,8 @@ def _search_nonlinear(
         high.append(ends[1])
         first.append(min(max(z, ends[0] + 1e-6 * (ends[1] - ends[0])), ends[1] - 1e-6 * (ends[1] - ends[0])))
         step.append(ends[1] - ends[0])
+    from scipy.optimize import least_squares  # 17 MB and a sixth of a second that a window need not have
+
     found = least_squares(
         left, first, bounds=(low, high), x_scale=np.array(step) / 10.0, jac=_differences(left, step),
         ftol=1e-6, xtol=1e-5, max_nfev=_EVALUATIONS,

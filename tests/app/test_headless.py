@@ -84,6 +84,18 @@ def test_no_qt_without_a_window(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
+def test_a_window_holds_none_of_what_only_fits_need() -> None:
+    """They run in a process of their own; here scipy.optimize alone is 30 MB."""
+    code = (
+        "import sys\n"
+        "from app.window.main_window import MainWindow\n"
+        "assert not {'scipy.optimize', 'scipy.sparse', 'scipy.interpolate', 'scipy.stats'} & set(sys.modules)\n"
+    )
+    root = Path(__file__).resolve().parents[2]
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 def test_shots_are_acquired_from_the_bench_and_from_a_replay(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -135,7 +135,7 @@ class BestFirst:
         if finely is not None:
             best, trail = finely
             branch.law = question.one_law_beside(trail.start)
-        held_out = question.held_out(trail.start.hypothesis.data, in_turn=best is not trail.start)
+        held_out = question.held_out(trail.start.problem.data, in_turn=best is not trail.start)
         judged = rest if finely is None else None
         settled = settle(best, trail, held_out, question.progress, question.limit, judged)
         branch.named = explain_with_effects(question, trail, settled, held_out)
@@ -160,7 +160,7 @@ class BestFirst:
     def _without_effects(self, branch: Branch) -> Explanation:
         """Return the explanation of a branch in which no effect of the catalogue is named."""
         trail = branch.searched.trail
-        settled = Settled.nothing(trail.start, trail.projector_of(trail.start))
+        settled = Settled.nothing(trail.start, trail.linearised(trail.start))
         return explain_with_effects(self._question, trail, settled, branch.law.held)
 
     def _end_with(self, explanation: Explanation) -> None:

@@ -89,14 +89,14 @@ def _diagnosis(question: Question, explanation: Explanation) -> Diagnosis:
     """Return an explanation as the result that people and files see."""
     question.progress("errors before and after", 0.9)
     motions, before, after = question.motions, explanation.before, explanation.after
-    shots, verdict = before.hypothesis.data.shots, explanation.verdict
+    shots, verdict = before.problem.data.shots, explanation.verdict
     predictions = explanation.predictions or (None, None)
     detectable = (
         ()
         if verdict is Verdict.UNEXPLAINED
-        else blind_spots(explanation.projector, explanation.trail.catalogue, explanation.nearest)
+        else blind_spots(explanation.linearised, explanation.trail.catalogue, explanation.nearest)
     )
-    error_before, error_after = (_errors(motions, fitted, after.floor) for fitted in (before, after))
+    error_before, error_after = (_errors(motions, fitted, after.noise) for fitted in (before, after))
     fit_after = replace(as_fit(after, motions, question.model, 0.0), seconds=question.seconds)
     diagnosis = Diagnosis(
         verdict=verdict,
@@ -121,15 +121,15 @@ def _diagnosis(question: Question, explanation: Explanation) -> Diagnosis:
 
 
 def _errors(motions: Sequence[Motion], fitted: Fitted, floor: Floor) -> Errors:
-    hypothesis = fitted.hypothesis
-    return errors(motions, hypothesis.data.shots, hypothesis.full(fitted.point), floor, hypothesis.size)
+    problem = fitted.problem
+    return errors(motions, problem.data.shots, problem.full(fitted.point), floor, problem.size)
 
 
 def _held_out_errors(question: Question, explanation: Explanation, prediction: Prediction | None) -> Errors | None:
     held_out = explanation.held_out
     if not held_out or prediction is None:
         return None
-    motions, shots = question.motions, explanation.before.hypothesis.data.shots
+    motions, shots = question.motions, explanation.before.problem.data.shots
     own = 3 * len(held_out)  # speed, touch and offset of each
-    displacement_m, floor = prediction.displacement_m, explanation.after.floor
+    displacement_m, floor = prediction.displacement_m, explanation.after.noise
     return errors([motions[i] for i in held_out], [shots[i] for i in held_out], displacement_m, floor, own)

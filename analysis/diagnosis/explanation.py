@@ -16,7 +16,7 @@ from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.identifiability import Separation, missed_without
 from analysis.diagnosis.verdict.other_names import other_names
 from analysis.diagnosis.verdict.residual import Residual, remainder_of, residual_of
-from analysis.inference import Fitted, Projector, effect_parameters, under_likely_noises, with_profile_std
+from analysis.inference import Fitted, Linearised, effect_parameters, with_profile_std
 from analysis.shot import Quantity
 
 Predictions = tuple[Prediction, Prediction]  # of the held-out shots: by the model before, by the model after
@@ -26,7 +26,7 @@ Predictions = tuple[Prediction, Prediction]  # of the held-out shots: by the mod
 class Explanation:
     """What the shots are explained by, under one noise.
 
-    ``nearest`` is the likeliest fit that the search came to, with its ``projector``; ``after`` the model that holds
+    ``nearest`` is the likeliest fit that the search came to, with its ``linearised``; ``after`` the model that holds
     what is named: ``effects`` and ``laws``, each of which passed its gates.  ``imitations`` are effects of the nearest
     fit that did not.  ``held_out`` are the shots that were predicted from the others.
     """
@@ -34,7 +34,7 @@ class Explanation:
     verdict: Verdict
     trail: Trail
     nearest: Fitted
-    projector: Projector
+    linearised: Linearised
     after: Fitted
     effects: tuple[FoundEffect, ...]
     remainder: Remainder | None
@@ -62,9 +62,9 @@ class Explanation:
 def explain_with_effects(question: Question, trail: Trail, settled: Settled, held_out: tuple[int, ...]) -> Explanation:
     """Name the effects of a settled fit that pass every gate, taking out those that the residual leaves in doubt."""
     question.progress("telling look-alikes apart", 0.8)
-    best, projector, separations, residual = settled.best, settled.projector, settled.separations, settled.residual
+    best, linearised, separations, residual = settled.best, settled.linearised, settled.separations, settled.residual
     while True:
-        sure = with_profile_std(under_likely_noises(best), question.stop)
+        sure = with_profile_std(best.under_likely_noises(), question.stop)
         parameters = effect_parameters(sure)
         found = [_found(best, n, parameters[n], residual, separations[n], trail) for n in trail.added(best)]
         effects, verdict = accepted_effects(found, residual, best, nothing_pays=trail.nothing_pays)
@@ -75,18 +75,18 @@ def explain_with_effects(question: Question, trail: Trail, settled: Settled, hel
         fewer = without(best, doubtful[0], trail)
         if fewer is None:
             break
-        best, projector = fewer, trail.projector_of(fewer)
-        residual, separations = residual_of(best, projector), separations_of(best, projector, trail)
+        best, linearised = fewer, trail.linearised(fewer)
+        residual, separations = residual_of(best, linearised), separations_of(best, linearised, trail)
     predictions = settled.predictions
     if best is not settled.predicted and predictions is not None:
-        again = predict(best, held_out, best.floor, question.stop)
+        again = predict(best, held_out, best.noise, question.stop)
         predictions = (predictions[0], again) if again is not None else None
     named = bool(effects) or verdict is Verdict.ADEQUATE
     return Explanation(
         verdict=verdict,
         trail=trail,
         nearest=best,
-        projector=projector,
+        linearised=linearised,
         after=sure if effects else trail.start,
         effects=tuple(effects),
         remainder=_remainder(best, residual) if named else _imitated(best, trail, residual),

@@ -70,7 +70,7 @@ class Question:
 
     def one_law_beside(self, start: Fitted) -> SingleLaw:
         """Return the law that ``start`` may lack; it is learned when it is first needed."""
-        return SingleLaw(start, self.held_out(start.hypothesis.data), self.progress, self.stop, self.limit)
+        return SingleLaw(start, self.held_out(start.problem.data), self.progress, self.stop, self.limit)
 
     @property
     def seconds(self) -> float:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from analysis.collision import Infeasible
 from analysis.fitted.fitted_shot import READ_FROM_MODEL
-from analysis.inference import Hypothesis, JointData, Point, averaged_shot, base_named, trials_of
+from analysis.inference import JointData, Point, Problem, averaged_shots, base_named, trials_of
 from analysis.shot import AnalysisError, Fit, Impact, Motion, NotSeen, Quantity, Reading
 from levimass import is_drive
 
@@ -86,15 +86,14 @@ def _with_impulse_check(impact: Impact, mass_kg: float) -> Impact:
 def _pulse(fit: Fit, motion: Motion) -> _Pulse:
     """Return the model's first contact with its covariance, by numerical derivatives of a solved shot."""
     shot = fit.shots[0]
-    data = JointData((averaged_shot(motion),), base_named(fit.model))
-    hypothesis = Hypothesis(data, trials_of(fit.effects))
+    data = JointData(averaged_shots([motion]), base_named(fit.model))
     own = np.array([q.value for q in (shot.velocity_in_m_per_s, shot.touch_time_s, shot.offset_m)])
     names = list(fit.parameters)
     at = np.array([fit.parameters[name].value for name in names])
     mine = {name: quantity.value for name, quantity in shot.own_parameters.items()}
     fine = np.linspace(*_first_contact_span(shot.touch_time_s.value, fit, motion), _GRID)
     fine_shot = replace(data.shots[0], time_s=fine, used=np.ones(_GRID, dtype=np.bool_))
-    hypothesis = replace(hypothesis, data=replace(data, shots=(fine_shot,)))
+    problem = Problem(replace(data, shots=(fine_shot,)), trials_of(fit.effects), data.stated_noise)
 
     def pulse(parameters: Floats, speed: float) -> Floats:
         known = dict(zip(names, parameters, strict=True))
@@ -105,7 +104,7 @@ def _pulse(fit: Fit, motion: Motion) -> _Pulse:
         }
         base = np.array([known[name] for name in data.base.names])
         point = Point(base, np.array([[speed, *own[1:]]]), (values,))
-        run = hypothesis.run(0, point)
+        run = problem.run(0, point)
         changes_s = tuple(e.time_s + own[1] for e in run.log.events if e.kind in ("touch", "release"))
         return _read(fine, run.velocity_m_per_s, run.displacement_m, changes_s, motion.moving_mass_kg)
 

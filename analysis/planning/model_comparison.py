@@ -13,20 +13,13 @@ from analysis.inference import (
     RATE_HZ,
     Fitted,
     Floor,
-    Hypothesis,
     Point,
-    finish,
-    first_floor,
-    fit_hypothesis,
-    fixed_of,
+    Problem,
     joint_data,
-    projector,
-    search,
     shakings_of,
     site_under,
     start_from_fit,
     trials_of,
-    white_of,
 )
 from analysis.shot import AnalysisError, Fit, Motion, Stop
 
@@ -94,12 +87,12 @@ def compare_models(
         return None
     others = [other for other in among if other != effect]
     best = refit_diagnosed(given, motions, stop, others)
-    members = [ComparedModel(effect, best, best.chi2(best.floor)), *rivals(best, effect, others, stop)]
+    members = [ComparedModel(effect, best, best.chi2(best.noise)), *rivals(best, effect, others, stop)]
     if len(members) < 2:
         return None
     nats = _shared_nats(members)
     members = [replace(member, penalty=penalty(member.effect, member.fitted, nats)) for member in members]
-    return ModelComparison(tuple(sorted(members, key=lambda member: member.misfit)), best.floor, nats)
+    return ModelComparison(tuple(sorted(members, key=lambda member: member.misfit)), best.noise, nats)
 
 
 def penalty(effect: Effect, fitted: Fitted, shared_nats: float) -> float:
@@ -132,34 +125,34 @@ def rivals(
     is the decrease of chi^2 at which a search may end.
     """
     kinds = trials_of(others)
-    far = separation(best, projector(best), effect, kinds, stop)
+    far = separation(best, best.linearise(), effect, kinds, stop)
     fewer = without(best, effect, Trail(best, kinds, stop))
     frequency = best.point.values[0][effect].get("frequency_hz")
     out = []
     for kind in kinds:
         if fewer is None or kind.effect not in far.starts:
             continue
-        rival = fitted_instead(best, projector(fewer), far, frequency, stop, kind)
+        rival = fitted_instead(best, fewer.linearise(), far, frequency, stop, kind)
         if rival is not None:
-            ended = search(rival.hypothesis, rival.z, best.floor, evaluations=40, tolerance=tolerance, cancelled=stop)
-            rival = finish(rival.hypothesis, ended, best.floor)
-            out.append(ComparedModel(kind.effect, rival, rival.chi2(best.floor)))
+            problem = rival.problem.with_noise(best.noise)
+            rival = problem.fit_once(rival.z, evaluations=40, tolerance=tolerance, cancelled=stop)
+            out.append(ComparedModel(kind.effect, rival, rival.chi2(best.noise)))
     return out
 
 
 def refit_diagnosed(given: Fit, motions: Sequence[Motion], stop: Stop, others: Sequence[Effect] = ()) -> Fitted:
-    """Return the final fit of a diagnosis with its hypothesis, at a sample rate that suits the ``others`` as well."""
+    """Return the final fit of a diagnosis, at a sample rate that suits the ``others`` as well."""
     kinds = trials_of(given.effects)
     finely = any(effect.ripples for effect in (*given.effects, *others))
     site = site_under(motions, shakings_of(motions, given.model, None), CRITERIA.site_nm)
     begin = start_from_fit(given, motions)
     data = joint_data(motions, begin, site, FINE_RATE_HZ if finely else RATE_HZ)
     values = tuple({kind.effect: _values(given, kind.effect, shot) for kind in kinds} for shot in range(len(motions)))
-    fixed = {kind.effect: fixed_of(kind, values[0][kind.effect]) for kind in kinds}
-    hypothesis = Hypothesis(data, kinds, fixed)
-    z = hypothesis.pack(Point(begin.shared, begin.own, values))
+    fixed = {kind.effect: kind.fixed_in(values[0][kind.effect]) for kind in kinds}
+    problem = Problem(data, kinds, data.white_noise, fixed=fixed)
+    z = problem.pack(Point(begin.shared, begin.own, values))
     try:
-        return fit_hypothesis(hypothesis, z, first_floor(hypothesis, z, white_of(data.shots)), cancelled=stop)
+        return problem.with_first_noise(z).fit(z, cancelled=stop)
     except Infeasible as why:
         raise AnalysisError(f"the diagnosed model has no motion for these shots: {why}") from why
 

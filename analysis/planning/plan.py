@@ -90,7 +90,7 @@ def plan(
     stop: Stop = lambda: False,
 ) -> Plan:
     """Return the cheapest sequence of at most ``most`` shots that separates the members.  Raises Cancelled."""
-    shots = comparison.members[0].fitted.hypothesis.data.shots
+    shots = comparison.members[0].fitted.problem.data.shots
 
     def screening(done: float) -> None:
         progress("predicting the next shots", _SCREENING * done)

@@ -71,14 +71,14 @@ def plan_precision(
     ``parameter`` is the name of a shared parameter in the fit ("contact_stiffness_n_per_m",
     "viscous_drag.coefficient_..."), or ``ALL``.  Raises AnalysisError for another name, Cancelled.
     """
-    hypothesis = fitted.hypothesis
-    shared = hypothesis.shared
-    names = [hypothesis.names[place][0] for place in shared]
+    problem = fitted.problem
+    shared = problem.shared
+    names = [problem.names[place][0] for place in shared]
     if parameter != ALL and parameter not in names:
         raise AnalysisError(f"no shared parameter is called {parameter!r}; there are {', '.join(names)}")
-    slope = hypothesis.slope(fitted.z)[np.ix_(shared, shared)]
+    slope = problem.slope(fitted.z)[np.ix_(shared, shared)]
     row = None if parameter == ALL else slope[names.index(parameter)]
-    samples, floor = hypothesis.data.shots, fitted.floor
+    samples, floor = problem.data.shots, fitted.noise
     known = present_information(fitted, floor).curvature
     candidates = next_shots(samples, reach or Reach())
 

@@ -7,19 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision import Effect, Infeasible
-from analysis.inference import (
-    OWN_NAMES,
-    Course,
-    Fitted,
-    Floor,
-    Hypothesis,
-    Point,
-    Samples,
-    finish,
-    on_site,
-    search,
-    square_of,
-)
+from analysis.inference import OWN_NAMES, Course, Fitted, Floor, Point, Problem, Samples, on_site
 from analysis.planning.next_shot import NextShot, as_found_kg, contact_s, on_the_rig
 from analysis.shot import Stop
 
@@ -30,7 +18,7 @@ NEAR = 0.3  # of chi^2, at which a search for a plan may end: a distance of five
 
 def blank_shot(shot: NextShot, fitted: Fitted) -> Samples:
     """Return samples of a shot not yet taken, displacement zero: sampled and as noisy as those of a fit."""
-    data, point = fitted.hypothesis.data, fitted.point
+    data, point = fitted.problem.data, fitted.point
     shots = data.shots
     like = on_the_rig(shots)[0]
     touching_s = contact_s(shot, shots)
@@ -67,18 +55,18 @@ def _course(like: Course, shot: NextShot, touching_s: float) -> Course:
     )
 
 
-def with_shots(fitted: Fitted, added: Sequence[Samples]) -> tuple[Hypothesis, Floats]:
-    """Return a fit's hypothesis over its shots and ``added`` ones, and the parameter vector that predicts these.
+def with_shots(fitted: Fitted, added: Sequence[Samples]) -> tuple[Problem, Floats]:
+    """Return a fit's problem over its shots and ``added`` ones, and the parameter vector that predicts these.
 
     They begin as they are set; parameters with a value in every shot are as large as in the present shots.
     """
-    before = fitted.hypothesis
+    before = fitted.problem
     data = replace(before.data, shots=(*before.data.shots, *added))
-    hypothesis = Hypothesis(data, before.effects, before.fixed)
+    problem = Problem(data, before.effects, before.noise, fixed=before.fixed)
     point = fitted.point
     own = [[s.course.velocity_in_m_per_s, s.course.touch_time_s, 0.0] for s in added]
     values = _typical(fitted)
-    return hypothesis, hypothesis.pack(
+    return problem, problem.pack(
         Point(point.base, np.concatenate([point.own, own]), (*point.values, *(values for _ in added)))
     )
 
@@ -91,7 +79,7 @@ def _typical(fitted: Fitted) -> dict[Effect, Mapping[str, float]]:
     """
     every = fitted.point.values
     out: dict[Effect, Mapping[str, float]] = {}
-    for kind in fitted.hypothesis.effects:
+    for kind in fitted.problem.effects:
         first = next((free.name for free in kind.own), None)
         by_size = sorted((one[kind.effect] for one in every), key=lambda v: abs(v[first]) if first else 0.0)
         out[kind.effect] = by_size[len(by_size) // 2]
@@ -100,9 +88,9 @@ def _typical(fitted: Fitted) -> dict[Effect, Mapping[str, float]]:
 
 def predict(fitted: Fitted, shot: Samples) -> Samples:
     """Return the samples of a shot as a fit predicts them, without noise.  Raises Infeasible."""
-    hypothesis, z = with_shots(fitted, [shot])
-    last = len(hypothesis.data.shots) - 1
-    shown = hypothesis.averaged(last, hypothesis.unpack(z))
+    problem, z = with_shots(fitted, [shot])
+    last = len(problem.data.shots) - 1
+    shown = problem.averaged(last, problem.unpack(z))
     if not np.all(np.isfinite(shown)):
         raise Infeasible("the trajectory is not finite")
     return replace(shot, displacement_m=shown)
@@ -110,8 +98,9 @@ def predict(fitted: Fitted, shot: Samples) -> Samples:
 
 def fit_as_if_taken(fitted: Fitted, added: Sequence[Samples], floor: Floor) -> Fitted:
     """Return a fit as it would be after shots that show exactly what it predicts, with the noise ``floor``."""
-    hypothesis, z = with_shots(fitted, added)
-    return replace(finish(hypothesis, search(hypothesis, z, floor, evaluations=1), floor), floor=floor)
+    problem, z = with_shots(fitted, added)
+    problem = problem.with_noise(floor)
+    return replace(problem.fit_once(z, evaluations=1), problem=problem)
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,14 +139,14 @@ def information_of(rival: Fitted, shot: Samples, floor: Floor, unshared: Sequenc
     ``unshared`` are indices of the vector that this shot has for itself, as on a plate of its own.  Cost: one shot with
     derivatives, 1 to 11 ms.
     """
-    hypothesis, z = with_shots(rival, [shot])
-    last = len(hypothesis.data.shots) - 1
-    here, columns = hypothesis.of_shot(last, z)
+    problem, z = with_shots(rival, [shot])
+    last = len(problem.data.shots) - 1
+    here, columns = problem.of_shot(last, z)
     rows = shot.whitened(floor, np.column_stack([here - shot.displacement_m, columns]))
     if not np.all(np.isfinite(rows)):
         raise Infeasible("the trajectory is not finite")
-    own = [hypothesis.shared.index(k) for k in unshared]
-    return information_without(rows[:, 1:], rows[:, 0], len(hypothesis.shared), own)
+    own = [problem.shared.index(k) for k in unshared]
+    return information_without(rows[:, 1:], rows[:, 0], len(problem.shared), own)
 
 
 def shot_penalty(rival: Fitted, effect: Effect, scatter: Floats, shot: Samples, floor: Floor) -> float:
@@ -166,12 +155,12 @@ def shot_penalty(rival: Fitted, effect: Effect, scatter: Floats, shot: Samples, 
     It is ln det(1 + S F): by how much the shot knows the values better than their ``scatter`` (S), with their
     information F when the shot's own start is eliminated.  Raises Infeasible.
     """
-    hypothesis, z = with_shots(rival, [shot])
-    last = len(hypothesis.data.shots) - 1
-    named = [hypothesis.names[place] for place in hypothesis.places[last]]
+    problem, z = with_shots(rival, [shot])
+    last = len(problem.data.shots) - 1
+    named = [problem.names[place] for place in problem.places[last]]
     numbers = [k for k, (name, index) in enumerate(named) if index == last and name.rpartition(".")[0] == effect.key]
     start = [k for k, (name, index) in enumerate(named) if index == last and name in OWN_NAMES]
-    rows = shot.whitened(floor, hypothesis.of_shot(last, z)[1][:, [*numbers, *start]])
+    rows = shot.whitened(floor, problem.of_shot(last, z)[1][:, [*numbers, *start]])
     if not np.all(np.isfinite(rows)):
         raise Infeasible("the trajectory is not finite")
     of_numbers = information_without(rows, np.zeros(len(rows)), len(numbers)).curvature
@@ -180,10 +169,10 @@ def shot_penalty(rival: Fitted, effect: Effect, scatter: Floats, shot: Samples, 
 
 def present_information(fitted: Fitted, floor: Floor) -> Information:
     """Return the information of the present shots on a fit's shared parameters."""
-    hypothesis = fitted.hypothesis
-    square = square_of(hypothesis, floor, fitted.z)
-    shared = hypothesis.shared
-    own = np.setdiff1d(np.arange(hypothesis.size), shared)
+    problem = fitted.problem.with_noise(floor)
+    square = problem.square(fitted.z)
+    shared = problem.shared
+    own = np.setdiff1d(np.arange(problem.size), shared)
     of_own = np.linalg.pinv(square.curvature[own][:, own], hermitian=True)
     into: Floats = square.curvature[shared][:, own] @ of_own
     return Information(
@@ -211,5 +200,6 @@ def refitted_chi2(rival: Fitted, added: Sequence[Samples], floor: Floor, stop: S
 
     Raises Infeasible where it has no solution for them.  Cost: some ten evaluations of all shots.
     """
-    hypothesis, z = with_shots(rival, added)
-    return search(hypothesis, z, floor, evaluations=_EVALUATIONS, tolerance=NEAR, cancelled=stop).square.chi2
+    problem, z = with_shots(rival, added)
+    found = problem.with_noise(floor).search(z, evaluations=_EVALUATIONS, tolerance=NEAR, cancelled=stop)
+    return found.square.chi2

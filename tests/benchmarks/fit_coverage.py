@@ -12,10 +12,9 @@ import numpy as np
 from analysis.collision.parameters import PAPER
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.hypothesis import Hypothesis, JointData
-from analysis.inference.fit.hypothesis_fit import square_of
-from analysis.inference.fit.least_squares import covariance
+from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import averaged_shots
+from analysis.inference.fit.search_vector import JointData
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise.floor import Floor
 from analysis.shot.fit import Fit
@@ -62,12 +61,12 @@ def _bound(white_m: float, wander: tuple[float, float] = (0.0, 1e-2)) -> dict[st
     """
     shots = averaged_shots([shot(seed=1)])
     noise = Floor(white_m / shots[0].factor ** 0.5, (wander[0], 0.0), (wander[1], 1e-2), shots[0].spacing_s)
-    hypothesis = Hypothesis(JointData(shots, base_named("paper")), ())
+    problem = Problem(JointData(shots, base_named("paper")), (), noise)
     own = np.array([[PAPER.velocity_in_m_per_s, 0.0123456, 3.1e-3]])
-    z = hypothesis.pack(Point(np.array([*TRUTH.values()]), own, ({},)))
-    inverse = covariance(square_of(hypothesis, noise, z))
+    z = problem.pack(Point(np.array([*TRUTH.values()]), own, ({},)))
+    inverse = problem.square(z).covariance()
     assert inverse is not None
-    slope = hypothesis.slope(z)
+    slope = problem.slope(z)
     std = np.sqrt(np.diag(slope @ inverse @ slope.T))
     return {name: float(std[place]) for place, name in enumerate(TRUTH)}
 

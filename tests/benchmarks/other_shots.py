@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from analysis.collision.effects import effects_named, named
 from analysis.collision.effects.row import Acts, Sensed
 from analysis.collision.parameters import Infeasible
-from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.inference.fit.problem import Fitted
 from analysis.inference.fit.samples import Samples
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise.floor import Floor
@@ -76,7 +76,7 @@ def row(true: str, rival: str, seed: int) -> Row | None:
     if open_class is None or not finely:
         return None
     a, b = (next(m for m in open_class.members if m.effect.name == name) for name in (true, rival))
-    shots = a.fitted.hypothesis.data.shots
+    shots = a.fitted.problem.data.shots
     known, floor = present_information(b.fitted, open_class.floor), open_class.floor
     unshared = _of_the_plate(b.fitted)
     every = [blank_shot(shot, a.fitted) for shot in next_shots(shots, Reach())]
@@ -89,7 +89,7 @@ def row(true: str, rival: str, seed: int) -> Row | None:
         except Infeasible:
             return 0.0
 
-    fine_chi2 = sum(float(left @ left) for left in fine.whitened(fine.floor))
+    fine_chi2 = sum(float(left @ left) for left in fine.whitened(fine.noise))
     return Row(
         true,
         rival,
@@ -109,8 +109,8 @@ def _distance(said: Information, true: ComparedModel) -> float:
 def _of_the_plate(fitted: Fitted) -> list[int]:
     """Return the places of what another plate would have for itself: its base parameters and its effects'."""
     out = []
-    for place in fitted.hypothesis.shared:
-        name = fitted.hypothesis.names[place][0]
+    for place in fitted.problem.shared:
+        name = fitted.problem.names[place][0]
         effect = name.partition(".")[0] if "." in name else ""
         if name in _PLATE or (effect and named(effect).acts is Acts.ON_PLATE):
             out.append(place)
@@ -122,8 +122,8 @@ def _at_rest(open_class: ModelComparison, true: ComparedModel, rival: ComparedMo
     like = blank_shot(NextShot(0.1, 0.0, _REST_S / 2, _REST_S / 2), true.fitted)
     shown, _, _ = _sensed(true.fitted, like)
     made, columns, own = _sensed(rival.fitted, like)
-    shared = rival.fitted.hypothesis.shared
-    jacobian = np.zeros((like.centre_s.size, rival.fitted.hypothesis.size + 1))
+    shared = rival.fitted.problem.shared
+    jacobian = np.zeros((like.centre_s.size, rival.fitted.problem.size + 1))
     jacobian[:, : columns.shape[1]] = columns
     jacobian[:, -1] = 1.0
     jacobian = np.column_stack([jacobian, own])
@@ -133,11 +133,11 @@ def _at_rest(open_class: ModelComparison, true: ComparedModel, rival: ComparedMo
 
 def _sensed(fitted: Fitted, like: Samples) -> tuple[Floats, Floats, Floats]:
     """Return what sensors add to a block at rest, its derivatives by the vector, and by each shot's own phase."""
-    hypothesis, time_s = fitted.hypothesis, like.centre_s
+    problem, time_s = fitted.problem, like.centre_s
 
     def seen(z: Floats, turn: float = 0.0) -> Floats:
-        values, out = hypothesis.unpack(z).values[0], np.zeros((time_s.size, 1))
-        for kind in hypothesis.effects:
+        values, out = problem.unpack(z).values[0], np.zeros((time_s.size, 1))
+        for kind in problem.effects:
             effect = kind.effect
             if effect.at_rest and effect.sensor is not None:
                 of = {**values[effect]}
@@ -148,8 +148,8 @@ def _sensed(fitted: Fitted, like: Samples) -> tuple[Floats, Floats, Floats]:
         return np.asarray(out[:, 0])
 
     here = seen(fitted.z)
-    columns = np.zeros((time_s.size, hypothesis.size))
-    for place in hypothesis.shared[hypothesis.data.count :]:
+    columns = np.zeros((time_s.size, problem.size))
+    for place in problem.shared[problem.data.count :]:
         there = fitted.z.copy()
         there[place] += _STEP
         columns[:, place] = (seen(there) - here) / _STEP

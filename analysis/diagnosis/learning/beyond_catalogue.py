@@ -16,7 +16,7 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.identifiability import missed_without, snr
 from analysis.diagnosis.verdict.residual import Residual, residual_of
-from analysis.inference import Fitted, Projector, effect_parameters, lead_on, projector
+from analysis.inference import Fitted, Linearised, effect_parameters
 from analysis.shot import Progress, Quantity, Stop
 
 
@@ -69,7 +69,7 @@ def beyond_catalogue(
             found.append(_together(joined, effects, helped[0], held, stop, passed=False))
             if found[-1].verdict is Verdict.LAW_LEARNED:
                 return found[-1]
-        rest = residual_of(nearest, projector(nearest))
+        rest = residual_of(nearest, nearest.linearise())
         verdict = conclude(explained=False, effects=(), predicts_better=True)
         found.append(Beyond(nearest, verdict, [], (), helped, rest, tuple(effects)))
     return min(found, key=lambda one: one.fitted.bic, default=None)
@@ -95,7 +95,7 @@ def beside(
     found = limit.within(what, lambda: learn_laws(named, held, tell, limit, beat=beat), None)
     if found is None:
         return None
-    base = predict(before, held, named.floor, stop) or found.predictions[0]
+    base = predict(before, held, named.noise, stop) or found.predictions[0]
     return _together(found, effects, base, held, stop, passed=True)
 
 
@@ -127,10 +127,10 @@ def _together(
         if trial is None or _worth(fitted, trial) >= CRITERIA.least_fall:
             break
         fitted, kept = trial, [one for one in kept if one.effect != idle]
-    fitted = lead_on(fitted, cancelled=stop)
-    told, rest, at = found.predictions[1], found.residual, projector(fitted)
+    fitted = fitted.continued(stop)
+    told, rest, at = found.predictions[1], found.residual, fitted.linearise()
     if fitted is not found.fitted:
-        told, rest = predict(fitted, held, fitted.floor, stop) or told, residual_of(fitted, at)
+        told, rest = predict(fitted, held, fitted.noise, stop) or told, residual_of(fitted, at)
     explains = found.explains and not rest.significant
     laws = tuple(in_joint_fit(law, fitted, law.form is not None) for law in found.laws)
     parameters = effect_parameters(fitted)
@@ -146,7 +146,7 @@ def _worth(fitted: Fitted, fewer: Fitted | None) -> float:
 
 
 def _anew(
-    found: FoundEffect, parameters: Mapping[str, Quantity], fitted: Fitted, at: Projector, fewer: Fitted | None
+    found: FoundEffect, parameters: Mapping[str, Quantity], fitted: Fitted, at: Linearised, fewer: Fitted | None
 ) -> FoundEffect:
     """Return an effect with its numbers and evidence in another fit."""
     evidence = {
@@ -160,5 +160,5 @@ def _helps(before: Fitted, nearest: Fitted, held: tuple[int, ...], stop: Stop) -
     """Return the predictions without and with the effects that came nearest, or None where they do not help."""
     if nearest is before or not held or not nearest.converged:
         return None
-    first, told = (predict(fitted, held, nearest.floor, stop) for fitted in (before, nearest))
+    first, told = (predict(fitted, held, nearest.noise, stop) for fitted in (before, nearest))
     return (first, told) if first is not None and told is not None and told.earns_a_name(first) else None

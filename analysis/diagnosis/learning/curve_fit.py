@@ -18,7 +18,7 @@ from analysis.collision import Argument, Infeasible, graded_basis
 from analysis.compiled import side_by_side
 from analysis.diagnosis.learning.curve_motion import Ground, Motions, Term, displacements, motions
 from analysis.diagnosis.learning.curve_step import damped, penalised_step
-from analysis.inference import Floor, Hypothesis, learn_floor, white_floor
+from analysis.inference import Problem, white_floor
 from analysis.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]
@@ -34,14 +34,13 @@ class Learned:
     """A fit of base, starts and one or two curves.
 
     ``z`` is the search vector of base and starts; ``residual_m`` averaged, shot by shot; ``curvature`` of all numbers
-    (z, then coefficients) in units of ``floor`` without any smoothing, ``penalty`` the smoothing that was added;
-    ``freedom`` the effective number of coefficients; ``log_likelihood`` with ``floor``.
+    (z, then coefficients) in units of the noise without any smoothing, ``penalty`` the smoothing that was added;
+    ``freedom`` the effective number of coefficients; ``log_likelihood`` with the noise.
     """
 
-    hypothesis: Hypothesis
+    problem: Problem
     terms: tuple[Term, ...]
     z: Floats
-    floor: Floor
     residual_m: tuple[Floats, ...]
     log_likelihood: float
     curvature: Floats
@@ -51,7 +50,7 @@ class Learned:
     @property
     def samples(self) -> int:
         """Get the number of valid averaged samples."""
-        return sum(int(shot.valid.sum()) for shot in self.hypothesis.data.shots)
+        return sum(int(shot.valid.sum()) for shot in self.problem.data.shots)
 
     def penalty_of(self, which: int) -> Floats:
         """Return the smoothing of one curve's coefficients, shape (count, count)."""
@@ -92,9 +91,10 @@ def screen(ground: Ground, argument: Argument, pieces: int, stop: Stop, *, steps
     low, high = ground.visited(argument)
     basis = graded_basis(low, high, pieces)
     term = Term(argument, basis, np.zeros(basis.count))
-    left = np.concatenate([r[s.valid] for r, s in zip(start.residual_m, start.hypothesis.data.shots, strict=True)])
-    rough = white_floor(float(np.sqrt(np.mean(left**2))), start.floor.spacing_s)
-    return _fitted(start.hypothesis, start.z, (term,), rough, stop, steps, ground.beside(term), to_the_end=False)
+    left = np.concatenate([r[s.valid] for r, s in zip(start.residual_m, start.problem.data.shots, strict=True)])
+    rough = white_floor(float(np.sqrt(np.mean(left**2))), start.noise.spacing_s)
+    problem = start.problem.with_noise(rough)
+    return _fitted(problem, start.z, (term,), stop, steps, ground.beside(term), to_the_end=False)
 
 
 def likeliest_pairs(ground: Ground, arguments: Sequence[Argument], pieces: int, stop: Stop) -> list[tuple[Term, Term]]:
@@ -104,16 +104,16 @@ def likeliest_pairs(ground: Ground, arguments: Sequence[Argument], pieces: int, 
     squares: the 55 pairs of eleven arguments are some seconds.
     """
     start = ground.fitted
-    shots, size = start.hypothesis.data.shots, start.z.size
+    shots, size = start.problem.data.shots, start.z.size
     left = np.concatenate([r[s.valid] for r, s in zip(start.residual_m, shots, strict=True)])
-    rough = white_floor(float(np.sqrt(np.mean(left**2))), start.floor.spacing_s)
+    rough = start.problem.with_noise(white_floor(float(np.sqrt(np.mean(left**2))), start.noise.spacing_s))
 
     def columns(argument: Argument) -> tuple[Term, Floats] | None:
         try:
             basis = graded_basis(*ground.visited(argument), pieces)
             term = Term(argument, basis, np.zeros(basis.count))
             both = zip(start.residual_m, ground.beside(term).derivatives, strict=True)
-            return term, _whitened(start.hypothesis, [np.column_stack([one, j]) for one, j in both], rough)
+            return term, _whitened(rough, [np.column_stack([one, j]) for one, j in both])
         except (Infeasible, ValueError):
             return None
 
@@ -146,15 +146,12 @@ def refine(learned: Learned, pieces: int, stop: Stop, *, steps: int) -> Learned:
     fine = np.unique(np.concatenate([knots, np.linspace(knots[0], knots[-1], 8 * basis.count), basis.knots]))
     coefficients = np.linalg.lstsq(basis.design(fine), term.curve(fine), rcond=None)[0]
     finer = (*others, Term(term.argument, basis, np.asarray(coefficients, dtype=np.float64)))
-    return fit_terms(learned.hypothesis, learned.z, finer, learned.floor, stop, steps=steps)
+    return fit_terms(learned.problem, learned.z, finer, stop, steps=steps)
 
 
-def fit_terms(
-    hypothesis: Hypothesis, z: Floats, terms: tuple[Term, ...], floor: Floor, stop: Stop, *, steps: int
-) -> Learned:
-    """Fit base, starts and curves by penalised Gauss-Newton steps; the noise begins as ``floor`` and is learned."""
-    begin = motions(hypothesis, z, terms)
-    return _fitted(hypothesis, z, terms, floor, stop, steps, begin, to_the_end=True)
+def fit_terms(problem: Problem, z: Floats, terms: tuple[Term, ...], stop: Stop, *, steps: int) -> Learned:
+    """Fit base, starts and curves by penalised Gauss-Newton steps; the noise begins as the problem's and is learned."""
+    return _fitted(problem, z, terms, stop, steps, motions(problem, z, terms), to_the_end=True)
 
 
 @dataclass(frozen=True)
@@ -166,25 +163,24 @@ class _Place:
     motions: Motions
     fresh: bool
 
-    def left_m(self, hypothesis: Hypothesis) -> tuple[Floats, ...]:
+    def left_m(self, problem: Problem) -> tuple[Floats, ...]:
         """Return measured minus model, averaged, shot by shot."""
-        return hypothesis.data.left_m(self.motions.displacement_m)
+        return problem.data.left_m(self.motions.displacement_m)
 
-    def rows(self, hypothesis: Hypothesis, floor: Floor) -> Floats:
+    def rows(self, problem: Problem) -> Floats:
         """Return (measured - model, derivatives), whitened, all shots one after another."""
-        both = zip(self.left_m(hypothesis), self.motions.derivatives, strict=True)
-        return _whitened(hypothesis, [np.column_stack([left, j]) for left, j in both], floor)
+        both = zip(self.left_m(problem), self.motions.derivatives, strict=True)
+        return _whitened(problem, [np.column_stack([left, j]) for left, j in both])
 
-    def with_derivatives(self, hypothesis: Hypothesis) -> "_Place":
+    def with_derivatives(self, problem: Problem) -> "_Place":
         """Return this place with derivatives of its own."""
-        return self if self.fresh else _Place(self.z, self.terms, motions(hypothesis, self.z, self.terms), fresh=True)
+        return self if self.fresh else _Place(self.z, self.terms, motions(problem, self.z, self.terms), fresh=True)
 
 
 def _fitted(
-    hypothesis: Hypothesis,
+    problem: Problem,
     z: Floats,
     terms: tuple[Term, ...],
-    floor: Floor,
     stop: Stop,
     steps: int,
     begin: Motions,
@@ -195,29 +191,30 @@ def _fitted(
     for step in range(steps):
         if stop():
             raise Cancelled
-        went = _downhill(hypothesis, here, floor, damping)
+        went = _downhill(problem, here, damping)
         if went.there is None and not here.fresh and went.promised > _SETTLED:
-            here = here.with_derivatives(hypothesis)
-            went = _downhill(hypothesis, here, floor, damping)
+            here = here.with_derivatives(problem)
+            went = _downhill(problem, here, damping)
         if went.there is None:
             break
         here, damping = went.there, went.damping
         if step >= 1:
-            floor, _ = learn_floor(hypothesis.data, here.left_m(hypothesis), floor)
+            problem = problem.with_noise(problem.learn_noise(here.left_m(problem), problem.noise)[0])
         if step >= 2 and went.fell < _SETTLED and damping <= _DAMPINGS[1]:
             break
         if went.fell < _FAITHFUL * went.promised and went.promised > _SETTLED and step < steps - 1:
-            here = here.with_derivatives(hypothesis)
+            here = here.with_derivatives(problem)
         damping *= _EASING if damping > _DAMPINGS[1] else 0.0
     if to_the_end:
-        here = here.with_derivatives(hypothesis)
-    left = here.left_m(hypothesis)
-    floor, value = learn_floor(hypothesis.data, left, floor)
-    rows = here.rows(hypothesis, floor)
+        here = here.with_derivatives(problem)
+    left = here.left_m(problem)
+    noise, value = problem.learn_noise(left, problem.noise)
+    problem = problem.with_noise(noise)
+    rows = here.rows(problem)
     _, penalty, freedom = penalised_step(rows, z.size, here.terms)
     jacobian = rows[:, 1:]
     curvature = jacobian.T @ jacobian
-    return Learned(hypothesis, here.terms, here.z, floor, left, value, curvature, penalty, freedom)
+    return Learned(problem, here.terms, here.z, left, value, curvature, penalty, freedom)
 
 
 class _Went(NamedTuple):
@@ -229,8 +226,8 @@ class _Went(NamedTuple):
     promised: float
 
 
-def _downhill(hypothesis: Hypothesis, here: _Place, floor: Floor, damping: float) -> _Went:
-    rows, size = here.rows(hypothesis, floor), here.z.size
+def _downhill(problem: Problem, here: _Place, damping: float) -> _Went:
+    rows, size = here.rows(problem), here.z.size
     moves, penalty, _ = penalised_step(rows, size, here.terms)
     chi2 = _penalised(rows[:, 0], here.terms, penalty)
 
@@ -243,9 +240,9 @@ def _downhill(hypothesis: Hypothesis, here: _Place, floor: Floor, damping: float
             continue
         z, terms = here.z + by[:size], _moved(here.terms, by[size:])
         try:
-            shown = displacements(hypothesis, z, terms)
+            shown = displacements(problem, z, terms)
             there = _Place(z, terms, Motions(shown, here.motions.derivatives), fresh=False)
-            left = _whitened(hypothesis, [x[:, None] for x in there.left_m(hypothesis)], floor)[:, 0]
+            left = _whitened(problem, [x[:, None] for x in there.left_m(problem)])[:, 0]
         except Infeasible:
             continue
         fell = chi2 - _penalised(left, terms, penalty)
@@ -263,9 +260,9 @@ def _moved(terms: tuple[Term, ...], by: Floats) -> tuple[Term, ...]:
     return tuple(out)
 
 
-def _whitened(hypothesis: Hypothesis, columns: Sequence[Floats], floor: Floor) -> Floats:
+def _whitened(problem: Problem, columns: Sequence[Floats]) -> Floats:
     """Return ``columns``, shot by shot of shape (n, k), whitened, all shots one after another."""
-    joined = hypothesis.data.whitened(floor, columns)
+    joined = problem.whitened(columns)
     if not np.all(np.abs(joined) < _BEYOND):
         raise Infeasible("the trajectory leads nowhere")
     return joined

@@ -26,7 +26,7 @@ from analysis.collision import (
     visited_range,
 )
 from analysis.compiled import side_by_side
-from analysis.inference import Fitted, Hypothesis, Point, linearised_shot, solved
+from analysis.inference import Fitted, Point, Problem
 
 Floats = NDArray[np.float64]
 Path = tuple[LinearPath, Collision]
@@ -82,40 +82,37 @@ class Ground:
 
 def ground_of(fitted: Fitted) -> Ground:
     """Return the ground that laws are laid on beside a fit."""
-    hypothesis = fitted.hypothesis
-    lines = hypothesis.linearised(fitted.z)
-    paths = [_path(hypothesis, fitted.point, (), index) for index in range(len(hypothesis.data.shots))]
-    tangents = tuple(_spread(hypothesis, index, j) for index, (_, j) in enumerate(lines))
+    problem = fitted.problem
+    lines = problem.derivatives(fitted.z)
+    paths = [_path(problem, fitted.point, (), index) for index in range(len(problem.data.shots))]
+    tangents = tuple(_spread(problem, index, j) for index, (_, j) in enumerate(lines))
     return Ground(fitted, Motions(tuple(x for x, _ in lines), tangents), tuple(paths))
 
 
-def displacements(hypothesis: Hypothesis, z: Floats, terms: Sequence[Term]) -> tuple[Floats, ...]:
+def displacements(problem: Problem, z: Floats, terms: Sequence[Term]) -> tuple[Floats, ...]:
     """Return every shot's averaged displacement, shape (n,); a tenth of the cost of ``motions``."""
-    rows = _rows(terms)
-    point = hypothesis.unpack(z)
-    shots = range(len(hypothesis.data.shots))
-    return tuple(side_by_side(lambda i: solved(hypothesis, i, point, laws=rows)[1].displacement_m, shots))
+    return tuple(problem.displacement(z, _rows(terms)))
 
 
-def motions(hypothesis: Hypothesis, z: Floats, terms: Sequence[Term]) -> Motions:
+def motions(problem: Problem, z: Floats, terms: Sequence[Term]) -> Motions:
     """Return the shots' motions with curves, and their derivatives; some 30 ms a shot."""
     rows = _rows(terms)
-    point, slope = hypothesis.unpack(z), hypothesis.slope(z)
+    lines, point = problem.derivatives(z, rows), problem.unpack(z)
 
-    def one(index: int) -> tuple[Floats, Floats]:
-        shown, of_base = linearised_shot(hypothesis, index, point, slope, rows)
-        path = _path(hypothesis, point, rows, index)
+    def by_all(index: int) -> Floats:
+        shown, of_base = lines[index]
+        path = _path(problem, point, rows, index)
         of_terms = [_columns(term, row, path, shown.size) for term, row in zip(terms, rows, strict=True)]
-        return shown, np.hstack([_spread(hypothesis, index, of_base), *of_terms])
+        return np.hstack([_spread(problem, index, of_base), *of_terms])
 
-    both = side_by_side(one, range(len(hypothesis.data.shots)))
-    return Motions(tuple(x for x, _ in both), tuple(j for _, j in both))
+    derivatives = side_by_side(by_all, range(len(problem.data.shots)))
+    return Motions(tuple(x for x, _ in lines), tuple(derivatives))
 
 
-def _spread(hypothesis: Hypothesis, index: int, tangents: Floats) -> Floats:
+def _spread(problem: Problem, index: int, tangents: Floats) -> Floats:
     """Return one shot's derivatives, shape (n, q), by the whole vector, shape (n, size)."""
-    out = np.zeros((tangents.shape[0], hypothesis.size))
-    out[:, hypothesis.places[index]] = tangents
+    out = np.zeros((tangents.shape[0], problem.size))
+    out[:, problem.places[index]] = tangents
     return out
 
 
@@ -134,11 +131,11 @@ def _columns(term: Term, row: Effect, path: Path, samples: int) -> Floats:
     return added
 
 
-def _path(hypothesis: Hypothesis, point: Point, laws: Sequence[Effect], index: int) -> Path:
-    shot, own = hypothesis.data.shots[index], point.own[index]
-    base = hypothesis.data.base
+def _path(problem: Problem, point: Point, laws: Sequence[Effect], index: int) -> Path:
+    shot, own = problem.data.shots[index], point.own[index]
+    base = problem.data.base
     collision = base.collision(point.base, own[0], shot.moving_mass_kg, plate_number=shot.plate_number)
-    rows = [kind.effect for kind in hypothesis.effects]
+    rows = [kind.effect for kind in problem.effects]
     active = active_effects(rows, point.values[index], collision, float(own[1]))
     active += [general.Active(row, tuple(p.scale for p in row.parameters)) for row in laws]
     active.sort(key=lambda one: one.effect.hidden == 0)

@@ -10,7 +10,7 @@ from analysis.collision import Infeasible, LawError
 from analysis.compiled import side_by_side
 from analysis.diagnosis.learning.closed_forms import Fitting
 from analysis.diagnosis.learning.curve_fit import Learned
-from analysis.inference import Fitted, Hypothesis, Point, finish, fit_hypothesis, lead_on, search, trial_effect
+from analysis.inference import Fitted, Point, Problem, trial_effect
 from analysis.shot import Cancelled, Stop
 
 _SHORT, _LONG = 8, 40  # evaluations of a search that only compares, and of one to the end
@@ -35,15 +35,14 @@ def fit_forms(
         if stop():
             raise Cancelled
         try:
-            hypothesis, z = _begin(start, learned, forms)
-            found = search(hypothesis, z, learned.floor, evaluations=_SHORT, cancelled=stop)
-            return finish(hypothesis, found, learned.floor)
+            problem, z = _begin(start, learned, forms)
+            return problem.fit_once(z, evaluations=_SHORT, cancelled=stop)
         except (Infeasible, LawError, np.linalg.LinAlgError):
             return None
 
     def ended(short: Fitted) -> Fitted:
         try:
-            return fit_hypothesis(short.hypothesis, short.z, short.floor, evaluations=_LONG, cancelled=stop)
+            return short.fitted_on(evaluations=_LONG, cancelled=stop)
         except (Infeasible, np.linalg.LinAlgError):
             return short
 
@@ -71,21 +70,21 @@ def over_kinks(fitted: Fitted, stop: Stop) -> Fitted:
     """
     if not any(effect.kinked for effect in fitted.effects):
         return fitted
-    hypothesis = replace(fitted.hypothesis, stride=_OVER_A_KINK)
+    finer = replace(fitted.problem, stride=_OVER_A_KINK)
     try:
-        return lead_on(fit_hypothesis(hypothesis, fitted.z, fitted.floor, cancelled=stop), cancelled=stop)
+        return finer.fit(fitted.z, cancelled=stop).continued(stop)
     except (Infeasible, np.linalg.LinAlgError):
         return fitted
 
 
-def _begin(start: Fitted, learned: Learned, forms: Forms) -> tuple[Hypothesis, np.ndarray]:
+def _begin(start: Fitted, learned: Learned, forms: Forms) -> tuple[Problem, np.ndarray]:
     """Return base, effects and closed forms, and where a search of them begins."""
-    base = start.hypothesis.unpack(learned.z + sum(form.base_step for form in forms))
+    base = start.problem.unpack(learned.z + sum(form.base_step for form in forms))
     kinds, values = [], base.values
     for form, term in zip(forms, learned.terms, strict=True):
         span = max(abs(term.basis.knots[0]), abs(term.basis.knots[-1]))
         kind = trial_effect(form.form.law(term.argument, form.parameters, span))
         kinds.append(kind)
         values = tuple({**one, kind.effect: dict(kind.starts[0])} for one in values)
-    hypothesis = Hypothesis(start.hypothesis.data, (*start.hypothesis.effects, *kinds), start.hypothesis.fixed)
-    return hypothesis, hypothesis.pack(Point(base.base, base.own, values))
+    problem = learned.problem.with_effects((*learned.problem.effects, *kinds), learned.problem.fixed)
+    return problem, problem.pack(Point(base.base, base.own, values))

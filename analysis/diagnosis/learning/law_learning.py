@@ -26,7 +26,7 @@ from analysis.diagnosis.result import LearnedLaw
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.residual import Residual, residual_of
-from analysis.inference import Fitted, lead_on, projector
+from analysis.inference import Fitted
 from analysis.shot import Cancelled, Progress, Stop
 
 FIRST_PIECES, MOST_PIECES = 12, 96
@@ -81,7 +81,7 @@ def learn_law(
     The shots ``held`` are predicted in turn.  A single shot shows no law, as it could not be tested.  ``beside`` is a
     law that ``start`` has already.
     """
-    if len(start.hypothesis.data.shots) < 2 or not held:
+    if len(start.problem.data.shots) < 2 or not held:
         return None
     known = (beside.where, beside.argument) if beside is not None else None
     arguments = [a for a in arguments_of(start) if (a.where, a.name) != known]
@@ -111,9 +111,8 @@ def learn_law(
     best = fits[0].fitted
     if best.bic > start.bic - CRITERIA.law_fall:
         return None
-    at = projector(best)
-    rest = residual_of(best, at)
-    before, after = (predict(f, held, best.floor, stop) for f in (start, best))
+    rest = residual_of(best, best.linearise())
+    before, after = (predict(f, held, best.noise, stop) for f in (start, best))
     if before is None or after is None or not after.earns_a_name(before):
         return None
     named = _meets(fits[0], curves)
@@ -122,7 +121,7 @@ def learn_law(
 
 def arguments_of(start: Fitted) -> list[Argument]:
     """Return the arguments that a law added to a fit may have."""
-    one_body = start.hypothesis.data.base.one_body
+    one_body = start.problem.data.base.one_body
     return [argument for argument in ARGUMENTS if not (one_body and argument.where == "plate")]
 
 
@@ -156,7 +155,7 @@ def _screened(start: Fitted, arguments: Sequence[Argument], tell: Progress, stop
     def further(learned: Learned) -> Learned:
         try:
             rest = _ALL_STEPS - _FIRST_STEPS
-            return fit_terms(learned.hypothesis, learned.z, learned.terms, learned.floor, stop, steps=rest)
+            return fit_terms(learned.problem, learned.z, learned.terms, stop, steps=rest)
         except (Infeasible, np.linalg.LinAlgError):
             return learned
 
@@ -194,4 +193,4 @@ def _refined(
 
 
 def _led_on(one: FormFit, stop: Stop) -> FormFit:
-    return replace(one, fitted=lead_on(one.fitted, cancelled=stop))
+    return replace(one, fitted=one.fitted.continued(stop))

@@ -110,8 +110,8 @@ def in_joint_fit(law: LearnedLaw, beside: Fitted, named: bool) -> LearnedLaw:
 def _parameters(law: OwnLaw, fitted: Fitted) -> dict[str, tuple[Quantity, str]]:
     values = fitted.point.values[0][law]
     places = {
-        free.name: fitted.hypothesis.offset + k
-        for k, (effect, free, _) in enumerate(fitted.hypothesis.free_parameters)
+        free.name: fitted.problem.offset + k
+        for k, (effect, free, _) in enumerate(fitted.problem.free_parameters)
         if effect == law
     }
     return {
@@ -154,9 +154,9 @@ def _as(curve: Floats, shown: Floats, columns: Floats, std: Floats) -> Floats:
 
 
 def _held_out_chi2(fitted: Fitted, after: Prediction, held: tuple[int, ...]) -> float:
-    measured = [fitted.hypothesis.data.shots[i] for i in held]
+    measured = [fitted.problem.data.shots[i] for i in held]
     white = [
-        s.whitened(fitted.floor, s.left_m(s.averaged(x))[:, None])
+        s.whitened(fitted.noise, s.left_m(s.averaged(x))[:, None])
         for s, x in zip(measured, after.displacement_m, strict=True)
     ]
     return float(sum(np.sum(w**2) for w in white) / sum(w.size for w in white))

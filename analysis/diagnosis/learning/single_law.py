@@ -12,7 +12,7 @@ from analysis.diagnosis.learning.law_learning import Discovery, learn_law
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import separation
-from analysis.inference import Fitted, TrialEffect, projector
+from analysis.inference import Fitted, TrialEffect
 from analysis.shot import Progress, Stop
 
 _SAME = 0.05  # of a law's size: an effect that differs by less, to first order, may be the law itself
@@ -43,7 +43,7 @@ class SingleLaw:
         law = self.found
         if law is None or not law.explains or law.fitted.bic > best.bic - CRITERIA.law_fall:
             return False
-        apart = separation(law.fitted, projector(law.fitted), law.laws[0].effect, catalogue, self.stop)
+        apart = separation(law.fitted, law.fitted.linearise(), law.laws[0].effect, catalogue, self.stop)
         return not apart.too_close(_SAME * apart.snr)
 
     def is_likelier_than(self, named: Fitted) -> bool:

@@ -29,7 +29,7 @@ from analysis.diagnosis.search.forward_selection import without_effect
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import predict
 from analysis.diagnosis.verdict.residual import residual_of
-from analysis.inference import Fitted, lead_on, projector
+from analysis.inference import Fitted
 from analysis.shot import Progress, Stop
 
 _PAIRS = 4  # of arguments, likeliest to first order: fitted to the end
@@ -100,7 +100,7 @@ def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float =
     ask([(best()[0], j) for j in range(counts[1])])
     within = tried[best()].bic + CRITERIA.form_excluded
     near = [pair for pair, one in tried.items() if one.bic < within]
-    tried.update(zip(near, side_by_side(lambda pair: lead_on(tried[pair], cancelled=stop), near), strict=True))
+    tried.update(zip(near, side_by_side(lambda pair: tried[pair].continued(stop), near), strict=True))
     at = best()
     tried[at] = fitted = over_kinks(tried[at], stop)
     if fitted.bic > curves.bic + CRITERIA.form_meets:
@@ -108,7 +108,7 @@ def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float =
     fewer = [without_effect(fitted, effect, stop) for effect in fitted.effects[-2:]]
     if any(one is not None and fitted.bic > one.bic - CRITERIA.law_fall for one in fewer):
         return None
-    before, after = (predict(one, held, fitted.floor, stop) for one in (start, fitted))
+    before, after = (predict(one, held, fitted.noise, stop) for one in (start, fitted))
     if before is None or after is None or not after.beats(before):
         return None
     laws = []
@@ -118,7 +118,7 @@ def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float =
         read = [FormFit(tried[pair], last, forms[which][pair[which]], which - 2) for pair in rivals]
         read.sort(key=lambda one: one.bic)
         laws.append(as_learned(fewer[which] or start, read, True, after, held))
-    return Discovery(start, tuple(laws), fitted, residual_of(fitted, projector(fitted)), (before, after))
+    return Discovery(start, tuple(laws), fitted, residual_of(fitted, fitted.linearise()), (before, after))
 
 
 def _curves(start: Fitted, stop: Stop) -> Learned | None:
@@ -127,7 +127,7 @@ def _curves(start: Fitted, stop: Stop) -> Learned | None:
 
     def fitted(terms: tuple[Term, Term]) -> Learned | None:
         try:
-            return fit_terms(start.hypothesis, start.z, terms, start.floor, stop, steps=_STEPS)
+            return fit_terms(start.problem, start.z, terms, stop, steps=_STEPS)
         except (Infeasible, np.linalg.LinAlgError):
             return None
 

@@ -12,7 +12,7 @@ from analysis.diagnosis.search.forward_selection import Trail, better, without
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import Separation, separation
 from analysis.diagnosis.verdict.residual import Residual, residual_of
-from analysis.inference import Fitted, Projector, TrialEffect, fit_hypothesis, refit, scores, times
+from analysis.inference import Fitted, Linearised, TrialEffect, refit
 from analysis.shot import Cancelled, Stop
 
 Separations = Mapping[Effect, Separation]
@@ -26,19 +26,19 @@ _RINGS = 2  # hidden states of what swings by itself
 _HOPELESS = 150.0  # of the criterion behind the best after a short search
 
 
-def separations_of(best: Fitted, projector: Projector, trail: Trail) -> Separations:
+def separations_of(best: Fitted, linearised: Linearised, trail: Trail) -> Separations:
     """Return how far each effect that the start lacks is from everything else in the catalogue."""
-    return {one: separation(best, projector, one, trail.catalogue, trail.stop) for one in trail.added(best)}
+    return {one: separation(best, linearised, one, trail.catalogue, trail.stop) for one in trail.added(best)}
 
 
 def with_look_alikes_tried(
-    best: Fitted, projector: Projector, trail: Trail, predicts: Callable[[Fitted], bool]
-) -> tuple[Fitted, Projector, Separations]:
+    best: Fitted, linearised: Linearised, trail: Trail, predicts: Callable[[Fitted], bool]
+) -> tuple[Fitted, Linearised, Separations]:
     """Fit every effect's nearest look-alikes in its place, and return the best fit then, with its separations.
 
     One that takes the place must predict the held-out shots (``predicts``), as the effect did.
     """
-    separations = separations_of(best, projector, trail)
+    separations = separations_of(best, linearised, trail)
     likeliest = best
     for effect, separation_of_it in separations.items():
         fewer = without(best, effect, trail)
@@ -50,7 +50,7 @@ def with_look_alikes_tried(
         new = [kind for kind in near if known[kind.effect] is None]
         fitted = [one for one in known.values() if one is not None]
         if new:
-            beside = trail.projector_of(fewer)
+            beside = trail.linearised(fewer)
             instead = partial(fitted_instead, best, beside, separation_of_it, frequency_hz, trail.stop)
             fitted += [one for kind in new if (one := instead(kind)) is not None]
         for one in fitted:
@@ -58,16 +58,16 @@ def with_look_alikes_tried(
             if better(one, likeliest):
                 likeliest = one
     if likeliest is best or not predicts(likeliest):
-        return best, projector, separations
-    likeliest = fit_hypothesis(likeliest.hypothesis, likeliest.z, likeliest.floor, evaluations=60, cancelled=trail.stop)
+        return best, linearised, separations
+    likeliest = likeliest.fitted_on(evaluations=60, cancelled=trail.stop)
     trail.keep(likeliest)
-    projector = trail.projector_of(likeliest)
-    return likeliest, projector, separations_of(likeliest, projector, trail)
+    linearised = trail.linearised(likeliest)
+    return likeliest, linearised, separations_of(likeliest, linearised, trail)
 
 
 def alternative_without_misfit(
-    best: Fitted, projector: Projector, residual: Residual, trail: Trail, predicts: Callable[[Fitted], bool]
-) -> tuple[Fitted, Projector, Residual]:
+    best: Fitted, linearised: Linearised, residual: Residual, trail: Trail, predicts: Callable[[Fitted], bool]
+) -> tuple[Fitted, Linearised, Residual]:
     """Return a fit with as many effects, nearly as likely, whose residual is noise; the best if there is none."""
     near = [
         other
@@ -79,11 +79,11 @@ def alternative_without_misfit(
     ]
     for other in sorted(near, key=lambda fitted: fitted.bic)[:_FITTED]:
         trail.go_on()
-        of_other = trail.projector_of(other)
+        of_other = trail.linearised(other)
         left = residual_of(other, of_other)
         if not left.significant and predicts(other):
             return other, of_other, left
-    return best, projector, residual
+    return best, linearised, residual
 
 
 def _nearest(effect: Effect, distances: Separation, catalogue: Sequence[TrialEffect]) -> list[TrialEffect]:
@@ -115,7 +115,7 @@ def _known(trail: Trail, fewer: Fitted, kind: TrialEffect, frequency_hz: float |
 
 
 def fitted_instead(
-    best: Fitted, at: Projector, far: Separation, frequency_hz: float | None, stop: Stop, kind: TrialEffect
+    best: Fitted, at: Linearised, far: Separation, frequency_hz: float | None, stop: Stop, kind: TrialEffect
 ) -> Fitted | None:
     """Return the fit with ``kind`` in place of an effect that ``at`` lacks; None where there is no trajectory.
 
@@ -133,20 +133,20 @@ def fitted_instead(
         return trial
     # In a building the wandering noise keeps its shape in a fit: begin with that of the best fit, since the shape
     # learnt without the effect has absorbed what the effect explains.
-    floor = best.floor if best.floor.site else trial.floor
-    return fit_hypothesis(trial.hypothesis, trial.z, floor, evaluations=16, cancelled=stop)
+    problem = trial.problem.with_noise(best.noise) if best.noise.site else trial.problem
+    return problem.fit(trial.z, evaluations=16, cancelled=stop)
 
 
-def _of_one_line(at: Projector, kind: TrialEffect, start: Start, frequency_hz: float) -> list[Start]:
+def _of_one_line(at: Linearised, kind: TrialEffect, start: Start, frequency_hz: float) -> list[Start]:
     """Return starts of a line at the frequency of another; no further off than a line is wide, or it ends on a lobe.
 
     What rings and bends the base with it is found more surely from a mode that is too strong than from a weak one.
     """
-    near = [score.start for score in scores(at, kind) if _close(score.start[0], frequency_hz)]
+    near = [score.start for score in at.scores(kind) if _close(score.start[0], frequency_hz)]
     nearest = min(near, key=lambda one: abs(one[0]["frequency_hz"] - frequency_hz), default=start)
     if not kind.effect.hidden:
         return [nearest]
-    strong = tuple(times(kind, {**values, "frequency_hz": frequency_hz}, _STRONGER) for values in nearest)
+    strong = tuple(kind.times({**values, "frequency_hz": frequency_hz}, _STRONGER) for values in nearest)
     return [nearest, strong]
 
 

@@ -18,17 +18,12 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import (
     Fitted,
     Floor,
-    Hypothesis,
+    Linearised,
     Point,
-    Projector,
     Score,
     TrialEffect,
-    all_scores,
     distinct_starts,
-    fit_hypothesis,
-    projector,
     refit,
-    to_effective,
     with_both_effects,
 )
 from analysis.shot import Cancelled, Stop
@@ -54,7 +49,7 @@ class Trail:
     stop: Stop
     scores: dict[Effect, Score] = field(default_factory=dict)
     fits: dict[frozenset[Effect], Fitted] = field(default_factory=dict)
-    last: Projector | None = None  # of the last round
+    last: Linearised | None = None  # of the last round
     asked: set[frozenset[Effect]] = field(default_factory=set)  # fitted from a fit with one effect more as well
     widens: bool = True  # try the wider of two effects where the narrow one was found
     limit: Limit | None = None
@@ -88,7 +83,7 @@ class Trail:
 
     def pays(self, fitted: Fitted, fewer: Fitted) -> bool:
         """Return whether a fit explains enough more than ``fewer``, which has fewer effects."""
-        return fewer.bic - fitted.bic >= self.least_fall(fitted.floor)
+        return fewer.bic - fitted.bic >= self.least_fall(fitted.noise)
 
     @property
     def nothing_pays(self) -> bool:
@@ -101,11 +96,11 @@ class Trail:
         if key not in self.fits or fitted.bic < self.fits[key].bic:
             self.fits[key] = fitted
 
-    def projector_of(self, fitted: Fitted) -> Projector:
-        """Return a fit's projector, made with the trajectories of the last one where those serve."""
-        if self.last is not None and self.last.fitted is fitted:
+    def linearised(self, fitted: Fitted) -> Linearised:
+        """Return a fit linearised, with the trajectories of the last one where those serve."""
+        if self.last is not None and self.last.problem is fitted.problem and self.last.z is fitted.z:
             return self.last
-        return projector(fitted, near=self.last)
+        return fitted.linearise(near=self.last)
 
     def alone(self) -> list[Fitted]:
         """Return the fits with one effect more than the start, the likeliest first."""
@@ -188,7 +183,7 @@ def better(fitted: Fitted, other: Fitted) -> bool:
 
 def polish(fitted: Fitted, trail: Trail) -> Fitted:
     """Return the fit brought to its minimum: what a short search leaves would call for one more effect."""
-    better = fit_hypothesis(fitted.hypothesis, fitted.z, fitted.floor, evaluations=60, anew=True, cancelled=trail.stop)
+    better = fitted.fitted_on(evaluations=60, anew=True, cancelled=trail.stop)
     if better.log_likelihood < fitted.log_likelihood - (0.5 if better.converged else 0.0):
         return fitted
     trail.fits[frozenset(better.effects)] = better
@@ -197,11 +192,11 @@ def polish(fitted: Fitted, trail: Trail) -> Fitted:
 
 def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFITTED + STRONGER) -> Fitted | None:
     """Return the best fit with one effect more of the ``width`` that score best, or None where nothing scored."""
-    at = trail.projector_of(here)
+    at = trail.linearised(here)
     trail.last = at
     there = {*here.effects, *narrower(here.effects)}
     free = [kind for kind in trail.catalogue if kind.effect not in there]
-    if here.hypothesis.data.base.one_body:
+    if here.problem.data.base.one_body:
         free = [kind for kind in free if kind.one_body]
     ranked = _ranked(at, free, trail)
     if first:
@@ -215,10 +210,10 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
         if strong or place < compared or listed[0].gain > WORTH_FITTING
         for score in distinct_starts(listed)[: 1 if place >= 2 else 2]
     ]
-    if here.floor.wanders:
+    if here.noise.wanders:
         # The noise was learnt from the residual and may have absorbed an effect: score as if it were white, too.
         scored = {score.kind.effect for score in tried}
-        other = _ranked(at.under(here.floor.still), free, trail)[:IF_WHITE]
+        other = _ranked(at.under(here.noise.still), free, trail)[:IF_WHITE]
         tried += [listed[0] for listed in other if listed[0].kind.effect not in scored]
     refitted = _refitted(at, tried, trail.stop)
     known = {score.kind.effect: trail.of((*trail.start.effects, score.kind.effect)) for score in tried if not first}
@@ -230,7 +225,7 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
         trial = quick[place]
         near = trial.bic < quick[0].bic + WORTH_FINISHING and place < REFITTED
         if near or place < 1 or (strong and place < 2):
-            return fit_hypothesis(trial.hypothesis, trial.z, trial.floor, evaluations=16, cancelled=trail.stop)
+            return trial.fitted_on(evaluations=16, cancelled=trail.stop)
         return trial
 
     best: Fitted | None = None
@@ -241,7 +236,7 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
     return best
 
 
-def _refitted(at: Projector, tried: Sequence[Score], stop: Stop) -> list[Fitted | None]:
+def _refitted(at: Linearised, tried: Sequence[Score], stop: Stop) -> list[Fitted | None]:
     """Return the short fits from these starts, in order; a hopeless one ends at what those before it have reached.
 
     The first by itself, the others in pairs: the same on one core as on two.
@@ -257,9 +252,9 @@ def _refitted(at: Projector, tried: Sequence[Score], stop: Stop) -> list[Fitted 
     return out
 
 
-def _ranked(at: Projector, free: Sequence[TrialEffect], trail: Trail) -> list[list[Score]]:
+def _ranked(at: Linearised, free: Sequence[TrialEffect], trail: Trail) -> list[list[Score]]:
     """Return the scores of every effect that has any, the one most worth its parameters first."""
-    listed = all_scores(at, free, trail.stop, to_join=CRITERIA.least_fall)
+    listed = at.screen(free, trail.stop, to_join=CRITERIA.least_fall)
     return sorted(listed, key=lambda one: -one[0].worth(at.left.size))
 
 
@@ -283,16 +278,12 @@ def without(fitted: Fitted, effect: Effect, trail: Trail) -> Fitted | None:
 
 def without_effect(fitted: Fitted, effect: Effect, stop: Stop) -> Fitted | None:
     """Return the fit with one effect taken out, begun at the parameters it has; None where nothing can be fitted."""
-    hypothesis = Hypothesis(
-        fitted.hypothesis.data,
-        tuple(kind for kind in fitted.hypothesis.effects if kind.effect != effect),
-        {key: value for key, value in fitted.hypothesis.fixed.items() if key != effect},
-    )
-    effective = to_effective(fitted.point)
+    problem = fitted.problem.without_effect(effect)
+    effective = fitted.effective
     values = tuple({key: value for key, value in v.items() if key != effect} for v in effective.values)
-    z = hypothesis.pack_effective(Point(effective.base, effective.own, values))
+    z = problem.pack_effective(Point(effective.base, effective.own, values))
     try:
-        return fit_hypothesis(hypothesis, z, fitted.floor, anew=True, cancelled=stop)
+        return problem.fit(z, anew=True, cancelled=stop)
     except Infeasible:
         return None
 

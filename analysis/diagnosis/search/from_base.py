@@ -9,17 +9,7 @@ from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.search.forward_selection import Trail, better, climb, explore
 from analysis.diagnosis.search.wider_effects import narrower
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.inference import (
-    Fitted,
-    Point,
-    SearchStart,
-    TrialEffect,
-    finish,
-    first_guesses,
-    joined,
-    search,
-    slow_enough,
-)
+from analysis.inference import Fitted, Point, SearchStart, TrialEffect, first_guesses, joined
 from analysis.shot import Stop
 
 _SOFTENED = ((1.0, 1.0), (0.01, 0.1))  # times the stiffness and damping of the contact as it was read
@@ -64,18 +54,17 @@ def _from_the_guess(
     A missing effect that is a thousand times the noise drives the base parameters to a bound, from where no step leads
     back.  It may have spoilt the reading of the contact as well, so a softer contact is a second place to begin.
     """
-    hypothesis = before.hypothesis
-    shots = hypothesis.data.shots
-    guess = first_guesses(hypothesis.data.base, shots, stop)[0]
+    problem = before.problem
+    shots = problem.data.shots
+    guess = first_guesses(problem.data.base, shots, stop)[0]
     own = np.array([shot.course.own for shot in shots])
     climbs = []
     for softer in _SOFTENED:
         contact = guess.copy()
-        contact[hypothesis.data.base.contact_at] *= softer
-        point = slow_enough(hypothesis, Point(contact, own, before.point.values))
+        contact[problem.data.base.contact_at] *= softer
+        point = problem.slow_enough(Point(contact, own, before.point.values))
         try:
-            found = search(hypothesis, hypothesis.pack(point), before.floor, evaluations=1, cancelled=stop)
-            there = finish(hypothesis, found, before.floor)
+            there = problem.fit_once(problem.pack(point), evaluations=1, cancelled=stop)
         except Infeasible:
             continue
         trail = Trail(before, catalogue, stop, limit=limit)

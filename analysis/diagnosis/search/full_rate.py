@@ -15,17 +15,12 @@ from analysis.inference import (
     FINE_RATE_HZ,
     Fitted,
     JointData,
-    Projector,
+    Linearised,
     Samples,
     TrialEffect,
     averaged_shots,
-    fit_hypothesis,
-    learn_floor,
     on_site,
-    projector,
     refit,
-    residuals,
-    scores,
     with_plates,
 )
 from analysis.shot import Motion, Stop
@@ -41,7 +36,7 @@ def at_full_rate(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple
     All other effects were found at the rate of the averaged samples.
     """
     ripple = next((kind for kind in trail.catalogue if kind.effect.ripples), None)
-    here = best.hypothesis.data
+    here = best.problem.data
     if ripple is None or ripple.effect in trail.start.effects or any(shot.wavelength_m is None for shot in here.shots):
         return None
     shots = averaged_shots(motions, FINE_RATE_HZ)
@@ -68,12 +63,12 @@ def with_sway_updated(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
     those that come nearest to it without the effect (for a plate that stiffens with its deflection), as is likelier.
     """
     for _ in range(_TURNS):
-        here, start = best.hypothesis.data, trail.start
+        here, start = best.problem.data, trail.start
         if here.site is None or best is start:
             break
         parameters = float(np.max(np.abs(best.point.base / start.point.base - 1.0)))
         plates, moved = _plates(best)
-        apart = parameters * here.site.shaking.rms_m >= _MATTERS * best.floor.white_m
+        apart = parameters * here.site.shaking.rms_m >= _MATTERS * best.noise.white_m
         if not apart and moved < _FAR:
             break
         shots = with_plates(here.shots, plates)
@@ -86,8 +81,8 @@ def with_sway_updated(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
 
 def _plates(fitted: Fitted) -> tuple[list[tuple[float, float]], float]:
     """Return each shot's plate at first touch by the fit's residual, and the largest change in standard deviations."""
-    plates, moved, floor = [], 0.0, fitted.floor
-    for shot, left in zip(fitted.hypothesis.data.shots, fitted.residual_m, strict=True):
+    plates, moved, floor = [], 0.0, fitted.noise
+    for shot, left in zip(fitted.problem.data.shots, fitted.residual_m, strict=True):
         assert shot.sway is not None
         plate = shot.sway.likely_plate(left, floor)
         moved = max(moved, float(np.max(np.abs(np.subtract(plate, shot.plate) / shot.sway.plate_std))))
@@ -97,13 +92,13 @@ def _plates(fitted: Fitted) -> tuple[list[tuple[float, float]], float]:
 
 def _anew(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
     """Return the best fit, which is of other data of the same shots, with a trail of these data."""
-    anew = replace(trail, start=_at(trail.start, best.hypothesis.data, trail.stop), fits={}, last=None, asked=set())
+    anew = replace(trail, start=_at(trail.start, best.problem.data, trail.stop), fits={}, last=None, asked=set())
     anew.keep(best)
     return polish(prune(best, anew), anew), anew
 
 
 def _at(fitted: Fitted, data: JointData, stop: Stop) -> Fitted:
-    return fit_hypothesis(replace(fitted.hypothesis, data=data), fitted.z, fitted.floor, cancelled=stop)
+    return replace(fitted.problem, data=data).fit(fitted.z, cancelled=stop)
 
 
 def _promised(
@@ -113,25 +108,24 @@ def _promised(
 
     A building is slow and a ripple quick: the frame's most likely motion is taken off first.
     """
-    here = best.hypothesis.data
+    here = best.problem.data
     still = []
     for shot, coarse, left_m in zip(fine, here.shots, best.residual_m, strict=True):
-        moved_m = left_m - coarse.without_frame_motion(best.floor, left_m)
+        moved_m = left_m - coarse.without_frame_motion(best.noise, left_m)
         if coarse.sway is not None and any(coarse.plate):
             moved_m = moved_m - coarse.sway.of_plate_m(coarse.plate)
         at_valid = np.interp(shot.centre_s, coarse.centre_s[coarse.valid], moved_m[coarse.valid])
         still.append(replace(shot, displacement_m=shot.displacement_m - at_valid))
     at = _beside(best, replace(here, shots=tuple(still), site=None))
-    listed = scores(at, ripple)
-    if not listed or listed[0].worth(at.left.size) < trail.least_fall(best.floor):
+    listed = at.scores(ripple)
+    if not listed or listed[0].worth(at.left.size) < trail.least_fall(best.noise):
         return None
     return listed[0].start
 
 
-def _beside(best: Fitted, data: JointData) -> Projector:
-    """Return the projector of a fit over other data of the same shots, the noise learnt from its residual there."""
-    hypothesis = replace(best.hypothesis, data=data)
-    left = residuals(hypothesis, best.z)
-    start = best.floor if data.site is not None else best.floor.without_site
-    floor, value = learn_floor(data, left, start)
-    return projector(replace(best, hypothesis=hypothesis, residual_m=left, floor=floor, log_likelihood=value))
+def _beside(best: Fitted, data: JointData) -> Linearised:
+    """Return a fit linearised over other data of the same shots, the noise learnt from its residual there."""
+    problem = replace(best.problem, data=data)
+    start = best.noise if data.site is not None else best.noise.without_site
+    noise, _ = problem.learn_noise(problem.residual_m(best.z), start)
+    return problem.with_noise(noise).linearise(best.z)

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from analysis.collision import Effect
+from analysis.collision import Effect, Infeasible
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.search.forward_selection import Trail, climb, paired
 from analysis.diagnosis.search.from_base import accept, explored
@@ -20,13 +20,12 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference import (
     Fitted,
+    Point,
     SearchStart,
     Site,
     TrialEffect,
     base_fit,
-    fit_hypothesis,
     joint_data,
-    nuisances_pay,
     own_flights,
     resembles_frame_motion,
     white_floor,
@@ -49,7 +48,7 @@ class Searched:
     @cached_property
     def residual(self) -> Residual:
         """Get the residual of the best fit."""
-        return residual_of(self.best, self.trail.projector_of(self.best))
+        return residual_of(self.best, self.trail.linearised(self.best))
 
     @property
     def leaves_something(self) -> bool:
@@ -105,7 +104,7 @@ class Search:
         best, trail = along_with(along)
         if along:  # accelerations of each shot's own may stand in for one law of all shots
             plain, plain_trail = along_with(())
-            if plain.bic <= best.bic or not nuisances_pay(best, along, self.stop):
+            if plain.bic <= best.bic or not _nuisances_pay(best, along, self.stop):
                 best, trail = plain, plain_trail
         added = len(trail.added(best))
         return Searched(best, trail, catalogue, CRITERIA.most_effects - added if added >= most else 0)
@@ -119,8 +118,19 @@ class Search:
         best = searched.best
         if not best.effects:
             return False
-        still = replace(best.hypothesis, data=joint_data(self.motions, self.given, None))
+        data = joint_data(self.motions, self.given, None)
         rms_m = math.sqrt(float(np.mean(np.concatenate(best.residual_m) ** 2)))
-        return (
-            fit_hypothesis(still, best.z, white_floor(rms_m, best.floor.spacing_s), cancelled=self.stop).bic < best.bic
-        )
+        still = replace(best.problem, data=data, noise=white_floor(rms_m, best.noise.spacing_s))
+        return still.fit(best.z, cancelled=self.stop).bic < best.bic
+
+
+def _nuisances_pay(best: Fitted, nuisances: Sequence[Effect], stop: Stop) -> bool:
+    """Return whether the ``nuisances`` effects lower the criterion (BIC), given the other effects of a fit."""
+    point = best.point
+    kinds = (kind for kind in best.problem.effects if kind.effect not in nuisances)
+    bare = best.problem.with_effects(kinds, best.problem.fixed)
+    values = tuple({effect: v for effect, v in of.items() if effect not in nuisances} for of in point.values)
+    try:
+        return best.bic < bare.fit(bare.pack(Point(point.base, point.own, values)), cancelled=stop).bic
+    except Infeasible:
+        return True

@@ -6,7 +6,7 @@ It has the parameters of the narrow one and one more, and is fitted in its place
 from collections.abc import Iterable
 
 from analysis.collision import CATALOGUE, WIDER, Effect, Infeasible
-from analysis.inference import Fitted, Hypothesis, Point, TrialEffect, fit_hypothesis, to_effective, trial_effect
+from analysis.inference import Fitted, Point, TrialEffect, trial_effect
 from analysis.shot import Stop
 
 
@@ -17,25 +17,22 @@ def narrower(effects: Iterable[Effect]) -> set[Effect]:
 
 def widened(here: Fitted, effect: Effect, stop: Stop) -> list[Fitted]:
     """Return the fits with wider effects in the place of one of a fit, begun at its parameters."""
-    hypothesis = here.hypothesis
     rows = [row for row in WIDER.values() if row.widens == effect.key]
-    if hypothesis.data.base.one_body:
+    if here.problem.data.base.one_body:
         rows = [row for row in rows if row.one_body]
     found = [_fitted(here, effect, trial_effect(row), stop) for row in rows]
     return [fitted for fitted in found if fitted is not None]
 
 
 def _fitted(here: Fitted, narrow: Effect, kind: TrialEffect, stop: Stop) -> Fitted | None:
-    effects = tuple(kind if one.effect == narrow else one for one in here.hypothesis.effects)
-    fixed = {key: given for key, given in here.hypothesis.fixed.items() if key != narrow}
-    hypothesis = Hypothesis(here.hypothesis.data, effects, fixed)
-    effective = to_effective(here.point)
+    effects = (kind if one.effect == narrow else one for one in here.problem.effects)
+    problem = here.problem.with_effects(effects, here.problem.without_effect(narrow).fixed)
+    effective = here.effective
     values = tuple(
         {key: given for key, given in of.items() if key != narrow} | {kind.effect: {**kind.starts[0], **of[narrow]}}
         for of in effective.values
     )
     try:
-        z = hypothesis.pack_effective(Point(effective.base, effective.own, values))
-        return fit_hypothesis(hypothesis, z, here.floor, cancelled=stop)
+        return problem.fit(problem.pack_effective(Point(effective.base, effective.own, values)), cancelled=stop)
     except Infeasible:
         return None

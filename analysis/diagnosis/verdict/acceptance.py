@@ -20,7 +20,7 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.identifiability import missed_without, snr
 from analysis.diagnosis.verdict.residual import Residual, residual_of
-from analysis.inference import Fitted, Projector
+from analysis.inference import Fitted, Linearised
 from analysis.shot import Progress
 
 Predictions = tuple[Prediction, Prediction]  # of the held-out shots: by the model before, by the fit
@@ -33,7 +33,7 @@ def keep_predictive(best: Fitted, held_out: tuple[int, ...], trail: Trail) -> tu
     """
     if not held_out:
         return best, None
-    before, floor = trail.start, best.floor
+    before, floor = trail.start, best.noise
     first = predict(before, held_out, floor, trail.stop)
     while best is not before:
         prediction = predict(best, held_out, floor, trail.stop)
@@ -53,12 +53,12 @@ def keep_predictive(best: Fitted, held_out: tuple[int, ...], trail: Trail) -> tu
     return (best, (first, prediction)) if prediction.earns_a_name(first) else (before, (first, first))
 
 
-def without_faint_effects(best: Fitted, trail: Trail) -> tuple[Fitted, Projector]:
-    """Return the fit, with its projector, without the effects that do not stand out, the faintest taken out first."""
-    projector = trail.projector_of(best)
+def without_faint_effects(best: Fitted, trail: Trail) -> tuple[Fitted, Linearised]:
+    """Return the fit, with its linearised, without the effects that do not stand out, the faintest taken out first."""
+    linearised = trail.linearised(best)
     while added := trail.added(best):
         fewer = {effect: without(best, effect, trail) for effect in added}
-        sizes = {one: min(snr(best, projector, one), missed_without(best, fewer[one])) for one in added}
+        sizes = {one: min(snr(best, linearised, one), missed_without(best, fewer[one])) for one in added}
         faintest = min(added, key=sizes.__getitem__)
         if sizes[faintest] >= CRITERIA.size_of_one(len(added)):
             pays = {effect: one.bic - best.bic for effect, one in fewer.items() if one is not None}
@@ -68,10 +68,10 @@ def without_faint_effects(best: Fitted, trail: Trail) -> tuple[Fitted, Projector
             if pays[faintest] >= CRITERIA.several_fall:
                 break
         best = (fewer[faintest] if len(added) > 1 else None) or trail.start
-        projector = trail.projector_of(best)
+        linearised = trail.linearised(best)
     if best is not trail.start and not trail.pays(best, trail.start):
-        best, projector = trail.start, trail.projector_of(trail.start)
-    return best, projector
+        best, linearised = trail.start, trail.linearised(trail.start)
+    return best, linearised
 
 
 def accepted_effects(
@@ -91,7 +91,7 @@ def _pass(effects: list[FoundEffect], residual: Residual, best: Fitted) -> bool:
         return False
     if not residual.significant:
         # Beside a noise that wanders any freedom gains much by chance: an effect must do more than the next freedom.
-        by_chance = residual.misfit.size if best.floor.wanders else 0.0
+        by_chance = residual.misfit.size if best.noise.wanders else 0.0
         return all(effect.evidence["snr"] > CRITERIA.clear_of_rest * by_chance for effect in effects)
     # Several together imitate what none of them is, and a misfit says that the law is another one.
     doubtful = len(effects) > 1 or residual.misfitting
@@ -107,22 +107,22 @@ def clear(effect: FoundEffect, residual: Residual, times: float) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Settled:
-    """A fit whose effects passed the gates so far: its projector, separations from look-alikes, and residual.
+    """A fit whose effects passed the gates so far: its linearised, separations from look-alikes, and residual.
 
     ``predictions`` of the held-out shots are by the model before and by the fit ``predicted``.
     """
 
     best: Fitted
-    projector: Projector
+    linearised: Linearised
     separations: Separations
     residual: Residual
     predictions: Predictions | None
     predicted: Fitted
 
     @classmethod
-    def nothing(cls, start: Fitted, projector: Projector) -> "Settled":
+    def nothing(cls, start: Fitted, linearised: Linearised) -> "Settled":
         """Return the fit that a search began with, without any effect of it."""
-        return cls(start, projector, {}, residual_of(start, projector), None, start)
+        return cls(start, linearised, {}, residual_of(start, linearised), None, start)
 
 
 def settle(
@@ -161,15 +161,15 @@ def _settled(
     def predicts(other: Fitted) -> bool:
         if predictions is None:
             return True
-        prediction = predict(other, held_out, predicted.floor, trail.stop)
+        prediction = predict(other, held_out, predicted.noise, trail.stop)
         return prediction is not None and prediction.earns_a_name(predictions[0])
 
     progress("testing the residual", 0.7)
-    best, projector = without_faint_effects(predicted, trail)
-    best, projector, separations = with_look_alikes_tried(best, projector, trail, predicts)
-    residual = known if known is not None and best is given else residual_of(best, projector)
+    best, linearised = without_faint_effects(predicted, trail)
+    best, linearised, separations = with_look_alikes_tried(best, linearised, trail, predicts)
+    residual = known if known is not None and best is given else residual_of(best, linearised)
     if residual.significant and best is not trail.start:
-        other, of_other, left = alternative_without_misfit(best, projector, residual, trail, predicts)
+        other, of_other, left = alternative_without_misfit(best, linearised, residual, trail, predicts)
         if other is not best:
             return Settled(other, of_other, separations_of(other, of_other, trail), left, predictions, predicted)
-    return Settled(best, projector, separations, residual, predictions, predicted)
+    return Settled(best, linearised, separations, residual, predictions, predicted)

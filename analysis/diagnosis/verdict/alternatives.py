@@ -5,11 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import Infeasible
 from analysis.diagnosis.result import BlindSpot, Candidate, Standing
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict.identifiability import least_seen
-from analysis.inference import Fitted, Projector, Score, TrialEffect, effect_parameters, moved_to, shown_with
+from analysis.inference import Fitted, Linearised, Score, TrialEffect, effect_parameters
 from analysis.shot import Quantity
 
 Floats = NDArray[np.float64]
@@ -21,7 +20,7 @@ def candidates(best: Fitted, trail: Trail) -> tuple[Candidate, ...]:
     """Return every effect tried, best first: by itself on top of the model before."""
     out = []
     before = trail.start
-    at = trail.projector_of(before)
+    at = trail.linearised(before)
     for effect, score in trail.scores.items():
         fitted = trail.of((*before.effects, effect))
         if fitted is not None and fitted.log_likelihood < before.log_likelihood:
@@ -41,13 +40,13 @@ def candidates(best: Fitted, trail: Trail) -> tuple[Candidate, ...]:
     return tuple(out)
 
 
-def blind_spots(at: Projector, catalogue: Sequence[TrialEffect], best: Fitted) -> tuple[BlindSpot, ...]:
+def blind_spots(at: Linearised, catalogue: Sequence[TrialEffect], best: Fitted) -> tuple[BlindSpot, ...]:
     """Return the effects that these data could not have shown, with the size that would have stood out by 5 sigma."""
     out = []
     for kind in catalogue:
         if kind.effect in best.effects or len(kind.starts) > 12:
             continue
-        if best.hypothesis.data.base.one_body and not kind.one_body:
+        if best.problem.data.base.one_body and not kind.one_body:
             continue
         out.append(BlindSpot(kind.effect, kind.amplitude[0], least_seen(at, kind)))
     return tuple(out)
@@ -59,23 +58,16 @@ def curve_of_fit(fitted: Fitted, before: Fitted) -> tuple[Floats, ...]:
     return tuple(averaged_to(POINTS, left_before - left_after) for left_before, left_after in pairs)
 
 
-def curve_to_first_order(at: Projector, score: Score) -> tuple[Floats, ...] | None:
+def curve_to_first_order(at: Linearised, score: Score) -> tuple[Floats, ...] | None:
     """Return what a candidate that was only scored would explain, in m, as ``averaged_to`` does; None without a path.
 
     ``at`` is the fit before, made linear.  The candidate has the strength that a linear step gives it; the parameters
     of that fit move, also to first order, to where they fit best beside it.
     """
-    shots = at.fitted.hypothesis.data.shots
-    point = moved_to(at, score.kind, score.start)
-    if point is None:
+    columns = at.added_by(score.kind, score.start)
+    if columns is None:
         return None
-    try:
-        columns = [shown_with(at, score.kind, point, index) for index in range(len(shots))]
-    except Infeasible:
-        return None
-    if not all(np.all(np.isfinite(column)) for column in columns):
-        return None
-    left = at.whole - at.whitened([column[:, None] for column in columns])[:, 0]
+    left = at.whole - at.problem.whitened([column[:, None] for column in columns])[:, 0]
     moved = at.tangents.solve(left)
     own = zip(columns, at.lines, at.tangents.places, strict=True)
     curves = [column + derivatives @ moved[places] for column, (_, derivatives), places in own]

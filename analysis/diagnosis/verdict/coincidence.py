@@ -33,8 +33,8 @@ class Unforetold:
 
 def unforetold(fitted: Fitted, effect: Effect) -> Unforetold | None:
     """Return the cost of the numbers of one effect of a fit, None where the data do not determine them."""
-    free = fitted.hypothesis.free_parameters
-    places = [fitted.hypothesis.offset + k for k, (one, _, _) in enumerate(free) if one == effect]
+    free = fitted.problem.free_parameters
+    places = [fitted.problem.offset + k for k, (one, _, _) in enumerate(free) if one == effect]
     names = [parameter.name for one, parameter, _ in free if one == effect]
     here, known = fitted.z[places], fitted.inverse[np.ix_(places, places)]
     if not places or not np.all(np.isfinite(known)) or np.any(np.diag(known) <= 0.0):
@@ -67,5 +67,5 @@ def by_chance(rival: Fitted | None, effect: Effect, best: Fitted, instead: Effec
     theirs, ours = unforetold(rival, effect), unforetold(best, instead)
     if theirs is None or ours is None:
         return False
-    less_likely = 2 * (theirs.nats - ours.nats) + rival.chi2(best.floor) - best.chi2(best.floor)
+    less_likely = 2 * (theirs.nats - ours.nats) + rival.chi2(best.noise) - best.chi2(best.noise)
     return less_likely > CRITERIA.separation**2

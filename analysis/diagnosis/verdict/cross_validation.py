@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from analysis.collision import Infeasible
 from analysis.compiled import side_by_side
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.inference import Fitted, Floor, Hypothesis, JointData, Square, covariance, minimise, search, square_of
+from analysis.inference import Fitted, Floor, JointData, Problem
 from analysis.shot import Stop
 
 Floats = NDArray[np.float64]
@@ -97,30 +97,27 @@ def predict(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Stop) -> 
 
 def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> Prediction | None:
     """Foretell one shot, begun where the fit of all shots' derivatives say that it will end without it."""
-    some, begin, _ = _of(fitted, [i for i in range(len(fitted.hypothesis.data.shots)) if i != held])
+    some, begin, _ = _of(fitted, [i for i in range(len(fitted.problem.data.shots)) if i != held])
     one, z, own = _of(fitted, [held])
+    one = one.with_noise(floor)
     own = [*(place for place in some.unseen if place not in one.unseen), *own]
     try:
-        trained = search(some, begin, fitted.floor, evaluations=_TRAINED, cancelled=stop)
+        trained = some.search(begin, evaluations=_TRAINED, cancelled=stop)
         learnt = dict(zip(one.shared, some.shared, strict=True))
         shared = [place for place in learnt if place not in own]
         learnt_at = [learnt[place] for place in shared]
         there = z.copy()
         there[shared] = trained.parameters[learnt_at]
-        low, high = one.bounds
-        low[shared] = high[shared] = there[shared]
-        there[own] = np.clip(there[own] + _giving_way(square_of(one, floor, z), there - z, own), low[own], high[own])
-        found = minimise(
-            lambda at: square_of(one, floor, at), there, bounds=(low, high), evaluations=10, tolerance=1e-2
-        )
+        there[own] += one.square(z).followed(there - z, own)
+        found = one.predict(there, shared, evaluations=10, tolerance=1e-2)
         seen = np.ones(some.size, dtype=np.bool_)
         seen[some.unseen] = False
-        known = covariance(trained.square, seen)
+        known = trained.square.covariance(seen)
         end = found.square
         assert end.residual is not None and end.pull is not None
         left_open = _Open.of(end.curvature, shared, None if known is None else known[learnt_at][:, learnt_at])
         shown = one.full(one.unpack(found.parameters))[0]
-        measured = fitted.hypothesis.data.shots[held]
+        measured = fitted.problem.data.shots[held]
         off = (measured.averaged(shown) - measured.displacement_m)[measured.valid]
         paid = sum(shot >= 0 for _, _, shot in one.free_parameters) * np.log(end.samples)
         return Prediction(
@@ -134,12 +131,12 @@ def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> Prediction 
         return None
 
 
-def _of(fitted: Fitted, shots: list[int]) -> tuple[Hypothesis, Floats, list[int]]:
-    """Return the hypothesis of some shots alone, where a fit of all has it, and where it holds what is each shot's own.
+def _of(fitted: Fitted, shots: list[int]) -> tuple[Problem, Floats, list[int]]:
+    """Return the problem of some shots alone, where a fit of all has it, and where it holds what is each shot's own.
 
     What is known of those shots there is taken along.
     """
-    whole = fitted.hypothesis
+    whole = fitted.problem
     data = replace(
         whole.data,
         shots=tuple(whole.data.shots[i] for i in shots),
@@ -149,15 +146,9 @@ def _of(fitted: Fitted, shots: list[int]) -> tuple[Hypothesis, Floats, list[int]
     own = [place for place, (_, shot) in enumerate(some.names) if shot >= 0]
     at = {name: place for place, name in enumerate(whole.names)}
     places = [at[name, shots[shot] if shot >= 0 else shot] for name, shot in some.names]
-    lines = whole.linearised(fitted.z)
+    lines = whole.derivatives(fitted.z)
     some.remember(fitted.z[places], [lines[i] for i in shots])
     return some, fitted.z[places], own
-
-
-def _giving_way(square: Square, moved: Floats, own: list[int]) -> Floats:
-    """Return how a shot's own parameters follow to first order where the shared ones have ``moved``."""
-    pull = square.gradient[own] + square.curvature[own] @ moved
-    return np.asarray(-np.linalg.pinv(square.curvature[np.ix_(own, own)], hermitian=True) @ pull)
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,21 +14,7 @@ from analysis.diagnosis.verdict.residual import errors
 from analysis.drive import Repeatability, Table, chi2, force_noise, prediction_residual_n, rms
 from analysis.drive import prepare as prepare_drive
 from analysis.fitted import fit_jointly, in_words
-from analysis.inference import (
-    PLATE_NAMES,
-    Hypothesis,
-    JointData,
-    Point,
-    TrialEffect,
-    averaged_shots,
-    base_named,
-    learn_floor,
-    minimise,
-    residuals,
-    square_of,
-    trials_of,
-    white_floor,
-)
+from analysis.inference import PLATE_NAMES, JointData, Point, Problem, averaged_shots, base_named, trials_of
 from analysis.shot import AnalysisError, Cancelled, Motion, Quantity, Stop, names_on_plate, plates_named, stated_n_per_m
 from levimass import is_drive
 
@@ -121,30 +107,24 @@ def _driven(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Errors
 
 def _collision(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Errors, Errors]:
     data = JointData(averaged_shots([motion]), base_named(model.base))
+    noise = data.stated_noise
     start = data.shots[0].course.own
     # What each shot has for itself, it has under the base model as well.
     along = trials_of(effect for effect in model.effects if effect not in findings(model.effects))
-    bare = _own_fitted(Hypothesis(data, along), base, start)
+    bare = _own_fitted(Problem(data, along, noise), base, start)
     effects = trials_of(model.effects)
-    whole = _own_fitted(Hypothesis(data, effects, _fixed(effects)), model.parameters, start)
-    floor, _ = learn_floor(data, residuals(*whole))
+    fixed = {kind.effect: kind.fixed_in(kind.starts[0]) for kind in effects}
+    whole = _own_fitted(Problem(data, effects, noise, fixed=fixed), model.parameters, start)
+    learnt, _ = whole[0].learn_noise(whole[0].residual_m(whole[1]))
     own = OWN + sum(len(kind.own) for kind in along)
-    out = [errors([motion], data.shots, h.full(h.unpack(z)), floor, own) for h, z in (bare, whole)]
+    out = [errors([motion], data.shots, problem.full(problem.unpack(z)), learnt, own) for problem, z in (bare, whole)]
     return out[0], out[1]
 
 
-def _fixed(effects: Sequence[TrialEffect]) -> dict[Effect, dict[str, float]]:
-    """Return what a fit chooses among a few values instead of moving it: those of the first."""
-    return {
-        kind.effect: {k: v for k, v in kind.starts[0].items() if k not in {free.name for free in kind.free_parameters}}
-        for kind in effects
-    }
-
-
-def _own_fitted(hypothesis: Hypothesis, known: Parameters, start: Floats) -> tuple[Hypothesis, Floats]:
-    """Return the hypothesis and the vector at which the shot's own parameters leave least, all others as known."""
+def _own_fitted(problem: Problem, known: Parameters, start: Floats) -> tuple[Problem, Floats]:
+    """Return the problem and the vector at which the shot's own parameters leave least, all others as known."""
     values = {}
-    for kind in hypothesis.effects:
+    for kind in problem.effects:
         values[kind.effect] = dict(kind.starts[0])
         for free in kind.free_parameters:
             named = f"{kind.effect.key}.{free.name}"
@@ -153,14 +133,8 @@ def _own_fitted(hypothesis: Hypothesis, known: Parameters, start: Floats) -> tup
             if named not in known:
                 raise AnalysisError(f"the model file has no parameter {named}")
             values[kind.effect][free.name] = known[named].value
-    names = hypothesis.data.base.names
+    names = problem.data.base.names
     if missing := [name for name in names if name not in known]:
         raise AnalysisError(f"the model file has no parameter {missing[0]}")
-    z = hypothesis.pack(Point(np.array([known[name].value for name in names]), start[None, :], (values,)))
-    low, high = hypothesis.bounds
-    held = hypothesis.shared
-    low[held] = high[held] = z[held]
-    shot = hypothesis.data.shots[0]
-    floor = white_floor(shot.white_m, shot.spacing_s)
-    found = minimise(lambda at: square_of(hypothesis, floor, at), z, bounds=(low, high), evaluations=25, tolerance=1e-3)
-    return hypothesis, found.parameters
+    z = problem.pack(Point(np.array([known[name].value for name in names]), start[None, :], (values,)))
+    return problem, problem.predict(z, evaluations=25, tolerance=1e-3).parameters

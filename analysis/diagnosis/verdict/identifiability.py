@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from analysis.collision import Effect
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.inference import Fitted, Point, Projector, TrialEffect, all_scores, scores, to_actual, to_effective
+from analysis.inference import Fitted, Linearised, Point, TrialEffect, to_actual
 from analysis.shot import Stop
 
 Floats = NDArray[np.float64]
@@ -34,23 +34,23 @@ class Separation:
         return tuple(other for other, distance in near if distance < CRITERIA.separation + remainder)
 
 
-def beside(fitted: Fitted, at: Projector, effect: Effect) -> Projector:
-    """Return the projector of a fit whose ``left`` is the part of one effect that no other parameter can absorb."""
-    hypothesis = fitted.hypothesis
-    own = [hypothesis.offset + k for k, (of, _, _) in enumerate(hypothesis.free_parameters) if of == effect]
+def beside(fitted: Fitted, at: Linearised, effect: Effect) -> Linearised:
+    """Return a linearised fit whose ``left`` is the part of one effect that no other parameter can absorb."""
+    problem = fitted.problem
+    own = [problem.offset + k for k, (of, _, _) in enumerate(problem.free_parameters) if of == effect]
     basis = at.tangents.without(own).span()
     point = fitted.point
-    kind = next(k for k in hypothesis.effects if k.effect == effect)
-    shots = hypothesis.data.shots
-    effective = to_effective(point)
+    kind = next(k for k in problem.effects if k.effect == effect)
+    shots = problem.data.shots
+    effective = fitted.effective
     nothing = tuple({**v, effect: _nothing(kind, v[effect])} for v in effective.values)
     without = to_actual(Point(effective.base, effective.own, nothing))
-    rows = [(hypothesis.coarse(i, point) - hypothesis.coarse(i, without))[:, None] for i in range(len(shots))]
-    done = at.whitened(rows)[:, 0]
+    rows = [(problem.coarse(i, point) - problem.coarse(i, without))[:, None] for i in range(len(shots))]
+    done = at.problem.whitened(rows)[:, 0]
     return replace(at, basis=basis, left=basis.projected(done))
 
 
-def snr(fitted: Fitted, at: Projector, effect: Effect) -> float:
+def snr(fitted: Fitted, at: Linearised, effect: Effect) -> float:
     """Return the size of the part of one effect that no other parameter can absorb, in units of the noise."""
     return float(np.linalg.norm(beside(fitted, at, effect).left))
 
@@ -63,11 +63,11 @@ def missed_without(fitted: Fitted, fewer: Fitted | None) -> float:
     """
     if fewer is None:
         return float("inf")
-    return float(np.sqrt(max(0.0, fewer.chi2(fitted.floor) - fitted.chi2(fitted.floor))))
+    return float(np.sqrt(max(0.0, fewer.chi2(fitted.noise) - fitted.chi2(fitted.noise))))
 
 
 def separation(
-    fitted: Fitted, at: Projector, effect: Effect, catalogue: Sequence[TrialEffect], stop: Stop = lambda: False
+    fitted: Fitted, at: Linearised, effect: Effect, catalogue: Sequence[TrialEffect], stop: Stop = lambda: False
 ) -> Separation:
     """Return how far one effect of a fit stands from everything else in the catalogue (signs kept physical).
 
@@ -76,11 +76,11 @@ def separation(
     alone = beside(fitted, at, effect)
     whole = float(alone.left @ alone.left)
     others = [k for k in catalogue if k.effect not in fitted.effects]
-    if fitted.hypothesis.data.base.one_body:
+    if fitted.problem.data.base.one_body:
         others = [k for k in others if k.one_body]
     distance = {kind.effect: float(np.sqrt(whole)) for kind in others}
     starts: dict[Effect, tuple[Mapping[str, float], ...]] = {}
-    for listed in all_scores(alone, others, stop):
+    for listed in alone.screen(others, stop):
         other = listed[0].kind.effect
         distance[other] = float(np.sqrt(max(0.0, whole - listed[0].gain)))
         starts[other] = listed[0].start
@@ -94,10 +94,10 @@ def _nothing(kind: TrialEffect, values: Mapping[str, float]) -> dict[str, float]
     return {**values, **dict.fromkeys(kind.amplitude, 0.0)}
 
 
-def least_seen(at: Projector, kind: TrialEffect, snr: float = CRITERIA.stands_out) -> float | None:
+def least_seen(at: Linearised, kind: TrialEffect, snr: float = CRITERIA.stands_out) -> float | None:
     """Return the smallest first amplitude of an effect that would stand out by ``snr``, None where none would."""
     probe = replace(at, left=np.zeros_like(at.left))
-    listed = scores(probe, kind)
+    listed = probe.scores(kind)
     best = max((score.power for score in listed), default=0.0)
     if best <= 0:
         return None

@@ -21,7 +21,7 @@ from scipy.special import chdtri
 from analysis.compiled import side_by_side
 from analysis.diagnosis.result import Freedom
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.inference import Arrow, Fitted, Floor, Hypothesis, Point, Projector, Response, Samples, learn_floor
+from analysis.inference import Arrow, Fitted, Floor, Linearised, Point, Problem, Samples
 
 Floats = NDArray[np.float64]
 _WIDTHS = (0.01, 0.03, 0.1)  # in contact times
@@ -63,45 +63,45 @@ def colour(white: Sequence[Floats]) -> float:
     return max(1.0, 1.0 + 2.0 * near / power)
 
 
-def gain(fitted: Fitted, at: Projector, shapes: Arrow) -> tuple[float, int, Floor]:
+def gain(fitted: Fitted, at: Linearised, shapes: Arrow) -> tuple[float, int, Floor]:
     """Return twice the gain in log-likelihood of ``shapes`` (averaged, in m), and how many they really are.
 
     And the floor that is left beside them.
     """
-    whitened = shapes.whitened(fitted.hypothesis.data.shots, at.floor)
+    whitened = shapes.whitened(fitted.problem.data.shots, at.noise)
     projected = at.basis.projected_columns(whitened)
     new = int(projected.new.sum())
     if not new:
-        return 0.0, 0, fitted.floor
+        return 0.0, 0, fitted.noise
     numbers = projected.solve(at.left)
     moves = at.tangents.solve(at.whole - whitened.along(numbers))
     both = zip(at.lines, at.tangents.places, shapes.blocks, shapes.places, strict=True)
     taken = [tangent @ moves[of_fit] + shape @ numbers[of_shape] for (_, tangent), of_fit, shape, of_shape in both]
     left = [residual - one for residual, one in zip(fitted.residual_m, taken, strict=True)]
-    floor, value = learn_floor(fitted.hypothesis.data, left, fitted.floor)
+    floor, value = fitted.problem.learn_noise(left, fitted.noise)
     return 2 * (value - fitted.log_likelihood), new, floor
 
 
-def worst(fitted: Fitted, at: Projector, slow: float = 1.0) -> LackOfFit:
+def worst(fitted: Fitted, at: Linearised, slow: float = 1.0) -> LackOfFit:
     """Return the shape whose gain exceeds its limit most; ``slow`` is the noise's ``colour``."""
-    shots = fitted.hypothesis.data.shots
-    hypothesis = fitted.hypothesis
+    shots = fitted.problem.data.shots
+    problem = fitted.problem
     fastest = max(abs(shot.course.velocity_in_m_per_s) for shot in shots)
     kinks = [_kinks(shot) for shot in shots]
     shapes = {Freedom.KINKS: shared(kinks)}
-    tangents = hypothesis.arrow([tangent for _, tangent in at.lines])
+    tangents = problem.arrow([tangent for _, tangent in at.lines])
     if len(shots) > 1:
-        base, effects = slice(hypothesis.data.count), slice(hypothesis.data.count, len(hypothesis.shared))
+        base, effects = slice(problem.data.count), slice(problem.data.count, len(problem.shared))
         shapes[Freedom.BASE_APART] = _apart(tangents, base)
         speeds = [abs(shot.course.velocity_in_m_per_s) / fastest for shot in shots]
         shapes[Freedom.KINKS_WITH_SPEED] = shared([c * v for c, v in zip(kinks, speeds, strict=True)])
-        if len(hypothesis.shared) > hypothesis.data.count:
+        if len(problem.shared) > problem.data.count:
             shapes[Freedom.EFFECT_APART] = _apart(tangents, effects)
-    if hypothesis.free_parameters:
-        of_effects = tangents.without(range(hypothesis.offset))
+    if problem.free_parameters:
+        of_effects = tangents.without(range(problem.offset))
         turned = of_effects.mapped(lambda k, block: block * _after_turn(shots[k])[:, None])
         shapes[Freedom.EFFECT_AFTER_TURN] = Arrow.of(turned.blocks, turned.shared)
-    shapes |= {name: shared(columns) for name, columns in free_laws(hypothesis, fitted.point).items()}
+    shapes |= {name: shared(columns) for name, columns in free_laws(problem, fitted.point).items()}
     found = []
     gains = side_by_side(lambda shape: gain(fitted, at, shape), shapes.values())
     for name, (value, width, floor) in zip(shapes, gains, strict=True):
@@ -160,14 +160,14 @@ def _pushed(force_n, mass_kg, stiffness_n_per_m, touching, spacing_s, out):  # t
             x += spacing_s * v
 
 
-def free_laws(hypothesis: Hypothesis, point: Point) -> dict[Freedom, list[Floats]]:
+def free_laws(problem: Problem, point: Point) -> dict[Freedom, list[Floats]]:
     """Return what forces of free laws would do, named by their argument; shot by shot, shape (n, k).
 
     The block carries the force alone; in contact the plate follows it as a spring without mass, and the short bounces
     are passed over.  That is near enough to ask whether something of this kind is missing.
     """
-    shots = hypothesis.data.shots
-    runs = [hypothesis.run(i, point, coarse=True) for i in range(len(shots))]
+    shots = problem.data.shots
+    runs = [problem.run(i, point, coarse=True) for i in range(len(shots))]
     stiffness = float(point.base[0])  # of the plate, or of the contact where the plate does not move
     away = [run.displacement_m - own[2] for run, own in zip(runs, point.own, strict=True)]
     fastest = max(float(np.abs(run.velocity_m_per_s).max()) for run in runs)
@@ -176,7 +176,7 @@ def free_laws(hypothesis: Hypothesis, point: Point) -> dict[Freedom, list[Floats
     laws: dict[Freedom, list[Floats]] = {}
     for run, x, shot in zip(runs, away, shots, strict=True):
         speed, way = np.abs(run.velocity_m_per_s) / fastest, np.sign(run.velocity_m_per_s)[:, None]
-        inside = _inside(run)
+        inside = _inside(run.gap_m)
         bent = _hats(-x / deepest, _BEND)[:, 1:] * inside[:, None]
         forces = {
             Freedom.SPEED_AGAINST_MOTION: way * _hats(speed, _SPEED),
@@ -192,10 +192,10 @@ def free_laws(hypothesis: Hypothesis, point: Point) -> dict[Freedom, list[Floats
     return laws
 
 
-def _inside(run: Response) -> Floats:
+def _inside(gap_m: Floats) -> Floats:
     """Return 1 from the first touch to the last release, else 0."""
-    touching = np.flatnonzero(run.gap_m < 0)
-    out = np.zeros(run.gap_m.size)
+    touching = np.flatnonzero(gap_m < 0)
+    out = np.zeros(gap_m.size)
     if touching.size:
         out[touching[0] : touching[-1] + 1] = 1.0
     return out

@@ -1,7 +1,6 @@
 """Which other effects an effect that was found may be."""
 
 import math
-from functools import partial
 
 from analysis.collision import Effect
 from analysis.diagnosis.search.competing_models import fitted_instead
@@ -10,7 +9,7 @@ from analysis.diagnosis.verdict.coincidence import by_chance
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import Separation
 from analysis.diagnosis.verdict.residual import Residual
-from analysis.inference import Fitted, lead_on
+from analysis.inference import Fitted
 
 
 def other_names(
@@ -63,8 +62,8 @@ def _falls_behind(
     if fewer is None or found is None:
         return False
     kind = next(kind for kind in trail.catalogue if kind.effect == other)
-    instead = fitted_instead(best, trail.projector_of(fewer), far, None, trail.stop, kind)
-    ends = list(map(partial(lead_on, cancelled=trail.stop), [found] if instead is None else [found, instead]))
+    instead = fitted_instead(best, trail.linearised(fewer), far, None, trail.stop, kind)
+    ends = [one.continued(trail.stop) for one in ([found] if instead is None else [found, instead])]
     for end in ends:
         trail.keep(end)
     return all(end.converged for end in ends) and min(_behind(end, best) for end in ends) > CRITERIA.separation**2

@@ -12,7 +12,7 @@ from analysis.collision import Effect
 from analysis.diagnosis.result import Errors, Phase, Remainder
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit, colour, gain, shared, worst
-from analysis.inference import Fitted, Floor, Projector, Samples
+from analysis.inference import Fitted, Floor, Linearised, Samples
 from analysis.shot import Motion
 from analysis.signal import derivatives
 
@@ -70,9 +70,9 @@ class Residual:
         return self.misfit.size**2 < min(math.sqrt(2.0 * self.samples), least_of_a_law)
 
 
-def residual_of(fitted: Fitted, at: Projector) -> Residual:
+def residual_of(fitted: Fitted, at: Linearised) -> Residual:
     """Test the residual of a fit."""
-    shots = fitted.hypothesis.data.shots
+    shots = fitted.problem.data.shots
     white = fitted.whitened()
     correlation = _correlation(white)
     ratio = _ratio(white, shots)
@@ -119,12 +119,12 @@ def _ratio(white: Sequence[Floats], shots: Sequence[Samples]) -> float:
     return max(means) / max(min(means), 1e-12) if means else 1.0
 
 
-def _coherence(fitted: Fitted, at: Projector) -> tuple[float, float, int]:
+def _coherence(fitted: Fitted, at: Linearised) -> tuple[float, float, int]:
     """Return the largest likelihood ratio of a remainder shared by all shots, its limit, and its parameters.
 
     The shape is free (bumps over the time since touch), its size goes as the speed to the power 0, 1 or 2.
     """
-    shots = fitted.hypothesis.data.shots
+    shots = fitted.problem.data.shots
     fastest = max(abs(s.course.velocity_in_m_per_s) for s in shots)
     bumps = [_bumps(shot) for shot in shots]
 
@@ -162,12 +162,12 @@ def remainder_of(fitted: Fitted, misfit: LackOfFit = NOTHING, imitated_by: Seque
     Sizes are those above the sensor's white noise, which of a camera is nearly all, and with the site's most likely
     motion taken off.  ``misfit`` is of the model with the effects that imitate the residual, where there are any.
     """
-    shots = fitted.hypothesis.data.shots
-    noise_m = fitted.floor.white_m
+    shots = fitted.problem.data.shots
+    noise_m = fitted.noise.white_m
     square: dict[Phase, list[float]] = {}
     above, speeds = [], []
     for shot, left_m in zip(shots, fitted.residual_m, strict=True):
-        residual = shot.without_frame_motion(fitted.floor, left_m)
+        residual = shot.without_frame_motion(fitted.noise, left_m)
         white = (noise_m * shot.weight) ** 2
         above.append(float(np.mean(residual[shot.valid] ** 2)) - white)
         speeds.append(abs(shot.course.velocity_in_m_per_s))
@@ -191,7 +191,7 @@ def _root(squares: Sequence[float]) -> float:
 
 def _line(fitted: Fitted) -> float | None:
     """Return the frequency of a line that stands out of the whitened remainder of all shots, or None."""
-    shots = fitted.hypothesis.data.shots
+    shots = fitted.problem.data.shots
     total: Floats | None = None
     size = min(int(s.valid.sum()) for s in shots)
     for white in fitted.whitened():

@@ -8,13 +8,10 @@ from numpy.typing import NDArray
 
 from analysis.collision import Effect, Infeasible
 from analysis.inference.fit.arrow import Arrow
-from analysis.inference.fit.effective_parameters import Point, to_effective
+from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.hypothesis import Hypothesis
-from analysis.inference.fit.hypothesis_fit import Fitted, finish, search, whitened_residual
 from analysis.inference.fit.least_squares import Minimum, Square
-from analysis.inference.screen.columns import fixed_of
-from analysis.inference.screen.projector import Projector
+from analysis.inference.fit.problem import Fitted, Linearised, Problem
 from analysis.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]
@@ -26,63 +23,55 @@ _LEAST_SINGULAR = 1e-4  # of the largest singular value: directions with less ar
 
 
 def refit(
-    at: Projector, kind: TrialEffect, start: Sequence[Mapping[str, float]], stop: Stop, *, least_bic: float = math.inf
+    at: Linearised, kind: TrialEffect, start: Sequence[Mapping[str, float]], stop: Stop, *, least_bic: float = math.inf
 ) -> Fitted | None:
     """Fit briefly with one more effect from its start values, one set for each shot; None where no trajectory exists.
 
     ``least_bic`` is the criterion of the fit that it is compared with: a search far behind it is stopped early.
     """
-    here = at.fitted
-    hypothesis = Hypothesis(
-        here.hypothesis.data,
-        (*here.hypothesis.effects, kind),
-        {**here.hypothesis.fixed, kind.effect: fixed_of(kind, start[0])},
-    )
-    effective = to_effective(here.point)
-    low, high = hypothesis.bounds
+    problem = at.problem.with_effect(kind, start[0])
+    effective = at.effective
+    low, high = problem.bounds
     if stop():
         raise Cancelled
 
     def hopeless(z: Floats, square: Square) -> bool:
-        so_far = finish(hypothesis, Minimum(z, square, False, 0), here.floor)
-        return so_far.bic > least_bic + _FAR_BEHIND
+        return problem.fitted(Minimum(z, square, False, 0)).bic > least_bic + _FAR_BEHIND
 
     stop_early = hopeless if math.isfinite(least_bic) else None
     for share in _START_SHARES:  # a linear step may lead to where there is no trajectory
-        weaker = [times(kind, given, share) for given in start]
+        weaker = [kind.times(given, share) for given in start]
         values = tuple({**v, kind.effect: given} for v, given in zip(effective.values, weaker, strict=True))
         try:
-            z = np.clip(hypothesis.pack_effective(Point(effective.base, effective.own, values)), low, high)
-            z = _compensated(at, hypothesis, z)
-            found = search(hypothesis, z, here.floor, evaluations=_SHORT, hopeless=stop_early, cancelled=stop)
-            return finish(hypothesis, found, here.floor)
+            z = np.clip(problem.pack_effective(Point(effective.base, effective.own, values)), low, high)
+            z = _compensated(at, problem, z)
+            return problem.fit_once(z, evaluations=_SHORT, hopeless=stop_early, cancelled=stop)
         except (Infeasible, np.linalg.LinAlgError, FloatingPointError):
             continue
     return None
 
 
-def _compensated(at: Projector, hypothesis: Hypothesis, z: Floats) -> Floats:
+def _compensated(at: Linearised, problem: Problem, z: Floats) -> Floats:
     """Return ``z`` with the parameters fitted before moved to compensate for the new effect, by linear steps.
 
     The effect's whole displacement may be a thousand times the part that the fitted parameters cannot compensate.
     """
-    before = at.fitted.hypothesis
+    before = at.problem
     places = {
-        (effect, free.name, shot): hypothesis.offset + k
-        for k, (effect, free, shot) in enumerate(hypothesis.free_parameters)
+        (effect, free.name, shot): problem.offset + k for k, (effect, free, shot) in enumerate(problem.free_parameters)
     }
     free_parameters = [places[effect, free.name, shot] for effect, free, shot in before.free_parameters]
     moving = np.array([*range(before.offset), *free_parameters])
     compensation = at.once("compensation", lambda: _compensation(at.tangents))
-    low, high = hypothesis.bounds
-    left = whitened_residual(hypothesis, at.floor, z)
+    low, high = problem.bounds
+    left = problem.whitened_residual(z)
     chi2 = float(left @ left)
     for _ in range(_COMPENSATING_STEPS):
         there = z.copy()
         there[moving] -= compensation(left)
         there = np.clip(there, low, high)
         try:
-            left = whitened_residual(hypothesis, at.floor, there)
+            left = problem.whitened_residual(there)
         except Infeasible:
             break
         if not float(left @ left) < 0.99 * chi2:
@@ -104,40 +93,33 @@ def _compensation(tangents: Arrow) -> Callable[[Floats], Floats]:
     return lambda left: (turn[:, some] @ (turn[:, some].T @ (tangents.pull(left) / scale) / level[some])) / scale
 
 
-def times(kind: TrialEffect, values: Mapping[str, float], factor: float) -> Mapping[str, float]:
-    """Return an effect's values at ``factor`` times its strength, to first order."""
-    factor = 1 / factor if kind.inverse else factor
-    return {**values, **{name: values[name] * factor for name in kind.amplitude}}
-
-
 def with_both_effects(here: Fitted, alone: Fitted, start: Fitted, stop: Stop) -> Fitted | None:
     """Fit briefly with the effects of ``here`` and of ``alone``, both grown from ``start``; None where that fails.
 
     The search begins with the base parameters moved by the sum of both fits' moves.  A start from a linear step would
     fail where the first effect makes the displacement follow the steps of a fringe.
     """
-    first, other = here.hypothesis, alone.hypothesis
+    first, other = here.problem, alone.problem
     new = tuple(kind for kind in other.effects if kind not in first.effects)
-    hypothesis = Hypothesis(first.data, (*first.effects, *new), {**other.fixed, **first.fixed})
-    low, high = hypothesis.bounds
-    z = np.empty(hypothesis.size)
+    problem = first.with_effects((*first.effects, *new), {**other.fixed, **first.fixed})
+    low, high = problem.bounds
+    z = np.empty(problem.size)
     z[: first.offset] = here.z[: first.offset] + alone.z[: first.offset] - start.z[: first.offset]
     found = {**_free_parameters(alone), **_free_parameters(here)}
-    for k, (effect, free, shot) in enumerate(hypothesis.free_parameters, first.offset):
+    for k, (effect, free, shot) in enumerate(problem.free_parameters, first.offset):
         z[k] = found[effect, free.name, shot]
     if stop():
         raise Cancelled
     try:
-        ended = search(hypothesis, np.clip(z, low, high), here.floor, evaluations=_SHORT, cancelled=stop)
-        return finish(hypothesis, ended, here.floor)
+        return problem.fit_once(np.clip(z, low, high), evaluations=_SHORT, cancelled=stop)
     except (Infeasible, np.linalg.LinAlgError, FloatingPointError):
         return None
 
 
 def _free_parameters(fitted: Fitted) -> dict[tuple[Effect, str, int], float]:
     """Return the search coordinates of a fit's effects by (effect, parameter, shot)."""
-    hypothesis = fitted.hypothesis
+    problem = fitted.problem
     return {
         (effect, free.name, shot): float(fitted.z[k])
-        for k, (effect, free, shot) in enumerate(hypothesis.free_parameters, hypothesis.offset)
+        for k, (effect, free, shot) in enumerate(problem.free_parameters, problem.offset)
     }

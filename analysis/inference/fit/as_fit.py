@@ -1,4 +1,4 @@
-"""Convert a fitted hypothesis into a ``Fit``: parameters with uncertainties, overlays and residuals of each shot."""
+"""Convert a fitted problem into a ``Fit``: parameters with uncertainties, overlays and residuals of each shot."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from analysis.collision import Effect, Parameter
 from analysis.inference.fit.build_fit import Estimate, Part, Path, build_fit
 from analysis.inference.fit.derivatives import solved
-from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.inference.fit.problem import Fitted
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor
 from analysis.shot import Fit, Motion, Quantity
@@ -21,12 +21,12 @@ _POINTS = 128  # over the fitted stretch: the frame's motion varies slowly
 def effect_parameters(fitted: Fitted) -> dict[Effect, dict[str, Quantity]]:
     """Return every effect's parameters; each shot's own are named with ``.2``, ``.3`` from the second shot on."""
     out: dict[Effect, dict[str, Quantity]] = {effect: {} for effect in fitted.effects}
-    hypothesis, point = fitted.hypothesis, fitted.point
+    problem, point = fitted.problem, fitted.point
     std = fitted.std
-    for k, (effect, free, shot) in enumerate(hypothesis.free_parameters):
+    for k, (effect, free, shot) in enumerate(problem.free_parameters):
         value = point.values[max(shot, 0)][effect][free.name]
-        out[effect][_parameter_name(free, shot)] = Quantity(value, float(std[hypothesis.offset + k]), "joint fit")
-    for effect, fixed in fitted.hypothesis.fixed.items():
+        out[effect][_parameter_name(free, shot)] = Quantity(value, float(std[problem.offset + k]), "joint fit")
+    for effect, fixed in fitted.problem.fixed.items():
         if effect in out:
             out[effect].update({key: Quantity(value, 0.0, "tried") for key, value in fixed.items()})
     return out
@@ -48,20 +48,20 @@ def as_fit(
     ``by`` is the noise to weigh with where it is known otherwise than from the residual of this fit; ``chi2`` is then
     in its units, and the covariance is multiplied by the reduced chi^2 where that exceeds one (Birge's ratio).
     """
-    hypothesis, point = fitted.hypothesis, fitted.point
-    birge = max(1.0, chi2 / max(1, fitted.samples - hypothesis.size))
-    places = {(name, shot): place for place, (name, shot) in enumerate(hypothesis.names)}
+    problem, point = fitted.problem, fitted.point
+    birge = max(1.0, chi2 / max(1, fitted.samples - problem.size))
+    places = {(name, shot): place for place, (name, shot) in enumerate(problem.names)}
     estimate = Estimate(
         model=model,
         effects=fitted.effects,
-        values=hypothesis.flat(point),
+        values=problem.flat(point),
         covariance=birge * fitted.covariance,
         shared={name: place for (name, shot), place in places.items() if shot < 0},
-        free=hypothesis.size,
+        free=problem.size,
         converged=fitted.converged,
         how=how,
         flags=tuple(flags),
-        chosen={f"{effect.key}.{key}": v for effect, given in hypothesis.fixed.items() for key, v in given.items()},
+        chosen={f"{effect.key}.{key}": v for effect, given in problem.fixed.items() for key, v in given.items()},
     )
     parts = [
         Part(
@@ -71,19 +71,19 @@ def as_fit(
             used=shot.used,
             whitened=white,
             plate_number=shot.plate_number,
-            frame_m_per_s=shot.sway.speeds_m_per_s(fitted.floor) if shot.sway is not None else (0.0, 0.0),
-            sway_std_m=sway_left_std_m(shot, fitted.floor, line[1]) if shot.sway is not None else None,
+            frame_m_per_s=shot.sway.speeds_m_per_s(fitted.noise) if shot.sway is not None else (0.0, 0.0),
+            sway_std_m=sway_left_std_m(shot, fitted.noise, line[1]) if shot.sway is not None else None,
         )
         for index, (motion, shot, white, line) in enumerate(
-            zip(motions, hypothesis.data.shots, fitted.whitened(by), hypothesis.linearised(fitted.z), strict=True)
+            zip(motions, problem.data.shots, fitted.whitened(by), problem.derivatives(fitted.z), strict=True)
         )
     ]
-    return build_fit(estimate, parts, _sample_noise_m(fitted), fitted.floor.wander, seconds)
+    return build_fit(estimate, parts, _sample_noise_m(fitted), fitted.noise.wander, seconds)
 
 
 def _path(fitted: Fitted, index: int) -> Path:
     point = fitted.point
-    _, response = solved(fitted.hypothesis, index, point, derivatives=True, averaged=False)
+    _, response = solved(fitted.problem, index, point, derivatives=True, averaged=False)
     return Path.of(response, float(point.own[index][1]))
 
 
@@ -93,7 +93,7 @@ def _parameter_name(free: Parameter, shot: int) -> str:
 
 def _sample_noise_m(fitted: Fitted) -> float:
     """Return the noise std of one sample of the motion in m: the white part there is larger than in a block's mean."""
-    floor, factor = fitted.floor, fitted.hypothesis.data.shots[0].factor
+    floor, factor = fitted.noise, fitted.problem.data.shots[0].factor
     return float(np.sqrt(factor * floor.white_m**2 + floor.rms_m[0] ** 2 + floor.rms_m[1] ** 2))
 
 

@@ -22,7 +22,7 @@ _SOFTEST = 0.9  # of the total compliance is the clamp's, at most
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """Parameters of a hypothesis: base, shape (b,); own (v_i, touch, offset), shape (shots, 3); effects by shot."""
+    """Parameters of a model: base, shape (b,); own (v_i, touch, offset), shape (shots, 3); effects by shot."""
 
     base: Floats
     own: Floats

@@ -1,4 +1,4 @@
-"""Fit the base model to shots of which only the motions are known: the start of a diagnosis.
+"""Fit the base model to shots of which only the motions are known, then as a diagnosis fits it: where that starts.
 
 First guesses come from the fastest shot's contact; the search from there uses block-averaged samples.  A residual far
 above the noise means either a missing effect or a wrong sequence of bounces; a fit of the first bounces alone tells
@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from analysis.collision import Effect, Infeasible
 from analysis.inference.fit.base import TRUSTED, Plates, SearchStart, base_of
-from analysis.inference.fit.base_fit import slow_enough
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.first_guesses import first_guesses, resembled
-from analysis.inference.fit.hypothesis import Hypothesis, JointData
-from analysis.inference.fit.hypothesis_fit import residuals, search
+from analysis.inference.fit.free_parameters import trials_of
 from analysis.inference.fit.least_squares import Minimum
+from analysis.inference.fit.problem import Fitted, Problem
 from analysis.inference.fit.samples import Samples, averaged_shots
+from analysis.inference.fit.search_vector import JointData
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.site import Site, on_site
@@ -81,6 +81,21 @@ def first_fit(
     return min(ends, key=lambda end: end.left)
 
 
+def base_fit(data: JointData, begin: SearchStart, stop: Stop, nuisances: Sequence[Effect] = ()) -> Fitted:
+    """Return the base model's best fit at the diagnosis' sample rate, searched from ``begin``.
+
+    ``nuisances`` are effects that every shot may have for itself and that do not count as findings.
+    """
+    along = trials_of(nuisances)
+    values = tuple({kind.effect: kind.starts[0] for kind in along} for _ in data.shots)
+    problem = Problem(data, along, data.white_noise)
+    z = problem.pack(problem.slow_enough(Point(begin.shared, begin.own, values)))
+    try:
+        return problem.with_first_noise(z).fit(z, anew=True, cancelled=stop)
+    except Infeasible as why:
+        raise AnalysisError(f"no motion of the base model comes near these shots: {why}") from why
+
+
 def _best_of_searches(data: JointData, guesses: Sequence[Floats], own: Floats, noise: Floor, stop: Stop) -> SearchStart:
     """Return the best end of searches from the first guesses, or from a fit of the first bounces alone."""
     floor = noise.without_site
@@ -121,28 +136,23 @@ def _search_from(
     data: JointData, shared: Floats, own: Floats, floor: Floor, stop: Stop, evaluations: int = _EVALUATIONS
 ) -> SearchStart:
     """Return where one search ends, with its chi^2 per sample; Infeasible where it cannot begin."""
-    hypothesis = Hypothesis(data, ())
+    problem = Problem(data, (), floor)
     values: tuple[dict[Effect, dict[str, float]], ...] = tuple({} for _ in data.shots)
-    point = slow_enough(hypothesis, Point(shared, own, values))
-    z = hypothesis.pack(point)
-    found = search(hypothesis, z, floor, evaluations=evaluations, tolerance=_TOLERANCE, cancelled=stop)
+    z = problem.pack(problem.slow_enough(Point(shared, own, values)))
+    found = problem.search(z, evaluations=evaluations, tolerance=_TOLERANCE, cancelled=stop)
     if stop():
         raise Cancelled
-    end = hypothesis.unpack(found.parameters)
+    end = problem.unpack(found.parameters)
     left = found.square.chi2 / found.square.samples
-    return SearchStart(
-        data.base, end.base, end.own, likely_plates(hypothesis, found, floor) if left < TRUSTED else (), left
-    )
+    return SearchStart(data.base, end.base, end.own, likely_plates(problem, found) if left < TRUSTED else (), left)
 
 
-def likely_plates(hypothesis: Hypothesis, found: Minimum, floor: Floor) -> Plates:
+def likely_plates(problem: Problem, found: Minimum) -> Plates:
     """Return each shot's likeliest plate at first touch (m, m/s), given the residual; empty where no frame moves."""
-    shots = hypothesis.data.shots
-    if not floor.site:
+    if not problem.noise.site:
         return ()
-    left = residuals(hypothesis, found.parameters)
     plates = []
-    for shot, rest in zip(shots, left, strict=True):
+    for shot, rest in zip(problem.data.shots, problem.residual_m(found.parameters), strict=True):
         assert shot.sway is not None
-        plates.append(shot.sway.likely_plate(rest, floor))
+        plates.append(shot.sway.likely_plate(rest, problem.noise))
     return tuple(plates)

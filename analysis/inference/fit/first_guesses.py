@@ -14,10 +14,10 @@ from analysis.inference.fit import guesses
 from analysis.inference.fit.base import Base
 from analysis.inference.fit.course import NoCollision
 from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.hypothesis import Hypothesis, JointData
-from analysis.inference.fit.hypothesis_fit import search
 from analysis.inference.fit.least_squares import Minimum
+from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import Samples
+from analysis.inference.fit.search_vector import JointData
 from analysis.inference.noise.floor import white_floor
 from analysis.shot import Cancelled, Stop
 from analysis.signal import LEAST_NOISE_M
@@ -49,16 +49,16 @@ def first_guesses(base: Base, shots: Sequence[Samples], stop: Stop, sways_m: flo
         return [_plate_by_plate(base, shots, stop, sways_m)]
     shot, ranked = _ranked(base, shots)
     contact = _contact_of(shot)
-    hypothesis = Hypothesis(JointData((contact,), base), ())
     white = white_floor(max(contact.course.noise_std_m, LEAST_NOISE_M), contact.spacing_s)
+    problem = Problem(JointData((contact,), base), (), white)
 
     def tried(guess: guesses.Guess) -> tuple[Minimum, Floats] | None:
         if stop():
             raise Cancelled
         with contextlib.suppress(Infeasible):
-            z = hypothesis.pack(Point(base.shared(guess.collision), contact.course.own[None, :], ({},)))
-            found = search(hypothesis, z, white, evaluations=_EVALUATIONS, tolerance=1e-6, cancelled=stop)
-            return found, hypothesis.unpack(found.parameters).base
+            z = problem.pack(Point(base.shared(guess.collision), contact.course.own[None, :], ({},)))
+            found = problem.search(z, evaluations=_EVALUATIONS, tolerance=1e-6, cancelled=stop)
+            return found, problem.unpack(found.parameters).base
         return None
 
     first = tried(ranked[0]) if ranked else None

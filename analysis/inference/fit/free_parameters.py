@@ -32,6 +32,16 @@ class TrialEffect:
         """Get the free parameters that every shot has for itself."""
         return tuple(free for free in self.free_parameters if free.own)
 
+    def fixed_in(self, start: Mapping[str, float]) -> Mapping[str, float]:
+        """Return those values of a start that are not searched."""
+        names = {free.name for free in self.free_parameters}
+        return {name: value for name, value in start.items() if name not in names}
+
+    def times(self, values: Mapping[str, float], factor: float) -> Mapping[str, float]:
+        """Return values of the effect at ``factor`` times its strength, to first order."""
+        factor = 1 / factor if self.inverse else factor
+        return {**values, **{name: values[name] * factor for name in self.amplitude}}
+
 
 def trial_effect(row: Effect) -> TrialEffect:
     """Return a row of the catalogue in the form in which it is searched."""

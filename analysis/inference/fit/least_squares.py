@@ -1,6 +1,6 @@
 """Levenberg-Marquardt minimisation of a sum of squares with exact derivatives and bounds on the parameters."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +24,28 @@ class Square:
     residual: Floats | None = None
     along: Callable[[Floats], Floats] | None = None
     pull: Callable[[Floats], Floats] | None = None
+
+    def covariance(self, free: np.ndarray | None = None) -> Floats | None:
+        """Return (J^T J)^-1, shape (p, p), zero rows where not ``free``; None where it is singular to rounding."""
+        p = self.gradient.size
+        index = np.arange(p) if free is None else np.flatnonzero(free)
+        curvature = self.curvature[np.ix_(index, index)]
+        scale = np.sqrt(np.diag(curvature))
+        if not np.all(scale > 0):
+            return None
+        scaled = curvature / np.outer(scale, scale)
+        values, vectors = np.linalg.eigh(scaled)
+        if values[0] < 1e-13 * values[-1]:
+            return None
+        inverse = (vectors / values) @ vectors.T / np.outer(scale, scale)
+        out = np.zeros((p, p))
+        out[np.ix_(index, index)] = inverse
+        return out
+
+    def followed(self, moved: Floats, own: Sequence[int]) -> Floats:
+        """Return the step of the parameters at ``own``, to first order, where the others have ``moved``."""
+        pull = self.gradient[own] + self.curvature[own] @ moved
+        return np.asarray(-np.linalg.pinv(self.curvature[np.ix_(own, own)], hermitian=True) @ pull)
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,21 +245,3 @@ def damped_step(curvature: Floats, pull: Floats, damping: float) -> Floats | Non
         return None
     solution = np.linalg.solve(factor.T, np.linalg.solve(factor, pull / scale)) / scale
     return solution if np.all(np.isfinite(solution)) else None
-
-
-def covariance(square: Square, free: np.ndarray | None = None) -> Floats | None:
-    """Return (J^T J)^-1, shape (p, p), zero rows where not ``free``; None where it is singular to rounding."""
-    p = square.gradient.size
-    index = np.arange(p) if free is None else np.flatnonzero(free)
-    curvature = square.curvature[np.ix_(index, index)]
-    scale = np.sqrt(np.diag(curvature))
-    if not np.all(scale > 0):
-        return None
-    scaled = curvature / np.outer(scale, scale)
-    values, vectors = np.linalg.eigh(scaled)
-    if values[0] < 1e-13 * values[-1]:
-        return None
-    inverse = (vectors / values) @ vectors.T / np.outer(scale, scale)
-    out = np.zeros((p, p))
-    out[np.ix_(index, index)] = inverse
-    return out

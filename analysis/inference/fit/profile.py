@@ -11,8 +11,7 @@ import numpy as np
 
 from analysis.collision import Infeasible
 from analysis.compiled import side_by_side
-from analysis.inference.fit.hypothesis_fit import Fitted, square_of, whitened_residual
-from analysis.inference.fit.least_squares import minimise
+from analysis.inference.fit.problem import Fitted
 from analysis.shot import Stop
 
 _TRIES = 3
@@ -25,10 +24,8 @@ def with_profile_std(fitted: Fitted, stop: Stop) -> Fitted:
 
     Never narrower than the curvature says.  Any other fit is returned unchanged.  Cost: 0.3 s per parameter.
     """
-    hypothesis = fitted.hypothesis
-    places = [
-        k for k, (effect, _, _) in enumerate(hypothesis.free_parameters, hypothesis.offset) if effect.range_at >= 0
-    ]
+    problem = fitted.problem
+    places = [k for k, (effect, _, _) in enumerate(problem.free_parameters, problem.offset) if effect.range_at >= 0]
     if not places or not np.all(np.isfinite(fitted.inverse)):
         return fitted
     sides = side_by_side(
@@ -44,26 +41,15 @@ def with_profile_std(fitted: Fitted, stop: Stop) -> Fitted:
 
 def _stds_to_unit_rise(fitted: Fitted, at: int, side: float, stop: Stop) -> float:
     """Return how many of its standard deviations off a parameter raises chi^2 by one, on one side; 1 if unknown."""
-    hypothesis = fitted.hypothesis
-    low, high = hypothesis.bounds
-    best = fitted.chi2(fitted.floor)
+    low, high = fitted.problem.bounds
+    best = fitted.chi2(fitted.noise)
     std = float(np.sqrt(fitted.inverse[at, at]))
     along = fitted.inverse[:, at] / fitted.inverse[at, at]
     off = 1.0
     for _ in range(_TRIES):
         z = np.clip(fitted.z + along * side * off * std, low, high)
-        least, most = low.copy(), high.copy()
-        least[at] = most[at] = z[at]
         try:
-            found = minimise(
-                lambda q: square_of(hypothesis, fitted.floor, q),
-                z,
-                bounds=(least, most),
-                evaluations=8,
-                tolerance=1e-2,
-                residual=lambda q: whitened_residual(hypothesis, fitted.floor, q),
-                cancelled=stop,
-            )
+            found = fitted.problem.search(z, held=[at], evaluations=8, cancelled=stop)
         except (Infeasible, np.linalg.LinAlgError):
             return 1.0
         grown = float(found.square.chi2) - best

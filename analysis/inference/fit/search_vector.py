@@ -16,11 +16,14 @@ from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.response import Model
 from analysis.inference.fit.samples import Samples
 from analysis.inference.fit.situation import Optics, Values
-from analysis.inference.noise.floor import Floor
+from analysis.inference.noise.floor import Floor, white_by_differences, white_floor
 from analysis.inference.noise.site import Site
 from analysis.inference.screen.first_order import Shot
+from analysis.shot import AnalysisError
+from analysis.signal import LEAST_NOISE_M
 
 Floats = NDArray[np.float64]
+_SAMPLES = 100  # at least, to learn a noise from
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +54,18 @@ class JointData:
         """Return measured minus model displacement, averaged, one array for each shot."""
         return tuple(shot.left_m(x) for shot, x in zip(self.shots, displacement_m, strict=True))
 
-    def whitened(self, floor: Floor, columns: Iterable[Floats]) -> Floats:
-        """Return whitened ``columns``, shape (n, k) for each shot, as one array of shape (rows, k), shot after shot."""
-        return np.concatenate([shot.whitened(floor, c) for shot, c in zip(self.shots, columns, strict=True)])
+    @property
+    def stated_noise(self) -> Floor:
+        """Get white noise as strong as the first motion states it."""
+        return white_floor(self.shots[0].white_m, self.shots[0].spacing_s)
+
+    @property
+    def white_noise(self) -> Floor:
+        """Get white noise as strong as third differences show it; AnalysisError with too few samples."""
+        if sum(int(np.count_nonzero(s.valid[3:] & s.valid[:-3])) for s in self.shots) < _SAMPLES:
+            raise AnalysisError("too few samples for a diagnosis")
+        white_m = white_by_differences([s.displacement_m for s in self.shots], [s.valid for s in self.shots])
+        return white_floor(max(white_m, LEAST_NOISE_M), self.shots[0].spacing_s)
 
 
 @dataclass(frozen=True)
@@ -67,8 +79,9 @@ class SearchVector:
 
     data: JointData
     effects: tuple[TrialEffect, ...]
-    fixed: Values = field(default_factory=dict)
-    stride: float = 2.0  # step of ``general.solve``: at 2 a nonlinear law is right to 0.05 pm, far below any noise
+    fixed: Values = field(default_factory=dict, kw_only=True)
+    # step of ``general.solve``: at 2 a nonlinear law is right to 0.05 pm, far below any noise
+    stride: float = field(default=2.0, kw_only=True)
 
     @cached_property
     def free_parameters(self) -> list[tuple[Effect, Parameter, int]]:

@@ -15,21 +15,16 @@ from numpy.typing import NDArray
 from analysis.collision import MOST_AT_ONCE, Effect, Infeasible, effects_named, findings, named
 from analysis.inference.fit.as_fit import as_fit
 from analysis.inference.fit.base import SearchStart
-from analysis.inference.fit.base_fit import slow_enough
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.first_fit import STRONG, first_fit, likely_plates
 from analysis.inference.fit.free_parameters import trial_effect, trials_of
-from analysis.inference.fit.hypothesis import Hypothesis, JointData
-from analysis.inference.fit.hypothesis_fit import Fitted, over_likely_strengths, residuals, search
-from analysis.inference.fit.least_squares import Minimum, covariance
+from analysis.inference.fit.least_squares import Minimum
+from analysis.inference.fit.problem import Fitted, Problem
 from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ, averaged_shots
 from analysis.inference.fit.with_effect import with_effect
 from analysis.inference.noise.flights import noise_of_flights
-from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.joint_data import can_tell, joint_data, site_under, with_plates
 from analysis.inference.noise.site import Site, on_site
-from analysis.inference.screen.projector import projector
-from analysis.inference.screen.screening import scores
 from analysis.shot import PLATE_RINGS, AnalysisError, Cancelled, Fit, Motion, Progress, Shaking, Stop
 
 Floats = NDArray[np.float64]
@@ -93,28 +88,27 @@ class _SearchEnd:
     frame's contribution (``_fit_base``) does not settle.
     """
 
-    hypothesis: Hypothesis
+    problem: Problem
     found: Minimum
-    noise: Floor
     trusted: bool
     undecided: Floats
 
     @property
     def reduced_chi2(self) -> float:
         """Get chi^2 per degree of freedom."""
-        return self.found.square.chi2 / max(1, self.found.square.samples - self.hypothesis.size)
+        return self.found.square.chi2 / max(1, self.found.square.samples - self.problem.size)
 
     def as_fit(self, motions: Sequence[Motion], model: str, began: float, stop: Stop) -> Fit:
         """Return the fit, weighed by the noise of the whole shots where the frame moves."""
-        hypothesis, found = self.hypothesis, self.found
-        fitted = _reweighed(hypothesis, found, self.noise, stop)
-        undecided = np.pad(self.undecided, (0, hypothesis.size - self.undecided.size))
+        problem, found = self.problem, self.found
+        fitted = _reweighed(problem, found, stop)
+        undecided = np.pad(self.undecided, (0, problem.size - self.undecided.size))
         fitted = replace(fitted, inverse=fitted.inverse + np.outer(undecided, undecided))
-        flags = [f"{name}_at_bound" for name, shot in (hypothesis.names[k] for k in found.at_bound) if shot < 0]
+        flags = [f"{name}_at_bound" for name, shot in (problem.names[k] for k in found.at_bound) if shot < 0]
         flags += [] if self.trusted else ["noise_not_known"]
         flags += [PLATE_RINGS] if self._plate_rings(fitted) else []
         seconds, chi2 = time.perf_counter() - began, found.square.chi2
-        return as_fit(fitted, motions, model, seconds, how="fit", by=self.noise, chi2=chi2, flags=flags)
+        return as_fit(fitted, motions, model, seconds, how="fit", by=problem.noise, chi2=chi2, flags=flags)
 
     def _plate_rings(self, fitted: Fitted) -> bool:
         """Return whether shots fitted with the plate at rest are better described by one that swings at first touch.
@@ -122,12 +116,12 @@ class _SearchEnd:
         Judged by a linear step.  Where it explains only part of the excess chi^2, something else is missing.  Cost: 5
         ms per shot.
         """
-        hypothesis, square = self.hypothesis, self.found.square
-        if hypothesis.data.site is not None or not self.found.converged or _PLATE_MOTION in fitted.effects:
+        problem, square = self.problem, self.found.square
+        if problem.data.site is not None or not self.found.converged or _PLATE_MOTION in fitted.effects:
             return False
-        free = square.samples - hypothesis.size
+        free = square.samples - problem.size
         excess = square.chi2 - free - math.sqrt(2.0 * free)  # more than chance alone would make it
-        listed = scores(projector(fitted, self.noise), trial_effect(_PLATE_MOTION))
+        listed = problem.linearise(fitted.z).scores(trial_effect(_PLATE_MOTION))
         return any(score.worth(square.samples) > _RINGING and score.gain > _LEAST_SHARE * excess for score in listed)
 
 
@@ -152,39 +146,39 @@ class _FitRequest:
             noise, trusted = noise_of_flights(data.shots, data.site)
         self.tell("fitting", 0.3)
         try:
-            hypothesis, found, undecided = _fit_base(data, begin, noise, self.stop)
+            problem, found, undecided = _fit_base(Problem(data, (), noise), begin, self.stop)
             if self.effects:
                 self.tell("fitting the effects", 0.6)
-                hypothesis, found = _with_effects(hypothesis, found, noise, self.effects, self.stop)
+                problem, found = _with_effects(problem, found, self.effects, self.stop)
         except Infeasible as why:
             raise AnalysisError(f"no motion of the {self.model} model comes near these shots: {why}") from why
-        return _SearchEnd(hypothesis, found, noise, trusted, undecided)
+        return _SearchEnd(problem, found, trusted, undecided)
 
 
-def _fit_base(data: JointData, begin: SearchStart, noise: Floor, stop: Stop) -> tuple[Hypothesis, Minimum, Floats]:
+def _fit_base(problem: Problem, begin: SearchStart, stop: Stop) -> tuple[Problem, Minimum, Floats]:
     """Return the minimum of the base model, the frame's contribution computed at the motion fitted.
 
     The last value is the uncertainty, shape (p,), one standard deviation each, that remains of the parameters where a
     plate swings so far that the iteration between motion and contribution does not converge.
     """
-    values: tuple[dict[Effect, dict[str, float]], ...] = tuple({} for _ in data.shots)
-    here = begin
+    values: tuple[dict[Effect, dict[str, float]], ...] = tuple({} for _ in problem.data.shots)
+    here, data = begin, problem.data
     for turn in range(_TURNS):
-        hypothesis = Hypothesis(data, ())
-        z = hypothesis.pack(slow_enough(hypothesis, Point(here.shared, here.own, values)))
-        found = _minimum_from(hypothesis, z, noise, stop)
+        problem = replace(problem, data=data)
+        z = problem.pack(problem.slow_enough(Point(here.shared, here.own, values)))
+        found = _minimum_from(problem, z, stop)
         move = found.parameters - z
         if data.site is None or float(move @ found.square.curvature @ move) < _SMALL_MOVE**2:
             undecided = np.zeros(z.size)
             break
         undecided = move * math.sqrt(0.5)
-        end = hypothesis.unpack(found.parameters)
-        there = replace(begin, shared=end.base, own=end.own, plates=likely_plates(hypothesis, found, noise))
+        end = problem.unpack(found.parameters)
+        there = replace(begin, shared=end.base, own=end.own, plates=likely_plates(problem, found))
         # Where a plate swings far, its contribution changes so much that full steps would alternate: go half-way.
         here = _half_way(here, there) if turn else there
         shots = on_site(with_plates(data.shots, here.plates), data.site, data.base, here.shared, here.own)
         data = replace(data, shots=shots)
-    return hypothesis, found, undecided
+    return problem, found, undecided
 
 
 def _half_way(here: SearchStart, there: SearchStart) -> SearchStart:
@@ -195,50 +189,47 @@ def _half_way(here: SearchStart, there: SearchStart) -> SearchStart:
     return replace(there, shared=shared, own=own, plates=plates)
 
 
-def _minimum_from(
-    hypothesis: Hypothesis, z: Floats, noise: Floor, stop: Stop, evaluations: int = _EVALUATIONS
-) -> Minimum:
-    found = search(hypothesis, z, noise, evaluations=evaluations, tolerance=_TOLERANCE, cancelled=stop)
+def _minimum_from(problem: Problem, z: Floats, stop: Stop, evaluations: int = _EVALUATIONS) -> Minimum:
+    found = problem.search(z, evaluations=evaluations, tolerance=_TOLERANCE, cancelled=stop)
     if stop():
         raise Cancelled
     return found
 
 
-def _with_effects(
-    hypothesis: Hypothesis, of_base: Minimum, noise: Floor, effects: Sequence[Effect], stop: Stop
-) -> tuple[Hypothesis, Minimum]:
+def _with_effects(problem: Problem, of_base: Minimum, effects: Sequence[Effect], stop: Stop) -> tuple[Problem, Minimum]:
     """Return the minimum with the named effects, added one after the other."""
-    here = with_effect(hypothesis, of_base.parameters, noise, trials_of(effects), stop)
-    found = _minimum_from(here.hypothesis, here.z, noise, stop)
+    here = with_effect(problem, of_base.parameters, trials_of(effects), stop)
+    problem = here.problem.with_noise(problem.noise)
+    found = _minimum_from(problem, here.z, stop)
     if not found.converged:
-        found = _minimum_from(here.hypothesis, found.parameters, noise, stop, _TO_CONTINUE)
-    return here.hypothesis, found
+        found = _minimum_from(problem, found.parameters, stop, _TO_CONTINUE)
+    return problem, found
 
 
-def _reweighed(hypothesis: Hypothesis, found: Minimum, noise: Floor, stop: Stop) -> Fitted:
+def _reweighed(problem: Problem, found: Minimum, stop: Stop) -> Fitted:
     """Return the fit, on a moving frame weighed by strengths of its motion that the whole shots show.
 
     The flights determine slow motion of the frame poorly, and say nothing of a knock during the contact.
     """
-    free = np.ones(hypothesis.size, dtype=np.bool_)
-    free[[*found.at_bound, *hypothesis.unseen]] = False
-    inverse = covariance(found.square, free)
-    unknown = np.full((hypothesis.size, hypothesis.size), math.nan)
+    free = np.ones(problem.size, dtype=np.bool_)
+    free[[*found.at_bound, *problem.unseen]] = False
+    unknown = np.full((problem.size, problem.size), math.nan)
 
-    def at(end: Minimum, weighed: Floor, inverse: Floats | None) -> Fitted:
-        left, known = residuals(hypothesis, end.parameters), unknown if inverse is None else inverse
-        return Fitted(hypothesis, end.parameters, weighed, math.nan, left, known, end.converged)
+    def at(end: Minimum, weighed: Problem, inverse: Floats | None) -> Fitted:
+        left, known = weighed.residual_m(end.parameters), unknown if inverse is None else inverse
+        return Fitted(weighed, end.parameters, math.nan, left, known, end.converged)
 
-    fitted = at(found, noise, inverse)
-    if hypothesis.data.site is None or not found.converged:
+    fitted = at(found, problem, found.square.covariance(free))
+    if problem.data.site is None or not found.converged:
         return fitted
     for _ in range(_STRENGTH_TURNS):
-        likely = over_likely_strengths(fitted, free)
+        likely = fitted.over_likely_strengths(free)
         if likely is None:
             break
-        ended = _minimum_from(hypothesis, fitted.z, likely.noise, stop)
+        weighed = problem.with_noise(likely.noise)
+        ended = _minimum_from(weighed, fitted.z, stop)
         move = ended.parameters - fitted.z
-        fitted = at(ended if ended.converged else found, likely.noise, likely.covariance)
+        fitted = at(ended if ended.converged else found, weighed, likely.covariance)
         if float(move @ ended.square.curvature @ move) < _SETTLED**2:
             break
     return fitted

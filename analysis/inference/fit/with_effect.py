@@ -7,14 +7,10 @@ from numpy.typing import NDArray
 
 from analysis.collision import Infeasible
 from analysis.inference.fit.added_effect import refit
-from analysis.inference.fit.effective_parameters import Point, to_effective
+from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.hypothesis import Hypothesis
-from analysis.inference.fit.hypothesis_fit import Fitted, finish, fit_hypothesis, search
-from analysis.inference.noise.floor import Floor
-from analysis.inference.screen.columns import fixed_of
-from analysis.inference.screen.projector import projector
-from analysis.inference.screen.screening import distinct_starts, scores
+from analysis.inference.fit.problem import Fitted, Problem
+from analysis.inference.screen.screening import distinct_starts
 from analysis.shot import Stop
 
 Floats = NDArray[np.float64]
@@ -23,13 +19,12 @@ _EVALUATIONS = 30  # of a search from an effect's natural size
 _SHORT = 16  # of the search that ends it
 
 
-def with_effect(hypothesis: Hypothesis, z: Floats, noise: Floor, kinds: Sequence[TrialEffect], stop: Stop) -> Fitted:
-    """Return the fit of a hypothesis at ``z`` with effects of these ``kinds`` added, the noise learnt at each step.
+def with_effect(problem: Problem, z: Floats, kinds: Sequence[TrialEffect], stop: Stop) -> Fitted:
+    """Return the fit of a problem at ``z`` with effects of these ``kinds`` added, the noise learnt at each step.
 
     Raises Infeasible where an effect has no trajectory from any start values.
     """
-    found = search(hypothesis, z, noise, evaluations=1, cancelled=stop)
-    return joined(finish(hypothesis, found, noise, anew=True), kinds, stop)
+    return joined(problem.fit_once(z, evaluations=1, anew=True, cancelled=stop), kinds, stop)
 
 
 def joined(here: Fitted, kinds: Sequence[TrialEffect], stop: Stop) -> Fitted:
@@ -40,10 +35,10 @@ def joined(here: Fitted, kinds: Sequence[TrialEffect], stop: Stop) -> Fitted:
 
 
 def _with_one_more(here: Fitted, kind: TrialEffect, stop: Stop) -> Fitted:
-    at = projector(here)
-    starts = [score.start for score in distinct_starts(scores(at, kind))[:_FOLLOWED]]
-    if here.floor.wanders:  # noise learnt from a residual may have taken up the effect
-        starts += [score.start for score in distinct_starts(scores(at.under(here.floor.still), kind))[:1]]
+    at = here.linearise()
+    starts = [score.start for score in distinct_starts(at.scores(kind))[:_FOLLOWED]]
+    if here.noise.wanders:  # noise learnt from a residual may have taken up the effect
+        starts += [score.start for score in distinct_starts(at.under(here.noise.still).scores(kind))[:1]]
     trials = [trial for start in starts if (trial := refit(at, kind, start, stop)) is not None]
     if not trials or min(trial.bic for trial in trials) > here.bic:
         natural = (_from_natural_size(here, kind, start, stop) for start in kind.starts[:_FOLLOWED])
@@ -51,21 +46,17 @@ def _with_one_more(here: Fitted, kind: TrialEffect, stop: Stop) -> Fitted:
     if not trials:
         raise Infeasible(f"no start of {kind.effect.name} gives a trajectory")
     trials.sort(key=lambda trial: trial.bic)
-    best = trials[0]
-    return fit_hypothesis(best.hypothesis, best.z, best.floor, evaluations=_SHORT, cancelled=stop)
+    return trials[0].fitted_on(evaluations=_SHORT, cancelled=stop)
 
 
 def _from_natural_size(here: Fitted, kind: TrialEffect, start: Mapping[str, float], stop: Stop) -> Fitted | None:
     """Return a fit from an effect's natural size, for where other parameters absorb it to first order; None if none."""
-    before = here.hypothesis
-    fixed = {**before.fixed, kind.effect: fixed_of(kind, start)}
-    hypothesis = Hypothesis(before.data, (*before.effects, kind), fixed)
-    effective = to_effective(here.point)
+    problem = here.problem.with_effect(kind, start)
+    effective = here.effective
     values = tuple({**v, kind.effect: dict(start)} for v in effective.values)
-    low, high = hypothesis.bounds
+    low, high = problem.bounds
     try:
-        z = np.clip(hypothesis.pack_effective(Point(effective.base, effective.own, values)), low, high)
-        found = search(hypothesis, z, here.floor, evaluations=_EVALUATIONS, cancelled=stop)
-        return finish(hypothesis, found, here.floor)
+        z = np.clip(problem.pack_effective(Point(effective.base, effective.own, values)), low, high)
+        return problem.fit_once(z, evaluations=_EVALUATIONS, cancelled=stop)
     except (Infeasible, np.linalg.LinAlgError, FloatingPointError):
         return None

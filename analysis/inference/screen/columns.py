@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from analysis.collision import Effect, Infeasible, LinearPath
 from analysis.compiled import side_by_side
-from analysis.inference.fit.effective_parameters import Point, to_actual, to_effective
+from analysis.inference.fit.effective_parameters import Point, to_actual
 from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.hypothesis import Hypothesis
 from analysis.inference.fit.samples import Samples
+from analysis.inference.fit.weighed_model import WeighedModel
 from analysis.inference.screen import first_order
 from analysis.inference.screen.projector import FEW_SHOTS, Projector
 from analysis.inference.screen.whitened_columns import WhitenedColumns, column_by_column
@@ -62,7 +62,7 @@ def column_products(
 
     Shot by shot, to save memory; columns are kept only with ``kept`` and where either they or the shots are few.
     """
-    count = len(at.fitted.hypothesis.data.shots)
+    count = len(at.problem.data.shots)
     inside = _inside(at, starts)
     remember = kept and (count <= FEW_SHOTS or len(inside) <= few)
 
@@ -72,7 +72,7 @@ def column_products(
             bare = at.once(key, partial(columns, index), nearby=True) if remember else columns(index)
             if bare is None:
                 return None
-            whiten = partial(WhitenedColumns.of, at.fitted.hypothesis.data.shots[index], at.floor, bare)
+            whiten = partial(WhitenedColumns.of, at.problem.data.shots[index], at.noise, bare)
             return _shot_products(at, index, at.once(key, whiten) if remember else whiten())
 
         return _sum_over_shots(inside, side_by_side(of_shot, range(count)))
@@ -82,7 +82,7 @@ def column_products(
         with contextlib.suppress(Infeasible):
             found = total(lambda index: _to_first_order(at, kind, inside, index), "first order")
     if found is None:
-        moved = [_moved(at, kind, start) for start in inside]
+        moved = [_moved(at, kind, [start] * count) for start in inside]
         found = total(lambda index: _by_trajectories(at, kind, moved, index), "trajectories")
     assert found is not None
     return found
@@ -93,7 +93,7 @@ def products_along_paths(at: Projector, kinds: Sequence[TrialEffect]) -> dict[Ef
 
     A shot's path, some 15 MB, serves all effects and is then released.
     """
-    count = len(at.fitted.hypothesis.data.shots)
+    count = len(at.problem.data.shots)
     inside = {kind.effect: _inside(at, kind.starts) for kind in kinds if kind.effect.wave is None}
     many = [kind for kind in kinds if not kind.own and len(inside.get(kind.effect, ())) > MANY_STARTS]
     if count <= FEW_SHOTS:
@@ -106,7 +106,7 @@ def products_along_paths(at: Projector, kinds: Sequence[TrialEffect]) -> dict[Ef
             with contextlib.suppress(Infeasible):
                 bare = _to_first_order(at, kind, inside[kind.effect], index, paths)
                 if bare is not None:
-                    white = WhitenedColumns.of(at.fitted.hypothesis.data.shots[index], at.floor, bare)
+                    white = WhitenedColumns.of(at.problem.data.shots[index], at.noise, bare)
                     out[kind.effect] = _shot_products(at, index, white)
         return out
 
@@ -117,7 +117,7 @@ def products_along_paths(at: Projector, kinds: Sequence[TrialEffect]) -> dict[Ef
 
 def own_columns(at: Projector, kind: TrialEffect, starts: Starts) -> list[Floats] | None:
     """Return the columns of ``starts`` by trajectories, shape (n, k) for each shot; None where one has none."""
-    moved = [_moved(at, kind, start) for start in starts]
+    moved = [_moved(at, kind, [start] * len(at.lines)) for start in starts]
     makes = [partial(_by_trajectories, at, kind, moved, index) for index in range(len(at.lines))]
     bare = [at.once(f"{index} of {kind.effect.key} {starts}", make, nearby=True) for index, make in enumerate(makes)]
     return bare if all(np.all(np.isfinite(columns)) for columns in bare) else None
@@ -129,14 +129,8 @@ def within(start: Mapping[str, float], shots: Sequence[Samples]) -> bool:
     return f is None or 2.5 / max(s.length_s for s in shots) < f < 0.45 / shots[0].spacing_s
 
 
-def fixed_of(kind: TrialEffect, start: Mapping[str, float]) -> Mapping[str, float]:
-    """Return those values of a start that are not searched."""
-    names = {free.name for free in kind.free_parameters}
-    return {name: value for name, value in start.items() if name not in names}
-
-
 def _inside(at: Projector, starts: Starts) -> list[Mapping[str, float]]:
-    return [start for start in starts if within(start, at.fitted.hypothesis.data.shots)]
+    return [start for start in starts if within(start, at.problem.data.shots)]
 
 
 def _shot_products(at: Projector, index: int, columns: WhitenedColumns) -> _ShotProducts:
@@ -159,19 +153,9 @@ def _sum_over_shots(starts: list[Mapping[str, float]], found: Sequence[_ShotProd
     return ColumnProducts([starts[int(k)] for k in good], whole[good], power[good], along[good])
 
 
-def _moved(at: Projector, kind: TrialEffect, start: Mapping[str, float]) -> Point | None:
-    """Return a fit's point with an effect added at one start for all shots; None where there is no such motion."""
-    effective = to_effective(at.fitted.point)
-    values = tuple({**v, kind.effect: start} for v in effective.values)
-    try:
-        return to_actual(Point(effective.base, effective.own, values))
-    except Infeasible:
-        return None
-
-
-def moved_to(at: Projector, kind: TrialEffect, starts: Starts) -> Point | None:
+def _moved(at: Projector, kind: TrialEffect, starts: Starts) -> Point | None:
     """Return a fit's point with an effect added at a start for each shot; None where there is no such motion."""
-    effective = to_effective(at.fitted.point)
+    effective = at.effective
     values = tuple({**v, kind.effect: start} for v, start in zip(effective.values, starts, strict=True))
     try:
         return to_actual(Point(effective.base, effective.own, values))
@@ -179,13 +163,13 @@ def moved_to(at: Projector, kind: TrialEffect, starts: Starts) -> Point | None:
         return None
 
 
-def shown_with(at: Projector, kind: TrialEffect, point: Point, index: int) -> Floats:
-    """Return what an effect, with its values in ``point``, adds to one shot's averaged samples, shape (n,).
-
-    Raises Infeasible where the shot has no trajectory with it.
-    """
-    with_it, finely, base = _with_and_without(at, kind, index)
-    return _shown(with_it, index, point, finely) - base
+def added_by(at: Projector, kind: TrialEffect, starts: Starts) -> list[Floats] | None:
+    """Return what an effect with values for each shot adds to its averaged samples, (n,) each; None with no motion."""
+    point = _moved(at, kind, starts)
+    if point is None:
+        return None
+    columns = [_by_trajectories(at, kind, [point], index)[:, 0] for index in range(len(at.lines))]
+    return columns if all(np.all(np.isfinite(column)) for column in columns) else None
 
 
 def _by_trajectories(at: Projector, kind: TrialEffect, moved: Sequence[Point | None], index: int) -> Floats:
@@ -199,19 +183,18 @@ def _by_trajectories(at: Projector, kind: TrialEffect, moved: Sequence[Point | N
     return out
 
 
-def _with_and_without(at: Projector, kind: TrialEffect, index: int) -> tuple[Hypothesis, bool, Floats]:
+def _with_and_without(at: Projector, kind: TrialEffect, index: int) -> tuple[WeighedModel, bool, Floats]:
     """Return the model with the effect, whether it must be averaged like the data, and the shot without the effect."""
-    before = at.fitted.hypothesis
-    fixed = {**before.fixed, kind.effect: fixed_of(kind, kind.starts[0])}
-    with_it = Hypothesis(before.data, (*before.effects, kind), fixed)
+    before = at.problem
+    with_it = before.with_effect(kind, kind.starts[0])
     # The ripple of a sensor's effect is finer than averaged samples: it is averaged like the data.
     finely = kind.effect.sensor is not None
-    show = partial(_shown, before, index, at.fitted.point, finely)
+    show = partial(_shown, before, index, at.point, finely)
     return with_it, finely, at.once(f"seen without it {finely} {index}", show)
 
 
-def _shown(hypothesis: Hypothesis, index: int, point: Point, finely: bool) -> Floats:
-    return hypothesis.averaged(index, point) if finely else hypothesis.coarse(index, point)
+def _shown(model: WeighedModel, index: int, point: Point, finely: bool) -> Floats:
+    return model.averaged(index, point) if finely else model.coarse(index, point)
 
 
 def _to_first_order(
@@ -221,13 +204,13 @@ def _to_first_order(
 
     With many shots a path is kept in ``paths`` alone.  Raises Infeasible.
     """
-    effect, hypothesis, point = kind.effect, at.fitted.hypothesis, at.fitted.point
-    shot = hypothesis.shot_at(index, point)
-    steps = np.array(first_order.steps_for(hypothesis.shot_at(0, point), effect, starts))
+    effect, problem, point = kind.effect, at.problem, at.point
+    shot = problem.shot_at(index, point)
+    steps = np.array(first_order.steps_for(problem.shot_at(0, point), effect, starts))
     out = np.empty((shot.time_s.size, len(starts)))
     paths = {} if paths is None else paths
     for some in (int(one) for one in np.unique(steps)):
-        if len(hypothesis.data.shots) <= FEW_SHOTS:
+        if len(problem.data.shots) <= FEW_SHOTS:
             path = at.once(f"path {index} {some}", partial(first_order.path_of, shot, some), nearby=True)
         else:
             path = paths[some] = paths.get(some) or first_order.path_of(shot, some)

@@ -33,7 +33,7 @@ def scan(at: Projector) -> tuple[Floats, Floats]:
 
 
 def _scan(at: Projector) -> tuple[Floats, Floats]:
-    shots = at.fitted.hypothesis.data.shots
+    shots = at.problem.data.shots
     length = max(shot.length_s for shot in shots)
     steps, f = [], 2.5 / length
     while f < min(2500.0, 0.4 / shots[0].spacing_s):
@@ -51,8 +51,8 @@ def _scan(at: Projector) -> tuple[Floats, Floats]:
         index, first = part
         shot = shots[index]
         some = grid[first : first + _AT_ONCE]
-        white = at.floor.whiten(_waves(some, shot.centre_s), shot.valid, shot.weight)
-        make = partial(_Waves.of, shot, at.floor, white)
+        white = at.noise.whiten(_waves(some, shot.centre_s), shot.valid, shot.weight)
+        make = partial(_Waves.of, shot, at.noise, white)
         waves = at.once(f"lines {index} from {first}", make) if few else make()
         return waves.gain(white, fitted[index])
 
@@ -123,7 +123,7 @@ def near_loud_lines(at: Projector, kind: TrialEffect, louder_than: float) -> lis
     Such a line is as narrow as one over the record; a grid with steps of some per cent would miss it at a kilohertz.
     """
     grid, total = scan(at)
-    width = 1 / max(shot.length_s for shot in at.fitted.hypothesis.data.shots)
+    width = 1 / max(shot.length_s for shot in at.problem.data.shots)
     loud: list[float] = []
     for k in np.argsort(-total):
         if not total[k] > louder_than:

@@ -1,17 +1,18 @@
-"""A fit linearised at its best point, and projection onto what its own parameters cannot do."""
+"""A weighed model linearised at a vector, and projection onto what its own parameters cannot do."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from threading import Lock
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision import fastest_rates
 from analysis.inference.fit.arrow import Arrow, Span
-from analysis.inference.fit.hypothesis_fit import Fitted, whitened_tangents
+from analysis.inference.fit.effective_parameters import Point, to_effective
 from analysis.inference.fit.situation import situation
+from analysis.inference.fit.weighed_model import Lines, WeighedModel
 from analysis.inference.noise.floor import Floor
 
 Floats = NDArray[np.float64]
@@ -21,48 +22,81 @@ _NEARBY = 0.01  # relative: of a radian of the contact's oscillation, and of a b
 
 @dataclass(frozen=True, slots=True)
 class Trajectories:
-    """Columns of small effects along the trajectories of a fit, valid for any fit with nearly the same trajectories."""
+    """Columns of small effects along the trajectories of a model at ``z``, valid where these are nearly the same.
 
-    fitted: Fitted
+    ``lines`` are the displacement and derivatives there.
+    """
+
+    problem: WeighedModel
+    z: Floats
+    lines: Lines
     known: dict[str, Any] = field(default_factory=dict)
 
-    def serve(self, other: Fitted) -> bool:
-        """Return whether another fit of the same shots has nearly the same trajectories and base parameters."""
-        mine, point = self.fitted, self.fitted.point
-        if mine is other:
+    def serve(self, problem: WeighedModel, z: Floats, lines: Lines) -> bool:
+        """Return whether a model of the same shots has nearly the same trajectories and base parameters at ``z``."""
+        if self.problem is problem and self.z is z:
             return True
-        if mine.hypothesis.data is not other.hypothesis.data:
+        if self.problem.data is not problem.data:
             return False
-        if not np.allclose(point.base, other.point.base, rtol=_NEARBY, atol=0.0):
+        point = self.problem.unpack(self.z)
+        if not np.allclose(point.base, problem.unpack(z).base, rtol=_NEARBY, atol=0.0):
             return False
-        for index, shot in enumerate(mine.hypothesis.data.shots):
-            at = mine.hypothesis.shot_at(index, point)
+        for index, shot in enumerate(problem.data.shots):
+            at = self.problem.shot_at(index, point)
             collision, _ = situation(at.base, at.own, {}, at.mass_kg)
             swing_m = abs(shot.course.velocity_in_m_per_s) / fastest_rates(collision, []).contact
-            moved_m = np.abs(mine.residual_m[index] - other.residual_m[index])[shot.valid]
+            moved_m = np.abs(self.lines[index][0] - lines[index][0])[shot.valid]
             if not float(moved_m.max(initial=0.0)) < _NEARBY * swing_m:
                 return False
         return True
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Projector:
-    """Projects whitened rows of all shots, one after another, off the tangents of the fitted parameters."""
+    """Projects whitened rows of all shots, one after another, off the tangents of the parameters at ``z``."""
 
-    fitted: Fitted
-    floor: Floor
+    problem: WeighedModel
+    z: Floats
     basis: Span  # of the tangents
     left: Floats  # the whitened residual, projected
-    tangents: Arrow  # the whitened derivatives by the fitted parameters
+    tangents: Arrow  # the whitened derivatives by the parameters
     whole: Floats  # the whitened residual, not projected
-    lines: tuple[tuple[Floats, Floats], ...]  # averaged displacement and derivatives, shot by shot
+    lines: Lines
     trajectories: Trajectories  # with unwhitened columns of effects, which other projectors share
     done: dict[str, Any] = field(default_factory=dict)  # whitened columns of effects already computed here
     _doing: dict[str, Lock] = field(default_factory=dict)  # held while a value is computed
 
-    def whitened(self, columns: Sequence[Floats]) -> Floats:
-        """Return the whitened rows of columns given shot by shot, each of shape (n, k)."""
-        return self.fitted.hypothesis.data.whitened(self.floor, columns)
+    @classmethod
+    def of(cls, problem: WeighedModel, z: Floats, near: "Projector | None" = None) -> Self:
+        """Linearise ``problem`` at ``z``; results of a projector ``near`` it are used as far as they are valid."""
+        lines = near.lines if near and near.problem is problem and near.z is z else problem.derivatives(z)
+        serve = near is not None and near.trajectories.serve(problem, z, lines)
+        return cls._with(problem, z, lines, near.trajectories if near and serve else Trajectories(problem, z, lines))
+
+    @classmethod
+    def _with(cls, problem: WeighedModel, z: Floats, lines: Lines, trajectories: Trajectories) -> Self:
+        whole, tangents = problem.whitened_lines(lines)
+        basis = tangents.span()
+        return cls(problem, z, basis, basis.projected(whole), tangents, whole, lines, trajectories)
+
+    @property
+    def noise(self) -> Floor:
+        """Get the noise that rows are whitened by."""
+        return self.problem.noise
+
+    @property
+    def point(self) -> Point:
+        """Get the parameters."""
+        return self.problem.unpack(self.z)
+
+    @property
+    def effective(self) -> Point:
+        """Get the parameters as a record shows them (``effective_parameters``)."""
+        return to_effective(self.point)
+
+    def under(self, noise: Floor) -> Self:
+        """Return the same under another noise; what does not depend on noise is shared."""
+        return self._with(self.problem.with_noise(noise), self.z, self.lines, self.trajectories)
 
     def once(self, key: str, make: Callable[[], Any], *, nearby: bool = False) -> Any:
         """Return the cached value of ``key``, computed by the first thread that needs it; others wait.
@@ -74,17 +108,3 @@ class Projector:
             if key not in known:
                 known[key] = make()
         return known[key]
-
-    def under(self, floor: Floor) -> "Projector":
-        """Return the projector of the same fit under another noise; what does not depend on noise is shared."""
-        return projector(self.fitted, floor, near=self)
-
-
-def projector(fitted: Fitted, floor: Floor | None = None, *, near: Projector | None = None) -> Projector:
-    """Linearise a fit at its best point; results of a projector ``near`` it are used as far as they are valid."""
-    floor = floor or fitted.floor
-    lines = near.lines if near and near.fitted is fitted else tuple(fitted.hypothesis.linearised(fitted.z))
-    whole, tangents = whitened_tangents(fitted.hypothesis, floor, lines)
-    basis = tangents.span()
-    trajectories = near.trajectories if near and near.trajectories.serve(fitted) else Trajectories(fitted)
-    return Projector(fitted, floor, basis, basis.projected(whole), tangents, whole, lines, trajectories)

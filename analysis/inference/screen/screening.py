@@ -102,7 +102,7 @@ def _looks_for_lines(kind: TrialEffect) -> bool:
 
 
 def _freedom(at: Projector, kind: TrialEffect) -> int:
-    return len(kind.shared) + len(kind.own) * len(at.fitted.hypothesis.data.shots)
+    return len(kind.shared) + len(kind.own) * len(at.problem.data.shots)
 
 
 def _between(listed: Sequence[Score], kind: TrialEffect) -> list[Mapping[str, float]]:
@@ -127,7 +127,7 @@ def _between(listed: Sequence[Score], kind: TrialEffect) -> list[Mapping[str, fl
 
 def _linear(at: Projector, kind: TrialEffect, products: ColumnProducts, freedom: int) -> list[Score]:
     """Return the scores of columns in whose amplitude the displacement is linear, with allowed signs only."""
-    shots = at.fitted.hypothesis.data.shots
+    shots = at.problem.data.shots
     # A column that the fitted parameters span is rounding after projection, and its score would be arbitrary.
     power = np.where(products.power < SPANNED**2 * products.whole, 0.0, products.power)
     along = products.along
@@ -169,7 +169,7 @@ def distinct_starts(listed: Sequence[Score]) -> list[Score]:
 
 def _own_amplitudes(at: Projector, kind: TrialEffect) -> list[Score]:
     """Score an effect with amplitudes for every shot (plate motion; a cyclic error's phase as two quadratures)."""
-    shots = at.fitted.hypothesis.data.shots
+    shots = at.problem.data.shots
     freedom = _freedom(at, kind)
     out = []
     for start in kind.starts:
@@ -198,7 +198,7 @@ def _own_amplitudes(at: Projector, kind: TrialEffect) -> list[Score]:
 
 def _given_fit(at: Projector, bare: Sequence[Floats]) -> tuple[float, float, Floats]:
     """Return gain, squared norm of the first, and amplitudes of per-shot columns, shape (n, k), given the fit."""
-    columns = Arrow.of(bare, 0).whitened(at.fitted.hypothesis.data.shots, at.floor)
+    columns = Arrow.of(bare, 0).whitened(at.problem.data.shots, at.noise)
     projected = at.basis.projected_columns(columns)
     numbers = projected.solve(at.left)
     return float(numbers @ columns.pull(at.left)), float(projected.products[0, 0]), numbers
@@ -206,7 +206,7 @@ def _given_fit(at: Projector, bare: Sequence[Floats]) -> tuple[float, float, Flo
 
 def _waves(at: Projector, kind: TrialEffect) -> list[Score]:
     """Score a wave added by the sensor: amplitude and phase for each shot, frequencies closer than 1 / record."""
-    shots = at.fitted.hypothesis.data.shots
+    shots = at.problem.data.shots
     wave = kind.effect.wave
     assert wave is not None
     grid, total = scan(at)

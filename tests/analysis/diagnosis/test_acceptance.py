@@ -25,7 +25,7 @@ class Fit:
     """What the gates look at."""
 
     effects: tuple[Effect, ...]
-    floor: Floor = CALM
+    noise: Floor = CALM
     converged: bool = True
     worth: float = 200.0  # of the criterion, each of its effects
 
@@ -60,7 +60,7 @@ def kept(sizes: dict[Effect, float], worth: float, monkeypatch: pytest.MonkeyPat
     """Return which effects of these sizes and this worth each are not too faint."""
     monkeypatch.setattr(acceptance, "snr", lambda _fit, _at, effect: sizes[effect])
     monkeypatch.setattr(acceptance, "missed_without", lambda *_: 100.0)
-    monkeypatch.setattr(Trail, "projector_of", lambda _trail, _fit: None)
+    monkeypatch.setattr(Trail, "linearised", lambda _trail, _fit: None)
     monkeypatch.setattr(
         acceptance,
         "without",

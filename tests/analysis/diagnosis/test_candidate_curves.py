@@ -11,8 +11,6 @@ from analysis.diagnosis.result_file import diagnosis_result
 from analysis.diagnosis.verdict import alternatives
 from analysis.diagnosis.verdict.alternatives import POINTS, averaged_to, curve_of_fit, curve_to_first_order
 from analysis.inference.fit.added_effect import refit
-from analysis.inference.screen.projector import projector
-from analysis.inference.screen.screening import scores
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 
@@ -30,8 +28,8 @@ from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 )
 def test_the_first_order_is_near_to_what_the_fit_with_the_effect_gives(name: str, effects: dict, off: float) -> None:
     before = base_fit(shots(effects))
-    at = projector(before)
-    best = scores(at, KINDS[name])[0]
+    at = before.linearise()
+    best = at.scores(KINDS[name])[0]
     fitted = refit(at, KINDS[name], best.start, calm)
     assert fitted is not None
     exact, quick = curve_of_fit(fitted, before), curve_to_first_order(at, best)
@@ -44,11 +42,11 @@ def test_the_first_order_is_near_to_what_the_fit_with_the_effect_gives(name: str
 def test_no_fitted_parameter_could_explain_more_beside_the_candidate(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(alternatives, "POINTS", 10**6)  # every sample, so that whitening does not see steps
     before = base_fit(shots({"viscous_drag": {"coefficient_n_s_per_m": 2e-5}}))
-    at = projector(before)
-    curve = curve_to_first_order(at, scores(at, KINDS["bearing_gradient"])[0])
+    at = before.linearise()
+    curve = curve_to_first_order(at, at.scores(KINDS["bearing_gradient"])[0])
     assert curve is not None
     remains = [left - explained for left, explained in zip(before.residual_m, curve, strict=True)]
-    white = at.whitened([column[:, None] for column in remains])[:, 0]
+    white = at.problem.whitened([column[:, None] for column in remains])[:, 0]
     beside = at.basis.projected(white)
     assert np.linalg.norm(white - beside) < 1e-3 * np.linalg.norm(white)
 

@@ -6,24 +6,21 @@ from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import Separation, separation
 from analysis.inference.fit.added_effect import refit
-from analysis.inference.fit.hypothesis_fit import fit_hypothesis
-from analysis.inference.screen.projector import projector
-from analysis.inference.screen.screening import scores
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 
 def test_the_better_of_two_look_alikes_takes_the_place() -> None:
     true, first = "viscoelastic_arm", "plate_damping"
     before = base_fit(shots({true: {"stiffness_n_per_m": 0.02, "relaxation_time_s": 2e-3}}))
-    at = projector(before)
-    wrong = refit(at, KINDS[first], scores(at, KINDS[first])[0].start, calm)
+    at = before.linearise()
+    wrong = refit(at, KINDS[first], at.scores(KINDS[first])[0].start, calm)
     assert wrong is not None
     trail = Trail(before, [KINDS[true], KINDS[first]], calm)
     trail.keep(wrong)
-    best, _, far = with_look_alikes_tried(wrong, projector(wrong), trail, lambda _: True)
+    best, _, far = with_look_alikes_tried(wrong, wrong.linearise(), trail, lambda _: True)
     assert best.effects == (named(true),) and best.bic < wrong.bic - CRITERIA.least_lead
     assert list(far) == [named(true)]
-    kept, _, _ = with_look_alikes_tried(wrong, projector(wrong), trail, lambda _: False)
+    kept, _, _ = with_look_alikes_tried(wrong, wrong.linearise(), trail, lambda _: False)
     assert kept is wrong  # what does not predict a held-out shot takes no place
 
 
@@ -31,15 +28,15 @@ def test_what_rings_in_the_same_place_is_asked_however_far_apart_it_is_to_first_
     true, first = "support_compliance", "second_plate_mode"
     effects = {true: {"compliance_m_per_n": 4.187e-5, "frequency_hz": 1506.9}}
     before = base_fit(shots(effects, seed=63001648))  # a rig on which such a clamp leaves 40 norms
-    at = projector(before)
-    quick = refit(at, KINDS[first], scores(at, KINDS[first])[0].start, calm)
+    at = before.linearise()
+    quick = refit(at, KINDS[first], at.scores(KINDS[first])[0].start, calm)
     assert quick is not None
-    wrong = fit_hypothesis(quick.hypothesis, quick.z, quick.floor, evaluations=60)
-    far = separation(wrong, projector(wrong), named(first), [KINDS[true]])
+    wrong = quick.fitted_on(evaluations=60)
+    far = separation(wrong, wrong.linearise(), named(first), [KINDS[true]])
     assert far.from_other[named(true)] > 0.7 * far.snr  # a line so narrow that its twin beside it stands apart
     trail = Trail(before, [KINDS[true], KINDS[first]], calm)
     trail.keep(wrong)
-    best, _, _ = with_look_alikes_tried(wrong, projector(wrong), trail, lambda _: True)
+    best, _, _ = with_look_alikes_tried(wrong, wrong.linearise(), trail, lambda _: True)
     assert best.effects == (named(true),) and best.bic < wrong.bic
 
 

@@ -86,11 +86,10 @@ class _Law(SimpleNamespace):
 def test_effects_that_passed_no_gate_are_named_beside_a_law_only_where_nothing_remains(
     passed: bool, remains: bool, named: int, imitating: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    fit = SimpleNamespace(bic=0.0)
+    fit = SimpleNamespace(bic=0.0, linearise=lambda: None)
+    fit.continued = lambda _stop: fit
     for name, made in {
         "without_effect": lambda *_: SimpleNamespace(bic=1e3),
-        "lead_on": lambda fitted, **_: fitted,
-        "projector": lambda _: None,
         "effect_parameters": lambda _: {EFFECT.effect: EFFECT.parameters},
         "snr": lambda *_: 40.0,
         "missed_without": lambda *_: 40.0,

@@ -11,10 +11,9 @@ from analysis.collision.laws.curve import Basis
 from analysis.diagnosis.learning import curve_fit
 from analysis.diagnosis.learning.curve_motion import Ground, ground_of
 from analysis.inference.fit.base import base_named
-from analysis.inference.fit.base_fit import base_fit
-from analysis.inference.fit.first_fit import first_fit
-from analysis.inference.fit.hypothesis import JointData
+from analysis.inference.fit.first_fit import base_fit, first_fit
 from analysis.inference.fit.samples import averaged_shots
+from analysis.inference.fit.search_vector import JointData
 from tests.law_rigs import LawRig
 
 PLACE = next(a for a in ARGUMENTS if a.name == "place")
@@ -43,7 +42,7 @@ def test_old_derivatives_lead_to_the_same_curve(ground: Ground, monkeypatch: pyt
     def fitted(faithful: float) -> tuple[curve_fit.Learned, int]:
         monkeypatch.setattr(curve_fit, "_FAITHFUL", faithful)
         counted.clear()
-        return curve_fit.fit_terms(start.hypothesis, start.z, start.terms, start.floor, calm, steps=6), len(counted)
+        return curve_fit.fit_terms(start.problem, start.z, start.terms, calm, steps=6), len(counted)
 
     (kept, few), (anew, many) = fitted(curve_fit._FAITHFUL), fitted(math.inf)
     assert few < many
@@ -58,7 +57,7 @@ def test_old_derivatives_lead_to_the_same_curve(ground: Ground, monkeypatch: pyt
 def test_a_law_that_is_nothing_yet_leaves_the_shots_as_they_are(ground: Ground) -> None:
     term = curve_fit.Term(PLACE, basis := curve_fit.graded_basis(*ground.visited(PLACE), 12), np.zeros(basis.count))
     laid = ground.beside(term)
-    solved = curve_fit.motions(ground.fitted.hypothesis, ground.fitted.z, (term,))
+    solved = curve_fit.motions(ground.fitted.problem, ground.fitted.z, (term,))
     for shown, other in zip(laid.displacement_m, solved.displacement_m, strict=True):
         assert np.abs(shown - other).max() < 1e-13
     for one, other in zip(laid.derivatives, solved.derivatives, strict=True):

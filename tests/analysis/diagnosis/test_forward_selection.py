@@ -1,6 +1,7 @@
 """The search for several effects takes more than one way."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -8,10 +9,7 @@ import pytest
 from analysis.collision.effects import named
 from analysis.diagnosis.search.forward_selection import another_way, explore
 from analysis.inference.fit.added_effect import refit, with_both_effects
-from analysis.inference.fit.hypothesis import Hypothesis
-from analysis.inference.fit.hypothesis_fit import Fitted, Floats
-from analysis.inference.screen.projector import projector
-from analysis.inference.screen.screening import scores
+from analysis.inference.fit.problem import Fitted, Floats, Problem
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 
@@ -37,8 +35,8 @@ def test_a_mode_is_found_beside_a_ripple_from_where_it_was_found_alone() -> None
     start = base_fit(shots(effects))
 
     def one_more(before: Fitted, name: str) -> Fitted:
-        at = projector(before)
-        found = refit(at, KINDS[name], scores(at, KINDS[name])[0].start, calm)
+        at = before.linearise()
+        found = refit(at, KINDS[name], at.scores(KINDS[name])[0].start, calm)
         assert found is not None
         return found
 
@@ -50,16 +48,16 @@ def test_a_mode_is_found_beside_a_ripple_from_where_it_was_found_alone() -> None
 
 
 def test_a_fit_far_behind_another_is_not_followed_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    at = projector(base_fit(shots({"coulomb_friction": {"force_n": 2e-6}})))
-    start = scores(at, KINDS["adhesion"])[0].start
+    at = base_fit(shots({"coulomb_friction": {"force_n": 2e-6}})).linearise()
+    start = at.scores(KINDS["adhesion"])[0].start
     solved: list[int] = []
-    linearised = Hypothesis.linearised
+    derivatives = Problem.derivatives
 
-    def counted(hypothesis: Hypothesis, z: Floats) -> list[tuple[Floats, Floats]]:
+    def counted(problem: Problem, z: Floats) -> Sequence[tuple[Floats, Floats]]:
         solved.append(1)
-        return linearised(hypothesis, z)
+        return derivatives(problem, z)
 
-    monkeypatch.setattr(Hypothesis, "linearised", counted)
+    monkeypatch.setattr(Problem, "derivatives", counted)
 
     def fitted(least_bic: float) -> tuple[Fitted, int]:
         solved.clear()
@@ -67,7 +65,7 @@ def test_a_fit_far_behind_another_is_not_followed_to_its_end(monkeypatch: pytest
         assert found is not None
         return found, len(solved)
 
-    best = refit(at, KINDS["coulomb_friction"], scores(at, KINDS["coulomb_friction"])[0].start, calm)
+    best = refit(at, KINDS["coulomb_friction"], at.scores(KINDS["coulomb_friction"])[0].start, calm)
     assert best is not None
     (to_its_end, every), (left, few) = fitted(math.inf), fitted(best.bic)
     near, as_many = fitted(to_its_end.bic - 50)

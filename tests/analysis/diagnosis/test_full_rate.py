@@ -24,8 +24,8 @@ def test_a_ripple_too_weak_for_averaged_samples_is_seen_at_the_records_rate() ->
     assert found is not None
     best, _ = found
     assert best.effects == (named(RIPPLE),)
-    assert best.hypothesis.data.shots[0].spacing_s == pytest.approx(1 / FINE_RATE_HZ)
-    assert before.hypothesis.data.shots[0].spacing_s == pytest.approx(1 / RATE_HZ)
+    assert best.problem.data.shots[0].spacing_s == pytest.approx(1 / FINE_RATE_HZ)
+    assert before.problem.data.shots[0].spacing_s == pytest.approx(1 / RATE_HZ)
     clean = shots({})
     alone = base_fit(clean)
     assert at_full_rate(alone, Trail(alone, list(KINDS.values()), calm), clean) is None
@@ -53,7 +53,7 @@ def test_the_sway_is_computed_anew_for_parameters_that_fell_as_for_those_that_ro
     start: Any = Some(point=Some(base=np.array([221.4, 1e4])))
     base = np.array([221.4, 1e4 * (1 + change)])
     best: Any = Some(
-        hypothesis=Some(data=data), point=Some(base=base, own=()), floor=Some(white_m=1e-10), bic=0.0, effects=()
+        problem=Some(data=data), point=Some(base=base, own=()), noise=Some(white_m=1e-10), bic=0.0, effects=()
     )
     trail: Any = Some(start=start, stop=calm)
     assert full_rate.with_sway_updated(best, trail) == (best, trail)

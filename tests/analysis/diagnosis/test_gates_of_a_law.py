@@ -32,10 +32,13 @@ class Fit:
     bic: float
     shots: int = 3
     converged: bool = True
-    floor: str = "of this fit"
+    noise: str = "of this fit"
+
+    def linearise(self) -> None:
+        """Return nothing: what follows is replaced."""
 
     @property
-    def hypothesis(self) -> Any:
+    def problem(self) -> Any:
         """Get the data, of so many shots."""
         return SimpleNamespace(data=SimpleNamespace(shots=[None] * self.shots))
 
@@ -64,8 +67,8 @@ class Case:
             named.append(named_by_form)
             return "law"
 
-        def predict(fitted: Fit, held: tuple[int, ...], floor: str, _stop: object) -> Prediction:
-            assert held == self.held and floor == "of this fit"
+        def predict(fitted: Fit, held: tuple[int, ...], noise: str, _stop: object) -> Prediction:
+            assert held == self.held and noise == "of this fit"
             return Prediction((), 10.0 if fitted.bic == START else self.surprise, 1.0, np.zeros(1))
 
         patch.setattr(law_learning, "arguments_of", lambda _start: [PLACE])
@@ -74,11 +77,10 @@ class Case:
         patch.setattr(law_learning, "_refined", lambda _start, _learned, forms, *_: [one] * len(forms))
         patch.setattr(law_learning, "_led_on", lambda _one, _stop: end)
         patch.setattr(law_learning, "over_kinks", lambda fitted, _stop: fitted)
-        patch.setattr(law_learning, "projector", lambda _fitted: None)
         patch.setattr(law_learning, "residual_of", lambda *_: NOTHING_LEFT)
         patch.setattr(law_learning, "predict", predict)
         patch.setattr(law_learning, "as_learned", as_learned)
-        start = cast(Any, Fit(START, self.shots, floor="of the start"))
+        start = cast(Any, Fit(START, self.shots, noise="of the start"))
         return learn_law(start, self.held, lambda _what, _fraction: None, calm, beat=self.beat), named
 
 
@@ -138,7 +140,6 @@ def test_a_law_explains_all_in_forms_that_meet_it_and_leave_nothing(found: Disco
 def alone(found: Discovery | None, patch: pytest.MonkeyPatch, nearest: float = 50.0, size: float = 100.0) -> SingleLaw:
     """Return a law that the shots show, with its size and how far the nearest row of the catalogue is from it."""
     patch.setattr(single_law, "learn_law", lambda *_: found)
-    patch.setattr(single_law, "projector", lambda _fitted: None)
     patch.setattr(single_law, "separation", lambda *_: Separation(size, {named("cubic_stiffness"): nearest}, {}))
     return SingleLaw(cast(Any, Fit(START)), (0,), lambda _what, _fraction: None, calm, Limit(SECONDS, calm))
 

@@ -265,12 +265,12 @@ def lacking(
     """Return the worst of shapes with these gains, widths and floors beside them, of one shot without effects."""
     kinks, *laws = gains
     data = SimpleNamespace(shots=[SimpleNamespace(course=SimpleNamespace(velocity_in_m_per_s=-0.3))], count=4)
-    hypothesis = SimpleNamespace(data=data, free_parameters=(), offset=7, size=7, arrow=lambda _blocks: None)
+    problem = SimpleNamespace(data=data, free_parameters=(), offset=7, size=7, arrow=lambda _blocks: None)
     monkeypatch.setattr(lack_of_fit, "_kinks", lambda _shot: kinks)
     monkeypatch.setattr(lack_of_fit, "free_laws", lambda *_: {name: [name] for name in laws})
     monkeypatch.setattr(lack_of_fit, "shared", lambda columns: columns[0])
     monkeypatch.setattr(lack_of_fit, "gain", lambda _fitted, _at, shape: gains[shape])
-    fitted = SimpleNamespace(hypothesis=hypothesis, point=None)
+    fitted = SimpleNamespace(problem=problem, point=None)
     return worst(cast(Any, fitted), cast(Any, SimpleNamespace(lines=())), slow)
 
 

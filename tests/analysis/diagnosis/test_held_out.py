@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.diagnosis.verdict import cross_validation
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
-from analysis.inference.fit.hypothesis_fit import Fitted, search
+from analysis.inference.fit.problem import Fitted, Problem
 from tests.analysis.diagnosis.shots import base_fit, calm, shots
 
 Floats = NDArray[np.float64]
@@ -22,24 +21,24 @@ def fitted() -> Fitted:
 
 def spoilt(fitted: Fitted, which: int) -> Fitted:
     """Return a fit of the same parameters, one of whose shots shows 100 nm that were not there."""
-    data = fitted.hypothesis.data
+    data = fitted.problem.data
     wave = 1e-7 * np.sin(np.arange(data.shots[which].displacement_m.size) / 9.0)
     one = replace(data.shots[which], displacement_m=data.shots[which].displacement_m + wave)
     every = tuple(one if i == which else shot for i, shot in enumerate(data.shots))
-    return replace(fitted, hypothesis=replace(fitted.hypothesis, data=replace(data, shots=every)))
+    return replace(fitted, problem=replace(fitted.problem, data=replace(data, shots=every)))
 
 
 def trained(fitted: Fitted, monkeypatch: pytest.MonkeyPatch) -> tuple[Floats, Prediction]:
     """Return the parameters that foretell the held-out shot, and what they foretell."""
-    seen = []
+    seen, search = [], Problem.search
 
     def watched(*given, **named):  # type: ignore[no-untyped-def]
         seen.append(search(*given, **named))
         return seen[-1]
 
     with monkeypatch.context() as patch:
-        patch.setattr(cross_validation, "search", watched)
-        told = predict(fitted, (HELD,), fitted.floor, calm)
+        patch.setattr(Problem, "search", watched)
+        told = predict(fitted, (HELD,), fitted.noise, calm)
     assert told is not None and len(seen) == 1
     return seen[0].parameters, told
 

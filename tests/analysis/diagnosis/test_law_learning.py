@@ -9,11 +9,10 @@ from analysis.diagnosis.learning.law_learning import Discovery, learn_law, may_r
 from analysis.diagnosis.learning.two_laws import learn_another, learn_laws, learn_two
 from analysis.diagnosis.verdict.cross_validation import choose
 from analysis.inference.fit.base import base_named
-from analysis.inference.fit.base_fit import base_fit
-from analysis.inference.fit.first_fit import first_fit
-from analysis.inference.fit.hypothesis import JointData
-from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.inference.fit.first_fit import base_fit, first_fit
+from analysis.inference.fit.problem import Fitted
 from analysis.inference.fit.samples import averaged_shots
+from analysis.inference.fit.search_vector import JointData
 from tests.law_rigs import LawRig
 
 
@@ -25,7 +24,7 @@ def begun(rig: LawRig, speeds_m_per_s: Sequence[float] = (0.15, 0.24, 0.36)) -> 
 
 def learned(rig: LawRig) -> tuple[Fitted, Discovery | None]:
     start = begun(rig, (0.15, 0.36))
-    held = choose(start.hypothesis.data)
+    held = choose(start.problem.data)
     return start, learn_laws(start, held, lambda _what, _fraction: None, lambda: False)
 
 
@@ -46,7 +45,7 @@ def test_a_law_of_the_place_is_learned_with_its_form(attraction: tuple[Fitted, D
     assert abs(length.value - 7e-4) < 4 * length.std < 1.4e-6
     before, after = found.predictions
     assert after.rms_m < 0.01 * before.rms_m
-    assert found.fitted.floor.std_m == pytest.approx(LawRig().noise_m / math.sqrt(2.5), rel=0.3)  # of averaged samples
+    assert found.fitted.noise.std_m == pytest.approx(LawRig().noise_m / math.sqrt(2.5), rel=0.3)  # of averaged samples
     assert law.visited[0] < -1e-3 and law.visited[1] > 1e-3
 
 
@@ -55,7 +54,7 @@ def test_what_cannot_come_before_a_criterion_is_not_asked_to_the_end(
 ) -> None:
     start, first = attraction
     assert first is not None
-    held, told = choose(start.hypothesis.data), []
+    held, told = choose(start.problem.data), []
 
     def tell(what: str, _fraction: float) -> None:
         told.append(what)
@@ -96,7 +95,7 @@ def test_two_laws_that_one_alone_would_pass_for_a_third_are_learned_at_once() ->
         kinks=(lambda x, *_: x,),
     )
     start = begun(rig)
-    found = learn_two(start, choose(start.hypothesis.data), lambda: False)
+    found = learn_two(start, choose(start.problem.data), lambda: False)
     assert found is not None and found.explains
     assert [law.argument for law in found.laws] == ["place times speed", "bend"]
     assert found.laws[0].form == "exponential"

@@ -15,13 +15,11 @@ from analysis.diagnosis.result import Verdict
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trial_effects
-from analysis.inference.fit.hypothesis import Hypothesis, JointData
-from analysis.inference.fit.hypothesis_fit import fit_hypothesis
+from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import averaged_shots
+from analysis.inference.fit.search_vector import JointData
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise.floor import Floor
-from analysis.inference.screen.projector import projector
-from analysis.inference.screen.screening import scores
 from tests.analysis.collision.simulated import shot
 
 SPEEDS = (-0.15, -0.27, -0.40)
@@ -95,11 +93,11 @@ def test_what_remembers_and_what_only_the_sensor_shows_score_best(
     monkeypatch.setitem(CATALOGUE, row.name, row)
     motions = [shot(PAPER.at_speed(v), effects={row.name: values}, seed=i) for i, v in enumerate(SPEEDS)]
     data = JointData(averaged_shots(motions), base_named("paper"))
-    bare = Hypothesis(data, ())
+    bare = Problem(data, (), Floor(1e-10, (0.0, 0.0), (1e-2, 1e-2), data.shots[0].spacing_s))
     own = np.array([[v, 0.0123456, 3.1e-3] for v in SPEEDS])
     start = bare.pack(Point(PAPER.vector[:4], own, tuple({} for _ in motions)))
-    at = projector(fit_hypothesis(bare, start, Floor(1e-10, (0.0, 0.0), (1e-2, 1e-2), data.shots[0].spacing_s)))
+    at = bare.fit(start).linearise()
     like = ("viscous_drag", "quadratic_drag", "tilt", "sensor_drift", row.name)
-    gains = {kind.effect.name: scores(at, kind)[0].gain for kind in trial_effects() if kind.effect.name in like}
+    gains = {kind.effect.name: at.scores(kind)[0].gain for kind in trial_effects() if kind.effect.name in like}
     assert max(gains, key=lambda name: gains[name]) == row.name
     assert gains[row.name] > 100

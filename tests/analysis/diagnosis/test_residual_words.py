@@ -32,8 +32,8 @@ def _fit(scale: float) -> Any:
     floor = SimpleNamespace(white_m=noise_m)
     data = SimpleNamespace(shots=[shot])
     return SimpleNamespace(
-        hypothesis=SimpleNamespace(data=data),
-        floor=floor,
+        problem=SimpleNamespace(data=data),
+        noise=floor,
         residual_m=(left_m,),
         whitened=lambda: [left_m / noise_m],
     )

@@ -36,6 +36,6 @@ def test_two_rows_that_look_like_a_third_are_named_before_a_law_is() -> None:
 @pytest.mark.slow
 def test_a_law_that_may_be_a_row_of_the_catalogue_stands_instead_of_none() -> None:
     start = begun(LawRig(on_plate=lambda _x, _v, y, _u: -100.0 * y**3))
-    alone = SingleLaw(start, choose(start.hypothesis.data), lambda _what, _fraction: None, calm, Limit(SECONDS, calm))
+    alone = SingleLaw(start, choose(start.problem.data), lambda _what, _fraction: None, calm, Limit(SECONDS, calm))
     assert alone.found is not None and alone.found.explains  # as a cubic of the bend, which cubic stiffness is
     assert not alone.replaces_effects(start, trial_effects())

@@ -15,15 +15,15 @@ def test_a_step_that_leaves_a_larger_residual_is_not_taken(
 ) -> None:
     """Far from the straight line the step overshoots: from 1.06 on, what it would leave is larger than before."""
 
-    def residual(_: object, __: object, z: np.ndarray) -> np.ndarray:
+    def residual(z: np.ndarray) -> np.ndarray:
         return np.array([z[0] + 0.9 * z[0] ** 3])
 
-    monkeypatch.setattr(added_effect, "whitened_residual", residual)
     monkeypatch.setattr(added_effect, "_compensation", lambda tangents: lambda left: left)
     before = Some(offset=1, free_parameters=())
-    hypothesis: Any = Some(offset=1, free_parameters=(), bounds=(np.array([-9.0]), np.array([9.0])))
-    at: Any = Some(fitted=Some(hypothesis=before), once=lambda name, made: made(), floor=None, tangents=None)
-    found = added_effect._compensated(at, hypothesis, np.array([start]))
+    bounds = np.array([-9.0]), np.array([9.0])
+    problem: Any = Some(offset=1, free_parameters=(), bounds=bounds, whitened_residual=residual)
+    at: Any = Some(problem=before, once=lambda name, made: made(), tangents=None)
+    found = added_effect._compensated(at, problem, np.array([start]))
     if better:
         assert abs(found[0]) < 0.95 * start
     else:

@@ -48,7 +48,7 @@ def test_a_shot_that_its_model_does_not_describe_is_as_unsure_as_what_is_left_sa
 def test_a_remainder_below_the_noise_makes_nothing_surer_and_one_above_it_does_the_reverse() -> None:
     motions = shots({}, count=2)
     fitted = base_fit(motions)
-    freedom = fitted.samples - fitted.hypothesis.size
+    freedom = fitted.samples - fitted.problem.size
 
     def stds(chi2: float) -> np.ndarray:
         return np.array([q.std for q in as_fit(fitted, motions, "paper", 0.0, chi2=chi2).parameters.values()])
@@ -60,8 +60,8 @@ def test_a_remainder_below_the_noise_makes_nothing_surer_and_one_above_it_does_t
 def test_the_noise_of_a_sample_is_that_of_the_motion_and_not_of_the_means_that_were_fitted() -> None:
     motions = shots({}, count=2)
     fitted = base_fit(motions)
-    white = replace(fitted.floor, white_m=1e-10, rms_m=(3e-10, 0.0))
-    factor = fitted.hypothesis.data.shots[0].factor
+    white = replace(fitted.noise, white_m=1e-10, rms_m=(3e-10, 0.0))
+    factor = fitted.problem.data.shots[0].factor
     assert factor > 1
-    fit = as_fit(replace(fitted, floor=white), motions, "paper", 0.0)
+    fit = as_fit(replace(fitted, problem=fitted.problem.with_noise(white)), motions, "paper", 0.0)
     assert fit.noise_std_m == pytest.approx(np.sqrt(factor * 1e-20 + 9e-20), rel=1e-12)

@@ -7,8 +7,9 @@ from analysis.collision.effects import named
 from analysis.collision.parameters import PAPER, Infeasible
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point, to_actual, to_effective
-from analysis.inference.fit.hypothesis import Hypothesis, JointData
+from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import averaged_shots
+from analysis.inference.fit.search_vector import JointData
 from tests.analysis.diagnosis.shots import KINDS, shots
 
 DELAY, SUPPORT = named("demodulation_lag"), named("support_compliance")
@@ -45,11 +46,11 @@ def test_a_clamp_softer_than_what_is_seen_is_no_place_for_a_search() -> None:
 
 def test_the_slope_is_that_of_the_parameters() -> None:
     data = JointData(averaged_shots(shots({}, count=2)), base_named("paper"))
-    hypothesis = Hypothesis(data, (KINDS["demodulation_lag"], KINDS["support_compliance"]))
-    z = hypothesis.pack(point())
-    slope = hypothesis.slope(z)
-    for column in range(hypothesis.size):
+    problem = Problem(data, (KINDS["demodulation_lag"], KINDS["support_compliance"]), data.white_noise)
+    z = problem.pack(point())
+    slope = problem.slope(z)
+    for column in range(problem.size):
         step = np.zeros(z.size)
         step[column] = 1e-6 * max(abs(z[column]), 1.0)
-        up, down = (flat(hypothesis.unpack(z + sign * step)) for sign in (1, -1))
+        up, down = (flat(problem.unpack(z + sign * step)) for sign in (1, -1))
         assert slope[:, column] == pytest.approx((up - down) / (2 * step[column]), rel=1e-5, abs=1e-8)

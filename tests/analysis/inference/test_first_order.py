@@ -14,14 +14,13 @@ from analysis.collision.parameters import PAPER
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trial_effect
-from analysis.inference.fit.hypothesis import Hypothesis, JointData
-from analysis.inference.fit.hypothesis_fit import fit_hypothesis
+from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import averaged_shots
+from analysis.inference.fit.search_vector import JointData
 from analysis.inference.fit.situation import Optics
 from analysis.inference.noise.floor import Floor
 from analysis.inference.screen import screening
 from analysis.inference.screen.first_order import Shot, path_of, responses, steps_for
-from analysis.inference.screen.projector import projector
 from tests.analysis.collision.simulated import shot as simulated
 from tests.analysis.diagnosis.test_made_up import SLOSHING
 from tests.analysis.inference.shown import shown
@@ -127,19 +126,19 @@ def test_the_scores_are_those_of_trajectories_solved_one_by_one(monkeypatch: pyt
     effects = {"block_mode": (2e-6, 870.0, 0.02)}
     motions = [simulated(PAPER.at_speed(v), effects=effects, seed=i) for i, v in enumerate(speeds)]
     data = JointData(averaged_shots(motions), base_named("paper"))
-    bare = Hypothesis(data, ())
+    bare = Problem(data, (), Floor(1e-10, (0.0, 0.0), (1e-2, 1e-2), data.shots[0].spacing_s))
     own = np.array([[v, 0.0123456, 3.1e-3] for v in speeds])
     start = bare.pack(Point(PAPER.vector[:4], own, tuple({} for _ in motions)))
-    fitted = fit_hypothesis(bare, start, Floor(1e-10, (0.0, 0.0), (1e-2, 1e-2), data.shots[0].spacing_s))
+    fitted = bare.fit(start)
     kinds = [trial_effect(CATALOGUE[name]) for name in LINEAR[:3]]
     # The first order is that of a small effect: beside the contact's own swing a mode of 0.1 kg is not.
     kinds = [
         replace(kind, starts=tuple({**s, "mass_kg": 2.0} if kind.inverse else s for s in kind.starts[::5]))
         for kind in kinds
     ]
-    quick = [screening.scores(projector(fitted), kind) for kind in kinds]
+    quick = [fitted.linearise().scores(kind) for kind in kinds]
     monkeypatch.setattr(screening, "MANY_STARTS", 10**9)
-    slow = [screening.scores(projector(fitted), kind) for kind in kinds]
+    slow = [fitted.linearise().scores(kind) for kind in kinds]
     for one, other in zip(quick, slow, strict=True):
         assert len(one) == len(other), one[0].kind.effect.name
         gains = {tuple(score.start[0][name] for name in AXES if name in score.start[0]): score.gain for score in one}

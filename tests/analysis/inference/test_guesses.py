@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from analysis.collision.parameters import PAPER, Collision
-from analysis.inference.fit import first_guesses as guessed
 from analysis.inference.fit import guesses
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.first_guesses import first_guesses
+from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import averaged_shot
 from tests.analysis.collision.simulated import shot
 
@@ -56,8 +56,8 @@ def test_one_search_is_enough_where_the_pattern_of_bounces_is_plain(monkeypatch:
         searches.append(arguments)
         return search(*arguments, **options)
 
-    search = guessed.search
-    monkeypatch.setattr(guessed, "search", counted)
+    search = Problem.search
+    monkeypatch.setattr(Problem, "search", counted)
     found = first_guesses(BASE, [averaged_shot(shot(PAPER))], lambda: False)
     assert len(searches) == 1
     assert found[0] == pytest.approx(PAPER.vector[:4], rel=1e-3)

@@ -13,8 +13,7 @@ from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference.fit.base import base_of, start_from_fit
 from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.hypothesis import Hypothesis
-from analysis.inference.fit.hypothesis_fit import residuals
+from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise import site_strengths
@@ -139,9 +138,9 @@ def at_vc_d():
     fit = fit_shots(motions, shakings=shakings)
     begin = start_from_fit(fit, motions)
     data = joint_data(motions, begin, site)
-    hypothesis = Hypothesis(data, ())
-    z = hypothesis.pack(Point(begin.shared, begin.own, ({},) * 3))
-    return data, residuals(hypothesis, z)
+    problem = Problem(data, (), data.white_noise)
+    z = problem.pack(Point(begin.shared, begin.own, ({},) * 3))
+    return data, problem.residual_m(z)
 
 
 def test_strengths_are_the_likeliest_and_leave_white_noise() -> None:
@@ -164,10 +163,11 @@ def test_a_plate_known_to_swing_moves_as_the_effect_does() -> None:
     still = replace(data, shots=with_plates(data.shots, [(0.0, 0.0)] * 3))
     moving = replace(data, shots=with_plates(data.shots, [tuple(swing.values())] * 3))
     as_known, as_effect = Point(base, own, ({},) * 3), Point(base, own, ({named("plate_motion"): swing},) * 3)
-    known, effect = Hypothesis(moving, ()), Hypothesis(still, (KINDS["plate_motion"],))
+    noise = data.white_noise
+    known, effect = Problem(moving, (), noise), Problem(still, (KINDS["plate_motion"],), noise)
     np.testing.assert_allclose(known.averaged(0, as_known), effect.averaged(0, as_effect), atol=1e-15)
     np.testing.assert_allclose(known.coarse(0, as_known), effect.coarse(0, as_effect), atol=1e-15)
-    assert np.abs(known.averaged(0, as_known) - Hypothesis(still, ()).averaged(0, as_known)).max() > 1e-8
+    assert np.abs(known.averaged(0, as_known) - Problem(still, (), noise).averaged(0, as_known)).max() > 1e-8
 
 
 @pytest.mark.parametrize(("site", "seed"), [pytest.param("VC-B", 209, marks=pytest.mark.slow), ("VC-A", 226)])

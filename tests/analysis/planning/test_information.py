@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from analysis.inference.fit.hypothesis_fit import Fitted
+from analysis.inference.fit.problem import Fitted
 from analysis.planning.next_shot import NextShot, contact_s, effort
 from analysis.planning.precision import _spread
 from analysis.planning.predictions import blank_shot, information_of, predict, present_information
@@ -29,11 +29,11 @@ def shot_of(speed: float, added: float) -> NextShot:
 @FEW
 @given(speed=SPEED, added=ADDED)
 def test_two_equal_shots_add_twice_the_information(fitted: Fitted, speed: float, added: float) -> None:
-    one = information_of(fitted, predict(fitted, blank_shot(shot_of(speed, added), fitted)), fitted.floor)
+    one = information_of(fitted, predict(fitted, blank_shot(shot_of(speed, added), fitted)), fitted.noise)
     two = one + one
     for name in ("curvature", "gradient", "chi2", "penalty"):
         np.testing.assert_allclose(getattr(two, name), 2.0 * np.asarray(getattr(one, name)), rtol=1e-12)
-    known = present_information(fitted, fitted.floor).curvature
+    known = present_information(fitted, fitted.noise).curvature
     for count in (1, 2, 3):
         assert _spread(known * (1 + count), None) == pytest.approx(_spread(known, None) / np.sqrt(1 + count))
     rows = np.eye(len(known))
@@ -44,8 +44,8 @@ def test_two_equal_shots_add_twice_the_information(fitted: Fitted, speed: float,
 @given(speed=SPEED)
 def test_twice_the_shots_reduce_each_uncertainty_by_the_root_of_two(fitted: Fitted, speed: float) -> None:
     shown = predict(fitted, blank_shot(shot_of(speed, 0.0), fitted))
-    information = information_of(fitted, shown, fitted.floor).curvature
-    known = present_information(fitted, fitted.floor).curvature + information
+    information = information_of(fitted, shown, fitted.noise).curvature
+    known = present_information(fitted, fitted.noise).curvature + information
     for row in np.eye(len(known)):
         assert _spread(2.0 * known, row) == pytest.approx(_spread(known, row) / np.sqrt(2.0), rel=1e-6)
 
@@ -53,7 +53,7 @@ def test_twice_the_shots_reduce_each_uncertainty_by_the_root_of_two(fitted: Fitt
 @FEW
 @given(speed=SPEED, added=st.floats(0.005, 0.2))
 def test_added_mass_counts(fitted: Fitted, speed: float, added: float) -> None:
-    samples = fitted.hypothesis.data.shots
+    samples = fitted.problem.data.shots
     bare, laden = shot_of(speed, 0.0), shot_of(speed, added)
     mass = samples[0].moving_mass_kg
     assert blank_shot(laden, fitted).moving_mass_kg == pytest.approx(mass + added, rel=1e-12)

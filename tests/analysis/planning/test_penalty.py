@@ -20,7 +20,7 @@ NAMES = ("nonlinear_contact_damping", "plate_motion")
 
 def _fitted(names, here, inverse):
     free = [("one", SimpleNamespace(name=name), -1) for name in names]
-    return SimpleNamespace(hypothesis=SimpleNamespace(offset=0, free_parameters=free), z=here, inverse=inverse)
+    return SimpleNamespace(problem=SimpleNamespace(offset=0, free_parameters=free), z=here, inverse=inverse)
 
 
 def test_the_penalty_of_own_values_is_the_evidence_at_its_likeliest_scatter():
@@ -65,7 +65,7 @@ def _contest(truth: Truth, given: str) -> ModelComparison:
 def test_the_penalty_that_a_next_shot_adds_is_predicted(damped):
     truth, now = damped
     shot = NextShot(0.6, 0.0, 0.012, 0.02)
-    samples = now.members[0].fitted.hypothesis.data.shots
+    samples = now.members[0].fitted.problem.data.shots
     foreseen = nearest(refitted(now, (shot,), screen_shots(now, [shot], lambda _: None, calm), calm))
     then = _contest(with_shots(truth, [shot], contact_s(shot, samples)), NAMES[0])
     leader = [member.effect.name for member in now.members].index("nonlinear_contact_damping")

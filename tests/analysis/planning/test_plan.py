@@ -47,7 +47,7 @@ def friction() -> tuple[Truth, ModelComparison, Plan]:
 def test_friction_and_drift_are_separated_as_predicted(friction):
     truth, open_class, wanted = friction
     assert wanted.now < 5.0 and wanted.settles and wanted.separation > 6.5
-    samples = open_class.members[0].fitted.hypothesis.data.shots
+    samples = open_class.members[0].fitted.problem.data.shots
     (shot,) = wanted.shots
     motions = motions_of(with_shots(truth, wanted.shots, contact_s(shot, samples)))
     found = FoundEffect(named("coulomb_friction"), {}, {})
@@ -63,7 +63,7 @@ def test_friction_and_drift_are_separated_as_predicted(friction):
 
 def test_the_first_order_agrees_with_a_refit_where_the_models_are_nearly_linear(friction):
     _, open_class, _ = friction
-    shots = open_class.members[0].fitted.hypothesis.data.shots
+    shots = open_class.members[0].fitted.problem.data.shots
     some = next_shots(shots, REACH)[:2]
     distances = screen_shots(open_class, some, lambda _: None, calm)
     for shot in some:
@@ -74,7 +74,7 @@ def test_the_first_order_agrees_with_a_refit_where_the_models_are_nearly_linear(
 
 def test_several_equal_shots_add_information_and_effort(friction):
     _, open_class, _ = friction
-    shots = open_class.members[0].fitted.hypothesis.data.shots
+    shots = open_class.members[0].fitted.problem.data.shots
     shot = next_shots(shots, REACH)[0]
     distances = screen_shots(open_class, [shot], lambda _: None, calm)
     one, two = distances.nearest((shot,))[0], distances.nearest((shot, shot))[0]
@@ -111,9 +111,9 @@ def test_there_is_no_comparison_without_one_of_its_members(friction):
 def test_a_swinging_plate_is_predicted_to_swing_as_in_one_of_the_shots():
     truth = rig({"plate_motion": {"velocity_m_per_s": 4e-7, "displacement_m": 5e-11}})
     fitted = refit_diagnosed(fit_shots(motions_of(truth), effects=("plate_motion",)), motions_of(truth), calm)
-    shot = next_shots(fitted.hypothesis.data.shots, REACH)[0]
-    hypothesis, z = predictions.with_shots(fitted, [blank_shot(shot, fitted)])
-    *starts, added = [values[named("plate_motion")] for values in hypothesis.unpack(z).values]
+    shot = next_shots(fitted.problem.data.shots, REACH)[0]
+    problem, z = predictions.with_shots(fitted, [blank_shot(shot, fitted)])
+    *starts, added = [values[named("plate_motion")] for values in problem.unpack(z).values]
     assert any(added == pytest.approx(one) for one in starts)
 
 

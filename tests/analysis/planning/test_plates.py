@@ -13,9 +13,9 @@ from analysis.diagnosis.verdict.foretold import foretell
 from analysis.fitted.kinetic_contact import contact_cor, fitted_contact_cor
 from analysis.inference.fit.base import base_of
 from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.hypothesis import Hypothesis, JointData
-from analysis.inference.fit.hypothesis_fit import square_of, whitened_residual
+from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import averaged_shots
+from analysis.inference.fit.search_vector import JointData
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.planning.model_comparison import refit_diagnosed
@@ -110,15 +110,14 @@ def test_the_contact_cor_of_each_shot_uses_its_own_plate(five):
 def test_the_derivatives_by_both_plates_are_those_of_the_sum_of_squares(five):
     motions, _, found = five
     base, shots = base_of("paper", motions), averaged_shots(motions)
-    hypothesis = Hypothesis(JointData(shots, base), ())
-    noise, _ = noise_of_flights(shots)
+    problem = Problem(JointData(shots, base), (), noise_of_flights(shots)[0])
     shared = np.array([found.fit_before.parameters[name].value * 1.0001 for name in base.names])
-    here = hypothesis.pack(Point(shared, np.array([shot.course.own for shot in shots]), ({},) * len(shots)))
-    gradient = square_of(hypothesis, noise, here).gradient
+    here = problem.pack(Point(shared, np.array([shot.course.own for shot in shots]), ({},) * len(shots)))
+    gradient = problem.square(here).gradient
     for place in range(len(shared)):
         step = np.zeros(here.size)
         step[place] = 1e-5 * abs(here[place])
-        left = [whitened_residual(hypothesis, noise, here + sign * step) for sign in (1.0, -1.0)]
+        left = [problem.whitened_residual(here + sign * step) for sign in (1.0, -1.0)]
         slope = (left[0] @ left[0] - left[1] @ left[1]) / (2 * step[place])
         assert slope == pytest.approx(2 * gradient[place], rel=2e-3), base.names[place]
 
@@ -126,7 +125,7 @@ def test_the_derivatives_by_both_plates_are_those_of_the_sum_of_squares(five):
 def test_the_next_shot_is_planned_on_the_last_plate(five):
     motions, bodies, found = five
     fitted = refit_diagnosed(found.fit_after, motions, calm)
-    shots = fitted.hypothesis.data.shots
+    shots = fitted.problem.data.shots
     planned = next_shots(shots, Reach(speeds_m_per_s=(0.3,), added_kg=(0.0,)))[0]
     shown = predict(fitted, blank_shot(planned, fitted))
     assert shown.plate_number == 1

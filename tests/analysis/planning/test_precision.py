@@ -25,9 +25,9 @@ def test_the_uncertainty_after_the_shot_is_the_predicted_one(fitted):
     truth, before = fitted
     plan = plan_precision(before, STIFFNESS, REACH)
     assert plan.std_after == pytest.approx(plan.ratio * plan.std_before)
-    place = before.hypothesis.names.index((STIFFNESS, -1))
+    place = before.problem.names.index((STIFFNESS, -1))
     assert plan.std_before == pytest.approx(before.std[place], rel=0.02)
-    contact = contact_s(plan.shots[0], before.hypothesis.data.shots)
+    contact = contact_s(plan.shots[0], before.problem.data.shots)
     motions = motions_of(with_shots(truth, plan.shots, contact))
     after = refit_diagnosed(fit_shots(motions), motions, calm)
     assert after.std[place] == pytest.approx(plan.std_after, rel=0.05)

@@ -1,0 +1,284 @@
+"""A problem: base model and effects over some shots, and their noise.  Fits, predictions and scores go through it."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.collision import Effect
+from analysis.inference.fit.effective_parameters import Point, to_effective
+from analysis.inference.fit.free_parameters import TrialEffect
+from analysis.inference.fit.least_squares import Hopeless, Minimum, minimise
+from analysis.inference.fit.weighed_model import WeighedModel
+from analysis.inference.noise import site_strengths
+from analysis.inference.noise.flights import noise_of_flights
+from analysis.inference.noise.floor import Floor, learn
+from analysis.inference.noise.site_strengths import Likely, over_likely
+from analysis.inference.screen import screening
+from analysis.inference.screen.columns import added_by
+from analysis.inference.screen.projector import Projector
+from analysis.inference.screen.screening import Score
+from analysis.shot import Stop
+
+Floats = NDArray[np.float64]
+_ROUNDS, _A_ROUND, _BRINGS = 8, 25, 0.05  # of ``continued``: rounds, evaluations in each, least gain of ln L
+_NEAR = 0.04  # of chi^2 still to fall: no parameter is further than a fifth of its std from the minimum
+
+
+@dataclass(frozen=True)
+class Problem(WeighedModel):
+    """A base model with effects over some shots, weighed by a noise: what a fit solves."""
+
+    def with_first_noise(self, z: Floats) -> "Problem":
+        """Return the problem with the noise that a search from ``z`` begins with: its own where no frame moves.
+
+        On a moving frame it is learnt from the residual, its wandering parts with the shape that the flights show.
+        """
+        if self.data.site is None:
+            return self
+        start = noise_of_flights(self.data.shots, self.data.site)[0]
+        return self.with_noise(self.learn_noise(self.residual_m(z), start)[0])
+
+    def learn_noise(
+        self, residual_m: Sequence[Floats], start: Floor | None = None, *, anew: bool = False
+    ) -> tuple[Floor, float]:
+        """Return the likeliest noise of residuals (m, one for each shot), and its log-likelihood.
+
+        On a moving frame the wandering parts keep the shape they have in ``start`` unless learnt ``anew``.
+        """
+        data = self.data
+        if data.site is not None:
+            parts = data.parts if anew else 0
+            return site_strengths.learn(residual_m, data.shots, data.site, start=start, parts=parts)
+        valid, weights = [shot.valid for shot in data.shots], [shot.weight for shot in data.shots]
+        return learn(residual_m, valid, data.shots[0].spacing_s, weights=weights, start=start, parts=data.parts)
+
+    def search(
+        self,
+        z: Floats,
+        *,
+        held: Sequence[int] = (),
+        evaluations: int = 25,
+        tolerance: float = 1e-2,
+        hopeless: Hopeless | None = None,
+        cancelled: Stop | None = None,
+    ) -> Minimum:
+        """Minimise chi^2 from ``z`` until the fall still expected is below ``tolerance``; parameters ``held`` stay.
+
+        Or until ``hopeless`` says so (see ``minimise``).  Raises Infeasible where the start has no trajectory.
+        """
+        return minimise(
+            self.square,
+            z,
+            bounds=self._held(z, [*self.unseen, *held]),
+            evaluations=evaluations,
+            tolerance=tolerance,
+            residual=self.whitened_residual,
+            hopeless=hopeless,
+            cancelled=cancelled,
+        )
+
+    def predict(self, z: Floats, known: Sequence[int] | None = None, *, evaluations: int, tolerance: float) -> Minimum:
+        """Predict the shots from parameters that others have determined: only what is a shot's own is fitted.
+
+        ``known`` are the places in ``z`` of what was determined (None: all that shots share).
+        """
+        bounds = self._held(z, self.shared if known is None else known)
+        return minimise(self.square, z, bounds=bounds, evaluations=evaluations, tolerance=tolerance)
+
+    def _held(self, z: Floats, places: Sequence[int]) -> tuple[Floats, Floats]:
+        """Return the bounds of the vector between which the parameters at ``places`` stay as they are in ``z``."""
+        low, high = self.bounds
+        low[places] = high[places] = z[places]
+        return low, high
+
+    def fit(self, z: Floats, *, evaluations: int = 25, anew: bool = False, cancelled: Stop | None = None) -> "Fitted":
+        """Fit from ``z`` under the noise given, then under that learnt from its residual."""
+        first = self.fit_once(z, evaluations=evaluations, cancelled=cancelled)
+        again = max(8, evaluations // 2)
+        final = first.problem.fit_once(first.z, evaluations=again, anew=anew, cancelled=cancelled)
+        return final if final.log_likelihood >= first.log_likelihood else first
+
+    def fit_once(
+        self,
+        z: Floats,
+        *,
+        evaluations: int = 25,
+        tolerance: float = 1e-2,
+        hopeless: Hopeless | None = None,
+        anew: bool = False,
+        cancelled: Stop | None = None,
+    ) -> "Fitted":
+        """Search from ``z`` under the noise given, and learn the noise from the residual at the end."""
+        found = self.search(z, evaluations=evaluations, tolerance=tolerance, hopeless=hopeless, cancelled=cancelled)
+        return self.fitted(found, anew=anew)
+
+    def fitted(self, found: Minimum, *, anew: bool = False) -> "Fitted":
+        """Return the fit at the end of a search: noise learnt from the residual, likelihood, covariance."""
+        left = self.residual_m(found.parameters)
+        # The likelihood of wandering parts has several maxima; a search begun at another fit's would stay there.
+        noise, value = self.learn_noise(left, self.noise if self.noise.site else None, anew=anew)
+        inverse = found.square.covariance()
+        converged = found.converged
+        if inverse is None:
+            inverse = np.full((self.size, self.size), np.nan)
+        else:
+            gradient = found.square.gradient
+            still_to_fall = float(gradient @ inverse @ gradient)
+            converged = converged or still_to_fall < _NEAR * found.square.chi2 / found.square.samples
+        return Fitted(self.with_noise(noise), found.parameters, value, left, inverse, converged)
+
+    def linearise(self, z: Floats, near: Projector | None = None) -> "Linearised":
+        """Return the problem linearised at ``z``; results of another one ``near`` it are used where still valid."""
+        return Linearised.of(self, z, near)
+
+
+@dataclass(frozen=True)
+class Linearised(Projector):
+    """A problem linearised at ``z``, on which further effects are scored."""
+
+    problem: Problem
+
+    def scores(self, kind: TrialEffect) -> list[Score]:
+        """Return the scores of one effect, one for each start, best first."""
+        return screening.scores(self, kind)
+
+    def screen(self, kinds: Sequence[TrialEffect], stop: Stop, *, to_join: float | None = None) -> list[list[Score]]:
+        """Return the scores of every effect that has any, in the order of ``kinds``; Cancelled.
+
+        ``to_join`` is the fall of the criterion that an effect needs to be added.
+        """
+        return screening.all_scores(self, kinds, stop, to_join=to_join)
+
+    def added_by(self, kind: TrialEffect, starts: Sequence[Mapping[str, float]]) -> list[Floats] | None:
+        """Return what an effect, its values given for each shot, adds to the averaged samples; None with no motion."""
+        return added_by(self, kind, starts)
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A problem at its minimum ``z``: its noise is the likeliest of the averaged residual ``residual_m`` of each shot.
+
+    ``inverse`` is (J^T J)^-1 of the derivatives J whitened as in the search, shape (p, p), in its coordinates.
+    """
+
+    problem: Problem
+    z: Floats
+    log_likelihood: float
+    residual_m: tuple[Floats, ...]
+    inverse: Floats
+    converged: bool
+
+    @property
+    def noise(self) -> Floor:
+        """Get the noise learnt from the residual."""
+        return self.problem.noise
+
+    @property
+    def point(self) -> Point:
+        """Get the parameters."""
+        return self.problem.unpack(self.z)
+
+    @property
+    def effective(self) -> Point:
+        """Get the parameters as a record shows them (``effective_parameters``)."""
+        return to_effective(self.point)
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """Get the effects."""
+        return tuple(kind.effect for kind in self.problem.effects)
+
+    @property
+    def covariance(self) -> Floats:
+        """Get the covariance of the parameters, in the vector's order."""
+        slope = self.problem.slope(self.z)
+        return np.asarray(slope @ self.inverse @ slope.T)
+
+    @property
+    def std(self) -> Floats:
+        """Get the standard deviations of the parameters, in the vector's order."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    @property
+    def samples(self) -> int:
+        """Get the number of valid averaged samples."""
+        return sum(int(shot.valid.sum()) for shot in self.problem.data.shots)
+
+    def whitened(self, noise: Floor | None = None) -> list[Floats]:
+        """Return the residual at the valid samples, shot by shot, whitened by ``noise`` (None: the fit's own)."""
+        both = zip(self.residual_m, self.problem.data.shots, strict=True)
+        return [shot.whitened(noise or self.noise, left[:, None])[:, 0] for left, shot in both]
+
+    def chi2(self, noise: Floor) -> float:
+        """Return the sum of squares of the residual whitened by ``noise``."""
+        return sum(float(left @ left) for left in self.whitened(noise))
+
+    @property
+    def bic(self) -> float:
+        """Get the Bayesian information criterion (Schwarz 1978): k ln n - 2 ln L; smaller is better."""
+        return self.problem.size * math.log(self.samples) - 2 * self.log_likelihood
+
+    def linearise(self, near: Projector | None = None) -> Linearised:
+        """Return the problem linearised at the minimum; ``near`` as in ``Problem.linearise``."""
+        return self.problem.linearise(self.z, near)
+
+    def fitted_on(self, *, evaluations: int = 25, anew: bool = False, cancelled: Stop | None = None) -> "Fitted":
+        """Fit on from the minimum, as ``Problem.fit``."""
+        return self.problem.fit(self.z, evaluations=evaluations, anew=anew, cancelled=cancelled)
+
+    def continued(self, cancelled: Stop | None = None) -> "Fitted":
+        """Continue the search of a fit that had not converged, as long as the likelihood grows.
+
+        With a law the minimum lies in a long bent valley: a point worse by only a thousandth of chi^2 may be ten
+        standard deviations away from it.
+        """
+        best = self
+        for _ in range(_ROUNDS):
+            if best.converged:
+                break
+            found = best.problem.search(best.z, evaluations=_A_ROUND, cancelled=cancelled)
+            further = best.problem.fitted(found)
+            if further.log_likelihood < best.log_likelihood + _BRINGS and not further.converged:
+                break
+            best = further if further.log_likelihood >= best.log_likelihood else best
+            if found.converged:
+                break
+        return best._without_wander(cancelled)
+
+    def _without_wander(self, cancelled: Stop | None) -> "Fitted":
+        """Return the fit with white noise alone where likelier; wandering noise can hide what a model lacks."""
+        if self.noise.site or max(self.noise.rms_m) < self.noise.white_m:
+            return self
+        still = self.problem.with_noise(self.noise.still).fit(self.z, evaluations=_A_ROUND, cancelled=cancelled)
+        return still if still.log_likelihood > self.log_likelihood else self
+
+    def under_likely_noises(self) -> "Fitted":
+        """Return a fit on a moving frame with its covariance under all likely strengths of the frame's bands.
+
+        Under the likeliest strengths alone it is a third too small, since slow bands swing only a few times in a shot.
+        A fit without a moving frame is returned unchanged.
+        """
+        if self.problem.data.site is None or not self.noise.site:
+            return self
+        free = np.ones(self.problem.size, dtype=np.bool_)
+        free[self.problem.unseen] = False
+        likely = self.over_likely_strengths(free)
+        return self if likely is None else replace(self, inverse=likely.covariance)
+
+    def over_likely_strengths(self, free: NDArray[np.bool_]) -> Likely | None:
+        """Return the parameters' covariance under all likely strengths, zero where not ``free``, shape (p,).
+
+        None where the free parameters are not determined.
+        """
+        problem, data = self.problem, self.problem.data
+        assert data.site is not None
+        tangents = problem.arrow([line for _, line in problem.derivatives(self.z)])
+        tangents = tangents.without(np.flatnonzero(~free))
+        try:
+            likely = over_likely(self.residual_m, tangents, data.shots, data.site, self.noise)
+        except np.linalg.LinAlgError:  # two parameters have the same effect
+            return None
+        return replace(likely, covariance=np.where(np.outer(free, free), likely.covariance, 0.0))

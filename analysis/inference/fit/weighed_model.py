@@ -1,0 +1,149 @@
+"""A base model with effects over some shots, weighed by a noise: displacement, derivatives and chi^2 at a vector."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.collision import Effect, Infeasible
+from analysis.compiled import side_by_side
+from analysis.inference.fit.arrow import Arrow
+from analysis.inference.fit.derivatives import linearised_shot, solved
+from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.free_parameters import TrialEffect
+from analysis.inference.fit.least_squares import Square
+from analysis.inference.fit.response import Response
+from analysis.inference.fit.search_vector import SearchVector
+from analysis.inference.fit.situation import Values, too_fast
+from analysis.inference.noise.floor import Floor
+
+Floats = NDArray[np.float64]
+Lines = Sequence[
+    tuple[Floats, Floats]
+]  # a shot's averaged displacement, (n,), and derivatives by its ``places``, (n, q)
+_REMEMBERED = 3  # vectors whose displacement and derivatives are kept
+_SOFTER = 8  # times, at most, that a contact too stiff for the samples is softened tenfold
+
+
+@dataclass(frozen=True)
+class WeighedModel(SearchVector):
+    """A base model with effects, evaluated for every shot at a vector of their parameters; ``noise`` weighs residuals.
+
+    All of it is in ``Problem``; this part is what scores of further effects are computed from.
+    """
+
+    noise: Floor
+    _lately: dict[bytes, Lines] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def with_noise(self, noise: Floor) -> Self:
+        """Return the same weighed by another noise; results that do not depend on the noise are shared."""
+        other = copy(self)
+        object.__setattr__(other, "noise", noise)
+        return other
+
+    def with_effects(self, effects: Iterable[TrialEffect], fixed: Values) -> Self:
+        """Return the base model with other effects over the same shots; ``fixed`` holds values not searched."""
+        return type(self)(self.data, tuple(effects), self.noise, fixed=fixed)
+
+    def with_effect(self, kind: TrialEffect, start: Mapping[str, float]) -> Self:
+        """Return the model with one effect more, the values that are not searched as in ``start``."""
+        return self.with_effects((*self.effects, kind), {**self.fixed, kind.effect: kind.fixed_in(start)})
+
+    def without_effect(self, effect: Effect) -> Self:
+        """Return the model with one effect less."""
+        fixed = {key: value for key, value in self.fixed.items() if key != effect}
+        return self.with_effects((kind for kind in self.effects if kind.effect != effect), fixed)
+
+    def full(self, point: Point) -> list[Floats]:
+        """Return every shot's displacement on the motion's grid."""
+        return [solved(self, i, point, averaged=False)[1].displacement_m for i in range(len(self.data.shots))]
+
+    def averaged(self, index: int, point: Point, laws: Sequence[Effect] = ()) -> Floats:
+        """Return one shot's displacement, averaged like the data, shape (n,); ``laws`` as in ``derivatives``."""
+        return solved(self, index, point, laws=laws)[1].displacement_m
+
+    def coarse(self, index: int, point: Point) -> Floats:
+        """Return one shot's displacement at the centres of the averaged samples, not averaged: enough for a score."""
+        return self.run(index, point, coarse=True).displacement_m
+
+    def run(self, index: int, point: Point, coarse: bool = False) -> Response:
+        """Return one shot's motion on the motion's grid (``coarse``: at the averaged samples' centres)."""
+        return solved(self, index, point, averaged=False, centres=coarse)[1]
+
+    def displacement(self, z: Floats, laws: Sequence[Effect] = ()) -> list[Floats]:
+        """Return every shot's averaged displacement at a vector; ``laws`` as in ``derivatives``."""
+        known = None if laws else self._lately.get(z.tobytes())
+        if known is not None:
+            return [x for x, _ in known]
+        point = self.unpack(z)
+        return side_by_side(lambda i: self.averaged(i, point, laws), range(len(self.data.shots)))
+
+    def derivatives(self, z: Floats, laws: Sequence[Effect] = ()) -> Lines:
+        """Return every shot's averaged displacement, shape (n,), and its derivatives by the shot's ``places``, (n, q).
+
+        ``laws`` act besides the effects, with parameters that are not searched.  Without laws the last few results are
+        kept: a search often begins where another ended.
+        """
+        known = None if laws else self._lately.get(z.tobytes())
+        if known is not None:
+            return known
+        point, slope = self.unpack(z), self.slope(z)
+        lines = side_by_side(lambda i: linearised_shot(self, i, point, slope, laws), range(len(self.data.shots)))
+        if not laws:
+            self.remember(z, lines)
+        return lines
+
+    def remember(self, z: Floats, lines: Lines) -> None:
+        """Keep ``lines`` as the result of ``derivatives`` at ``z``."""
+        while len(self._lately) >= _REMEMBERED:
+            self._lately.pop(tuple(self._lately)[0], None)  # noqa: RUF015 (a copy: other threads may add to it)
+        self._lately[z.tobytes()] = lines
+
+    def of_shot(self, index: int, z: Floats) -> tuple[Floats, Floats]:
+        """Return one shot's averaged displacement, shape (n,), and its derivatives by its ``places``, (n, q)."""
+        return linearised_shot(self, index, self.unpack(z), self.slope(z))
+
+    def residual_m(self, z: Floats) -> tuple[Floats, ...]:
+        """Return measured minus model displacement, averaged, one array for each shot."""
+        return self.data.left_m(self.displacement(z))
+
+    def whitened(self, columns: Iterable[Floats]) -> Floats:
+        """Return whitened ``columns``, shape (n, k) for each shot, as one array of shape (rows, k), shot after shot."""
+        return np.concatenate([s.whitened(self.noise, c) for s, c in zip(self.data.shots, columns, strict=True)])
+
+    def whitened_residual(self, z: Floats) -> Floats:
+        """Return model minus measured at ``z``, whitened, all shots one after another."""
+        return self.whitened(-left[:, None] for left in self.residual_m(z))[:, 0]
+
+    def whitened_lines(self, lines: Lines) -> tuple[Floats, Arrow]:
+        """Return residual and derivatives, whitened; ``lines`` as ``derivatives`` returns them.
+
+        The residual is measured minus model, shape (rows,), all shots one after another.
+        """
+        both = zip(self.data.shots, self.data.left_m(x for x, _ in lines), lines, strict=True)
+        rows = [shot.whitened(self.noise, np.column_stack([left, tangents])) for shot, left, (_, tangents) in both]
+        return np.concatenate([one[:, 0] for one in rows]), self.arrow([one[:, 1:] for one in rows])
+
+    def square(self, z: Floats) -> Square:
+        """Return the whitened sum of squares at ``z`` with its derivatives."""
+        left, tangents = self.whitened_lines(self.derivatives(z))
+        left = -left
+        if not all(np.all(np.isfinite(one)) for one in (left, *tangents.blocks)):
+            raise Infeasible("the trajectory is not finite")
+        chi2, pull = float(left @ left), tangents.pull(left)
+        return Square(chi2, tangents.gram(), pull, left.size, left, tangents.along, tangents.pull)
+
+    def slow_enough(self, point: Point) -> Point:
+        """Return the point with a contact soft enough for the samples: a search cannot start from a rigid one."""
+        shot = self.data.shots[0]
+        for _ in range(_SOFTER):
+            here = self.shot_at(0, point)
+            if not too_fast(here.base, here.own, here.values, shot.moving_mass_kg, shot.spacing_s, shot.factor):
+                break
+            softer = point.base.copy()
+            softer[self.data.base.contact_at] *= [0.1, 0.3]
+            point = Point(softer, point.own, point.values)
+        return point

@@ -26,9 +26,9 @@ Predictions = tuple[Prediction, Prediction]  # of the held-out shots: by the mod
 class Explanation:
     """What the shots are explained by, under one noise.
 
-    ``nearest`` is the likeliest fit that the search came to, with its ``linearised``; ``after`` the model that holds
-    what is named: ``effects`` and ``laws``, each of which passed its gates.  ``imitations`` are effects of the nearest
-    fit that did not.  ``held_out`` are the shots that were predicted from the others.
+    ``nearest`` is the likeliest fit that the search came to, ``linearised`` the same for scores of further effects;
+    ``after`` the model that holds what is named: ``effects`` and ``laws``, each of which passed its gates.
+    ``imitations`` are effects of the nearest fit that did not.  ``held_out`` are the shots predicted from the others.
     """
 
     verdict: Verdict

@@ -54,7 +54,7 @@ def keep_predictive(best: Fitted, held_out: tuple[int, ...], trail: Trail) -> tu
 
 
 def without_faint_effects(best: Fitted, trail: Trail) -> tuple[Fitted, Linearised]:
-    """Return the fit, with its linearised, without the effects that do not stand out, the faintest taken out first."""
+    """Return the fit without effects that do not stand out, the faintest taken out first; and the same linearised."""
     linearised = trail.linearised(best)
     while added := trail.added(best):
         fewer = {effect: without(best, effect, trail) for effect in added}
@@ -107,7 +107,7 @@ def clear(effect: FoundEffect, residual: Residual, times: float) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Settled:
-    """A fit whose effects passed the gates so far: its linearised, separations from look-alikes, and residual.
+    """A fit whose effects passed the gates so far, the same linearised, separations from look-alikes, and residual.
 
     ``predictions`` of the held-out shots are by the model before and by the fit ``predicted``.
     """

@@ -29,7 +29,10 @@ _NEAR = 0.04  # of chi^2 still to fall: no parameter is further than a fifth of 
 
 @dataclass(frozen=True)
 class Problem(WeighedModel):
-    """A base model with effects over some shots, weighed by a noise: what a fit solves."""
+    """A base model with effects over some shots, weighed by a noise: what is fitted, and predicted from.
+
+    Vectors ``z`` are laid out as ``SearchVector`` says.
+    """
 
     def with_first_noise(self, z: Floats) -> "Problem":
         """Return the problem with the noise that a search from ``z`` begins with: its own where no frame moves.

@@ -30,7 +30,8 @@ class Prediction:
     """Held-out shots as the others predict them: displacements on the motions' grids.
 
     ``surprise`` is -2 ln of how likely the others made what was measured, up to a constant, of all held-out shots;
-    ``rms_m`` is how far they lie from it (averaged samples), ``left`` the same in units of the noise, shape (n,).
+    ``rms_m`` is how far they lie from it (averaged samples, a frame's most likely motion taken off), ``left`` the same
+    in units of the noise, shape (n,).
     ``squared`` is chi^2 of such a difference beside the noise and what the other shots leave open together.
     """
 
@@ -118,7 +119,8 @@ def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> Prediction 
         left_open = _Open.of(end.curvature, shared, None if known is None else known[learnt_at][:, learnt_at])
         shown = one.full(one.unpack(found.parameters))[0]
         measured = fitted.problem.data.shots[held]
-        off = (measured.averaged(shown) - measured.displacement_m)[measured.valid]
+        off = measured.displacement_m - measured.averaged(shown)
+        off = measured.without_frame_motion(floor, off)[measured.valid]
         paid = sum(shot >= 0 for _, _, shot in one.free_parameters) * np.log(end.samples)
         return Prediction(
             (shown,),

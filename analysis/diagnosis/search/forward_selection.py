@@ -78,8 +78,8 @@ class Trail:
 
     def least_fall(self, floor: Floor | None = None) -> float:
         """Return by how much the best of the catalogue must lower the criterion to join, with the noise ``floor``."""
-        # With a noise that wanders one number gains by chance three times what it gains with white noise.
-        return CRITERIA.fall(len(self.catalogue), wandering=floor is not None and floor.wanders)
+        # With a path that wanders one number gains by chance three times what it gains with white noise.
+        return CRITERIA.fall(len(self.catalogue), wandering=floor is not None and bool(floor.wander))
 
     def pays(self, fitted: Fitted, fewer: Fitted) -> bool:
         """Return whether a fit explains enough more than ``fewer``, which has fewer effects."""
@@ -184,10 +184,19 @@ def better(fitted: Fitted, other: Fitted) -> bool:
 def polish(fitted: Fitted, trail: Trail) -> Fitted:
     """Return the fit brought to its minimum: what a short search leaves would call for one more effect."""
     better = fitted.fitted_on(evaluations=60, anew=True, cancelled=trail.stop)
+    if better.noise.wanders and better.bic < trail.start.bic - CLOSE:
+        better = min(better, _from_white(better, trail), key=lambda one: one.bic)
     if better.log_likelihood < fitted.log_likelihood - (0.5 if better.converged else 0.0):
         return fitted
     trail.fits[frozenset(better.effects)] = better
     return better
+
+
+def _from_white(fitted: Fitted, trail: Trail) -> Fitted:
+    """Return a fit searched anew from white noise: noise learnt in a wrong valley may hold the search there."""
+    white = fitted.problem.with_noise(fitted.noise.still)
+    first = white.fit(fitted.z, evaluations=60, cancelled=trail.stop)
+    return first.fitted_on(evaluations=60, anew=True, cancelled=trail.stop)
 
 
 def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFITTED + STRONGER) -> Fitted | None:

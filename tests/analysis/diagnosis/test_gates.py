@@ -18,7 +18,7 @@ from analysis.diagnosis.verdict.identifiability import Separation
 from analysis.diagnosis.verdict.lack_of_fit import LackOfFit
 from analysis.diagnosis.verdict.residual import Residual
 from tests.analysis.diagnosis.shots import calm
-from tests.analysis.diagnosis.test_acceptance import TILT, Fit
+from tests.analysis.diagnosis.test_acceptance import CALM, TILT, WANDERING, Fit
 
 ADHESION = CATALOGUE["adhesion"]
 NOTHING_LEFT = Residual(0.0, 57.0, 0.03, 1.1)
@@ -183,3 +183,9 @@ def test_criteria_ask_more_of_many() -> None:
     assert [CRITERIA.size_of_one(n) for n in (1, 2, 3, 4)] == [5.0, 12.0, 30.0, 30.0]
     assert CRITERIA.fall(1) == 10.0 and CRITERIA.fall(10) == pytest.approx(10.0 + 2.0 * np.log(10.0))
     assert CRITERIA.fall(1, wandering=True) == 22.0
+
+
+def test_a_frame_that_moves_is_no_path_that_wanders() -> None:
+    """Only beside a wandering path does one number gain more by chance."""
+    trail = Trail(cast(Any, SimpleNamespace(effects=())), (), calm)
+    assert [trail.least_fall(floor) for floor in (CALM, replace(CALM, site=(0.0,)), WANDERING)] == [10.0, 10.0, 22.0]

@@ -71,12 +71,14 @@ class Sensed:
     """The inputs of a sensor effect: times on the recording's clock, the block's velocity, the optics.
 
     ``rate_hz`` is that of the demodulated record, which may have more samples than ``time_s``, shape (n,).
+    ``measured_m``, shape (n,), is the displacement that the optics showed, where it is known at these times.
     """
 
     time_s: Floats
     velocity_m_per_s: Floats
     wavelength_m: float
     rate_hz: float
+    measured_m: Floats | None = None
 
 
 Sensor = Callable[[Sensed, Any, Any], Any]

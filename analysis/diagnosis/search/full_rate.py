@@ -5,12 +5,12 @@ second: only near the turn is it slow enough for samples averaged to 20 kS/s.  A
 alone, and a strong one is measured twice as well there.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from analysis.diagnosis.search.forward_selection import Trail, polish, prune
+from analysis.diagnosis.search.forward_selection import Trail, polish, prune, without
 from analysis.inference import (
     FINE_RATE_HZ,
     Fitted,
@@ -43,15 +43,12 @@ def at_full_rate(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple
     if shots[0].factor == here.shots[0].factor:
         return None
     shots = with_plates(shots, [shot.plate for shot in here.shots])
-    start = None
-    if ripple.effect not in best.effects:
-        start = _promised(ripple, best, shots, trail)
-        if start is None:
-            return None
-    data = replace(here, shots=on_site(shots, here.site, here.base, best.point.base, best.point.own))
-    if start is None:
-        return _anew(_at(best, data, trail.stop), trail)
-    finest = refit(_beside(best, data), ripple, start, trail.stop)
+    bare = best if ripple.effect not in best.effects else without(best, ripple.effect, trail)
+    if bare is None or not _promises(ripple, bare, shots, trail):
+        return None
+    data = replace(here, shots=on_site(shots, here.site, here.base, bare.point.base, bare.point.own))
+    at = _beside(bare, data)
+    finest = refit(at, ripple, at.scores(ripple)[0].start, trail.stop)
     return None if finest is None else _anew(finest, trail)
 
 
@@ -101,10 +98,8 @@ def _at(fitted: Fitted, data: JointData, stop: Stop) -> Fitted:
     return replace(fitted.problem, data=data).fit(fitted.z, cancelled=stop)
 
 
-def _promised(
-    ripple: TrialEffect, best: Fitted, fine: Sequence[Samples], trail: Trail
-) -> tuple[Mapping[str, float], ...] | None:
-    """Return each shot's values at which a ripple promises to pay at the record's rate, None where none does.
+def _promises(ripple: TrialEffect, best: Fitted, fine: Sequence[Samples], trail: Trail) -> bool:
+    """Return whether a ripple promises to pay at the record's rate.
 
     A building is slow and a ripple quick: the frame's most likely motion is taken off first.
     """
@@ -118,9 +113,7 @@ def _promised(
         still.append(replace(shot, displacement_m=shot.displacement_m - at_valid))
     at = _beside(best, replace(here, shots=tuple(still), site=None))
     listed = at.scores(ripple)
-    if not listed or listed[0].worth(at.left.size) < trail.least_fall(best.noise):
-        return None
-    return listed[0].start
+    return bool(listed) and listed[0].worth(at.left.size) >= trail.least_fall(best.noise)
 
 
 def _beside(best: Fitted, data: JointData) -> Linearised:

@@ -52,6 +52,7 @@ class ShotData:
     rate_hz: float = 1e5  # of the demodulated record
     plate: tuple[float, float] = (0.0, 0.0)  # m, m/s: the plate at first touch where that is known and not fitted
     plate_number: int = 0  # on which of the set's plates it was taken
+    measured_m: Floats | None = None  # ``displacement_m`` where it is known at every sample, not averaged
 
 
 @dataclass(frozen=True)
@@ -244,7 +245,7 @@ def _through_sensor(
 ) -> tuple[Floats, Floats]:
     """Return displacement and derivatives after one effect of the sensor (derivatives by complex steps)."""
     assert effect.sensor is not None
-    seen = Sensed(shot.time_s, velocity_m_per_s, shot.wavelength_m, shot.rate_hz)
+    seen = Sensed(shot.time_s, velocity_m_per_s, shot.wavelength_m, shot.rate_hz, shot.measured_m)
     own = np.zeros((max(3, len(effect.parameters)), 1))
     own[: len(effect.parameters), 0] = [values[f"{effect.name}.{p.name}"] for p in effect.parameters]
     if not columns.shape[1]:

@@ -95,6 +95,7 @@ class Samples:
             rate_hz,
             plate=self.plate,
             plate_number=self.plate_number,
+            measured_m=self.displacement_m if self.factor == 1 else None,
         )
 
     @property

@@ -9,7 +9,7 @@ import pytest
 
 from analysis.collision import exact, general
 from analysis.collision.effects import CATALOGUE, Acts, named
-from analysis.collision.effects.on_sensor import demodulation_lag
+from analysis.collision.effects.on_sensor import cyclic_error, demodulation_lag
 from analysis.collision.effects.row import Sensed
 from analysis.collision.general import Active
 from analysis.collision.parameters import PAPER
@@ -174,3 +174,14 @@ def test_sensor_lag_of_a_ramp_is_a_delay_and_of_a_swing_a_low_pass() -> None:
     gain, phase = 1 / math.hypot(1, omega * tau), math.atan(omega * tau)
     late = t > 40 * tau
     assert swing[late] == pytest.approx(gain * np.sin(omega * t[late] - phase), abs=2 * (omega * 1e-5) ** 2 / 8)
+
+
+def test_a_cyclic_error_repeats_along_the_measured_path_where_that_is_known() -> None:
+    """A frame that moves is part of the path; a strong error must not count as path."""
+    t = np.arange(200) * 1e-6
+    path = 1e-8 + 2e-3 * t
+    frame = 5e-8 * np.sin(2 * math.pi * 3e3 * t)
+    p = np.array([[5e-9], [2.0], [0.3]])
+    error = 5e-9 * np.sin(8 * math.pi / 632.8e-9 * (path + frame) + 0.3)
+    seen = Sensed(t, np.full(t.size, 2e-3), 632.8e-9, 1e6, measured_m=path + frame + error)
+    assert cyclic_error(seen, path[:, None], p)[:, 0] == pytest.approx(path + error, abs=1e-11)

@@ -141,7 +141,10 @@ def _argument(learned: Learned) -> Argument:
 
 def _screened(start: Fitted, arguments: Sequence[Argument], tell: Progress, stop: Stop) -> list[Learned]:
     """Return the curves that explain most, best first, the leading ones with as many knots as pay."""
-    ground = ground_of(start)
+    try:
+        ground = ground_of(start)
+    except Infeasible:  # a contact drawn so stiff by what is missing that no curve can be followed
+        return []
 
     def one(argument: Argument) -> Learned | None:
         if stop():

@@ -58,7 +58,7 @@ SOURCES = (
         options=("effect", "seed", "site", *PUSH),
         listed={  # the effect is not named on the screen, because the user is to find it
             "bench": "Simulated bench",
-            "bench?effect=quadratic_drag:coefficient_n_s2_per_m2=2e-4": "Simulated bench with a flaw",
+            "bench?effect=quadratic_drag:coefficient_n_s2_per_m2=3e-3": "Simulated bench with a flaw",
         },
         simulated=True,
         knows_its_rig=True,

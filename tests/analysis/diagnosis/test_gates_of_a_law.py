@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import named
+from analysis.collision.parameters import Infeasible
 from analysis.diagnosis.learning import law_learning, single_law
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law
 from analysis.diagnosis.learning.learned_law import FormFit
@@ -167,3 +168,13 @@ def test_a_law_takes_the_place_of_named_effects_that_the_shots_exclude(
     found: Discovery | None, ahead: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert alone(found, monkeypatch).is_likelier_than(cast(Any, Fit(900.0))) is ahead
+
+
+def test_where_no_curve_can_be_followed_from_the_fit_there_is_no_law(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A contact drawn so stiff by what is missing that no trajectory follows ended the whole diagnosis."""
+
+    def infeasible(_: object) -> None:
+        raise Infeasible("too many contacts")
+
+    monkeypatch.setattr(law_learning, "ground_of", infeasible)
+    assert law_learning._screened(cast(Any, Fit(START)), (), lambda *_: None, calm) == []

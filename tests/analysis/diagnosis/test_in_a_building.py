@@ -4,6 +4,7 @@ import pytest
 
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.result import Verdict
+from tests.benchmarks.site_cases import Case, judge
 from tests.building_rig import Rig
 
 
@@ -38,3 +39,10 @@ def test_damping_of_the_plate_is_not_called_an_arm() -> None:
     assert [effect.name for effect in found.effects] == ["plate_damping"]
     coefficient = found.effects[0].parameters["coefficient_n_s_per_m"]
     assert abs(coefficient.value - 4e-3) < 3 * coefficient.std
+
+
+@pytest.mark.slow
+def test_noise_learned_in_a_wrong_valley_does_not_hold_the_search_there() -> None:
+    """A lag draws contact and noise into a valley; what stood for it were a block mode and what no test passed."""
+    said = judge(Case("VC-D", "demodulation_lag", 9815029511, 15.0), diagnose)
+    assert said.score == "right", said.problem

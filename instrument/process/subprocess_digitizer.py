@@ -30,6 +30,7 @@ from instrument.process.messages import BlockReady
 from instrument.process.shared_ring import SharedRing
 
 RING_S = 1.5  # of the stream, for a parent that lags
+SIMULATED_RING_S = 0.5  # the same for a simulated device, which waits and loses nothing
 MOST_RING_BYTES = 320 * 2**20
 MOST_TRANSFER_BYTES = 32 * 2**20  # for a device that keeps the shot until it is read
 ANSWER_S = 5.0  # a driver that blocks the child for longer does not answer
@@ -162,7 +163,8 @@ class SubprocessDigitizer(Digitizer):
         channels = len(able.channels)
         block = block_samples(settings.sample_rate_hz)
         most = (MOST_RING_BYTES if able.real_time else MOST_TRANSFER_BYTES) // (2 * channels)
-        blocks = max(4, min(round(RING_S * settings.sample_rate_hz), most) // block)
+        lag_s = SIMULATED_RING_S if able.simulated else RING_S
+        blocks = max(4, min(round(lag_s * settings.sample_rate_hz), most) // block)
         present = self._ring
         if present is not None and (present.capacity, present.channels) == (blocks * block, channels):
             return None

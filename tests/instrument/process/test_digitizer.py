@@ -147,6 +147,13 @@ def test_a_parent_that_stands_still_loses_nothing_silently(opened, monkeypatch):
         assert at < RATE_HZ, "more was lost than was said"
 
 
+@pytest.mark.parametrize(("simulated", "lag_s"), [(False, 1.5), (True, 0.5)])
+def test_memory_for_a_parent_that_lags_is_for_devices_that_do_not_wait(opened, simulated, lag_s):
+    digitizer = opened(partial(FakeDigitizer, real_time=True, simulated=simulated))
+    digitizer.arm(ONE)
+    assert digitizer._ring.capacity == pytest.approx(lag_s * RATE_HZ, abs=0.04 * RATE_HZ)
+
+
 def test_standing_still_for_less_than_the_ring_costs_nothing(opened):
     digitizer = opened(partial(devices.Leaky, 0.1))
     digitizer.arm(ONE)

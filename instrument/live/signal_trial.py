@@ -14,6 +14,7 @@ from instrument.trigger import LightSwitch, TriggerSettings
 
 WATCHED_S = 3.0  # time to pass the block through the light switch by hand
 TRIGGER_WAIT_S = 20.0
+SIMULATED_WAIT_S = 60.0  # for the first samples of a simulated device, which a busy computer delays
 _BLOCK = 1 << 17
 _TIMEOUT_S = 0.05
 _EARLIER_LOOKS = 4  # before the newest one
@@ -24,8 +25,9 @@ def try_signals(
 ) -> tuple[Check, ...]:
     """Check the signals of an opened digitizer, the block at rest.
 
-    A stream is watched for ``seconds``, over which the light switch's changes are counted.  A device with a hardware
-    trigger is checked by one shot, for which it has TRIGGER_WAIT_S.  Raises DigitizerError; stops the digitizer.
+    A stream is watched for ``seconds`` from its first samples on, over which the light switch's changes are counted; for
+    these it has as long.  A device with a hardware trigger is checked by one shot, for which it has TRIGGER_WAIT_S.
+    Raises DigitizerError; stops the digitizer.
     """
     able = digitizer.capabilities
     settings = usual_settings(digitizer)
@@ -37,13 +39,16 @@ def try_signals(
     before: deque[NDArray[np.int16]] = deque(maxlen=_EARLIER_LOOKS)
     digitizer.arm(settings)
     try:
-        end = clock() + (TRIGGER_WAIT_S if able.hardware_trigger else seconds)
+        wait_s = TRIGGER_WAIT_S if able.hardware_trigger else SIMULATED_WAIT_S if able.simulated else seconds
+        end = clock() + wait_s
         look_at = clock()
         ended = False
         while clock() < end and not ended:
             block = digitizer.read_into(buffer, _TIMEOUT_S)
             part = buffer[: block.samples]
             ended = block.ended
+            if len(part) and not newest.size and not able.hardware_trigger:
+                end = clock() + seconds
             if switch is not None and len(part):
                 switch.first_step(part)
             newest = np.concatenate((newest, part))[-CHECKED_SAMPLES:]
@@ -53,7 +58,7 @@ def try_signals(
     finally:
         digitizer.stop()
     if newest.shape[0] < CHECKED_SAMPLES // 16:
-        waited = "before its trigger" if able.hardware_trigger else f"in {seconds:g} s"
+        waited = "before its trigger" if able.hardware_trigger else f"in {wait_s:g} s"
         raise DigitizerError(f"{able.name} sent no samples {waited}", "fire its trigger, and check its cables")
     toggles = switch.toggles if switch is not None else None
     rest_hz = digitizer.setup.rest_frequency_hz

@@ -44,3 +44,21 @@ def test_a_device_that_sends_nothing_is_said() -> None:
 
     with pytest.raises(DigitizerError, match=r"fake sent no samples in 3 s: fire its trigger, and check its cables"):
         try_signals(FakeDigitizer(before_block=silence), clock=lambda: now[0])
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_a_busy_computer_delays_a_simulated_device_and_no_other(simulated: bool) -> None:
+    """On one that compiled something else the bench was told to check its cables."""
+    now = [0.0]
+
+    def late(fake: FakeDigitizer, at: int) -> Block | None:
+        now[0] += 0.5 if now[0] < 10.0 else 0.05
+        return Block(0) if now[0] < 10.0 else None
+
+    digitizer = FakeDigitizer(before_block=late, simulated=simulated)
+    if simulated:
+        assert {check.name for check in try_signals(digitizer, 0.2, lambda: now[0])} >= {"PD0", "PD1"}
+        assert now[0] == pytest.approx(10.2, abs=0.11)
+    else:
+        with pytest.raises(DigitizerError, match=r"no samples in 0\.2 s"):
+            try_signals(digitizer, 0.2, lambda: now[0])

@@ -25,9 +25,9 @@ def try_signals(
 ) -> tuple[Check, ...]:
     """Check the signals of an opened digitizer, the block at rest.
 
-    A stream is watched for ``seconds`` from its first samples on, over which the light switch's changes are counted; for
-    these it has as long.  A device with a hardware trigger is checked by one shot, for which it has TRIGGER_WAIT_S.
-    Raises DigitizerError; stops the digitizer.
+    A stream is watched for ``seconds`` from its first samples on, for which it has as long; the light switch's changes
+    are counted.  A device with a hardware trigger is checked by one shot, for which it has TRIGGER_WAIT_S.  Raises
+    DigitizerError; stops the digitizer.
     """
     able = digitizer.capabilities
     settings = usual_settings(digitizer)

@@ -188,7 +188,7 @@ class Story(QObject):
         p.picture("effect-added")
         p.press("Ctrl+2")
         p.press("1")
-        p.wait_to_read("paper + quadratic drag", LONG_S)
+        p.wait_to_read("paper model + quadratic drag", LONG_S)
         p.picture("shot-with-the-effect")
 
     def _papers(self) -> None:

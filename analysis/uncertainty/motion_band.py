@@ -8,7 +8,7 @@ from scipy.linalg import toeplitz
 
 from analysis.diagnosis import Diagnosis, Verdict
 from analysis.fitted import shaking_of
-from analysis.shot import Motion, Shaking, Shot, Wander
+from analysis.shot import Fit, Motion, Shaking, Shot, Wander
 from analysis.signal import derivative_filters, derivative_gains
 
 Floats = NDArray[np.float64]
@@ -91,17 +91,32 @@ def noise_band(motion: Motion, shaking: Shaking | None, left_m: Floats | None = 
 def diagnosed_band(diagnosis: Diagnosis, shot: Shot) -> tuple[Floats, str]:
     """Return the band of a diagnosed shot's displacement in m, and its name in words.
 
-    A diagnosis that explains its shots estimates the path's wander from all samples of all shots, better than some
-    milliseconds of flight do.  Where it uses the building's spectrum instead, or its residual is not explained, the
-    band is that of a single shot.
+    A diagnosis that explains its shots estimates the path's wander and the frame's motion from all samples of all
+    shots, better than some milliseconds of flight do.  Where its residual is not explained, the band is that of a
+    single shot.
     """
     motion = shot.motion
     assert motion is not None
     learned_m, white_m = diagnosis.fit_after.noise_std_m, float(np.nanmedian(motion.displacement_std_m))
     explained = diagnosis.verdict not in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED)
+    sway_m = _frame_in(diagnosis.fit_after, shot)
+    if explained and sway_m is not None:
+        return np.hypot(learned_m, sway_m), "noise and building as all shots show them"
     if explained and learned_m > WANDERS * white_m:
         return np.full_like(motion.displacement_m, learned_m), "noise as all shots show it"
     return band_of(shot).displacement_m, "noise and building"
+
+
+def _frame_in(fit: Fit, shot: Shot) -> Floats | None:
+    """Return the std of the frame's motion in a shot's residual of a joint fit, shape (n,); None where there is none.
+
+    The shot's part is that with its time of touch, which differs between shots by more than its microsecond of error.
+    """
+    if shot.motion is None or shot.fit is None or not shot.fit.shots:
+        return None
+    touch_s, samples = shot.fit.shots[0].touch_time_s.value, shot.motion.displacement_m.shape
+    part = min(fit.shots, key=lambda one: abs(one.touch_time_s.value - touch_s), default=None)
+    return part.sway_std_m if part is not None and part.residual_m.shape == samples else None
 
 
 def _wandering(wander: Wander, taps: Floats, rate_hz: float) -> float:

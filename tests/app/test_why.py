@@ -233,7 +233,7 @@ def _rows(widget, colour):
 
 
 def _flat(value_m):
-    return Cell(f"{value_m:g}", np.linspace(0.0, 60.0, 500), None, np.full(500, value_m), 1e-9)
+    return Cell(f"{value_m:g}", np.linspace(0.0, 60.0, 500), None, np.full(500, value_m), np.full(500, 1e-9))
 
 
 def test_each_shot_stands_in_its_place_and_each_value_at_its_height(qtbot):

@@ -133,7 +133,7 @@ class WhyCanvas(QWidget):
             left = None if self._accepted else np.asarray(before[place].residual_m)
             time_ms = 1e3 * (shot.motion.time_s - time_zero(shot)[0])
             title = short_name(shot.name)
-            cells.append(Cell(title, time_ms, left, np.asarray(after[place].residual_m), float(np.nanmedian(noise_m))))
+            cells.append(Cell(title, time_ms, left, np.asarray(after[place].residual_m), noise_m))
         return cells
 
     def _draw_pair(self, first: Remainder, second: Remainder) -> None:

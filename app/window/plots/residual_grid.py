@@ -29,7 +29,7 @@ class Cell:
     time_ms: Floats
     before_m: Floats | None
     after_m: Floats
-    noise_m: float
+    noise_m: Floats  # std
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,7 +61,7 @@ class ResidualGrid(QWidget):
         """Show these shots with a common scale."""
         self.cells, self.overlays = tuple(cells[:MOST]), ()
         curves = [c for cell in self.cells for c in (cell.before_m, cell.after_m) if c is not None]
-        noises = [cell.noise_m for cell in self.cells if math.isfinite(cell.noise_m)]
+        noises = [noise for cell in self.cells if math.isfinite(noise := float(np.nanmedian(cell.noise_m)))]
         self.scale = scale_of(curves, 2.0 * float(np.median(noises)) if noises else math.nan)
         self._describe()
         self.update()
@@ -127,8 +127,7 @@ class ResidualGrid(QWidget):
 
     def _draw(self, painter: QPainter, area: QRectF, cell: Cell, over: Overlay | None) -> None:
         c = self._colours
-        band = self._y(area, np.array([2.0 * cell.noise_m, -2.0 * cell.noise_m]))
-        painter.fillRect(QRectF(area.left(), band[0], area.width(), band[1] - band[0]), QColor(c.band))
+        self._band(painter, area, cell.noise_m)
         painter.setPen(QPen(QColor(c.grid)))
         for tick in self.scale.ticks():
             y = self._y(area, np.array([tick]))[0]
@@ -143,6 +142,16 @@ class ResidualGrid(QWidget):
         painter.setPen(QColor(c.text))
         title = self.fontMetrics().elidedText(cell.title, Qt.TextElideMode.ElideRight, int(area.width()) - 8)
         painter.drawText(area.adjusted(5, 2, -3, -2), Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft, title)
+
+    def _band(self, painter: QPainter, area: QRectF, noise_m: Floats) -> None:
+        """Fill what lies within two standard deviations."""
+        at = np.linspace(0, noise_m.size - 1, max(16, int(area.width())) // 2).astype(int)
+        x, high = np.linspace(area.left(), area.right(), at.size), np.nan_to_num(2.0 * noise_m[at])
+        edge = [*zip(x, self._y(area, high), strict=True), *zip(x[::-1], self._y(area, -high[::-1]), strict=True)]
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(QColor(self._colours.band))
+        painter.drawPolygon(QPolygonF([QPointF(*corner) for corner in edge]))
+        painter.setBrush(Qt.BrushStyle.NoBrush)
 
     def _curve(self, painter: QPainter, area: QRectF, values: Floats, colour: QColor, width: int) -> None:
         """Draw a curve with at most two points per pixel, keeping its extremes."""

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.result import Verdict
 from analysis.pipeline import analyse_motion
 from analysis.shot.disturbance import Shaking
@@ -117,3 +118,22 @@ def test_the_noise_that_a_diagnosis_learnt_is_drawn_where_it_explained_its_shots
     band, said = judged_band(shot, found)
     assert said == words and band.displacement_m == pytest.approx(shown, nan_ok=True)
     assert band.force_n == pytest.approx(band_of(shot).force_n, nan_ok=True)
+
+
+def test_what_a_diagnosis_leaves_in_a_building_stays_inside_the_band_it_was_judged_by():
+    """Under "adequate" stood a residual of a micrometre about a band of a nanometre."""
+    motions = Rig("VC-D").shots(11, (0.2, 0.33))
+    shots = [analyse_motion(motion, AnalysisSettings(), name="rig") for motion in motions]
+    found = diagnose(motions)
+    assert found.verdict is Verdict.ADEQUATE
+    inside, off = [], []
+    for shot, part in zip(shots, found.fit_after.shots, strict=True):
+        band, words = diagnosed_band(found, shot)
+        assert "building" in words
+        seen = np.isfinite(part.residual_m)
+        off.append(part.residual_m[seen] / band[seen])
+        inside.append(np.abs(off[-1]) < 2.0)
+        learned = replace(found, fit_after=replace(found.fit_after, shots=(replace(part, sway_std_m=None),)))
+        assert np.abs(part.residual_m[seen]).max() > 10.0 * np.nanmedian(diagnosed_band(learned, shot)[0])
+    assert np.mean(np.concatenate(inside)) > 0.8
+    assert 0.4 < np.sqrt(np.mean(np.concatenate(off) ** 2)) < 1.6

@@ -11,7 +11,8 @@ from tests.building_rig import Rig
 @pytest.mark.parametrize(
     ("site", "speeds"),
     [
-        ("VC-C", (0.2, 0.33)),
+        # quicker: two shots at VC-D, in tests/analysis/uncertainty/test_noise_band.py
+        pytest.param("VC-C", (0.2, 0.33), marks=pytest.mark.slow),
         pytest.param("VC-A", (0.2, 0.265, 0.33), marks=pytest.mark.slow),
         pytest.param("VC-G", (0.2, 0.265, 0.33), marks=pytest.mark.slow),
     ],

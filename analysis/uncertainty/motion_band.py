@@ -110,12 +110,13 @@ def diagnosed_band(diagnosis: Diagnosis, shot: Shot) -> tuple[Floats, str]:
 def _frame_in(fit: Fit, shot: Shot) -> Floats | None:
     """Return the std of the frame's motion in a shot's residual of a joint fit, shape (n,); None where there is none.
 
-    The shot's part is that with its time of touch, which differs between shots by more than its microsecond of error.
+    The shot's part is that with its speed: the hand never gives the same twice, to the micrometre per second it is
+    known to.
     """
     if shot.motion is None or shot.fit is None or not shot.fit.shots:
         return None
-    touch_s, samples = shot.fit.shots[0].touch_time_s.value, shot.motion.displacement_m.shape
-    part = min(fit.shots, key=lambda one: abs(one.touch_time_s.value - touch_s), default=None)
+    speed, samples = shot.fit.shots[0].velocity_in_m_per_s.value, shot.motion.displacement_m.shape
+    part = min(fit.shots, key=lambda one: abs(one.velocity_in_m_per_s.value - speed), default=None)
     return part.sway_std_m if part is not None and part.residual_m.shape == samples else None
 
 

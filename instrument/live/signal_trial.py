@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from analysis.shot import Role
 from instrument.devices import Check, Digitizer, DigitizerError, Grade, usual_settings
 from instrument.live.setup_check import CHECKED_SAMPLES, check_setup
+from instrument.process import SIMULATED_ANSWER_S
 from instrument.trigger import LightSwitch, TriggerSettings
 
 WATCHED_S = 3.0  # time to pass the block through the light switch by hand
 TRIGGER_WAIT_S = 20.0
-SIMULATED_WAIT_S = 60.0  # for the first samples of a simulated device, which a busy computer delays
 _BLOCK = 1 << 17
 _TIMEOUT_S = 0.05
 _EARLIER_LOOKS = 4  # before the newest one
@@ -39,7 +39,7 @@ def try_signals(
     before: deque[NDArray[np.int16]] = deque(maxlen=_EARLIER_LOOKS)
     digitizer.arm(settings)
     try:
-        wait_s = TRIGGER_WAIT_S if able.hardware_trigger else SIMULATED_WAIT_S if able.simulated else seconds
+        wait_s = TRIGGER_WAIT_S if able.hardware_trigger else SIMULATED_ANSWER_S if able.simulated else seconds
         end = clock() + wait_s
         look_at = clock()
         ended = False

@@ -194,8 +194,7 @@ def polish(fitted: Fitted, trail: Trail) -> Fitted:
 
 def _from_white(fitted: Fitted, trail: Trail) -> Fitted:
     """Return a fit searched anew from white noise: noise learnt in a wrong valley may hold the search there."""
-    white = fitted.problem.with_noise(fitted.noise.still)
-    first = white.fit(fitted.z, evaluations=60, cancelled=trail.stop)
+    first = fitted.from_white(evaluations=60, cancelled=trail.stop)
     return first.fitted_on(evaluations=60, anew=True, cancelled=trail.stop)
 
 

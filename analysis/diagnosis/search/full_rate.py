@@ -48,7 +48,8 @@ def at_full_rate(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple
         return None
     data = replace(here, shots=on_site(shots, here.site, here.base, bare.point.base, bare.point.own))
     at = _beside(bare, data)
-    finest = refit(at, ripple, at.scores(ripple)[0].start, trail.stop)
+    listed = at.scores(ripple)
+    finest = refit(at, ripple, listed[0].start, trail.stop) if listed else None
     return None if finest is None else _anew(finest, trail)
 
 

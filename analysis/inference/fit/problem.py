@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision import Effect
-from analysis.inference.fit.effective_parameters import Point, to_effective
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.least_squares import Hopeless, Minimum, minimise
-from analysis.inference.fit.weighed_model import WeighedModel
+from analysis.inference.fit.weighed_model import AtVector, WeighedModel
 from analysis.inference.noise import site_strengths
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor, learn
@@ -161,33 +160,17 @@ class Linearised(Projector):
 
 
 @dataclass(frozen=True)
-class Fitted:
+class Fitted(AtVector):
     """A problem at its minimum ``z``: its noise is the likeliest of the averaged residual ``residual_m`` of each shot.
 
     ``inverse`` is (J^T J)^-1 of the derivatives J whitened as in the search, shape (p, p), in its coordinates.
     """
 
     problem: Problem
-    z: Floats
     log_likelihood: float
     residual_m: tuple[Floats, ...]
     inverse: Floats
     converged: bool
-
-    @property
-    def noise(self) -> Floor:
-        """Get the noise learnt from the residual."""
-        return self.problem.noise
-
-    @property
-    def point(self) -> Point:
-        """Get the parameters."""
-        return self.problem.unpack(self.z)
-
-    @property
-    def effective(self) -> Point:
-        """Get the parameters as a record shows them (``effective_parameters``)."""
-        return to_effective(self.point)
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -232,6 +215,11 @@ class Fitted:
         """Fit on from the minimum, as ``Problem.fit``."""
         return self.problem.fit(self.z, evaluations=evaluations, anew=anew, cancelled=cancelled)
 
+    def from_white(self, *, evaluations: int = 25, cancelled: Stop | None = None) -> "Fitted":
+        """Fit on from the minimum as ``fitted_on``, begun under white noise alone."""
+        white = self.problem.with_noise(self.noise.still)
+        return white.fit(self.z, evaluations=evaluations, cancelled=cancelled)
+
     def continued(self, cancelled: Stop | None = None) -> "Fitted":
         """Continue the search of a fit that had not converged, as long as the likelihood grows.
 
@@ -255,7 +243,7 @@ class Fitted:
         """Return the fit with white noise alone where likelier; wandering noise can hide what a model lacks."""
         if self.noise.site or max(self.noise.rms_m) < self.noise.white_m:
             return self
-        still = self.problem.with_noise(self.noise.still).fit(self.z, evaluations=_A_ROUND, cancelled=cancelled)
+        still = self.from_white(evaluations=_A_ROUND, cancelled=cancelled)
         return still if still.log_likelihood > self.log_likelihood else self
 
     def under_likely_noises(self) -> "Fitted":

@@ -12,7 +12,7 @@ from analysis.collision import Effect, Infeasible
 from analysis.compiled import side_by_side
 from analysis.inference.fit.arrow import Arrow
 from analysis.inference.fit.derivatives import linearised_shot, solved
-from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.effective_parameters import Point, to_effective
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.least_squares import Square
 from analysis.inference.fit.response import Response
@@ -21,9 +21,8 @@ from analysis.inference.fit.situation import Values, too_fast
 from analysis.inference.noise.floor import Floor
 
 Floats = NDArray[np.float64]
-Lines = Sequence[
-    tuple[Floats, Floats]
-]  # a shot's averaged displacement, (n,), and derivatives by its ``places``, (n, q)
+# of each shot the averaged displacement, shape (n,), and its derivatives by the shot's ``places``, (n, q)
+Lines = Sequence[tuple[Floats, Floats]]
 _REMEMBERED = 3  # vectors whose displacement and derivatives are kept
 _SOFTER = 8  # times, at most, that a contact too stiff for the samples is softened tenfold
 
@@ -147,3 +146,26 @@ class WeighedModel(SearchVector):
             softer[self.data.base.contact_at] *= [0.1, 0.3]
             point = Point(softer, point.own, point.values)
         return point
+
+
+@dataclass(frozen=True)
+class AtVector:
+    """A weighed model at a vector ``z`` of its parameters."""
+
+    problem: WeighedModel
+    z: Floats
+
+    @property
+    def noise(self) -> Floor:
+        """Get the noise that residuals are weighed by."""
+        return self.problem.noise
+
+    @property
+    def point(self) -> Point:
+        """Get the parameters."""
+        return self.problem.unpack(self.z)
+
+    @property
+    def effective(self) -> Point:
+        """Get the parameters as a record shows them (``effective_parameters``)."""
+        return to_effective(self.point)

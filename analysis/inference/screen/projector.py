@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from analysis.collision import fastest_rates
 from analysis.inference.fit.arrow import Arrow, Span
-from analysis.inference.fit.effective_parameters import Point, to_effective
 from analysis.inference.fit.situation import situation
-from analysis.inference.fit.weighed_model import Lines, WeighedModel
+from analysis.inference.fit.weighed_model import AtVector, Lines, WeighedModel
 from analysis.inference.noise.floor import Floor
 
 Floats = NDArray[np.float64]
@@ -52,11 +51,9 @@ class Trajectories:
 
 
 @dataclass(frozen=True)
-class Projector:
+class Projector(AtVector):
     """Projects whitened rows of all shots, one after another, off the tangents of the parameters at ``z``."""
 
-    problem: WeighedModel
-    z: Floats
     basis: Span  # of the tangents
     left: Floats  # the whitened residual, projected
     tangents: Arrow  # the whitened derivatives by the parameters
@@ -78,21 +75,6 @@ class Projector:
         whole, tangents = problem.whitened_lines(lines)
         basis = tangents.span()
         return cls(problem, z, basis, basis.projected(whole), tangents, whole, lines, trajectories)
-
-    @property
-    def noise(self) -> Floor:
-        """Get the noise that rows are whitened by."""
-        return self.problem.noise
-
-    @property
-    def point(self) -> Point:
-        """Get the parameters."""
-        return self.problem.unpack(self.z)
-
-    @property
-    def effective(self) -> Point:
-        """Get the parameters as a record shows them (``effective_parameters``)."""
-        return to_effective(self.point)
 
     def under(self, noise: Floor) -> Self:
         """Return the same under another noise; what does not depend on noise is shared."""

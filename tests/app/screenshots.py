@@ -123,6 +123,8 @@ class Photographer:
             (Qt.Key.Key_5, "raw"),
         ):
             self.press(key)
+            if name == "raw":
+                self.wait("the samples", lambda: self.window.panels.shot.raw.wanted is None)
             self.take(name, self.window.panels.shot)
         self.press(Qt.Key.Key_1)
         self.press(Qt.Key.Key_C)

@@ -1,5 +1,6 @@
 """``python -m tests.app.screenshots DIR``: the window and its panels as pictures, by pressing what a person would."""
 
+import json
 import sys
 import tempfile
 import time
@@ -49,7 +50,9 @@ class Photographer:
         self._bench = _Unplugged(rig, patient=True, first_push_s=0.3, push_every_s=0.7)
         self._into = into
         self._scratch = folder
-        (folder / "settings.json").write_text(f'{{"levimass_settings": 1, "folder": "{(folder / "data").as_posix()}"}}')
+        # armed with the block behind the switch: wait for the next push
+        chosen = {"levimass_settings": 1, "folder": str(folder / "data"), "edge": "rising"}
+        (folder / "settings.json").write_text(json.dumps(chosen))
         self.window: MainWindow = open_window(folder, self._source)
         self.window.theme.choose("light")
         self.window.show()

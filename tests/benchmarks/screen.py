@@ -99,7 +99,8 @@ def main() -> None:
 
 
 def _start(folder: Path, application: QApplication) -> None:
-    (folder / "settings.json").write_text(json.dumps({"levimass_settings": 1, "folder": str(folder / "data")}))
+    chosen = {"levimass_settings": 1, "folder": str(folder / "data"), "edge": "rising"}  # not a block on its way back
+    (folder / "settings.json").write_text(json.dumps(chosen))
     begun = time.perf_counter()
     window = open_window(folder, rigs.quick_bench)
     window.show()

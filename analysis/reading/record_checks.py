@@ -8,6 +8,7 @@ from analysis.shot import AnalysisError, Motion
 Floats = NDArray[np.float64]
 CLEAR_SIGMAS = 20.0  # of the displacement's noise, by which a turn must stand out
 SHORTEST_S, LONGEST_S = 1e-6, 600.0  # of a record with a collision and its two flights
+AT_REST_M = 1e-4  # a block that moves less in a whole record stands, if the building shakes it or not
 _BLOCKS = 200  # into which a record is averaged, so that noise has no turns
 
 
@@ -59,6 +60,25 @@ def why_reversed(motion: Motion) -> str | None:
         return "the block goes away first and comes back faster than it went: time runs backwards in this recording"
     rule = "PD1's beat has to lie above PD0's while it comes to the plate"
     return f"the block goes away first and comes back: the sense is reversed ({rule})"
+
+
+def where_it_went(motion: Motion) -> str:
+    """Return, in words, what the block of a record without a collision did, and what to change; "" where unclear."""
+    known = motion.displacement_m[np.isfinite(motion.displacement_m)]
+    if motion.wavelength_m is None or known.size < _BLOCKS:
+        return ""
+    if float(np.ptp(known)) < AT_REST_M:
+        return "; the block stands still throughout"
+    rough = known[: known.size // _BLOCKS * _BLOCKS].reshape(_BLOCKS, -1).mean(axis=1)
+    at = f"at {_speed(known, motion.sample_rate_hz):.2g} m/s"
+    if np.all(np.diff(rough) > 0.0):
+        return (
+            f"; the block leaves the plate throughout, {at}: the switch triggered on its way back "
+            "(arm before it is pushed, or choose the edge at which it comes)"
+        )
+    if np.all(np.diff(rough) < 0.0):
+        return f"; the block comes to the plate throughout, {at}: the record ends before they touch (record longer)"
+    return ""
 
 
 def _speed(displacement_m: Floats, rate_hz: float) -> float:

@@ -116,3 +116,11 @@ def test_a_reversed_direction_is_named() -> None:
     mirrored = (hilbert(beat).conj() * np.exp(4j * np.pi * rest_hz * time)).real  # above the rest becomes below
     problem = analyse(with_columns([rest, mirrored, switch]), READ).problem
     assert problem is not None and "the sense is reversed" in problem
+
+
+def test_a_record_of_the_way_back_alone_says_that_the_trigger_came_too_late() -> None:
+    released = truth().release_time_s
+    assert isinstance(released, Quantity)
+    counts = sound().counts[round((released.value + 2e-3) * sound().sample_rate_hz) :]
+    problem = analyse(replace(sound(), counts=counts, trigger_sample=0), READ).problem
+    assert problem is not None and "no impact" in problem and "triggered on its way back" in problem

@@ -99,7 +99,7 @@ class Photographer:
         self.take("tour")
         self.press(Qt.Key.Key_Escape)
         self.press(Qt.Key.Key_F3)
-        self.wait("the verdicts", lambda: len(panels.setup.lines) == 4 and panels.setup.look.isEnabled())
+        self.wait("sound signals of a block at rest", self._checked)
         self.take("set-up")
         self.press(Qt.Key.Key_F3)
         self.press(Qt.Key.Key_Space)
@@ -115,6 +115,16 @@ class Photographer:
         self._panels()
         self._dark()
         self._fault()
+
+    def _checked(self) -> bool:
+        """Return whether every line of the set-up has its tick; look again where the block was just pushed."""
+        sheet = self.window.panels.setup
+        if len(sheet.lines) < 4 or not sheet.look.isEnabled():
+            return False
+        sound = all(line.startswith("✓") for line in sheet.lines)
+        if not sound:
+            sheet.look.click()
+        return sound
 
     def _views(self) -> None:
         self.press(Qt.Key.Key_1)

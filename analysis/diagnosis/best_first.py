@@ -19,6 +19,7 @@ from analysis.diagnosis.search.full_rate import at_full_rate
 from analysis.diagnosis.search.search import Search, Searched
 from analysis.diagnosis.verdict.acceptance import Settled, settle
 from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.shot import AnalysisError
 
 
 @dataclass
@@ -38,6 +39,10 @@ class Branch:
     def bic(self) -> float:
         """Get the criterion of the best fit of the search."""
         return self.searched.best.bic
+
+    def is_likelier_than(self, other: "Branch") -> bool:
+        """Return whether the criterion is not above the other's; of a search cut off before its first end never."""
+        return self.searched.trail.compared >= other.searched.trail.compared and self.bic <= other.bic
 
     @property
     def leaves_something(self) -> bool:
@@ -65,9 +70,18 @@ class BestFirst:
         self._answer: Explanation | None = None
 
     def explanation(self) -> Explanation:
-        """Return the likeliest explanation.  Raises Cancelled when asked to stop."""
+        """Return the likeliest explanation.
+
+        Raises Cancelled when asked to stop, AnalysisError where the time was over before the effects of the catalogue
+        were compared: noise that was learned without them may have swallowed one.
+        """
         while self._answer is None:
             self._next_step()()
+        if not (self._answer.trail.compared or self._answer.effects or self._answer.laws):
+            raise AnalysisError(
+                f"no time within {self._question.limit.seconds:g} s to compare the effects of the catalogue: "
+                "allow more, or diagnose fewer shots"
+            )
         return self._answer
 
     def _next_step(self) -> Callable[[], None]:
@@ -85,7 +99,7 @@ class BestFirst:
                 return partial(self._complete, building)
         if rest is None:
             return self._search_at_rest
-        likelier = rest if building is None or rest.bic <= building.bic else building
+        likelier = rest if building is None or rest.is_likelier_than(building) else building
         if likelier.leaves_something and not self._law_was_tried:
             return partial(self._try_one_law_instead, likelier)
         if likelier is rest:

@@ -19,6 +19,7 @@ class Limit:
     """
 
     def __init__(self, seconds: float, cancelled: Stop) -> None:
+        self.seconds = seconds
         self._time, self._cancelled = FitTime(_FOR_SEARCHING * seconds, cancelled), cancelled
         self._left_out: list[str] = []
 

@@ -53,6 +53,7 @@ class Trail:
     asked: set[frozenset[Effect]] = field(default_factory=set)  # fitted from a fit with one effect more as well
     widens: bool = True  # try the wider of two effects where the narrow one was found
     limit: Limit | None = None
+    compared: bool = False  # whether there was time to compare the effects of the catalogue
 
     def __post_init__(self) -> None:
         self.keep(self.start)
@@ -241,6 +242,7 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
         trail.keep(trial)
         if best is None or trial.bic < best.bic:
             best = trial
+    trail.compared = trail.compared or first
     return best
 
 

@@ -104,7 +104,8 @@ class Search:
         best, trail = along_with(along)
         if along:  # accelerations of each shot's own may stand in for one law of all shots
             plain, plain_trail = along_with(())
-            if plain.bic <= best.bic or not _nuisances_pay(best, along, self.stop):
+            lost = plain.bic > best.bic and _nuisances_pay(best, along, self.stop)
+            if plain_trail.compared >= trail.compared and not lost:
                 best, trail = plain, plain_trail
         added = len(trail.added(best))
         return Searched(best, trail, catalogue, CRITERIA.most_effects - added if added >= most else 0)

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Callable
 
 import pytest
 
@@ -9,7 +10,7 @@ from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.result_file import diagnosis_result
-from analysis.shot.shot import Cancelled
+from analysis.shot.shot import AnalysisError, Cancelled
 from tests.analysis.diagnosis.shots import calm, shots
 from tests.law_rigs import LawRig
 
@@ -42,12 +43,32 @@ def test_who_asks_to_stop_is_not_out_of_time() -> None:
 
 
 def test_a_law_that_there_was_no_time_for_is_named_as_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Limit, "__call__", lambda self: True)
+    done: list[str] = []
+    within = Limit.within
+
+    def once(self: Limit, what: str, work: Callable[[], object], otherwise: object) -> object:
+        result = within(self, what, work, otherwise)
+        done.append(what)
+        return result
+
+    monkeypatch.setattr(Limit, "within", once)
+    monkeypatch.setattr(Limit, "__call__", lambda self: bool(done))  # over when the catalogue was compared
     rig = LawRig(on_block=lambda x, _v, _y, _u: -2e-5 * math.exp(-abs(x) / 7e-4), kinks=(lambda x, *_: x,))
     found = diagnose(rig.shots((0.15, 0.3)))
+    assert done[0] == "effects of the catalogue"
     assert found.verdict in (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED) and not found.laws
     assert "one law in the place of effects" in found.not_asked
     assert diagnosis_result(found)["not_asked"] == list(found.not_asked)
+
+
+@pytest.mark.parametrize("effects", [{}, {"coulomb_friction": {"force_n": 1e-4}}])
+def test_without_time_for_the_catalogue_there_is_no_verdict(
+    monkeypatch: pytest.MonkeyPatch, effects: dict[str, dict[str, float]]
+) -> None:
+    """Noise that is learned without an effect may hold it: five shots with a drag were called adequate so."""
+    monkeypatch.setattr(Limit, "__call__", lambda self: True)
+    with pytest.raises(AnalysisError, match="no time within 60 s to compare the effects of the catalogue"):
+        diagnose(shots(effects))
 
 
 def test_what_is_done_in_time_leaves_nothing_out() -> None:

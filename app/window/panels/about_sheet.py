@@ -12,7 +12,7 @@ from app.window.panels.side_sheet import SideSheet
 
 PARTS = (
     "numpy", "scipy", "numba", "llvmlite", "PySide6-Essentials", "shiboken6", "pyqtgraph", "pyusb", "platformdirs",
-    "uncertainties", "lazy_loader", "h5py", "npTDMS", "niscope", "distributed",
+    "uncertainties", "threadpoolctl", "lazy_loader", "h5py", "npTDMS", "niscope", "distributed",
 )  # fmt: skip
 
 

@@ -1,5 +1,8 @@
 """Parallel work: two items at a time, nested too, and every core is released."""
 
+import os
+import subprocess
+import sys
 import threading
 import time
 
@@ -94,3 +97,12 @@ def test_callers_of_their_own_do_not_wait_for_each_other_for_ever() -> None:
         caller.join(TOGETHER_S)
     assert not any(caller.is_alive() for caller in callers)
     _meet()
+
+
+def test_the_algebra_takes_one_thread_even_where_numpy_was_imported_first() -> None:
+    """With more of them the fits of a script took seven times as long, and those in a building ran out of time."""
+    imports = "import numpy, analysis, scipy.linalg, threadpoolctl"
+    script = f"{imports}\nprint({{pool['num_threads'] for pool in threadpoolctl.threadpool_info()}})"
+    environment = {key: value for key, value in os.environ.items() if key != "OPENBLAS_NUM_THREADS"}
+    told = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == "{1}"

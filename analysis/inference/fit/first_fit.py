@@ -18,7 +18,6 @@ from analysis.inference.fit.base import TRUSTED, Plates, SearchStart, base_of
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.first_guesses import first_guesses, resembled
 from analysis.inference.fit.free_parameters import trials_of
-from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import Fitted, Problem
 from analysis.inference.fit.samples import Samples, averaged_shots
 from analysis.inference.fit.search_vector import JointData
@@ -144,15 +143,17 @@ def _search_from(
         raise Cancelled
     end = problem.unpack(found.parameters)
     left = found.square.chi2 / found.square.samples
-    return SearchStart(data.base, end.base, end.own, likely_plates(problem, found) if left < TRUSTED else (), left)
+    return SearchStart(
+        data.base, end.base, end.own, likely_plates(problem, found.parameters) if left < TRUSTED else (), left
+    )
 
 
-def likely_plates(problem: Problem, found: Minimum) -> Plates:
-    """Return each shot's likeliest plate at first touch (m, m/s), given the residual; empty where no frame moves."""
+def likely_plates(problem: Problem, z: Floats) -> Plates:
+    """Return each shot's likeliest plate at first touch (m, m/s) given the residual; empty where no frame moves."""
     if not problem.noise.site:
         return ()
     plates = []
-    for shot, rest in zip(problem.data.shots, problem.residual_m(found.parameters), strict=True):
+    for shot, rest in zip(problem.data.shots, problem.residual_m(z), strict=True):
         assert shot.sway is not None
         plates.append(shot.sway.likely_plate(rest, problem.noise))
     return tuple(plates)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.collision import MOST_AT_ONCE, Effect, Infeasible, effects_named, findings, named
 from analysis.inference.fit.as_fit import as_fit
-from analysis.inference.fit.base import SearchStart
+from analysis.inference.fit.base import Plates, SearchStart
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.first_fit import STRONG, first_fit, likely_plates
 from analysis.inference.fit.free_parameters import trial_effect, trials_of
@@ -85,7 +85,7 @@ class _SearchEnd:
     """The end of a search under a noise learnt from flights; ``trusted``: these are long enough to learn it from.
 
     ``undecided``, shape (p,), is the standard deviation of each parameter that remains where the iteration over the
-    frame's contribution (``_fit_base``) does not settle.
+    frame's contribution (``_settled``) does not converge.
     """
 
     problem: Problem
@@ -102,8 +102,7 @@ class _SearchEnd:
         """Return the fit, weighed by the noise of the whole shots where the frame moves."""
         problem, found = self.problem, self.found
         fitted = _reweighed(problem, found, stop)
-        undecided = np.pad(self.undecided, (0, problem.size - self.undecided.size))
-        fitted = replace(fitted, inverse=fitted.inverse + np.outer(undecided, undecided))
+        fitted = replace(fitted, inverse=fitted.inverse + np.outer(self.undecided, self.undecided))
         flags = [f"{name}_at_bound" for name, shot in (problem.names[k] for k in found.at_bound) if shot < 0]
         flags += [] if self.trusted else ["noise_not_known"]
         flags += [PLATE_RINGS] if self._plate_rings(fitted) else []
@@ -149,44 +148,53 @@ class _FitRequest:
             problem, found, undecided = _fit_base(Problem(data, (), noise), begin, self.stop)
             if self.effects:
                 self.tell("fitting the effects", 0.6)
-                problem, found = _with_effects(problem, found, self.effects, self.stop)
+                problem, found, undecided = _with_effects(problem, found, self.effects, self.stop)
         except Infeasible as why:
             raise AnalysisError(f"no motion of the {self.model} model comes near these shots: {why}") from why
         return _SearchEnd(problem, found, trusted, undecided)
 
 
 def _fit_base(problem: Problem, begin: SearchStart, stop: Stop) -> tuple[Problem, Minimum, Floats]:
-    """Return the minimum of the base model, the frame's contribution computed at the motion fitted.
+    """Return the minimum of the base model, and the uncertainty of ``_settled``."""
+    values: tuple[dict[Effect, dict[str, float]], ...] = tuple({} for _ in problem.data.shots)
+    return _settled(problem, problem.slow_enough(Point(begin.shared, begin.own, values)), begin.plates, stop)
+
+
+def _settled(problem: Problem, here: Point, plates: Plates, stop: Stop) -> tuple[Problem, Minimum, Floats]:
+    """Return the minimum, searched from ``here``, with the frame's contribution computed at the motion fitted.
 
     The last value is the uncertainty, shape (p,), one standard deviation each, that remains of the parameters where a
     plate swings so far that the iteration between motion and contribution does not converge.
     """
-    values: tuple[dict[Effect, dict[str, float]], ...] = tuple({} for _ in problem.data.shots)
-    here, data = begin, problem.data
     for turn in range(_TURNS):
-        problem = replace(problem, data=data)
-        z = problem.pack(problem.slow_enough(Point(here.shared, here.own, values)))
+        z = problem.pack(here)
         found = _minimum_from(problem, z, stop)
         move = found.parameters - z
-        if data.site is None or float(move @ found.square.curvature @ move) < _SMALL_MOVE**2:
+        if problem.data.site is None or float(move @ found.square.curvature @ move) < _SMALL_MOVE**2:
             undecided = np.zeros(z.size)
             break
         undecided = move * math.sqrt(0.5)
-        end = problem.unpack(found.parameters)
-        there = replace(begin, shared=end.base, own=end.own, plates=likely_plates(problem, found))
+        there = problem.unpack(found.parameters)
+        swung = likely_plates(problem, found.parameters)
         # Where a plate swings far, its contribution changes so much that full steps would alternate: go half-way.
-        here = _half_way(here, there) if turn else there
-        shots = on_site(with_plates(data.shots, here.plates), data.site, data.base, here.shared, here.own)
-        data = replace(data, shots=shots)
+        here, plates = _half_way((here, plates), (there, swung)) if turn else (there, swung)
+        problem = _at_motion(problem, here, plates)
     return problem, found, undecided
 
 
-def _half_way(here: SearchStart, there: SearchStart) -> SearchStart:
-    """Return the mean of two starts."""
-    both = zip(here.plates or there.plates, there.plates, strict=True)
+def _at_motion(problem: Problem, point: Point, plates: Plates) -> Problem:
+    """Return the problem with the frame's contribution computed anew for shots that move as ``point`` says."""
+    data = problem.data
+    shots = on_site(with_plates(data.shots, plates), data.site, data.base, point.base, point.own)
+    return replace(problem, data=replace(data, shots=shots))
+
+
+def _half_way(here: tuple[Point, Plates], there: tuple[Point, Plates]) -> tuple[Point, Plates]:
+    """Return the mean of two base models with their plates, and the effects of the second."""
+    (one, before), (other, after) = here, there
+    both = zip(before or after, after, strict=True)
     plates = tuple((0.5 * (x + y), 0.5 * (v + w)) for (x, v), (y, w) in both)
-    shared, own = 0.5 * (here.shared + there.shared), 0.5 * (here.own + there.own)
-    return replace(there, shared=shared, own=own, plates=plates)
+    return Point(0.5 * (one.base + other.base), 0.5 * (one.own + other.own), other.values), plates
 
 
 def _minimum_from(problem: Problem, z: Floats, stop: Stop, evaluations: int = _EVALUATIONS) -> Minimum:
@@ -196,14 +204,19 @@ def _minimum_from(problem: Problem, z: Floats, stop: Stop, evaluations: int = _E
     return found
 
 
-def _with_effects(problem: Problem, of_base: Minimum, effects: Sequence[Effect], stop: Stop) -> tuple[Problem, Minimum]:
-    """Return the minimum with the named effects, added one after the other."""
+def _with_effects(
+    problem: Problem, of_base: Minimum, effects: Sequence[Effect], stop: Stop
+) -> tuple[Problem, Minimum, Floats]:
+    """Return the minimum with the named effects, added one after the other, and the uncertainty of ``_settled``."""
     here = with_effect(problem, of_base.parameters, trials_of(effects), stop)
-    problem = here.problem.with_noise(problem.noise)
+    problem, undecided = here.problem.with_noise(problem.noise), np.zeros(here.z.size)
     found = _minimum_from(problem, here.z, stop)
+    if problem.data.site is not None:  # what the base model lacked had moved the plates
+        point, plates = problem.unpack(found.parameters), likely_plates(problem, found.parameters)
+        problem, found, undecided = _settled(_at_motion(problem, point, plates), point, plates, stop)
     if not found.converged:
         found = _minimum_from(problem, found.parameters, stop, _TO_CONTINUE)
-    return problem, found
+    return problem, found, undecided
 
 
 def _reweighed(problem: Problem, found: Minimum, stop: Stop) -> Fitted:

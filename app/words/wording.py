@@ -86,9 +86,9 @@ def how_text(name: str, reading: Reading | None, meaning: str = "", std: str = "
 
 
 def effect_numbers(effect: Effect, parameters: Mapping[str, Quantity]) -> str:
-    """Return an effect's parameters in words, with units; a law states its own."""
+    """Return an effect's parameters in words, with units (a law states its own), no line ending within one."""
     units = {p.name: p.unit for p in effect.parameters} if isinstance(effect, OwnLaw) else {}
-    return ", ".join(parameter_words(name, value, units.get(name)) for name, value in parameters.items())
+    return ", ".join(unbroken(parameter_words(name, value, units.get(name))) for name, value in parameters.items())
 
 
 def parameter_words(name: str, value: Quantity, unit: str | None = None) -> str:
@@ -97,6 +97,11 @@ def parameter_words(name: str, value: Quantity, unit: str | None = None) -> str:
     words, unit = parameter_parts(base) if unit is None else (base, unit)
     which = f" of shot {shot}" if shot else ""
     return f"{words}{which} {local(value.in_a_sentence())} {unit}".rstrip()
+
+
+def unbroken(words: str) -> str:
+    """Return words within which no line ends: neither at a space nor after the stroke of a unit."""
+    return words.replace(" ", "\u00a0").replace("/", "/\u2060")
 
 
 def short_name(name: str) -> str:

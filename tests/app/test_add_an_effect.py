@@ -18,7 +18,7 @@ from app.report.page import report_of
 from app.session.session import Session
 from app.session.verdict_basis import ModelEffects
 from app.words.verdict import verdict_words
-from app.words.wording import effect_numbers
+from app.words.wording import effect_numbers, unbroken
 from tests.app import synthetic
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "add-an-effect.md"
@@ -55,7 +55,7 @@ def test_the_row_is_named_in_model_files_sessions_verdicts_and_reports(added: An
     assert Session.reopen(tmp_path / "session.json").effects.collision == (added,)
     assert added.words == verdict_words(Verdict.EFFECT_FOUND, (added,))
     assert verdict_words(Verdict.EFFECT_FOUND, (added,), short=True) == "cubic drag"
-    assert effect_numbers(added, {"coefficient_n_s3_per_m3": SIZE}).endswith("e-3 N s³/m³")
+    assert effect_numbers(added, {"coefficient_n_s3_per_m3": SIZE}).endswith(unbroken("e-3 N s³/m³"))
     found = FoundEffect(added, {"coefficient_n_s3_per_m3": SIZE}, {})
     page = report_of([replace(shot, fit=fit)], replace(synthetic.diagnosis(shot), effects=(found,), fit_after=fit))
     assert page.count(added.words) >= 2 and "N s³/m³" in page

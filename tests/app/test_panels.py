@@ -32,7 +32,7 @@ from app.window.panels.shot import VIEWS, ShotPanel
 from app.window.panels.shot_motion import RESIDUALS
 from app.window.plots import save
 from app.window.theme import LIGHT, MARKS, Tone
-from app.words.wording import number, value_text
+from app.words.wording import number, unbroken, value_text
 from tests.app import synthetic
 
 
@@ -128,7 +128,18 @@ def test_the_numbers_name_what_the_effects_in_the_model_came_to(qtbot):
         parameters={**driven.fit.parameters, "coulomb_friction.force_n": Quantity(20.0, 0.1)},
     )
     panel.show_shot(replace(driven, fit=fit))
-    assert panel.effects.text() == "Coulomb friction on the block: force 20.00 ± 0.10 N"
+    assert panel.effects.text() == f"Coulomb friction on the block: {unbroken('force 20.00 ± 0.10 N')}"
+
+
+def test_no_line_ends_within_a_number_and_its_unit(qtbot):
+    """The panel showed "(3.01 ± 0.05)e-3 N s²/" and "m²" below it."""
+    label = QLabel(f"coefficient {unbroken('(3.01 ± 0.05)e-3 N s²/m²')}")
+    qtbot.addWidget(label)
+    label.setWordWrap(True)
+    height = label.fontMetrics().height()
+    room = label.fontMetrics().horizontalAdvance("coefficient (3.01 ± 0.05)e-3 N s²/m")
+    assert label.heightForWidth(room) >= 2 * height  # the number goes to the next line whole
+    assert "\u00a0" in label.text() and " ±" not in label.text() and "/m" not in label.text()
 
 
 def test_numbers_of_a_fit_that_did_not_converge_are_not_shown(qtbot, shot):

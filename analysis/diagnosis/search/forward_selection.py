@@ -185,7 +185,7 @@ def better(fitted: Fitted, other: Fitted) -> bool:
 def polish(fitted: Fitted, trail: Trail) -> Fitted:
     """Return the fit brought to its minimum: what a short search leaves would call for one more effect."""
     better = fitted.fitted_on(evaluations=60, anew=True, cancelled=trail.stop)
-    if better.noise.wanders and better.bic < trail.start.bic - CLOSE:
+    if better.noise.coloured and better.bic < trail.start.bic - CLOSE:
         better = min(better, _from_white(better, trail), key=lambda one: one.bic)
     if better.log_likelihood < fitted.log_likelihood - (0.5 if better.converged else 0.0):
         return fitted
@@ -219,7 +219,7 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
         if strong or place < compared or listed[0].gain > WORTH_FITTING
         for score in distinct_starts(listed)[: 1 if place >= 2 else 2]
     ]
-    if here.noise.wanders:
+    if here.noise.coloured:
         # The noise was learnt from the residual and may have absorbed an effect: score as if it were white, too.
         scored = {score.kind.effect for score in tried}
         other = _ranked(at.under(here.noise.still), free, trail)[:IF_WHITE]

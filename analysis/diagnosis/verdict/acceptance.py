@@ -90,8 +90,9 @@ def _pass(effects: list[FoundEffect], residual: Residual, best: Fitted) -> bool:
     if not best.converged or residual.rough:
         return False
     if not residual.significant:
-        # Beside a noise that wanders any freedom gains much by chance: an effect must do more than the next freedom.
-        by_chance = residual.misfit.size if best.noise.wanders else 0.0
+        # Beside a path that wanders any freedom gains much by chance: an effect must do more than the next freedom.
+        # A frame that moves is no such path: its strengths have a prior.
+        by_chance = residual.misfit.size if best.noise.wander else 0.0
         return all(effect.evidence["snr"] > CRITERIA.clear_of_rest * by_chance for effect in effects)
     # Several together imitate what none of them is, and a misfit says that the law is another one.
     doubtful = len(effects) > 1 or residual.misfitting

@@ -107,7 +107,7 @@ def worst(fitted: Fitted, at: Linearised, slow: float = 1.0) -> LackOfFit:
     for name, (value, width, floor) in zip(shapes, gains, strict=True):
         # A wandering floor is learnt from the same data, anew beside every shape.  Where a shape makes it cease to
         # wander, the floor was the shape, and white noise is the measure.
-        factor = slow * (CRITERIA.wandering_gain if floor.wanders else 1.0)
+        factor = slow * (CRITERIA.wandering_gain if floor.coloured else 1.0)
         if width:
             found.append(
                 LackOfFit(name, value, factor * float(chdtri(width, CRITERIA.freedom_chance / len(shapes))), width)

@@ -102,8 +102,8 @@ class Floor:
         return 1 + 2 * sum(rms > 0 for rms in self.rms_m) + len(self.site)
 
     @property
-    def wanders(self) -> bool:
-        """Get whether any part wanders."""
+    def coloured(self) -> bool:
+        """Get whether there is more than white noise: a path that wanders, or a frame that moves."""
         return self.rms_m[0] > 0 or bool(self.site)
 
     @property
@@ -113,7 +113,7 @@ class Floor:
 
     @property
     def still(self) -> "Floor":
-        """Get the noise without its wandering parts."""
+        """Get the white part alone."""
         return replace(self, rms_m=(0.0, 0.0), site=())
 
     @property

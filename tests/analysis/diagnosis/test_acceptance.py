@@ -1,7 +1,7 @@
 """What an effect must be to be named."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import pytest
@@ -39,8 +39,8 @@ def effect(snr: float) -> FoundEffect:
     return FoundEffect(TILT, {}, {"snr": snr}, ())
 
 
-@pytest.mark.parametrize(("floor", "accepted"), [(CALM, True), (WANDERING, False)])
-def test_beside_a_wandering_floor_an_effect_does_more_than_the_next_freedom(floor: Floor, accepted: bool) -> None:
+@pytest.mark.parametrize(("floor", "accepted"), [(CALM, True), (replace(CALM, site=(0.0,)), True), (WANDERING, False)])
+def test_beside_a_wandering_path_an_effect_does_more_than_the_next_freedom(floor: Floor, accepted: bool) -> None:
     rest = Residual(0.0, 57.0, 0.03, 1.1, misfit=LackOfFit(Freedom.PLACE, 56.0, 63.0, 4))
     effects, verdict = acceptance.accepted_effects([effect(10.4)], rest, cast(Any, Fit((TILT,), floor)))
     assert bool(effects) is accepted

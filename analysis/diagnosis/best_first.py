@@ -15,6 +15,7 @@ from analysis.diagnosis.explanation import Explanation, explain_with_effects, ex
 from analysis.diagnosis.learning.law_learning import may_reach
 from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.question import Question
+from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.search.full_rate import at_full_rate
 from analysis.diagnosis.search.search import Search, Searched
 from analysis.diagnosis.verdict.acceptance import Settled, settle
@@ -72,12 +73,12 @@ class BestFirst:
     def explanation(self) -> Explanation:
         """Return the likeliest explanation.
 
-        Raises Cancelled when asked to stop, AnalysisError where the time was over before the effects of the catalogue
-        were compared: noise that was learned without them may have swallowed one.
+        Raises Cancelled when asked to stop, AnalysisError where nothing seems to be missing but the time was over
+        before the effects of the catalogue were compared: noise that was learned without them may have swallowed one.
         """
         while self._answer is None:
             self._next_step()()
-        if not (self._answer.trail.compared or self._answer.effects or self._answer.laws):
+        if self._answer.verdict is Verdict.ADEQUATE and not self._answer.trail.compared:
             raise AnalysisError(
                 f"no time within {self._question.limit.seconds:g} s to compare the effects of the catalogue: "
                 "allow more, or diagnose fewer shots"

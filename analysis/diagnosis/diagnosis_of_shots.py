@@ -115,6 +115,7 @@ def _diagnosis(question: Question, explanation: Explanation) -> Diagnosis:
         laws=explanation.laws,
         imitated_by=explanation.imitations,
         not_asked=question.limit.left_out,
+        compared=explanation.trail.compared,
     )
     question.progress("diagnosed", 1.0)
     return diagnosis

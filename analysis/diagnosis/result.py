@@ -269,6 +269,7 @@ class Diagnosis:
     laws: tuple[LearnedLaw, ...] = ()
     imitated_by: tuple[FoundEffect, ...] = ()
     not_asked: tuple[str, ...] = ()  # what a limit of time left out, in words
+    compared: bool = True  # whether there was time to compare the effects of the catalogue
     drive: DriveEvidence | None = None
 
     @property

@@ -108,7 +108,9 @@ def _verdict(diagnosis: Diagnosis) -> str:
         return "The model is adequate: nothing is missing that this data could show." + _trace(diagnosis.remainder)
     left = remainder(diagnosis.remainder)
     if verdict is Verdict.UNEXPLAINED:
-        return f"Unexplained: something is missing that no effect of the catalogue accounts for: {left}."
+        tried = " that no effect of the catalogue accounts for"
+        untried = ", and there was no time to try the effects of the catalogue"
+        return f"Unexplained: something is missing{tried if diagnosis.compared else untried}: {left}."
     named = " and ".join([*map(found, effects), *map(learned, laws)])
     if verdict in (Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED):
         return f"The model lacks {named}."

@@ -10,6 +10,7 @@ from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.result_file import diagnosis_result
+from analysis.diagnosis.wording import in_words
 from analysis.shot.shot import AnalysisError, Cancelled
 from tests.analysis.diagnosis.shots import calm, shots
 from tests.law_rigs import LawRig
@@ -61,14 +62,18 @@ def test_a_law_that_there_was_no_time_for_is_named_as_not_asked(monkeypatch: pyt
     assert diagnosis_result(found)["not_asked"] == list(found.not_asked)
 
 
-@pytest.mark.parametrize("effects", [{}, {"coulomb_friction": {"force_n": 1e-4}}])
-def test_without_time_for_the_catalogue_there_is_no_verdict(
-    monkeypatch: pytest.MonkeyPatch, effects: dict[str, dict[str, float]]
-) -> None:
+def test_without_time_for_the_catalogue_nothing_is_called_adequate(monkeypatch: pytest.MonkeyPatch) -> None:
     """Noise that is learned without an effect may hold it: five shots with a drag were called adequate so."""
     monkeypatch.setattr(Limit, "__call__", lambda self: True)
     with pytest.raises(AnalysisError, match="no time within 60 s to compare the effects of the catalogue"):
-        diagnose(shots(effects))
+        diagnose(shots({}))
+
+
+def test_what_is_seen_to_be_missing_is_told_without_time_for_the_catalogue_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Limit, "__call__", lambda self: True)
+    found = diagnose(shots({"coulomb_friction": {"force_n": 1e-4}}))
+    assert found.verdict is Verdict.UNEXPLAINED and "effects of the catalogue" in found.not_asked
+    assert in_words(found).sentence.startswith("Unexplained: something is missing, and there was no time to try the")
 
 
 def test_what_is_done_in_time_leaves_nothing_out() -> None:

@@ -157,7 +157,7 @@ class _FitRequest:
 def _fit_base(problem: Problem, begin: SearchStart, stop: Stop) -> tuple[Problem, Minimum, Floats]:
     """Return the minimum of the base model, and the uncertainty of ``_settled``."""
     values: tuple[dict[Effect, dict[str, float]], ...] = tuple({} for _ in problem.data.shots)
-    return _settled(problem, problem.slow_enough(Point(begin.shared, begin.own, values)), begin.plates, stop)
+    return _settled(problem, Point(begin.shared, begin.own, values), begin.plates, stop)
 
 
 def _settled(problem: Problem, here: Point, plates: Plates, stop: Stop) -> tuple[Problem, Minimum, Floats]:
@@ -167,7 +167,9 @@ def _settled(problem: Problem, here: Point, plates: Plates, stop: Stop) -> tuple
     plate swings so far that the iteration between motion and contribution does not converge.
     """
     for turn in range(_TURNS):
-        z = problem.pack(here)
+        if turn:
+            problem = _at_motion(problem, here, plates)
+        z = problem.pack(problem.slow_enough(here))
         found = _minimum_from(problem, z, stop)
         move = found.parameters - z
         if problem.data.site is None or float(move @ found.square.curvature @ move) < _SMALL_MOVE**2:
@@ -178,7 +180,6 @@ def _settled(problem: Problem, here: Point, plates: Plates, stop: Stop) -> tuple
         swung = likely_plates(problem, found.parameters)
         # Where a plate swings far, its contribution changes so much that full steps would alternate: go half-way.
         here, plates = _half_way((here, plates), (there, swung)) if turn else (there, swung)
-        problem = _at_motion(problem, here, plates)
     return problem, found, undecided
 
 

@@ -73,25 +73,25 @@ def _cos_turns(turns: float) -> float:
 # products and sums in one instruction where the processor has it: this changes the last bit of a double, and the
 # beats are float32 afterwards
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _beat(offset, amplitude, phase, spacing, out):  # type: ignore[no-untyped-def]
-    """Fill ``out`` (m,) with a beat; amplitude and phase (turns) are polynomials in u = i * spacing.
+def _beat(offset, amplitude, phase, places, out):  # type: ignore[no-untyped-def]
+    """Fill ``out`` (m,) with a beat; amplitude and phase (turns) are polynomials in the samples' ``places``, 0 to 1.
 
-    Cost: about 0.8 ns per sample.
+    Cost: about 0.6 ns per sample.
     """
     a0, a1 = amplitude
     p0, p1, p2, p3 = phase
     for i in range(out.shape[0]):
-        u = i * spacing
+        u = places[i]  # to turn the index into a float takes as long as the polynomial
         out[i] = offset + (a0 + a1 * u) * _cos_turns(p0 + u * (p1 + u * (p2 + u * p3)))
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _add_beat(amplitude, phase, spacing, out):  # type: ignore[no-untyped-def]
+def _add_beat(amplitude, phase, places, out):  # type: ignore[no-untyped-def]
     """Add a beat to ``out``; arguments as of ``_beat``."""
     a0, a1 = amplitude
     p0, p1, p2, p3 = phase
     for i in range(out.shape[0]):
-        u = i * spacing
+        u = places[i]
         out[i] += (a0 + a1 * u) * _cos_turns(p0 + u * (p1 + u * (p2 + u * p3)))
 
 
@@ -184,6 +184,7 @@ def fill_counts(
     o_mea = p[MEASUREMENT_OFFSET]
     step = p[TURNS_PER_SAMPLE]
     inverse = 1.0 / per_segment
+    places = np.arange(per_segment) * inverse
     segments = (n + per_segment - 1) // per_segment
     for j in range(segments):
         begin = j * per_segment
@@ -201,14 +202,14 @@ def fill_counts(
         a0 = p[MEASUREMENT_A] * light[j]
         a1 = p[MEASUREMENT_A] * (light[j + 1] - light[j])
         if reference >= 0:
-            _beat(o_ref, (a_ref, 0.0), (r0, r1, r2, r3), inverse, ref[:m])
-        _beat(o_mea, (a0, a1), (r0 - p0, r1 - p1, r2 - p2, r3 - p3), inverse, mea[:m])
+            _beat(o_ref, (a_ref, 0.0), (r0, r1, r2, r3), places, ref[:m])
+        _beat(o_mea, (a0, a1), (r0 - p0, r1 - p1, r2 - p2, r3 - p3), places, mea[:m])
         if p[LEAK] != 0.0:  # light in the wrong arm: a second beat, harmonic of the path
             w = p[LEAK_ORDER] - 1.0
             base = path_turns[j] * w
             base -= math.floor(base)
             turns = r0 + base + p[LEAK_TURNS], r1 + w * p1, r2 + w * p2, r3 + w * p3
-            _add_beat((p[LEAK] * a0, p[LEAK] * a1), turns, inverse, mea[:m])
+            _add_beat((p[LEAK] * a0, p[LEAK] * a1), turns, places, mea[:m])
         if switch >= 0:
             e0 = (position_m[j] - p[SWITCH_X]) / p[SWITCH_WIDTH]
             e1 = (position_m[j + 1] - p[SWITCH_X]) / p[SWITCH_WIDTH]

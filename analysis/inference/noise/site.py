@@ -24,6 +24,7 @@ from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.sway import BELOW_HZ, plate_swing_std, responses
 from analysis.shot import Shaking
+from analysis.strengths import root_of
 
 Floats = NDArray[np.float64]
 _APART = 0.45  # spacing, times one over a shot's length, of the sines that stand for random motion
@@ -57,16 +58,13 @@ class WhitenedDirections:
     """A shot's directions of frame motion, whitened by a noise without the frame and of unit white noise.
 
     ``columns``, shape (n, r), times the inverse of ``root``, shape (r, r), upper triangular, are orthonormal.
-    ``factors``, shape (r, m), give the frame's m unit normal numbers along these, band after band (stored in the order
-    of Fortran); ``band``, shape (m,), is the band of each, and band k begins at ``first[k]``.  ``logs`` is ln det of
-    the covariance that whitened.
+    ``factors``, shape (r, m), give the frame's m unit normal numbers along these (stored in the order of Fortran).
+    ``logs`` is ln det of the covariance that whitened.
     """
 
     columns: Floats
     root: Floats
     factors: Floats
-    band: NDArray[np.int64]
-    first: NDArray[np.intp]
     logs: float
 
     def along(self, rows: Floats) -> Floats:
@@ -151,6 +149,11 @@ class Sway:
         return out
 
     @cached_property
+    def shares(self) -> Floats:
+        """Get the variances that the bands give the unit normal numbers at strength one, shape (bands, m)."""
+        return np.equal.outer(np.arange(int(self.band.max()) + 1), self.band).astype(np.float64)
+
+    @cached_property
     def _plate_columns(self) -> Floats:
         """Get the displacement due to each unit number of the plate's start, shape (n, 2)."""
         return np.asarray(self.basis @ self.factors[:, -len(PLATE_START) :])
@@ -172,11 +175,8 @@ class Sway:
             raw[self.valid] = self.basis
             columns = shape.whiten(raw, self.valid, self.weight)
         root = np.asarray(np.linalg.cholesky(columns.T @ columns).T)
-        order = np.argsort(self.band, kind="stable")
-        band = self.band[order]
-        factors = np.asfortranarray(root @ self.factors[:, order])
-        first = np.searchsorted(band, np.arange(int(band[-1]) + 1))
-        return WhitenedDirections(columns, root, factors, band, first, shape.log_variances(self.valid, self.weight))
+        factors = np.asfortranarray(root @ self.factors)
+        return WhitenedDirections(columns, root, factors, shape.log_variances(self.valid, self.weight))
 
     def _whitening_matrix(self, noise: Floor) -> Floats:
         root = root_of(self.scaled(noise))
@@ -202,19 +202,6 @@ def shape_of(noise: Floor) -> Floor:
     """Return a noise in units of its white part, without the frame, to twelve digits against rounding."""
     one, two = (float(f"{rms / noise.white_m:.12g}") for rms in noise.rms_m)
     return Floor(1.0, (one, two), noise.tau_s, noise.spacing_s)
-
-
-def root_of(scaled: Floats) -> Floats:
-    """Return the Cholesky factor of 1 + scaled scaled^T, the covariance along whitened directions, shape (r, r).
-
-    ``scaled`` has shape (r, m).  LinAlgError where rounding leaves it none.
-    """
-    covariance = scaled @ scaled.T
-    covariance[np.diag_indices_from(covariance)] += 1.0
-    root = np.asarray(np.linalg.cholesky(covariance))
-    if not np.isfinite(root[-1, -1]):
-        raise np.linalg.LinAlgError("the covariance has no Cholesky factor")
-    return root
 
 
 def resembles_frame_motion(row: Effect) -> bool:

@@ -10,88 +10,35 @@ Fisher scoring over all shots; the shape is found by a simplex search around tha
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from analysis.compiled import side_by_side, solve_triangle
+from analysis.compiled import side_by_side
 from analysis.inference.fit.arrow import Arrow, Places
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor, white_floor
 from analysis.inference.noise.likeliest import LONGEST_TAU_S, SHORTEST_TAU_S
-from analysis.inference.noise.site import Site, WhitenedDirections, root_of
+from analysis.inference.noise.site import Site
+from analysis.strengths import (
+    Curvature,
+    RestrictedLikelihood,
+    ShotResidual,
+    chain_precision,
+    mixture_covariance,
+    points_about,
+)
 
 Floats = NDArray[np.float64]
 _NEIGHBOURS = 1.0  # prior std of the difference of log strengths of neighbouring bands
 _LEVEL = 6.0  # prior std of each band's log strength
 _LINE = 2.0  # prior std of a line's log strength
-_ITERATIONS, _ENOUGH, _MOST = 20, 5e-3, 3.0  # steps; least gain of ln L; greatest step of a log strength
-_AS_PROMISED = 0.15  # of a step's first-order gain: allowed deviation from the half that the right curvature gives
 _ADDS = 2.0, 0.2  # start of a shape search: what a sample adds over white, of the first part and of the second;
 _TAU_S = (4e-3,), (5e-4, 5e-2)  # correlation times tried for each;
 _SIDE, _CLOSER, _NEAR, _ALIKE = 0.7, 0.3, 0.1, 0.3  # simplex side, side from a neighbour, end size, end ln L spread;
 _TRIALS = 15  # evaluations for each part
 _PAIRS = 16  # of points that sample the distribution of likely strengths
-_LEAST_LEVEL = 0.05  # of the curvature: even an undetermined strength is known to a factor of some hundred
-
-
-@dataclass(frozen=True, slots=True)
-class _Shot:
-    """A shot's residual and its derivatives by q parameters, under noise of a fixed shape.
-
-    ``along``, shape (r, 1 + q), are both projected on ``directions``; ``rest_products``, shape (1 + q, 1 + q), are the
-    products of the rest; ``places``, shape (q,), are the indices of the parameters.
-    """
-
-    directions: WhitenedDirections
-    along: Floats
-    rest_products: Floats
-    samples: int
-    places: NDArray[np.intp]
-
-
-@dataclass(frozen=True, slots=True)
-class _Whitened:
-    """A shot whitened by the covariance along its directions, in units of the white variance.
-
-    ``waves``, shape (r, m), are the frame's contributions, ``half``, shape (r, 1 + q), residual and derivatives, both
-    divided by the covariance's Cholesky ``root``; ``products``, shape (1 + q, 1 + q), are those of the fully whitened
-    residual and derivatives.
-    """
-
-    root: Floats
-    waves: Floats
-    half: Floats
-    products: Floats
-
-
-@dataclass(slots=True)
-class _Curvature:
-    """The expected curvature of the log-likelihood by (ln white^2, strengths), where it was last computed."""
-
-    value: Floats | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class _Fitted:
-    """Parameters fitted to the residual: values (q,), covariance (q, q), half ln det of its inverse."""
-
-    values: Floats
-    covariance: Floats
-    logs: float
-
-
-@dataclass(frozen=True, slots=True)
-class _Point:
-    """Log-likelihood plus log prior at (ln white^2, strengths), its gradient, and intermediate results."""
-
-    at: Floats
-    value: float
-    slope: Floats
-    whitened: tuple[_Whitened, ...] = ()
-    fitted: _Fitted | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,26 +67,27 @@ class _ShotSet:
     shots: Sequence[Samples]
     site: Site
     precision: Floats
-    curve: _Curvature = field(default_factory=_Curvature)
+    curve: Curvature = field(default_factory=Curvature)
 
-    def under(self, shape: Floor) -> list[_Shot]:
-        """Return the shots under noise of this shape."""
+    def under(self, shape: Floor) -> RestrictedLikelihood:
+        """Return the restricted likelihood of the strengths under noise of this shape."""
 
-        def of_shot(index: int) -> _Shot:
+        def of_shot(index: int) -> ShotResidual:
             columns = np.column_stack([self.series[index], self.tangents.blocks[index]])
             return _shot_under(shape, columns, self.tangents.places[index], self.shots[index])
 
-        return side_by_side(of_shot, range(len(self.shots)))
+        return RestrictedLikelihood(side_by_side(of_shot, range(len(self.shots))), self.precision)
 
     def found(self, shape: Floor, start: Floats | None) -> _LikeliestStrengths:
         """Return the likeliest strengths for this shape, searched from ``start``; some 20 ms for three shots."""
-        parts = self.under(shape)
+        likelihood = self.under(shape)
         if start is None:
             start = np.zeros(1 + self.site.bands)
-            freedom = sum(part.samples - part.along.shape[0] for part in parts)
-            start[0] = math.log(max(sum(float(part.rest_products[0, 0]) for part in parts) / freedom, 1e-40))
-        at, value = _likeliest(start, parts, self.precision, self.curve)
-        return _LikeliestStrengths(shape, at, value)
+            freedom = sum(shot.samples - shot.along.shape[0] for shot in likelihood.shots)
+            square = sum(float(shot.rest_products[0, 0]) for shot in likelihood.shots)
+            start[0] = math.log(max(square / freedom, 1e-40))
+        best = likelihood.greatest(start, self.curve)
+        return _LikeliestStrengths(shape, best.at, best.value)
 
     def nearby(self, begin: _LikeliestStrengths, parts: int, side: float) -> _LikeliestStrengths:
         """Return the likeliest shape with so many wandering parts and its strengths, from a simplex about ``begin``."""
@@ -216,36 +164,15 @@ def over_likely(
     values (law of total variance).  Cost: some 30 ms per shot.  Raises LinAlgError where the parameters are not
     determined.
     """
-    left = _ShotSet(series, tangents, shots, site, _prior(site))
-    found = left.found(_shape_of(start), np.array([2.0 * math.log(start.white_m), *start.site]))
-    parts = left.under(found.shape)
-    level, turn = np.linalg.eigh(_curvature(_likelihood(found.at, parts, left.precision), parts, left.precision))
-    # the symmetric root of the covariance: eigenvectors of nearly equal eigenvalues turn with every rounding
-    spread = turn / np.sqrt(np.maximum(level, _LEAST_LEVEL)) @ turn.T
-    points = found.at + _normal_points(found.at.size) @ spread
-    values, covariances, _ = _fits_at(np.vstack([found.at, points]), parts)
-    apart = values[1:] - values[0]
-    covariance = np.mean(covariances[1:], axis=0) + apart.T @ apart / len(points)
-    unseen = tangents.size - values.shape[1]
-    return Likely(found.floor, np.pad(covariance, (0, unseen)), np.pad(values[0], (0, unseen)))
-
-
-@lru_cache(maxsize=8)
-def _normal_points(size: int) -> Floats:
-    """Return points that sample a standard normal distribution, shape (n, size), in pairs of opposite sign."""
-    half = np.random.default_rng(size).standard_normal((_PAIRS, size))
-    half /= np.sqrt(np.mean(half**2, axis=0))
-    return np.concatenate([half, -half])
-
-
-def _fits_at(points: Floats, shots: Sequence[_Shot]) -> tuple[Floats, Floats, Floats]:
-    """Return ``_parameters_under`` at each of ``points``, (ln white^2, strengths), shape (p, 1 + bands)."""
-
-    def products(shot: _Shot) -> Floats:
-        halves = (solve_triangle(root_of(_scaled(shot.directions, at)), shot.along, lower=True) for at in points)
-        return np.stack([shot.rest_products + half.T @ half for half in halves])
-
-    return _parameters_under(shots, side_by_side(products, shots), np.exp(points[:, 0]))
+    left, shape = _ShotSet(series, tangents, shots, site, _prior(site)), _shape_of(start)
+    likelihood = left.under(shape)
+    best = likelihood.greatest(np.array([2.0 * math.log(start.white_m), *start.site]), left.curve)
+    points = points_about(best.at, likelihood.curvature(best), _PAIRS)
+    values, covariances = likelihood.fits(np.vstack([best.at, points]))
+    weights = np.array([0.0, *np.full(len(points), 1.0 / len(points))])
+    covariance = mixture_covariance(weights, values, covariances, values[0])
+    unseen, floor = tangents.size - values.shape[1], _LikeliestStrengths(shape, best.at, best.value).floor
+    return Likely(floor, np.pad(covariance, (0, unseen)), np.pad(values[0], (0, unseen)))
 
 
 def _with_a_part(shape: Floor, number: int, tau_s: float) -> Floor:
@@ -281,7 +208,7 @@ def _shape_at(z: Floats, spacing_s: float) -> Floor:
     return Floor(1.0, (float(one), float(two)), (float(first), float(second)), spacing_s)
 
 
-def _shot_under(shape: Floor, columns: Floats, places: Places, shot: Samples) -> _Shot:
+def _shot_under(shape: Floor, columns: Floats, places: Places, shot: Samples) -> ShotResidual:
     """Return a shot's residual and derivatives by the parameters at ``places``, whitened by this noise.
 
     ``columns``, shape (n, 1 + q), are residual and derivatives.
@@ -293,162 +220,13 @@ def _shot_under(shape: Floor, columns: Floats, places: Places, shot: Samples) ->
     along = directions.along(white)
     rest_products = white.T @ white - along.T @ along
     rest_products[0, 0] = max(float(rest_products[0, 0]), 0.0)
-    return _Shot(directions, along, rest_products, white.shape[0], places[some])
-
-
-def _likeliest(at: Floats, shots: Sequence[_Shot], precision: Floats, curve: _Curvature) -> tuple[Floats, float]:
-    """Return the likeliest (ln white^2, strengths), searched from ``at``, and log-likelihood plus log prior.
-
-    The ``curve`` of a nearby noise is used until a step gains less or more than it predicts.
-    """
-    here = _likelihood(at, shots, precision)
-    if not math.isfinite(here.value):
-        return at, here.value
-    fresh = curve.value is None
-    if curve.value is None:
-        curve.value = _curvature(here, shots, precision)
-    for _ in range(_ITERATIONS):
-        step = np.linalg.solve(curve.value, here.slope)
-        promise = float(step @ here.slope)
-        if promise < _ENOUGH:
-            break
-        step *= min(1.0, _MOST / float(np.abs(step).max()))
-        for _ in range(5):
-            there = _likelihood(here.at + step, shots, precision)
-            if there.value > here.value:
-                break
-            step = 0.3 * step
-        else:
-            if fresh:
-                break
-            curve.value, fresh = _curvature(here, shots, precision), True
-            continue
-        gained, here, fresh = there.value - here.value, there, False
-        if abs(gained / promise - 0.5) > _AS_PROMISED:  # the curvature has changed
-            curve.value, fresh = _curvature(here, shots, precision), True
-    return here.at, here.value
-
-
-def _likelihood(at: Floats, shots: Sequence[_Shot], precision: Floats) -> _Point:
-    """Return log-likelihood plus log prior and gradient by (ln white^2, strengths); minus infinity if undefined.
-
-    Restricted likelihood where there are derivatives by parameters.
-    Cost: r^2 (3 m + r / 3) multiply-adds per shot, r directions, m numbers of the frame.
-    """
-    pull = precision @ at[1:]
-    value = -0.5 * float(at[1:] @ pull)
-    slope = np.concatenate([[0.0], -pull])
-    variance = math.exp(at[0])
-    try:
-        whitened = tuple(side_by_side(lambda shot: _whitened(shot, at), shots))
-        fitted = _fitted(shots, [one.products for one in whitened], variance)
-    except np.linalg.LinAlgError:  # with motion a billion times the white noise rounding breaks the factorisation
-        return _Point(at, -math.inf, slope)
-    value -= fitted.logs
-    slope[0] += 0.5 * fitted.values.size
-    for shot, one in zip(shots, whitened, strict=True):
-        numbers = np.concatenate([[1.0], -fitted.values[shot.places]])
-        square = float(numbers @ one.products @ numbers) / variance
-        across = one.waves.T @ one.half
-        free = across[:, 1:]
-        known = np.einsum("ij,ij->j", one.waves, one.waves)
-        known -= np.einsum("ij,ij->i", free @ _shot_covariance(fitted, shot), free) / variance
-        measured = np.add.reduceat((across @ numbers) ** 2, shot.directions.first) / variance
-        expected = np.add.reduceat(known, shot.directions.first)
-        logs = 2.0 * float(np.log(np.diag(one.root)).sum()) + shot.directions.logs
-        logs += shot.samples * math.log(2 * math.pi * variance)
-        value -= 0.5 * (logs + square)
-        slope[1:] += 0.5 * (measured - expected)
-        slope[0] += 0.5 * (square - float(measured.sum()) - (shot.samples - float(expected.sum())))
-    return _Point(at, value, slope, whitened, fitted)
-
-
-def _whitened(shot: _Shot, at: Floats) -> _Whitened:
-    """Return a shot whitened by its covariance under (ln white^2, strengths); LinAlgError if not positive."""
-    scaled = _scaled(shot.directions, at)
-    root = root_of(scaled)
-    half = solve_triangle(root, shot.along, lower=True)
-    return _Whitened(root, solve_triangle(root, scaled, lower=True), half, shot.rest_products + half.T @ half)
-
-
-def _shot_covariance(fitted: _Fitted, shot: _Shot) -> Floats:
-    """Return the covariance of the parameters on which a shot depends, shape (q, q)."""
-    return fitted.covariance[np.ix_(shot.places, shot.places)]
-
-
-def _fitted(shots: Sequence[_Shot], products: Sequence[Floats], variance: float) -> _Fitted:
-    """Return the parameters fitted to all shots' ``products`` of residual and derivatives."""
-    values, covariance, logs = _parameters_under(shots, [one[None] for one in products], np.array([variance]))
-    return _Fitted(values[0], covariance[0], float(logs[0]))
-
-
-def _parameters_under(
-    shots: Sequence[_Shot], products: Sequence[Floats], variance: Floats
-) -> tuple[Floats, Floats, Floats]:
-    """Return q parameters fitted under p noises, (p, q), their covariances, (p, q, q), and half ln det of inverses.
-
-    ``products``, shape (p, 1 + q, 1 + q) for each shot, are those of residual and derivatives, in units of
-    ``variance``, shape (p,).  LinAlgError where they do not determine the parameters.
-    """
-    size = max((int(shot.places.max(initial=-1)) + 1 for shot in shots), default=0)
-    normal, pull = np.zeros((variance.size, size, size)), np.zeros((variance.size, size))
-    if not size:
-        return pull, normal, np.zeros(variance.size)
-    for shot, both in zip(shots, products, strict=True):
-        both = both / variance[:, None, None]
-        normal[:, shot.places[:, None], shot.places] += both[:, 1:, 1:]
-        pull[:, shot.places] += both[:, 1:, 0]
-    level = np.diagonal(normal, axis1=1, axis2=2)
-    scale = np.where(level == 0.0, 1.0, np.sqrt(level))
-    outer = scale[:, :, None] * scale[:, None, :]
-    unit = normal / outer
-    unit[:, range(size), range(size)] += level == 0.0  # a parameter of no shot gets unit variance
-    root = np.linalg.cholesky(unit)
-    half = np.linalg.inv(root)
-    inverse = half.transpose(0, 2, 1) @ half / outer
-    logs = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1) + np.log(scale).sum(axis=1)
-    return (inverse @ pull[:, :, None])[:, :, 0], inverse, logs
-
-
-def _scaled(directions: WhitenedDirections, at: Floats) -> Floats:
-    """Return the frame's contributions along a shot's directions at (ln white^2, strengths), over the white std."""
-    return np.asarray(directions.factors * np.exp(0.5 * (at[1:] - at[0]))[directions.band])
-
-
-def _curvature(point: _Point, shots: Sequence[_Shot], precision: Floats) -> Floats:
-    """Return the expected curvature by (ln white^2, strengths) at a point; cost: m^2 r multiply-adds per shot.
-
-    The coupling of shots through shared parameters is neglected.  LinAlgError where the point has no likelihood.
-    """
-    curve = np.zeros((1 + precision.shape[0],) * 2)
-    curve[1:, 1:] = precision
-    variance, fitted = math.exp(point.at[0]), point.fitted
-    if fitted is None:
-        raise np.linalg.LinAlgError("the parameters are not determined under this noise")
-    curve[0, 0] -= 0.5 * fitted.values.size
-
-    def of_shot(index: int) -> Floats:
-        shot, one = shots[index], point.whitened[index]
-        gram = one.waves.T @ one.waves
-        if shot.places.size:
-            taken = one.waves.T @ one.half[:, 1:]
-            gram -= taken @ _shot_covariance(fitted, shot) @ taken.T / variance
-        first = shot.directions.first
-        told = np.add.reduceat(np.diag(gram), first)
-        shared = np.add.reduceat(np.add.reduceat(np.square(gram, out=gram), first, axis=0), first, axis=1)
-        across = 0.5 * (told - shared.sum(axis=1))
-        out = np.empty_like(curve)
-        out[1:, 1:] = 0.5 * shared
-        out[0, 1:] = out[1:, 0] = across
-        out[0, 0] = 0.5 * (shot.samples - 2.0 * float(told.sum()) + float(shared.sum()))
-        return out
-
-    return np.asarray(curve + sum(side_by_side(of_shot, range(len(shots)))))
+    shares = shot.sway.shares
+    return ShotResidual(along, rest_products, len(white), directions.logs, places[some], directions.factors, shares)
 
 
 def _prior(site: Site) -> Floats:
-    """Return the prior precision of the logarithms of the strengths, shape (bands, bands)."""
-    precision = np.diag(np.where(np.arange(site.bands) < site.random_bands, _LEVEL, _LINE) ** -2.0)
-    for k in range(site.random_bands - 1):
-        precision[k : k + 2, k : k + 2] += np.array([[1.0, -1.0], [-1.0, 1.0]]) / _NEIGHBOURS**2
-    return precision
+    """Return the prior precision of (ln white^2, ln strengths), shape (1 + bands, 1 + bands); white noise is free."""
+    index = np.arange(site.bands)
+    level_std = np.where(index < site.random_bands, _LEVEL, _LINE)
+    step_std = np.where(index[1:] < site.random_bands, _NEIGHBOURS, np.inf)
+    return np.pad(chain_precision(level_std, step_std), (1, 0))

@@ -8,10 +8,11 @@ import pytest
 
 from analysis.inference.noise import site_strengths
 from analysis.inference.noise.floor import Floor
+from analysis.strengths import RestrictedLikelihood
 from tests.analysis.inference.test_whitened_columns import a_shot
 
 AT = np.array([math.log(0.3**2), -1.0, 0.7])  # ln white^2, strengths of both bands
-PRECISION = np.array([[0.4, -0.1], [-0.1, 0.3]])
+PRECISION = np.array([[0.4, -0.1], [-0.1, 0.3]])  # of the strengths' prior
 PARAMETERS = 3
 
 
@@ -58,14 +59,15 @@ def written_down(at: np.ndarray, wander: float) -> float:
     return float(value - 0.5 * (np.linalg.slogdet(normal)[1] + square - taken))
 
 
-def shots_under(wander: float):
+def likelihood_under(wander: float) -> RestrictedLikelihood:
     places = np.arange(PARAMETERS)
-    return [site_strengths._shot_under(a_shape(wander), columns, places, shot) for shot, columns in two_shots()]
+    shots = [site_strengths._shot_under(a_shape(wander), columns, places, shot) for shot, columns in two_shots()]
+    return RestrictedLikelihood(shots, np.pad(PRECISION, (1, 0)))
 
 
 @pytest.mark.parametrize("wander", [0.0, 3.0])
 def test_the_likelihood_and_its_gradient_are_those_of_the_dense_covariance(wander: float) -> None:
-    found = site_strengths._likelihood(AT, shots_under(wander), PRECISION)
+    found = likelihood_under(wander).at(AT)
     assert found.value == pytest.approx(written_down(AT, wander), abs=1e-7)
     step = 1e-4
     for k, unit in enumerate(np.eye(AT.size)):
@@ -74,8 +76,8 @@ def test_the_likelihood_and_its_gradient_are_those_of_the_dense_covariance(wande
 
 
 def test_the_curvature_is_that_of_the_mean_over_what_the_noise_may_be() -> None:
-    shots = shots_under(3.0)
-    curvature = site_strengths._curvature(site_strengths._likelihood(AT, shots, PRECISION), shots, PRECISION)
+    likelihood = likelihood_under(3.0)
+    curvature = likelihood.curvature(likelihood.at(AT))
     assert np.allclose(curvature, curvature.T) and np.linalg.eigvalsh(curvature)[0] > 0.0
     normal = np.zeros((PARAMETERS,) * 2)
     for shot, columns in two_shots():
@@ -94,10 +96,9 @@ def test_the_curvature_is_that_of_the_mean_over_what_the_noise_may_be() -> None:
 
 
 def test_motion_beyond_all_rounding_is_refused_in_words() -> None:
-    shots = shots_under(0.0)
-    point = site_strengths._likelihood(AT + np.array([0.0, 150.0, 0.0]), shots, PRECISION)
+    likelihood = likelihood_under(0.0)
+    point = likelihood.at(AT + np.array([0.0, 150.0, 0.0]))
     assert point.value == -math.inf
     with pytest.raises(np.linalg.LinAlgError, match="not determined"):
-        site_strengths._curvature(point, shots, PRECISION)
-    sound = site_strengths._likelihood(AT, shots, PRECISION)
-    assert np.all(np.isfinite(site_strengths._curvature(sound, shots, PRECISION)))
+        likelihood.curvature(point)
+    assert np.all(np.isfinite(likelihood.curvature(likelihood.at(AT))))

@@ -84,10 +84,10 @@ def read_flights(
                 break
             waves, estimate = more
     design = design_matrix(bins, waves, polynomials)
-    solution, covariance = observation.solve(estimate, design)
+    solution, covariance = observation.solve(estimate.weights, estimate.points, design)
     solution[: straight.size] += straight
     white = bins.std_m * np.sqrt(bins.each)
-    parts = tuple((weight, observation.powers(at)) for weight, at in estimate.parts)
+    parts = tuple(zip(estimate.weights, observation.powers(estimate.points), strict=True))
     floor = FloorSpectrum(observation.octaves, parts, white, motion.sample_rate_hz)
     flights = _flights(bins, zeros, solution, covariance, white, into, out)
     degree = flights[0].coefficients.size

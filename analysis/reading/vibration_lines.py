@@ -69,7 +69,8 @@ def add_line(
     strong line may have been taken for the floor.
     """
     design = design_matrix(bins, waves, polynomials)
-    calm = np.concatenate([np.minimum.accumulate(estimate.best[:-1]), estimate.best[-1:]])
+    white, *octaves, drag = estimate.best
+    calm = np.array([white, *np.minimum.accumulate(octaves), drag])
     for at in (estimate.best, calm):
         found = _strongest_line(bins, observation, at, design)
         if found is None:
@@ -95,8 +96,8 @@ def _is_steady(bins: Bins, observation: FlightObservation, waves: list[Wave], po
         return True
     design = design_matrix(bins, waves, polynomials)
     apart = np.where(bins.into, 1.0, 0.0)[:, None] * _columns(bins, last)[:, :2]
-    without, within = observation.likelihood(at, design), observation.likelihood(at, np.hstack([design, apart]))
-    return 2.0 * (within - without) < STEADY
+    without, within = (observation.likelihood(each).at(at) for each in (design, np.hstack([design, apart])))
+    return 2.0 * (within.profile - without.profile) < STEADY
 
 
 def design_matrix(bins: Bins, waves: list[Wave], polynomials: Floats) -> Floats:
@@ -110,16 +111,16 @@ def _strongest_line(bins: Bins, observation: FlightObservation, at: Floats, desi
     if highest <= lowest:
         return None
     frequency = np.arange(lowest, highest, 0.2 * bins.resolution_hz)
-    root = observation.root(at)
-    fitted = solve_triangle(root, design / np.abs(design).max(axis=0), lower=True)
-    inner = np.linalg.inv(fitted.T @ fitted)
+    here = observation.likelihood(design).at(at)
+    (white,) = here.whitened
+    regressors = white.half[:, 1:]
 
-    def left_of(columns: Floats) -> Floats:
-        white = solve_triangle(root, columns, lower=True)
-        return np.asarray(white - fitted @ (inner @ (fitted.T @ white)))
+    def left_of(rows: Floats) -> Floats:
+        return np.asarray(rows - regressors @ (here.covariance @ (regressors.T @ rows)))
 
-    rest = left_of(observation.value_m / observation.white_m)
-    cosine, sine = map(left_of, _waves_of(bins, frequency))
+    rest = left_of(white.half[:, 0])
+    both = observation.padded(np.hstack(_waves_of(bins, frequency)))
+    cosine, sine = np.hsplit(left_of(solve_triangle(white.root, both, lower=True)), 2)
     cc, ss, cs = (cosine**2).sum(axis=0), (sine**2).sum(axis=0), (cosine * sine).sum(axis=0)
     c, s = cosine.T @ rest, sine.T @ rest
     determinant = cc * ss - cs**2
@@ -138,10 +139,9 @@ def refined(
     bins: Bins, observation: FlightObservation, waves: list[Wave], polynomials: Floats, at: Floats
 ) -> list[Wave]:
     """Return all waves fitted together, frequencies included, above one floor (Gauss-Newton)."""
-    known = FloorEstimate(((1.0, at),), at, 0.0)
     most = 0.2 * bins.resolution_hz
     for _ in range(REFINEMENTS):
-        solution, _ = observation.solve(known, design_matrix(bins, waves, polynomials))
+        solution, _ = observation.solve(np.ones(1), at[None], design_matrix(bins, waves, polynomials))
         moved = []
         for k, wave in enumerate(waves):
             cosine, sine, bend = solution[polynomials.shape[1] + 3 * k :][:3]

@@ -22,6 +22,11 @@ def observation(value_m: Floats) -> FlightObservation:
     return FlightObservation(value_m, WHITE_M, (2, 5), OCTAVES, WAVES)
 
 
+def solved(seen: FlightObservation) -> tuple[Floats, Floats]:
+    estimate = seen.estimate_floor(DESIGN)
+    return seen.solve(estimate.weights, estimate.points, DESIGN)
+
+
 def building_m(level_m_per_s: float, random: np.random.Generator) -> Floats:
     """Return a floor at a vibration criterion: the same velocity in every third of an octave from 8 to 80 Hz."""
     third = 8.0 * 2.0 ** (np.arange(-6, 15) / 3)
@@ -39,7 +44,7 @@ def test_the_velocities_of_flights_in_a_building_are_as_sure_as_stated() -> None
     for level in (50e-6, 12.5e-6, 3.1e-6, 0.8e-6):
         for _ in range(10):
             seen = observation(building_m(level, random) + WHITE_M * random.standard_normal(TIME_S.size))
-            solution, covariance = seen.solve(seen.estimate_floor(DESIGN), DESIGN)
+            solution, covariance = solved(seen)
             pulls.append(solution[[1, 4]] / np.sqrt(np.diag(covariance)[[1, 4]]))
             shares.append(float(np.sqrt(covariance[1, 1])) / level)
     # 80 pulls: their rms is known to 8 %; an estimate of a spectrum from so little stays on the safe side of one
@@ -53,7 +58,7 @@ def test_where_nothing_shakes_white_noise_alone_decides() -> None:
     plain = float(np.sqrt(np.linalg.inv(DESIGN[:, [0, 1]].T @ DESIGN[:, [0, 1]] + np.eye(2) * 1e-12)[1, 1])) * WHITE_M
     for _ in range(5):
         seen = observation(WHITE_M * random.standard_normal(TIME_S.size))
-        _, covariance = seen.solve(seen.estimate_floor(DESIGN), DESIGN)
+        _, covariance = solved(seen)
         assert plain < np.sqrt(covariance[1, 1]) < 6.0 * plain  # a parabola's is four times a line's
 
 
@@ -61,6 +66,6 @@ def test_a_flight_that_is_plainly_braked_is_believed() -> None:
     random = np.random.default_rng(5)
     braked = DESIGN @ np.array([0.0, 0.0, 0.25, 0.0, 0.0, -0.25])  # half a metre a second squared
     seen = observation(braked + building_m(0.8e-6, random) + WHITE_M * random.standard_normal(TIME_S.size))
-    solution, covariance = seen.solve(seen.estimate_floor(DESIGN), DESIGN)
+    solution, covariance = solved(seen)
     assert solution[2] == np.clip(solution[2], 0.245, 0.255)
     assert abs(solution[1]) < 5.0 * np.sqrt(covariance[1, 1])

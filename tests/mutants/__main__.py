@@ -14,6 +14,7 @@ import argparse
 import os
 import random
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -21,6 +22,7 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from queue import Queue
+from typing import NamedTuple
 
 from analysis.compiled import kernel_cache
 from tests.mutants.covered import Covered
@@ -30,6 +32,13 @@ from tests.mutants.operators import Fault, faults_of
 ROOT = Path(__file__).resolve().parents[2]
 _NEAREST = 6  # test files that are run whole before a fault is said to survive
 _SHARE = 0.4  # of the time allowed that the tests of a fault should take: noted lines slow them down, so does company
+
+
+class End(NamedTuple):
+    """What became of a fault: "noticed", "timed out", "survived" or "no test", and the test that noticed it."""
+
+    word: str
+    test: str = ""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -46,29 +55,29 @@ def main(arguments: list[str] | None = None) -> int:
     paths = [p for p in imports.program() if not options.paths or p.startswith(tuple(options.paths))]
     places = [fault for path in paths for fault in faults_of(ROOT, path)]
     drawn = random.Random(options.seed).sample(places, min(options.faults, len(places)))
-    ends: list[tuple[Fault, str]] = []
+    ends: list[tuple[Fault, End]] = []
     with tempfile.TemporaryDirectory(prefix="levimass-mutants-") as folder:
         copies: Queue[Path] = Queue()
         for number in range(options.jobs):
             copies.put(_copied(Path(folder) / str(number)))
 
-        def tried(fault: Fault) -> tuple[Fault, str]:
+        def tried(fault: Fault) -> tuple[Fault, End]:
             copy, near = copies.get(), imports.tests_of(fault.path)
             ran = covered.tests_of(fault.path, fault.line, near, _SHARE * options.seconds)
             # a line that runs at an import, or in a fixture of a whole module, is credited to no test or to the first
             tries = [tests for tests in (ran, near[:_NEAREST] if ran else near) if tests] or [[]]
             try:
                 ends = (_end_of(fault, copy, tests, options.seconds) for tests in tries)
-                return fault, next((end for end in ends if end != "survived"), "survived")
+                return fault, next((end for end in ends if end.word != "survived"), End("survived"))
             finally:
                 copies.put(copy)
 
         with ThreadPoolExecutor(options.jobs) as pool:
             for fault, end in pool.map(tried, drawn):
                 ends.append((fault, end))
-                print(f"{end:<9} {_words(fault)}", file=sys.stderr, flush=True)
+                print(f"{end.word:<9} {_words(fault)}  {end.test}".rstrip(), file=sys.stderr, flush=True)
     print(_table(ends))
-    return int(any(end == "survived" for _, end in ends))
+    return int(any(end.word == "survived" for _, end in ends))
 
 
 def _copied(place: Path) -> Path:
@@ -87,26 +96,42 @@ def _copied(place: Path) -> Path:
     return tree
 
 
-def _end_of(fault: Fault, tree: Path, tests: list[str], seconds: float) -> str:
-    """Return "noticed", "timed out", "survived", or "no test" where there is none."""
+def _end_of(fault: Fault, tree: Path, tests: list[str], seconds: float) -> End:
     if not tests:
-        return "no test"
+        return End("no test")
     file = tree / fault.path
     source = file.read_bytes()
     file.write_bytes(fault.applied(source))
     environment = os.environ | {
         "NUMBA_CACHE_DIR": str(tree.parent / "kernels"),
+        "PYTHONPATH": str(tree),  # a process that a test starts must not import the unchanged program
         "QT_QPA_PLATFORM": "offscreen",
         "PYTHONDONTWRITEBYTECODE": "1",
     }
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", "not slow", *tests]
+    options = ["-x", "-q", "-p", "no:cacheprovider", "--tb=no", "-rfE", "-m", "not slow"]
+    command = [sys.executable, "-m", "pytest", *options, *tests]
+    running = subprocess.Popen(
+        command, cwd=tree, env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+        start_new_session=True,
+    )  # fmt: skip
     try:
-        ran = subprocess.run(command, cwd=tree, env=environment, capture_output=True, timeout=seconds, check=False)
+        printed, _ = running.communicate(timeout=seconds)
     except subprocess.TimeoutExpired:
-        return "timed out"
+        _kill_with_children(running)
+        return End("timed out")
     finally:
         file.write_bytes(source)
-    return "survived" if ran.returncode == 0 else "noticed"
+    failed = (line for line in printed.splitlines() if line.startswith(("FAILED ", "ERROR ")))
+    return End("noticed", next(failed, "no test ran")) if running.returncode else End("survived")
+
+
+def _kill_with_children(running: subprocess.Popen[str]) -> None:
+    """Kill a run of tests and the processes that it has started, which would hold its output open."""
+    if sys.platform == "win32":
+        running.kill()
+    else:
+        os.killpg(running.pid, signal.SIGKILL)
+    running.wait()
 
 
 def _words(fault: Fault) -> str:
@@ -114,14 +139,14 @@ def _words(fault: Fault) -> str:
     return f"{fault.path}:{fault.line} ({fault.kind}) " + " -> ".join(short)
 
 
-def _table(ends: list[tuple[Fault, str]]) -> str:
-    count = Counter(("/".join(fault.path.split("/")[:2]).removesuffix(".py"), end) for fault, end in ends)
+def _table(ends: list[tuple[Fault, End]]) -> str:
+    count = Counter(("/".join(fault.path.split("/")[:2]).removesuffix(".py"), end.word) for fault, end in ends)
     lines = [f"{'package':<28}{'faults':>8}{'noticed':>9}{'timed out':>11}{'survived':>10}{'no test':>9}"]
     for package in sorted({package for package, _ in count}):
         numbers = [count[package, end] for end in ("noticed", "timed out", "survived", "no test")]
         lines.append(f"{package:<28}{sum(numbers):>8}{numbers[0]:>9}{numbers[1]:>11}{numbers[2]:>10}{numbers[3]:>9}")
     lines += ["", "survived or without a test:"]
-    lines += [_words(fault) for fault, end in ends if end in ("survived", "no test")]
+    lines += [_words(fault) for fault, end in ends if end.word in ("survived", "no test")]
     return "\n".join(lines)
 
 

@@ -20,6 +20,7 @@ import sys
 import tempfile
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
+from itertools import islice
 from pathlib import Path
 from queue import Queue
 from typing import NamedTuple
@@ -54,7 +55,8 @@ def main(arguments: list[str] | None = None) -> int:
     covered, imports = Covered.kept_in(options.covered, ROOT), Imports(ROOT)
     paths = [p for p in imports.program() if not options.paths or p.startswith(tuple(options.paths))]
     places = [fault for path in paths for fault in faults_of(ROOT, path)]
-    drawn = random.Random(options.seed).sample(places, min(options.faults, len(places)))
+    in_order = random.Random(options.seed).sample(places, len(places))
+    drawn = list(islice((fault for fault in in_order if fault.parses(ROOT)), options.faults))
     ends: list[tuple[Fault, End]] = []
     with tempfile.TemporaryDirectory(prefix="levimass-mutants-") as folder:
         copies: Queue[Path] = Queue()

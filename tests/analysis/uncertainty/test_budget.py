@@ -16,7 +16,7 @@ from analysis.shot.shot import Shot
 from analysis.uncertainty import gum_budget as table
 from analysis.uncertainty.gum_budget import QuantityBudget, budget
 from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
-from tests.analysis.shots import at_speed, shot_of
+from tests.analysis.shots import at_speed, paper_impact, shot_of
 from tests.analysis.synthetic_collision import Synthetic, motion_of
 
 LASER = Setup(
@@ -121,6 +121,27 @@ def test_kinetic_cor_includes_the_shift_by_the_band_limit() -> None:
     first, second = 1.56573968e-3, 2.34904083e-3 - 1.56573968e-3
     expected = 2e-6 / math.sqrt(3) * math.hypot(1 / first, second / first**2)
     assert of(shot_of(), "cor_kinetic.onsets", instant_limit_s=2e-6).std_b == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_peak_is_as_uncertain_as_what_the_band_limit_may_take_from_it() -> None:
+    """A pulse of duration T loses up to (1 / (2 T B))^2 of its height; a band twice as wide loses a quarter of that."""
+    motion = motion_of(Synthetic())
+    contact, peak = paper_impact().contact_time_s, paper_impact().force_peak_n
+    assert isinstance(contact, Quantity) and isinstance(peak, Quantity)
+    limit = peak.value * (0.5 / (contact.value * motion.bandwidth_hz)) ** 2
+    for wider in (1.0, 2.0):
+        force = of(shot_of(motion=replace(motion, bandwidth_hz=wider * motion.bandwidth_hz)), "force_peak_n")
+        assert contribution(force, "bandwidth") == pytest.approx(limit / wider**2 / math.sqrt(3), rel=1e-9)
+
+
+def test_what_was_not_measured_is_uncertain_by_what_a_room_and_a_balance_leave_open() -> None:
+    shot = shot_of(setup=replace(LASER, air=None, moving_mass_u_kg=0.0))
+    v = of(shot, "velocity_in_m_per_s")
+    assert contribution(v, "air temperature") == pytest.approx(0.265 * 0.95e-6 * 2.0, rel=0.02)
+    assert contribution(v, "air pressure") == pytest.approx(0.265 * 0.268e-8 * 1500.0, rel=0.02)
+    assert contribution(v, "air humidity") == pytest.approx(0.265 * 0.0085e-6 * 15.0, rel=0.05)
+    force = of(shot, "force_peak_n")  # weighed to 0.01 g: half of that either way
+    assert contribution(force, "mass") == pytest.approx(force.value * 0.005e-3 / math.sqrt(3) / 17.85e-3, rel=1e-9)
 
 
 def test_stiffness_depends_on_mass_and_clock_but_not_on_the_wavelength() -> None:

@@ -13,6 +13,7 @@ import pytest
 from app.command_line import cli
 from app.command_line.cli import FAILED, INTERRUPTED, USAGE, main
 from app.command_line.options import GROUPS, commands_of
+from app.command_line.outputs import json_text
 from app.command_line.parser import command_parser, flat_parser, parse
 
 HOUSE = Path(__file__).resolve().parents[2]
@@ -178,3 +179,10 @@ def test_ctrl_c_while_modules_load_ends_the_process() -> None:
     )
     ended = subprocess.run([sys.executable, "-c", loading], cwd=HOUSE, capture_output=True, text=True, check=False)
     assert (ended.returncode, ended.stderr) == (-signal.SIGINT, "")
+
+
+def test_a_number_that_json_does_not_know_is_never_written():
+    assert json_text({"force_n": 1.5}) == '{\n "force_n": 1.5\n}\n'
+    for number in (float("nan"), float("inf")):
+        with pytest.raises(ValueError, match="JSON"):
+            json_text({"force_n": number})

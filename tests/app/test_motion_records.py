@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.shot.shot import AnalysisError
+from analysis.shot.shot import AnalysisError, AnalysisSettings
 from app.command_line.cli import main
+from app.session.load import analysed
 from tests.analysis.camera import Camera
 from tests.analysis.drive.slider import Drive
 from tests.bench.blind import drawn, records
@@ -150,3 +151,10 @@ def test_an_old_matlab_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixtu
     (tmp_path / "old.mat").write_bytes(b"MATLAB 5.0 MAT-file, Platform: GLNXA64" + bytes(200))
     assert main(["--map", str(tmp_path / "old.mat")]) == 1
     assert "MATLAB file of version 5" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("said_of_it", "mass_u_kg"), [("", 0.0), ("moving_mass_u_kg = 1e-4\n", 1e-4)])
+def test_a_mass_is_as_uncertain_as_the_record_says(said_of_it: str, mass_u_kg: float, tmp_path: Path) -> None:
+    path = written(tmp_path, f'model = "contact"\nmoving_mass_kg = 0.0912\n{said_of_it}', seen("contact"))
+    motion = analysed(path, settings=AnalysisSettings(fit=False)).motion
+    assert motion is not None and motion.moving_mass_u_kg == mass_u_kg

@@ -171,6 +171,13 @@ def test_the_shots_plots_are_linked_and_zoom_to_a_bounce_that_is_clicked(shot_pa
     assert shot_panel.stack.span[0] == pytest.approx(-60.0, abs=0.1)
 
 
+def test_a_click_on_a_motion_without_a_collision_zooms_nowhere(shot_panel, shot):
+    shot_panel.show_shot(replace(shot, impact=None, fit=None))
+    before = shot_panel.stack.span
+    shot_panel.stack.clicked.emit(1.7708)
+    assert shot_panel.stack.span == before
+
+
 def test_cursors_measure_what_lies_between_them_on_every_curve(shot_panel, shot):
     shot_panel.stack.toggle_cursors()
     shot_panel.stack.cursors.place(-40.0, -10.0)

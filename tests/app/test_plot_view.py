@@ -212,6 +212,9 @@ def test_the_cursors_give_the_stiffness_as_the_slope_of_each_branch(panels):
     assert list(found) == [f"force, {branch}" for branch in branches]
     for measured in found.values():
         assert measured.slope == pytest.approx(214.0, rel=0.1)  # N/m
+    for curve in (*plot._simulated, *plot._measured):
+        x, _ = curve.between(0.1 * deepest, 0.9 * deepest)
+        assert np.all(np.diff(x) > 0.0 if curve.label.endswith(", loading") else np.diff(x) < 0.0), curve.label
 
 
 def test_the_screen_follows_the_locale_and_what_is_copied_does_not(panels):

@@ -96,6 +96,23 @@ def test_what_is_read_stays_right_after_its_memory_was_given_back(tmp_path, shot
         spool.release()
 
 
+def test_memory_is_given_back_now_and_then_and_not_at_every_look(tmp_path, shot, monkeypatch):
+    class Mapped:
+        given_back = 0
+
+        def madvise(self, _):
+            Mapped.given_back += 1
+
+    spool, mapped, clock = Spool(tmp_path), Mapped(), iter((100.0, 104.0, 106.0, 107.0))
+    spool._mapped.add(mapped)
+    monkeypatch.setattr(spools.time, "monotonic", lambda: next(clock))
+    counts = []
+    for _ in range(4):
+        spool.release()
+        counts.append(Mapped.given_back)
+    assert counts == [1, 1, 2, 2]  # at once, then no sooner than after five seconds
+
+
 def test_many_shots_fill_several_pieces_and_each_goes_with_its_last_array(tmp_path, shot, monkeypatch):
     monkeypatch.setattr(spools, "PIECE_BYTES", 2 * 2**20)
     spool = Spool(tmp_path)

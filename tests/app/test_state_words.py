@@ -88,7 +88,8 @@ def test_shots_that_wait_for_their_analysis_are_told(count, words):
 def test_a_disk_that_is_nearly_full_or_closed_to_us_is_bad():
     full = state_words.signs(SignalLine(disk_free_bytes=10**8, folder=Path("/x")), None, 1e4)["disk"]
     closed = state_words.signs(SignalLine(disk_free_bytes=10**12, folder_problem="no permission"), None, 1e4)["disk"]
-    assert full.tone is closed.tone is Tone.BAD
+    roomy = state_words.signs(SignalLine(disk_free_bytes=3 * 10**9, folder=Path("/x")), None, 1e4)["disk"]
+    assert full.tone is closed.tone is Tone.BAD and roomy.tone is Tone.GOOD
     assert closed.hover == "no permission"
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from analysis.pipeline import analyse
 from analysis.shot.quantity import Quantity
+from analysis.shot.recording import Gap
 from analysis.shot.shot import AnalysisSettings
 from analysis.signal.demodulation import demodulate
 from analysis.signal.losses import find_losses
@@ -80,3 +81,10 @@ def test_losses_of_whole_periods_of_the_rest_beat_are_found_by_the_moving_one(sn
     late = slice(-400, -100)
     shared = np.interp(motion.time_s[late], whole.time_s, whole.displacement_m)
     assert np.abs(motion.displacement_m[late] - shared).max() < 5e-9  # was off by fringes, 0.3 um each
+
+
+def test_beside_a_gap_that_is_known_only_what_was_not_reported_is_found() -> None:
+    recording = without_samples(recording_of(SHORT), {60_000: 12, 120_000: 7})
+    known = replace(recording, gaps=(Gap(60_000, 12),))
+    (found,) = find_losses(known, REST_HZ)
+    assert found.samples_lost == 7 and abs(found.sample_start - 119_988) <= 3

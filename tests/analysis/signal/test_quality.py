@@ -7,6 +7,7 @@ from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisSettings
 from analysis.signal.demodulation import demodulate
 from analysis.signal.filters import derivative_filters
+from analysis.signal.survey import survey
 from analysis.signal.track import local_variance
 from app.words.flags import FLAG_WORDS
 from tests.analysis.signal.beats import free_flight, make_recording
@@ -69,3 +70,24 @@ def test_the_local_noise_of_a_beat_is_that_of_its_stretch_and_unknown_where_all_
     few = np.full(5_000, np.nan)
     few[::600] = 1.0  # a sample here and there is no measure
     assert np.isnan(local_variance(few)).all()
+
+
+def beat(height: np.ndarray | float, offset: float = 0.0, second: float = 0.0) -> np.ndarray:
+    """Return counts of a 12-bit channel at 10 MHz: a beat in the middle of a bin, a second harmonic of it beside."""
+    phase = 2 * np.pi * 67 / 512 * np.arange(200_000)
+    signal = height * (np.cos(phase) + second * np.cos(2 * phase + 1.0)) + offset
+    noise = np.random.default_rng(5).normal(0.0, 3.0, phase.size)
+    return np.clip(np.rint(signal + noise), -2048, 2047).astype(np.int16)
+
+
+@pytest.mark.parametrize("offset", [-1052.0, 1052.0])
+def test_a_small_share_at_the_rail_is_counted_at_either_rail(offset: float) -> None:
+    """A beat of 1,000 counts about 1,052 passes the rail for acos(996 / 1000) of its half period: 3 %."""
+    found = survey(beat(1000.0, offset), 10e6, 12, "PD1")
+    assert found.clipped_fraction == pytest.approx(np.arccos(0.996) / np.pi, abs=0.005)
+    assert survey(beat(1000.0, offset / 2), 10e6, 12, "PD1").clipped_fraction == 0.0
+
+
+def test_harmonics_are_a_share_of_the_usual_beat_however_bright_a_moment_is() -> None:
+    flash = np.where(np.arange(200_000) < 30_000, 3.0, 1.0)
+    assert survey(beat(300.0 * flash, second=0.05), 10e6, 12, "PD1").harmonics == pytest.approx(0.05, rel=0.1)

@@ -64,6 +64,7 @@ def test_peak_force_grows_with_speed_and_cor_does_not() -> None:
     assert force.trend.at(0.2) == pytest.approx(0.2 * 0.511915 / 0.265, rel=1e-9)
     assert cor is not None and isinstance(cor.trend, Trend)
     assert cor.trend.significance < 1e-3
+    assert force.trend.significance == pytest.approx(force.trend.slope.value / force.trend.slope.std, rel=1e-12)
     assert cor.repeatability == 0.0
 
 

@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -113,6 +114,25 @@ def test_what_was_altered_is_not_taken_for_the_same(tmp_path, saved, monkeypatch
     monkeypatch.setattr(result_cache, "MOST_BYTES", 1)
     kept.store_shot(saved)
     assert list((tmp_path / "kept").iterdir()) == []
+
+
+@pytest.mark.parametrize(("spare_bytes", "go"), [(0, 1), (-1, 2)])
+def test_the_oldest_results_make_room_and_no_more_of_them_than_must(tmp_path, saved, monkeypatch, spare_bytes, go):
+    folder = tmp_path / "kept"
+    kept = ResultCache(folder)
+    for index in range(4):
+        recording = tmp_path / f"shot-{index}.csv"
+        recording.write_text("time_s,displacement_m\n")
+        last = replace(saved, path=str(recording))
+        before = set(folder.glob("*"))
+        kept.store_shot(last)
+        (made,) = set(folder.glob("*")) - before
+        os.utime(made, (1e9 + index, 1e9 + index))
+    by_age = sorted(folder.iterdir(), key=lambda file: file.stat().st_mtime)
+    sizes = [file.stat().st_size for file in by_age]
+    monkeypatch.setattr(result_cache, "MOST_BYTES", sum(sizes[1:]) + spare_bytes)
+    kept.store_shot(last)  # again: in the place of the newest
+    assert sorted(folder.iterdir()) == sorted(by_age[go:])
 
 
 def test_a_shot_with_a_note_on_a_plot_is_kept_whole(tmp_path, saved):

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import pytest
 from PySide6.QtCore import QCoreApplication, QEvent, Qt
-from PySide6.QtWidgets import QGridLayout, QLabel, QLayout, QPushButton, QWidget
+from PySide6.QtGui import QBrush, QColor, QPen
+from PySide6.QtWidgets import QGraphicsView, QGridLayout, QLabel, QLayout, QPushButton, QWidget
 
 from analysis.drive.curves import drive_curves
 from app.session.session import Session
@@ -23,7 +24,13 @@ UNITS = {"MHz", "m/s", "N", "mN", "µN", "µm", "nm", "mm", "V", "", "µm/s", "p
 @pytest.fixture
 def panels(qtbot):
     """Return the panels of a window, each with something to show, in light colours."""
-    panels = Layout(Theme("light"))
+    return _panels(qtbot, LIGHT)
+
+
+def _panels(qtbot, colours):
+    theme = Theme("light")
+    theme._colours = colours  # the application's own style sheet takes seconds
+    panels = Layout(theme)
     qtbot.addWidget(panels)
     panels.settings.offer(FIELDS)
     session = Session()
@@ -119,10 +126,44 @@ def _all_of(colours) -> set[str]:
 
 def test_a_change_of_colours_reaches_every_word_that_is_coloured(panels):
     assert len(_all_of(LIGHT).intersection(_coloured(panels))) > 4
-    panels._theme._colours = DARK  # the application's own style sheet takes seconds
+    panels._theme._colours = DARK
     panels.dress()
     QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
     found = _coloured(panels)
     assert {colour: found[colour] for colour in found.keys() & (_all_of(LIGHT) - _all_of(DARK))} == {}
     assert len(_all_of(DARK).intersection(found)) > 4
     assert "no samples yet" in panels.setup.lines
+
+
+def _paints(of: object):
+    """Yield the pens, brushes and colours that a plot's item has, with the name of each."""
+    named = {**vars(of), **getattr(of, "opts", {})} if hasattr(of, "__dict__") else {}
+    asked = ((name, getattr(of, name, None)) for name in ("pen", "brush", "defaultTextColor"))
+    named |= {name: ask() for name, ask in asked if callable(ask)}
+    for name, value in sorted(named.items(), key=lambda pair: str(pair[0])):
+        if isinstance(value, QPen):
+            yield name, value.color().name(), value.widthF(), value.style()
+        elif isinstance(value, QBrush | QColor):
+            yield name, (value.color() if isinstance(value, QBrush) else value).name(QColor.NameFormat.HexArgb)
+
+
+def _painted(panels) -> list[tuple[object, ...]]:
+    """Return what every plot is painted with, item by item."""
+    found = []
+    for view in panels.findChildren(QGraphicsView):
+        holder = type(view.parent()).__name__
+        found.append((holder, view.backgroundBrush().color().name()))
+        for item in view.scene().items(Qt.SortOrder.AscendingOrder):
+            label = getattr(item, "label", "")
+            name = f"{type(item).__name__} {label if isinstance(label, str) else ''}"
+            found += [(holder, name, *paint) for paint in _paints(item)]
+    return found
+
+
+def test_after_a_change_of_colours_every_plot_is_painted_as_one_made_in_them(panels, qtbot):
+    light = _painted(panels)
+    panels._theme._colours = DARK
+    panels.dress()
+    changed, made = _painted(panels), _painted(_panels(qtbot, DARK))
+    assert len(changed) == len(made) > 300 and changed != light
+    assert [pair for pair in zip(changed, made, strict=True) if pair[0] != pair[1]] == []

@@ -37,9 +37,9 @@ class TrendPlot(PlainPlot):
 
     def dress(self, colours: Colours) -> None:
         super().dress(colours)
-        self._colours = colours
         self._points.setBrush(pg.mkBrush(colours.measured))
         self._points.setPen(pg.mkPen(colours.plot))
+        self._bars.setData(pen=straight(colours.marker))
 
     def show_trend(self, trend: ResultNumber, shots: list[Shot]) -> str:
         """Show the trend and return its repeatability in words."""
@@ -54,7 +54,7 @@ class TrendPlot(PlainPlot):
         self.points = list(zip(x, y, strict=True))
         self._points.setData(x, y)
         xs, ys, halves = np.array(x), np.array(y), np.array(half)
-        self._bars.setData(x=xs, y=ys, height=2 * halves, pen=straight(self._colours.marker))
+        self._bars.setData(x=xs, y=ys, height=2 * halves)
         self._curve.show_points(xs, ys)
         self.label_value(trend.title, trend.shown_unit)
         self.columns = {

@@ -171,6 +171,13 @@ def test_the_shots_plots_are_linked_and_zoom_to_a_bounce_that_is_clicked(shot_pa
     assert shot_panel.stack.span[0] == pytest.approx(-60.0, abs=0.1)
 
 
+def test_of_plots_above_one_another_only_the_lowest_takes_room_for_the_time_and_force_has_most(shot_panel):
+    *above, lowest = shot_panel.stack.plots
+    assert max(plot.getAxis("bottom").height() for plot in above) < 10 < lowest.getAxis("bottom").height()
+    velocity, force, residual = (plot.view.height() for plot in (*above, lowest))
+    assert force > 1.2 * velocity > 1.2 * residual
+
+
 def test_a_click_on_a_motion_without_a_collision_zooms_nowhere(shot_panel, shot):
     shot_panel.show_shot(replace(shot, impact=None, fit=None))
     before = shot_panel.stack.span
@@ -309,6 +316,8 @@ def test_the_table_sorts_filters_groups_and_hides_columns(qtbot):
         "paper   (2)", 1, 3, "steel   (1)", 2,
     ]  # fmt: skip
     assert table.numbers == [2] and table.table.columnSpan(0, 0) > 5
+    fonts = [table.model.data(table.model.index(row, 0), Qt.ItemDataRole.FontRole) for row in range(3)]
+    assert [font is not None and font.bold() for font in fonts] == [True, False, False]
     session.add(synthetic.shot("steel-2", 0.25, 2, count=9000))
     table.show_session(session)
     assert table.numbers == [2] and table.shown == [1, 3, 2, 4]

@@ -9,6 +9,7 @@ from PySide6.QtGui import QBrush, QColor, QPen
 from PySide6.QtWidgets import QGraphicsView, QGridLayout, QLabel, QLayout, QPushButton, QWidget
 
 from analysis.drive.curves import drive_curves
+from analysis.uncertainty.numbers import NUMBERS
 from app.session.session import Session
 from app.session.settings import FIELDS
 from app.window.layout import Layout
@@ -167,3 +168,18 @@ def test_after_a_change_of_colours_every_plot_is_painted_as_one_made_in_them(pan
     changed, made = _painted(panels), _painted(_panels(qtbot, DARK))
     assert len(changed) == len(made) > 300 and changed != light
     assert [pair for pair in zip(changed, made, strict=True) if pair[0] != pair[1]] == []
+
+
+def test_what_is_read_from_afar_is_written_largest(panels):
+    """Speed, state, clock, verdict, headline, ARM, a step of the tour, the sentence on the state: each a size less."""
+    banner, numbers, sheet = panels.banner, panels.numbers, panels.settings
+    (title,) = [label for label in sheet.findChildren(QLabel) if label.text() == "Settings"]
+    headline = numbers._widgets[next(row.name for row in NUMBERS if row.headline)][1]
+    ranked = (
+        panels.live._numbers["velocity"], banner._word, banner._clock, panels.diagnosis._verdict, headline,
+        panels.controls.arm, panels.tour._title, banner._detail, panels.numbers,
+    )  # fmt: skip
+    sizes = [widget.font().pointSizeF() / panels.font().pointSizeF() for widget in ranked]
+    assert sizes[0] < 3.5 and sizes == sorted(set(sizes), reverse=True) and sizes[-1] == 1.0
+    assert title.font() == panels.diagnosis._verdict.font() and banner._sign.font() == banner._word.font()
+    assert all(widget.font().bold() for widget in ranked[:-2])

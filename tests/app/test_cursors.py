@@ -5,6 +5,8 @@ import pytest
 
 from app.window.plots.cursors import CursorAxis, between
 from app.window.plots.log_plot import LogPlot
+from app.window.plots.time_stack import TimeStack
+from app.window.theme import LIGHT
 
 
 def test_measures_of_a_ramp():
@@ -27,6 +29,21 @@ def test_lost_samples_do_not_count():
 def test_nothing_between_is_nan_and_not_zero():
     found = between("force", "N", np.empty(0), np.empty(0), float("nan"), float("nan"))
     assert np.isnan([found.mean, found.rms, found.slope]).all()
+
+
+def test_a_cursor_dragged_in_one_plot_moves_in_all_of_them_and_the_other_stays(qtbot) -> None:
+    stack = TimeStack("stack", LIGHT)
+    qtbot.addWidget(stack)
+    for title in ("velocity", "force"):
+        stack.add_plot(title, "N")
+    stack.show_cursors(True)
+    cursors = stack.cursors
+    cursors.place(1.0, 2.0)
+    for dragged, place, places in (("A", 1.4, (1.4, 2.0)), ("B", 1.7, (1.4, 1.7)), ("A", 2.5, (2.5, 1.7))):
+        with qtbot.waitSignal(cursors.moved):
+            cursors._lines[dragged][1].setValue(place)  # as the mouse does
+        assert cursors.places == places
+        assert [{line.value() for line in cursors._lines[name]} for name in "AB"] == [{at} for at in places]
 
 
 def test_a_plot_over_decades_is_told_in_plain_numbers(qtbot) -> None:

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QPoint, Qt
+from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtGui import QImage
+from PySide6.QtWidgets import QWidget
 
 from analysis.drive.curves import drive_curves
 from analysis.shot.shot import UNITS, PlotNote
@@ -93,6 +94,19 @@ def test_a_note_is_written_edited_and_removed_at_its_place(panels, session, qtbo
     session.undo()
     panels.presenter.refresh()
     assert [text for text, *_ in stack.notes.drawn] == ["a knock at the table"]
+
+
+def test_the_line_for_a_note_opens_where_it_was_pressed_and_wholly_inside_the_plot(qtbot):
+    plot = QWidget()
+    qtbot.addWidget(plot)
+    plot.resize(900, 300)
+    editor = NoteEditor("", plot)
+    for x, y in ((100, 150), (0, 0), (899, 299), (0, 299)):
+        editor.place(QPointF(x, y))
+        around = editor.geometry()
+        assert plot.rect().contains(around) and around.contains(QPoint(x, y))
+        free = 0 < x < plot.width() - around.width()  # away from the edges it begins at the place itself
+        assert not free or (around.left(), around.center().y()) == (x, pytest.approx(y, abs=1))
 
 
 def test_a_key_writes_at_cursor_a_and_other_shots_stay_without(panels, session, qtbot):

@@ -52,6 +52,8 @@ def test_an_oscilloscopes_csv_is_read_with_its_names_and_proposed_by_its_signals
     looks = looks_of(held)
     assert looks[0].kind is ChannelKind.COUNTER
     roles = [recording.channels[c].role for c in order]
+    kinds = {Role.REFERENCE: ChannelKind.STILL, Role.MEASUREMENT: ChannelKind.MOVING, Role.SWITCH: ChannelKind.SWITCH}
+    assert [look.kind for look in looks[1:]] == [kinds[role] for role in roles]
     wanted = {role: f"CH{place + 1}" for place, role in enumerate(roles)}
     assert dict(proposed(looks)) == wanted
     mapping = ForeignMapping("csv", tuple(MappedChannel(r, n) for r, n in wanted.items()), recording.setup)

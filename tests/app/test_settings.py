@@ -13,7 +13,7 @@ from app.session import settings_file
 from app.session.choices import Choices
 from app.session.load import load_and_analyse
 from app.session.session import Session
-from app.session.settings import FIELDS, Settings, WrongSettings, correction_words
+from app.session.settings import FIELDS, SITES, Settings, WrongSettings, correction_words
 from app.window.file_dialog import Want
 from app.window.panels import settings_sheet
 from app.window.panels.settings_sheet import SettingsSheet
@@ -109,6 +109,12 @@ def test_every_field_of_the_sheet_is_a_setting_within_its_limits():
     for field in FIELDS:
         assert field.key in values
         assert field.hover
+
+
+def test_a_building_is_offered_with_the_velocity_of_its_criterion():
+    """C. Gordon's curves: half as much from each to the next, 50 um/s down to 0.78."""
+    offered = dict(SITES)
+    assert offered["VC-A"] == "VC-A (50 µm/s)" and offered["VC-G"] == "VC-G (0.781 µm/s)"
 
 
 def test_what_is_put_right_afterwards_reaches_a_shot_taken_before(tmp_path):

@@ -9,7 +9,7 @@ from hypothesis.extra.numpy import arrays
 from analysis.drive import law_search
 from analysis.drive.catalogue import LAWS
 from analysis.drive.law_search import Split, Trial, cross_validated_n, look_alikes, same_in_both_halves
-from analysis.drive.regression import Regression, regress
+from analysis.drive.regression import Regression, _differences, regress
 from analysis.drive.repeatability import repeatability_of
 from analysis.drive.stretch import prepare
 from analysis.drive.table import Table
@@ -165,3 +165,9 @@ def test_what_a_drive_repeats_to_is_the_scatter_of_one_pass_and_not_of_two() -> 
     assert repeats.repeats and repeats.cycle_s == pytest.approx(2.0, abs=0.02)
     assert repeats.force_n == pytest.approx(5.0, rel=0.05)
     assert repeatability_of(noisy, found, 8.0).force_n == 8.0  # never below the noise of the force
+
+
+def test_the_search_for_a_laws_shape_follows_the_true_slopes() -> None:
+    slopes = np.array([[3.0, -0.2], [0.5, 40.0], [0.0, 1.0]])
+    found = _differences(lambda z: slopes @ z, (2.0, 0.05))(np.array([0.3, -1.0]))
+    np.testing.assert_allclose(found, slopes, atol=1e-9)

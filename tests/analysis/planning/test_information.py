@@ -10,7 +10,13 @@ from hypothesis import strategies as st
 from analysis.inference.fit.problem import Fitted
 from analysis.planning.next_shot import NextShot, contact_s, effort
 from analysis.planning.precision import _spread
-from analysis.planning.predictions import blank_shot, information_of, predict, present_information
+from analysis.planning.predictions import (
+    Information,
+    blank_shot,
+    information_of,
+    predict,
+    present_information,
+)
 from tests.analysis.diagnosis.shots import base_fit, shots
 
 FEW = settings(max_examples=8, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
@@ -63,3 +69,15 @@ def test_added_mass_counts(fitted: Fitted, speed: float, added: float) -> None:
     heavy = predict(fitted, blank_shot(laden, fitted)).displacement_m
     light = predict(fitted, replace(blank_shot(laden, fitted), moving_mass_kg=mass)).displacement_m
     assert np.max(np.abs(heavy - light)) > 1e-6, "a heavier block goes deeper"
+
+
+@settings(max_examples=20, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**31), units=st.tuples(*[st.floats(-7.0, 7.0)] * 3))
+def test_what_a_rival_leaves_over_is_the_same_in_any_units(seed: int, units: tuple[float, ...]) -> None:
+    random = np.random.default_rng(seed)
+    columns, left = random.normal(size=(40, 3)), random.normal(size=40)
+    columns[:, 2] += columns[:, 0]  # parameters that depend on each other
+    residual = left - columns @ np.linalg.lstsq(columns, left, rcond=None)[0]
+    scaled = columns * 10.0 ** np.array(units)
+    known = Information(scaled.T @ scaled, scaled.T @ left, float(left @ left), penalty=3.0)
+    assert known.least == pytest.approx(float(residual @ residual) + 3.0, rel=1e-6)

@@ -124,7 +124,7 @@ def _end_of(fault: Fault, tree: Path, tests: list[str], seconds: float) -> End:
     finally:
         file.write_bytes(source)
     failed = (line for line in printed.splitlines() if line.startswith(("FAILED ", "ERROR ")))
-    return End("noticed", next(failed, "no test ran")) if running.returncode else End("survived")
+    return End("noticed", next(failed, f"(status {running.returncode})")) if running.returncode else End("survived")
 
 
 def _kill_with_children(running: subprocess.Popen[str]) -> None:

@@ -183,3 +183,14 @@ def test_what_is_read_from_afar_is_written_largest(panels):
     assert sizes[0] < 3.5 and sizes == sorted(set(sizes), reverse=True) and sizes[-1] == 1.0
     assert title.font() == panels.diagnosis._verdict.font() and banner._sign.font() == banner._word.font()
     assert all(widget.font().bold() for widget in ranked[:-2])
+
+
+def test_live_has_its_curves_to_the_left_its_numbers_to_the_right_and_the_raw_signals_below_them(panels):
+    live = panels.live
+    (grid,) = [one for one in live.findChildren(QGridLayout) if one.indexOf(live.stack) >= 0]
+    tiles = [label.parentWidget() for label in live._numbers.values()]
+    places = [grid.getItemPosition(grid.indexOf(widget)) for widget in (live.stack, *tiles, live.raw)]
+    (_, left, rows, _), *right = places
+    assert left == 0 and {column for _, column, _, _ in right} == {1}
+    lines = [row for row, _, _, _ in right]
+    assert lines == sorted(set(lines)) and lines[-1] == rows - 1  # the curves reach down to the raw signals' end

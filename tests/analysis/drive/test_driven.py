@@ -9,6 +9,7 @@ import pytest
 from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.diagnosis.wording import in_words, remark_on
+from analysis.drive.bandwidth import force_noise
 from analysis.drive.catalogue import LAWS
 from analysis.drive.curves import drive_curves
 from analysis.drive.driven_fit import fit_driven
@@ -87,6 +88,19 @@ def test_a_law_is_named_with_its_size(extra, late_s: float, true: dict[str, floa
     held = diagnosis.error_held_out_after
     assert held is not None
     assert held.force_rms_n < 1.5 * diagnosis.error_after.force_rms_n < diagnosis.error_before.force_rms_n
+
+
+@pytest.mark.parametrize("busy", [0.0, 100.0])
+def test_the_noise_of_a_force_is_that_of_its_highest_frequencies_however_quickly_the_drive_changes(busy: float) -> None:
+    """White noise of 1 N beside a drive that fills the lower two thirds of the band with so many newtons."""
+    rate_hz, random = 1e3, np.random.default_rng(7)
+    time_s = np.arange(8000) / rate_hz
+    spectrum = np.fft.rfft(random.standard_normal(time_s.size))
+    spectrum[np.fft.rfftfreq(time_s.size, 1 / rate_hz) > 330.0] = 0.0
+    drive = busy * np.fft.irfft(spectrum, time_s.size)
+    force = drive + random.standard_normal(time_s.size)
+    motion = motion_from_displacement(time_s, 0.1 * np.sin(time_s), None, force, moving_mass_kg=1.0)
+    assert force_noise(motion) == pytest.approx(1.0, rel=0.1)
 
 
 def test_the_force_is_filtered_like_the_motion() -> None:

@@ -33,6 +33,15 @@ def test_the_uncertainty_after_the_shot_is_the_predicted_one(fitted):
     assert after.std[place] == pytest.approx(plan.std_after, rel=0.05)
 
 
+def test_the_fit_of_a_diagnosed_model_asks_whether_it_is_to_stop(fitted):
+    truth, _ = fitted
+    motions = motions_of(truth)
+    given = fit_shots(motions)
+    asked: list[int] = []
+    refit_diagnosed(given, motions, lambda: bool(asked.append(1)))
+    assert asked
+
+
 def test_the_cheapest_shots_that_reach_the_wanted_uncertainty_are_chosen_else_the_best(fitted):
     _, before = fitted
     little = plan_precision(before, STIFFNESS, REACH, wanted=0.9)

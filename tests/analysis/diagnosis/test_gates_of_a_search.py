@@ -10,7 +10,8 @@ from scipy.stats import chi2
 
 from analysis.collision.effects import CATALOGUE, Effect
 from analysis.diagnosis.limit import SECONDS, Limit
-from analysis.diagnosis.search.forward_selection import Trail
+from analysis.diagnosis.search import forward_selection
+from analysis.diagnosis.search.forward_selection import Trail, prune
 from analysis.diagnosis.verdict import acceptance, coincidence, lack_of_fit
 from analysis.diagnosis.verdict.acceptance import keep_predictive, settle
 from analysis.diagnosis.verdict.coincidence import Unforetold, by_chance
@@ -35,6 +36,19 @@ def trail() -> Any:
 
 def predicted(surprise: float) -> Prediction:
     return Prediction((), surprise, 1.0, np.zeros(1))
+
+
+@pytest.mark.parametrize(
+    ("worth", "fitted", "left"),
+    [(200.0, True, BOTH.effects), (1.0, True, ONE.effects), (1.0, False, BOTH.effects)],
+    ids=["both pay", "one does not pay", "neither can be left out"],
+)
+def test_of_two_effects_the_one_that_does_not_pay_is_taken_out_where_the_rest_can_be_fitted(
+    worth: float, fitted: bool, left: tuple[Effect, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    without = {TILT: Fit((ADHESION,), worth=worth), ADHESION: Fit((TILT,), worth=1.5 * worth)}
+    monkeypatch.setattr(forward_selection, "without", lambda _, effect, __: without[effect] if fitted else None)
+    assert prune(cast(Any, Fit(BOTH.effects, worth=worth)), trail()).effects == left
 
 
 @pytest.fixture

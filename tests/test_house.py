@@ -38,6 +38,27 @@ def test_imports_go_one_way(floor: str) -> None:
     assert not wrong
 
 
+def _keeping_alive(source: str) -> Iterator[int]:
+    """Yield the lines that start a thread for which Python waits at its end."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "threading.Thread":
+            daemon = next((keyword.value for keyword in node.keywords if keyword.arg == "daemon"), None)
+            if not isinstance(daemon, ast.Constant) or daemon.value is not True:
+                yield node.lineno
+
+
+@pytest.mark.parametrize("top", ["analysis", "instrument", "app"])
+def test_no_thread_keeps_a_closed_program_running(top: str) -> None:
+    """A driver that never returns would: its thread is left behind instead."""
+    sources = {source: source.read_text(encoding="utf-8") for source in sorted((HOUSE / top).rglob("*.py"))}
+    assert [(str(source), line) for source, text in sources.items() for line in _keeping_alive(text)] == []
+
+
+@pytest.mark.parametrize(("how", "seen"), [("", [1]), (", daemon=False", [1]), (", daemon=True", [])])
+def test_a_thread_that_keeps_it_running_is_seen(how: str, seen: list[int]) -> None:
+    assert list(_keeping_alive(f"threading.Thread(target=work{how}).start()")) == seen
+
+
 LAYERS = {  # a package imports from those before it alone; what lies in none comes last
     "analysis": (
         "compiled",

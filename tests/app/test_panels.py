@@ -598,6 +598,19 @@ def test_the_band_of_a_diagnosed_residual_says_what_it_is(qtbot, shot):
         assert ("noise and building" if building else "noise as all shots show it") in of_diagnosis._heading.text()
 
 
+def test_the_band_of_a_drive_lies_over_all_of_its_record_at_twice_its_repeatability(qtbot):
+    driven = synthetic.driven_shot()
+    curves = drive_curves(driven.motion, driven.fit)
+    panel = ShotPanel(LIGHT)
+    qtbot.addWidget(panel)
+    panel.show_shot(driven)
+    panel.show_drive(driven, curves)
+    for edge, sign in zip(panel.drive._band.edges, (1.0, -1.0), strict=True):
+        x, y = edge.getData()
+        assert (x[0], x[-1]) == (curves.time_s[0], curves.time_s[-1])
+        assert np.all(y == sign * 2.0 * curves.repeatability.force_n)
+
+
 @pytest.mark.parametrize("height", [200, 700])
 def test_an_empty_drive_says_why_on_a_page_of_any_height(qtbot, height):
     panel = ShotPanel(LIGHT)

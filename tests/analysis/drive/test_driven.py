@@ -9,7 +9,7 @@ import pytest
 from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.diagnosis.wording import in_words, remark_on
-from analysis.drive.bandwidth import force_noise
+from analysis.drive.bandwidth import _equal_noise_hz, force_noise
 from analysis.drive.catalogue import LAWS
 from analysis.drive.curves import drive_curves
 from analysis.drive.driven_fit import fit_driven
@@ -20,6 +20,7 @@ from analysis.drive.stretch import low_pass, prepare
 from analysis.drive.table import Table
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisError
+from analysis.signal.filters import derivative_filters
 from analysis.signal.record import motion_from_displacement
 from instrument.files.motion_file import read_motion
 from tests.analysis.drive.slider import MASS, OFFSET, RATE_HZ, VISCOUS, Drive, Floats
@@ -88,6 +89,15 @@ def test_a_law_is_named_with_its_size(extra, late_s: float, true: dict[str, floa
     held = diagnosis.error_held_out_after
     assert held is not None
     assert held.force_rms_n < 1.5 * diagnosis.error_after.force_rms_n < diagnosis.error_before.force_rms_n
+
+
+@pytest.mark.parametrize("share", [0.03, 0.1])
+def test_the_bandwidth_is_where_mass_times_the_accelerations_noise_is_the_forces(share: float) -> None:
+    motion = Drive(friction, seconds=8.0).motion()
+    noise_n, gain = 2.0, derivative_filters(1.0, share).acceleration_gain
+    noise_m = noise_n * np.sqrt(2.0 * share) / (MASS * gain * RATE_HZ**2)
+    found = _equal_noise_hz(motion.displacement_m, motion.force_n, RATE_HZ, 0.02 * RATE_HZ, (noise_m, noise_n))
+    assert share / 1.15 < found / RATE_HZ < share * 1.05  # on a grid of 12 %, with the mass as the drive shows it
 
 
 @pytest.mark.parametrize("busy", [0.0, 100.0])

@@ -71,3 +71,12 @@ def test_a_stated_rest_frequency_replaces_the_reference() -> None:
     assert np.allclose(_joined(chunks, "velocity_m_per_s"), 0.1, atol=2e-5)
     with pytest.raises(AnalysisError, match="rest frequency"):
         LiveDemodulator(10e6, 0, None, make_recording(free_flight(0.1), 10).setup)
+
+
+def test_what_comes_before_the_rest_frequency_is_known_keeps_its_order() -> None:
+    """Blocks of a tenth of a millisecond: the moving beat waits for the first frequency of the other one."""
+    recording = make_recording(free_flight(-0.3), 200_000)
+    chunks = _run(LiveDemodulator(10e6, 1, 0, recording.setup), recording.counts, 1000)
+    first = next(chunk for chunk in chunks if chunk.time_s.size)
+    assert first.time_s.size > 1  # what waited comes with it
+    assert np.all(np.diff(_joined(chunks, "time_s")) > 0)

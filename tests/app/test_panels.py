@@ -173,7 +173,7 @@ def test_the_shots_plots_are_linked_and_zoom_to_a_bounce_that_is_clicked(shot_pa
 
 def test_of_plots_above_one_another_only_the_lowest_takes_room_for_the_time_and_force_has_most(shot_panel):
     *above, lowest = shot_panel.stack.plots
-    assert max(plot.getAxis("bottom").height() for plot in above) < 10 < lowest.getAxis("bottom").height()
+    assert max(plot.getAxis("bottom").height() for plot in above) < 7 < lowest.getAxis("bottom").height()
     velocity, force, residual = (plot.view.height() for plot in (*above, lowest))
     assert force > 1.2 * velocity > 1.2 * residual
 

@@ -42,3 +42,16 @@ def test_a_prediction_moves_only_what_is_a_shots_own() -> None:
     end = best.problem.predict(off, evaluations=25, tolerance=1e-3).parameters
     assert np.array_equal(end[best.problem.shared], best.z[best.problem.shared])
     assert np.allclose(end, best.z, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize(("stds", "near"), [(0.19, True), (0.21, False)])
+def test_a_search_cut_off_is_an_end_within_a_fifth_of_a_standard_deviation(stds: float, near: bool) -> None:
+    best = base_fit(shots({}))
+    square = best.problem.square(best.z)
+    inverse = square.covariance()
+    assert inverse is not None
+    birge = np.sqrt(square.chi2 / square.samples)
+    away = stds * birge * inverse[0] / np.sqrt(inverse[0, 0])  # the first parameter so far off, the others followed
+    cut_off = Minimum(best.z, replace(square, gradient=-square.curvature @ away), False, 25)
+    assert best.problem.fitted(cut_off).converged is near
+    assert best.problem.fitted(replace(cut_off, converged=True)).converged

@@ -80,8 +80,7 @@ class Trail:
     def least_fall(self, floor: Floor | None = None) -> float:
         """Return by how much the best of the catalogue must lower the criterion to join, with the noise ``floor``."""
         # With a path that wanders one number gains by chance three times what it gains with white noise.
-        wandering, frame = (bool(floor.wander), bool(floor.site)) if floor is not None else (False, False)
-        return CRITERIA.fall(len(self.catalogue), wandering=wandering, frame=frame)
+        return CRITERIA.fall(len(self.catalogue), wandering=floor is not None and bool(floor.wander))
 
     def pays(self, fitted: Fitted, fewer: Fitted) -> bool:
         """Return whether a fit explains enough more than ``fewer``, which has fewer effects."""

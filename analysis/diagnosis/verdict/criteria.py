@@ -26,9 +26,6 @@ class Criteria:
     wandering_fall: float = _is(
         12.0, "BIC", "more, where the noise still wanders", f"{_SIMULATED}: 2 of 85 clean sets came to 17 and 19"
     )
-    frame_fall: float = _is(
-        4.0, "BIC", "more, where the frame moves", f"{_SIMULATED}: 1 of 250 clean sets came to 18, no other to 16"
-    )
     several_fall: float = _is(
         92.0,
         "BIC",
@@ -73,10 +70,9 @@ class Criteria:
     )  # fmt: skip
     drawn_far: float = _is(1e6, "chi^2 a sample", "of a base fit that did not even arrive", _SIMULATED)
 
-    def fall(self, tried: int, *, wandering: bool = False, frame: bool = False) -> float:
+    def fall(self, tried: int, *, wandering: bool = False) -> float:
         """Return by how much the best of ``tried`` effects must lower the criterion to join."""
-        beside = max(self.wandering_fall * wandering, self.frame_fall * frame)
-        return self.least_fall + self.cost_of_choice * math.log(max(tried, 1)) + beside
+        return self.least_fall + self.cost_of_choice * math.log(max(tried, 1)) + self.wandering_fall * wandering
 
     def size_of_one(self, of: int) -> float:
         """Return the size in noise norms that each of so many effects must have."""

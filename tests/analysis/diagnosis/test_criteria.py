@@ -26,7 +26,6 @@ def test_what_the_page_says_in_words_is_what_the_table_says() -> None:
     said = {
         f"{CRITERIA.least_fall:g} + {CRITERIA.cost_of_choice:g} ln {tried} = {CRITERIA.fall(tried):.1f}",
         f"by {CRITERIA.fall(tried, wandering=True):.1f} where the floor still wanders",
-        f"Where a frame moves it is {CRITERIA.fall(tried, frame=True):.1f}",
         f"must be {CRITERIA.stands_out:g} noise norms beside all other parameters",
         f"one of two {CRITERIA.one_of_two:g}, one of three {CRITERIA.one_of_three:g}",
         f"lower the criterion by {CRITERIA.several_fall:g}",

@@ -75,7 +75,7 @@ def test_numbers_state_value_uncertainty_and_how_they_were_read(qtbot, shot):
     assert panel.text("kinetic, flights") == "–"
     assert "shorter than the filter" in panel.hover("kinetic, flights")
     assert "speeds of both flights" in panel.hover("quasi-static")
-    assert "agree" in panel.agreement.text()
+    assert "agree" in panel.agreement.text() and "relative to their noise" in panel.agreement.toolTip()
     (of,) = [q for q in budget(shot).quantities if q.key == "velocity_in_m_per_s"]
     assert of.std > 3 * shot.impact.velocity_in_m_per_s.std
     assert panel.text("velocity in") == value_text(Quantity(of.value, of.std))  # as in the budget

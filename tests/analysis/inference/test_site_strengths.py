@@ -102,3 +102,15 @@ def test_motion_beyond_all_rounding_is_refused_in_words() -> None:
     with pytest.raises(np.linalg.LinAlgError, match="not determined"):
         likelihood.curvature(point)
     assert np.all(np.isfinite(likelihood.curvature(likelihood.at(AT))))
+
+
+def test_a_second_part_that_wanders_joins_the_first_as_it_is() -> None:
+    one = Floor(1.0, (3.0, 0.0), (4e-3, 1e-2), 5e-5)
+    two = site_strengths._with_a_part(one, 2, 5e-2)
+    assert (two.rms_m[0], two.tau_s) == (3.0, (4e-3, 5e-2))
+    assert two.rms_m[1] * math.sqrt(2 * 5e-5 / 5e-2) == pytest.approx(0.2)  # what a sample adds over the white noise
+    first = site_strengths._with_a_part(one, 1, 5e-4)
+    assert first.rms_m[1] == 0.0 and first.tau_s[0] == 5e-4
+    z = site_strengths._coordinates(two, 2)
+    again = site_strengths._shape_at(z, two.spacing_s)
+    assert again.rms_m == pytest.approx(two.rms_m) and again.tau_s == pytest.approx(two.tau_s)

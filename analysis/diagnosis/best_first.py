@@ -42,7 +42,10 @@ class Branch:
         return self.searched.best.bic
 
     def is_likelier_than(self, other: "Branch") -> bool:
-        """Return whether the criterion is not above the other's; of a search cut off before its first end never."""
+        """Return whether this is at least as likely as the other.
+
+        A search that had no time to compare the effects of the catalogue never is beside one that had.
+        """
         return self.searched.trail.compared >= other.searched.trail.compared and self.bic <= other.bic
 
     @property

@@ -8,7 +8,7 @@ from analysis.shot import AnalysisError, Motion
 Floats = NDArray[np.float64]
 CLEAR_SIGMAS = 20.0  # of the displacement's noise, by which a turn must stand out
 SHORTEST_S, LONGEST_S = 1e-6, 600.0  # of a record with a collision and its two flights
-AT_REST_M = 1e-4  # a block that moves less in a whole record stands, if the building shakes it or not
+AT_REST_M = 1e-4  # a block that moves less in a whole record stands still, whether or not the building shakes it
 _BLOCKS = 200  # into which a record is averaged, so that noise has no turns
 
 

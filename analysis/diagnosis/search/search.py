@@ -104,8 +104,9 @@ class Search:
         best, trail = along_with(along)
         if along:  # accelerations of each shot's own may stand in for one law of all shots
             plain, plain_trail = along_with(())
-            lost = plain.bic > best.bic and _nuisances_pay(best, along, self.stop)
-            if plain_trail.compared >= trail.compared and not lost:
+            own_needed = plain.bic > best.bic and _nuisances_pay(best, along, self.stop)
+            in_time = plain_trail.compared or not trail.compared  # a search that was cut off replaces none that was not
+            if in_time and not own_needed:
                 best, trail = plain, plain_trail
         added = len(trail.added(best))
         return Searched(best, trail, catalogue, CRITERIA.most_effects - added if added >= most else 0)

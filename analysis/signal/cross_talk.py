@@ -5,10 +5,10 @@ sample.  Cables, amplifiers and boards couple linearly and within a sample or tw
 PD0's beat in PD1 has the same effect as a leak of light, and is removed as one (``leak``).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from analysis.signal.survey import Survey
@@ -23,6 +23,7 @@ _APART = 6.0  # bins of a block by which PD1's beat must differ from PD0's to be
 _FEWEST = 8  # blocks
 _FAULTY = 4.0  # times the usual residual: a block with a lost sample or a flash
 _SLOW_HZ = 20e3  # by which a rest beat may drift in a shot at most
+_LEAST_POWER = 1e-12  # of a combination of lags, of the greatest: less is rounding
 _STILL = 0.1  # of the other channel's span of frequencies
 
 
@@ -60,22 +61,19 @@ def find_cross_talk(
     if clear.size < _FEWEST:
         return None
     starts = clear[np.linspace(0, clear.size - 1, min(clear.size, MOST_BLOCKS)).astype(np.int64)]
-    free = _without_tone(turns)
-    rows = starts[:, None] + np.arange(BLOCK)
-    left = free(reference[rows].astype(np.float64))
-    columns = np.stack([free(moving[rows - lag].astype(np.float64)) for lag in range(-_REACH, _REACH + 1)], axis=-1)
-    taps = _solved(columns, left)
-    remainder = np.sqrt(np.mean((left - columns @ taps) ** 2, axis=1))
-    sound = remainder <= _FAULTY * np.median(remainder)
+    blocks, tone = _blocks(reference, moving, starts), _tone(turns)
+    products = _products(blocks, tone)
+    taps = _solved(products)
+    remainder = _squares(products, np.append(taps, -1.0))
+    sound = remainder <= _FAULTY**2 * np.median(remainder)
     if sound.sum() < _FEWEST:
         return None
-    columns, left = columns[sound], left[sound]
-    taps = _solved(columns, left)
+    taps = _solved(products[sound])
     amplitude = rest.amplitude_counts
-    ratio = float(np.sqrt(2.0 * np.mean((columns @ taps) ** 2))) / amplitude
-    if ratio < REMOVED_ABOVE:
+    size = float(np.sqrt(2.0 / BLOCK * np.mean(_squares(products[sound], np.append(taps, 0.0)))))
+    if size < REMOVED_ABOVE * amplitude:
         return None
-    return CrossTalk(taps, ratio, _left_over(columns, left - columns @ taps, amplitude))
+    return CrossTalk(taps, size / amplitude, _left_over(_without(blocks[sound], tone), taps, amplitude))
 
 
 def without_cross_talk(reference: NDArray[np.int16], moving: NDArray[np.int16], found: CrossTalk) -> NDArray[np.int16]:
@@ -88,28 +86,52 @@ def without_cross_talk(reference: NDArray[np.int16], moving: NDArray[np.int16], 
     return np.clip(np.rint(out), -32768, 32767).astype(np.int16)
 
 
-def _without_tone(turns: float) -> Callable[[Floats], Floats]:
-    """Return the function that removes a tone near ``turns`` cycles per sample and a level from blocks (m, BLOCK)."""
+def _blocks(reference: NDArray[np.int16], moving: NDArray[np.int16], starts: NDArray[np.int64]) -> Floats:
+    """Return PD1 at each lag, then PD0, in blocks from ``starts`` (m,): shape (m, lags + 1, BLOCK)."""
+    blocks = np.empty((starts.size, 2 * _REACH + 2, BLOCK))
+    for column, lag in enumerate(range(-_REACH, _REACH + 1)):
+        blocks[:, column] = sliding_window_view(moving, BLOCK)[starts - lag]
+    blocks[:, -1] = sliding_window_view(reference, BLOCK)[starts]
+    return blocks
+
+
+def _tone(turns: float) -> Floats:
+    """Return an orthonormal basis (BLOCK, 5) of a level and of a tone near ``turns`` cycles per sample."""
     n = np.arange(BLOCK) - 0.5 * (BLOCK - 1)
     wave = np.exp(2j * np.pi * turns * n)
     drift = n / BLOCK  # of frequency and amplitude
     columns = [wave.real, wave.imag, drift * wave.real, drift * wave.imag, np.ones(BLOCK)]
-    basis = np.linalg.qr(np.stack(columns, axis=1))[0]
-    return lambda blocks: np.asarray(blocks - (blocks @ basis) @ basis.T)
+    return np.asarray(np.linalg.qr(np.stack(columns, axis=1))[0])
 
 
-def _solved(columns: Floats, left: Floats) -> Floats:
-    """Return the taps by least squares; columns of shape (m, BLOCK, taps), left (m, BLOCK)."""
-    flat = columns.reshape(-1, columns.shape[-1])
-    return np.asarray(np.linalg.lstsq(flat, left.reshape(-1), rcond=1e-6)[0])
+def _without(blocks: Floats, tone: Floats) -> Floats:
+    return np.asarray(blocks - (blocks @ tone) @ tone.T)
 
 
-def _left_over(columns: Floats, remainder: Floats, amplitude: float) -> float:
+def _products(blocks: Floats, tone: Floats) -> Floats:
+    """Return the scalar products of each block's columns without their tone, shape (m, lags + 1, lags + 1)."""
+    along = blocks @ tone
+    return np.asarray(blocks @ blocks.swapaxes(1, 2) - along @ along.swapaxes(1, 2))
+
+
+def _squares(products: Floats, weights: Floats) -> Floats:
+    """Return the sum of squares of each block's columns taken with ``weights``, shape (m,)."""
+    return np.asarray(np.einsum("mij,i,j->m", products, weights, weights))
+
+
+def _solved(products: Floats) -> Floats:
+    """Return the taps by least squares over all blocks; a combination of lags that PD1 hardly has gets none."""
+    total = products.sum(axis=0)
+    return np.asarray(np.linalg.pinv(total[:-1, :-1], rcond=_LEAST_POWER, hermitian=True) @ total[:-1, -1])
+
+
+def _left_over(blocks: Floats, taps: Floats, amplitude: float) -> float:
     """Return the amplitude of PD1, relative to PD0's, that remains at any phase: the 90th percentile of the blocks.
 
     Blocks are examined one by one: a coupling that changes in the shot leaves nothing on average.
     """
-    beat = columns[..., _REACH]
+    remainder = blocks[:, -1] - taps @ blocks[:, :-1]
+    beat = blocks[:, _REACH]
     turned = np.fft.fft(beat, axis=1)
     turned[:, BLOCK // 2 :] = 0.0
     analytic = 2.0 * np.fft.ifft(turned, axis=1)

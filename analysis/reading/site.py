@@ -167,29 +167,38 @@ class PlannedFlights:
         design = np.stack(columns, axis=1)[keep].astype(np.float64)
         return cls(planned, span, time_s[keep], design, covariance)
 
-    def cor_std(self, lines: Sequence[MachineLine]) -> float:
-        """Return u(COR) with these lines, of unknown phase and frequency, by generalised least squares: some 0.5 ms."""
-        matrix = self.covariance_m2
+    def cor_stds(self, lines: Sequence[MachineLine]) -> tuple[float, list[float]]:
+        """Return u(COR) with these lines, of unknown phase and frequency, and with all but one of them, in order.
+
+        Generalised least squares; the lines are known of the covariance as amplitudes (Woodbury).  Some 2 ms.
+        """
+        columns = [self.design]
         for line in lines:
             angle = 2 * np.pi * line.frequency_hz * self.time_s
-            wave = np.stack((np.cos(angle), np.sin(angle)))
-            bend = 2 * np.pi * (_UNSURE / self.span_s) * (self.time_s - 0.5 * self.span_s) * wave
-            matrix = matrix + line.amplitude_m**2 / 2 * (wave.T @ wave + bend.T @ bend)
-        found = np.linalg.inv(self.design.T @ np.linalg.solve(matrix, self.design))
+            wave = np.stack((np.cos(angle), np.sin(angle)), axis=1)
+            bend = 2 * np.pi * (_UNSURE / self.span_s) * (self.time_s - 0.5 * self.span_s)[:, None] * wave
+            columns.append(line.amplitude_m / math.sqrt(2.0) * np.concatenate((wave, bend), axis=1))
+        both = np.concatenate(columns, axis=1)
+        products = both.T @ np.linalg.solve(self.covariance_m2, both)
+        flights = self.design.shape[1]
         ratio = np.array([0.0, self.planned.restitution, 0.0, 1.0]) / self.planned.speed_m_per_s
-        return float(np.sqrt(ratio @ found @ ratio))
+
+        def std(of: NDArray[np.int64]) -> float:
+            own, shared = products[:flights, :flights], products[:flights, of]
+            left = own - shared @ np.linalg.solve(np.eye(of.size) + products[np.ix_(of, of)], shared.T)
+            return float(np.sqrt(ratio @ np.linalg.solve(left, ratio)))
+
+        every = np.arange(flights, both.shape[1])
+        of_line = (every - flights) // 4
+        return std(every), [std(every[of_line != k]) for k in range(len(lines))]
 
 
 def _with_expectation(floor: SiteFloor, planned: PlannedShot) -> SiteFloor:
     flights = PlannedFlights.on(floor, planned)
     stay = [line for line in floor.lines if not _of_hand(line.frequency_hz)]
-    whole = flights.cor_std(stay)
-    lines = tuple(
-        line
-        if _of_hand(line.frequency_hz)
-        else replace(line, cost=whole / flights.cor_std([other for other in stay if other is not line]))
-        for line in floor.lines
-    )
+    whole, without = flights.cor_stds(stay)
+    costs = iter(whole / less for less in without)
+    lines = tuple(line if _of_hand(line.frequency_hz) else replace(line, cost=next(costs)) for line in floor.lines)
     return replace(floor, lines=lines, cor_std=whole)
 
 
@@ -202,11 +211,14 @@ def _covariance(floor: SiteFloor, step_s: float, count: int) -> Floats:
     frequency, density = floor.frequency_hz, floor.density_m2_per_hz
     seen = density * np.sinc(frequency * step_s) ** 2
     width = float(frequency[1] - frequency[0])
-    lags = step_s * np.arange(count)
     # power near zero frequency is constant in a shot, and absorbed by the flights' offsets
-    covariance = width * (np.cos(2 * np.pi * np.outer(lags, frequency)) @ seen)
+    turn, wave = np.exp(2j * np.pi * step_s * frequency), np.ones(frequency.size, dtype=np.complex128)
+    covariance = np.empty(count)
+    for lag in range(count):
+        covariance[lag] = width * (seen @ wave.real)
+        wave *= turn
     covariance[0] += 1e-6 * covariance[0]
-    return np.asarray(covariance)
+    return covariance
 
 
 def _periodogram(values: Floats, rate_hz: float) -> tuple[Floats, Floats]:
@@ -251,14 +263,23 @@ def _refined(values: Floats, time_s: Floats, frequency_hz: float) -> tuple[float
     for _ in range(4):
         angle = 2 * np.pi * frequency_hz * middle
         cosine, sine = np.cos(angle), np.sin(angle)
-        (c, s), *_ = np.linalg.lstsq(np.stack((cosine, sine), 1) * window[:, None], values * window, rcond=None)
+        c, s = _amplitudes(cosine, sine, values, window)
         bend = 2 * np.pi * middle * (s * cosine - c * sine)
         rest = (values - c * cosine - s * sine) * window
         frequency_hz += float(rest @ (bend * window) / max(float((bend * window) @ (bend * window)), 1e-300))
     angle = 2 * np.pi * frequency_hz * middle
-    columns = np.stack((np.cos(angle), np.sin(angle)), 1)
-    best, *_ = np.linalg.lstsq(columns * window[:, None], values * window, rcond=None)
-    return frequency_hz, np.asarray(columns @ best)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    c, s = _amplitudes(cosine, sine, values, window)
+    return frequency_hz, np.asarray(c * cosine + s * sine)
+
+
+def _amplitudes(cosine: Floats, sine: Floats, values: Floats, window: Floats) -> tuple[float, float]:
+    """Return the factors of cosine and sine that describe the values best through the window."""
+    weighed = window**2
+    cc, cs, ss = float(weighed @ cosine**2), float(weighed @ (cosine * sine)), float(weighed @ sine**2)
+    cv, sv = float(weighed @ (cosine * values)), float(weighed @ (sine * values))
+    found = cc * ss - cs * cs
+    return (ss * cv - cs * sv) / found, (cc * sv - cs * cv) / found
 
 
 def _third_octaves(frequency_hz: Floats, power: Floats, waves: Sequence[tuple[float, float]]) -> tuple[Floats, Floats]:

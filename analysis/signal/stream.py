@@ -15,6 +15,7 @@ from analysis.signal.tuning import Tuning, fixed_schedule, tune
 Floats = NDArray[np.float64]
 LOOK_S = 2e-3  # of the stream, surveyed before the beat is tuned to
 REST_MEMORY_S = 0.2  # the rest frequency shown is a running mean over about this long
+LISTEN_S, LISTEN_EVERY_S = 0.025, 0.1  # PD0 is read a quarter of the time, so that a picture costs less: 1 mHz
 MAX_DOPPLER_HZ = 1.3e6
 _REST_HALF_WIDTH_HZ = 80e3
 _MIN_PHASE_RATE_HZ = 100e3
@@ -69,6 +70,7 @@ class LiveDemodulator:
         self._lines: list[_BeatStream] = []
         self._rest_hz: float | None = None if reference_column is not None else setup.rest_frequency_hz
         self._rest_weight = 0.0
+        self._listened_from = 0  # sample at which the turns of PD0 begin
         self._broken = False
         self._pending: Floats | None = None  # of the moving beat, until the rest frequency is known
         self._problem: str | None = "looking for the beat"
@@ -131,6 +133,7 @@ class LiveDemodulator:
         self._lines = [_BeatStream(*t, self._wanted_rate, self._bandwidth) for t in tunings]
 
     def _restart(self, sample: int) -> None:
+        self._listened_from = sample
         for line in self._lines:
             line.restart(sample)
 
@@ -142,7 +145,7 @@ class LiveDemodulator:
             self._pending = None
         time_s, frequency, slope, amplitude = parts
         if len(self._lines) > 1:
-            self._average_rest(self._lines[1].feed(counts)[1])
+            self._listen(counts)
         if self._rest_hz is None:
             self._pending = parts
             return self._nothing()
@@ -158,10 +161,23 @@ class LiveDemodulator:
             )
         return LiveChunk(time_s, frequency, velocity, force, amplitude, self._rest_hz, None)
 
+    def _listen(self, counts: NDArray[np.int16]) -> None:
+        """Read PD0 where one of its turns to be read lies in these counts, the last ones up to ``_sample``."""
+        every, long = round(LISTEN_EVERY_S * self._rate), round(LISTEN_S * self._rate)
+        first = at = self._sample - counts.shape[0]
+        while at < self._sample:
+            turn = (at - self._listened_from) % every
+            if turn == 0:
+                self._lines[1].restart(at)
+            stop = min(self._sample, at + (long if turn < long else every) - turn)
+            if turn < long:
+                self._average_rest(self._lines[1].feed(counts[at - first : stop - first])[1])
+            at = stop
+
     def _average_rest(self, rest: Floats) -> None:
         if rest.size == 0:
             return
-        memory = REST_MEMORY_S * self._lines[1].rate_hz
+        memory = REST_MEMORY_S * self._lines[1].rate_hz * LISTEN_S / LISTEN_EVERY_S
         weight = rest.size / (rest.size + min(self._rest_weight, memory))
         mean = float(rest.mean())
         self._rest_hz = mean if self._rest_hz is None else self._rest_hz + weight * (mean - self._rest_hz)

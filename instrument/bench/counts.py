@@ -61,7 +61,7 @@ def _cos_turns(turns: float) -> float:
     """Return cos(2 pi turns) for float32 ``turns`` from -1/2 to 1/2: error below 3e-7."""
     s = _QUARTER - abs(turns)
     t = s * s
-    return s * (_S1 + t * (_S3 + t * (_S5 + t * (_S7 + t * _S9))))
+    return s * (_S1 + t * (_S3 + t * (_S5 + t * (_S7 + t * _S9))))  # type: ignore[no-any-return]
 
 
 # products and sums in one instruction where the processor has it: this changes the last bit

@@ -12,7 +12,7 @@ from instrument.bench.mechanics import Bodies, Trajectory
 from instrument.bench.observation import run_shot, with_leak
 from instrument.bench.optics import Optics, Path, fill, node_times_s
 from instrument.bench.push import PushedShot, hand_motion, next_push_time_s, push_block, push_duration_s
-from instrument.bench.sines import PathVibration
+from instrument.bench.sines import path_vibration
 from instrument.bench.site import QUIET, Site
 
 Floats = NDArray[np.float64]
@@ -65,7 +65,7 @@ class SimulatedStream:
         self._rate_hz = sample_rate_hz
         self._optics = with_leak(rig.optics, rig.effects)
         self._effects = complete(rig.effects)
-        self._floor = PathVibration(rig.floor_m, rig.seed)
+        self._floor = path_vibration(rig.floor_m, rig.seed)
         self._frame = frame_of(rig.site, rig.seed)
         self._shot = first_shot
         self._pushed: list[PushedShot] = []
@@ -105,7 +105,7 @@ class SimulatedStream:
             a, b = np.searchsorted(time_s, (pushed.start_s, pushed.end_s))
             if b > a:
                 x[a:b], v[a:b], block[a:b] = pushed.at(time_s[a:b])
-        shake_x, shake_v = self._floor.at(float(time_s[0]), float(time_s[1] - time_s[0]), time_s.size)
+        shake_x, shake_v = self._floor.motion(time_s)
         frame_x, frame_v = self._frame.motion(time_s)
         return Path(x + shake_x - frame_x, v + shake_v - frame_v, block - frame_x)
 

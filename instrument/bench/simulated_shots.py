@@ -18,7 +18,7 @@ from instrument.bench.observation import observed, run_shot, with_leak
 from instrument.bench.optics import Path as LightPath
 from instrument.bench.optics import fill, node_times_s
 from instrument.bench.rig import Bench
-from instrument.bench.sines import PathVibration
+from instrument.bench.sines import path_vibration
 from instrument.bench.site import QUIET, Site
 from instrument.files import write_recording
 
@@ -125,7 +125,7 @@ def recording_of(rig: Bench, index: int, played: SimulatedShot, sample_rate_hz: 
     samples = round(duration_s * sample_rate_hz)
     time_s = node_times_s(0, samples, sample_rate_hz)
     x, v = observed(played.trajectory, played.effects, time_s)
-    shake_x, shake_v = PathVibration(rig.floor_m, played.seed).at(0.0, float(time_s[1]), time_s.size)
+    shake_x, shake_v = path_vibration(rig.floor_m, played.seed).motion(time_s)
     block = played.trajectory.block_m(time_s)
     counts: NDArray[np.int16] = np.empty((samples, len(optics.channels)), np.int16)
     clipped = fill(optics, LightPath(x + shake_x, v + shake_v, block), 0, sample_rate_hz, played.seed, counts)

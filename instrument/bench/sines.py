@@ -1,6 +1,7 @@
 """Sums of sines at any times, and interpolation between their nodes."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -9,9 +10,10 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 PATH_LINES = 64
 PATH_LOWEST_HZ, PATH_HIGHEST_HZ = 4.0, 800.0
+_PHASE_STEP = 0.45  # rad of the fastest sine between nodes
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Sines:
     """Displacement sum A_k sin(omega_k t + phi_k); arrays of shape (k,), in rad/s, m and rad."""
 
@@ -24,54 +26,94 @@ class Sines:
         pairs = ((self.omega, other.omega), (self.amplitude_m, other.amplitude_m), (self.phase, other.phase))
         return Sines(*(np.concatenate(pair) for pair in pairs))
 
-    def at(self, start_s: float, spacing_s: float, n: int) -> tuple[Floats, Floats]:
-        """Return displacement (m) and velocity (m/s) at ``n`` times of equal spacing."""
-        x, v = np.zeros(n), np.zeros(n)
-        _add_sines(start_s, spacing_s, self.omega, self.amplitude_m, self.phase, x, v)
-        return x, v
+    def motion(self, time_s: Floats) -> tuple[Floats, Floats]:
+        """Return displacement (m) and velocity (m/s) at ascending times, shape (n,).
+
+        They are summed at nodes whose spacing suits the fastest sine, and interpolated to the fifth degree: 2e-7 off.
+        Cost: 2 ns a sine and millisecond of record at 250 Hz, and 8 ns a time.
+        """
+        if not self.omega.size:
+            return np.zeros_like(time_s), np.zeros_like(time_s)
+        spacing_s, turn = self._nodes
+        nodes = int((time_s[-1] - time_s[0]) / spacing_s) + 2
+        sums = np.zeros((3, nodes))
+        phase = self.omega * float(time_s[0]) + self.phase
+        _add_sines(np.exp(1j * phase), turn, self.omega, self.amplitude_m, sums)
+        moved: tuple[Floats, Floats] = _interpolate_fifth(spacing_s, sums, time_s)
+        return moved
+
+    @cached_property
+    def _nodes(self) -> tuple[float, NDArray[np.complex128]]:
+        """Get the spacing in s of the nodes of ``motion``, and by how much each sine turns from one to the next."""
+        spacing_s = _PHASE_STEP / float(self.omega.max())
+        return spacing_s, np.exp(1j * self.omega * spacing_s)
 
     def acceleration(self, start_s: float, spacing_s: float, n: int) -> tuple[Floats, Floats]:
         """Return acceleration (m/s2) and its rate (m/s3) at ``n`` times of equal spacing."""
-        a, jerk = np.zeros(n), np.zeros(n)
-        _add_sines(start_s, spacing_s, self.omega, -(self.omega**2) * self.amplitude_m, self.phase, a, jerk)
-        return a, jerk
+        sums = np.zeros((3, n))
+        start, turn = np.exp(1j * (self.omega * start_s + self.phase)), np.exp(1j * self.omega * spacing_s)
+        _add_sines(start, turn, self.omega, -(self.omega**2) * self.amplitude_m, sums)
+        return sums[0], sums[1]
 
 
-class PathVibration:
-    """Vibration of the optical path: a sum of sines, denser at low frequencies, with a spectrum that falls as 1/f."""
+def path_vibration(rms_m: float, seed: int) -> Sines:
+    """Return the vibration of the optical path: sines that are denser at low frequencies, with a spectrum as 1/f.
 
-    def __init__(self, rms_m: float, seed: int) -> None:
-        """Draw the sines from the seed; ``rms_m`` is the rms displacement of the whole band."""
-        random = np.random.default_rng((seed, 0xF1))
-        edges = np.geomspace(PATH_LOWEST_HZ, PATH_HIGHEST_HZ, PATH_LINES + 1)
-        frequency_hz = random.uniform(edges[:-1], edges[1:])
-        amplitude = random.rayleigh(1.0, PATH_LINES) / frequency_hz**0.5
-        amplitude *= rms_m / np.sqrt(np.sum(amplitude**2) / 2)
-        self._sines = Sines(2 * np.pi * frequency_hz, amplitude, random.uniform(0, 2 * np.pi, PATH_LINES))
-
-    def at(self, start_s: float, spacing_s: float, n: int) -> tuple[Floats, Floats]:
-        """Return displacement (m) and velocity (m/s) at ``n`` times of equal spacing."""
-        return self._sines.at(start_s, spacing_s, n)
+    ``rms_m`` is the rms displacement of the whole band; the same seed draws the same sines.
+    """
+    random = np.random.default_rng((seed, 0xF1))
+    edges = np.geomspace(PATH_LOWEST_HZ, PATH_HIGHEST_HZ, PATH_LINES + 1)
+    frequency_hz = random.uniform(edges[:-1], edges[1:])
+    amplitude = random.rayleigh(1.0, PATH_LINES) / frequency_hz**0.5
+    amplitude *= rms_m / np.sqrt(np.sum(amplitude**2) / 2)
+    return Sines(2 * np.pi * frequency_hz, amplitude, random.uniform(0, 2 * np.pi, PATH_LINES))
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc"})  # the sum over sines, in any order
-def _add_sines(
-    start_s: float, spacing_s: float, omega: Floats, amplitude: Floats, phase: Floats, x: Floats, v: Floats
-) -> None:
-    """Add sines by rotation, all of them from one time to the next.  Cost: about 0.4 ns per sine and time."""
-    c, s = np.cos(omega * start_s + phase), np.sin(omega * start_s + phase)
-    dc, ds = np.cos(omega * spacing_s), np.sin(omega * spacing_s)
-    speed = amplitude * omega
-    for i in range(x.shape[0]):
-        moved, rate = 0.0, 0.0
+def _add_sines(start, turn, omega, amplitude, sums) -> None:  # type: ignore[no-untyped-def]
+    """Add sines and their first two derivatives to ``sums`` (3, n), by rotation, all sines from one time to the next.
+
+    ``start`` and ``turn``, complex of shape (k,), are the sines' first places on the unit circle and their rotation
+    between two times.  Cost: about 0.5 ns per sine and time.
+    """
+    c, s, dc, ds = start.real.copy(), start.imag.copy(), turn.real.copy(), turn.imag.copy()
+    speed, bend = amplitude * omega, -amplitude * omega * omega
+    for i in range(sums.shape[1]):
+        moved, rate, bent = 0.0, 0.0, 0.0
         for k in range(omega.shape[0]):
             moved += amplitude[k] * s[k]
             rate += speed[k] * c[k]
+            bent += bend[k] * s[k]
             turned = c[k] * dc[k] - s[k] * ds[k]
             s[k] = s[k] * dc[k] + c[k] * ds[k]
             c[k] = turned
-        x[i] += moved
-        v[i] += rate
+        sums[0, i] += moved
+        sums[1, i] += rate
+        sums[2, i] += bent
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _interpolate_fifth(spacing_s: float, nodes: Floats, time_s: Floats) -> tuple[Floats, Floats]:
+    """Return the quintic Hermite interpolant and its slope at ascending times, shape (n,).
+
+    ``nodes`` (3, m): value, slope and curvature, from the first of the times on.  Cost: about 8 ns per time.
+    """
+    x, v, a = nodes[0], nodes[1], nodes[2]
+    result, rate = np.empty(time_s.shape[0]), np.empty(time_s.shape[0])
+    last = x.shape[0] - 2
+    for i in range(time_s.shape[0]):
+        at = (time_s[i] - time_s[0]) / spacing_s
+        j = min(int(at), last)
+        u = at - j
+        # the polynomial x_j + slope u + bend u^2 / 2 + u^3 (c3 + c4 u + c5 u^2) that meets node j + 1
+        slope, bend = spacing_s * v[j], spacing_s * spacing_s * a[j]
+        d = x[j + 1] - x[j] - slope - 0.5 * bend
+        e = spacing_s * v[j + 1] - slope - bend
+        f = spacing_s * spacing_s * a[j + 1] - bend
+        c3, c4, c5 = 10.0 * d - 4.0 * e + 0.5 * f, -15.0 * d + 7.0 * e - f, 6.0 * d - 3.0 * e + 0.5 * f
+        result[i] = x[j] + u * (slope + u * (0.5 * bend + u * (c3 + u * (c4 + u * c5))))
+        rate[i] = (slope + u * (bend + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)))) / spacing_s
+    return result, rate
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

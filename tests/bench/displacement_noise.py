@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt
 
 from instrument.bench.optics import Optics
-from instrument.bench.sines import PathVibration
+from instrument.bench.sines import path_vibration
 
 Floats = NDArray[np.float64]
 
@@ -55,7 +55,8 @@ class Noise:
         if self.kind is NoiseKind.DRIFTING:
             white = white + np.cumsum(self.walk_share * self.white_m * random.standard_normal(samples))
         if self.kind is NoiseKind.FLOOR:
-            white = white + PathVibration(self.floor_m, int(random.integers(2**31))).at(0.0, 1.0 / rate_hz, samples)[0]
+            floor = path_vibration(self.floor_m, int(random.integers(2**31)))
+            white = white + floor.motion(np.arange(samples) / rate_hz)[0]
         return white
 
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -29,6 +31,18 @@ def test_the_live_signals_follow_an_impact_and_do_not_depend_on_the_blocks() -> 
     assert force.max() == pytest.approx(0.01785 * 0.265 * np.pi / 10e-3, rel=0.02)
     assert np.array_equal(_joined(runs[0], "beat_frequency_hz"), _joined(runs[1], "beat_frequency_hz"))
     assert runs[0][-1].rest_frequency_hz == pytest.approx(2.73e6, abs=0.05)
+
+
+def test_a_rest_beat_that_changes_is_followed_though_it_is_read_a_quarter_of_the_time() -> None:
+    rate, setup = 2e6, replace(make_recording(free_flight(0.1), 10).setup, rest_frequency_hz=None)
+    time_s = np.arange(round(1.2 * rate)) / rate
+    turns = np.where(time_s < 0.35, 0.4e6 * time_s, 0.4e6 * 0.35 + 0.40002e6 * (time_s - 0.35))
+    counts = np.rint(1000 * np.sin(2 * np.pi * turns))[:, None].repeat(2, axis=1).astype(np.int16)
+    chunks = _run(LiveDemodulator(rate, 1, 0, setup), counts, 40_000)
+    before, after = chunks[16].rest_frequency_hz, chunks[-1].rest_frequency_hz
+    assert before == pytest.approx(0.4e6, abs=0.02)
+    assert after == pytest.approx(0.40002e6, abs=2.5)  # 0.85 s later, with a memory of 0.2 to 0.3 s
+    assert _joined(chunks, "velocity_m_per_s")[2000:3000] == pytest.approx(0.0, abs=1e-8)
 
 
 def test_a_gap_separates_the_live_signals_and_is_counted_in_time() -> None:

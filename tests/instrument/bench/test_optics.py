@@ -7,7 +7,7 @@ import pytest
 
 from analysis.shot.recording import Role
 from instrument.bench.optics import DropOut, Optics, Path, fill, node_times_s
-from instrument.bench.sines import PathVibration
+from instrument.bench.sines import path_vibration
 
 RATE = 10e6
 
@@ -136,10 +136,10 @@ def test_channels_that_are_not_recorded_are_not_there():
 
 
 def test_the_floor_trembles_as_much_as_stated_and_as_fast_as_it_says():
-    x, v = PathVibration(3e-10, 5).at(0.0, 2e-4, 200_000)
+    x, v = path_vibration(3e-10, 5).motion(2e-4 * np.arange(200_000))
     assert x.std() == pytest.approx(3e-10, rel=0.05)
     assert np.abs(np.gradient(x, 2e-4) - v).max() < 0.2 * np.abs(v).max()
-    later, _ = PathVibration(3e-10, 5).at(10.0, 2e-4, 100)
+    later, _ = path_vibration(3e-10, 5).motion(10.0 + 2e-4 * np.arange(100))
     assert later == pytest.approx(x[50_000:50_100], abs=1e-15)
 
 

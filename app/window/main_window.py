@@ -51,7 +51,7 @@ from instrument.devices import Digitizer, at_site
 from instrument.process import SubprocessAnalysis, SubprocessWorker, open_in_subprocess
 
 PULL_MS = 35
-LIVE_MS = 50  # while nothing moves but the live curves, which come every 100 ms
+LIVE_MS = 100  # while nothing moves but the live curves, which come as often
 STILL_MS = 140  # between two pulls while nothing moves: no curve runs, nothing is under way
 FRAMED_MS = 300  # after the first show: the system has then drawn the title bar
 SWITCH_S = 5e-4  # after which a busy thread yields; Python's default of 5 ms would delay frames

@@ -83,11 +83,12 @@ class Optics:
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """Position of the corner cube (optics) and of the block (light switch) at nodes of equal spacing; shape (n,).
+    """Position of the corner cube (optics) and of the block (light switch) at the nodes ``time_s``; shape (n,).
 
     ``optical_m`` includes what only the optics measure: vibration of the frame, drift.
     """
 
+    time_s: Floats
     optical_m: Floats
     optical_m_per_s: Floats
     block_m: Floats
@@ -112,8 +113,7 @@ def fill(
 
     ``path`` is given at ``node_times_s(first_sample, n, sample_rate_hz)``; sample 0 is at time zero.
     """
-    step = segment_samples(sample_rate_hz)
-    time_s = node_times_s(first_sample, out.shape[0], sample_rate_hz)
+    step, time_s = segment_samples(sample_rate_hz), path.time_s
     per_count = optics.volts_per_count
     segment_s = step / sample_rate_hz
     drift = optics.rest_drift_hz_per_s

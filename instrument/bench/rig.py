@@ -107,7 +107,10 @@ class SimulatedStream:
                 x[a:b], v[a:b], block[a:b] = pushed.at(time_s[a:b])
         shake_x, shake_v = self._floor.motion(time_s)
         frame_x, frame_v = self._frame.motion(time_s)
-        return Path(x + shake_x - frame_x, v + shake_v - frame_v, block - frame_x)
+        x += shake_x - frame_x
+        v += shake_v - frame_v
+        block -= frame_x
+        return Path(time_s, x, v, block)
 
     def fill(self, first_sample: int, out: NDArray[np.int16]) -> tuple[int, ...]:
         """Fill ``out`` (n, channels) with samples from ``first_sample`` on; return the clipped samples per channel."""

@@ -128,7 +128,7 @@ def recording_of(rig: Bench, index: int, played: SimulatedShot, sample_rate_hz: 
     shake_x, shake_v = path_vibration(rig.floor_m, played.seed).motion(time_s)
     block = played.trajectory.block_m(time_s)
     counts: NDArray[np.int16] = np.empty((samples, len(optics.channels)), np.int16)
-    clipped = fill(optics, LightPath(x + shake_x, v + shake_v, block), 0, sample_rate_hz, played.seed, counts)
+    clipped = fill(optics, LightPath(time_s, x + shake_x, v + shake_v, block), 0, sample_rate_hz, played.seed, counts)
     crossed = np.flatnonzero(block < optics.switch_m)
     return Recording(
         name=f"shot-{index + 1}",

@@ -24,10 +24,10 @@ WINDOW_S = 2.0
 RAW_SAMPLES = 2000
 _CHUNK = 1 << 19  # samples demodulated at a time: shorter ones cost more calls, longer ones leave the caches
 _EVERY_S = 0.1  # a curve that rolls is followed as well at ten pictures a second as at 30, for a third of the work
-_UNWATCHED_EVERY_S = 0.2  # only the signal line shows what is found
+_SIGNALS_EVERY_S = 0.2  # between two looks at the signals for the signal line: numbers that change faster are not read
 _DISK_EVERY_S = 1.0
 KEPT_S = 4.0  # of rest: enough to resolve motors a tenth of a hertz from the mains
-EVERY_S = 2.0  # of stream at rest between two readings of the site
+EVERY_S = 4.0  # of stream at rest between two readings of the site; less while little of it was seen
 AT_REST_M_PER_S = 2e-3  # a hand that holds the block moves it more slowly, one that pushes it faster
 _AVERAGED = 4  # points of the live curve that make one sample of rest
 _SWITCH_S = 2.6e-3  # from light switch to plate at a usual speed
@@ -52,7 +52,7 @@ class LiveThread:
         self._problem: str | None = None
         self._rest_hz: float | None = None
         self._chunk = np.empty((0, 0), np.int16)
-        self._disk_s = -np.inf
+        self._disk_s = self._signals_s = -np.inf
         self.skipped = 0
         self.watched = True  # whether somebody looks: else the stream is only checked, and nothing is demodulated
         self.view = empty_view()
@@ -75,7 +75,7 @@ class LiveThread:
                 self._problem = f"the live picture failed: {one_line(repr(error))}"
                 self._demodulator = None
                 self.view = self._window.view(np.empty(0), np.empty((0, 0), np.float32), None, self._problem, 0)
-            every_s = _EVERY_S if self.watched else _UNWATCHED_EVERY_S
+            every_s = _EVERY_S if self.watched else _SIGNALS_EVERY_S
             self._ending.wait(max(0.002, every_s - (time.monotonic() - begun)))
 
     def _look(self, now: float) -> None:
@@ -94,7 +94,8 @@ class LiveThread:
             self._skip_to(max(self._at, newest.ring.total - self._chunk.shape[0] // 4))
         if self.watched and self._follow(newest):
             self._draw(newest)
-        if newest.ring.total - newest.start >= 64:
+        if newest.ring.total - newest.start >= 64 and now - self._signals_s > 0.9 * _SIGNALS_EVERY_S:
+            self._signals_s = now
             length = min(CHECKED_SAMPLES, newest.ring.total - newest.start)
             counts = np.empty((length, newest.ring.channels), np.int16)
             try:
@@ -107,6 +108,7 @@ class LiveThread:
 
     def _begin(self, stream: Stream) -> None:
         self._stream = stream
+        self._signals_s = -np.inf
         self._at = stream.start
         self._gaps_seen = stream.start
         self._window.clear()
@@ -227,7 +229,7 @@ class RestWatch:
         self._due -= means.size
         self._kept = np.concatenate((self._kept, means))[-round(KEPT_S * self._rate_hz) :]
         if self._due <= 0 and self._kept.size >= LEAST_S * self._rate_hz:
-            self._due = round(EVERY_S * self._rate_hz)
+            self._due = min(round(EVERY_S * self._rate_hz), self._kept.size)
             self.floor = read_site(self._kept, self._rate_hz, self._planned)
 
 

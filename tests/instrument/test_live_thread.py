@@ -81,7 +81,7 @@ def test_a_stream_that_nobody_watches_shows_a_new_fault_soon(tmp_path: Path) -> 
         assert live.channels[0].clipped_fraction == 0.0
         stream.ring.append(np.full((9000, 1), (1 << stream.setup.digitizer_bits - 1) - 1, np.int16))
         _until(lambda: live.channels[0].clipped_fraction > 0.0, 2.0)  # on a busy machine
-        assert live_thread._UNWATCHED_EVERY_S <= 0.2  # with the pull of a still page a third of a second
+        assert live_thread._SIGNALS_EVERY_S <= 0.2  # with the pull of a still page a third of a second
         assert live.view.time_s.size == 0  # and nothing is demodulated
     finally:
         assert live.close()

@@ -42,14 +42,25 @@ def test_rest_begins_after_the_last_push_of_a_block_of_samples():
     assert watch.floor.seconds == pytest.approx(1.6, abs=1e-3)
 
 
-def test_a_floor_is_read_anew_every_two_seconds_of_rest():
+def test_a_floor_is_read_anew_after_as_much_rest_as_it_was_read_from():
     still = 1e-6 * np.random.default_rng(3).standard_normal(round(1.5 * RATE))
     watch = _fed(RestWatch(RATE, PlannedShot()), still, blocks=(still.size,))
     first = watch.floor
-    _fed(watch, np.tile(still, 2)[: round(1.9 * RATE)], blocks=(1000,))
+    _fed(watch, still[: round(1.4 * RATE)], blocks=(1000,))
     assert watch.floor is first
     _fed(watch, still[: round(0.2 * RATE)], blocks=(1000,))
-    assert watch.floor is not first and watch.floor.seconds == pytest.approx(3.5, abs=0.11)
+    assert watch.floor is not first and watch.floor.seconds == pytest.approx(3.0, abs=0.11)
+
+
+def test_a_floor_of_the_longest_record_is_read_every_four_seconds():
+    still = 1e-6 * np.random.default_rng(3).standard_normal(round(6.0 * RATE))
+    watch = _fed(RestWatch(RATE, PlannedShot()), still, blocks=(still.size,))
+    first = watch.floor
+    assert first.seconds == pytest.approx(4.0, abs=1e-3)
+    _fed(watch, still[: round(3.9 * RATE)], blocks=(1000,))
+    assert watch.floor is first
+    _fed(watch, still[: round(0.2 * RATE)], blocks=(1000,))
+    assert watch.floor is not first
 
 
 def test_what_never_rests_has_no_floor():

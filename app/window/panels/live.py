@@ -1,5 +1,6 @@
 """LIVE: beat frequency, velocity and force of the stream, as curves and large digits; raw signals; site vibration."""
 
+import math
 from collections.abc import Callable
 from functools import partial
 
@@ -20,6 +21,7 @@ from instrument.live import LiveView
 
 WINDOW_MS = 2000.0  # fixed, so that the axis does not move
 LEAST_RAW = 9  # least height of the raw signals, in lines of text
+DIGITS_S = 0.19  # of stream between two sets of digits and of raw signals: faster ones cannot be read
 RAW_SHOWN = 150  # samples: some forty periods of the beat
 ROWS = (
     ("beat", "beat of PD1", "MHz", 1e-6, "{:.5f}", "-0.00000"),
@@ -73,6 +75,8 @@ class LivePanel(QWidget):
         grid.addWidget(self.stack, 0, 0, 5, 1)
         self._readouts: list[CursorReadout] = []
         self._numbers: dict[str, QLabel] = {}
+        self._digits_s = -math.inf  # of the stream, when the digits were set
+        self._raw_shown: tuple[object, float] = (None, -math.inf)  # channels and levels; time of the stream
         for line, (name, title, unit, _, _, widest) in enumerate(ROWS):
             grid.addWidget(self._tile(name, title, unit, widest), line, 1)
         self.hold = QPushButton("Hold", self)
@@ -167,6 +171,7 @@ class LivePanel(QWidget):
         self._waiting.setVisible(silent)
         if view is None or silent:
             self._waiting.setText((view.problem if view is not None else None) or "No samples yet.")
+            self._digits_s = -math.inf
             for label in self._numbers.values():
                 label.setText(DASH)
             for curve in self._curves.values():
@@ -178,10 +183,15 @@ class LivePanel(QWidget):
             self.stack.plots[0].view.setXRange(-WINDOW_MS, 0.0, padding=0)
         values = {"beat": view.beat_frequency_hz, "velocity": view.velocity_m_per_s, "force": view.force_n}
         recent = time_ms > -50.0
+        now_s = float(view.time_s[-1])
+        fresh = not 0.0 < now_s - self._digits_s < DIGITS_S
+        self._digits_s = now_s if fresh else self._digits_s
         for name, _, _, scale, form, _ in ROWS:
             samples = scale * values[name]
             self._curves[name].show_points(time_ms, samples)
             self._plots[name].fit_y()
+            if not fresh:
+                continue
             seen = samples[recent & np.isfinite(samples)]
             digits = local(_digits(form, float(seen.mean()))) if len(seen) else DASH
             self._numbers[name].setText(digits)
@@ -204,6 +214,10 @@ class LivePanel(QWidget):
         if self.hold.isChecked() or len(view.raw_time_s) < 2 or view.raw_v.shape[1] != len(channels):
             return
         levels = _levels(thresholds_v, learned)
+        what, now_s = (channels, levels), float(view.raw_time_s[-1])
+        if what == self._raw_shown[0] and 0.0 < now_s - self._raw_shown[1] < DIGITS_S:
+            return
+        self._raw_shown = what, now_s
         if self.raw.isHidden():
             self._draw_due = partial(self._draw_raw, view, channels, levels)
         else:

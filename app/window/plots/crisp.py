@@ -20,6 +20,11 @@ Floats = NDArray[np.float64]
 class CrispCurve(pg.PlotCurveItem):
     """A curve that is visible at any density of the screen."""
 
+    def boundingRect(self) -> QRectF:
+        """Return the whole of the view, which is quicker than a look at all points for every new set of them."""
+        view = self.getViewBox()
+        return super().boundingRect() if view is None else view.viewRect()
+
     def paint(self, painter: QPainter, option: object, widget: QWidget | None) -> None:
         if not _has_room(painter):
             return

@@ -34,6 +34,7 @@ class PlainAxis(pg.AxisItem):
         self._later.setParent(self)
         self._later.timeout.connect(self._fit_label)
         self._grid_pen = pg.mkPen("#e4e8ed")
+        self.setCacheMode(pg.GraphicsObject.CacheMode.DeviceCoordinateCache)
 
     def dress(self, line: str, text: str, grid: str) -> None:
         self._grid_pen = straight(grid)

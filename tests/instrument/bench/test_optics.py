@@ -16,7 +16,7 @@ def _counts(optics, velocity=0.0, start=0.0, samples=200_000, first=0, seed=1):
     time = node_times_s(first, samples, RATE)
     x = start + velocity * time
     out = np.empty((samples, len(optics.roles)), np.int16)
-    clipped = fill(optics, Path(x, np.full_like(x, velocity), x), first, RATE, seed, out)
+    clipped = fill(optics, Path(time, x, np.full_like(x, velocity), x), first, RATE, seed, out)
     return out, clipped
 
 
@@ -91,7 +91,7 @@ def test_switch_fires_where_the_flag_crosses_and_opens_again():
     x = 3e-3 - speed * time
     x = np.where(time > 0.015, x[np.searchsorted(time, 0.015)] + speed * (time - 0.015), x)
     out = np.empty((samples, 3), np.int16)
-    fill(optics, Path(x, np.gradient(x, time), x), 0, RATE, 1, out)
+    fill(optics, Path(time, x, np.gradient(x, time), x), 0, RATE, 1, out)
     level = out[:, 2] * optics.volts_per_count
     middle = 0.5 * (optics.switch_low_v + optics.switch_high_v)
     inside = np.convolve(level, np.ones(51) / 51, "same") > middle

@@ -4,7 +4,6 @@ Noise is a function of seed and sample index, so a stream does not depend on the
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -136,26 +135,11 @@ def _interleave(rows, out) -> None:  # type: ignore[no-untyped-def]
                 out[i, c] = rows[c, i]
 
 
-class PathNodes(NamedTuple):
-    """The path at nodes of equal spacing, arrays of shape (nodes,); slopes are per segment.
-
-    ``path_turns`` is 2 x / lambda, subtracted from the rest beat (block inward: beat above rest); ``rest_turns`` is the
-    laser's deviation from a steady rest beat; ``light`` scales the measurement beat.
-    """
-
-    path_turns: Floats
-    path_slope: Floats
-    rest_turns: Floats
-    rest_slope: Floats
-    light: Floats
-    position_m: Floats
-
-
 @njit(cache=True, nogil=True, error_model="numpy")
 def fill_counts(
     first_sample: int,
     per_segment: int,
-    nodes: PathNodes,
+    nodes: Floats,
     p: Floats,
     noise: tuple[int, NDArray[np.float32]],
     columns: tuple[int, int, int],
@@ -164,9 +148,11 @@ def fill_counts(
 ) -> None:
     """Fill ``out`` (n, channels) with counts of the samples from ``first_sample`` on.
 
-    Node j is at sample ``first_sample + j * per_segment``.  ``noise`` is the seed and GAUSS, ``columns`` are those of
-    reference, measurement and switch in ``out``, -1 when not recorded.  Clipped samples are added to ``clipped``
-    (channels,).  Cost: about 5 ns per sample of three channels.
+    ``nodes`` (6, m), the path at samples ``first_sample + j * per_segment``: 2 x / lambda, subtracted from the rest
+    beat (block inward: beat above rest), and its slope per segment; the laser's deviation from a steady rest beat, in
+    turns, and its slope; the share of the light; the block's position in m.  ``noise`` is the seed and GAUSS,
+    ``columns`` are those of reference, measurement and switch in ``out``, -1 when not recorded.  Clipped samples are
+    added to ``clipped`` (channels,).  Cost: about 5 ns per sample of three channels.
     """
     seed, gauss = noise
     reference, measurement, switch = columns
@@ -206,7 +192,8 @@ def _fill_levels(first, segments, per_segment, nodes, p, places, work, levels) -
 
     ``work`` (5, m) receives the phases of both beats and of light in the wrong arm, and the light; its last row is one.
     """
-    path_turns, path_slope, rest_turns, rest_slope, light, position_m = nodes
+    path_turns, path_slope, rest_turns, rest_slope = nodes[0], nodes[1], nodes[2], nodes[3]
+    light, position_m = nodes[4], nodes[5]
     rest, beat, leaked, lit, steady = work[0], work[1], work[2], work[3], work[4]
     switch = levels[2]
     swing = p[SWITCH_HIGH] - p[SWITCH_LOW]

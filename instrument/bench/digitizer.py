@@ -23,7 +23,7 @@ from instrument.devices import (
 )
 
 RATES_HZ = (10e6, 15e6, 20e6, 30e6)
-_CHUNK = 1 << 17
+_CHUNK = 100_000  # samples computed at a time: blocks of a stream at 10 MS/s are whole multiples, and need no copy
 _SET_SPREAD = 0.02  # relative deviation of a push whose speed was set
 _LOWEST_HZ, _HIGHEST_HZ = 8e6, 60e6  # a lower rate does not resolve the beat of a fast block
 
@@ -175,19 +175,25 @@ class BenchDigitizer(Digitizer):
         clipped = np.zeros(self._chunk.shape[1], np.int64)
         while done < wanted and not self._stop.is_set():
             base = self._next_sample - self._next_sample % _CHUNK
-            if base != self._chunk_at:
-                self._make(base)
             inside = self._next_sample - base
             n = min(wanted - done, _CHUNK - inside)
-            part = self._chunk[inside : inside + n]
-            buffer[done : done + n] = part
-            if self._chunk_clips:
+            part = buffer[done : done + n]
+            if n == _CHUNK and base != self._chunk_at:
+                clips = self._make(base, part)
+            else:
+                if base != self._chunk_at:
+                    self._chunk_clips = self._make(base, self._chunk)
+                    self._chunk_at = base
+                part[:] = self._chunk[inside : inside + n]
+                clips = self._chunk_clips
+            if clips:
                 clipped += ((part == -self._rail) | (part == self._rail - 1)).sum(0)
             done += n
             self._next_sample += n
         return Block(done, lost_before=lost, clipped=tuple(int(c) for c in clipped), ended=self._stop.is_set())
 
-    def _make(self, base: int) -> None:
+    def _make(self, base: int, out: NDArray[np.int16]) -> bool:
+        """Compute the samples from ``base`` on; return whether some are clipped."""
         stage = self._stage
         assert stage is not None
         now_s = base / self._rate_hz
@@ -198,8 +204,7 @@ class BenchDigitizer(Digitizer):
         if self._next_push_s is not None and ahead_s >= self._next_push_s:
             pushed = stage.push(max(self._next_push_s, now_s))
             self._next_push_s = pushed.end_s + self._push_every_s if self._push_every_s > 0 else None
-        self._chunk_clips = any(stage.fill(base, self._chunk))
-        self._chunk_at = base
+        return any(stage.fill(base, out))
 
 
 def open_digitizer(_: str, options: SourceOptions) -> BenchDigitizer:

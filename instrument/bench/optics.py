@@ -13,7 +13,7 @@ from analysis.shot import DEFAULT_WAVELENGTH_AIR_M, Channel, Role
 from instrument.bench import counts
 
 Floats = NDArray[np.float64]
-SEGMENT_S = 5e-6  # spacing of the path's nodes
+FLIGHT_NODES_S, HELD_NODES_S = 5e-6, 40e-6  # spacing of the path's nodes; a hand and a floor are slow
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +84,6 @@ class Optics:
 @dataclass(frozen=True, slots=True)
 class Path:
     """Position of the corner cube (optics) and of the block (light switch) at the nodes ``time_s``; shape (n,).
-
     ``optical_m`` includes what only the optics measure: vibration of the frame, drift.
     """
 
@@ -94,14 +93,9 @@ class Path:
     block_m: Floats
 
 
-def segment_samples(sample_rate_hz: float) -> int:
-    """Return the number of samples between two nodes of the path."""
-    return max(1, round(sample_rate_hz * SEGMENT_S))
-
-
-def node_times_s(first_sample: int, samples: int, sample_rate_hz: float) -> Floats:
-    """Return the times of the path's nodes for these samples."""
-    step = segment_samples(sample_rate_hz)
+def node_times_s(first_sample: int, samples: int, sample_rate_hz: float, spacing_s: float = FLIGHT_NODES_S) -> Floats:
+    """Return the times of the path's nodes for these samples; a whole number of samples lies between two."""
+    step = max(1, round(sample_rate_hz * spacing_s))
     nodes = -(-samples // step) + 1
     return (first_sample + step * np.arange(nodes, dtype=np.float64)) / sample_rate_hz
 
@@ -111,9 +105,10 @@ def fill(
 ) -> tuple[int, ...]:
     """Fill ``out`` (n, channels) with counts from ``first_sample`` on; return the clipped samples per channel.
 
-    ``path`` is given at ``node_times_s(first_sample, n, sample_rate_hz)``; sample 0 is at time zero.
+    The path's times are ``node_times_s`` of these samples; sample 0 is at time zero.
     """
-    step, time_s = segment_samples(sample_rate_hz), path.time_s
+    time_s = path.time_s
+    step = round(float(time_s[1] - time_s[0]) * sample_rate_hz)
     per_count = optics.volts_per_count
     segment_s = step / sample_rate_hz
     drift = optics.rest_drift_hz_per_s
@@ -138,14 +133,13 @@ def fill(
     p[counts.LOWEST], p[counts.HIGHEST] = -(2 ** (optics.bits - 1)), 2 ** (optics.bits - 1) - 1
     column = {role: index for index, role in enumerate(optics.roles)}
     clipped = np.zeros(len(column), np.int64)
-    nodes = counts.PathNodes(
-        path.optical_m * (2 / optics.wavelength_m),
-        path.optical_m_per_s * (2 * segment_s / optics.wavelength_m),
-        0.5 * drift * time_s**2,
-        drift * time_s * segment_s,
-        optics.light(time_s),
-        path.block_m,
-    )
+    nodes = np.empty((6, time_s.size))
+    nodes[0] = path.optical_m * (2 / optics.wavelength_m)
+    nodes[1] = path.optical_m_per_s * (2 * segment_s / optics.wavelength_m)
+    nodes[2] = 0.5 * drift * time_s**2
+    nodes[3] = drift * segment_s * time_s
+    nodes[4] = optics.light(time_s)
+    nodes[5] = path.block_m
     columns = column.get(Role.REFERENCE, -1), column[Role.MEASUREMENT], column.get(Role.SWITCH, -1)
     noise = seed & (2**63 - 1), counts.GAUSS
     counts.fill_counts(first_sample, step, nodes, p, noise, columns, out, clipped)

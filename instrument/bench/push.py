@@ -35,6 +35,7 @@ class PushedShot:
     start_s: float
     end_s: float
     release_s: float  # the trajectory's time zero
+    caught_s: float  # the end of the flight
     trajectory: Trajectory
     time_s: Floats
     optical_m: Floats
@@ -87,6 +88,7 @@ def push_block(start_s: float, velocity_m_per_s: float, collide: Collide, effect
         start_s=start_s,
         end_s=float(time_s[-1]),
         release_s=release,
+        caught_s=caught,
         trajectory=trajectory,
         time_s=time_s,
         optical_m=np.concatenate((push_x[:-1], flight_x, hand_x + gained * np.concatenate((still + 1, 1 - step[1:])))),

@@ -10,7 +10,7 @@ from instrument.bench.effects import Effects, complete, effects_of_shot
 from instrument.bench.frame import Frame, frame_of
 from instrument.bench.mechanics import Bodies, Trajectory
 from instrument.bench.observation import run_shot, with_leak
-from instrument.bench.optics import Optics, Path, fill, node_times_s
+from instrument.bench.optics import FLIGHT_NODES_S, HELD_NODES_S, Optics, Path, fill, node_times_s
 from instrument.bench.push import PushedShot, hand_motion, next_push_time_s, push_block, push_duration_s
 from instrument.bench.sines import path_vibration
 from instrument.bench.site import QUIET, Site
@@ -114,5 +114,9 @@ class SimulatedStream:
 
     def fill(self, first_sample: int, out: NDArray[np.int16]) -> tuple[int, ...]:
         """Fill ``out`` (n, channels) with samples from ``first_sample`` on; return the clipped samples per channel."""
-        path = self.path(node_times_s(first_sample, out.shape[0], self._rate_hz))
+        begin_s, end_s = first_sample / self._rate_hz, (first_sample + out.shape[0]) / self._rate_hz
+        flies = any(pushed.release_s < end_s and begin_s < pushed.caught_s for pushed in self._pushed)
+        sudden = flies or self._frame.ringing or self._optics.drop_outs
+        spacing_s = FLIGHT_NODES_S if sudden else HELD_NODES_S
+        path = self.path(node_times_s(first_sample, out.shape[0], self._rate_hz, spacing_s))
         return fill(self._optics, path, first_sample, self._rate_hz, self._rig.seed, out)

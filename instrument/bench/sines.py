@@ -38,22 +38,27 @@ class Sines:
         nodes = int((time_s[-1] - time_s[0]) / spacing_s) + 2
         sums = np.zeros((3, nodes))
         phase = self.omega * float(time_s[0]) + self.phase
-        _add_sines(np.exp(1j * phase), turn, self.omega, self.amplitude_m, sums)
+        _add_sines(_on_circle(phase), turn, self.omega, self.amplitude_m, sums)
         moved: tuple[Floats, Floats] = _interpolate_fifth(spacing_s, sums, time_s)
         return moved
 
     @cached_property
-    def _nodes(self) -> tuple[float, NDArray[np.complex128]]:
+    def _nodes(self) -> tuple[float, Floats]:
         """Get the spacing in s of the nodes of ``motion``, and by how much each sine turns from one to the next."""
         spacing_s = _PHASE_STEP / float(self.omega.max())
-        return spacing_s, np.exp(1j * self.omega * spacing_s)
+        return spacing_s, _on_circle(self.omega * spacing_s)
 
     def acceleration(self, start_s: float, spacing_s: float, n: int) -> tuple[Floats, Floats]:
         """Return acceleration (m/s2) and its rate (m/s3) at ``n`` times of equal spacing."""
         sums = np.zeros((3, n))
-        start, turn = np.exp(1j * (self.omega * start_s + self.phase)), np.exp(1j * self.omega * spacing_s)
+        start, turn = _on_circle(self.omega * start_s + self.phase), _on_circle(self.omega * spacing_s)
         _add_sines(start, turn, self.omega, -(self.omega**2) * self.amplitude_m, sums)
         return sums[0], sums[1]
+
+
+def _on_circle(angle: Floats) -> Floats:
+    """Return cosine and sine of angles (k,), shape (2, k)."""
+    return np.stack((np.cos(angle), np.sin(angle)))
 
 
 def path_vibration(rms_m: float, seed: int) -> Sines:
@@ -73,10 +78,10 @@ def path_vibration(rms_m: float, seed: int) -> Sines:
 def _add_sines(start, turn, omega, amplitude, sums) -> None:  # type: ignore[no-untyped-def]
     """Add sines and their first two derivatives to ``sums`` (3, n), by rotation, all sines from one time to the next.
 
-    ``start`` and ``turn``, complex of shape (k,), are the sines' first places on the unit circle and their rotation
-    between two times.  Cost: about 0.5 ns per sine and time.
+    ``start`` and ``turn``, (2, k): the sines' first places on the unit circle, and by how much they turn from one time
+    to the next.  Cost: about 0.5 ns per sine and time.
     """
-    c, s, dc, ds = start.real.copy(), start.imag.copy(), turn.real.copy(), turn.imag.copy()
+    c, s, dc, ds = start[0].copy(), start[1].copy(), turn[0], turn[1]
     speed, bend = amplitude * omega, -amplitude * omega * omega
     for i in range(sums.shape[1]):
         moved, rate, bent = 0.0, 0.0, 0.0

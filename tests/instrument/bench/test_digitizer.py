@@ -104,9 +104,9 @@ def test_a_patient_rig_runs_slow_where_the_computer_does_and_loses_nothing(monke
     bench = BenchDigitizer(clock=clock, memory_s=0.05, patient=True)
     make = bench._make
 
-    def slowly(base):
+    def slowly(base, out):
         clock.now += 1.0  # for a chunk of some ms
-        make(base)
+        return make(base, out)
 
     monkeypatch.setattr(bench, "_make", slowly)
     bench.arm(SETTINGS)

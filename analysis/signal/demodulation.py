@@ -27,11 +27,11 @@ from analysis.signal.demodulation_plan import demodulation_plans
 from analysis.signal.filters import FLAT_SHARE, MAX_BANDWIDTH_SHARE, derivative_gains, derivatives, stretches
 from analysis.signal.losses import FLAG as SAMPLES_LOST
 from analysis.signal.losses import find_losses, kinks, suspicious
+from analysis.signal.path_noise import wander
 from analysis.signal.phase_errors import find_leak, folded_harmonic, leak_phase
 from analysis.signal.rest import RestPhase, fit_rest_phase
 from analysis.signal.survey import Survey, survey
 from analysis.signal.track import BeatSpec, Grid, Track, read_tracks
-from analysis.signal.wander import wander
 
 Floats = NDArray[np.float64]
 HARMONICS_ABOVE = 0.01  # of the beat's amplitude: where one folds onto the beat it bends the phase by as much

@@ -1,5 +1,7 @@
 """A law with a corner: its numbers are as good as its steps, and the last fit takes short ones."""
 
+import pytest
+
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.result import Verdict
 from tests.law_rigs import LawRig
@@ -7,6 +9,7 @@ from tests.law_rigs import LawRig
 STIFFER_N_PER_M, FROM_M = 400.0, 1.5e-5
 
 
+@pytest.mark.slow
 def test_a_corner_of_the_overlap_is_learned_without_bias() -> None:
     """At a tenth of the usual noise, so that what steps over the corner miss is several standard deviations."""
 

@@ -15,6 +15,7 @@ from tests.analysis.diagnosis.test_law_learning import begun
 from tests.law_rigs import LawRig
 
 
+@pytest.mark.slow
 def test_a_law_that_explains_all_ends_the_search() -> None:
     rig = LawRig(on_block=lambda x, _v, _y, _u: -2e-5 * math.exp(-abs(x) / 7e-4), kinks=(lambda x, *_: x,))
     told: list[str] = []

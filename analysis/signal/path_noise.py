@@ -1,4 +1,4 @@
-"""Estimate the random walk of the optical path from free flight."""
+"""The noise of a displacement: white noise from its third differences, a random walk of the path from free flight."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,16 @@ _FORCED = 8.0  # standard deviations of acceleration: above it a force acts
 _SHIELD = 100  # samples about such a force that are left out
 _LEAST = 40  # second differences
 _SIGMA = 4.0
+LEAST_NOISE_M = 1e-15  # a place that is never another one has it from rounding alone
+
+
+def white_noise(third: Floats) -> float:
+    """Return the standard deviation of white noise with these third differences, shape (n,); 0 where there are none.
+
+    Third differences hold little of a smooth motion, and 20 times the variance of white noise; from their median, which
+    a few loud samples do not move.
+    """
+    return 1.4826 * float(np.median(np.abs(third))) / float(np.sqrt(20.0)) if third.size else 0.0
 
 
 def wander(displacement_m: Floats, std_m: Floats, acceleration: Floats, acceleration_std: Floats, rate: float) -> float:

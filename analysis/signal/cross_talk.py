@@ -2,7 +2,7 @@
 
 It modulates PD0's phase at the Doppler frequency; where that passes through zero it looks like the jump of a lost
 sample.  Cables, amplifiers and boards couple linearly and within a sample or two, so a few taps on PD1 describe it.
-PD0's beat in PD1 has the same effect as a leak of light, and is removed as one (``leak``).
+PD0's beat in PD1 has the same effect as a leak of light, and is removed as one (``phase_errors``).
 """
 
 from dataclasses import dataclass

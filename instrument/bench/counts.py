@@ -50,7 +50,7 @@ GAUSS = _gauss_table()  # the sum of two independent draws has variance one
 
 # sin(2 pi s) for s in turns, -1/4 to 1/4, in odd powers: least squares at Chebyshev's points, error below 4e-9
 _S1, _S3, _S5, _S7, _S9 = np.array([6.28318516, -41.34165493, 81.60099819, -76.54965682, 39.53581371], np.float32)
-_QUARTER, _PER_TURN, _TURN = np.float32(0.25), 2.0**32, np.float32(2.0**-32)
+_QUARTER, _HALF, _PER_TURN, _TURN = np.float32(0.25), np.float32(0.5), 2.0**32, np.float32(2.0**-32)
 _LANES = 32  # samples that the processor takes at once: segments are filled up to a multiple
 _RUN = 1024  # samples that get their noise at a time
 
@@ -76,7 +76,8 @@ def _fill_turns(phase, places, out):  # type: ignore[no-untyped-def]
     step = np.uint32(np.int64(math.floor(phase[1] * _PER_TURN + 0.5)))
     for i in range(places.shape[0]):
         u = places[i]
-        out[i] = np.float32(np.int32(turned)) * _TURN + u * u * (p2 + u * p3)
+        at = np.float32(np.int32(turned)) * _TURN + u * u * (p2 + u * p3)
+        out[i] = at - np.floor(at + _HALF)
         turned = np.uint32(turned + step)
 
 

@@ -5,7 +5,7 @@ import pyqtgraph as pg
 import pytest
 from PySide6.QtGui import QImage, QPainter
 
-from app.window.plots.crisp import ColumnCurve
+from app.window.plots.crisp import ColumnCurve, CrispCurve
 
 SIZE = 200
 
@@ -40,3 +40,11 @@ def test_a_column_reaches_from_its_least_to_its_greatest_value_and_to_its_neighb
     for found, (low, high) in zip(rows, ((40, 60), (120, 140)), strict=True):
         assert abs(found[0] - low) <= 1 and abs(found[-1] - high) <= 1 and found.size == found[-1] - found[0] + 1
     assert inked[60:120, 34:36].any(axis=1).all()
+
+
+def test_a_curve_takes_the_whole_view_wherever_its_points_are(qtbot) -> None:
+    view, curve = pg.ViewBox(), CrispCurve(np.array([0.0, 1.0]), np.array([0.0, 1.0]))
+    view.addItem(curve)
+    view.setRange(xRange=(5.0, 9.0), yRange=(-2.0, 3.0), padding=0)
+    assert curve.boundingRect() == view.viewRect()
+    assert curve.boundingRect().left() == pytest.approx(5.0) and curve.boundingRect().width() == pytest.approx(4.0)

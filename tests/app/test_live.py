@@ -71,6 +71,37 @@ def test_a_time_that_is_only_rounded_otherwise_draws_no_axis_anew(panel, monkeyp
     assert len(moved) == 1
 
 
+def test_digits_change_five_times_a_second_and_curves_with_every_picture(panel):
+    (view,) = views(1, range(0), 0.0)
+    texts, drawn = [], []
+    for frame in range(6):
+        speed = np.full_like(view.velocity_m_per_s, 0.01 * frame)
+        panel.show_live(replace(view, time_s=view.time_s + 0.1 * frame, velocity_m_per_s=speed))
+        texts.append(float(panel.text("velocity")))
+        drawn.append(panel._curves["velocity"].samples[-1])
+    assert drawn == pytest.approx([0.0, 0.01, 0.02, 0.03, 0.04, 0.05])
+    assert texts == pytest.approx([0.0, 0.0, 0.02, 0.02, 0.04, 0.04])
+    panel.show_live(None)
+    panel.show_live(replace(view, time_s=view.time_s + 0.55))
+    assert panel.text("velocity") != live.DASH  # at once after a silence
+
+
+def test_raw_signals_are_drawn_five_times_a_second_and_at_once_where_a_threshold_moves(panel, monkeypatch):
+    monkeypatch.setattr(live, "LEAST_RAW", 1)
+    panel.resize(1000, 1000)
+    QTest.qWait(20)
+    channels = tuple(Channel(role, 1e-3) for role in (Role.REFERENCE, Role.MEASUREMENT, Role.SWITCH))
+    shown = []
+    for frame in range(6):
+        raw_v = np.full((200, 3), float(frame), np.float32)
+        view = replace(views(1, range(0), 0.0)[0], raw_time_s=0.1 * frame + np.arange(200) / RATE_HZ, raw_v=raw_v)
+        panel.show_raw(view, channels)
+        shown.append(float(panel._raw_curves[0].samples[-1]))
+    assert shown == [0.0, 0.0, 2.0, 2.0, 4.0, 4.0]
+    panel.show_raw(view, channels, (0.8, 2.0))
+    assert float(panel._raw_curves[0].samples[-1]) == 5.0
+
+
 def test_an_axis_left_wide_by_hand_is_close_again_after_a_reset(panel):
     plot = panel.stack.plots[1]
     for view in views(20, range(0), 0.0):

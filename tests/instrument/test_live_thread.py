@@ -87,6 +87,17 @@ def test_a_stream_that_nobody_watches_shows_a_new_fault_soon(tmp_path: Path) -> 
         assert live.close()
 
 
+def test_signals_are_looked_at_in_every_second_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = _stream()
+    live = LiveThread(lambda: stream, lambda: tmp_path)
+    asked: list[float] = []
+    checked = live_thread.check_signals
+    monkeypatch.setattr(live_thread, "check_signals", lambda *of: asked.append(now) or checked(*of))
+    for now in np.arange(10.0, 12.0, 0.1):
+        live._look(float(now))
+    assert len(asked) == 10 and asked[0] == 10.0
+
+
 def test_looks_come_at_their_pace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ten pictures a second where somebody watches, five checks where nobody does; neither more often."""
     stream = _stream()

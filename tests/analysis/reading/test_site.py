@@ -119,6 +119,14 @@ def test_a_line_costs_what_the_expectation_without_it_lacks(monkeypatch):
         assert line.cost == pytest.approx(floor.cor_std / without, rel=1e-9)
 
 
+def test_a_waves_amplitudes_are_those_of_least_squares():
+    random = np.random.default_rng(5)
+    angle, window = np.linspace(0.3, 3.9, 400), random.uniform(0.5, 1.0, 400)
+    cosine, sine, values = np.cos(angle), np.sin(angle), random.standard_normal(400)
+    best = np.linalg.lstsq(np.stack((cosine, sine), 1) * window[:, None], values * window, rcond=None)[0]
+    assert site._amplitudes(cosine, sine, values, window) == pytest.approx(tuple(best), rel=1e-9)
+
+
 def _written_out(flights, lines):
     """Return u(COR) by generalised least squares with every line as a part of the covariance."""
     matrix = flights.covariance_m2.copy()

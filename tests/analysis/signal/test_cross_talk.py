@@ -13,6 +13,8 @@ from analysis.shot.impact import Impact
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisSettings, Shot
+from analysis.signal.cross_talk import BLOCK, find_cross_talk
+from analysis.signal.survey import survey
 from tests.analysis.synthetic_collision import Synthetic
 from tests.beats import recording_of
 
@@ -81,6 +83,23 @@ def test_cross_talk_that_changes_is_flagged_and_no_deflection_given() -> None:
     assert "cross_talk" in shot.flags and "samples_lost" not in shot.flags
     assert shot.impact is not None and isinstance(shot.impact.deflection_max_m, NotSeen)
     assert "cross-talk of PD1 in PD0" in shot.impact.deflection_max_m.reason
+
+
+def test_blocks_with_a_fault_take_no_part_in_the_estimate() -> None:
+    """Bursts of PD1 in every twentieth block of PD0: the cross-talk is found as without them."""
+    recording = coupled(0.4)
+    rest, beat, switch = recording.counts.T.astype(np.float64)
+    burst = np.zeros(rest.size)
+    for begin in range(0, rest.size - 20 * BLOCK, 20 * BLOCK):
+        burst[begin : begin + BLOCK] = 1.0
+    spoilt = with_columns([rest + burst * (beat - beat.mean()), beat, switch])
+    found = []
+    for one in (recording, spoilt):
+        moving, still = (one.counts[:, column] for column in (1, 0))
+        surveys = [survey(of, one.sample_rate_hz, one.setup.digitizer_bits, "channel") for of in (still, moving)]
+        found.append(find_cross_talk(still, moving, *surveys, one.sample_rate_hz))
+    assert found[0] is not None and found[1] is not None
+    assert found[1].taps == pytest.approx(found[0].taps, abs=2e-3)
 
 
 def test_lost_samples_are_found_despite_cross_talk() -> None:

@@ -45,6 +45,18 @@ def test_a_rest_beat_that_changes_is_followed_though_it_is_read_a_quarter_of_the
     assert _joined(chunks, "velocity_m_per_s")[2000:3000] == pytest.approx(0.0, abs=1e-8)
 
 
+def test_pd0_is_read_a_quarter_of_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    rate = 2e6
+    turns = 0.4e6 * np.arange(round(0.5 * rate)) / rate
+    counts = np.rint(1000 * np.sin(2 * np.pi * turns))[:, None].repeat(2, axis=1).astype(np.int16)
+    live = LiveDemodulator(rate, 1, 0, replace(make_recording(free_flight(0.1), 10).setup, rest_frequency_hz=None))
+    read: list[int] = []
+    average = live._average_rest
+    monkeypatch.setattr(live, "_average_rest", lambda rest: read.append(rest.size) or average(rest))  # type: ignore[func-returns-value]
+    shown = len(_joined(_run(live, counts, 7_000), "time_s"))
+    assert 0.15 * shown < sum(read) < 0.3 * shown
+
+
 def test_a_gap_separates_the_live_signals_and_is_counted_in_time() -> None:
     recording = make_recording(free_flight(-0.3), 400_000)
     live = LiveDemodulator(10e6, 1, 0, recording.setup)

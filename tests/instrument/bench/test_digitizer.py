@@ -6,6 +6,7 @@ import time
 import numpy as np
 import pytest
 
+from instrument.bench import rig
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.bench.optics import Optics
 from instrument.bench.rig import Bench
@@ -50,6 +51,34 @@ def test_a_push_crosses_the_switch_and_the_beat_rises():
     beat = np.argmax(spectrum) * RATE / piece.size
     shift = beat - Optics().rest_frequency_hz
     assert 0.22 * 2 / 632.8e-9 < shift < 0.31 * 2 / 632.8e-9  # 0.265 m/s and what a hand is off by
+
+
+def test_clipped_samples_are_counted_however_they_are_read():
+    optics = Optics(reference_v=1.2)
+    for block in (100_000, 64_001):
+        bench = _fast(rig=Bench(optics=optics))
+        bench.arm(SETTINGS)
+        buffer = np.empty((block, 3), np.int16)
+        for _ in range(3):
+            got = bench.read_into(buffer, 1.0)
+            rails = (buffer[: got.samples] == -2048) | (buffer[: got.samples] == 2047)
+            assert got.clipped == tuple(rails.sum(axis=0)) and got.clipped[0] > 1000
+
+
+def test_a_flight_is_computed_as_finely_whatever_the_hand_needs(monkeypatch):
+    """Before the release and after the catch the path has few nodes; in between it has to show every bounce."""
+    counts = []
+    for held_s in (rig.HELD_NODES_S, rig.FLIGHT_NODES_S):
+        monkeypatch.setattr(rig, "HELD_NODES_S", held_s)
+        bench = _fast()
+        bench.arm(SETTINGS)
+        counts.append(_read(bench, 6_000_000))
+    coarse, fine = (of.astype(int) for of in counts)
+    first = int(np.argmax(fine[:, 2] > 1000))  # the block passes the switch, and strikes the plate a millisecond later
+    flight = slice(first - 20_000, first + 300_000)
+    assert np.array_equal(coarse[flight], fine[flight])
+    held = slice(0, 500_000)
+    assert not np.array_equal(coarse[held], fine[held]) and np.abs(coarse[held] - fine[held]).max() <= 1
 
 
 def test_however_it_is_read_the_counts_are_the_same():

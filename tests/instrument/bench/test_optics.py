@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.shot.recording import Role
-from instrument.bench.optics import DropOut, Optics, Path, fill, node_times_s
+from instrument.bench.optics import FLIGHT_NODES_S, HELD_NODES_S, DropOut, Optics, Path, fill, node_times_s
 from instrument.bench.sines import path_vibration
 
 RATE = 10e6
@@ -43,6 +43,28 @@ def test_doppler_shift_has_the_sign_of_the_physics(velocity):
     expected = optics.rest_frequency_hz - 2 * velocity / optics.wavelength_m  # inward (v < 0): above the rest beat
     _, frequency, _, _ = _beat(out[:, 1].astype(float), expected)
     assert frequency == pytest.approx(expected, abs=0.2)
+
+
+@pytest.mark.parametrize("spacing_s", [FLIGHT_NODES_S, HELD_NODES_S])
+def test_between_its_nodes_the_beat_follows_speed_acceleration_and_jerk(spacing_s):
+    optics = Optics(bits=16, reference_snr_db=200.0, measurement_snr_db=200.0, with_switch=False)
+    samples = 10_000
+    speed, acceleration, jerk = 0.2, 500.0, 1.5e6
+    time = node_times_s(0, samples, RATE, spacing_s)
+    out = np.empty((samples, 2), np.int16)
+    x = speed * time + acceleration * time**2 / 2 + jerk * time**3 / 6
+    fill(optics, Path(time, x, speed + acceleration * time + jerk * time**2 / 2, x), 0, RATE, 1, out)
+    t = np.arange(samples) / RATE
+    moved = speed * t + acceleration * t**2 / 2 + jerk * t**3 / 6
+    turns = optics.rest_frequency_hz * t - 2 * moved / optics.wavelength_m
+    volts = np.stack(
+        (
+            optics.reference_offset_v + optics.reference_v * np.cos(2 * np.pi * optics.rest_frequency_hz * t),
+            optics.measurement_offset_v + optics.measurement_v * np.cos(2 * np.pi * turns),
+        ),
+        axis=1,
+    )
+    assert np.abs(out - volts / optics.volts_per_count).max() < 0.55  # half a step, and 3e-7 of the amplitude
 
 
 def test_amplitude_offset_and_noise_are_as_stated():

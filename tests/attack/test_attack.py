@@ -10,7 +10,7 @@ from tests.attack.trial import carry_out
 FEW = {
     "claims": 30, "moving data": 8, "spoilt": 2, "texts": 200, "travelling": 6, "foreign": 12, "scopes": 12, "usb": 6,
     "ni": 20, "clocks": 1, "sessions": 2,
-    "untrue": 4, "records": 3, "models": 6, "laws": 2, "planted": 2, "journals": 200,
+    "untrue": 4, "records": 1, "models": 6, "laws": 2, "planted": 1, "journals": 200,
 }  # fmt: skip
 
 

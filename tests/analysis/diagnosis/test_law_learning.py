@@ -49,6 +49,7 @@ def test_a_law_of_the_place_is_learned_with_its_form(attraction: tuple[Fitted, D
     assert law.visited[0] < -1e-3 and law.visited[1] > 1e-3
 
 
+@pytest.mark.slow
 def test_what_cannot_come_before_a_criterion_is_not_asked_to_the_end(
     attraction: tuple[Fitted, Discovery | None],
 ) -> None:

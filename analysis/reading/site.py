@@ -170,7 +170,8 @@ class PlannedFlights:
     def cor_stds(self, lines: Sequence[MachineLine]) -> tuple[float, list[float]]:
         """Return u(COR) with these lines, of unknown phase and frequency, and with all but one of them, in order.
 
-        Generalised least squares; the lines are known of the covariance as amplitudes (Woodbury).  Some 2 ms.
+        Generalised least squares.  A line adds four columns to the covariance, so that one solution under the floor
+        serves every set of lines (Woodbury's identity).  Some 2 ms.
         """
         columns = [self.design]
         for line in lines:
@@ -197,8 +198,8 @@ def _with_expectation(floor: SiteFloor, planned: PlannedShot) -> SiteFloor:
     flights = PlannedFlights.on(floor, planned)
     stay = [line for line in floor.lines if not _of_hand(line.frequency_hz)]
     whole, without = flights.cor_stds(stay)
-    costs = iter(whole / less for less in without)
-    lines = tuple(line if _of_hand(line.frequency_hz) else replace(line, cost=next(costs)) for line in floor.lines)
+    costs = {line: whole / less for line, less in zip(stay, without, strict=True)}
+    lines = tuple(replace(line, cost=costs.get(line, line.cost)) for line in floor.lines)
     return replace(floor, lines=lines, cor_std=whole)
 
 

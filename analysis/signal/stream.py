@@ -15,7 +15,7 @@ from analysis.signal.tuning import Tuning, fixed_schedule, tune
 Floats = NDArray[np.float64]
 LOOK_S = 2e-3  # of the stream, surveyed before the beat is tuned to
 REST_MEMORY_S = 0.2  # the rest frequency shown is a running mean over about this long
-LISTEN_S, LISTEN_EVERY_S = 0.025, 0.1  # PD0 is read a quarter of the time, so that a picture costs less: 1 mHz
+LISTEN_S, LISTEN_EVERY_S = 0.025, 0.1  # of PD0, which LIVE reads a quarter of the time: 1 mHz of scatter at 37 dB
 MAX_DOPPLER_HZ = 1.3e6
 _REST_HALF_WIDTH_HZ = 80e3
 _MIN_PHASE_RATE_HZ = 100e3
@@ -70,7 +70,7 @@ class LiveDemodulator:
         self._lines: list[_BeatStream] = []
         self._rest_hz: float | None = None if reference_column is not None else setup.rest_frequency_hz
         self._rest_weight = 0.0
-        self._listened_from = 0  # sample at which the turns of PD0 begin
+        self._listened_from = 0  # sample from which on PD0 is read now and then
         self._broken = False
         self._pending: Floats | None = None  # of the moving beat, until the rest frequency is known
         self._problem: str | None = "looking for the beat"
@@ -134,8 +134,7 @@ class LiveDemodulator:
 
     def _restart(self, sample: int) -> None:
         self._listened_from = sample
-        for line in self._lines:
-            line.restart(sample)
+        self._lines[0].restart(sample)  # PD0 begins anew each time it is read
 
     def _follow(self, counts: NDArray[np.int16]) -> LiveChunk:
         line = self._lines[0]
@@ -162,15 +161,15 @@ class LiveDemodulator:
         return LiveChunk(time_s, frequency, velocity, force, amplitude, self._rest_hz, None)
 
     def _listen(self, counts: NDArray[np.int16]) -> None:
-        """Read PD0 where one of its turns to be read lies in these counts, the last ones up to ``_sample``."""
-        every, long = round(LISTEN_EVERY_S * self._rate), round(LISTEN_S * self._rate)
+        """Read PD0 in the first part of every period, where these counts reach into it; they end at ``_sample``."""
+        period, part = round(LISTEN_EVERY_S * self._rate), round(LISTEN_S * self._rate)
         first = at = self._sample - counts.shape[0]
         while at < self._sample:
-            turn = (at - self._listened_from) % every
-            if turn == 0:
+            into = (at - self._listened_from) % period
+            if into == 0:
                 self._lines[1].restart(at)
-            stop = min(self._sample, at + (long if turn < long else every) - turn)
-            if turn < long:
+            stop = min(self._sample, at + (part if into < part else period) - into)
+            if into < part:
                 self._average_rest(self._lines[1].feed(counts[at - first : stop - first])[1])
             at = stop
 

@@ -178,19 +178,21 @@ class BenchDigitizer(Digitizer):
             inside = self._next_sample - base
             n = min(wanted - done, _CHUNK - inside)
             part = buffer[done : done + n]
-            if n == _CHUNK and base != self._chunk_at:
-                clips = self._make(base, part)
-            else:
-                if base != self._chunk_at:
-                    self._chunk_clips = self._make(base, self._chunk)
-                    self._chunk_at = base
-                part[:] = self._chunk[inside : inside + n]
-                clips = self._chunk_clips
-            if clips:
+            if self._fill(base, inside, part):
                 clipped += ((part == -self._rail) | (part == self._rail - 1)).sum(0)
             done += n
             self._next_sample += n
         return Block(done, lost_before=lost, clipped=tuple(int(c) for c in clipped), ended=self._stop.is_set())
+
+    def _fill(self, base: int, inside: int, part: NDArray[np.int16]) -> bool:
+        """Fill ``part`` with the samples of one chunk from ``base + inside`` on; return whether any are clipped."""
+        if base != self._chunk_at:
+            if part.shape[0] == _CHUNK and part.flags.c_contiguous:  # a whole chunk needs no copy
+                return self._make(base, part)
+            self._chunk_clips = self._make(base, self._chunk)
+            self._chunk_at = base
+        part[:] = self._chunk[inside : inside + part.shape[0]]
+        return self._chunk_clips
 
     def _make(self, base: int, out: NDArray[np.int16]) -> bool:
         """Compute the samples from ``base`` on; return whether some are clipped."""

@@ -84,6 +84,7 @@ class Optics:
 @dataclass(frozen=True, slots=True)
 class Path:
     """Position of the corner cube (optics) and of the block (light switch) at the nodes ``time_s``; shape (n,).
+
     ``optical_m`` includes what only the optics measure: vibration of the frame, drift.
     """
 

@@ -43,6 +43,11 @@ def _levels(thresholds_v: tuple[float | None, float | None], learned: bool) -> d
     return {f"trigger {name}{how}, {number(v, 3)} V": v for name, v in named if v is not None}
 
 
+def _too_soon(now_s: float, last_s: float) -> bool:
+    """Return whether what was last shown at ``last_s`` stays; both in s of one stream, another one begins anew."""
+    return 0.0 < now_s - last_s < DIGITS_S
+
+
 class LivePanel(QWidget):
     """Three rolling plots, three large numbers, the raw signals."""
 
@@ -184,7 +189,7 @@ class LivePanel(QWidget):
         values = {"beat": view.beat_frequency_hz, "velocity": view.velocity_m_per_s, "force": view.force_n}
         recent = time_ms > -50.0
         now_s = float(view.time_s[-1])
-        fresh = not 0.0 < now_s - self._digits_s < DIGITS_S
+        fresh = not _too_soon(now_s, self._digits_s)
         self._digits_s = now_s if fresh else self._digits_s
         for name, _, _, scale, form, _ in ROWS:
             samples = scale * values[name]
@@ -215,7 +220,7 @@ class LivePanel(QWidget):
             return
         levels = _levels(thresholds_v, learned)
         what, now_s = (channels, levels), float(view.raw_time_s[-1])
-        if what == self._raw_shown[0] and 0.0 < now_s - self._raw_shown[1] < DIGITS_S:
+        if what == self._raw_shown[0] and _too_soon(now_s, self._raw_shown[1]):
             return
         self._raw_shown = what, now_s
         if self.raw.isHidden():

@@ -34,6 +34,7 @@ class PlainAxis(pg.AxisItem):
         self._later.setParent(self)
         self._later.timeout.connect(self._fit_label)
         self._grid_pen = pg.mkPen("#e4e8ed")
+        # drawn when it changes and copied otherwise: most pictures of LIVE show the same axis
         self.setCacheMode(pg.GraphicsObject.CacheMode.DeviceCoordinateCache)
 
     def dress(self, line: str, text: str, grid: str) -> None:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.shot import AnalysisError, Setup, wavelength_in_air_m
 from analysis.signal.beat import BeatReader
-from analysis.signal.decimate import PhaseDecimator, filtered
+from analysis.signal.decimate import PhaseDecimator, filtered, group_means
 from analysis.signal.filters import derivative_filters
 from analysis.signal.survey import survey
 from analysis.signal.tuning import Tuning, fixed_schedule, tune
@@ -19,6 +19,8 @@ LISTEN_S, LISTEN_EVERY_S = 0.025, 0.1  # of PD0, which LIVE reads a quarter of t
 MAX_DOPPLER_HZ = 1.3e6
 _REST_HALF_WIDTH_HZ = 80e3
 _MIN_PHASE_RATE_HZ = 100e3
+_GROUP = 8  # phases averaged before they are filtered, where they come far faster than the display needs them
+_LEAST_GROUPS = 16  # for each point of the display
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +76,11 @@ class LiveDemodulator:
         self._broken = False
         self._pending: Floats | None = None  # of the moving beat, until the rest frequency is known
         self._problem: str | None = "looking for the beat"
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Get the rate of the display's points, which is near the wanted one; None before there is a beat."""
+        return self._lines[0].rate_hz if self._lines else None
 
     def feed(self, counts: NDArray[np.int16]) -> LiveChunk:
         """Take the next counts, shape (n, channels), and return the samples they add."""
@@ -197,20 +204,27 @@ class _BeatStream:
         self._tuning = tuning
         self._guide = fixed_schedule(tuning, centre_hz)
         self._offset = offset
-        self._factor = max(2, round(tuning.phase_rate_hz / rate_hz))
-        self.rate_hz = tuning.phase_rate_hz / self._factor
+        self._group = _GROUP if tuning.phase_rate_hz > _LEAST_GROUPS * _GROUP * rate_hz else 1
+        self._factor = max(2, round(tuning.phase_rate_hz / (self._group * rate_hz)))
+        self._step = self._group * self._factor * tuning.decimation  # samples from one point to the next
+        self.rate_hz = tuning.sample_rate_hz / self._step
         self._filters = derivative_filters(self.rate_hz, min(bandwidth_hz, 0.35 * self.rate_hz))
 
     def restart(self, sample: int) -> None:
         self._reader = BeatReader(self._tuning, self._guide, self._column, self._offset, sample)
-        self._decimator = PhaseDecimator(self._factor, self._reader.index)
-        self._first = self._decimator.index  # of the oldest phase kept
+        self._decimator = PhaseDecimator(self._factor)
+        middle = self._reader.index + 0.5 * (self._group - 1)  # of the first group
+        self._delay = middle * self._tuning.decimation + self._tuning.delay_samples
+        self._first = 0  # of the oldest phase kept
         self._phase = np.empty(0)
         self._amplitude = np.empty(0)
 
     def feed(self, counts: NDArray[np.int16]) -> Floats:
         """Return time in s, frequency in Hz, its slope in Hz/s, amplitude in counts as rows, shape (4, k)."""
-        _, phase, about = self._decimator.feed(*self._reader.feed(counts)[1:])
+        _, phase, power = self._reader.feed(counts)
+        if self._group > 1:  # the reader gives whole batches, which are whole groups
+            phase, power = group_means(phase, power, self._group)
+        _, phase, about = self._decimator.feed(phase, power)
         self._phase = np.concatenate((self._phase, phase))
         self._amplitude = np.concatenate((self._amplitude, 2 * np.sqrt(about[0])))
         half = self._filters.half
@@ -221,8 +235,7 @@ class _BeatStream:
         slope = filtered(self._phase, self._filters.acceleration)
         amplitude = self._amplitude[half : half + ready].copy()
         index = self._first + half + np.arange(ready) + 6
-        step = self._factor * self._tuning.decimation
-        time_s = np.asarray((index * step + self._tuning.delay_samples) / self._tuning.sample_rate_hz, np.float64)
+        time_s = np.asarray((index * self._step + self._delay) / self._tuning.sample_rate_hz, np.float64)
         self._phase = self._phase[ready:].copy()
         self._amplitude = self._amplitude[ready:].copy()
         self._first += ready

@@ -23,7 +23,7 @@ from instrument.devices import (
 )
 
 RATES_HZ = (10e6, 15e6, 20e6, 30e6)
-_CHUNK = 100_000  # samples computed at a time: blocks of a stream at 10 MS/s are whole multiples, and need no copy
+_CHUNK = 200_000  # samples computed at a time: blocks of a stream at 10 MS/s are whole multiples, and need no copy
 _SET_SPREAD = 0.02  # relative deviation of a push whose speed was set
 _LOWEST_HZ, _HIGHEST_HZ = 8e6, 60e6  # a lower rate does not resolve the beat of a fast block
 

@@ -19,7 +19,7 @@ from instrument.live.ring import Overwritten, Stream
 from instrument.live.setup_check import CHECKED_SAMPLES, check_signals
 from instrument.trigger import LightSwitch, MotionTrigger, TriggerSettings
 
-OUTPUT_HZ = 10e3
+OUTPUT_HZ = 10e3  # points of the curves; a digitizer's rate gives one within a few percent
 WINDOW_S = 2.0
 RAW_SAMPLES = 2000
 _CHUNK = 1 << 19  # samples demodulated at a time: shorter ones cost more calls, longer ones leave the caches
@@ -116,7 +116,7 @@ class LiveThread:
         self.skipped = 0
         length = max(256, min(_CHUNK, int(0.25 * stream.ring.capacity)))
         self._chunk = np.empty((length, stream.ring.channels), np.int16)
-        self._rest = RestWatch(OUTPUT_HZ, planned_shot(stream.settings))
+        self._rest = None
         measurement = stream.column(Role.MEASUREMENT)
         try:
             if measurement is None:
@@ -156,13 +156,16 @@ class LiveThread:
         return moved
 
     def _feed(self, part: np.ndarray) -> None:  # type: ignore[type-arg]
-        assert self._demodulator is not None
+        assert self._demodulator is not None and self._stream is not None
         if part.shape[0] == 0:
             return
         chunk = self._demodulator.feed(part)
         self._problem = chunk.problem
         self._rest_hz = chunk.rest_frequency_hz
         self._window.add(chunk)
+        rate_hz = self._demodulator.rate_hz
+        if self._rest is None and rate_hz is not None:
+            self._rest = RestWatch(rate_hz, planned_shot(self._stream.settings))
         if self._rest is not None:
             self._rest.add(chunk)
 

@@ -15,7 +15,7 @@ from instrument.devices import CaptureSettings
 from instrument.files import disk_free_bytes, one_line
 from instrument.live.live_view import ChannelSignal, empty_view
 from instrument.live.live_window import LiveWindow
-from instrument.live.ring import Overwritten, Stream
+from instrument.live.ring import Overwritten, Ring, Stream
 from instrument.live.setup_check import CHECKED_SAMPLES, check_signals
 from instrument.trigger import LightSwitch, MotionTrigger, TriggerSettings
 
@@ -51,7 +51,7 @@ class LiveThread:
         self._unwatched = False  # at the last look
         self._problem: str | None = None
         self._rest_hz: float | None = None
-        self._chunk = np.empty((0, 0), np.int16)
+        self._most = 0  # samples demodulated at a time
         self._disk_s = self._signals_s = -np.inf
         self.skipped = 0
         self.watched = True  # whether somebody looks: else the stream is only checked, and nothing is demodulated
@@ -91,7 +91,7 @@ class LiveThread:
             self._unwatched = True
         elif self._unwatched:
             self._unwatched = False
-            self._skip_to(max(self._at, newest.ring.total - self._chunk.shape[0] // 4))
+            self._skip_to(max(self._at, newest.ring.total - self._most // 4))
         if self.watched and self._follow(newest):
             self._draw(newest)
         if newest.ring.total - newest.start >= 64 and now - self._signals_s > 0.9 * _SIGNALS_EVERY_S:
@@ -114,8 +114,7 @@ class LiveThread:
         self._window.clear()
         self._problem = self._rest_hz = self._demodulator = None
         self.skipped = 0
-        length = max(256, min(_CHUNK, int(0.25 * stream.ring.capacity)))
-        self._chunk = np.empty((length, stream.ring.channels), np.int16)
+        self._most = max(256, min(_CHUNK, int(0.25 * stream.ring.capacity)))
         self._rest = None
         measurement = stream.column(Role.MEASUREMENT)
         try:
@@ -136,30 +135,35 @@ class LiveThread:
                 self._at = ring.total
                 return True
             if waiting > ring.capacity // 2:
-                self._skip_to(ring.total - self._chunk.shape[0])
-            stop = min(ring.total, self._at + self._chunk.shape[0])
+                self._skip_to(ring.total - self._most)
+            stop = min(ring.total, self._at + self._most)
             gap = next((g for g in stream.gaps if self._gaps_seen < g[0] <= stop), None)
             if gap is not None:
                 stop = max(gap[0], self._at)
-            part = self._chunk[: stop - self._at]
             try:
-                ring.copy_into(self._at, part)
+                fed = self._feed(ring, stop - self._at)
             except Overwritten:
-                self._skip_to(ring.total - self._chunk.shape[0] // 4)
+                self._skip_to(ring.total - self._most // 4)
                 continue
             moved = True
-            self._at = stop
-            self._feed(part)
-            if gap is not None:
+            self._at += fed
+            if gap is not None and self._at == stop:
                 self._gaps_seen = gap[0]
                 self._demodulator.gap(gap[1])
         return moved
 
-    def _feed(self, part: np.ndarray) -> None:  # type: ignore[type-arg]
+    def _feed(self, ring: Ring, most: int) -> int:
+        """Demodulate at most ``most`` samples where they are in the ring; return how many.  Raises Overwritten."""
         assert self._demodulator is not None and self._stream is not None
-        if part.shape[0] == 0:
-            return
-        chunk = self._demodulator.feed(part)
+        if most == 0:
+            return 0
+        counts = ring.view(self._at, most)
+        chunk = self._demodulator.feed(counts)
+        if self._at < ring.oldest:  # the writer replaced some of them meanwhile
+            self.skipped += counts.shape[0]
+            self._at += counts.shape[0]
+            self._demodulator.gap(0)
+            raise Overwritten
         self._problem = chunk.problem
         self._rest_hz = chunk.rest_frequency_hz
         self._window.add(chunk)
@@ -168,6 +172,7 @@ class LiveThread:
             self._rest = RestWatch(rate_hz, planned_shot(self._stream.settings))
         if self._rest is not None:
             self._rest.add(chunk)
+        return int(counts.shape[0])
 
     def _skip_to(self, sample: int) -> None:
         skipped = max(0, sample - self._at)

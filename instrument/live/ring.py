@@ -86,6 +86,20 @@ class Ring:
         if start < self.oldest:  # the writer replaced some during the copy
             raise Overwritten
 
+    def view(self, start: int, most: int) -> NDArray[np.int16]:
+        """Return samples ``start`` ... in place, as many as follow without a wrap, at most ``most``; read-only.
+
+        They are good if ``start`` is not before ``oldest`` once they have been used.  Raises as ``copy_into``.
+        """
+        if start < 0 or start >= self._total:
+            raise ValueError(f"sample {start} of {self._total}")
+        if start < self.oldest:
+            raise Overwritten
+        at = start % self.capacity
+        seen = self._counts[at : at + min(most, self._total - start, self.capacity - at)]
+        seen.flags.writeable = False
+        return seen
+
 
 @dataclass(slots=True)
 class Stream:

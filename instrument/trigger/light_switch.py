@@ -129,9 +129,11 @@ class LightSwitch:
     def first_step(self, counts: NDArray[np.int16], start: int = 0) -> int | None:
         """Return the index of the first triggering step at or after ``start`` in a block (n, channels), or None.
 
-        The state advances over the whole block, whether a step is found or not.  About 0.4 ns per sample.
+        The state advances over the whole block, whether a step is found or not.  About 0.25 ns a sample.
         """
-        found = _scan(counts, self._column, start, int(self._settings.edge), self._least, self._state)
+        found = _scan(
+            np.ascontiguousarray(counts), self._column, start, int(self._settings.edge), self._least, self._state
+        )
         return None if found < 0 else int(found)
 
 
@@ -144,17 +146,33 @@ def _scan(counts, column, start, edge, least, state):  # type: ignore[no-untyped
     found = -1
     for begin in range(0, counts.shape[0], _STRETCH):
         end = min(begin + _STRETCH, counts.shape[0])
-        lowest = counts[begin, column]
-        highest = lowest
-        for i in range(begin, end):
-            value = counts[i, column]
-            lowest = min(lowest, value)  # no branch, so that it vectorises
-            highest = max(highest, value)
+        lowest, highest = _extremes(counts[begin:end], column)
         if not _passes(lowest, highest, state):
             step = _first_step(counts[begin:end], column, start - begin, edge, least, state)
             if found < 0 and step >= 0:
                 found = begin + step
     return found
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _extremes(counts, column):  # type: ignore[no-untyped-def]
+    """Return the lowest and the highest of counts[:, column].
+
+    No branch, an unsigned counter and a known spacing: with one of them missing the loop is not vectorised, and costs
+    1 ns a sample instead of 0.25.
+    """
+    lowest = counts[0, column]
+    highest = lowest
+    if counts.shape[1] == 3:
+        flat = counts.reshape(counts.size)[column:]
+        for i in range(np.uint32(counts.shape[0])):
+            value = flat[np.uint32(3) * i]
+            lowest = value if value < lowest else lowest
+            highest = value if value > highest else highest
+    else:
+        for i in range(counts.shape[0]):
+            lowest, highest = min(lowest, counts[i, column]), max(highest, counts[i, column])
+    return lowest, highest
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.shot.recording import Channel, Role, Setup
+from analysis.signal import LiveChunk
 from instrument.devices.digitizer import CaptureSettings
 from instrument.live import live_thread
 from instrument.live.live_thread import LiveThread
@@ -114,3 +115,42 @@ def test_looks_come_at_their_pace(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
             assert (looks[4] - looks[1]) / 3 > least_s
     finally:
         assert live.close()
+
+
+def test_samples_replaced_while_they_are_demodulated_are_not_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The writer laps the reader within one chunk: what came of it is dropped, counted as skipped, and time goes on."""
+    stream = _stream()
+    live = LiveThread(lambda: stream, lambda: tmp_path)
+    live._begin(stream)
+    assert live._demodulator is not None
+    feed, lapped = live._demodulator.feed, []
+
+    def lapping(counts: np.ndarray) -> LiveChunk:
+        if not lapped:
+            lapped.append(counts.shape[0])
+            more = np.rint(900 * np.sin(2 * np.pi * 0.091 * np.arange(150_000, 330_000)))
+            stream.ring.append(more.astype(np.int16)[:, None])
+        return feed(counts)
+
+    monkeypatch.setattr(live._demodulator, "feed", lapping)
+    live._follow(stream)
+    at = live._at
+    assert at == stream.ring.total == 330_000 and live.skipped > lapped[0] > 0
+    assert live._demodulator._sample == at
+    shown_s, frequency_hz = live._window.curves()[:2]
+    assert shown_s[0] > live.skipped / RATE_HZ and shown_s[-1] < at / RATE_HZ
+    assert np.nanmax(np.abs(frequency_hz - 91e3)) < 50.0
+
+
+def test_the_site_is_measured_on_the_rate_at_which_points_come(tmp_path: Path) -> None:
+    stream = _stream()
+    live = LiveThread(lambda: stream, lambda: tmp_path)
+    live._begin(stream)
+    live._follow(stream)
+    rate_hz = live._demodulator.rate_hz if live._demodulator is not None else None
+    assert live._rest is not None and rate_hz is not None
+    assert live._rest._rate_hz == rate_hz / live_thread._AVERAGED
+    time_s = live._window._values[0, : live._window._end]
+    assert rate_hz == pytest.approx((time_s.size - 1) / (time_s[-1] - time_s[0]), rel=1e-9)

@@ -107,3 +107,20 @@ def test_what_the_writer_replaces_during_the_copy_is_said() -> None:
     out = np.empty((5, 1), np.int16)
     ring.copy_into(6, out)
     np.testing.assert_array_equal(out, numbered(6, 5, 1))
+
+
+def test_samples_in_place_end_at_the_wrap_cannot_be_written_and_are_refused_once_gone() -> None:
+    ring = Ring(10, 1)
+    ring.append(numbered(0, 14, 1))
+    np.testing.assert_array_equal(ring.view(6, 100), numbered(6, 4, 1))  # up to the wrap
+    np.testing.assert_array_equal(ring.view(10, 3), numbered(10, 3, 1))
+    np.testing.assert_array_equal(ring.view(12, 9), numbered(12, 2, 1))  # what is not written yet is not shown
+    with pytest.raises(ValueError, match="read-only"):
+        ring.view(12, 1)[:] = 0
+    with pytest.raises(ValueError, match="sample 14 of 14"):
+        ring.view(14, 1)
+    with pytest.raises(Overwritten):
+        ring.view(3, 1)
+    ring.space(2)
+    with pytest.raises(Overwritten):
+        ring.view(5, 1)

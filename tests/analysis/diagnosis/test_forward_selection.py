@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from analysis.collision.effects import named
-from analysis.diagnosis.search.forward_selection import another_way, explore
+from analysis.diagnosis.search.forward_selection import Trail, another_way, explore, polish
 from analysis.inference.fit.added_effect import refit, with_both_effects
 from analysis.inference.fit.problem import Fitted, Floats, Problem
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
@@ -79,3 +81,21 @@ def test_two_that_nearly_undo_each_other_are_found_though_neither_pays_alone() -
     greedy, trail = explore(before, [KINDS[name] for name in (*effects, "cubic_stiffness")], calm)
     assert greedy is before
     assert {effect.name for effect in another_way(greedy, trail).effects} == set(effects)
+
+
+@pytest.mark.parametrize(
+    ("gain", "converged", "taken"),
+    [(-0.3, True, True), (-0.7, True, False), (-0.3, False, False), (0.3, False, True)],
+)
+def test_a_search_that_is_cut_off_must_not_have_lost_likelihood(gain: float, converged: bool, taken: bool) -> None:
+    """Two ends of one valley differ by up to half a unit of ln L; a search without an end may not lose any."""
+
+    def ended(log_likelihood: float, **more: Any) -> Any:
+        noise = SimpleNamespace(coloured=False)
+        return SimpleNamespace(
+            effects=(), bic=-2.0 * log_likelihood, log_likelihood=log_likelihood, noise=noise, **more
+        )
+
+    further = ended(100.0 + gain, converged=converged)
+    before = ended(100.0, converged=False, fitted_on=lambda **_: further)
+    assert polish(before, Trail(before, (), calm)) is (further if taken else before)

@@ -1,8 +1,11 @@
 """A collision seen by a camera is read from the fitted model, and flagged so."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from analysis.fitted.pulse_from_fit import with_model_readings
 from analysis.pipeline import analyse_motion
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import Quantity
@@ -33,11 +36,30 @@ def test_a_camera_is_read_from_the_model(seed: int) -> None:
         assert "model" in reading.how
 
 
-def test_readings_that_derivatives_show_are_unchanged() -> None:
+@pytest.fixture(scope="module")
+def low_noise() -> tuple[Shot, Motion, float]:
+    """Return a shot whose derivatives show the force, its motion and the true peak force in N."""
     motion, peak_n, _ = camera(1e-8)
-    shot = analysed(motion)
+    return analysed(motion), motion, peak_n
+
+
+def test_readings_that_derivatives_show_are_unchanged(low_noise: tuple[Shot, Motion, float]) -> None:
+    shot, _, peak_n = low_noise
     assert shot.impact is not None
     assert "read_from_model" not in shot.flags
     assert "pulse_disagrees" not in shot.flags
     assert isinstance(shot.impact.force_peak_n, Quantity)
     assert shot.impact.force_peak_n.value == pytest.approx(peak_n, rel=0.1)
+
+
+@pytest.mark.parametrize(("times_wider", "flagged"), [(1.0, False), (2.0, True)])
+def test_peak_and_width_are_checked_by_the_impulse_where_the_model_gives_no_pulse(
+    low_noise: tuple[Shot, Motion, float], times_wider: float, flagged: bool
+) -> None:
+    shot, motion, _ = low_noise
+    assert shot.impact is not None and shot.fit is not None and isinstance(shot.impact.force_fwhm_s, Quantity)
+    width = replace(shot.impact.force_fwhm_s, value=times_wider * shot.impact.force_fwhm_s.value)
+    read = replace(shot.impact, force_fwhm_s=width)
+    checked = with_model_readings(read, replace(shot.fit, parameters={}), motion)
+    assert checked.force_fwhm_s == width and checked.force_peak_n == read.force_peak_n
+    assert ("pulse_disagrees" in checked.flags) is flagged

@@ -7,7 +7,7 @@ import pytest
 
 from analysis.collision.effects import named
 from analysis.diagnosis.search.from_base import accept
-from analysis.inference.fit.as_fit import as_fit
+from analysis.inference.fit.as_fit import as_fit, effect_parameters
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.pipeline import analyse
 from analysis.shot.fit import Fit
@@ -65,3 +65,12 @@ def test_the_noise_of_a_sample_is_that_of_the_motion_and_not_of_the_means_that_w
     assert factor > 1
     fit = as_fit(replace(fitted, problem=fitted.problem.with_noise(white)), motions, "paper", 0.0)
     assert fit.noise_std_m == pytest.approx(np.sqrt(factor * 1e-20 + 9e-20), rel=1e-12)
+
+
+def test_an_effects_own_parameters_carry_the_number_of_their_shot_from_the_second_on() -> None:
+    effect = named("plate_motion")  # how the plate still swings from the shot before
+    fitted = accept(base_fit(shots({})), list(KINDS.values()), (effect,), calm)
+    found = effect_parameters(fitted)[effect]
+    speeds = [values[effect]["velocity_m_per_s"] for values in fitted.point.values]
+    assert [found[f"velocity_m_per_s{number}"].value for number in ("", ".2", ".3")] == speeds
+    assert len(set(speeds)) == 3 and len(found) == 6  # with as many displacements

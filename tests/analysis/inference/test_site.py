@@ -19,7 +19,7 @@ from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise import site_strengths
 from analysis.inference.noise.floor import Floor
-from analysis.inference.noise.joint_data import joint_data, shakings_of, site_under, with_plates
+from analysis.inference.noise.joint_data import can_tell, joint_data, shakings_of, site_under, with_plates
 from analysis.inference.noise.site import Site, Sway, site_of, swayed
 from analysis.pipeline import analyse
 from analysis.reading.read import shaking_in
@@ -31,6 +31,7 @@ from instrument.bench.rig import Bench
 from instrument.bench.simulated_shots import record_shot
 from instrument.bench.site import site_named
 from tests.analysis.diagnosis.shots import KINDS, WHITE_M, calm, motions_of
+from tests.analysis.synthetic_collision import Synthetic, motion_from
 from tests.bench.blind import drawn
 from tests.bench.displacement_noise import Noise, NoiseKind
 from tests.building_rig import Rig
@@ -270,3 +271,12 @@ def test_a_fit_with_an_effect_takes_the_plate_to_stand_where_it_does_with_the_ef
     near = np.abs(motion.time_s - shot.touch_time_s.value) < 1e-3
     off = shot.residual_m[near] / shot.sway_std_m[near]
     assert float(np.sqrt(np.mean(off**2))) < 2.0
+
+
+@pytest.mark.parametrize(("rate_hz", "separates"), [(9.9e3, False), (10e3, True)])
+def test_a_frames_motion_up_to_1_khz_is_told_from_noise_where_a_period_has_ten_samples(
+    rate_hz: float, separates: bool
+) -> None:
+    rig = Synthetic(rate_hz=rate_hz, bandwidth_hz=0.1 * rate_hz)
+    time_s = np.arange(0.0, 0.01, 1.0 / rate_hz)
+    assert can_tell(motion_from(time_s, np.zeros(time_s.size), rig)) is separates

@@ -74,6 +74,14 @@ def test_a_knock_in_the_approach_is_left_out() -> None:
     assert all_right(impact), pulls(impact)
 
 
+def test_a_knock_that_rings_until_the_record_ends_is_left_out_to_the_end() -> None:
+    impact = read_impact(disturbed_motion(RIG, Disturbance(knocks=(Knock(50e-3, 5e-8),))))
+    assert impact.disturbance is not None
+    ((begin_s, end_s),) = impact.disturbance.knocks_s
+    assert begin_s < 50e-3
+    assert end_s == pytest.approx(RIG.duration_s, abs=0.4e-3)  # displacements are averaged over 0.5 ms
+
+
 @pytest.mark.parametrize("lines", [(), (Line(600.0, 1e-8, 1.1),), (Line(40.0, 2e-7, 0.3),)])
 def test_what_shook_is_the_same_without_reading_all(lines: tuple[Line, ...]) -> None:
     motion = disturbed_motion(RIG, Disturbance(lines=lines))

@@ -83,6 +83,7 @@ def test_the_audit_has_every_number_of_the_list(table: Reproduction) -> None:
     slope = table.of("slope")
     assert slope.simulated == pytest.approx(214.3, abs=0.05) and slope.error_before == pytest.approx(-0.032, abs=5e-4)
     assert slope.recomputed == pytest.approx(221.4, abs=0.05)
+    assert "is 214.3 N/m, -3.2%: plate inertia 1.10% and the contact spring in series 2.17%" in slope.traced_to
     assert table.of("record_length").printed == pytest.approx(0.167, abs=5e-4)
     assert table.of("velocity_out").error_after == pytest.approx(-0.0007, abs=5e-5)
     wavelength = table.of("wavelength")

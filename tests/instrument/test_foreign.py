@@ -373,3 +373,26 @@ def test_a_spoiled_file_is_read_or_refused_in_one_line(good: Spoilable, tmp_path
         assert "\n" not in str(error) and name in str(error)
     else:
         assert isinstance(shot, Recording) and shot.counts.dtype == np.int16
+
+
+@pytest.mark.parametrize(
+    ("name", "stated", "rate_hz"),
+    [
+        ("sample_rate", 2e6, 2e6),
+        ("dt", 4e-9, 250e6),
+        ("sample_rate", 0.9e12, 0.9e12),
+        ("sample_rate", 1.1e12, None),  # no digitizer samples at a terahertz
+        ("sample_rate", float("nan"), None),
+        ("sample_rate", "2 MS/s", None),
+    ],
+)
+def test_an_attribute_of_hdf5_is_a_sample_rate_if_it_is_a_possible_number(
+    tmp_path: Path, name: str, stated: float | str, rate_hz: float | None
+) -> None:
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["beat"] = np.zeros(10, np.int16)
+        file["beat"].attrs[name] = stated
+    (channel,) = foreign_channels(path).channels
+    assert channel.sample_rate_hz == (None if rate_hz is None else pytest.approx(rate_hz, rel=1e-12))

@@ -49,7 +49,7 @@ def beyond_catalogue(
     """
     before, held, tell, stop, limit = alone.start, alone.held, alone.tell, alone.stop, alone.limit
     found = []
-    if (first := alone.found) is not None:
+    if alone.or_two_may_reach(beat) and (first := alone.found) is not None:
         if first.explains:
             return _alone(first)
         found.append(

@@ -36,6 +36,7 @@ _GO_ON = 6  # arguments that are searched to the end
 _FINER_PAYS = 10.0  # of the criterion: worth twice the knots
 FOLLOWED = 3  # arguments that are given finer knots
 FORMS_FITTED = 6  # of an argument, by their distance from its curve
+_SHORT = 0.2  # of a free curve's gain: forms with a step or a kink may gain so much more
 _NEAR, _NEAR_NORMS = 4.0, 200.0  # times the nearest form's distance, and more: fitted before the others
 
 
@@ -67,6 +68,22 @@ def may_reach(beat: float, there: float, start: float) -> bool:
     return there - (start - there) < beat
 
 
+def forms_may_reach(beat: float, curves: Sequence[Learned], start: Fitted) -> bool:
+    """Return whether a closed form in the place of one of these curves may lead from ``start`` below ``beat``."""
+    return any(curve.at_best - _SHORT * (start.bic - curve.at_best) < beat for curve in curves)
+
+
+def free_curves(start: Fitted, tell: Progress, stop: Stop, beside: LearnedLaw | None = None) -> list[Learned]:
+    """Return the free curves that a law missing in ``start`` may have, the likeliest first; [] where none pays.
+
+    ``beside`` is a law that ``start`` has already.  Raises Cancelled.
+    """
+    known = (beside.where, beside.argument) if beside is not None else None
+    arguments = [a for a in arguments_of(start) if (a.where, a.name) != known]
+    curves = _screened(start, arguments, tell, stop)
+    return curves if curves and curves[0].bic <= start.bic - CRITERIA.law_fall else []
+
+
 def learn_law(
     start: Fitted,
     held: tuple[int, ...],
@@ -75,20 +92,18 @@ def learn_law(
     *,
     beside: LearnedLaw | None = None,
     beat: float = math.inf,
+    curves: Sequence[Learned] | None = None,
 ) -> Discovery | None:
     """Return the law that ``start`` lacks, or None where the shots show none.  Raises Cancelled.
 
     The shots ``held`` are predicted in turn.  A single shot shows no law, as it could not be tested.  ``beside`` is a
-    law that ``start`` has already.
+    law that ``start`` has already, ``curves`` are the ``free_curves`` of ``start`` where they are known.
     """
     if len(start.problem.data.shots) < 2 or not held:
         return None
-    known = (beside.where, beside.argument) if beside is not None else None
-    arguments = [a for a in arguments_of(start) if (a.where, a.name) != known]
-    curves = _screened(start, arguments, tell, stop)
-    if not curves or curves[0].bic > start.bic - CRITERIA.law_fall:
-        return None
-    if not any(may_reach(beat, curve.at_best, start.bic) for curve in curves):
+    if curves is None:
+        curves = free_curves(start, tell, stop, beside)
+    if not forms_may_reach(beat, curves, start):
         return None
     fits: list[FormFit] = []
     for place, learned in enumerate(curves[:FOLLOWED]):

@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from analysis.diagnosis.learning.law_learning import Discovery, learn_law
+from analysis.diagnosis.learning.curve_fit import Learned
+from analysis.diagnosis.learning.law_learning import Discovery, forms_may_reach, free_curves, learn_law
+from analysis.diagnosis.learning.two_laws import two_curves
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import separation
@@ -16,6 +18,7 @@ from analysis.inference import Fitted, TrialEffect
 from analysis.shot import Progress, Stop
 
 _SAME = 0.05  # of a law's size: an effect that differs by less, to first order, may be the law itself
+_WHAT = "one law in the place of effects"
 _HALF = 0.5  # of a diagnosis, as its progress shows it: the rest may follow
 
 
@@ -30,18 +33,42 @@ class SingleLaw:
     limit: Limit = field(repr=False)
 
     @cached_property
+    def curves(self) -> Sequence[Learned]:
+        """Get the free curves that the law may have, the likeliest first."""
+        if len(self.start.problem.data.shots) < 2 or not self.held:
+            return []
+        return self.limit.within(_WHAT, lambda: free_curves(self.start, self._tell_half, self.limit), [])
+
+    @cached_property
     def found(self) -> Discovery | None:
         """Get the law, or None where the shots show none."""
 
         def learned() -> Discovery | None:
-            return learn_law(self.start, self.held, lambda what, _fraction: self.tell(what, _HALF), self.limit)
+            return learn_law(self.start, self.held, self._tell_half, self.limit, curves=self.curves)
 
-        return self.limit.within("one law in the place of effects", learned, None)
+        return self.limit.within(_WHAT, learned, None) if self.curves else None
+
+    @cached_property
+    def _two_curves(self) -> Learned | None:
+        return self.limit.within(_WHAT, lambda: two_curves(self.start, self.limit), None)
+
+    def _tell_half(self, what: str, _fraction: float) -> None:
+        self.tell(what, _HALF)
+
+    def or_two_may_reach(self, beat: float) -> bool:
+        """Return whether this law, or two laws in its place, may come below the criterion ``beat``."""
+        if not self.curves or forms_may_reach(beat, self.curves, self.start):
+            return bool(self.curves)
+        two = self._two_curves
+        return two is not None and forms_may_reach(beat, [two], self.start)
 
     def replaces_effects(self, best: Fitted, catalogue: Sequence[TrialEffect]) -> bool:
         """Return whether the law explains all where ``best`` does not, and is no effect of the ``catalogue``."""
+        beat = best.bic - CRITERIA.law_fall
+        if not forms_may_reach(beat, self.curves, self.start):
+            return False
         law = self.found
-        if law is None or not law.explains or law.fitted.bic > best.bic - CRITERIA.law_fall:
+        if law is None or not law.explains or law.fitted.bic > beat:
             return False
         apart = separation(law.fitted, law.fitted.linearise(), law.laws[0].effect, catalogue, self.stop)
         return not apart.too_close(_SAME * apart.snr)

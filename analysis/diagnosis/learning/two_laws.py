@@ -20,6 +20,7 @@ from analysis.diagnosis.learning.law_learning import (
     Discovery,
     arguments_of,
     finer,
+    forms_may_reach,
     is_law,
     learn_law,
     may_reach,
@@ -73,10 +74,10 @@ def learn_another(
 
 def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float = math.inf) -> Discovery | None:
     """Return two laws that ``start`` lacks, learned at once, or None where there are none.  Raises Cancelled."""
-    curves = _curves(start, stop)
+    curves = two_curves(start, stop)
     if curves is None or curves.bic > start.bic - 2 * CRITERIA.law_fall:
         return None
-    if not may_reach(beat, curves.at_best, start.bic):
+    if not forms_may_reach(beat, [curves], start):
         return None
     forms = [
         [form for form in compress(curves, which) if is_law(form, term.argument)][:_FORMS]
@@ -121,7 +122,7 @@ def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float =
     return Discovery(start, tuple(laws), fitted, residual_of(fitted, fitted.linearise()), (before, after))
 
 
-def _curves(start: Fitted, stop: Stop) -> Learned | None:
+def two_curves(start: Fitted, stop: Stop) -> Learned | None:
     """Return the two free curves, fitted together, that explain most, with as many knots as pay."""
     pairs = likeliest_pairs(ground_of(start), arguments_of(start), FIRST_PIECES, stop)[:_PAIRS]
 

@@ -98,8 +98,8 @@ class Case:
         (Case(surprise=10.1), False),
         (Case(shots=1), False),  # a single shot shows no law
         (Case(held=()), False),
-        (Case(beat=801.0), True),  # as much again as the curve gained
-        (Case(beat=799.0), False),
+        (Case(beat=881.0), True),  # a fifth more than the curve gained
+        (Case(beat=879.0), False),
     ],
 )
 def test_a_law_is_learned_where_curve_form_and_held_out_shots_agree(
@@ -138,9 +138,14 @@ def test_a_law_explains_all_in_forms_that_meet_it_and_leave_nothing(found: Disco
     assert found.explains is explains
 
 
+def curve(bic: float) -> Any:
+    return SimpleNamespace(bic=bic, at_best=bic)
+
+
 def alone(found: Discovery | None, patch: pytest.MonkeyPatch, nearest: float = 50.0, size: float = 100.0) -> SingleLaw:
     """Return a law that the shots show, with its size and how far the nearest row of the catalogue is from it."""
-    patch.setattr(single_law, "learn_law", lambda *_: found)
+    patch.setattr(single_law, "free_curves", lambda *_: [curve(880.0)])
+    patch.setattr(single_law, "learn_law", lambda *_, curves: found if curves[0].bic == 880.0 else None)
     patch.setattr(single_law, "separation", lambda *_: Separation(size, {named("cubic_stiffness"): nearest}, {}))
     return SingleLaw(cast(Any, Fit(START)), (0,), lambda _what, _fraction: None, calm, Limit(SECONDS, calm))
 
@@ -168,6 +173,44 @@ def test_a_law_takes_the_place_of_named_effects_that_the_shots_exclude(
     found: Discovery | None, ahead: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert alone(found, monkeypatch).is_likelier_than(cast(Any, Fit(900.0))) is ahead
+
+
+@pytest.mark.parametrize(
+    ("beat", "two", "reach"),
+    [
+        (857.0, None, True),  # a fifth more than the curve gained
+        (855.0, None, False),
+        (855.0, 861.0, True),
+        (855.0, 880.0, False),
+        (825.0, 853.0, True),
+    ],
+)
+def test_no_form_is_fitted_where_neither_one_curve_nor_two_at_once_may_come_low_enough(
+    beat: float, two: float | None, reach: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    law = alone(discovery(), monkeypatch)
+    monkeypatch.setattr(single_law, "two_curves", lambda *_: None if two is None else curve(two))
+    assert law.or_two_may_reach(beat) is reach
+
+
+def test_a_law_whose_curve_stays_above_the_effects_is_not_learned(monkeypatch: pytest.MonkeyPatch) -> None:
+    law = alone(discovery(), monkeypatch)
+
+    def learned(*_: object, **__: object) -> None:
+        raise AssertionError("forms are fitted")
+
+    monkeypatch.setattr(single_law, "learn_law", learned)
+    assert not law.replaces_effects(cast(Any, Fit(883.0)), ())  # 28 less is out of reach
+    with pytest.raises(AssertionError, match="forms are fitted"):
+        law.replaces_effects(cast(Any, Fit(885.0)), ())
+
+
+@pytest.mark.parametrize(("shots", "held"), [(1, (0,)), (3, ())])
+def test_one_shot_and_shots_that_none_predicts_show_no_curve(
+    shots: int, held: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    law = replace(alone(discovery(), monkeypatch), start=cast(Any, Fit(START, shots)), held=held)
+    assert law.curves == [] and law.found is None and not law.or_two_may_reach(math.inf)
 
 
 def test_where_no_curve_can_be_followed_from_the_fit_there_is_no_law(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,7 @@ from analysis.drive.bandwidth import _equal_noise_hz, force_noise
 from analysis.drive.catalogue import LAWS
 from analysis.drive.curves import drive_curves
 from analysis.drive.driven_fit import fit_driven
-from analysis.drive.law_screening import screen_laws
+from analysis.drive.law_screening import _ripple_pitches, orthonormal, project_out, screen_laws
 from analysis.drive.regression import independent_count, regress
 from analysis.drive.repeatability import Repeatability, repeatability_of
 from analysis.drive.stretch import low_pass, prepare
@@ -212,6 +212,19 @@ def test_load_friction_is_no_candidate_in_motion_one_way() -> None:
     screened = screen_laws((table := Table.of(prepare([motion]))), regress(table))
     assert "load_dependent_friction" in screened.unidentifiable
     assert diagnose_driven([motion]).verdict is Verdict.ADEQUATE
+
+
+def test_pitches_that_are_searched_for_a_ripple_are_those_of_different_waves() -> None:
+    pitches_m = (20e-3, 14e-3)
+    motion = Drive(lambda x, v: 3.0 * np.sin(2 * np.pi * x / pitches_m[0]) + np.cos(2 * np.pi * x / pitches_m[1]))
+    table = Table.of(prepare([motion.motion()]))
+    found = regress(table)
+    basis = orthonormal(found.tangents[found.mask])
+    residual_n = project_out(basis, found.residual_n[found.mask][:, None])[:, 0]
+    first, second, third = (pitch_m for (pitch_m,) in _ripple_pitches(table, found.mask, basis, residual_n))
+    assert (first, second) == pytest.approx(pitches_m, rel=0.02)
+    waves = np.ptp(table.displacement_m[found.mask]) / np.array([first, second, third])
+    assert np.diff(np.sort(waves)).min() > 1.0  # along the travel: closer ones are one ripple
 
 
 def test_the_accepted_laws_are_the_model() -> None:

@@ -64,7 +64,8 @@ def read_flights(
         out, bins = None, select(bins, bins.into)
     zeros = (float(motion.time_s[into[1]]), float(motion.time_s[out[0]]) if out is not None else 0.0)
     knocked, whole = find_knocks(_without_flights(bins, zeros), bins.into, bins.std_m)
-    knocks = tuple((float(bins.time_s[a]), float(bins.time_s[b - 1]) + bins.each * bins.step_s) for a, b in knocked)
+    half_s = 0.5 * (bins.each - 1) * bins.step_s  # from a bin's middle to its first and to its last sample
+    knocks = tuple((float(bins.time_s[a]) - half_s, float(bins.time_s[b - 1]) + half_s) for a, b in knocked)
     keep = np.ones(bins.time_s.size, dtype=np.bool_)
     for a, b in knocked:
         keep[a:b] = False

@@ -1,0 +1,116 @@
+"""The queue of USB transfers, over a stand-in for libusb that sends a known sequence of bytes."""
+
+import ctypes
+import time
+from collections import deque
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from instrument.devices.bulk_stream import _COMPLETED, _NO_DEVICE, _STALL, QueuedBulkStream, _Transfer, transfer_size
+from instrument.devices.digitizer import DigitizerError
+
+BYTES_PER_S = 2e6
+SIZE = transfer_size(BYTES_PER_S)
+NUMBERED = np.arange(SIZE).astype(np.uint8)  # what a transfer brings, its first byte the number of the transfer
+
+
+class Libusb:
+    """Finish the queued transfers in order, one at each call for events, with the statuses of ``plan``."""
+
+    def __init__(self, plan: dict[int, int]) -> None:
+        self.plan = plan
+        self.made: list[Any] = []
+        self.queued: deque[Any] = deque()
+        self.most_queued = self.brought = self.freed = self.halts_cleared = 0
+        # ctypes' functions carry the types of their arguments as attributes, which bound methods cannot
+        for name in ("alloc_transfer", "submit_transfer", "cancel_transfer", "free_transfer", "clear_halt"):
+            method = getattr(self, name)
+            setattr(self, f"libusb_{name}", lambda *given, method=method: method(*given))
+        self.libusb_handle_events_timeout_completed = self.finish_one
+
+    def device(self) -> Any:
+        """Return a device as pyusb holds it."""
+        backend = SimpleNamespace(lib=self, ctx=None)
+        return SimpleNamespace(_ctx=SimpleNamespace(backend=backend, handle=SimpleNamespace(handle=None)))
+
+    def alloc_transfer(self, _packets: int) -> Any:
+        self.made.append(_Transfer())
+        return ctypes.pointer(self.made[-1])
+
+    def submit_transfer(self, pointer: Any) -> int:
+        self.queued.append(pointer)
+        self.most_queued = max(self.most_queued, len(self.queued))
+        return 0
+
+    def cancel_transfer(self, pointer: Any) -> int:
+        return 0
+
+    def free_transfer(self, pointer: Any) -> None:
+        self.freed += 1
+
+    def clear_halt(self, _handle: Any, endpoint: ctypes.c_ubyte) -> int:
+        assert endpoint.value == 0x86
+        self.halts_cleared += 1
+        return 0
+
+    def finish_one(self, *_: Any) -> int:
+        time.sleep(1e-4)
+        pointer = self.queued.popleft()
+        transfer = pointer.contents
+        transfer.status = self.plan.get(self.brought, _COMPLETED)
+        transfer.actual_length = 0
+        if transfer.status == _COMPLETED:
+            content = NUMBERED + np.uint8(self.brought % 256)
+            ctypes.memmove(transfer.buffer, content.ctypes.data, content.size)
+            transfer.actual_length = content.size
+        self.brought += 1
+        transfer.callback(pointer)
+        return 0
+
+
+def read(libusb: Libusb, chunks: int) -> tuple[list[int], list[int], DigitizerError | None]:
+    """Return the first byte of each chunk, the places before which something was lost, and the fault at the end."""
+    stream = QueuedBulkStream(libusb.device(), 0x86, BYTES_PER_S, "scope")
+    stream.start()
+    firsts, lost, fault = [], [], None
+    try:
+        for place in range(chunks):
+            chunk = stream.take(5.0)
+            assert chunk is not None
+            assert np.array_equal(chunk.codes, NUMBERED + chunk.codes[0])
+            firsts.append(int(chunk.codes[0]))
+            if chunk.lost_before:
+                lost.append(place)
+    except DigitizerError as error:
+        fault = error
+    stream.stop()
+    assert libusb.freed == len(libusb.made) and not libusb.queued
+    return firsts, lost, fault
+
+
+def test_every_byte_comes_in_order_and_several_transfers_are_always_queued() -> None:
+    libusb = Libusb({})
+    assert read(libusb, 100) == (list(range(100)), [], None)
+    assert libusb.most_queued == len(libusb.made) == 32
+
+
+def test_after_a_stall_the_halt_is_cleared_and_the_loss_is_flagged_once() -> None:
+    libusb = Libusb({10: _STALL})
+    firsts, lost, fault = read(libusb, 100)
+    assert firsts == [n for n in range(101) if n != 10] and fault is None
+    assert libusb.halts_cleared == 1
+    assert len(lost) == 1
+
+
+def test_a_device_that_is_unplugged_is_told_after_what_came_before() -> None:
+    firsts, lost, fault = read(Libusb({number: _NO_DEVICE for number in range(20, 200)}), 100)
+    assert (firsts, lost) == (list(range(20)), [])
+    assert "was unplugged" in str(fault)
+
+
+@pytest.mark.parametrize(("bytes_per_s", "size"), [(0.0, 8 << 10), (2e6, 64 << 10), (30e6, 1 << 20), (1e9, 1 << 20)])
+def test_a_transfer_holds_about_20_ms_between_8_kib_and_1_mib(bytes_per_s: float, size: int) -> None:
+    assert transfer_size(bytes_per_s) == size

@@ -32,7 +32,7 @@ from analysis.shot import Cancelled, Progress, Stop
 FIRST_PIECES, MOST_PIECES = 12, 96
 _FIRST_STEPS, _ALL_STEPS = 3, 7  # of a search: by the first it shows which arguments may come to the front
 _FINER_STEPS = 4  # from the curve in half as many pieces
-_GO_ON = 6  # arguments that are searched to the end
+_GO_ON = 6  # arguments that are searched to the end at most
 _FINER_PAYS = 10.0  # of the criterion: worth twice the knots
 FOLLOWED = 3  # arguments that are given finer knots
 FORMS_FITTED = 6  # of an argument, by their distance from its curve
@@ -179,7 +179,8 @@ def _screened(start: Fitted, arguments: Sequence[Argument], tell: Progress, stop
 
     rough = side_by_side(one, arguments)
     first = sorted((curve for curve in rough if curve is not None), key=lambda curve: curve.bic)
-    found = sorted(side_by_side(further, first[:_GO_ON]), key=lambda curve: curve.bic)
+    to_the_front = [c for c in first[:_GO_ON] if c is first[0] or may_reach(first[0].bic, c.bic, start.bic)]
+    found = sorted(side_by_side(further, to_the_front), key=lambda curve: curve.bic)
     ahead = [curve for curve in found[:FOLLOWED] if curve.bic < start.bic - CRITERIA.law_fall]
     curves = sorted(side_by_side(lambda curve: finer(curve, MOST_PIECES, stop), ahead), key=lambda curve: curve.bic)
     # A form saves no more than its curve's freedom costs: others cannot come to the front.

@@ -48,10 +48,6 @@ class SingleLaw:
 
         return self.limit.within(_WHAT, learned, None) if self.curves else None
 
-    @cached_property
-    def _two_curves(self) -> Learned | None:
-        return self.limit.within(_WHAT, lambda: two_curves(self.start, self.limit), None)
-
     def _tell_half(self, what: str, _fraction: float) -> None:
         self.tell(what, _HALF)
 
@@ -59,7 +55,7 @@ class SingleLaw:
         """Return whether this law, or two laws in its place, may come below the criterion ``beat``."""
         if not self.curves or forms_may_reach(beat, self.curves, self.start):
             return bool(self.curves)
-        two = self._two_curves
+        two = self.limit.within(_WHAT, lambda: two_curves(self.start, self.limit, beat=beat), None)
         return two is not None and forms_may_reach(beat, [two], self.start)
 
     def replaces_effects(self, best: Fitted, catalogue: Sequence[TrialEffect]) -> bool:

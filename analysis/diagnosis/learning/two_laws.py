@@ -74,10 +74,8 @@ def learn_another(
 
 def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float = math.inf) -> Discovery | None:
     """Return two laws that ``start`` lacks, learned at once, or None where there are none.  Raises Cancelled."""
-    curves = two_curves(start, stop)
+    curves = two_curves(start, stop, beat=beat)
     if curves is None or curves.bic > start.bic - 2 * CRITERIA.law_fall:
-        return None
-    if not forms_may_reach(beat, [curves], start):
         return None
     forms = [
         [form for form in compress(curves, which) if is_law(form, term.argument)][:_FORMS]
@@ -122,8 +120,11 @@ def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float =
     return Discovery(start, tuple(laws), fitted, residual_of(fitted, fitted.linearise()), (before, after))
 
 
-def two_curves(start: Fitted, stop: Stop) -> Learned | None:
-    """Return the two free curves, fitted together, that explain most, with as many knots as pay."""
+def two_curves(start: Fitted, stop: Stop, *, beat: float = math.inf) -> Learned | None:
+    """Return the two free curves, fitted together, that explain most, with as many knots as pay.
+
+    None where there are none, or none whose closed forms may come below the criterion ``beat``.
+    """
     pairs = likeliest_pairs(ground_of(start), arguments_of(start), FIRST_PIECES, stop)[:_PAIRS]
 
     def fitted(terms: tuple[Term, Term]) -> Learned | None:
@@ -136,6 +137,8 @@ def two_curves(start: Fitted, stop: Stop) -> Learned | None:
     if not found:
         return None
     learned = min(found, key=lambda one: one.bic)
+    if not forms_may_reach(beat, [learned], start):
+        return None
     for _ in learned.terms:
         learned = finer(learned.with_last(0), _MOST_PIECES, stop)
     return learned

@@ -10,7 +10,7 @@ import pytest
 
 from analysis.collision.effects import named
 from analysis.collision.parameters import Infeasible
-from analysis.diagnosis.learning import law_learning, single_law
+from analysis.diagnosis.learning import law_learning, single_law, two_laws
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law
 from analysis.diagnosis.learning.learned_law import FormFit
 from analysis.diagnosis.learning.single_law import SingleLaw
@@ -189,7 +189,7 @@ def test_no_form_is_fitted_where_neither_one_curve_nor_two_at_once_may_come_low_
     beat: float, two: float | None, reach: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     law = alone(discovery(), monkeypatch)
-    monkeypatch.setattr(single_law, "two_curves", lambda *_: None if two is None else curve(two))
+    monkeypatch.setattr(single_law, "two_curves", lambda *_, beat: None if two is None else curve(two))
     assert law.or_two_may_reach(beat) is reach
 
 
@@ -211,6 +211,50 @@ def test_one_shot_and_shots_that_none_predicts_show_no_curve(
 ) -> None:
     law = replace(alone(discovery(), monkeypatch), start=cast(Any, Fit(START, shots)), held=held)
     assert law.curves == [] and law.found is None and not law.or_two_may_reach(math.inf)
+
+
+def test_only_arguments_that_may_still_come_to_the_front_are_searched_to_the_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Beside a leader that gained 100 an argument that gained 51 may still come to the front, one with 49 not."""
+    rough = {"place": 900.0, "bend": 949.0, "overlap": 951.0, "plate speed": 1010.0}
+    led_on: list[float] = []
+
+    def further(_problem: object, bic: float, *_: object, **__: object) -> Any:
+        led_on.append(bic)
+        return curve(bic)
+
+    def screened(_ground: object, argument: Any, *_: object, **__: object) -> Any:
+        bic = rough[argument.name]
+        return SimpleNamespace(bic=bic, at_best=bic, problem=None, z=bic, terms=())
+
+    monkeypatch.setattr(law_learning, "ground_of", lambda _start: None)
+    monkeypatch.setattr(law_learning, "screen", screened)
+    monkeypatch.setattr(law_learning, "fit_terms", further)
+    monkeypatch.setattr(law_learning, "finer", lambda learned, *_: learned)
+    arguments = [SimpleNamespace(name=name) for name in rough]
+    found = law_learning._screened(cast(Any, Fit(START)), cast(Any, arguments), lambda *_: None, calm)
+    assert sorted(led_on) == [900.0, 949.0] and [one.bic for one in found] == [900.0]
+
+
+@pytest.mark.parametrize(("beat", "found"), [(math.inf, True), (881.0, True), (879.0, False)])
+def test_two_curves_that_cannot_come_low_enough_get_no_finer_knots(
+    beat: float, found: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pair: Any = SimpleNamespace(bic=900.0, at_best=900.0, terms=(1, 2), with_last=lambda _which: pair)
+    refined: list[object] = []
+
+    def finer(learned: object, *_: object) -> object:
+        refined.append(learned)
+        return learned
+
+    monkeypatch.setattr(two_laws, "ground_of", lambda _start: None)
+    monkeypatch.setattr(two_laws, "arguments_of", lambda _start: [])
+    monkeypatch.setattr(two_laws, "likeliest_pairs", lambda *_: [(1, 2)])
+    monkeypatch.setattr(two_laws, "fit_terms", lambda *_, **__: pair)
+    monkeypatch.setattr(two_laws, "finer", finer)
+    curves = two_laws.two_curves(cast(Any, SimpleNamespace(bic=START, problem=None, z=None)), calm, beat=beat)
+    assert (curves is pair) is found and len(refined) == (2 if found else 0)
 
 
 def test_where_no_curve_can_be_followed_from_the_fit_there_is_no_law(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,6 +17,8 @@ Mask = NDArray[np.bool_]
 CLEAR_SIGMAS = 6.0  # a departure from flight beyond noise
 SHAPED_SIGMAS = 200.0  # a departure that shows its shape to a per cent: it is fitted up to there
 SHAPED_DEPTH = 3e-5  # ... or to this part of the way to the turn, before a stiff contact rebounds
+DEEP = 3e-3  # of the way to the turn: a departure that no floor makes
+SHORTENED, SLOWER = 0.7, 1.1  # of the time that a plate without mass takes to be so far
 LONGEST_REACH_S = 1.0e-3  # of flight before the edge, for the line from which the displacement departs
 SLOW_RECORD_SAMPLES = 64  # ... or so many samples of a record at a few hundred Hz
 BEND = 2  # degree of the line through the last millisecond of flight, where the floor's motion curves it
@@ -79,7 +81,25 @@ def edge_of_flight(
         _edge_in(motion, window, departure, (std, most, omega), sign, bend + 1),
     )
     apart = max((abs(edge.time_s - other.time_s) for other in others if other is not None), default=0.0)
-    return Edge(edge.time_s, float(np.hypot(edge.std_s, apart)))
+    late_s = 0.0
+    if into:
+        late_s = _later(u - (edge.time_s - float(motion.time_s[coarse])), departure, std, depth_m, omega)
+    return Edge(edge.time_s, float(np.linalg.norm((edge.std_s, apart, late_s))))
+
+
+def _later(u_s: Floats, departure_m: Floats, std_m: float, depth_m: float, omega: float) -> float:
+    """Return by how much a contact began later than at ``u_s`` = 0, where it comes too slowly for any; 0 where not.
+
+    A departure D from flight takes at most the time of a plate without mass, whose half-sine of the whole ``depth_m``
+    is (omega u)^3 / 6 of it deep; the mass of a plate only shortens that, of a twentieth of the block's to SHORTENED.
+    Where it took longer, what bent the flight at first was something else: somebody struck the table.
+    """
+    deep_m = max(DEEP * depth_m, CLEAR_SIGMAS * std_m)
+    deep = first_run(np.abs(departure_m) > deep_m, 3)
+    if deep is None or deep == 0 or omega <= 0.0:
+        return 0.0
+    took_s, longest_s = float(u_s[deep - 1]), float(np.cbrt(6.0 * deep_m / depth_m)) / omega
+    return took_s - SHORTENED * longest_s if took_s > SLOWER * longest_s else 0.0
 
 
 _FEWEST = 8  # samples of a short flight

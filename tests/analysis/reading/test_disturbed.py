@@ -74,6 +74,16 @@ def test_a_knock_in_the_approach_is_left_out() -> None:
     assert all_right(impact), pulls(impact)
 
 
+@pytest.mark.parametrize("at_s", [9.3e-3, 10e-3, 10.5e-3])
+@pytest.mark.parametrize("amplitude_m", [5e-8, 1e-7])
+def test_a_knock_shortly_before_the_touch_is_not_taken_for_it_without_a_word(at_s: float, amplitude_m: float) -> None:
+    """The flight leaves its line at the knock, but no contact comes so slowly: the numbers say how unsure."""
+    impact = read_impact(disturbed_motion(RIG, Disturbance(knocks=(Knock(at_s, amplitude_m),))))
+    assert impact.touch_time_s.std > 0.8e-3
+    assert all_right(impact), pulls(impact)
+    assert read_impact(motion_of(RIG, 1)).touch_time_s.std < 1e-5
+
+
 def test_a_knock_that_rings_until_the_record_ends_is_left_out_to_the_end() -> None:
     motion = disturbed_motion(RIG, Disturbance(knocks=(Knock(50e-3, 5e-8),)))
     impact = read_impact(motion)

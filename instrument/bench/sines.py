@@ -49,16 +49,16 @@ class Sines:
         The newest two are kept: a stream that is read in short blocks asks for the same stretch many times.
         """
         kept = self._stretches
-        if k not in kept:
-            spacing_s, turn = self._nodes
-            sums = np.zeros((3, _STRETCH))
-            start = _on_circle(self.omega * (k * _STRETCH * spacing_s) + self.phase)
-            _add_sines(start, turn, self.omega, self.amplitude_m, sums)
-            kept[k] = sums
-            while len(kept) > 2:
-                del kept[next(iter(kept))]
-            return sums
-        return kept[k]
+        if k in kept:
+            return kept[k]
+        spacing_s, turn = self._nodes
+        sums = np.zeros((3, _STRETCH))
+        start = _on_circle(self.omega * (k * _STRETCH * spacing_s) + self.phase)
+        _add_sines(start, turn, self.omega, self.amplitude_m, sums)
+        kept[k] = sums
+        if len(kept) > 2:
+            del kept[next(iter(kept))]
+        return sums
 
     @cached_property
     def _stretches(self) -> dict[int, Floats]:

@@ -18,7 +18,7 @@ from analysis.inference import Fitted, TrialEffect
 from analysis.shot import Progress, Stop
 
 _SAME = 0.05  # of a law's size: an effect that differs by less, to first order, may be the law itself
-_WHAT = "one law in the place of effects"
+_STEP = "one law in the place of effects"  # of a diagnosis, named where there was no time for it
 _HALF = 0.5  # of a diagnosis, as its progress shows it: the rest may follow
 
 
@@ -37,7 +37,7 @@ class SingleLaw:
         """Get the free curves that the law may have, the likeliest first."""
         if len(self.start.problem.data.shots) < 2 or not self.held:
             return []
-        return self.limit.within(_WHAT, lambda: free_curves(self.start, self._tell_half, self.limit), [])
+        return self.limit.within(_STEP, lambda: free_curves(self.start, self._tell_half, self.limit), [])
 
     @cached_property
     def found(self) -> Discovery | None:
@@ -46,16 +46,18 @@ class SingleLaw:
         def learned() -> Discovery | None:
             return learn_law(self.start, self.held, self._tell_half, self.limit, curves=self.curves)
 
-        return self.limit.within(_WHAT, learned, None) if self.curves else None
+        return self.limit.within(_STEP, learned, None) if self.curves else None
 
     def _tell_half(self, what: str, _fraction: float) -> None:
         self.tell(what, _HALF)
 
     def or_two_may_reach(self, beat: float) -> bool:
         """Return whether this law, or two laws in its place, may come below the criterion ``beat``."""
-        if not self.curves or forms_may_reach(beat, self.curves, self.start):
-            return bool(self.curves)
-        two = self.limit.within(_WHAT, lambda: two_curves(self.start, self.limit, beat=beat), None)
+        if not self.curves:
+            return False
+        if forms_may_reach(beat, self.curves, self.start):
+            return True
+        two = self.limit.within(_STEP, lambda: two_curves(self.start, self.limit, beat=beat), None)
         return two is not None and forms_may_reach(beat, [two], self.start)
 
     def replaces_effects(self, best: Fitted, catalogue: Sequence[TrialEffect]) -> bool:

@@ -27,12 +27,13 @@ from analysis.shot import AnalysisError
 class Branch:
     """One noise, and what has been found under it so far.
 
-    ``law`` is the one law that may stand in the place of all effects; ``named`` the explanation with the effects that
-    pass their gates, ``complete`` the same with learned laws.
+    ``law`` is the one law that may stand in the place of all effects, and whether it was tried; ``named`` the
+    explanation with the effects that pass their gates, ``complete`` the same with learned laws.
     """
 
     searched: Searched
     law: SingleLaw
+    law_was_tried: bool = False
     named: Explanation | None = None
     complete: Explanation | None = None
 
@@ -70,7 +71,6 @@ class BestFirst:
         )
         self._in_building: Branch | None = None
         self._at_rest: Branch | None = None
-        self._law_was_tried = False
         self._answer: Explanation | None = None
 
     def explanation(self) -> Explanation:
@@ -97,15 +97,17 @@ class BestFirst:
             if not building.leaves_something and building.named is None:
                 return partial(self._name, building)
             named = building.named
-            if named is not None and named.explained and not self._search.likelier_without_site(building.searched):
+            if named is not None and named.explained and not self._search.likelier_without_site(building.searched.best):
                 return partial(self._end_with, named)
             if self._question.limit():
                 return partial(self._complete, building)
+            if building.leaves_something and not building.law_was_tried:
+                return partial(self._try_one_law_instead, building, building)
         if rest is None:
             return self._search_at_rest
         likelier = rest if building is None or rest.is_likelier_than(building) else building
-        if likelier.leaves_something and not self._law_was_tried:
-            return partial(self._try_one_law_instead, likelier)
+        if likelier.leaves_something and not rest.law_was_tried:
+            return partial(self._try_one_law_instead, rest, likelier)
         if likelier is rest:
             return partial(self._complete, rest)
         assert building is not None
@@ -131,19 +133,25 @@ class BestFirst:
         searched = self._search.under(None, most=most)
         self._at_rest = Branch(searched, self._question.one_law_beside(searched.trail.start))
 
-    def _try_one_law_instead(self, likelier: Branch) -> None:
-        """Ask whether one law explains all where effects do not; two effects that hide each other are tried first."""
-        self._law_was_tried = True
-        rest = self._at_rest
-        assert rest is not None
-        if not rest.law.replaces_effects(likelier.searched.best, self._question.catalogue):
+    def _try_one_law_instead(self, branch: Branch, likelier: Branch) -> None:
+        """Ask whether one law of a branch explains all where the effects of the likelier branch do not.
+
+        Two effects that hide each other are tried first.
+        """
+        branch.law_was_tried = True
+        law = branch.law
+        if not law.replaces_effects(likelier.searched.best, self._question.catalogue):
             return
         with_pairs = likelier.searched.with_pairs()
         if with_pairs is not likelier.searched:
             likelier.searched, likelier.named = with_pairs, None
-        fine = partial(at_full_rate, rest.searched.best, rest.searched.trail, self._question.motions)
-        if rest.law.is_likelier_than(likelier.searched.best) and fine() is None:
-            self._answer = explain_with_laws(self._question, self._without_effects(rest), rest.law)
+        found = law.found
+        if found is None or not law.is_likelier_than(likelier.searched.best):
+            return
+        if branch is self._in_building and self._search.likelier_without_site(found.fitted):
+            return
+        if at_full_rate(branch.searched.best, branch.searched.trail, self._question.motions) is None:
+            self._answer = explain_with_laws(self._question, self._without_effects(branch), law)
 
     def _name(self, branch: Branch) -> None:
         """Name the effects that pass their gates; a ripple of the light is looked for at the record's own rate."""

@@ -18,7 +18,7 @@ from analysis.collision import Argument, Infeasible, graded_basis
 from analysis.compiled import side_by_side
 from analysis.diagnosis.learning.curve_motion import Ground, Motions, Term, displacements, motions
 from analysis.diagnosis.learning.curve_step import damped, penalised_step
-from analysis.inference import Problem, white_floor
+from analysis.inference import Fitted, Floor, Problem, white_floor
 from analysis.shot import Cancelled, Stop
 
 Floats = NDArray[np.float64]
@@ -91,9 +91,7 @@ def screen(ground: Ground, argument: Argument, pieces: int, stop: Stop, *, steps
     low, high = ground.visited(argument)
     basis = graded_basis(low, high, pieces)
     term = Term(argument, basis, np.zeros(basis.count))
-    left = np.concatenate([r[s.valid] for r, s in zip(start.residual_m, start.problem.data.shots, strict=True)])
-    rough = white_floor(float(np.sqrt(np.mean(left**2))), start.noise.spacing_s)
-    problem = start.problem.with_noise(rough)
+    problem = start.problem.with_noise(_rough_noise(start))
     return _fitted(problem, start.z, (term,), stop, steps, ground.beside(term), to_the_end=False)
 
 
@@ -104,9 +102,8 @@ def likeliest_pairs(ground: Ground, arguments: Sequence[Argument], pieces: int, 
     squares: the 55 pairs of eleven arguments are some seconds.
     """
     start = ground.fitted
-    shots, size = start.problem.data.shots, start.z.size
-    left = np.concatenate([r[s.valid] for r, s in zip(start.residual_m, shots, strict=True)])
-    rough = start.problem.with_noise(white_floor(float(np.sqrt(np.mean(left**2))), start.noise.spacing_s))
+    size = start.z.size
+    rough = start.problem.with_noise(_rough_noise(start))
 
     def columns(argument: Argument) -> tuple[Term, Floats] | None:
         try:
@@ -136,6 +133,17 @@ def likeliest_pairs(ground: Ground, arguments: Sequence[Argument], pieces: int, 
 
     pairs = side_by_side(judged, itertools.combinations(range(len(known)), 2))
     return [both for _, both in sorted(pairs, key=lambda one: one[0])]
+
+
+def _rough_noise(start: Fitted) -> Floor:
+    """Return the noise under which curves are first laid on what a fit leaves.
+
+    White noise as strong as all that is left; on a moving frame, whose motion is more than that, what the flights show.
+    """
+    if start.problem.data.site is not None:
+        return start.unlearned_noise
+    left = np.concatenate([r[s.valid] for r, s in zip(start.residual_m, start.problem.data.shots, strict=True)])
+    return white_floor(float(np.sqrt(np.mean(left**2))), start.noise.spacing_s)
 
 
 def refine(learned: Learned, pieces: int, stop: Stop, *, steps: int) -> Learned:

@@ -111,13 +111,12 @@ class Search:
         added = len(trail.added(best))
         return Searched(best, trail, catalogue, CRITERIA.most_effects - added if added >= most else 0)
 
-    def likelier_without_site(self, searched: Searched) -> bool:
+    def likelier_without_site(self, best: Fitted) -> bool:
         """Return whether the shots are likelier with no building, their effects the same: one more fit.
 
         An effect that bends flights is read as a building.  The building's strengths, learnt with a base model that
         lacks the effect, are badly known, and a fit may end with the touch wrong by ten times the noise.
         """
-        best = searched.best
         if not best.effects:
             return False
         data = joint_data(self.motions, self.given, None)

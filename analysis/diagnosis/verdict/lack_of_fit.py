@@ -66,7 +66,7 @@ def colour(white: Sequence[Floats]) -> float:
 def gain(fitted: Fitted, at: Linearised, shapes: Arrow) -> tuple[float, int, Floor]:
     """Return twice the gain in log-likelihood of ``shapes`` (averaged, in m), and how many they really are.
 
-    And the floor that is left beside them.
+    And the noise that is left beside them: learnt anew, on a moving frame that of ``at``, which the flights show.
     """
     whitened = shapes.whitened(fitted.problem.data.shots, at.noise)
     projected = at.basis.projected_columns(whitened)
@@ -74,6 +74,8 @@ def gain(fitted: Fitted, at: Linearised, shapes: Arrow) -> tuple[float, int, Flo
     if not new:
         return 0.0, 0, fitted.noise
     numbers = projected.solve(at.left)
+    if fitted.problem.data.site is not None:
+        return float(numbers @ whitened.pull(at.left)), new, at.noise
     moves = at.tangents.solve(at.whole - whitened.along(numbers))
     both = zip(at.lines, at.tangents.places, shapes.blocks, shapes.places, strict=True)
     taken = [tangent @ moves[of_fit] + shape @ numbers[of_shape] for (_, tangent), of_fit, shape, of_shape in both]

@@ -12,7 +12,6 @@ from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.least_squares import Hopeless, Minimum, minimise
 from analysis.inference.fit.weighed_model import AtVector, WeighedModel
 from analysis.inference.noise import site_strengths
-from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor, learn
 from analysis.inference.noise.site_strengths import Likely, over_likely
 from analysis.inference.screen import screening
@@ -40,8 +39,7 @@ class Problem(WeighedModel):
         """
         if self.data.site is None:
             return self
-        start = noise_of_flights(self.data.shots, self.data.site)[0]
-        return self.with_noise(self.learn_noise(self.residual_m(z), start)[0])
+        return self.with_noise(self.learn_noise(self.residual_m(z), self.data.noise_of_flights)[0])
 
     def learn_noise(
         self, residual_m: Sequence[Floats], start: Floor | None = None, *, anew: bool = False
@@ -206,6 +204,11 @@ class Fitted(AtVector):
     def bic(self) -> float:
         """Get the Bayesian information criterion (Schwarz 1978): k ln n - 2 ln L; smaller is better."""
         return self.problem.size * math.log(self.samples) - 2 * self.log_likelihood
+
+    @property
+    def unlearned_noise(self) -> Floor:
+        """Get a noise that has not absorbed what the model lacks: on a moving frame the flights' own, else white."""
+        return self.noise.still if self.problem.data.site is None else self.problem.data.noise_of_flights
 
     def linearise(self, near: Projector | None = None) -> Linearised:
         """Return the problem linearised at the minimum; ``near`` as in ``Problem.linearise``."""

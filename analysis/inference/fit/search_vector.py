@@ -16,6 +16,7 @@ from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.response import Model
 from analysis.inference.fit.samples import Samples
 from analysis.inference.fit.situation import Optics, Values
+from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor, white_by_differences, white_floor
 from analysis.inference.noise.site import Site
 from analysis.inference.screen.first_order import Shot
@@ -26,7 +27,7 @@ Floats = NDArray[np.float64]
 _SAMPLES = 100  # at least, to learn a noise from
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class JointData:
     """The shots that are fitted together, the base model, and how many wandering parts their noise may have.
 
@@ -53,6 +54,11 @@ class JointData:
     def left_m(self, displacement_m: Iterable[Floats]) -> tuple[Floats, ...]:
         """Return measured minus model displacement, averaged, one array for each shot."""
         return tuple(shot.left_m(x) for shot, x in zip(self.shots, displacement_m, strict=True))
+
+    @cached_property
+    def noise_of_flights(self) -> Floor:
+        """Get the noise that the quiet flights show, the frame as strong as they were read."""
+        return noise_of_flights(self.shots, self.site)[0]
 
     @property
     def stated_noise(self) -> Floor:

@@ -1,12 +1,11 @@
 from . import general
-from .acting import active_effects, chain_matrix, chain_rules
+from .acting import Active, FastestRates, active_effects, chain_matrix, chain_rules, fastest_rates
 from .effects import CATALOGUE, MOST_AT_ONCE, NUISANCES, WIDER, effects_named, findings, named, sensors
 from .effects.kernel import TOUCHING, V, X, address, complex_address
 from .effects.row import Acts, Effect, Parameter, Sensed
-from .exact import Trajectory, solve
 from .first_order import along, steps_for
 from .gear import simulate
-from .general import Event, EventLog, TooManyEvents, UnboundedMotion
+from .general import Event, EventLog, TooManyEvents, Trajectory, UnboundedMotion, solve
 from .laws.arguments import ARGUMENTS, Argument
 from .laws.curve import Basis, Curve, graded_basis, visited_range
 from .laws.forms import FORMS, Form
@@ -14,7 +13,6 @@ from .laws.functions import FUNCTIONS
 from .laws.own import MOST_PARAMETERS, LawError, OwnLaw, from_mapping, known_effect
 from .linearisation import LinearPath, linear_path
 from .parameters import PAPER, Collision, Floats, Infeasible, Variant
-from .slots import Active, FastestRates, fastest_rates
 
 __all__ = [
     "ARGUMENTS",

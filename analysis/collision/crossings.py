@@ -3,7 +3,7 @@
 ``reach`` is the stepper's function that writes the state some time after the beginning of the step to ``there``.
 """
 
-from analysis.collision.guards import VELOCITY, guard, guard_rate, may_touch
+from analysis.collision.modes import VELOCITY, guard, guard_rate, may_touch
 from analysis.collision.rates import rates
 from analysis.compiled import part
 

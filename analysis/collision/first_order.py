@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from analysis.collision.acting import function_of
 from analysis.collision.effects.kernel import FORCE, MASS, ON_BLOCK, ON_PLATE, OUTPUTS, PAIR, STATES, V, X, address
 from analysis.collision.effects.row import Acts, Effect
 from analysis.collision.linear_coefficients import (
@@ -26,7 +27,6 @@ from analysis.collision.linear_coefficients import (
 from analysis.collision.linearisation import LinearPath
 from analysis.collision.parameters import Collision, Floats
 from analysis.collision.path_matrices import INPUTS
-from analysis.collision.slots import function_of
 from analysis.compiled import by_address, cut, cut_integers, kernel, part
 
 _PROBED = 16  # points along the trajectory at which the linearity of an effect's function is checked

@@ -1,7 +1,7 @@
 """The paper's own integrator: Gear's predictor-corrector of fifth order at a fixed step (Eq. 5-8), as printed.
 
 It does not locate contact events: the force switches on and off between two steps, which limits its accuracy to about
-one step.  ``exact`` solves the same model without that error.
+one step.  ``general`` solves the same model without that error.
 """
 
 from dataclasses import dataclass

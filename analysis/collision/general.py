@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision import march
+from analysis.collision.acting import Active as Active
+from analysis.collision.acting import FastestRates, fastest_rates, lay_out
+from analysis.collision.acting import direction as direction
 from analysis.collision.modes import CONTACT, FREE, NEAR_0, OVERLAPPED, PARTING
 from analysis.collision.parameters import Collision, Floats
-from analysis.collision.slots import Active as Active
-from analysis.collision.slots import FastestRates, fastest_rates, lay_out
-from analysis.collision.slots import direction as direction
 from analysis.collision.system import MAX_EVENTS, Record, System
 
 _BASE_STEP = 0.14  # phase step, in rad, of the fastest oscillation of block, contact and plate: error 1e-12
@@ -42,12 +42,13 @@ class TooManyEvents(ArithmeticError):
 
 
 @dataclass(frozen=True, slots=True)
-class GeneralRun:
-    """A solved collision with mechanical effects, arrays of shape (n,); time zero is the first touch.
+class Trajectory:
+    """A solved collision, arrays of shape (n,); time zero is the first touch.
 
     ``displacement_derivatives`` has shape (n, k), by the requested ``directions``.
     """
 
+    collision: Collision
     time_s: Floats
     displacement_m: Floats
     velocity_m_per_s: Floats
@@ -59,13 +60,24 @@ class GeneralRun:
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """Get the changes of mode, in order."""
+        """Get the changes of mode, in order, as ``EventLog.events``."""
         return self.log.events
 
     @property
     def gap_m(self) -> Floats:
         """Get the gap between block and contact point; negative: overlap."""
         return self.displacement_m - self.contact_point_m
+
+    @property
+    def force_n(self) -> Floats:
+        """Get the contact force on the block without effects (Eq. 9; zero where the bodies are apart)."""
+        c, events = self.collision, self.events
+        rate = self.plate_velocity_m_per_s - self.velocity_m_per_s
+        index = np.searchsorted([event.time_s for event in events], self.time_s, side="right") - 1
+        touching = np.array([event.kind != "release" for event in events])[index] & (index >= 0)
+        damped = np.array([event.kind in ("touch", "damping_on") for event in events])[index]
+        force = np.where(damped, c.contact_damping_n_s_per_m * rate, 0.0) - c.contact_stiffness_n_per_m * self.gap_m
+        return np.where(touching, force, 0.0)
 
     @property
     def released(self) -> Event | None:
@@ -86,8 +98,8 @@ class EventLog:
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """Get all of them, in order."""
-        return tuple(map(self._event, range(len(self.kinds))))
+        """Get all of them in order, without the end of an overlap that lasts beyond the release."""
+        return tuple(self._event(place) for place, kind in enumerate(self.kinds) if kind != "apart")
 
     def _event(self, place: int) -> Event:
         record, numbers = self.record, self.numbers
@@ -121,7 +133,7 @@ def solve(
     stride: float = 1.0,
     block: int = 1,
     rates: FastestRates | None = None,
-) -> GeneralRun:
+) -> Trajectory:
     """Solve ``collision`` with mechanical ``effects`` at ``time_s``, shape (n,), ascending.
 
     ``directions`` are indices into ``parameters.kernel_order`` (0 to 6; not the block's mass, 7) and
@@ -140,7 +152,8 @@ def solve(
     states, d_x = averaged(record.states, left), averaged(record.d_x, left)
     kinds = tuple(map(_kind, record.event_kind[:count].tolist()))
     x, v, y, u, point = states[:, :5].T
-    return GeneralRun(averaged(record.times, block), x, v, y, u, point, d_x, EventLog(kinds, record, system.numbers))
+    log = EventLog(kinds, record, system.numbers)
+    return Trajectory(collision, averaged(record.times, block), x, v, y, u, point, d_x, log)
 
 
 @dataclass(frozen=True, slots=True)

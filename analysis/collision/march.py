@@ -16,10 +16,27 @@ Within a mode a stepper solves the motion: ``propagator`` (closed form, if the e
 import math
 
 from analysis.collision import propagator, runge_kutta
-from analysis.collision.beginning import after_start, start
 from analysis.collision.crossings import first_crossing
-from analysis.collision.guards import FORCE, OVERLAP, OVERLAP_RATE, RANGE_0, VELOCITY, expected_signs, guard_derivative
-from analysis.collision.modes import CONTACT, FREE, NEAR_0, OVERLAPPED, PARTING, PHASE, PLATE, SIGN, set_phase
+from analysis.collision.modes import (
+    CONTACT,
+    FORCE,
+    FREE,
+    INSIDE,
+    NEAR_0,
+    OVERLAP,
+    OVERLAP_RATE,
+    OVERLAPPED,
+    PARTING,
+    PHASE,
+    PLATE,
+    RANGE_0,
+    SIGN,
+    VELOCITY,
+    expected_signs,
+    guard_derivative,
+    range_at,
+    set_phase,
+)
 from analysis.collision.rates import rates
 from analysis.collision.system import (
     AWAY,
@@ -29,6 +46,8 @@ from analysis.collision.system import (
     LEFT_AT,
     MAX_EVENTS,
     RANGE_AT,
+    RATE_AT,
+    RIDES,
     STEPS_A_SAMPLE,
     STEPS_IN_ALL,
     STEPS_LEFT,
@@ -107,6 +126,74 @@ def _note(event, kind, motion, record):  # type: ignore[no-untyped-def]
 
 
 @part
+def _start(system, motion, forward):  # type: ignore[no-untyped-def]
+    """Write state and mode at which the two bodies begin to act on each other; return the block's inertia in kg.
+
+    That is the first touch, at time zero, or the edge of the longest range of an effect, earlier by the time in which
+    the block would reach the plate with its velocity there ("velocity in").
+    """
+    p, slots, which = system.p, system.slots, system.which
+    here, aside, mode = motion.here, motion.aside, motion.mode
+    rows, size = which.size + 1, here.z.shape[1]
+    edge, attracts = 0.0, -1
+    for slot in range(slots.shape[0]):
+        if slots[slot, RANGE_AT] >= 0.0 and p[range_at(slot, slots)] > edge:
+            edge, attracts = p[range_at(slot, slots)], slot
+    for j in range(rows):
+        for c in range(size):
+            here.z[j, c] = 0.0
+    here.z[0, 0], here.z[0, 1], here.z[0, 2], here.z[0, 3] = p[5] + edge, p[4], p[5], p[6]
+    motion.clock[TIME] = motion.clock[LEFT_AT] = edge / p[4]
+    for j in range(1, rows):
+        by = which[j - 1]
+        here.z[j, 0] = 1.0 if by == 5 or (attracts >= 0 and by == range_at(attracts, slots)) else 0.0
+        here.z[j, 1] = 1.0 if by == 4 else 0.0
+        here.z[j, 2] = 1.0 if by == 5 else 0.0
+        here.z[j, 3] = 1.0 if by == 6 else 0.0
+    for slot in range(slots.shape[0]):
+        if slots[slot, RIDES] > 0.5:
+            for j in range(rows):
+                here.z[j, 4 + 2 * slot], here.z[j, 5 + 2 * slot] = here.z[j, 0], here.z[j, 1]
+        if forward and slots[slot, RATE_AT] >= 0.0:
+            here.z[0, 5 + 2 * slot] = p[int(slots[slot, RATE_AT])]
+            for j in range(1, rows):
+                here.z[j, 5 + 2 * slot] = 1.0 if which[j - 1] == int(slots[slot, RATE_AT]) else 0.0
+    for c in range(mode.size):
+        mode[c] = 0.0
+    mode[SIGN] = -1.0
+    set_phase(FREE, mode)
+    if forward:
+        mode[PLATE] = mode[INSIDE] = 1.0
+        if attracts < 0:
+            set_phase(CONTACT, mode)
+        for slot in range(slots.shape[0]):
+            if slots[slot, RANGE_AT] >= 0.0 and p[range_at(slot, slots)] >= edge:
+                mode[NEAR_0 + slot] = 1.0
+    for c in range(size):
+        aside.z[0, c] = here.z[0, c]
+    inertia = rates(aside, rows - rows + 1, which, system, mode)
+    for j in range(1, rows if attracts >= 0 else 1):  # the time at the edge depends on range and velocity
+        by = which[j - 1]
+        moved = -edge / p[4] ** 2 if by == 4 else (1.0 / p[4] if by == range_at(attracts, slots) else 0.0)
+        for c in range(size):
+            here.z[j, c] -= aside.f[0, c] * moved
+    return inertia
+
+
+@part
+def _after_start(record, system):  # type: ignore[no-untyped-def]
+    """Return the first sample after the time at which the solution begins."""
+    edge = 0.0
+    for slot in range(system.slots.shape[0]):
+        if system.slots[slot, RANGE_AT] >= 0.0:
+            edge = max(edge, system.p[range_at(slot, system.slots)])
+    begins, split = edge / system.p[4], 0
+    while split < record.times.size and record.times[split] <= begins:
+        split += 1
+    return split
+
+
+@part
 def march(arm, run, reach, show, stepper, system, motion, record):  # type: ignore[no-untyped-def]
     """Solve from the time at which the bodies begin to act on each other back to the first sample, then to the last.
 
@@ -114,12 +201,12 @@ def march(arm, run, reach, show, stepper, system, motion, record):  # type: igno
     """
     here, there, rows = motion.here, motion.there, system.which.size + 1
     samples = record.block * (record.times.size // record.block)
-    split = min(after_start(record, system), samples)
+    split = min(_after_start(record, system), samples)
     events = 0
     motion.clock[STEPS_LEFT] = STEPS_IN_ALL + STEPS_A_SAMPLE * samples
     for way in range(0 if split > 0 else 1, 2):
         forward = way == 1
-        if not start(system, motion, record, forward) > 0.0:  # the hidden mass exceeds that of the block
+        if not _start(system, motion, forward) > 0.0:  # the hidden mass exceeds that of the block
             return RUNS_AWAY
         if forward and motion.mode[PHASE] == CONTACT:
             for j in range(1, rows):

@@ -6,8 +6,7 @@ are the state and its derivatives by the parameters, S' = A S + (dA/dtheta) s.
 
 from typing import NamedTuple
 
-from analysis.collision.guards import OVERLAP, RANGE_0, VELOCITY, range_at
-from analysis.collision.modes import PLATE
+from analysis.collision.modes import OVERLAP, PLATE, RANGE_0, VELOCITY, range_at
 from analysis.collision.rates import rates
 from analysis.collision.system import RANGE_AT, Floats
 from analysis.compiled import cut, inlined, part

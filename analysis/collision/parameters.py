@@ -61,18 +61,7 @@ class Collision:
     @property
     def vector(self) -> Floats:
         """Get the parameters as the kernels take them (order of ``kernel_order``), shape (8,)."""
-        return np.array(
-            [
-                self.plate_stiffness_n_per_m,
-                self.plate_mass_kg,
-                self.contact_stiffness_n_per_m,
-                self.contact_damping_n_s_per_m,
-                self.velocity_in_m_per_s,
-                self.plate_displacement_m,
-                self.plate_velocity_m_per_s,
-                self.block_mass_kg,
-            ]
-        )
+        return np.array([getattr(self, name) for name in kernel_order])
 
     def at_speed(self, velocity_in_m_per_s: float) -> "Collision":
         """Return the same collision at another velocity."""

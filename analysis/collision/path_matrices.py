@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from analysis.collision.effects.kernel import NEAR, STATES, Q, W
-from analysis.collision.guards import guard_derivative
+from analysis.collision.modes import guard_derivative
 from analysis.collision.parameters import Floats
 from analysis.collision.rates import rates
 from analysis.collision.system import Integers, state_of

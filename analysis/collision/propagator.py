@@ -11,7 +11,6 @@ import math
 from typing import NamedTuple
 
 from analysis.collision.exponentials import along, exponential, repeat, series, show_mean, step, step_alone
-from analysis.collision.guards import OVERLAP, RANGE_0, VELOCITY, may_touch
 from analysis.collision.matrices import (
     SLOW,
     STEP_S,
@@ -25,7 +24,18 @@ from analysis.collision.matrices import (
     linearise,
     room_of,
 )
-from analysis.collision.modes import FREE, NEAR_0, PHASE, PLATE, is_gone, may_be_gone
+from analysis.collision.modes import (
+    FREE,
+    NEAR_0,
+    OVERLAP,
+    PHASE,
+    PLATE,
+    RANGE_0,
+    VELOCITY,
+    is_gone,
+    may_be_gone,
+    may_touch,
+)
 from analysis.collision.rates import rates
 from analysis.collision.system import (
     AT_A_GUARD,

@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.guards import guard, guard_rate, may_touch
-from analysis.collision.modes import FREE, PHASE, PLATE, is_gone, may_be_gone
+from analysis.collision.modes import FREE, PHASE, PLATE, guard, guard_rate, is_gone, may_be_gone, may_touch
 from analysis.collision.rates import derivative_rates, rates, state_rates
 from analysis.collision.system import (
     AT_A_GUARD,

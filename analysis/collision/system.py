@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects.kernel import OUTPUTS, STATES
 from analysis.compiled import cut, part
 
 Floats = NDArray[np.float64]
@@ -99,12 +98,6 @@ class Record(NamedTuple):
     event_mode: Floats
     event_d_time: Floats
     event_d_state: Floats
-
-
-def system_of(p: Floats, slots: Floats, functions: Integers, which: Integers, variant: int, numbers: int) -> System:
-    """Return a system with arrays for the inputs and outputs of its effects."""
-    room = np.zeros(STATES + OUTPUTS)
-    return System(p, slots, functions, which, variant, numbers, room, p.astype(complex), room.astype(complex))
 
 
 @part

@@ -1,8 +1,7 @@
 """Steps two bodies without hidden states from sample to sample, with the propagator in registers (kernels)."""
 
-from analysis.collision.guards import OVERLAP, VELOCITY
 from analysis.collision.matrices import STEP_S
-from analysis.collision.modes import may_be_gone
+from analysis.collision.modes import OVERLAP, VELOCITY, may_be_gone
 from analysis.compiled import inlined, part
 
 

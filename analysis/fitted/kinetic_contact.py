@@ -85,7 +85,7 @@ def _first_release(collision: Collision, *, derivatives: bool) -> Event | None:
     # a bounce on the contact's spring ends long before the swing on the plate's spring, if there is one
     bounce = _PERIODS * (period + 5.0 * relaxation)
     for reach in (bounce, 1.1 * collision.contact_time_estimate_s):
-        run = solve(collision, np.array([0.0, reach]), derivatives=derivatives)
+        run = solve(collision, (), np.array([0.0, reach]), directions=range(7) if derivatives else ())
         release = next((event for event in run.events if event.kind == "release"), None)
         if release is not None or bounce > 1.1 * collision.contact_time_estimate_s:
             return release

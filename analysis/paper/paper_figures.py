@@ -107,7 +107,7 @@ class _Course:
 
 def _simulated(collision: Collision) -> _Course:
     time = np.arange(-MARGIN_S, 1.03 * collision.contact_time_estimate_s + MARGIN_S, _STEP_S)
-    run = solve(collision, time)
+    run = solve(collision, (), time)
     return _Course(
         time_ms=time * 1e3,
         velocity_m_per_s=run.velocity_m_per_s,

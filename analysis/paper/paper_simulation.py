@@ -54,7 +54,7 @@ def simulate(collision: Collision) -> Simulated:
     """
     span = collision.contact_time_estimate_s
     time = np.arange(0.0, 2.0 * span, _GRID_S)
-    run = solve(collision, time)
+    run = solve(collision, (), time)
     if run.released is None:
         raise ValueError("the simulated block does not leave the plate again")
     on = tuple(e.time_s for e in run.events if e.kind == "touch")
@@ -126,7 +126,7 @@ def _smooth_width(collision: Collision, contact_s: float, cutoff_hz: float) -> f
 
     rate = 1e5
     time = np.arange(-2.0 * contact_s, 3.0 * contact_s, 1.0 / rate)
-    force = solve(collision, time).force_n
+    force = solve(collision, (), time).force_n
     smooth = np.asarray(sosfiltfilt(butter(2, cutoff_hz, fs=rate, output="sos"), force))
     return _outermost_width(time, smooth, float(smooth.max()) / 2.0)
 

@@ -48,7 +48,7 @@ def responses(collision: Collision, at_s: Floats, omega: Floats) -> tuple[Comple
     """
     out: Complex = np.zeros((at_s.size, omega.size), dtype=np.complex128)
     try:
-        events = solve(collision, np.array([0.0, max(float(at_s[-1]), 1e-9)])).events
+        events = solve(collision, (), np.array([0.0, max(float(at_s[-1]), 1e-9)])).events
     except (TooManyEvents, UnboundedMotion) as why:
         raise Infeasible(str(why)) from why
     before = np.flatnonzero(at_s <= 0)

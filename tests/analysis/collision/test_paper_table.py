@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.collision.exact import solve
 from analysis.collision.gear import simulate
+from analysis.collision.general import solve
 from analysis.collision.parameters import PAPER, Variant
 
 ONSETS_S = [0.0, 1.56573968e-3, 2.34904083e-3]
@@ -15,7 +15,7 @@ RELEASES_S = [0.45318387e-3, 2.16218652e-3, 28.70771255e-3]
 
 
 def test_events_and_outgoing_velocity() -> None:
-    run = solve(PAPER, np.array([0.06]))
+    run = solve(PAPER, (), np.array([0.06]))
     onsets = [e.time_s for e in run.events if e.kind == "touch"]
     releases = [e.time_s for e in run.events if e.kind == "release"]
     assert onsets == pytest.approx(ONSETS_S, abs=1e-11)
@@ -26,7 +26,7 @@ def test_events_and_outgoing_velocity() -> None:
 
 def test_peak_force_and_deflection() -> None:
     time_s = np.arange(0.0, 0.03, 1e-7)
-    run = solve(PAPER, time_s)
+    run = solve(PAPER, (), time_s)
     peak = int(np.argmax(run.force_n))
     assert run.force_n[peak] == pytest.approx(0.511915, abs=5.1e-7)
     assert time_s[peak] == pytest.approx(14.3312e-3, abs=1e-7)
@@ -38,7 +38,7 @@ def test_peak_force_and_deflection() -> None:
 
 
 def test_clamped_variant() -> None:
-    run = solve(replace(PAPER, variant=Variant.CLAMPED), np.arange(0.0, 0.06, 1e-6))
+    run = solve(replace(PAPER, variant=Variant.CLAMPED), (), np.arange(0.0, 0.06, 1e-6))
     assert run.velocity_m_per_s[-1] == pytest.approx(0.261136, abs=6e-7)
     onsets = [e.time_s for e in run.events if e.kind == "touch"]
     assert onsets == pytest.approx([0.0, 1.737e-3, 2.792e-3, *onsets[3:]], abs=6e-7)
@@ -48,13 +48,13 @@ def test_clamped_variant() -> None:
 
 
 def test_no_tension_never_pulls() -> None:
-    run = solve(replace(PAPER, variant=Variant.NO_TENSION), np.arange(0.0, 0.06, 1e-5))
+    run = solve(replace(PAPER, variant=Variant.NO_TENSION), (), np.arange(0.0, 0.06, 1e-5))
     assert run.force_n.min() >= -1e-12
     assert [e.kind for e in run.events] == ["touch", "release"] * 3
 
 
 def test_gear_agrees_within_its_own_error() -> None:
-    exact = solve(PAPER, np.arange(4001) * 1e-5)
+    exact = solve(PAPER, (), np.arange(4001) * 1e-5)
     coarse = simulate(PAPER, 0.04, every=100)
     fine = simulate(PAPER, 0.04, step_s=2e-8, every=500)
     error = np.abs(coarse.velocity_m_per_s - exact.velocity_m_per_s).max()

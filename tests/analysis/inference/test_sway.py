@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.collision.exact import solve
+from analysis.collision.general import solve
 from analysis.collision.parameters import PAPER
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise.sway import STILL, plate_swing_std, responses
@@ -40,8 +40,8 @@ def test_the_sway_adds_what_the_two_bodies_make_of_it(frequency_hz: float) -> No
     rig[4:7] = float(run.states[at, slot.BLOCK_V]), x_p, v_p
     collision = with_vector(PAPER, rig)
     time_s = np.linspace(-0.006, 0.045, 400)
-    still = solve(collision, time_s).displacement_m
-    still += float(run.states[at, slot.BLOCK_X]) - solve(collision, np.zeros(1)).displacement_m[0]
+    still = solve(collision, (), time_s).displacement_m
+    still += float(run.states[at, slot.BLOCK_X]) - solve(collision, (), np.zeros(1)).displacement_m[0]
     unit, _ = responses(collision, time_s, np.array([omega]))
     sway = size * (unit[:, 0] * np.exp(1j * (omega * touch + 0.7))).imag
     left = run.block_m(touch + time_s) - still

@@ -1,9 +1,6 @@
-from .kernel_bundle import by_address
 from .kernel_cache import cache_folder, use_kernel_cache, whole_program
-from .kernel_parts import inlined, kernel, part
-from .kernel_room import cut, cut_integers
-from .triangles import solve_triangle
-from .two_threads import side_by_side
+from .kernel_parts import by_address, cut, cut_integers, inlined, kernel, part
+from .two_threads import side_by_side, solve_triangle
 
 __all__ = [
     "by_address",

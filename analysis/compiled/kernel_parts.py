@@ -1,17 +1,30 @@
-"""Functions that are compiled only as parts of the kernels that call them, which compiles three times faster.
+"""What the solver's kernels need beyond numba: parts compiled with their callers, arrays by address, work arrays.
 
 numba optimises every function that a kernel calls together with all its callees, turns it into machine code with
 wrappers for Python, and then does the same for the caller with everything once more.  A kernel of thirty functions,
 eight calls deep, takes a minute.  A part is only typed and turned into LLVM's intermediate code; the kernel is linked,
-optimised and turned into machine code once.
+optimised and turned into machine code once, which compiles three times faster.
+
+numba passes a NamedTuple by value, and every array in it as seven values or more: a call with four bundles of the
+solver has five hundred arguments, which take longer to compile and to pass than the work of the call.
+``by_address(bundle)`` has the same fields; a field is read from memory at every access, so loops copy their arrays into
+local variables first.
+
+Each allocation compiles for 0.25 s, so the work arrays of a kernel are cut from one array that Python passes in:
+``array, at = cut(room, at, shape)`` is the part of ``room`` (float64, one-dimensional) that begins at ``at``, and the
+position after it; ``cut_integers`` gives int64.  Nothing is set to zero, and the size of ``room`` is not checked.
 """
 
+import hashlib
 from typing import Any
 
-from numba import njit
+from llvmlite import ir
+from numba import njit, types
+from numba.core import cgutils
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase
 from numba.core.compiler_machinery import PassManager
+from numba.core.imputils import impl_ret_borrowed, lower_getattr_generic
 from numba.core.registry import CPUDispatcher
 from numba.core.typed_passes import (
     AnnotateTypes,
@@ -21,8 +34,14 @@ from numba.core.typed_passes import (
     NopythonTypeInference,
     PreLowerStripPhis,
 )
+from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.core.untyped_passes import FixupArgs, IRProcessing, ReconstructSSA, TranslateByteCode
+from numba.extending import intrinsic, models, register_model
+from numba.np.arrayobj import populate_array
 
+_unpacked: Any = cgutils.unpack_tuple
+_populated: Any = populate_array
+_BYTES = 8  # of a number
 # Neither allocates arrays, so reference counting is off: it would cost more than the arithmetic of an inner kernel.
 _PLAIN: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}
 _PART: dict[str, Any] = _PLAIN | {"nopython": True, "boundscheck": None, "no_cpython_wrapper": True}
@@ -95,3 +114,92 @@ class _NoEnvironment:
 
 
 _NO_ENVIRONMENT = _NoEnvironment()
+
+
+class BundleAddress(types.Type):
+    """The type of the address of a NamedTuple; a field that is a NamedTuple is an address too."""
+
+    def __init__(self, bundle: Any) -> None:
+        self.bundle = bundle  # its name is replaced by a digest, as names of types are part of all compiled code
+        digest = hashlib.sha256(bundle.name.encode()).hexdigest()[:12]
+        super().__init__(f"{bundle.instance_class.__name__}_{digest}")  # type: ignore[no-untyped-call]
+
+    def field(self, name: str) -> Any:
+        """Return the type of a field, None if there is no field of that name."""
+        if name not in self.bundle.fields:
+            return None
+        kind = self.bundle.types[self.bundle.fields.index(name)]
+        return BundleAddress(kind) if isinstance(kind, types.BaseNamedTuple) else kind
+
+
+@register_model(BundleAddress)
+class _Model(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, kind: BundleAddress) -> None:
+        super().__init__(manager, kind, manager.lookup(kind.bundle).get_value_type().as_pointer())  # type: ignore[no-untyped-call]
+
+
+@infer_getattr
+class _Fields(AttributeTemplate):  # type: ignore[misc]
+    key = BundleAddress
+
+    def generic_resolve(self, kind: BundleAddress, name: str) -> Any:  # type: ignore[override]
+        return kind.field(name)
+
+
+@lower_getattr_generic(BundleAddress)  # type: ignore[no-untyped-call]
+def _field(context: Any, builder: Any, kind: BundleAddress, address: Any, name: str) -> Any:
+    field = kind.field(name)
+    at = cgutils.gep_inbounds(builder, address, 0, kind.bundle.fields.index(name))  # type: ignore[no-untyped-call]
+    if isinstance(field, BundleAddress):
+        return at
+    return impl_ret_borrowed(context, builder, field, builder.load(at))  # type: ignore[no-untyped-call]
+
+
+def _by_address(_context: Any, bundle: Any) -> Any:
+    """Store a bundle on the stack of the calling kernel and return its address, valid until that kernel returns."""
+
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return cgutils.alloca_once_value(builder, arguments[0])  # type: ignore[no-untyped-call]
+
+    return BundleAddress(bundle)(bundle), generate
+
+
+by_address: Any = intrinsic(_by_address)
+
+
+def _cutting(kind: Any) -> Any:
+    def cut(_context: Any, room: Any, at: Any, shape: Any) -> Any:
+        array = types.Array(kind, len(shape), "C")  # type: ignore[no-untyped-call]
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            given, begin, extents = arguments
+            extents = [
+                context.cast(builder, extent, of, types.intp)
+                for extent, of in zip(_unpacked(builder, extents), shape, strict=True)
+            ]
+            strides: list[Any] = []
+            size = ir.Constant(ir.IntType(64), 1)
+            for extent in reversed(extents):
+                strides.insert(0, builder.mul(size, ir.Constant(ir.IntType(64), _BYTES)))
+                size = builder.mul(size, extent)
+            data = builder.gep(context.make_array(room)(context, builder, given).data, [begin])
+            out = context.make_array(array)(context, builder)
+            _populated(
+                out,
+                data=builder.bitcast(data, context.get_value_type(kind).as_pointer()),
+                shape=extents,
+                strides=strides,
+                itemsize=context.get_constant(types.intp, _BYTES),
+                meminfo=None,
+            )
+            both = (out._getvalue(), builder.add(begin, size))
+            return context.make_tuple(builder, signature.return_type, both)
+
+        both: Any = types.Tuple((array, types.intp))  # type: ignore[no-untyped-call]
+        return both(room, types.intp, shape), generate
+
+    return cut
+
+
+cut: Any = intrinsic(_cutting(types.float64))
+cut_integers: Any = intrinsic(_cutting(types.int64))

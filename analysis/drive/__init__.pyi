@@ -1,9 +1,16 @@
 from .bandwidth import force_noise
 from .catalogue import GAIN_ERROR, LAWS, laws_named
 from .curves import DriveCurves, drive_curves
-from .driven_fit import as_fit, chi2, filtered_noise_n, fit_driven, prediction_residual_n
+from .driven_fit import (
+    MassCheck,
+    as_fit,
+    check_mass,
+    chi2,
+    filtered_noise_n,
+    fit_driven,
+    prediction_residual_n,
+)
 from .law_search import LawSearch, Split, Trial, look_alikes, search_laws
-from .mass_check import MassCheck, check_mass
 from .regression import NonlinearValues, Regression, regress, rms
 from .repeatability import Repeatability, repeatability_of
 from .stretch import prepare

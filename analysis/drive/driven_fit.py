@@ -1,7 +1,8 @@
-"""Fit a driven slider: its mass, drag, offset and the effects asked for, as a ``Fit``."""
+"""Fit a driven slider, as a ``Fit``: mass, drag, offset, the effects asked for; compare its mass with that stated."""
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,15 +11,65 @@ from analysis.collision import Effect
 from analysis.drive.bandwidth import force_noise
 from analysis.drive.catalogue import laws_named
 from analysis.drive.law_search import fit_accepted
-from analysis.drive.mass_check import FLAG, MASS, MassCheck, check_mass
 from analysis.drive.regression import Regression, regress, rms
 from analysis.drive.repeatability import Repeatability, repeatability_of
 from analysis.drive.stretch import Stretch, low_pass, prepare
 from analysis.drive.table import Table
-from analysis.shot import Fit, Motion, Quantity, Stop
+from analysis.shot import AnalysisError, Fit, Motion, Quantity, Stop
 from analysis.signal import derivative_filters
 
 Floats = NDArray[np.float64]
+MASS = "moving_mass_kg"
+AGREE_SIGMAS = 4.0
+AGREE_SHARE = 0.02  # by so much a force's scale, or a law still missing, may change the fitted mass
+FLAG = "mass_disagrees"
+
+
+@dataclass(frozen=True, slots=True)
+class MassCheck:
+    """The stated mass and the mass fitted with it free, and whether they agree."""
+
+    stated: Quantity | None
+    fitted: Quantity
+    agrees: bool
+
+    @property
+    def fixed(self) -> dict[str, float]:
+        """Get the parameters that a fit takes as known: the stated mass where the fitted one agrees with it."""
+        return {MASS: self.stated.value} if self.stated is not None and self.agrees else {}
+
+    @property
+    def gain_error(self) -> Quantity | None:
+        """Get the fraction by which the force would be wrong if the stated mass were right."""
+        if self.stated is None:
+            return None
+        ratio = self.stated.value / self.fitted.value
+        spread = float(np.hypot(self.stated.std / self.stated.value, self.fitted.std / self.fitted.value))
+        return Quantity(ratio - 1.0, abs(ratio) * spread, "stated over fitted mass")
+
+
+def check_mass(motions: Sequence[Motion], found: Regression) -> MassCheck:
+    """Compare the stated masses with that of ``found``, a fit with the mass free.
+
+    Raises AnalysisError where the fitted mass is not positive or the records state different masses.
+    """
+    fitted = found.quantity(MASS)
+    if fitted.value <= 0.0:
+        if fitted.value < -AGREE_SIGMAS * fitted.std:
+            raise AnalysisError(
+                f"force and motion give a mass of {fitted} kg: the sign of force_n or of displacement_m is reversed"
+            )
+        raise AnalysisError(f"force and motion give a mass of {fitted} kg: the motion's acceleration does not weigh it")
+    masses = {m.moving_mass_kg: m.moving_mass_u_kg for m in motions if np.isfinite(m.moving_mass_kg)}
+    if not masses:
+        return MassCheck(None, fitted, True)
+    if len(masses) > 1:
+        listed = ", ".join(f"{mass:g}" for mass in sorted(masses))
+        raise AnalysisError(f"moving_mass_kg: {listed} are stated of one drive; records of one mass go together")
+    ((mass, spread),) = masses.items()
+    apart = abs(fitted.value - mass)
+    allowed = max(AGREE_SIGMAS * float(np.hypot(fitted.std, spread)), AGREE_SHARE * mass)
+    return MassCheck(Quantity(mass, spread, "stated"), fitted, apart <= allowed)
 
 
 def fit_driven(motions: Sequence[Motion], effects: Sequence[Effect | str] = (), stop: Stop = lambda: False) -> Fit:

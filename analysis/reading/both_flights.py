@@ -9,10 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reading.bins import Bins, binned, select
-from analysis.reading.flight import SHORTEST_CURVED_S, Flight
-from analysis.reading.floor_spectrum import FloorSpectrum
-from analysis.reading.octaves import Octaves, waves_of
+from analysis.reading.flight import SHORTEST_CURVED_S, Bins, Flight, binned, select
+from analysis.reading.floor_spectrum import FloorSpectrum, Octaves, waves_of
 from analysis.reading.strengths import FlightObservation
 from analysis.reading.vibration_lines import add_line, design_matrix, frequency_derivative, line_of, refined, wave_of
 from analysis.shot import Motion, VibrationLine

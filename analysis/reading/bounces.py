@@ -9,7 +9,7 @@ from analysis.reading.edges import Edge, edge_of_line, edges_of_short_flight
 from analysis.reading.flight import Flight, fit_flight
 from analysis.reading.floor_spectrum import FloorSpectrum
 from analysis.shot import Motion
-from analysis.signal import LEAST_NOISE_M, white_noise
+from analysis.signal import LEAST_NOISE_M, stretches, white_noise
 
 Floats = NDArray[np.float64]
 
@@ -59,11 +59,14 @@ def find_bounces(motion: Motion, touch: Edge, release: Edge, flight_in: Flight, 
         force, std = _local_force(motion, inside, noise)
         head = force[: max(4, force.size // 6)]
         free = np.abs(force) < max(FLIGHT_SIGMAS * std, FLIGHT_FRACTION * float(head.max()))
-        for first, last in _runs(free, shortest=SHORTEST_FLIGHT):
+        for first, stop in stretches(free):
+            last = stop - 1
+            if stop - first < SHORTEST_FLIGHT or stop == free.size:
+                continue
             if time[inside[first]] - onsets[-1].time_s < 3.0 / motion.sample_rate_hz:
                 continue  # the force has not risen yet
             lasts = (last - first) / motion.sample_rate_hz
-            bent = float(np.hypot(noise, floor.curve_std_m(BENT_OVER * lasts)))
+            bent = float(np.hypot(noise, floor.difference_std_m(BENT_OVER * lasts, 2)))
             level = float(np.hypot(noise, floor.end_std_m(lasts, 1)))
             edges = _flight_edges(motion, int(inside[first]), int(inside[last]), noise, level)
             if edges is not None and _is_flight(edges, releases, onsets, 1.0 / motion.sample_rate_hz):
@@ -122,14 +125,6 @@ def _local_force(motion: Motion, index: NDArray[np.intp], noise_std_m: float) ->
     return motion.moving_mass_kg * acceleration[index - low], std
 
 
-def _runs(mask: NDArray[np.bool_], shortest: int) -> list[tuple[int, int]]:
-    """Return first and last index of each run of True that is at least ``shortest`` long and ends inside."""
-    padded = np.concatenate([[False], mask, [False]]).astype(np.int8)
-    starts = np.flatnonzero(np.diff(padded) == 1)
-    ends = np.flatnonzero(np.diff(padded) == -1) - 1
-    return [(int(a), int(b)) for a, b in zip(starts, ends, strict=True) if b - a + 1 >= shortest and b < mask.size - 1]
-
-
 def _flight_edges(motion: Motion, first: int, last: int, noise_m: float, level_m: float) -> tuple[Edge, Edge] | None:
     """Return the release before and the onset after the flight about samples ``first`` to ``last``.
 
@@ -168,11 +163,7 @@ def _as_it_grazes(edges: tuple[Edge, Edge], first_contact_s: float) -> tuple[Edg
     if onset.time_s - release.time_s > GRAZES * first_contact_s:
         return edges
     unsure = GRAZING * first_contact_s
-    return _less_sure(release, unsure), _less_sure(onset, unsure)
-
-
-def _less_sure(edge: Edge, std_s: float) -> Edge:
-    return Edge(edge.time_s, float(np.hypot(edge.std_s, std_s)))
+    return release.less_sure(unsure), onset.less_sure(unsure)
 
 
 def _peaks(

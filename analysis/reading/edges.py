@@ -36,6 +36,10 @@ class Edge:
     time_s: float
     std_s: float
 
+    def less_sure(self, std_s: float) -> "Edge":
+        """Return the edge with a further, independent standard uncertainty."""
+        return Edge(self.time_s, float(np.hypot(self.std_s, std_s)))
+
 
 def edge_of_flight(
     motion: Motion, flight: tuple[int, int], coarse: int, *, until: int, depth_m: float, guard_s: float
@@ -72,15 +76,10 @@ def edge_of_flight(
     most = SHAPED_SIGMAS * std
     if into:
         most = max(2.0 * CLEAR_SIGMAS * std, min(most, SHAPED_DEPTH * depth_m))
-    edge = _edge_in(motion, window, departure, (std, most, omega), sign, bend)
-    if edge is None:
+    found = _edge_with_error(motion, window, departure, (std, most, omega), sign, bend)
+    if found is None:
         return None
-    # systematic error of the series and of the line: the edge by a shorter departure and by a more curved line
-    others = (
-        _edge_in(motion, window, departure, (std, most / 3.0, omega), sign, bend),
-        _edge_in(motion, window, departure, (std, most, omega), sign, bend + 1),
-    )
-    apart = max((abs(edge.time_s - other.time_s) for other in others if other is not None), default=0.0)
+    edge, apart = found
     late_s = 0.0
     if into:
         late_s = _later(u - (edge.time_s - float(motion.time_s[coarse])), departure, std, depth_m, omega)
@@ -123,15 +122,29 @@ def edge_of_line(motion: Motion, line: Flight, *, until: int, bend: int = 0) -> 
     window = window[motion.valid[window] & np.isfinite(motion.displacement_m[window])]
     departure = motion.displacement_m[window] - line.position_m(motion.time_s[window])
     std = max(line.noise_std_m, LEAST_NOISE_M)
-    edge = _edge_in(motion, window, departure, (std, SHAPED_SIGMAS * std, 0.0), sign, bend)
-    if edge is None or bend == 0:
-        return edge
+    levels = (std, SHAPED_SIGMAS * std, 0.0)
+    if bend == 0:
+        return _edge_in(motion, window, departure, levels, sign, bend)
+    found = _edge_with_error(motion, window, departure, levels, sign, bend)
+    return None if found is None else found[0].less_sure(found[1])
+
+
+def _edge_with_error(
+    motion: Motion, window: Ints, departure_m: Floats, levels: tuple[float, float, float], sign: int, bend: int
+) -> tuple[Edge, float] | None:
+    """Return ``_edge_in`` and, in s, the systematic error of the series and of the line.
+
+    That is the edge's shift with a shorter departure or a line of one degree more.
+    """
+    edge = _edge_in(motion, window, departure_m, levels, sign, bend)
+    if edge is None:
+        return None
+    std_m, shaped_m, omega = levels
     others = (
-        _edge_in(motion, window, departure, (std, SHAPED_SIGMAS * std / 3.0, 0.0), sign, bend),
-        _edge_in(motion, window, departure, (std, SHAPED_SIGMAS * std, 0.0), sign, bend + 1),
+        _edge_in(motion, window, departure_m, (std_m, shaped_m / 3.0, omega), sign, bend),
+        _edge_in(motion, window, departure_m, levels, sign, bend + 1),
     )
-    apart = max((abs(edge.time_s - other.time_s) for other in others if other is not None), default=0.0)
-    return Edge(edge.time_s, float(np.hypot(edge.std_s, apart)))
+    return edge, max((abs(edge.time_s - other.time_s) for other in others if other is not None), default=0.0)
 
 
 def _edge_in(

@@ -1,17 +1,74 @@
-"""The spectrum of the floor's motion as the flights show it, and how far the floor moves within a time."""
+"""The spectrum of the floor's motion as the flights show it, in octaves, and how far the floor moves within a time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reading.octaves import Octaves
 from analysis.shot import Shaking
 
 Floats = NDArray[np.float64]
 
+LOWEST = 0.35  # of the centres of the octaves, over the whole time that the flights span
+SPACING = 0.45  # of the frequencies that represent the floor, over the same
+MOST_APART = 0.6  # ... over the time in flight
+STILL_BELOW_HZ = 8.0  # a building's velocity falls in proportion
 END_SAMPLES = 33  # of a stretch through which a polynomial is drawn
+
+
+@dataclass(frozen=True, slots=True)
+class Octaves:
+    """Frequencies (f,) in Hz that represent the floor, and the power there of octaves of unit velocity: (k, f), m^2."""
+
+    frequency_hz: Floats
+    power_m2: Floats
+    centre_hz: Floats
+
+    @classmethod
+    def of(cls, time_s: Floats, bin_s: float) -> "Octaves":
+        """Choose octaves and frequencies for bins of ``bin_s`` at ``time_s``."""
+        return _octaves(float(np.ptp(time_s)) + bin_s, time_s.size * bin_s, bin_s)
+
+    def density(self, power: Floats, frequency_hz: Floats) -> Floats:
+        """Return the one-sided density in m^2/Hz of octaves with ``power`` (k,) in (m/s)^2."""
+        frequency = np.asarray(frequency_hz, np.float64)
+        hats = _hats(np.maximum(frequency, 1e-3 * self.centre_hz[0]), self.centre_hz)
+        return np.asarray(power @ (hats * _density(frequency)))
+
+
+@lru_cache(maxsize=8)
+def _octaves(span_s: float, flown_s: float, bin_s: float) -> Octaves:
+    top = 0.5 / bin_s
+    centre = LOWEST / span_s * 2.0 ** np.arange(max(3, round(np.log2(top * span_s / LOWEST))))
+    frequency = [0.1 / span_s]
+    while frequency[-1] < top:
+        frequency.append(frequency[-1] + min(max(SPACING / span_s, 0.03 * frequency[-1]), MOST_APART / flown_s))
+    at = np.array(frequency)
+    power = _hats(at, centre) * _density(at) * np.gradient(at)
+    return Octaves(at, power, centre)
+
+
+def _hats(frequency_hz: Floats, centre_hz: Floats) -> Floats:
+    """Return each octave's share of frequencies: (k, f), linear in the logarithm between centres."""
+    place = np.clip(np.log2(frequency_hz / centre_hz[0]), 0.0, centre_hz.size - 1.0)
+    return np.asarray(np.maximum(1.0 - np.abs(place - np.arange(centre_hz.size)[:, None]), 0.0))
+
+
+def _density(frequency_hz: Floats) -> Floats:
+    """Return the density in m^2/Hz of a floor that moves with 1 m/s in every octave, and less in the slow ones."""
+    still = np.minimum(1.0, frequency_hz / STILL_BELOW_HZ) ** 2
+    return np.asarray(still / (np.log(2.0) * frequency_hz * (2 * np.pi * frequency_hz) ** 2))
+
+
+def waves_of(time_s: Floats, bin_samples: int, step_s: float, frequency_hz: Floats) -> tuple[Floats, Floats]:
+    """Return cosines and sines, each (n, f), averaged over bins of ``bin_samples`` samples at ``time_s``."""
+    turn = np.pi * frequency_hz * step_s
+    with np.errstate(invalid="ignore", divide="ignore"):
+        gain = np.where(turn > 0, np.sin(bin_samples * turn) / (bin_samples * np.sin(turn)), 1.0)
+    angle = 2 * np.pi * time_s[:, None] * frequency_hz[None, :]
+    return gain * np.cos(angle), gain * np.sin(angle)
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,15 +96,14 @@ class FloorSpectrum:
         seen = self.octaves.frequency_hz > 2.0 * self.octaves.centre_hz[0]
         return float(np.sqrt(self._power[seen].sum()))
 
-    def difference_std_m(self, lag_s: float) -> float:
-        """Return the std of how far the floor moves within a time."""
-        half = np.pi * self.octaves.frequency_hz * lag_s
-        return float(np.sqrt(self._power @ (4.0 * np.sin(half) ** 2)))
+    def difference_std_m(self, lag_s: float, order: int = 1) -> float:
+        """Return the std of the floor's difference of this order over a time.
 
-    def curve_std_m(self, lag_s: float) -> float:
-        """Return the std of the floor's second difference: what a straight line through it misses one step beyond."""
+        Of order 1 it is how far the floor moves; of 2 what a straight line through it misses one step beyond, of 3 what
+        a parabola does.
+        """
         half = np.pi * self.octaves.frequency_hz * lag_s
-        return float(np.sqrt(self._power @ (2.0 * np.sin(half)) ** 4))
+        return float(np.sqrt(self._power @ (2.0 * np.sin(half)) ** (2 * order)))
 
     def end_std_m(self, lasts_s: float, degree: int) -> float:
         """Return the std of how far the floor ends off its own least-squares polynomial through so long a stretch."""
@@ -57,17 +113,9 @@ class FloorSpectrum:
         seen = np.exp(1j * np.pi * lasts_s * self.octaves.frequency_hz[:, None] * at) @ off
         return float(np.sqrt(self._power @ np.abs(seen) ** 2))
 
-    def bend_std_m(self, lag_s: float) -> float:
-        """Return the std of the floor's third difference: what a parabola through it misses one step beyond."""
-        half = np.pi * self.octaves.frequency_hz * lag_s
-        return float(np.sqrt(self._power @ (2.0 * np.sin(half)) ** 6))
-
     def psd(self, frequency_hz: Floats) -> Floats:
         """Return the one-sided density of white noise and floor in m^2/Hz."""
         return np.asarray(self._white + self._moving(frequency_hz))
-
-    def velocity_rms_m_per_s(self, bandwidth_hz: float) -> float:
-        return self.velocity_std_m_per_s((0.0,), (1.0,), bandwidth_hz)
 
     def velocity_std_m_per_s(self, at_s: Sequence[float], weights: Sequence[float], bandwidth_hz: float) -> float:
         """Return the std of a weighted sum of the floor's velocities at instants, slow motion being common to them."""

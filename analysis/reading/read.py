@@ -151,7 +151,7 @@ def _edges(motion: Motion, span: CollisionSpan) -> tuple[Edge, Edge | None]:
         if found is None:
             break
         moved = 0.0 if release is None else abs(found.time_s - release.time_s)
-        release = Edge(found.time_s, float(np.hypot(found.std_s, moved)))
+        release = found.less_sure(moved)
         guard = max(2.0 * found.std_s, RELEASE_CLEAR * lasts)
         sample = min(int(np.searchsorted(motion.time_s, found.time_s)), flight[1])
     return touch, release or _threshold_edge(motion, span.last)
@@ -216,8 +216,8 @@ def _with_floor_uncertainty(
     """
     lasts = max(float(motion.time_s[span.last] - motion.time_s[span.first]), 1.0 / motion.sample_rate_hz)
     omega = np.pi / lasts
-    lost = float(np.cbrt(6.0 * flights.floor.bend_std_m(SWAY_SHARE * lasts) / (abs(velocity_in) * omega**2)))
-    return Edge(release.time_s, float(np.hypot(release.std_s, 0.5 * lost)))
+    lost = float(np.cbrt(6.0 * flights.floor.difference_std_m(SWAY_SHARE * lasts, 3) / (abs(velocity_in) * omega**2)))
+    return release.less_sure(0.5 * lost)
 
 
 def _disturbance(flights: Flights, motion: Motion, impact: Impact) -> Disturbance:
@@ -225,7 +225,7 @@ def _disturbance(flights: Flights, motion: Motion, impact: Impact) -> Disturbanc
     return Disturbance(
         lines=flights.lines,
         floor_rms_m=flights.floor.rms_m,
-        floor_rms_m_per_s=flights.floor.velocity_rms_m_per_s(motion.bandwidth_hz),
+        floor_rms_m_per_s=flights.floor.velocity_std_m_per_s((0.0,), (1.0,), motion.bandwidth_hz),
         knocks_s=flights.knocks_s,
         shares=_shares(flights, impact),
         shaking=flights.floor.shaking.with_lines(flights.lines) if _frame_moves(flights) else None,

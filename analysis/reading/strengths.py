@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from analysis.reading.octaves import Octaves
+from analysis.reading.floor_spectrum import Octaves
 from analysis.strengths import (
     Curvature,
     RestrictedLikelihood,

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.compiled import solve_triangle
-from analysis.reading.bins import Bins
-from analysis.reading.octaves import waves_of
+from analysis.reading.flight import Bins
+from analysis.reading.floor_spectrum import waves_of
 from analysis.reading.strengths import FlightObservation, FloorEstimate
 from analysis.shot import Motion, Quantity, VibrationLine
 

@@ -9,12 +9,12 @@ import math
 from analysis.shot.recording import DEFAULT_WAVELENGTH_AIR_M, Air, Setup
 
 STANDARD_AIR = Air(temperature_c=20.0, pressure_pa=101325.0, humidity_percent=50.0)
-CO2_PPM = 450.0
+CO2_PPM = 450.0  # of the air, for which the dispersion below holds
 _GAS_CONSTANT = 8.314510  # J/(mol K), the value Ciddor's densities were made with
 _WATER_MOLAR_MASS = 0.018015  # kg/mol
 
 
-def refractive_index(vacuum_wavelength_m: float, air: Air, co2_ppm: float = CO2_PPM) -> float:
+def refractive_index(vacuum_wavelength_m: float, air: Air) -> float:
     """Return the phase refractive index n of moist air (Ciddor 1996, appendix B).
 
     Valid for 300-1700 nm, -40..100 degC, 80-120 kPa, 0..100 % relative humidity; n(633.0 nm) = 1.000271373 at
@@ -23,11 +23,10 @@ def refractive_index(vacuum_wavelength_m: float, air: Air, co2_ppm: float = CO2_
     _check(vacuum_wavelength_m, air)
     wavenumber2 = (1e-6 / vacuum_wavelength_m) ** 2  # um^-2
     dry_standard = 1e-8 * (5792105.0 / (238.0185 - wavenumber2) + 167917.0 / (57.362 - wavenumber2))
-    dry_standard *= 1.0 + 0.534e-6 * (co2_ppm - 450.0)
     vapour_standard = 1.022e-8 * (
         295.235 + 2.6422 * wavenumber2 - 0.032380 * wavenumber2**2 + 0.004028 * wavenumber2**3
     )
-    dry_molar_mass = 1e-3 * (28.9635 + 12.011e-6 * (co2_ppm - 400.0))
+    dry_molar_mass = 1e-3 * (28.9635 + 12.011e-6 * (CO2_PPM - 400.0))
     water = _water_fraction(air)
     kelvin = air.temperature_c + 273.15
 

@@ -1,7 +1,7 @@
 from .cross_talk import LEFT
 from .demodulation import demodulate
 from .filters import MAX_BANDWIDTH_SHARE, derivative_filters, derivative_gains, derivatives, first_run, stretches
-from .path_noise import LEAST_NOISE_M, white_noise
+from .noise import LEAST_NOISE_M, white_noise
 from .record import motion_from_displacement
 from .stream import LiveChunk, LiveDemodulator
 

@@ -10,8 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from analysis.signal.integer_taps import integer_taps
-from analysis.signal.intrinsics import LINE_BYTES, TOGETHER, WIDTH, four_dots, prefetch
+from analysis.signal.integer_filter import LINE_BYTES, TOGETHER, WIDTH, four_dots, integer_taps, prefetch
 from analysis.signal.tuning import BATCH, PHASE_STEPS, OscillatorSchedule, Tuning
 
 _FAST = {"contract", "reassoc", "nsz", "arcp"}

@@ -105,13 +105,13 @@ def group_means(phase: Floats, power: Singles, group: int) -> tuple[Floats, Sing
     return phases, powers
 
 
-def filtered(phase: Floats, taps: Floats, factor: int = 1) -> Floats:
-    """Return the dot products of ``taps`` with every stretch of their length, shape (n - taps + 1,) at factor 1.
+def filtered(phase: Floats, taps: Floats) -> Floats:
+    """Return the dot products of ``taps`` with every stretch of their length, shape (n - taps + 1,).
 
     The same value for the same samples wherever a stream was cut, which a library convolution does not promise.
     """
-    out = np.empty(max(0, (phase.size - taps.size) // factor + 1))
-    _filter(phase, taps, factor, out.size, out)
+    out = np.empty(max(0, phase.size - taps.size + 1))
+    _filter(phase, taps, 1, out.size, out)
     return out
 
 

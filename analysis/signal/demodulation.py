@@ -27,7 +27,7 @@ from analysis.signal.demodulation_plan import demodulation_plans
 from analysis.signal.filters import FLAT_SHARE, MAX_BANDWIDTH_SHARE, derivative_gains, derivatives, stretches
 from analysis.signal.losses import FLAG as SAMPLES_LOST
 from analysis.signal.losses import find_losses, kinks, suspicious
-from analysis.signal.path_noise import wander
+from analysis.signal.noise import wander
 from analysis.signal.phase_errors import find_leak, folded_harmonic, leak_phase
 from analysis.signal.rest import RestPhase, fit_rest_phase
 from analysis.signal.survey import Survey, survey

@@ -58,13 +58,10 @@ def _plan(
     width_hz: float | None, seen: Survey, reference: Survey | None, recording: Recording, settings: AnalysisSettings
 ) -> DemodulationPlan:
     rate, motion_rate = recording.sample_rate_hz, settings.motion_rate_hz
-    low, high = _rounded(seen.low_hz, seen.high_hz, 0.0)
+    low, high = _rounded(seen.low_hz, seen.high_hz)
     together = reference is not None and settings.rest == "instantaneous"
     if together and reference is not None:  # the same window on both, so that their samples fall together
-        low, high = (
-            min(low, _rounded(reference.low_hz, reference.high_hz, 0.0)[0]),
-            max(high, _rounded(reference.low_hz, reference.high_hz, 0.0)[1]),
-        )
+        low, high = _rounded(min(seen.low_hz, reference.low_hz), max(seen.high_hz, reference.high_hz))
     if width_hz is None:
         half_width = 0.5 * (high - low) + SPAN_MARGIN_HZ + 0.5 * motion_rate
         centre = 0.5 * (low + high)
@@ -86,17 +83,15 @@ def _plan(
     if together:
         return DemodulationPlan(tuning, schedule, tuning, fixed_schedule(tuning, rest_hz), step)
     spread = 0.5 * float(np.ptp(reference.frequency_hz[reference.seen]))
-    rest_low, rest_high = _rounded(rest_hz, rest_hz, 0.0)
+    rest_low, rest_high = _rounded(rest_hz, rest_hz)
     half_width = _ROUND_HZ * np.ceil((REST_HALF_WIDTH_HZ + min(spread, 1e5) + 0.5 * motion_rate) / _ROUND_HZ)
     rest_tuning = tune(rate, rest_low, rest_high, half_width, 2.0 * rate / step, step)
     return DemodulationPlan(tuning, schedule, rest_tuning, fixed_schedule(rest_tuning, rest_hz), step)
 
 
-def _rounded(low_hz: float, high_hz: float, margin_hz: float) -> tuple[float, float]:
+def _rounded(low_hz: float, high_hz: float) -> tuple[float, float]:
     """Return a band rounded outwards, so that similar recordings share one filter design."""
-    low = _ROUND_HZ * np.floor((low_hz - margin_hz) / _ROUND_HZ)
-    high = _ROUND_HZ * np.ceil((high_hz + margin_hz) / _ROUND_HZ)
-    return float(low), float(high)
+    return float(_ROUND_HZ * np.floor(low_hz / _ROUND_HZ)), float(_ROUND_HZ * np.ceil(high_hz / _ROUND_HZ))
 
 
 def _tune(

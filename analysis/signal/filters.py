@@ -18,19 +18,16 @@ MAX_BANDWIDTH_SHARE = 0.35  # of the motion rate: the widest bandwidth the deriv
 _HALF_LENGTH = 3.0  # of the derivative filters, in 1 / bandwidth
 _KAISER = 5.65  # 60 dB
 _EDGE_DEGREE = 3
-CHI2_MEDIAN = 0.45494  # of one squared standard normal
 
 
 @lru_cache(maxsize=32)
-def decimator_taps(factor: int, spread: float = 0.0) -> Floats:
+def decimator_taps(factor: int, spread: float) -> Floats:
     """Return the symmetric low-pass, shape (12 factor + 1,), that decimates a phase by ``factor``.
 
     Kaiser-windowed sinc with its half-power point at half the output rate: its power response and the response's
     mirror image add up to one there, so white phase noise stays white.  ``spread`` is the second moment, in
     inputs squared, of the smoothing before: it is compensated, so that cubics pass both unchanged (factor > 2).
     """
-    if factor == 1:
-        return _frozen(np.ones(1))
     half = 6 * factor
     n = np.arange(-half, half + 1)
     u = n / half

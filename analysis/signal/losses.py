@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.shot import Gap, Recording, Role
 from analysis.signal.filters import stretches
-from analysis.signal.rest_tones import RestTones, cumulative, jump_of, tone_columns
+from analysis.signal.rest import RestTones, cumulative, jump_of, tone_columns
 from analysis.signal.track import Track
 
 Floats = NDArray[np.float64]

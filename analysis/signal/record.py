@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot import AnalysisError, Motion, NotSeen
-from analysis.signal.filters import CHI2_MEDIAN, FLAT_SHARE, derivative_gains, derivatives
+from analysis.signal.filters import FLAT_SHARE, derivative_gains, derivatives
+from analysis.signal.noise import noise_of_column
 
 Floats = NDArray[np.float64]
 BANDWIDTH_SHARE = 0.2  # of the sample rate: the widest bandwidth, and the default
@@ -51,7 +52,7 @@ def motion_from_displacement(
     force, force_std = mass * acceleration, mass * acceleration_std
     if "force_n" in given:
         force = given["force_n"]
-        force_std = np.where(np.isfinite(force), _noise(force, "force_n"), np.nan)
+        force_std = np.where(np.isfinite(force), noise_of_column(force, "force_n"), np.nan)
     return Motion(
         time_s=grid,
         displacement_m=displacement,
@@ -98,11 +99,11 @@ def _displacement(given: dict[str, Floats], rate_hz: float) -> tuple[Floats, Flo
     """Return displacement and its std, (n,) each, and the growth of its random walk where velocity was integrated."""
     if "displacement_m" in given:
         displacement = given["displacement_m"]
-        return displacement, np.full(displacement.size, _noise(displacement, "displacement_m")), None
+        return displacement, np.full(displacement.size, noise_of_column(displacement, "displacement_m")), None
     velocity = given["velocity_m_per_s"]
     if not np.all(np.isfinite(velocity)):
         raise AnalysisError("velocity_m_per_s: has missing values, over which it cannot be integrated")
-    noise = _noise(velocity, "velocity_m_per_s")
+    noise = noise_of_column(velocity, "velocity_m_per_s")
     displacement = np.concatenate(([0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1])))) / rate_hz
     return displacement, noise / rate_hz * np.sqrt(np.arange(velocity.size) + 1.0), noise / np.sqrt(rate_hz)
 
@@ -148,17 +149,3 @@ def _interpolated(target: Floats, time: Floats, column: Floats) -> Floats:
                 weight *= (target - time[first + k]) / (time[first + j] - time[first + k])
         out += weight * column[first + j]
     return out
-
-
-def _noise(column: Floats, name: str) -> float:
-    """Return the white noise of a smooth column: median square of its fourth differences (variance 70 sigma^2)."""
-    fourth = np.diff(column, 4)
-    fourth = fourth[np.isfinite(fourth)]
-    known = column[np.isfinite(column)]
-    if fourth.size < 8:
-        raise AnalysisError(f"{name}: too few rows without a gap")
-    if known.max() == known.min():
-        raise AnalysisError(f"{name}: constant at {known[0]:g}")
-    noise = float(np.sqrt(np.median(fourth**2) / CHI2_MEDIAN / 70.0))
-    levels = np.diff(np.unique(known))
-    return max(noise, float(levels.min()) / np.sqrt(12.0) if levels.size < known.size / 2 else 0.0, 1e-30)

@@ -1,5 +1,9 @@
-"""The rest beat's phase as a smooth curve: its frequency and drift, to be subtracted from the moving beat's phase."""
+"""The rest beat: its phase as a smooth curve, and its tones on either side of a stretch that may lack samples.
 
+The smooth phase, with its frequency and drift, is subtracted from the moving beat's.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +15,8 @@ Floats = NDArray[np.float64]
 _HIGHEST_DEGREE = 4
 _MEANS = 1024  # to which the phases are averaged before curves are fitted
 _WORTH = 25.0  # decrease of chi^2 that a further term of the polynomial must bring (5 sigma)
+SHARP = 2.0  # of the noise on both sides: a phase that changes gradually is no loss
+MOST_CLOSE = 16  # samples lost at once, in the first of two losses within a few periods of the beat
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,3 +73,75 @@ def fit_rest_phase(time_s: Floats, phase_cycles: Floats, std_cycles: float, osci
         float(np.sqrt(max(0.0, remainder**2 - std_cycles**2))),
         degree,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class RestTones:
+    """The residuals of a doubtful stretch of the rest beat from the tones fitted before and after it.
+
+    ``before`` and ``after``, shape (n + 1,), are the cumulative squares over the stretch's samples ``x``, shape (n,);
+    ``tone``, shape (n, 3), are the beat's cosine, sine and level, ``solution``, shape (3,), the tone before.  ``most``
+    is the sum of squares that noise may leave, ``jump`` the cycles between the tones, ``sigma`` its standard deviation.
+    """
+
+    x: Floats
+    tone: Floats
+    solution: Floats
+    before: Floats
+    after: Floats
+    most: float
+    jump: float
+    sigma: float
+
+    @classmethod
+    def of(cls, x: Floats, near: int, guard: int, turns: float) -> "RestTones":
+        """Fit the tones of ``turns`` cycles per sample outside of ``guard`` samples about sample ``near``."""
+        tone = np.column_stack([tone_columns(turns * np.arange(x.size, dtype=np.float64)), np.ones(x.size)])
+        sides = (slice(0, near - guard), slice(near + guard, x.size))
+        solutions: list[Floats] = [np.asarray(np.linalg.lstsq(tone[side], x[side], rcond=None)[0]) for side in sides]
+        errors = [(x - tone @ solution) ** 2 for solution in solutions]
+        noise = float(np.mean([error[side].mean() for error, side in zip(errors, sides, strict=True)]))
+        within = slice(near - guard, near + guard)
+        amplitude = float(np.hypot(*solutions[0][:2]))
+        return cls(
+            x[within],
+            tone[within],
+            solutions[0],
+            cumulative(errors[0][within]),
+            cumulative(errors[1][within]),
+            2 * guard * (SHARP * noise + 1.0),
+            jump_of(solutions),
+            np.sqrt(noise) / max(amplitude, 1e-9) / (2 * np.pi) * np.sqrt(4.0 / max(near - guard, 8)),
+        )
+
+    def two_losses(self, turns: float) -> tuple[float, int, int, int]:
+        """Return the squares left by two losses, the first one's place, the second one's distance, the first's size."""
+        best = (float(np.inf), 0, 0, 0)
+        cosine, sine, level = self.solution
+        for count in range(1, MOST_CLOSE + 1):
+            turn = 2 * np.pi * turns * count
+            moved = (cosine * np.cos(turn) + sine * np.sin(turn), sine * np.cos(turn) - cosine * np.sin(turn), level)
+            between = cumulative((self.x - self.tone @ np.array(moved)) ** 2)
+            entered = self.before - between
+            left = np.minimum.accumulate(entered) + between - self.after
+            last = int(left.argmin())
+            first = int(entered[: last + 1].argmin())
+            best = min(best, (float(left[last] + self.after[-1]), first, last - first, count), key=lambda one: one[0])
+        return best
+
+
+def jump_of(solutions: Sequence[Floats]) -> float:
+    """Return the cycles between two tones, each given by the coefficients of its cosine and sine."""
+    before, after = (float(np.arctan2(-s[1], s[0])) / (2 * np.pi) for s in solutions)
+    return after - before
+
+
+def tone_columns(cycles: Floats) -> Floats:
+    """Return cosine and sine at a phase, shape (n, 2)."""
+    turn = 2 * np.pi * cycles
+    return np.stack([np.cos(turn), np.sin(turn)], axis=1)
+
+
+def cumulative(values: Floats) -> Floats:
+    """Return the cumulative sums, beginning with 0, shape (n + 1,)."""
+    return np.asarray(np.concatenate([[0.0], np.cumsum(values)]))

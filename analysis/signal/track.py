@@ -11,7 +11,7 @@ from analysis.shot import AnalysisError, Cancelled, Gap, Progress, Recording, St
 from analysis.signal.beat import BeatReader
 from analysis.signal.bridge import Bridge, Segment
 from analysis.signal.decimate import PhaseDecimator, noise_ratio
-from analysis.signal.filters import CHI2_MEDIAN
+from analysis.signal.noise import local_variance
 from analysis.signal.survey import Survey
 from analysis.signal.tuning import BATCH, PHASE_STEPS, OscillatorSchedule, Tuning
 
@@ -20,7 +20,6 @@ BLOCK_SAMPLES = 1 << 19  # read without the interpreter's lock
 MIN_MOTION_SAMPLES = 64
 DARK_SHARE = 0.3  # of the surveyed amplitude: below it the phase is not usable
 _STEADY_VARIANCE = 0.005  # of the power's box means, relative, so that noise alone is never taken for darkness
-_NOISE_BLOCK = 512
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,19 +196,3 @@ def _read(recording: Recording, wanted: BeatSpec, grid: Grid, advance: Callable[
     breaks = tuple(-(-first // factor) for first in bridge.breaks)
     amplitude = 2 * np.sqrt(description[0])
     return Track(phase, std, amplitude, hole, breaks, bridge.doubtful, oscillator_hz, wanted)
-
-
-def local_variance(rough: Floats) -> Floats:
-    """Return the local variance of squared normal deviates, shape (n,): medians of 512, linearly interpolated."""
-    each = min(_NOISE_BLOCK, rough.size)
-    count = rough.size // each
-    blocks = rough[: count * each].reshape(count, each)
-    enough = np.count_nonzero(np.isfinite(blocks), axis=1) > 8
-    if not enough.any():
-        return np.full(rough.shape, np.nan)
-    blocks = blocks[enough]
-    levels = np.median(blocks, axis=1)
-    for holed in np.flatnonzero(np.isnan(levels)):
-        levels[holed] = np.median(blocks[holed][np.isfinite(blocks[holed])])
-    centres = (np.flatnonzero(enough) + 0.5) * each
-    return np.asarray(np.interp(np.arange(rough.size), centres, levels / CHI2_MEDIAN))

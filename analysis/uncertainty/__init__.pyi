@@ -1,3 +1,4 @@
+from .budget_sources import InstrumentUncertainty
 from .gum_budget import (
     COLUMNS,
     COVERAGE_FACTOR,
@@ -10,7 +11,6 @@ from .gum_budget import (
     combined_of,
     stated,
 )
-from .instrument_uncertainty import InstrumentUncertainty
 from .motion_band import Floats, NoiseBand, band_of, diagnosed_band, judged_band, noise_band, wander_of
 from .numbers import Group, Origin, ResultNumber, number_of, of_collision, of_series, read, shown_numbers, with_unit
 from .series_statistics import Series, Summary, Trend, series, series_result, series_rows

@@ -9,8 +9,7 @@ import numpy as np
 from uncertainties.core import AffineScalarFunc
 
 from analysis.shot import Quantity, Reading, Shot
-from analysis.uncertainty.budget_sources import ShotSources
-from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
+from analysis.uncertainty.budget_sources import InstrumentUncertainty, ShotSources
 from analysis.uncertainty.measurement_equations import EquationInputs
 from analysis.uncertainty.numbers import ResultNumber, with_equation
 from analysis.uncertainty.series_statistics import ONE_SPEED, excess_spread, speed

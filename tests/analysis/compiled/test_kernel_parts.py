@@ -5,9 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from analysis.compiled.kernel_bundle import by_address
-from analysis.compiled.kernel_parts import inlined, kernel, part
-from analysis.compiled.kernel_room import cut, cut_integers
+from analysis.compiled.kernel_parts import by_address, cut, cut_integers, inlined, kernel, part
 
 
 class Inner(NamedTuple):

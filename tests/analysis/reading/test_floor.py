@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reading.octaves import Octaves, waves_of
+from analysis.reading.floor_spectrum import Octaves, waves_of
 from analysis.reading.strengths import FlightObservation
 
 Floats = NDArray[np.float64]

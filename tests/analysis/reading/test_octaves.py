@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.reading.octaves import STILL_BELOW_HZ, Octaves, waves_of
+from analysis.reading.floor_spectrum import STILL_BELOW_HZ, Octaves, waves_of
 
-OCTAVES = Octaves.over(0.5, 400.0)
+OCTAVES = Octaves.of(np.arange(0.0, 0.5, 1 / 800), 1 / 800)
 
 
 def test_octaves_of_one_velocity_have_it_in_every_octave_above_the_slow_ones() -> None:

@@ -7,9 +7,8 @@ import pytest
 
 from analysis.reading.edges import Edge
 from analysis.reading.flight import fit_flight
-from analysis.reading.floor_spectrum import FloorSpectrum
+from analysis.reading.floor_spectrum import FloorSpectrum, Octaves
 from analysis.reading.locate import find_collision
-from analysis.reading.octaves import Octaves
 from analysis.reading.pulse import read_slope
 from analysis.reading.read import NoImpact, read_impact
 from analysis.reading.record_checks import where_it_went

@@ -78,7 +78,7 @@ def test_the_angle_is_that_of_the_beat_at_the_window_centre(frequency, phase, am
     exact = np.lib.stride_tricks.sliding_window_view(counts, tuning.length)[first] @ exact_taps
     error = read + turn * first - np.angle(exact) / (2 * np.pi)
     own_noise = noise * np.sqrt(2 / tuning.effective_samples)
-    rounding = 10 ** (-85 / 20) + 0.01 * own_noise  # of the taps: test_integer_taps.py
+    rounding = 10 ** (-85 / 20) + 0.01 * own_noise  # of the taps: test_integer_filter.py
     assert np.max(np.abs(error - np.rint(error))) < rounding / (2 * np.pi) + 1e-7
     assert np.allclose(np.sqrt(power), np.abs(exact), rtol=rounding)
 

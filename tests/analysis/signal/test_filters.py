@@ -56,7 +56,7 @@ def test_a_gap_separates_stretches_and_short_ones_give_nan() -> None:
 
 @pytest.mark.parametrize("factor", [2, 3, 10, 30, 120])
 def test_decimated_white_noise_is_white_and_parabolas_pass(factor: int) -> None:
-    taps = decimator_taps(factor)
+    taps = decimator_taps(factor, 0.0)
     n = np.arange(taps.size) - taps.size // 2
     assert np.sum(taps) == pytest.approx(1) and (factor == 2 or abs(np.sum(taps * n**2)) < 1e-6 * factor**2)
     for lag in (1, 2, 3):

@@ -14,8 +14,8 @@ from analysis.shot.quantity import NotSeen, Quantity
 from analysis.shot.recording import Plate, Setup
 from analysis.shot.shot import Shot
 from analysis.uncertainty import gum_budget as table
+from analysis.uncertainty.budget_sources import InstrumentUncertainty
 from analysis.uncertainty.gum_budget import QuantityBudget, budget
-from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
 from tests.analysis.shots import at_speed, paper_impact, shot_of
 from tests.analysis.synthetic_collision import Synthetic, motion_of
 

@@ -14,8 +14,8 @@ from scipy.stats import norm
 from analysis.reading.read import read_impact
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import Quantity
+from analysis.uncertainty.budget_sources import InstrumentUncertainty
 from analysis.uncertainty.gum_budget import budget
-from analysis.uncertainty.instrument_uncertainty import InstrumentUncertainty
 from tests.analysis.shots import shot_of
 from tests.analysis.synthetic_collision import MASS_KG, Synthetic, motion_from, position_m
 from tests.analysis.uncertainty.test_budget import LASER

@@ -1,11 +1,14 @@
-"""The noise of a displacement: white noise from its third differences, a random walk of the path from free flight."""
+"""The noise of a phase, a displacement or a column of a record, estimated from its own samples."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.signal.filters import CHI2_MEDIAN, stretches
+from analysis.shot import AnalysisError
+from analysis.signal.filters import stretches
 
 Floats = NDArray[np.float64]
+CHI2_MEDIAN = 0.45494  # of one squared standard normal
+_NOISE_BLOCK = 512  # samples per local variance
 BLOCK = 32  # samples per mean
 _FORCED = 8.0  # standard deviations of acceleration: above it a force acts
 _SHIELD = 100  # samples about such a force that are left out
@@ -50,3 +53,33 @@ def wander(displacement_m: Floats, std_m: Floats, acceleration: Floats, accelera
     if total < white * (1 + _SIGMA * unsure):
         return 0.0
     return float(np.sqrt((total - white) * rate / BLOCK))
+
+
+def noise_of_column(column: Floats, name: str) -> float:
+    """Return the white noise of a smooth column: median square of its fourth differences (variance 70 sigma^2)."""
+    fourth = np.diff(column, 4)
+    fourth = fourth[np.isfinite(fourth)]
+    known = column[np.isfinite(column)]
+    if fourth.size < 8:
+        raise AnalysisError(f"{name}: too few rows without a gap")
+    if known.max() == known.min():
+        raise AnalysisError(f"{name}: constant at {known[0]:g}")
+    noise = float(np.sqrt(np.median(fourth**2) / CHI2_MEDIAN / 70.0))
+    levels = np.diff(np.unique(known))
+    return max(noise, float(levels.min()) / np.sqrt(12.0) if levels.size < known.size / 2 else 0.0, 1e-30)
+
+
+def local_variance(rough: Floats) -> Floats:
+    """Return the local variance of squared normal deviates, shape (n,): medians of 512, linearly interpolated."""
+    each = min(_NOISE_BLOCK, rough.size)
+    count = rough.size // each
+    blocks = rough[: count * each].reshape(count, each)
+    enough = np.count_nonzero(np.isfinite(blocks), axis=1) > 8
+    if not enough.any():
+        return np.full(rough.shape, np.nan)
+    blocks = blocks[enough]
+    levels = np.median(blocks, axis=1)
+    for holed in np.flatnonzero(np.isnan(levels)):
+        levels[holed] = np.median(blocks[holed][np.isfinite(blocks[holed])])
+    centres = (np.flatnonzero(enough) + 0.5) * each
+    return np.asarray(np.interp(np.arange(rough.size), centres, levels / CHI2_MEDIAN))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.signal.path_noise import wander
+from analysis.signal.noise import wander
 
 RATE_HZ, STD_M = 1e5, 1e-10
 SAMPLES = 6000

@@ -106,35 +106,37 @@ call: Any = intrinsic(_call)
 call_within: Any = intrinsic(_call_within)
 
 
-def sine(x: Any) -> Any:
-    """Return sin x of a real or complex number (for kernels)."""
-    raise NotImplementedError("for compiled kernels only")
+def kernel_function(name: str, of_reals: Callable[..., Any], carrying: Callable[..., Any] | None = None) -> Any:
+    """Return a function that only kernels can call: ``of_reals``, or ``carrying`` where an argument is complex.
+
+    The imaginary parts carry a derivative, which ``carrying`` multiplies by the function's slope: that is faster than
+    the library's complex functions, and right where those are defined otherwise.  Without it the first serves both.
+    """
+
+    def function(*_: Any) -> Any:
+        raise NotImplementedError(f"{name} is for compiled kernels only")
+
+    def chosen(*kinds: Any) -> Any:
+        return carrying if carrying is not None and any(isinstance(kind, types.Complex) for kind in kinds) else of_reals
+
+    function.__name__ = name
+    overload(function, strict=False)(chosen)
+    return function
 
 
-def power(x: Any, y: Any) -> Any:
-    """Return x^y of a positive x, real or complex (for kernels); faster than the library's complex power."""
-    raise NotImplementedError("for compiled kernels only")
+def _sine_carrying(x: Any) -> Any:
+    return complex(math.sin(x.real), math.cos(x.real) * x.imag)
 
 
-@overload(sine)
-def _sine(x: Any) -> Any:
-    def of_real(x: Any) -> Any:
-        return math.sin(x)
-
-    def carrying(x: Any) -> Any:
-        return complex(math.sin(x.real), math.cos(x.real) * x.imag)
-
-    return carrying if isinstance(x, types.Complex) else of_real
-
-
-@overload(power)
 def _power(x: Any, y: Any) -> Any:
-    def of_reals(x: Any, y: Any) -> Any:
-        return math.exp(y * math.log(x))
+    return math.exp(y * math.log(x))
 
-    def carrying(x: Any, y: Any) -> Any:
-        log = math.log(x.real)
-        size = math.exp(y.real * log)
-        return complex(size, size * (y.imag * log + y.real * x.imag / x.real))
 
-    return carrying if isinstance(x, types.Complex) else of_reals
+def _power_carrying(x: Any, y: Any) -> Any:
+    log = math.log(x.real)
+    size = math.exp(y.real * log)
+    return complex(size, size * (y.imag * log + y.real * x.imag / x.real))
+
+
+sine = kernel_function("sine", lambda x: math.sin(x), _sine_carrying)
+power = kernel_function("power", _power, _power_carrying)  # x^y of a positive x

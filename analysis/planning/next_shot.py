@@ -21,6 +21,7 @@ MOST_MEMBERS = 4  # that are compared
 _OTHER_WEIGHTS = 0.5  # of a shot's effort
 _LONGER = 0.1
 _SAME_MASS = 1e-5  # relative: the same block weighed twice
+_NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +43,16 @@ class NextShot:
     def to_json(self) -> dict[str, float | str]:
         names = ("speed_m_per_s", "added_mass_kg", "before_s", "after_s", "words")
         return {name: getattr(self, name) for name in names}
+
+
+def shots_in_words(sequence: Sequence[NextShot]) -> str:
+    """Return shots in words, equal ones counted together."""
+    counted: dict[str, int] = {}
+    for shot in sequence:
+        counted[shot.words] = counted.get(shot.words, 0) + 1
+    parts = [f"{_NUMBERS[n] if n < len(_NUMBERS) else n} shot{'s' if n > 1 else ''} at {w}" for w, n in counted.items()]
+    text = " and ".join(parts)
+    return text[:1].upper() + text[1:]
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,14 +8,14 @@ is left, no shot of the rig decides.  Two members that no shot separates from ea
 still be separated from a third.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations_with_replacement
 from math import inf
 from typing import Any
 
 from analysis.collision import Effect
-from analysis.diagnosis import CRITERIA
+from analysis.diagnosis import CRITERIA, ONE_WITH_TWO_READINGS
 from analysis.planning.distances import (
     Distances,
     Pair,
@@ -28,7 +28,16 @@ from analysis.planning.distances import (
     search_rivals_again,
 )
 from analysis.planning.model_comparison import ModelComparison
-from analysis.planning.next_shot import MOST_SHOTS, NextShot, Reach, as_found_kg, effort, in_order, next_shots
+from analysis.planning.next_shot import (
+    MOST_SHOTS,
+    NextShot,
+    Reach,
+    as_found_kg,
+    effort,
+    in_order,
+    next_shots,
+    shots_in_words,
+)
 from analysis.shot import Cancelled, Progress, Stop
 
 SURE = 1.5  # noise norms above the required separation: the separation reached scatters by one
@@ -70,6 +79,27 @@ class Plan:
         separable = [value for effect, value in self.expected.items() if effect not in self.inseparable]
         return min(separable, default=max(self.expected.values(), default=0.0))
 
+    @property
+    def words(self) -> str:
+        """Get the plan in a sentence for the operator."""
+        *others, last = (effect.short_words for effect in self.members)
+        listed = f"{', '.join(others)} and {last}" if others else last
+        if not self.settles:
+            most = f"the best would reach {self.best:.2g} noise norms"
+            return f"No shot of this rig tells {listed} apart: {most}{_because(self.members)}."
+        open_ones = [effect.short_words for effect in self.expected if effect in self.inseparable]
+        but = f"; were it {' or '.join(open_ones)}, no shot would" if open_ones else ""
+        apart = f"{self.separation:.2g} noise norms (now {self.now:.2g})"
+        return f"{shots_in_words(self.shots)} would tell {listed} apart by {apart}{but}{self._ones}."
+
+    @property
+    def _ones(self) -> str:
+        """Get the inseparable pairs in words, each with the reason where it is known."""
+        never = self.inseparable_from
+        pairs = dict.fromkeys(frozenset({one, other}) for one, others in never.items() for other in others)
+        named = [(" and ".join(e.short_words for e in self.members if e in pair), _because(pair)) for pair in pairs]
+        return "".join(f"; {both} stay one{why}" for both, why in named)
+
     def to_json(self) -> dict[str, Any]:
         return {
             "shots": [shot.to_json() for shot in self.shots],
@@ -78,6 +108,7 @@ class Plan:
             "best_separation": self.best,
             "inseparable": [effect.key for effect in self.inseparable],
             "one_with": {one.key: [other.key for other in others] for one, others in self.inseparable_from.items()},
+            "words": self.words,
         }
 
 
@@ -248,3 +279,9 @@ def _best(found: Found, on_the_block_kg: float) -> Shots | None:
 
 def _found(found: Mapping[Shots, Pairs], shots: Sequence[NextShot]) -> Pairs:
     return next(values for one, values in found.items() if sorted(one, key=repr) == sorted(shots, key=repr))
+
+
+def _because(effects: Iterable[Effect]) -> str:
+    names = {effect.name for effect in effects}
+    same = [words for pair, words in ONE_WITH_TWO_READINGS.items() if pair <= names]
+    return f" ({'; '.join(same)})" if same else ""

@@ -19,7 +19,7 @@ from analysis.compiled import side_by_side
 from analysis.inference import Fitted
 from analysis.planning.next_shot import NextShot, Reach, as_found_kg, effort, in_order, next_shots
 from analysis.planning.predictions import blank_shot, information_of, predict, present_information
-from analysis.shot import AnalysisError, Cancelled, Progress, Stop
+from analysis.shot import AnalysisError
 
 Floats = NDArray[np.float64]
 ALL = "all"
@@ -63,13 +63,11 @@ def plan_precision(
     reach: Reach | None = None,
     *,
     wanted: float = HALF,
-    progress: Progress = lambda _what, _fraction: None,
-    stop: Stop = lambda: False,
 ) -> PrecisionPlan:
     """Return the cheapest one to three shots that reduce a parameter's uncertainty to ``wanted`` of it, else the best.
 
     ``parameter`` is the name of a shared parameter in the fit ("contact_stiffness_n_per_m",
-    "viscous_drag.coefficient_..."), or ``ALL``.  Raises AnalysisError for another name, Cancelled.
+    "viscous_drag.coefficient_..."), or ``ALL``.  Raises AnalysisError for another name.
     """
     problem = fitted.problem
     shared = problem.shared
@@ -83,14 +81,11 @@ def plan_precision(
     candidates = next_shots(samples, reach or Reach())
 
     def of_shot(shot: NextShot) -> Floats | None:
-        if stop():
-            raise Cancelled
         try:
             return information_of(fitted, predict(fitted, blank_shot(shot, fitted)), floor).curvature
         except Infeasible:
             return None
 
-    progress("predicting the next shots", 0.1)
     each = {shot: c for shot, c in zip(candidates, side_by_side(of_shot, candidates), strict=True) if c is not None}
     before = _spread(known, row)
 
@@ -108,7 +103,6 @@ def plan_precision(
         return (effort(some, on_the_block) if reached[some] <= wanted else inf, reached[some])
 
     best = min(reached, key=order)
-    progress("planned", 1.0)
     stated = parameter != ALL
     return PrecisionPlan(
         parameter,

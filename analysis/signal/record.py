@@ -23,7 +23,6 @@ def motion_from_displacement(
     moving_mass_kg: float | None,
     moving_mass_u_kg: float = 0.0,
     bandwidth_hz: float | None = None,
-    flags: tuple[str, ...] = (),
 ) -> Motion:
     """Return the Motion of a record with times of shape (n,) and at least displacement or velocity, shape (n,).
 
@@ -71,7 +70,7 @@ def motion_from_displacement(
         moving_mass_u_kg=moving_mass_u_kg,
         wavelength_m=None,
         rest_frequency_hz=NotSeen("a motion record has no beats"),
-        flags=tuple(dict.fromkeys((*flags, *problems))),
+        flags=problems,
         force_measured="force_n" in given,
     )
 

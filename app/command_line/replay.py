@@ -19,8 +19,7 @@ from analysis.diagnosis import (
 )
 from analysis.diagnosis import foretell as foretell_motions
 from analysis.fitted import SECONDS, fit_again, read_together, run_in_time
-from analysis.planning import Reach, plan_next, plan_precision, plan_sentence, refit_diagnosed, with_words
-from analysis.planning import shots as shots_words
+from analysis.planning import Reach, plan_next, plan_precision, refit_diagnosed, shots_in_words
 from analysis.report import result
 from analysis.shot import AnalysisError, AnalysisSettings, Shot, why_not_together
 from app.command_line.options import known_model
@@ -268,11 +267,11 @@ def plan_shots(
         if parameter:
             fitted = refit_diagnosed(diagnosis.fit_after, motions, lambda: False)
             sharper = plan_precision(fitted, parameter, reach=reach)
-            words = f"{shots_words(sharper.shots)} would make {sharper.words}."
+            words = f"{shots_in_words(sharper.shots)} would make {sharper.words}."
             return PlannedShots(words, {**sharper.to_json(), "words": words})
         further = plan_next(motions, diagnosis, reach=reach).plan
         if further is None:
             return PlannedShots(NOTHING_OPEN, None)
-        return PlannedShots(plan_sentence(further), with_words(further))
+        return PlannedShots(further.words, further.to_json())
 
     return _or_said(planned, "nothing planned")

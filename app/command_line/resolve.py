@@ -11,8 +11,6 @@ from analysis.planning import (
     Reach,
     next_step,
     plan_next,
-    plan_sentence,
-    with_words,
 )
 from analysis.report import result
 from analysis.shot import AnalysisError, Shot
@@ -95,14 +93,14 @@ def _standing(
         reached = "not known" if last.reached is None else f"{last.reached:.2g}"
         say(f"expected {last.expected_separation:.2g} noise norms, reached {reached}")
     if standing.plan is not None:
-        say(plan_sentence(standing.plan))
+        say(standing.plan.words)
     return diagnosis, standing
 
 
 def _write(shots: Sequence[Shot], diagnosis: Diagnosis, standing: PlanningState, json_to: str | None) -> int:
     if json_to is None:
         return 0
-    further = None if standing.plan is None else with_words(standing.plan)
+    further = None if standing.plan is None else standing.plan.to_json()
     steps = [step.to_json() for step in standing.steps]
     whole = result(shots, diagnosis) | {"plan": steps, "next_shots": further}
     try:

@@ -1,4 +1,4 @@
-"""The functions that a formula may use, for kernels (real or complex numbers, see ``kernel_function``) and for arrays."""
+"""The functions that a formula may use, for kernels (real or complex numbers, ``kernel_function``) and for arrays."""
 
 import math
 from collections.abc import Callable

@@ -4,7 +4,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
 from analysis.diagnosis import Diagnosis
-from analysis.planning import NextShot, PlannedStep, PlanningState, plan_sentence, undecided
+from analysis.planning import NextShot, PlannedStep, PlanningState, undecided
 from app.window.widgets import push_button, text_label
 from app.words import local_words
 
@@ -80,7 +80,7 @@ class NextShotCard(QFrame):
         elif state is None:
             self._sentence.setText(UNPLANNED)
         else:
-            words = plan_sentence(planned) if planned is not None else "Resolved: one candidate remains."
+            words = planned.words if planned is not None else "Resolved: one candidate remains."
             self._sentence.setText(local_words(words))
         steps = state.steps if state is not None else ()
         self._log.setText(local_words("\n".join(_line(n, step) for n, step in enumerate(steps, 1))))

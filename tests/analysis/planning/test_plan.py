@@ -15,7 +15,6 @@ from analysis.planning.distances import Distances, nearest, refitted, screen_sho
 from analysis.planning.model_comparison import ModelComparison, compare_models, refit_diagnosed
 from analysis.planning.next_shot import NextShot, Reach, contact_s, effort, next_shots
 from analysis.planning.plan import Plan, plan
-from analysis.planning.plan_words import plan_sentence
 from analysis.planning.predictions import Information, blank_shot
 from analysis.planning.shot_log import PlannedStep, plan_next
 from analysis.shot.fit import Fit
@@ -90,12 +89,12 @@ def test_no_shot_separates_a_dashpot_from_an_arm_that_relaxes_at_once():
     open_class, _, _ = _stood(truth, ("plate_damping", "viscoelastic_arm"))
     hopeless = plan(open_class, REACH)
     assert not hopeless.settles and hopeless.best < 5.0
-    assert hopeless.inseparable == tuple(hopeless.expected) and "two readings" in plan_sentence(hopeless)
+    assert hopeless.inseparable == tuple(hopeless.expected) and "two readings" in hopeless.words
 
 
 def test_a_plan_states_the_settings_and_can_be_cancelled(friction):
     _, open_class, wanted = friction
-    assert "m/s" in plan_sentence(wanted) and "coulomb friction and sensor drift" in plan_sentence(wanted)
+    assert "m/s" in wanted.words and "coulomb friction and sensor drift" in wanted.words
     fractions: list[float] = []
     with pytest.raises(Cancelled):
         plan(open_class, REACH, progress=lambda _, f: fractions.append(f), stop=lambda: len(fractions) > 2)
@@ -135,7 +134,7 @@ def test_an_inseparable_pair_is_separated_from_a_third_as_one():
     open_class, _, _ = _stood(truth, ("plate_damping", "viscoelastic_arm", "second_plate_mode"))
     wanted = plan(open_class, Reach(speeds_m_per_s=(0.6,), added_kg=(0.0,)), most=1)
     assert wanted.settles and wanted.inseparable_from[named("plate_damping")] == (named("viscoelastic_arm"),)
-    assert "plate damping and viscoelastic arm stay one" in plan_sentence(wanted)
+    assert "plate damping and viscoelastic arm stay one" in wanted.words
     assert json.loads(json.dumps(wanted.to_json()))["one_with"]["viscoelastic_arm"] == ["plate_damping"]
 
 

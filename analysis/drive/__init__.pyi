@@ -13,8 +13,7 @@ from .driven_fit import (
 from .law_search import LawSearch, Split, Trial, look_alikes, search_laws
 from .regression import NonlinearValues, Regression, regress, rms
 from .repeatability import Repeatability, repeatability_of
-from .stretch import prepare
-from .table import Mask, Table
+from .stretch import Mask, Table, prepare
 
 __all__ = [
     "GAIN_ERROR",

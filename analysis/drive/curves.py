@@ -43,8 +43,7 @@ def drive_curves(motion: Motion, fit: Fit) -> DriveCurves:
     from analysis.drive.driven_fit import filtered_noise_n  # with the regression: a window knows the curves without it
     from analysis.drive.regression import delay_of, regress
     from analysis.drive.repeatability import repeatability_of
-    from analysis.drive.stretch import prepare
-    from analysis.drive.table import Table
+    from analysis.drive.stretch import Table, prepare
 
     table = Table.of(prepare([motion]))
     known = {name: quantity.value for name, quantity in fit.parameters.items()}

@@ -13,8 +13,7 @@ from analysis.drive.catalogue import laws_named
 from analysis.drive.law_search import fit_accepted
 from analysis.drive.regression import Regression, regress, rms
 from analysis.drive.repeatability import Repeatability, repeatability_of
-from analysis.drive.stretch import Stretch, low_pass, prepare
-from analysis.drive.table import Table
+from analysis.drive.stretch import Stretch, Table, low_pass, prepare
 from analysis.shot import AnalysisError, Fit, Motion, Quantity, Stop
 from analysis.signal import derivative_filters
 

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.drive.catalogue import LAWS, Law
 from analysis.drive.regression import DEPENDENT, NonlinearValues, Regression, delay_of
-from analysis.drive.stretch import Stretch, low_pass
-from analysis.drive.table import Mask, Table
+from analysis.drive.stretch import Mask, Stretch, Table, low_pass
 
 Floats = NDArray[np.float64]
 MOST_WAVES = 400.0  # along the travel: the finest ripple that is searched

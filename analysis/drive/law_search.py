@@ -11,7 +11,7 @@ from analysis.drive.catalogue import LAWS, laws_named
 from analysis.drive.law_screening import CandidateLaws, screen_laws
 from analysis.drive.regression import NonlinearValues, Regression, delay_of, design, regress, rms
 from analysis.drive.repeatability import folds
-from analysis.drive.table import Mask, Table
+from analysis.drive.stretch import Mask, Table
 from analysis.shot import AnalysisError
 
 Floats = NDArray[np.float64]

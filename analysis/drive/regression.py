@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.drive.catalogue import BASE, LAWS, ParameterScale
-from analysis.drive.table import Mask, Table
+from analysis.drive.stretch import Mask, Table
 from analysis.shot import AnalysisError, Quantity
 
 Floats = NDArray[np.float64]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from analysis.drive.catalogue import BASE
 from analysis.drive.regression import Regression, delay_of, rms
-from analysis.drive.table import Table
+from analysis.drive.stretch import Table
 
 Floats = NDArray[np.float64]
 ALIKE = 0.01  # of the displacement's spread: two passes that differ by less are the same motion

@@ -1,9 +1,8 @@
 from . import plate
 from .air import STANDARD_AIR, refractive_index, wavelength_in_air_m
 from .consistency import CONCERNS, FIT_FLAGS, PLATE_RINGS, concerning, fit_flags, reading_flags
-from .disturbance import Disturbance, Shaking, VibrationLine
 from .fit import Fit, Overlay, ShotFit, Wander, names_on_plate, plates_named
-from .impact import Impact, KineticCor
+from .impact import Disturbance, Impact, KineticCor, Shaking, VibrationLine
 from .motion import BeatQuality, Motion
 from .plate import Disc, Number, PlateTolerance, compliance_of, corrected_slope, stated_n_per_m
 from .plates_of_set import plate_count, plate_numbers, plates_words, weights_words, why_not_together

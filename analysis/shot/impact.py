@@ -1,9 +1,119 @@
-"""The numbers of one collision, read from the motion without a model (docs/physics.md, "the numbers of a shot")."""
+"""The numbers of one collision, read from the motion without a model (docs/physics.md, "the numbers of a shot").
 
+With them the disturbance of the measured path: steady lines, random vibration of the floor, and knocks.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
-from analysis.shot.disturbance import Disturbance
-from analysis.shot.quantity import NotSeen, Reading
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.shot.quantity import NotSeen, Quantity, Reading
+
+Floats = NDArray[np.float64]
+
+_NOTHING: Mapping[str, float] = MappingProxyType({})
+
+
+@dataclass(frozen=True, slots=True)
+class VibrationLine:
+    """A steady sine in the measured path, ``amplitude sin(2 pi f t + phase)``; t counts from the first sample."""
+
+    frequency_hz: Quantity
+    amplitude_m: Quantity
+    phase_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Shaking:
+    """The vibration of the frame as sines that represent its spectrum: ascending frequencies, shape (f,).
+
+    ``power_m2`` is the variance of each one's cosine, and of its sine.  ``random`` marks those of random vibration; the
+    others are lines.
+    """
+
+    frequency_hz: Floats
+    power_m2: Floats
+    random: NDArray[np.bool_]
+
+    def density_m2_per_hz(self, frequency_hz: float) -> float:
+        """Return the density of the random part; beyond its last frequency it falls as a building's does, with f^4."""
+        return float(self.densities_m2_per_hz(np.array([frequency_hz]))[0])
+
+    def densities_m2_per_hz(self, frequency_hz: Floats) -> Floats:
+        """Return the densities at several frequencies, shape (k,)."""
+        known, power = self.frequency_hz[self.random], self.power_m2[self.random]
+        if known.size < 2:
+            return np.zeros(frequency_hz.shape)
+        density = np.interp(frequency_hz, known, power / np.gradient(known))
+        return np.asarray(density * np.minimum(1.0, known[-1] / frequency_hz) ** 4)
+
+    def with_lines(self, lines: Sequence["VibrationLine"]) -> "Shaking":
+        """Return it with lines added, each as two sines at its frequency plus and minus its uncertainty."""
+        apart = np.array([line.frequency_hz.std for line in lines])
+        middle = np.array([line.frequency_hz.value for line in lines])
+        power = np.array([0.5 * line.amplitude_m.value**2 for line in lines])
+        two = np.concatenate([middle - apart, middle + apart])
+        return self._with(Shaking(two, np.concatenate([power, power]), np.zeros(two.size, dtype=np.bool_)))
+
+    def _with(self, other: "Shaking") -> "Shaking":
+        frequency = np.concatenate([self.frequency_hz, other.frequency_hz])
+        order = np.argsort(frequency, kind="stable")
+        power = np.concatenate([self.power_m2, other.power_m2])
+        return Shaking(frequency[order], power[order], np.concatenate([self.random, other.random])[order])
+
+    @property
+    def rms_m(self) -> float:
+        return float(np.sqrt(self.power_m2.sum()))
+
+    def less(self, density: Callable[[Floats], Floats]) -> "Shaking":
+        """Return it minus a noise of one-sided ``density`` in m^2/Hz, together with which it was estimated."""
+        power = self.power_m2.copy()
+        known = self.frequency_hz[self.random]
+        if known.size > 1:
+            power[self.random] = np.maximum(power[self.random] - density(known) * np.gradient(known), 0.0)
+        return Shaking(self.frequency_hz, power, self.random)
+
+    def closer(self, apart_hz: float) -> "Shaking":
+        """Return it with the same density represented by sines no farther apart than ``apart_hz``.
+
+        Sines repeat their sum after 1 / their distance, so they represent a spectrum only over shorter stretches.
+        """
+        known = self.frequency_hz[self.random]
+        if known.size < 2 or np.diff(known).max() <= apart_hz:
+            return self
+        parts = np.maximum(np.ceil(np.diff(known) / apart_hz), 1).astype(np.int64)
+        place = np.arange(known.size)
+        within = np.concatenate([k + np.arange(count) / count for k, count in enumerate(parts)] + [place[-1:]])
+        fine = np.interp(within, place, known)
+        density = np.interp(fine, known, self.power_m2[self.random] / np.gradient(known))
+        floor = Shaking(fine, density * np.gradient(fine), np.ones(fine.size, dtype=np.bool_))
+        return floor._with(self.below(0.0))
+
+    def below(self, frequency_hz: float) -> "Shaking":
+        """Return its random part below a frequency, and all lines."""
+        slow = (self.frequency_hz < frequency_hz) | ~self.random
+        return Shaking(self.frequency_hz[slow], self.power_m2[slow], self.random[slow])
+
+
+@dataclass(frozen=True, slots=True)
+class Disturbance:
+    """The disturbance that the free flights show.
+
+    ``lines`` were subtracted from the motion before it was read.  ``floor_rms_m`` is the random vibration, which cannot
+    be subtracted and is part of the uncertainties; ``floor_rms_m_per_s`` is its velocity.  ``knocks_s`` are the
+    (begin, end) of stretches that were left out because of a knock.  ``shares`` gives the share of each number's
+    variance, 0 to 1, that comes from the disturbance.  ``shaking`` is lines and random vibration as fits use them.
+    """
+
+    lines: tuple[VibrationLine, ...]
+    floor_rms_m: float
+    floor_rms_m_per_s: float
+    knocks_s: tuple[tuple[float, float], ...] = ()
+    shares: Mapping[str, float] = field(default_factory=lambda: _NOTHING)
+    shaking: Shaking | None = None
 
 
 def _not_read() -> Reading:

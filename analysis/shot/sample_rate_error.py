@@ -6,7 +6,6 @@ velocity is off by half a wavelength times the apparent shift of the rest beat.
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +13,7 @@ import numpy as np
 from analysis.shot.fit import Fit
 from analysis.shot.impact import Impact
 from analysis.shot.motion import Motion
-from analysis.shot.quantity import Quantity, Reading, power_of_time
+from analysis.shot.quantity import Quantity, power_of_time
 from analysis.shot.recording import Recording
 
 RATE_CONTRADICTED = "rate_contradicted"
@@ -72,8 +71,9 @@ def with_rate_error(impact: Impact, motion: Motion) -> Impact:
         for name in ("velocity_in_m_per_s", "velocity_out_m_per_s"):
             added[name] = math.hypot(added[name], offset)
         added |= _of_ratios(impact, offset)
-    readings = {name: _wider(getattr(impact, name), std) for name, std in added.items()}
-    return replace(impact, **readings)  # type: ignore[arg-type]
+    read = {name: (getattr(impact, name), std) for name, std in added.items()}
+    wider = {name: _wider(reading, std) for name, (reading, std) in read.items() if isinstance(reading, Quantity)}
+    return replace(impact, **wider)  # type: ignore[arg-type]
 
 
 def velocity_offset_m_per_s(motion: Motion) -> float:
@@ -93,7 +93,7 @@ def fit_with_rate_error(fit: Fit, motion: Motion) -> Fit:
     if not error or not fit.parameters:
         return fit
     moved = np.array([-error * power_of_time(name) * q.value for name, q in fit.parameters.items()])
-    parameters = dict(zip(fit.parameters, map(_wider, fit.parameters.values(), np.abs(moved)), strict=True))
+    parameters = dict(zip(fit.parameters, map(_wider, fit.parameters.values(), moved.tolist()), strict=True))
     covariance = fit.covariance
     if covariance.shape == (moved.size, moved.size):
         covariance = covariance + np.outer(moved, moved)
@@ -101,25 +101,17 @@ def fit_with_rate_error(fit: Fit, motion: Motion) -> Fit:
     shots = tuple(
         replace(
             part,
-            velocity_in_m_per_s=_velocity(part.velocity_in_m_per_s, error, offset),
-            velocity_out_m_per_s=_velocity(part.velocity_out_m_per_s, error, offset),
+            velocity_in_m_per_s=_wider(part.velocity_in_m_per_s, error * part.velocity_in_m_per_s.value, offset),
+            velocity_out_m_per_s=_wider(part.velocity_out_m_per_s, error * part.velocity_out_m_per_s.value, offset),
         )
         for part in fit.shots
     )
-    return replace(fit, parameters=_quantities(parameters), covariance=covariance, shots=shots)
+    return replace(fit, parameters=parameters, covariance=covariance, shots=shots)
 
 
-def _wider(reading: Reading, std: float) -> Reading:
-    """Return a reading with a further, independent standard uncertainty."""
-    return replace(reading, std=math.hypot(reading.std, float(std))) if isinstance(reading, Quantity) else reading
-
-
-def _velocity(velocity: Quantity, error: float, offset: float) -> Quantity:
-    return replace(velocity, std=math.hypot(velocity.std, error * velocity.value, offset))
-
-
-def _quantities(readings: Mapping[str, Reading]) -> dict[str, Quantity]:
-    return {name: reading for name, reading in readings.items() if isinstance(reading, Quantity)}
+def _wider(quantity: Quantity, *further: float) -> Quantity:
+    """Return a quantity with further, independent standard uncertainties; their signs do not matter."""
+    return replace(quantity, std=math.hypot(quantity.std, *further))
 
 
 def _carried(impact: Impact, name: str, share: float) -> float:

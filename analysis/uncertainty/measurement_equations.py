@@ -47,17 +47,16 @@ def scaled(
     scale: Scale | None = None,
     *,
     per_time: int = 0,
-    without_mass: bool = False,
     length_cancels: bool = False,
 ) -> Equation:
     """Return the equation of a reading times one scale.
 
-    ``per_time`` and ``without_mass`` are those of ``ShotSources.noisy``; ``length_cancels`` lists the sources
-    of the length with a sensitivity of zero.
+    ``per_time`` is that of ``ShotSources.noisy``; ``length_cancels`` lists the sources of the length with a sensitivity
+    of zero.
     """
 
     def equation(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
-        seen = inputs.sources.noisy(reading, noise, unit, without_mass=without_mass, per_time=per_time)
+        seen = inputs.sources.noisy(reading, noise, unit, per_time=per_time)
         if seen is None or scale is None:
             return seen
         number, extent = seen * scale(inputs.sources), length(inputs.sources)

@@ -13,7 +13,7 @@ from analysis.collision.effects import named
 from analysis.diagnosis.result import Candidate, Errors, Verdict
 from analysis.drive.catalogue import LAWS
 from analysis.drive.curves import drive_curves
-from analysis.shot.disturbance import Disturbance, Shaking
+from analysis.shot.impact import Disturbance, Shaking
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.uncertainty.gum_budget import budget
 from app.report.number_tables import fitted

@@ -12,7 +12,7 @@ from analysis.inference.fit.base import base_named
 from analysis.inference.fit.samples import Samples, averaged_shots
 from analysis.inference.noise.floor import white_floor
 from analysis.inference.noise.site import Site, Sway, swayed
-from analysis.shot.disturbance import Shaking
+from analysis.shot.impact import Shaking
 from analysis.shot.motion import Motion
 from instrument.bench.effects import CATALOGUE, scaled
 from instrument.bench.frame import HIGHEST_HZ, LOWEST_HZ, density_m2_per_hz

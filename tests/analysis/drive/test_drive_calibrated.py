@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.drive.regression import Regression, regress
-from analysis.drive.stretch import prepare
-from analysis.drive.table import Table
+from analysis.drive.stretch import Table, prepare
 from tests.analysis.drive.slider import MASS, OFFSET, VISCOUS, Drive, Floats
 
 RECORDS = 100

@@ -11,8 +11,7 @@ from analysis.drive.catalogue import LAWS
 from analysis.drive.law_search import Split, Trial, cross_validated_n, look_alikes, same_in_both_halves
 from analysis.drive.regression import Regression, _differences, regress
 from analysis.drive.repeatability import repeatability_of
-from analysis.drive.stretch import prepare
-from analysis.drive.table import Table
+from analysis.drive.stretch import Table, prepare
 from tests.analysis.drive.slider import Drive, Floats
 
 

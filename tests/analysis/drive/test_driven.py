@@ -16,8 +16,7 @@ from analysis.drive.driven_fit import fit_driven
 from analysis.drive.law_screening import _ripple_pitches, orthonormal, project_out, screen_laws
 from analysis.drive.regression import independent_count, regress
 from analysis.drive.repeatability import Repeatability, repeatability_of
-from analysis.drive.stretch import low_pass, prepare
-from analysis.drive.table import Table
+from analysis.drive.stretch import Table, low_pass, prepare
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisError
 from analysis.signal.filters import derivative_filters

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.drive.regression import Regression, regress
-from analysis.drive.table import Table
+from analysis.drive.stretch import Table
 from analysis.fitted import fit_time
 from analysis.fitted.fit_time import FitTime, run_in_time
 from analysis.fitted.fitted_shot import fit_again, fit_jointly

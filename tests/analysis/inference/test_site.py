@@ -23,7 +23,7 @@ from analysis.inference.noise.joint_data import can_tell, joint_data, shakings_o
 from analysis.inference.noise.site import Site, Sway, site_of, swayed
 from analysis.pipeline import analyse
 from analysis.reading.read import shaking_in
-from analysis.shot.disturbance import Shaking
+from analysis.shot.impact import Shaking
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisSettings
 from instrument.bench.effects import Effects

@@ -11,7 +11,7 @@ from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise.sway import STILL, plate_swing_std, responses
 from analysis.pipeline import analyse
 from analysis.shot.consistency import concerning
-from analysis.shot.disturbance import Shaking, VibrationLine
+from analysis.shot.impact import Shaking, VibrationLine
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import Shot
 from instrument.bench import forces as slot

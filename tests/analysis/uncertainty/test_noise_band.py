@@ -8,7 +8,7 @@ import pytest
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.result import Verdict
 from analysis.pipeline import analyse_motion
-from analysis.shot.disturbance import Shaking
+from analysis.shot.impact import Shaking
 from analysis.shot.shot import AnalysisSettings
 from analysis.uncertainty.motion_band import band_of, diagnosed_band, judged_band, noise_band
 from app.report.csv_export import motion_columns

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from analysis.collision import Collision, Variant
 from analysis.paper.paper_simulation import Simulated, half_sine_time_s, simulate
-from analysis.shot import STANDARD_AIR, Disc, Plate, Quantity, refractive_index
+from analysis.shot import STANDARD_AIR, Disc, Plate, refractive_index
 from analysis.shot import plate as plates
 
 _VACUUM_M = 632.991354e-9  # of the HP 5518A (docs/physics.md, "from beats to force")
@@ -91,12 +91,7 @@ def _widths(rig: PaperRig, run: Simulated) -> dict[str, AuditValues]:
     smooth, outermost = run.fwhm_smooth_s, run.fwhm_outermost_s
     low, high = run.fwhm_smooth_range_s
     slope = run.slope_n_per_m
-    corrected = plates.stiffness_from_slope(
-        Quantity(slope, 0.0),
-        Quantity(c.plate_mass_kg, 0.0),
-        Quantity(c.contact_stiffness_n_per_m, 0.0),
-        Quantity(c.block_mass_kg, 0.0),
-    ).value
+    corrected = plates.corrected_slope(slope, c.plate_mass_kg, c.contact_stiffness_n_per_m, c.block_mass_kg)
     return {
         "contact_time": AuditValues(
             printed=half_sine,
@@ -150,7 +145,7 @@ def _plate(rig: PaperRig) -> dict[str, AuditValues]:
     c_paper, c = rig.claims["coefficient_c"], plates.coefficient_c(plate)
     needed_printed, needed = k_p / _beam(printed), k_p / _beam(plate)
     rigid, bending, neck = (plates.stiffness_n_per_m(plate, disc) for disc in Disc)
-    modulus = {disc: plates.youngs_modulus_pa(Quantity(k_p, 0.0), plate, plates.EXACT, disc).value for disc in Disc}
+    modulus = {disc: k_p * plates.compliance_times_modulus_per_m(plate, disc) for disc in Disc}
     return {
         "thickness": AuditValues(
             recomputed=thickness,

@@ -7,14 +7,12 @@ whole plate moving in its static shape, over half the square of the load point's
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from enum import StrEnum
 from typing import Any
 
-from uncertainties import ufloat, umath
-from uncertainties.core import AffineScalarFunc
+from uncertainties import umath
 
-from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Plate
 
 # The formulas below take plain floats or numbers with uncertainty, which keep their correlations.
@@ -46,16 +44,13 @@ class PlateTolerance:
     beam_theory: float = 0.01
 
 
-EXACT = PlateTolerance(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-
 def compliance_times_modulus_per_m(plate: Plate, disc: Disc = Disc.RIGID) -> float:
     """Return E / k_p in 1/m: deflection of the disc's centre, times E, under a unit load there.
 
     Raises ValueError for an impossible plate (no length, an arm wider than its disc).
     """
     _check(plate)
-    return float(compliance_of(_numbers(plate, EXACT), disc))
+    return float(compliance_of(asdict(plate) | {"beam_theory": 1.0}, disc))
 
 
 def stiffness_n_per_m(plate: Plate, disc: Disc = Disc.RIGID) -> float:
@@ -74,49 +69,27 @@ def stated_n_per_m(plate: Plate | None) -> float | None:
 def coefficient_c(plate: Plate) -> float:
     """Return c of k_p = c E t^3 w / (4 l^3), disc rigid: l^3 / (L^3 - (L - l)^3) with L the load's distance."""
     _check(plate)
-    return float(_coefficient(_numbers(plate, EXACT)))
+    length, load, _ = _reach(asdict(plate))
+    return float(length**3 / (load**3 - (load - length) ** 3))
 
 
 def mass_kg(plate: Plate) -> float:
     """Return the plate's whole mass in kg: arm and disc, their overlap at the neck not subtracted."""
-    return float(_masses(_numbers(plate, EXACT))[0])
+    return float(_masses(plate)[0])
 
 
 def effective_mass_kg(plate: Plate) -> float:
     """Return m_p* in kg by Rayleigh's method with the static shape of a load at the centre of a rigid disc."""
     _check(plate)
-    return float(_masses(_numbers(plate, EXACT))[1])
+    return float(_masses(plate)[1])
 
 
 def arm_effective_mass_kg(plate: Plate) -> float:
     """Return the arm's part of ``effective_mass_kg``; the other part is the disc's."""
     _check(plate)
-    length, load, _ = _reach(_numbers(plate, EXACT))
+    length, load, _ = _reach(asdict(plate))
     arm = plate.density_kg_m3 * plate.thickness_m * plate.arm_width_m * plate.arm_length_m
     return float(arm * _arm_ratio(length, load))
-
-
-def youngs_modulus_pa(
-    stiffness: Quantity, plate: Plate, tolerance: PlateTolerance | None = None, disc: Disc = Disc.RIGID
-) -> Quantity:
-    """Return E from a measured k_p in N/m and the plate's geometry (its own modulus is not used)."""
-    _check(plate)
-    numbers = _numbers(plate, tolerance or PlateTolerance())
-    return _quantity(_number(stiffness) * compliance_of(numbers, disc), f"k_p and geometry, disc {disc}")
-
-
-def stiffness_from_slope(
-    slope: Quantity, plate_mass: Quantity, contact_stiffness: Quantity, block_mass: Quantity
-) -> Quantity:
-    """Return k_p in N/m from a measured slope dF/dy, corrected for the plate's inertia and the contact in series.
-
-    Slope and block mass are taken as independent: give the slope's uncertainty without the mass's.  The mass acts
-    twice, as F = m_b a scales the slope itself.
-    """
-    mass = _number(block_mass)
-    s = _number(slope) * mass / block_mass.value
-    k_p = corrected_slope(s, _number(plate_mass), _number(contact_stiffness), mass)
-    return _quantity(k_p, "slope, corrected for the plate's inertia and the contact in series")
 
 
 def corrected_slope(slope: Number, plate_mass: Number, contact_stiffness: Number, block_mass: Number) -> Number:
@@ -137,11 +110,6 @@ def _check(plate: Plate) -> None:
         raise ValueError("plate: the arm is wider than the disc at its end")
 
 
-def _numbers(plate: Plate, tolerance: PlateTolerance) -> dict[str, Number]:
-    numbers = {f.name: _number(Quantity(getattr(plate, f.name), getattr(tolerance, f.name))) for f in fields(plate)}
-    return numbers | {"beam_theory": _number(Quantity(1.0, tolerance.beam_theory))}
-
-
 def _reach(n: Mapping[str, Number]) -> tuple[Number, Number, Number]:
     """Return arm length, distance of the load, disc radius."""
     radius = n["disc_diameter_m"] / 2
@@ -153,15 +121,11 @@ def compliance_of(n: Mapping[str, Number], disc: Disc = Disc.RIGID) -> Number:
 
     Plain floats or numbers with uncertainty.
     """
-    return n["beam_theory"] * _bending(n, disc)
-
-
-def _bending(n: Mapping[str, Number], disc: Disc) -> Number:
     length, load, radius = _reach(n)
-    width, cubed = n["arm_width_m"], n["thickness_m"] ** 3
+    width, cubed, theory = n["arm_width_m"], n["thickness_m"] ** 3, n["beam_theory"]
     arm = 4 * (load**3 - (load - length) ** 3) / (width * cubed)
     if disc is Disc.RIGID:
-        return arm
+        return theory * arm
     # A chord at distance s from the centre is 2 sqrt(R^2 - s^2) wide and bends with the moment F s: the integral of
     # s^2 / (I) over it is R^2/2 (arcsin u - u sqrt(1 - u^2)), u = s/R up to where the chord is as wide as the arm.
     half = width / 2
@@ -170,20 +134,15 @@ def _bending(n: Mapping[str, Number], disc: Disc) -> Number:
     bending = 6 / cubed * chords
     if disc is Disc.BENDING_NECK:
         bending = bending + 4 * (radius**3 - neck**3) / (width * cubed)
-    return arm + bending
+    return theory * (arm + bending)
 
 
-def _coefficient(n: Mapping[str, Number]) -> Number:
-    length, load, _ = _reach(n)
-    return length**3 / (load**3 - (load - length) ** 3)
-
-
-def _masses(n: Mapping[str, Number]) -> tuple[Number, Number]:
+def _masses(plate: Plate) -> tuple[float, float]:
     """Return (whole mass, Rayleigh's effective mass)."""
-    length, load, radius = _reach(n)
-    sheet = n["density_kg_m3"] * n["thickness_m"]
+    length, load, radius = _reach(asdict(plate))
+    sheet = plate.density_kg_m3 * plate.thickness_m
     disc = sheet * math.pi * radius**2
-    arm = sheet * n["arm_width_m"] * length
+    arm = sheet * plate.arm_width_m * length
     tilt = (load**2 - (load - length) ** 2) / 2 / _deflection(length, load)  # of the disc, per deflection of its centre
     return arm + disc, arm * _arm_ratio(length, load) + disc * (1 + (tilt * radius) ** 2 / 4)
 
@@ -205,13 +164,3 @@ def _arm_ratio(length: Number, load: Number) -> Number:
     """
     squared = length**4 * (9 * load**2 / 5 - load * length + length**2 / 7) / 36
     return squared / _deflection(length, load) ** 2
-
-
-def _number(quantity: Quantity) -> Number:
-    return quantity.value if quantity.std == 0.0 else ufloat(quantity.value, quantity.std)
-
-
-def _quantity(number: Number, how: str) -> Quantity:
-    if isinstance(number, AffineScalarFunc):
-        return Quantity(float(number.nominal_value), float(number.std_dev), how)
-    return Quantity(float(number), 0.0, how)

@@ -9,13 +9,14 @@ import pytest
 
 from analysis.shot.air import STANDARD_AIR, wavelength_in_air_m
 from analysis.shot.motion import BeatQuality
-from analysis.shot.plate import PlateTolerance, youngs_modulus_pa
+from analysis.shot.plate import PlateTolerance
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.shot.recording import Plate, Setup
 from analysis.shot.shot import Shot
 from analysis.uncertainty import gum_budget as table
 from analysis.uncertainty.budget_sources import InstrumentUncertainty
 from analysis.uncertainty.gum_budget import QuantityBudget, budget
+from tests.analysis.shot.test_plate import modulus_pa
 from tests.analysis.shots import at_speed, paper_impact, shot_of
 from tests.analysis.synthetic_collision import Synthetic, motion_of
 
@@ -157,7 +158,7 @@ def test_modulus_includes_the_plates_tolerances() -> None:
     modulus = of(shot_of(setup=LASER), "youngs_modulus_pa")
     assert LASER.plate is not None
     k = of(shot_of(setup=LASER), "plate_stiffness_n_per_m")
-    whole = youngs_modulus_pa(k.quantity, LASER.plate, PlateTolerance())
+    whole = modulus_pa(k.quantity, LASER.plate, PlateTolerance())
     assert modulus.value == pytest.approx(whole.value, rel=1e-12)
     assert modulus.std == pytest.approx(whole.std, rel=1e-9)
     assert modulus.rows[0].source == "plate: thickness"

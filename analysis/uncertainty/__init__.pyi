@@ -1,4 +1,3 @@
-from .budget_sources import InstrumentUncertainty
 from .gum_budget import (
     COLUMNS,
     COVERAGE_FACTOR,
@@ -22,7 +21,6 @@ __all__ = [
     "BudgetRow",
     "Floats",
     "Group",
-    "InstrumentUncertainty",
     "NoiseBand",
     "Origin",
     "QuantityBudget",

@@ -88,7 +88,6 @@ class QuantityBudget:
 class Budget:
     shot: str
     quantities: tuple[QuantityBudget, ...]
-    instrument: InstrumentUncertainty
 
     def of(self, key: str) -> QuantityBudget | None:
         return next((q for q in self.quantities if q.key == key), None)
@@ -101,8 +100,7 @@ def budget(shot: Shot, instrument: InstrumentUncertainty | None = None, others: 
     are derivatives of the measurement equations by the ``uncertainties`` package, so a source common to two readings
     (wavelength, timebase, mass) cancels from their ratio.
     """
-    known = instrument or InstrumentUncertainty()
-    sources = ShotSources(shot, known)
+    sources = ShotSources(shot, instrument or InstrumentUncertainty())
     inputs, tables = EquationInputs(shot, sources), []
     for result, equation in with_equation():
         number = equation(inputs, result.find(shot), result.unit)
@@ -117,7 +115,7 @@ def budget(shot: Shot, instrument: InstrumentUncertainty | None = None, others: 
             rows.append(_repeatability(result, shot, others))
         rows.sort(key=lambda row: -row.contribution)
         tables.append(QuantityBudget(result.key, result.words, result.unit, float(number.nominal_value), tuple(rows)))
-    return Budget(shot.name, tuple(tables), known)
+    return Budget(shot.name, tuple(tables))
 
 
 def budget_result(result: Budget) -> dict[str, Any]:

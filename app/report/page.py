@@ -7,7 +7,7 @@ from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis, Foretold
 from analysis.fitted import readings_model
 from analysis.shot import UNITS, PlotNote, Shot
-from analysis.uncertainty import InstrumentUncertainty, budget
+from analysis.uncertainty import budget
 from app.report import provenance
 from app.report.diagnosis_section import diagnosis_section, prediction_section
 from app.report.markup import Markup, joined, table, tag
@@ -25,7 +25,6 @@ def report_of(
     shots: Sequence[Shot],
     diagnosis: Diagnosis | None = None,
     *,
-    instrument: InstrumentUncertainty | None = None,
     title: str | None = None,
     made_at: datetime | None = None,
     prediction: Foretold | None = None,
@@ -35,8 +34,8 @@ def report_of(
     """Return the report as HTML.
 
     One shot gives its own report; several give a session's, with overlay and trends before the shots themselves.
-    ``instrument`` is the type B part of the budgets (as stated by the rig's owner), ``made_at`` defaults to now.
-    ``tried`` are effects in the model that no diagnosis named; ``next_shots`` is the plan of the next shots in words.
+    ``made_at`` defaults to now.  ``tried`` are effects in the model that no diagnosis named; ``next_shots`` is the plan
+    of the next shots in words.
     Figures are inline SVG, the style sheet is included; the page loads nothing and runs no script.
     """
     made = (made_at or datetime.now(UTC)).astimezone(UTC).strftime("%Y-%m-%d %H:%M UTC")
@@ -64,7 +63,7 @@ def report_of(
         body.append(tag("p", said, class_="warning"))
     for number, shot in enumerate(shots, 1):
         others = [other for other in shots if other is not shot]
-        body.append(_shot(shot, others, instrument, number, drawn, tried, single=len(shots) == 1))
+        body.append(_shot(shot, others, number, drawn, tried, single=len(shots) == 1))
     body.append(_program())
     return "<!DOCTYPE html>\n" + tag("html", head, tag("body", body), lang="en") + "\n"
 
@@ -72,7 +71,6 @@ def report_of(
 def _shot(
     shot: Shot,
     others: Sequence[Shot],
-    instrument: InstrumentUncertainty | None,
     number: int,
     drawn: bool,
     tried: Collection[Effect],
@@ -81,7 +79,7 @@ def _shot(
 ) -> Markup:
     heading = Markup() if single else tag("h2", shot.name)
     parts: list[Markup] = [heading, _remarks(shot)]
-    of = budget(shot, instrument, others) if shot.impact is not None else None
+    of = budget(shot, others=others) if shot.impact is not None else None
     if shot.impact is not None:
         parts += [tag("h3", "Numbers"), numbers(shot, of), model_of_readings(readings_model(shot))]
         if shot.impact.disturbance is not None:

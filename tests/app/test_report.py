@@ -11,7 +11,8 @@ import numpy as np
 import pypdfium2
 import pytest
 
-from analysis.collision.effects import Acts, Effect, effects_named
+from analysis.collision.effects import effects_named
+from analysis.collision.effects.row import Acts, Effect
 from analysis.diagnosis.result import BlindSpot, FoundEffect, Remainder
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Plate

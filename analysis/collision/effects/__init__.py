@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 
 from analysis.collision.effects import in_contact, on_block, on_plate, on_sensor
-from analysis.collision.effects.row import Acts, Effect, Parameter
+from analysis.collision.effects.row import Effect
 
 CATALOGUE: Mapping[str, Effect] = {
     row.name: row for rows in (on_block.ROWS, on_plate.ROWS, in_contact.ROWS, on_sensor.ROWS) for row in rows
@@ -46,18 +46,3 @@ def named(name: str) -> Effect:
 def effects_named(effects: Iterable[Effect | str]) -> tuple[Effect, ...]:
     """Return effects, some of which a script gives by their names in the catalogue.  Raises ValueError."""
     return tuple(named(effect) if isinstance(effect, str) else effect for effect in effects)
-
-
-__all__ = [
-    "CATALOGUE",
-    "MOST_AT_ONCE",
-    "NUISANCES",
-    "WIDER",
-    "Acts",
-    "Effect",
-    "Parameter",
-    "effects_named",
-    "findings",
-    "named",
-    "sensors",
-]

@@ -124,19 +124,15 @@ def from_key(key: str) -> OwnLaw:
         raise LawError(f"no law can be read from {name!r}: {why}") from None
 
 
-def is_law(key: str) -> bool:
-    """Return whether a file's name of an effect is the key of a law."""
-    try:
-        return from_key(key).key == key
-    except LawError:
-        return False
-
-
 def known_effect(key: str) -> Effect | None:
     """Return the effect that a file has under this ``key``, of the catalogue or a law; None where there is none."""
     if key in CATALOGUE or key in WIDER or key in NUISANCES:
         return named(key)
-    return from_key(key) if is_law(key) else None
+    try:
+        law = from_key(key)
+    except LawError:
+        return None
+    return law if law.key == key else None
 
 
 def _text(table: Mapping[str, Any], key: str) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from analysis.shot import Shot, shown_in
-from analysis.uncertainty import COVERAGE_FACTOR, BudgetRow, InstrumentUncertainty, QuantityBudget, budget
+from analysis.uncertainty import COVERAGE_FACTOR, BudgetRow, QuantityBudget, budget
 from app.window.panels.tree_table import Line, TreeTable
 from app.window.widgets import text_label
 from app.words import DASH, number, value_text
@@ -35,11 +35,9 @@ class BudgetPanel(QWidget):
         column.addWidget(self.table, 1)
         self.show_shot(None)
 
-    def show_shot(
-        self, shot: Shot | None, others: Sequence[Shot] = (), instrument: InstrumentUncertainty | None = None
-    ) -> None:
+    def show_shot(self, shot: Shot | None, others: Sequence[Shot] = ()) -> None:
         """Show a shot's budget, or why there is none."""
-        found = None if shot is None else budget(shot, instrument, others)
+        found = None if shot is None else budget(shot, others=others)
         if found is None or not found.quantities:
             self._say.setText("No shot yet." if shot is None else f"No budget: {shot.problem or 'no impact was read'}.")
             self.table.show_lines([])

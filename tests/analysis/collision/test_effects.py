@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from analysis.collision import general
-from analysis.collision.effects import CATALOGUE, Acts, named
+from analysis.collision.effects import CATALOGUE, named
 from analysis.collision.effects.on_sensor import cyclic_error, demodulation_lag
-from analysis.collision.effects.row import Sensed
+from analysis.collision.effects.row import Acts, Sensed
 from analysis.collision.general import Active
 from analysis.collision.parameters import PAPER
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from analysis.collision import general, march
-from analysis.collision.effects import CATALOGUE, Acts, Effect, Parameter, kernel
+from analysis.collision.effects import CATALOGUE, kernel
+from analysis.collision.effects.row import Acts, Effect, Parameter
 from analysis.collision.parameters import PAPER, Variant
 
 TIME_S = np.arange(-500, 4500) * 1e-5

@@ -6,7 +6,8 @@ from typing import Any, cast
 
 import pytest
 
-from analysis.collision.effects import Effect, named
+from analysis.collision.effects import named
+from analysis.collision.effects.row import Effect
 from analysis.diagnosis.result import FoundEffect, Freedom, Verdict
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict import acceptance

@@ -7,7 +7,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from analysis.collision.effects import CATALOGUE, Effect
+from analysis.collision.effects import CATALOGUE
+from analysis.collision.effects.row import Effect
 from analysis.diagnosis.result import FoundEffect, Freedom, Verdict
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict import other_names as names

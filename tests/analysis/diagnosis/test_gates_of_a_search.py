@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from analysis.collision.effects import CATALOGUE, Effect
+from analysis.collision.effects import CATALOGUE
+from analysis.collision.effects.row import Effect
 from analysis.diagnosis.limit import SECONDS, Limit
 from analysis.diagnosis.search import forward_selection
 from analysis.diagnosis.search.forward_selection import Trail, prune

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision.effects import CATALOGUE, Acts, Effect, Parameter
+from analysis.collision.effects import CATALOGUE
 from analysis.collision.effects.kernel import MASS, ON_BLOCK, Q_RATE, W_RATE, V, W
-from analysis.collision.effects.row import Sensed
+from analysis.collision.effects.row import Acts, Effect, Parameter, Sensed
 from analysis.collision.parameters import PAPER
 from analysis.diagnosis import words
 from analysis.diagnosis.diagnosis_of_shots import diagnose

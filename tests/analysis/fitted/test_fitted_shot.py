@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from analysis.collision.effects import Effect, named
+from analysis.collision.effects import named
+from analysis.collision.effects.row import Effect
 from analysis.fitted.fitted_shot import fit_again, with_fit
 from analysis.shot.consistency import concerning
 from analysis.shot.fit import Fit

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision.effects import CATALOGUE, Acts, Effect, Parameter, named
+from analysis.collision.effects import CATALOGUE, named
 from analysis.collision.effects.kernel import ON_BLOCK, Q_RATE, W_RATE, Q, V, W
+from analysis.collision.effects.row import Acts, Effect, Parameter
 from analysis.collision.first_order import along
 from analysis.collision.parameters import PAPER
 from analysis.inference.fit.base import base_named

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.collision.effects import Effect, effects_named
+from analysis.collision.effects import effects_named
+from analysis.collision.effects.row import Effect
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.planning import distances as planned
 from analysis.planning.distances import Distances, Pair, nearest

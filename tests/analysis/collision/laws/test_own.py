@@ -9,7 +9,7 @@ import pytest
 
 from analysis.collision import general
 from analysis.collision.effects import named
-from analysis.collision.laws.own import LawError, OwnLaw, from_mapping, is_law
+from analysis.collision.laws.own import LawError, OwnLaw, from_mapping, known_effect
 from analysis.collision.parameters import PAPER, Collision
 from tests.law_rigs import Bodies, LawRig, Memory
 
@@ -246,4 +246,4 @@ def test_a_derivative_goes_through_a_quotient() -> None:
 def test_a_law_without_words_survives_its_own_file(name: str) -> None:
     parameters = {"a": {"unit": "", "start": 1}}
     own = from_mapping({"name": name, "where": "block", "formula": "-a*v", "parameters": parameters})
-    assert is_law(own.key) and from_mapping(own.written()) == own and own.words.strip() == own.words != ""
+    assert known_effect(own.key) is own and from_mapping(own.written()) == own and own.words.strip() == own.words != ""

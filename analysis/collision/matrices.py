@@ -7,8 +7,9 @@ are the state and its derivatives by the parameters, S' = A S + (dA/dtheta) s.
 from typing import NamedTuple
 
 from analysis.collision.modes import OVERLAP, PLATE, RANGE_0, VELOCITY, range_at
+from analysis.collision.parameters import Floats
 from analysis.collision.rates import rates
-from analysis.collision.system import RANGE_AT, Floats
+from analysis.collision.system import RANGE_AT
 from analysis.compiled import cut, inlined, part
 
 _SAME = 1e-11  # of the terms, where two states must agree on A

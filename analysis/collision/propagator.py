@@ -36,6 +36,7 @@ from analysis.collision.modes import (
     may_be_gone,
     may_touch,
 )
+from analysis.collision.parameters import Floats
 from analysis.collision.rates import rates
 from analysis.collision.system import (
     AT_A_GUARD,
@@ -46,7 +47,6 @@ from analysis.collision.system import (
     STEPS_LEFT,
     TIME,
     Ahead,
-    Floats,
     Integers,
     State,
     state_of,

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision.modes import FREE, PHASE, PLATE, guard, guard_rate, is_gone, may_be_gone, may_touch
+from analysis.collision.parameters import Floats
 from analysis.collision.rates import derivative_rates, rates, state_rates
 from analysis.collision.system import (
     AT_A_GUARD,
@@ -26,7 +27,6 @@ from analysis.collision.system import (
     MOVES,
     STEPS_LEFT,
     TIME,
-    Floats,
     State,
     take,
 )

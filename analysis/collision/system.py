@@ -2,12 +2,9 @@
 
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from analysis.collision.parameters import Floats
 from analysis.compiled import cut, part
 
-Floats = NDArray[np.float64]
 Integers = Any  # int64 arrays, which kernels take as Python passes them
 
 SLOT_PARAMETERS = 8

@@ -4,12 +4,10 @@ import itertools
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analysis.shot import AnalysisError, Motion
+from analysis.shot import AnalysisError, Floats, Motion
 from analysis.signal import MAX_BANDWIDTH_SHARE, derivative_filters, derivatives, stretches
 
-Floats = NDArray[np.float64]
 CLEAR = 100.0  # signal over noise power at the edge: noise of 1 % in a regressor biases its coefficient by as much
 BANDS_AN_OCTAVE = 4
 LEAST_FILTERS = 60.0  # a record must last so many times the filter's time 1 / bandwidth: its ends cost six

@@ -12,13 +12,11 @@ from enum import Enum
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from analysis.collision import Acts, Effect, Parameter
 from analysis.drive.stretch import LONGEST_DELAY, Stretch
-from analysis.shot import AnalysisError, words_and_unit
+from analysis.shot import AnalysisError, Floats, words_and_unit
 
-Floats = NDArray[np.float64]
 Columns = tuple[Floats, ...]
 BASE = ("moving_mass_kg", "viscous_coefficient_n_s_per_m", "offset_n")
 

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot import Fit, Motion
+from analysis.shot import Fit, Floats, Motion
 
 if TYPE_CHECKING:
     from analysis.drive.repeatability import Repeatability
 
-Floats = NDArray[np.float64]
 GAP = 1.5  # steps without a sample: there a curve is broken
 
 

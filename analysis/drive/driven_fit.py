@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Effect
 from analysis.drive.bandwidth import force_noise
@@ -14,10 +13,9 @@ from analysis.drive.law_search import fit_accepted
 from analysis.drive.regression import Regression, regress, rms
 from analysis.drive.repeatability import Repeatability, repeatability_of
 from analysis.drive.stretch import Stretch, Table, low_pass, prepare
-from analysis.shot import AnalysisError, Fit, Motion, Quantity, Stop
+from analysis.shot import AnalysisError, Fit, Floats, Motion, Quantity, Stop
 from analysis.signal import derivative_filters
 
-Floats = NDArray[np.float64]
 MASS = "moving_mass_kg"
 AGREE_SIGMAS = 4.0
 AGREE_SHARE = 0.02  # by so much a force's scale, or a law still missing, may change the fitted mass

@@ -10,13 +10,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.drive.catalogue import LAWS, Law
 from analysis.drive.regression import DEPENDENT, NonlinearValues, Regression, delay_of
 from analysis.drive.stretch import Mask, Stretch, Table, low_pass
+from analysis.shot import Floats
 
-Floats = NDArray[np.float64]
 MOST_WAVES = 400.0  # along the travel: the finest ripple that is searched
 WAVE_STEP = 0.4
 RIPPLES = 3

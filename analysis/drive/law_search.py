@@ -12,9 +12,8 @@ from analysis.drive.law_screening import CandidateLaws, screen_laws
 from analysis.drive.regression import NonlinearValues, Regression, delay_of, design, regress, rms
 from analysis.drive.repeatability import folds
 from analysis.drive.stretch import Mask, Table
-from analysis.shot import AnalysisError
+from analysis.shot import AnalysisError, Floats
 
-Floats = NDArray[np.float64]
 BIC_AGAINST_BASE, BIC_AGAINST_NEXT = 10.0, 6.0  # docs/how-a-diagnosis-decides.md
 PAYS = 0.02  # of the force error of prediction, by which a law must reduce it
 SAME_LAW = 0.35  # of a law's force, by which it may differ between the halves of the records

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from analysis.drive.catalogue import BASE, LAWS, ParameterScale
 from analysis.drive.stretch import Mask, Table
-from analysis.shot import AnalysisError, Quantity
+from analysis.shot import AnalysisError, Floats, Quantity
 
-Floats = NDArray[np.float64]
 NonlinearValues = Mapping[str, tuple[float, ...]]  # by law, for each law that has nonlinear parameters
 ZERO_LENGTH = 1e-150  # of a column, its square still a number: a law that acts nowhere in a motion is shorter
 DEPENDENT = 1e-7  # of a column: with less than this orthogonal to the others it depends on them

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from analysis.drive.catalogue import BASE
 from analysis.drive.regression import Regression, delay_of, rms
 from analysis.drive.stretch import Table
+from analysis.shot import Floats
 
-Floats = NDArray[np.float64]
 ALIKE = 0.01  # of the displacement's spread: two passes that differ by less are the same motion
 LEAST_OVERLAP = 0.25  # of a record, which a second pass must cover
 _LEAST_SAMPLES = 100

@@ -16,13 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.drive.bandwidth import bandwidth_of
-from analysis.shot import AnalysisError, Cancelled, Motion, Stop
+from analysis.shot import AnalysisError, Cancelled, Floats, Motion, Stop
 from analysis.signal import stretches as unbroken
 
 if TYPE_CHECKING:
     from analysis.drive.catalogue import Law
 
-Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 FEWEST_SAMPLES = 200
 STANDSTILL_SIGMAS = 5.0

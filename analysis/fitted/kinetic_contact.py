@@ -8,13 +8,10 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Collision, Event, Variant, solve
 from analysis.shot import Fit, NotSeen, Quantity, Reading
 from levimass import is_drive
-
-Floats = NDArray[np.float64]
 
 _COLUMN = {
     "plate_stiffness_n_per_m": 0,

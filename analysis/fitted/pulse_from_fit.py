@@ -9,15 +9,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Infeasible
 from analysis.fitted.fitted_shot import READ_FROM_MODEL
 from analysis.inference import JointData, Point, Problem, averaged_shots, base_named, trials_of
-from analysis.shot import AnalysisError, Fit, Impact, Motion, NotSeen, Quantity, Reading
+from analysis.shot import AnalysisError, Fit, Floats, Impact, Motion, NotSeen, Quantity, Reading
 from levimass import is_drive
 
-Floats = NDArray[np.float64]
 DROWNED = 0.1  # noise of the force over the model's peak, beyond which a direct reading is mostly noise
 INCONSISTENT = "pulse_disagrees"  # the direct reading's peak and width do not make the impulse
 IMPULSE_SHARES = (0.5, 1.3)  # peak x width over m (v_out - v_in): 0.94 of a half sine, 1 of a rectangle

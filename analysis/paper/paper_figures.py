@@ -3,12 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Collision, solve
-from analysis.shot import Quantity, Shot
-
-Floats = NDArray[np.float64]
+from analysis.shot import Floats, Quantity, Shot
 
 _STEP_S = 2e-6
 MARGIN_S = 3e-3

@@ -4,13 +4,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Collision, Trajectory, solve
 from analysis.collision import simulate as gear
 from analysis.fitted import contact_cor
-
-Floats = NDArray[np.float64]
+from analysis.shot import Floats
 
 SMOOTH_HZ = (100.0, 250.0, 500.0)  # docs/physics.md, "the model": low-pass of the smooth pulse
 SLOPE_S = (6e-3, 28e-3)  # and the span of the slope, for the paper's contact of 28.7 ms

@@ -12,16 +12,14 @@ from math import exp, inf
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Infeasible
 from analysis.compiled import side_by_side
 from analysis.inference import Fitted
 from analysis.planning.next_shot import NextShot, Reach, as_found_kg, effort, in_order, next_shots
 from analysis.planning.predictions import blank_shot, information_of, predict, present_information
-from analysis.shot import AnalysisError
+from analysis.shot import AnalysisError, Floats
 
-Floats = NDArray[np.float64]
 ALL = "all"
 HALF = 0.5
 _MOST = 3

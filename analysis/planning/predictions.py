@@ -4,14 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Effect, Infeasible
 from analysis.inference import OWN_NAMES, Course, Fitted, Floor, Point, Problem, Samples, on_site
 from analysis.planning.next_shot import NextShot, as_found_kg, contact_s, on_the_rig
-from analysis.shot import Stop
+from analysis.shot import Floats, Stop
 
-Floats = NDArray[np.float64]
 _EVALUATIONS = 15
 NEAR = 0.3  # of chi^2, at which a search for a plan may end: a distance of five norms is then known to a thirtieth
 

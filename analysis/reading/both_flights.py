@@ -13,9 +13,8 @@ from analysis.reading.flight import SHORTEST_CURVED_S, Bins, Flight, binned, sel
 from analysis.reading.floor_spectrum import FloorSpectrum, Octaves, waves_of
 from analysis.reading.strengths import FlightObservation
 from analysis.reading.vibration_lines import add_line, design_matrix, frequency_derivative, line_of, refined, wave_of
-from analysis.shot import Motion, VibrationLine
+from analysis.shot import Floats, Motion, VibrationLine
 
-Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 FEWEST_BINS = 4  # of one flight, for a straight line with a residual

@@ -8,10 +8,8 @@ from numpy.typing import NDArray
 from analysis.reading.edges import Edge, edge_of_line, edges_of_short_flight
 from analysis.reading.flight import Flight, fit_flight
 from analysis.reading.floor_spectrum import FloorSpectrum
-from analysis.shot import Motion
+from analysis.shot import Floats, Motion
 from analysis.signal import LEAST_NOISE_M, stretches, white_noise
-
-Floats = NDArray[np.float64]
 
 SUPPORTS = (5, 7, 9, 11, 15, 21)  # samples a local parabola may span
 FLIGHT_SIGMAS = 4.0

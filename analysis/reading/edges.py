@@ -7,10 +7,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from analysis.reading.flight import Flight
-from analysis.shot import Motion
+from analysis.shot import Floats, Motion
 from analysis.signal import LEAST_NOISE_M, first_run
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 

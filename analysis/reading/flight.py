@@ -5,10 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot import Motion
+from analysis.shot import Floats, Motion
 from analysis.signal import LEAST_NOISE_M, white_noise
 
-Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LONGEST_FLIGHT_S = 0.040  # of flight used on each side: a longer one adds drift, not information

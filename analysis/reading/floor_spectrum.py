@@ -5,11 +5,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analysis.shot import Shaking
-
-Floats = NDArray[np.float64]
+from analysis.shot import Floats, Shaking
 
 LOWEST = 0.35  # of the centres of the octaves, over the whole time that the flights span
 SPACING = 0.45  # of the frequencies that represent the floor, over the same

@@ -9,12 +9,9 @@ ends, and where another force acts.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analysis.shot import Motion
+from analysis.shot import Floats, Motion
 from analysis.signal import first_run
-
-Floats = NDArray[np.float64]
 
 TRAVEL_FRACTION = 0.02  # of the record's whole path: the least fall before a turn and rise after it
 TRAVEL_SIGMAS = 30.0  # ... and the same in noise of a sample

@@ -9,10 +9,8 @@ from scipy.fft import irfft, next_fast_len, rfft
 from analysis.reading.edges import Edge
 from analysis.reading.flight import Flight
 from analysis.reading.floor_spectrum import FloorSpectrum
-from analysis.shot import Motion, NotSeen, Quantity, Reading
+from analysis.shot import Floats, Motion, NotSeen, Quantity, Reading
 from analysis.signal import derivative_filters
-
-Floats = NDArray[np.float64]
 
 SMOOTH_HZ = (100.0, 250.0, 500.0)  # docs/physics.md: the smooth pulse is the force low-passed at 100-500 Hz
 SLOPE_SPAN = (0.209, 0.975)  # of the contact: 6 to 28 ms of 28.7, clear of bounces and release

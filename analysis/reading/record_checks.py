@@ -1,11 +1,9 @@
 """Check that a motion record can be a collision: its units, its mass, its direction."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analysis.shot import AnalysisError, Motion
+from analysis.shot import AnalysisError, Floats, Motion
 
-Floats = NDArray[np.float64]
 CLEAR_SIGMAS = 20.0  # of the displacement's noise, by which a turn must stand out
 SHORTEST_S, LONGEST_S = 1e-6, 600.0  # of a record with a collision and its two flights
 AT_REST_M = 1e-4  # a block that moves less in a whole record stands still, whether or not the building shakes it

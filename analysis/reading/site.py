@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from analysis.shot import Floats
 
 CRITERIA_M_PER_S: Mapping[str, float] = {
     "VC-G": 0.78e-6,

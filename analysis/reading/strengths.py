@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from analysis.reading.floor_spectrum import Octaves
+from analysis.shot import Floats
 from analysis.strengths import (
     Curvature,
     RestrictedLikelihood,
@@ -25,8 +25,6 @@ from analysis.strengths import (
     mixture_covariance,
     points_about,
 )
-
-Floats = NDArray[np.float64]
 
 SPEED_M_PER_S = 3e-6  # in an octave, before anything is seen: a good laboratory's ...
 SPEED_SPREAD = 6.0  # ... to a factor of some hundred; spreads are of natural logarithms of powers

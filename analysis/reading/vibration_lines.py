@@ -3,15 +3,12 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.compiled import solve_triangle
 from analysis.reading.flight import Bins
 from analysis.reading.floor_spectrum import waves_of
 from analysis.reading.strengths import FlightObservation, FloorEstimate
-from analysis.shot import Motion, Quantity, VibrationLine
-
-Floats = NDArray[np.float64]
+from analysis.shot import Floats, Motion, Quantity, VibrationLine
 
 LINE_WORTH = 16.0  # of log-likelihood that a line's three parameters must gain, the floor estimated again
 LOWEST_LINES = 0.5  # periods of a line that the shorter flight must hold at least

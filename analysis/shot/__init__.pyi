@@ -3,7 +3,7 @@ from .air import STANDARD_AIR, refractive_index, wavelength_in_air_m
 from .consistency import CONCERNS, FIT_FLAGS, PLATE_RINGS, concerning, fit_flags, reading_flags
 from .fit import Fit, Overlay, ShotFit, Wander, names_on_plate, plates_named
 from .impact import Disturbance, Impact, KineticCor, Shaking, VibrationLine
-from .motion import BeatQuality, Motion
+from .motion import BeatQuality, Floats, Motion
 from .plate import Disc, Number, PlateTolerance, compliance_of, corrected_slope, stated_n_per_m
 from .plates_of_set import plate_count, plate_numbers, plates_words, weights_words, why_not_together
 from .quantity import NotSeen, Quantity, Reading, shown_in, to_json, words_and_unit
@@ -47,6 +47,7 @@ __all__ = [
     "Disc",
     "Disturbance",
     "Fit",
+    "Floats",
     "Gap",
     "Impact",
     "KineticCor",

@@ -5,12 +5,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analysis.collision import Effect
+from analysis.collision import Effect, Floats
 from analysis.shot.quantity import Quantity
 
-Floats = NDArray[np.float64]
 Wander = tuple[tuple[float, float], ...]  # of each part of the noise that wanders: rms in m, memory in s
 _FURTHER = re.compile(r"plate_(\d+)_(.+)")  # a further plate's stiffness or mass
 

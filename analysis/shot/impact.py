@@ -10,9 +10,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.collision import Floats
 from analysis.shot.quantity import NotSeen, Quantity, Reading
-
-Floats = NDArray[np.float64]
 
 _NOTHING: Mapping[str, float] = MappingProxyType({})
 

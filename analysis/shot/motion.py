@@ -6,10 +6,9 @@ from typing import get_origin
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.collision import Floats as Floats
 from analysis.shot.quantity import NotSeen, Reading
 from analysis.shot.recording import Plate
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

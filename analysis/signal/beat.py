@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from analysis.shot import Floats
 from analysis.signal.integer_filter import LINE_BYTES, TOGETHER, WIDTH, four_dots, integer_taps, prefetch
 from analysis.signal.tuning import BATCH, PHASE_STEPS, OscillatorSchedule, Tuning
 
@@ -20,7 +21,6 @@ _LINE = LINE_BYTES // 2  # counts
 
 Counts = NDArray[np.int16]
 Singles = NDArray[np.float32]
-Floats = NDArray[np.float64]
 
 
 def _arctangent_coefficients() -> tuple[np.float32, ...]:

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.shot import Floats
 from analysis.signal.filters import stretches
 
-Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Segment = tuple[int, Floats, Singles]
 LONGEST_PHASES = 400  # of a hole that is bridged; over a longer one motion is not predictable to half a fringe

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from analysis.shot import Floats
 from analysis.signal.survey import Survey
 
-Floats = NDArray[np.float64]
 REMOVED, LEFT = "cross_talk_removed", "cross_talk"  # flags
 BLOCK, MOST_BLOCKS = 1024, 256  # samples of a block, and blocks examined at most
 REMOVED_ABOVE = 0.01  # of PD0's amplitude

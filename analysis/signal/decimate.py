@@ -7,10 +7,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from analysis.shot import Floats
 from analysis.signal.filters import decimator_taps
 from analysis.signal.tuning import Tuning
 
-Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 _SPARE = 1024  # inputs of room, so that blocks of uneven size do not grow the memory each time
 _KERNEL: dict[str, Any] = {

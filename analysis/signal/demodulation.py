@@ -10,6 +10,7 @@ from analysis.shot import (
     AnalysisError,
     AnalysisSettings,
     BeatQuality,
+    Floats,
     Motion,
     Progress,
     Quantity,
@@ -33,7 +34,6 @@ from analysis.signal.rest import RestPhase, fit_rest_phase
 from analysis.signal.survey import Survey, survey
 from analysis.signal.track import BeatSpec, Grid, Track, read_tracks
 
-Floats = NDArray[np.float64]
 HARMONICS_ABOVE = 0.01  # of the beat's amplitude: where one folds onto the beat it bends the phase by as much
 _UNSTEADY_SIGMA = 3.0
 _WORTH_ANOTHER = 0.8  # of the samples missed so far: a wider band must miss fewer to be preferred

@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from analysis.shot import Floats
 
 HALF_POWER_SHARE = 0.5  # of the output rate: where the decimator is 3 dB down, which keeps decimated noise white
 FLAT_SHARE = 0.3  # of the output rate: below it the decimator is flat (0.1 %; the band-pass before it droops by 2 %)

@@ -12,12 +12,10 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from analysis.shot import Gap, Recording, Role
+from analysis.shot import Floats, Gap, Recording, Role
 from analysis.signal.filters import stretches
 from analysis.signal.rest import RestTones, cumulative, jump_of, tone_columns
 from analysis.signal.track import Track
-
-Floats = NDArray[np.float64]
 
 FLAG = "samples_lost"
 APART = 16  # motion samples: beyond the decimator's own reach

@@ -1,12 +1,10 @@
 """The noise of a phase, a displacement or a column of a record, estimated from its own samples."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analysis.shot import AnalysisError
+from analysis.shot import AnalysisError, Floats
 from analysis.signal.filters import stretches
 
-Floats = NDArray[np.float64]
 CHI2_MEDIAN = 0.45494  # of one squared standard normal
 _NOISE_BLOCK = 512  # samples per local variance
 BLOCK = 32  # samples per mean

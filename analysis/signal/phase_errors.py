@@ -12,15 +12,13 @@ as the beat, in the opposite direction, and its amplitude shows as a ripple of t
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analysis.shot import Recording
+from analysis.shot import Floats, Recording
 from analysis.signal.beat import BeatReader
 from analysis.signal.filters import decimator_taps, stretches
 from analysis.signal.rest import RestPhase
 from analysis.signal.track import BeatSpec, Grid, Track
 
-Floats = NDArray[np.float64]
 LONGEST_S = 12e-3  # of flight, read for the centre
 SHORTEST_S = 0.5e-3
 FAST_HZ = 40e3  # Doppler shift above which the circle turns often enough for its centre to be its mean

@@ -1,13 +1,11 @@
 """Make a Motion of a record demodulated elsewhere, with this program's filters and the noise that the record shows."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analysis.shot import AnalysisError, Motion, NotSeen
+from analysis.shot import AnalysisError, Floats, Motion, NotSeen
 from analysis.signal.filters import FLAT_SHARE, derivative_gains, derivatives
 from analysis.signal.noise import noise_of_column
 
-Floats = NDArray[np.float64]
 BANDWIDTH_SHARE = 0.2  # of the sample rate: the widest bandwidth, and the default
 MAX_JITTER = 0.2  # of a step: times farther off an even grid are refused
 _EVEN = 1e-3  # of a step: closer than this the grid counts as even

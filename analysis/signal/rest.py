@@ -7,11 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analysis.shot import AnalysisError, Quantity
+from analysis.shot import AnalysisError, Floats, Quantity
 
-Floats = NDArray[np.float64]
 _HIGHEST_DEGREE = 4
 _MEANS = 1024  # to which the phases are averaged before curves are fitted
 _WORTH = 25.0  # decrease of chi^2 that a further term of the polynomial must bring (5 sigma)

@@ -5,14 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot import AnalysisError, Setup, wavelength_in_air_m
+from analysis.shot import AnalysisError, Floats, Setup, wavelength_in_air_m
 from analysis.signal.beat import BeatReader
 from analysis.signal.decimate import PhaseDecimator, filtered, group_means
 from analysis.signal.filters import derivative_filters
 from analysis.signal.survey import survey
 from analysis.signal.tuning import Tuning, fixed_schedule, tune
 
-Floats = NDArray[np.float64]
 LOOK_S = 2e-3  # of the stream, surveyed before the beat is tuned to
 REST_MEMORY_S = 0.2  # the rest frequency shown is a running mean over about this long
 LISTEN_S, LISTEN_EVERY_S = 0.025, 0.1  # of PD0, which LIVE reads a quarter of the time: 1 mHz of scatter at 37 dB

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot import AnalysisError, Cancelled, Gap, Progress, Recording, Stop
+from analysis.shot import AnalysisError, Cancelled, Floats, Gap, Progress, Recording, Stop
 from analysis.signal.beat import BeatReader
 from analysis.signal.bridge import Bridge, Segment
 from analysis.signal.decimate import PhaseDecimator, noise_ratio
@@ -15,7 +15,6 @@ from analysis.signal.noise import local_variance
 from analysis.signal.survey import Survey
 from analysis.signal.tuning import BATCH, PHASE_STEPS, OscillatorSchedule, Tuning
 
-Floats = NDArray[np.float64]
 BLOCK_SAMPLES = 1 << 19  # read without the interpreter's lock
 MIN_MOTION_SAMPLES = 64
 DARK_SHARE = 0.3  # of the surveyed amplitude: below it the phase is not usable

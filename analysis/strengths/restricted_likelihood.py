@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.linalg.blas import dgemm
 
 from analysis.compiled import side_by_side, solve_triangle
+from analysis.shot import Floats
 
-Floats = NDArray[np.float64]
 _ITERATIONS, _MOST = 20, 3.0  # steps; greatest step of a logarithm
 _ENOUGH, _LEAST = 5e-3, 1e-3  # the search ends where a step's first-order gain of ln L, or what it gained, is less
 _TRIES, _SHORTER = 5, 0.3  # of one step, and how much shorter each is than the one before

@@ -10,7 +10,7 @@ from .gum_budget import (
     combined_of,
     stated,
 )
-from .motion_band import Floats, NoiseBand, band_of, diagnosed_band, judged_band, noise_band, wander_of
+from .motion_band import NoiseBand, band_of, diagnosed_band, judged_band, noise_band, wander_of
 from .numbers import Group, Origin, ResultNumber, number_of, of_collision, of_series, read, shown_numbers, with_unit
 from .series_statistics import Series, Summary, Trend, series, series_result, series_rows
 
@@ -19,7 +19,6 @@ __all__ = [
     "COVERAGE_FACTOR",
     "Budget",
     "BudgetRow",
-    "Floats",
     "Group",
     "NoiseBand",
     "Origin",

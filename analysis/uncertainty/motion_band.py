@@ -3,15 +3,13 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 
 from analysis.diagnosis import Diagnosis, Verdict
 from analysis.fitted import shaking_of
-from analysis.shot import Fit, Motion, Shaking, Shot, Wander
+from analysis.shot import Fit, Floats, Motion, Shaking, Shot, Wander
 from analysis.signal import derivative_filters, derivative_gains
 
-Floats = NDArray[np.float64]
 WANDERS = 1.1  # times the white noise, beyond which a fit's noise includes slow noise that it estimated
 _POINTS = 256  # over a record, for the effect of a polynomial on slow sines; fast ones are not affected
 

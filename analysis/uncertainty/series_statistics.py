@@ -6,12 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analysis.shot import NotSeen, Quantity, Reading, Shot, to_json
+from analysis.shot import Floats, NotSeen, Quantity, Reading, Shot, to_json
 from analysis.uncertainty.numbers import ResultNumber, of_series
-
-Floats = NDArray[np.float64]
 
 ONE_SPEED = 0.02  # speeds that differ by less than this share of their mean show no trend
 COLUMNS = (

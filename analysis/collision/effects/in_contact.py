@@ -3,8 +3,8 @@
 from typing import Any
 
 from analysis.collision.effects.kernel import CONTACT_STIFFNESS, NEAR, PAIR, TOUCHING, XI, XI_RATE, power
-from analysis.collision.effects.row import Acts, Effect, Floats, Parameter
-from analysis.collision.parameters import Collision
+from analysis.collision.effects.row import Acts, Effect, Parameter
+from analysis.collision.parameters import Collision, Floats
 
 REFERENCE_OVERLAP_M = 50e-6  # xi_0, at which both laws are equal; about the paper's largest overlap
 

@@ -17,8 +17,8 @@ from analysis.collision.effects.kernel import (
     W,
     Y,
 )
-from analysis.collision.effects.row import Acts, Effect, Floats, Parameter, frequencies, second_as_frequency
-from analysis.collision.parameters import Collision
+from analysis.collision.effects.row import Acts, Effect, Parameter, frequencies, second_as_frequency
+from analysis.collision.parameters import Collision, Floats
 
 _LIGHTEST = 1e-300  # of a mode's mass, as a search may try zero
 

@@ -11,8 +11,8 @@ import numpy as np
 from numba import njit
 
 from analysis.collision.effects.kernel import Q_RATE, W_RATE, Q, W
-from analysis.collision.effects.row import Acts, Effect, Floats, Parameter, Sensed, frequencies
-from analysis.collision.parameters import Collision
+from analysis.collision.effects.row import Acts, Effect, Parameter, Sensed, frequencies
+from analysis.collision.parameters import Collision, Floats
 
 _PLATE_QUALITY = 1e4  # the base model's plate has no damping: this only keeps a resonance finite
 _CHIRP_PASSES, _CHIRP_STOPS = 0.38, 0.66  # of the record's rate: pass band and stop band of the decimator

@@ -7,12 +7,9 @@ from enum import Enum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision.effects.kernel import Kernel
-from analysis.collision.parameters import Collision
-
-Floats = NDArray[np.float64]
+from analysis.collision.parameters import Collision, Floats
 
 
 class Acts(Enum):

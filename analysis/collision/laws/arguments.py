@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision.effects.kernel import (
     ON_BLOCK,
@@ -26,9 +25,8 @@ from analysis.collision.effects.kernel import (
 )
 from analysis.collision.effects.row import Acts, Effect, Parameter
 from analysis.collision.laws.curve import Curve, curve_at
-from analysis.collision.parameters import Collision
+from analysis.collision.parameters import Collision, Floats
 
-Floats = NDArray[np.float64]
 Inputs = Floats  # of an effect's function, shape (n, STATES)
 
 

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numba import types
 from numba.extending import intrinsic, overload
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline, PPoly
 
-Floats = NDArray[np.float64]
+from analysis.collision.parameters import Floats
+
 _GRADE = 1.6  # power by which knots are denser near zero, where laws have kinks and cusps
 
 

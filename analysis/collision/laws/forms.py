@@ -8,13 +8,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision.laws.arguments import Argument
 from analysis.collision.laws.formula import STATE, Formula, read
 from analysis.collision.laws.own import OwnLaw, from_mapping
-
-Floats = NDArray[np.float64]
+from analysis.collision.parameters import Floats
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,15 +12,13 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision.effects import CATALOGUE, NUISANCES, WIDER, named
 from analysis.collision.effects.kernel import ON_BLOCK, ON_PLATE, PAIR
 from analysis.collision.effects.row import Acts, Effect, Parameter
 from analysis.collision.laws.formula import STATE, TIME, Formula, FormulaError, kernel_of, read
-from analysis.collision.parameters import PAPER, Collision
+from analysis.collision.parameters import PAPER, Collision, Floats
 
-Floats = NDArray[np.float64]
 MOST_PARAMETERS = 3
 _PLACES = {
     "block": (Acts.ON_BLOCK, ON_BLOCK),

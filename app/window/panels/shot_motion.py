@@ -5,8 +5,8 @@ from PySide6.QtCore import QObject, Slot
 from PySide6.QtWidgets import QComboBox, QWidget
 
 from analysis.diagnosis import Diagnosis
-from analysis.shot import Fit, Motion, Quantity, Shot
-from analysis.uncertainty import Floats, NoiseBand, judged_band
+from analysis.shot import Fit, Floats, Motion, Quantity, Shot
+from analysis.uncertainty import NoiseBand, judged_band
 from app.report import contact_span_ms, time_zero
 from app.window.pens import thin, under
 from app.window.plots.plot_notes import NoteAxes

@@ -65,7 +65,6 @@ LAYERS = {  # a package imports from those before it alone; what lies in none co
         "collision",
         "shot",
         "signal",
-        "strengths",
         "reading",
         "inference",
         "drive",

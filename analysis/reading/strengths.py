@@ -16,8 +16,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from analysis.reading.floor_spectrum import Octaves
-from analysis.shot import Floats
-from analysis.strengths import (
+from analysis.reading.restricted_likelihood import (
     Curvature,
     RestrictedLikelihood,
     ShotResidual,
@@ -25,6 +24,7 @@ from analysis.strengths import (
     mixture_covariance,
     points_about,
 )
+from analysis.shot import Floats
 
 SPEED_M_PER_S = 3e-6  # in an octave, before anything is seen: a good laboratory's ...
 SPEED_SPREAD = 6.0  # ... to a factor of some hundred; spreads are of natural logarithms of powers

@@ -23,8 +23,8 @@ from analysis.inference.fit.response import Model, respond
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.sway import BELOW_HZ, plate_swing_std, responses
+from analysis.reading import root_of
 from analysis.shot import Shaking
-from analysis.strengths import root_of
 
 Floats = NDArray[np.float64]
 _APART = 0.45  # spacing, times one over a shot's length, of the sines that stand for random motion

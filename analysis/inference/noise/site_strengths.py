@@ -21,7 +21,7 @@ from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor, white_floor
 from analysis.inference.noise.likeliest import LONGEST_TAU_S, SHORTEST_TAU_S
 from analysis.inference.noise.site import Site
-from analysis.strengths import (
+from analysis.reading import (
     Curvature,
     RestrictedLikelihood,
     ShotResidual,

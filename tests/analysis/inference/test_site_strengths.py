@@ -8,7 +8,7 @@ import pytest
 
 from analysis.inference.noise import site_strengths
 from analysis.inference.noise.floor import Floor
-from analysis.strengths import RestrictedLikelihood
+from analysis.reading import RestrictedLikelihood
 from tests.analysis.inference.test_whitened_columns import a_shot
 
 AT = np.array([math.log(0.3**2), -1.0, 0.7])  # ln white^2, strengths of both bands

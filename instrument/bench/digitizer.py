@@ -70,8 +70,6 @@ class BenchDigitizer(Digitizer):
         self._next_push_s: float | None = None
         self._chunk = np.empty((_CHUNK, len(self._rig.optics.channels)), np.int16)
         self._chunk_at = -1
-        self._chunk_clips = False
-        self._rail = int(2 ** (self._rig.optics.bits - 1))
 
     @property
     def capabilities(self) -> Capabilities:
@@ -134,7 +132,7 @@ class BenchDigitizer(Digitizer):
             raise DigitizerError("the simulated bench is not armed", "arm it first")
         wanted, lost = buffer.shape[0], 0
         if self._stop.is_set():
-            return self._end()
+            return Block(0, ended=True)
         if self._real_time:
             # wait for a whole block, so that reading is not a busy loop
             deadline = self._clock() + timeout_s
@@ -144,7 +142,7 @@ class BenchDigitizer(Digitizer):
                 if left <= 0.0:
                     break
                 if self._stop.wait(min(left, (missing + 1) / self._rate_hz)):
-                    return self._end()
+                    return Block(0, ended=True)
             waiting = self._waiting()
             memory = int(self._memory_s * self._rate_hz)
             if waiting > memory:
@@ -167,35 +165,29 @@ class BenchDigitizer(Digitizer):
     def _waiting(self) -> int:
         return int((self._clock() - self._started) * self._rate_hz) - self._next_sample
 
-    def _end(self) -> Block:
-        return Block(0, clipped=(0,) * self._chunk.shape[1], ended=True)
-
     def _deliver(self, buffer: NDArray[np.int16], wanted: int, lost: int) -> Block:
         done = 0
-        clipped = np.zeros(self._chunk.shape[1], np.int64)
         while done < wanted and not self._stop.is_set():
             base = self._next_sample - self._next_sample % _CHUNK
             inside = self._next_sample - base
             n = min(wanted - done, _CHUNK - inside)
-            part = buffer[done : done + n]
-            if self._fill(base, inside, part):
-                clipped += ((part == -self._rail) | (part == self._rail - 1)).sum(0)
+            self._fill(base, inside, buffer[done : done + n])
             done += n
             self._next_sample += n
-        return Block(done, lost_before=lost, clipped=tuple(int(c) for c in clipped), ended=self._stop.is_set())
+        return Block(done, lost_before=lost, ended=self._stop.is_set())
 
-    def _fill(self, base: int, inside: int, part: NDArray[np.int16]) -> bool:
-        """Fill ``part`` with the samples of one chunk from ``base + inside`` on; return whether any are clipped."""
+    def _fill(self, base: int, inside: int, part: NDArray[np.int16]) -> None:
+        """Fill ``part`` with the samples of one chunk from ``base + inside`` on."""
         if base != self._chunk_at:
             if part.shape[0] == _CHUNK and part.flags.c_contiguous:  # a whole chunk needs no copy
-                return self._make(base, part)
-            self._chunk_clips = self._make(base, self._chunk)
+                self._make(base, part)
+                return
+            self._make(base, self._chunk)
             self._chunk_at = base
         part[:] = self._chunk[inside : inside + part.shape[0]]
-        return self._chunk_clips
 
-    def _make(self, base: int, out: NDArray[np.int16]) -> bool:
-        """Compute the samples from ``base`` on; return whether some are clipped."""
+    def _make(self, base: int, out: NDArray[np.int16]) -> None:
+        """Compute the samples from ``base`` on."""
         stage = self._stage
         assert stage is not None
         now_s = base / self._rate_hz
@@ -206,7 +198,7 @@ class BenchDigitizer(Digitizer):
         if self._next_push_s is not None and ahead_s >= self._next_push_s:
             pushed = stage.push(max(self._next_push_s, now_s))
             self._next_push_s = pushed.end_s + self._push_every_s if self._push_every_s > 0 else None
-        return any(stage.fill(base, out))
+        stage.fill(base, out)
 
 
 def open_digitizer(_: str, options: SourceOptions) -> BenchDigitizer:

@@ -112,11 +112,11 @@ class SimulatedStream:
         block -= frame_x
         return Path(time_s, x, v, block)
 
-    def fill(self, first_sample: int, out: NDArray[np.int16]) -> tuple[int, ...]:
-        """Fill ``out`` (n, channels) with samples from ``first_sample`` on; return the clipped samples per channel."""
+    def fill(self, first_sample: int, out: NDArray[np.int16]) -> None:
+        """Fill ``out`` (n, channels) with samples from ``first_sample`` on."""
         begin_s, end_s = first_sample / self._rate_hz, (first_sample + out.shape[0]) / self._rate_hz
         flies = any(pushed.release_s < end_s and begin_s < pushed.caught_s for pushed in self._pushed)
         sudden = flies or self._frame.ringing or self._optics.drop_outs
         spacing_s = FLIGHT_NODES_S if sudden else HELD_NODES_S
         path = self.path(node_times_s(first_sample, out.shape[0], self._rate_hz, spacing_s))
-        return fill(self._optics, path, first_sample, self._rate_hz, self._rig.seed, out)
+        fill(self._optics, path, first_sample, self._rate_hz, self._rig.seed, out)

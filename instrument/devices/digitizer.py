@@ -49,19 +49,17 @@ class Block:
     """The result of one ``read_into``; the samples are in the caller's buffer.
 
     ``lost_before`` is the number of samples per channel that the device lost before this block (None: unknown; they
-    are recorded as a gap, never filled).  ``clipped`` is the number of samples at the rail, per channel.
+    are recorded as a gap, never filled).
     """
 
     samples: int
     lost_before: int | None = 0
-    clipped: tuple[int, ...] = ()
     ended: bool = False  # no sample follows until the next arm
     trigger_sample: int | None = None  # index in this block, if the hardware triggered here
     fired: bool = False  # without samples: the hardware trigger fired, and its samples follow
 
     def __reduce__(self) -> tuple[Any, ...]:  # of every block, between processes: what a dataclass inherits is slow
-        values = self.samples, self.lost_before, self.clipped, self.ended, self.trigger_sample, self.fired
-        return Block, values
+        return Block, (self.samples, self.lost_before, self.ended, self.trigger_sample, self.fired)
 
 
 _BLOCK_S = 0.04  # each block wakes a thread: shorter ones cost more, longer ones are seen late

@@ -152,9 +152,7 @@ class NiscopeCard(Digitizer):
         if ended:
             self._counts = None
             self._armed = False
-        rails = (buffer[:count] == -32768) | (buffer[:count] == 32767)
-        clipped = tuple(int(n) for n in np.count_nonzero(rails, axis=0))
-        return Block(count, clipped=clipped, ended=ended, trigger_sample=at if 0 <= at < count else None)
+        return Block(count, ended=ended, trigger_sample=at if 0 <= at < count else None)
 
     def stop(self) -> None:
         self._cancel.set()

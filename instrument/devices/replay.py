@@ -103,8 +103,7 @@ class ReplayDigitizer(Digitizer):
         length = stop - self._at
         if length <= 0:
             return Block(0, ended=self._stopped.is_set())
-        counts = buffer[:length]
-        counts[:] = shot.counts[self._at : stop]
+        buffer[:length] = shot.counts[self._at : stop]
         lost: int | None = 0
         for gap in shot.gaps:
             if gap.sample_start == self._at:
@@ -114,7 +113,6 @@ class ReplayDigitizer(Digitizer):
         block = Block(
             samples=length,
             lost_before=lost,
-            clipped=_at_rail(counts, shot.setup.digitizer_bits),
             ended=stop == shot.samples,
             trigger_sample=trigger - self._at if in_block and trigger is not None else None,
         )
@@ -151,11 +149,6 @@ class ReplayDigitizer(Digitizer):
             self._playing = shot
             self._played = False
         return self._playing
-
-
-def _at_rail(counts: NDArray[np.int16], bits: int) -> tuple[int, ...]:
-    rail = 1 << (bits - 1)
-    return tuple(int(n) for n in np.count_nonzero((counts >= rail - 1) | (counts <= -rail), axis=0))
 
 
 def open_digitizer(path: str, _: SourceOptions) -> ReplayDigitizer:

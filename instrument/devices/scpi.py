@@ -143,18 +143,10 @@ class ScpiOscilloscope(Digitizer):
             return Block(0, fired=True)
         count = min(piece.counts.shape[0], buffer.shape[0])
         buffer[:count] = piece.counts[:count]
-        clipped: tuple[int, ...] = ()
-        if self._dialect.bits == 8:
-            rails = (buffer[:count] == -128) | (buffer[:count] == 127)
-            clipped = tuple(int(n) for n in np.count_nonzero(rails, axis=0))
         at = piece.trigger_sample
         last = count == piece.counts.shape[0]
-        block = Block(
-            count,
-            clipped=clipped,
-            ended=last and piece.last,
-            trigger_sample=at if at is not None and 0 <= at < count else None,
-        )
+        within = at if at is not None and 0 <= at < count else None
+        block = Block(count, ended=last and piece.last, trigger_sample=within)
         self._piece = None if last else _Piece(piece.counts[count:], None if at is None else at - count, piece.last)
         self._armed = self._armed and not block.ended
         return block

@@ -217,7 +217,6 @@ class SubprocessDigitizer(Digitizer):
         return Block(
             length,
             lost_before=block.lost_before if begun == 0 else 0,
-            clipped=block.clipped if begun == 0 else (0,) * len(block.clipped),
             ended=whole and block.ended,
             trigger_sample=at if at is not None and 0 <= at < max(1, length) else None,
             fired=block.fired,

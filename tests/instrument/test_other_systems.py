@@ -93,7 +93,7 @@ def test_firmware_is_looked_for_where_each_system_keeps_it() -> None:
 
 def test_what_may_wait_in_a_pipe_fits_into_one_of_windows() -> None:
     """A child whose pipe is full waits in the middle of its talk, and its device is not read."""
-    message = BlockReady(2**40, 2**50, Block(2**18, 2**30, (2**18,) * 4, True, 2**18, True))
+    message = BlockReady(2**40, 2**50, Block(2**18, 2**30, True, 2**18, True))
     assert child.most_blocks("win32") * (4 + len(pickle.dumps(message))) < 0.9 * WINDOWS_PIPE_BYTES
     assert child.most_blocks(sys.platform) == child.MOST_BLOCKS
 

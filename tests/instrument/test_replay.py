@@ -49,15 +49,6 @@ def test_without_a_light_switch_the_kept_trigger_is_the_hardware_s(shot: Recordi
     assert at == [(5_000 // 1_024, 5_000 % 1_024)]
 
 
-def test_samples_at_the_rail_are_counted(shot: Recording) -> None:
-    counts = shot.counts.copy()
-    counts[10:15, 1] = 2047
-    counts[20:22, 0] = -2048
-    digitizer = ReplayDigitizer([replace(shot, counts=counts, gaps=())], real_time=False)
-    digitizer.arm(digitizer.default_settings())
-    assert digitizer.read_into(np.empty((100, 3), np.int16), 0).clipped == (2, 5, 0)
-
-
 def test_real_time_follows_the_clock(shot: Recording) -> None:
     now = [10.0]
     digitizer = ReplayDigitizer(

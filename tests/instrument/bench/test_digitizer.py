@@ -53,18 +53,6 @@ def test_a_push_crosses_the_switch_and_the_beat_rises():
     assert 0.22 * 2 / 632.8e-9 < shift < 0.31 * 2 / 632.8e-9  # 0.265 m/s and what a hand is off by
 
 
-def test_clipped_samples_are_counted_however_they_are_read():
-    optics = Optics(reference_v=1.2)
-    for block in (100_000, 64_001):
-        bench = _fast(rig=Bench(optics=optics))
-        bench.arm(SETTINGS)
-        buffer = np.empty((block, 3), np.int16)
-        for _ in range(3):
-            got = bench.read_into(buffer, 1.0)
-            rails = (buffer[: got.samples] == -2048) | (buffer[: got.samples] == 2047)
-            assert got.clipped == tuple(rails.sum(axis=0)) and got.clipped[0] > 1000
-
-
 def test_a_flight_is_computed_as_finely_whatever_the_hand_needs(monkeypatch):
     """Before the release and after the catch the path has few nodes; in between it has to show every bounce."""
     counts = []

@@ -178,7 +178,6 @@ def test_eeprom_scales_the_channels() -> None:
 
 def test_counts_are_the_codes_less_128_whatever_the_blocks() -> None:
     codes = _codes(40)
-    codes[4096 + 2 * 100] = 0
     pieces = np.split(codes, [700, 5000, 5001, 12288])
     bus = ScriptedUsb([Plugged(0x04B5, 0x6022)], [EEPROM, *_arming(1), Out(0xE3, 0, b"\x00")])
     stream = GivenStream(
@@ -186,17 +185,15 @@ def test_counts_are_the_codes_less_128_whatever_the_blocks() -> None:
     )
     scope = Hantek6022((Role.SWITCH, Role.MEASUREMENT), backend=bus, make_stream=stream)
     scope.arm(CaptureSettings(1e6, 1000, 0))
-    got, clipped = [], np.zeros(2, int)
+    got = []
     with pytest.raises(DigitizerError, match="unplugged"):
         while True:
             buffer = np.full((333, 2), 999, np.int16)
             block = scope.read_into(buffer, 0.1)
             assert block.lost_before == 0
             got.append(buffer[: block.samples].copy())
-            clipped += block.clipped
     expected = codes[4096:].astype(np.int16).reshape(-1, 2) - 128
     np.testing.assert_array_equal(np.concatenate(got), expected)
-    np.testing.assert_array_equal(clipped, np.count_nonzero((expected == -128) | (expected == 127), axis=0))
     bus.finish()
     assert bus.opened == 0  # released, so that a re-plugged one is opened afresh
 

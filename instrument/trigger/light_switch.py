@@ -33,15 +33,13 @@ class TriggerSettings:
     """Which edge triggers, and the thresholds of the light switch.
 
     With ``low_counts`` and ``high_counts`` the level is high from ``high_counts`` on and low again at ``low_counts``
-    (hysteresis between).  Without them a step is a change by ``swing_counts`` from the extreme since the last step.
-    Without that too, the change is twelve times the noise of the first ``LEARNED_FROM`` samples, and at least a
-    twentieth of the digitizer's range.
+    (hysteresis between).  Without them a step is a change from the extreme since the last step by twelve times the
+    noise of the first ``LEARNED_FROM`` samples, and at least by a twentieth of the digitizer's range.
     """
 
     edge: Edge = Edge.EITHER
     low_counts: float | None = None
     high_counts: float | None = None
-    swing_counts: float | None = None
 
     @classmethod
     def in_volts(cls, edge: Edge, low_v: float | None, high_v: float | None, channel: Channel) -> "TriggerSettings":
@@ -58,8 +56,6 @@ class TriggerSettings:
             raise ValueError("a light switch needs both thresholds or neither")
         if self.low_counts is not None and self.high_counts is not None and not self.low_counts < self.high_counts:
             raise ValueError("the light switch's low threshold must lie below its high one")
-        if self.swing_counts is not None and not self.swing_counts > 0:
-            raise ValueError("the light switch's swing must be above zero")
 
 
 LEARNED_FROM = 4096  # samples whose noise sets the swing
@@ -79,15 +75,8 @@ class LightSwitch:
         self._column = column
         self._least = max(2.0, _RANGE_SHARE * 2.0**bits)
         self._state = np.zeros(10)
-        self.reset()
-
-    def reset(self) -> None:
-        """Reset the state; the next block begins a new stream."""
-        state = self._state
-        state[:] = 0.0
-        state[_SWING] = self._settings.swing_counts or 0.0
-        state[_LOW] = np.nan if self._settings.low_counts is None else self._settings.low_counts
-        state[_HIGH] = np.nan if self._settings.high_counts is None else self._settings.high_counts
+        self._state[_LOW] = np.nan if settings.low_counts is None else settings.low_counts
+        self._state[_HIGH] = np.nan if settings.high_counts is None else settings.high_counts
 
     @property
     def level(self) -> Level:
@@ -96,7 +85,7 @@ class LightSwitch:
 
     @property
     def toggles(self) -> int:
-        """Get the number of steps since ``reset``."""
+        """Get the number of steps so far."""
         return int(self._state[_EDGES])
 
     @property
@@ -126,19 +115,17 @@ class LightSwitch:
         rises = float(state[_MINIMUM] + state[_SWING]) if state[_LEVEL] <= 0 else None
         return falls, rises
 
-    def first_step(self, counts: NDArray[np.int16], start: int = 0) -> int | None:
-        """Return the index of the first triggering step at or after ``start`` in a block (n, channels), or None.
+    def first_step(self, counts: NDArray[np.int16]) -> int | None:
+        """Return the index of the first triggering step in a block (n, channels), or None.
 
         The state advances over the whole block, whether a step is found or not.  About 0.25 ns a sample.
         """
-        found = _scan(
-            np.ascontiguousarray(counts), self._column, start, int(self._settings.edge), self._least, self._state
-        )
+        found = _scan(np.ascontiguousarray(counts), self._column, int(self._settings.edge), self._least, self._state)
         return None if found < 0 else int(found)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _scan(counts, column, start, edge, least, state):  # type: ignore[no-untyped-def]
+def _scan(counts, column, edge, least, state):  # type: ignore[no-untyped-def]
     """Advance ``state`` over counts[:, column]; O(n), nothing allocated.
 
     Almost every stretch has no step.  Its extremes say so, and cost a fifth of looking at its samples one by one.
@@ -148,7 +135,7 @@ def _scan(counts, column, start, edge, least, state):  # type: ignore[no-untyped
         end = min(begin + _STRETCH, counts.shape[0])
         lowest, highest = _extremes(counts[begin:end], column)
         if not _passes(lowest, highest, state):
-            step = _first_step(counts[begin:end], column, start - begin, edge, least, state)
+            step = _first_step(counts[begin:end], column, edge, least, state)
             if found < 0 and step >= 0:
                 found = begin + step
     return found
@@ -198,7 +185,7 @@ def _passes(lowest, highest, state):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _first_step(counts, column, start, edge, least, state):  # type: ignore[no-untyped-def]
+def _first_step(counts, column, edge, least, state):  # type: ignore[no-untyped-def]
     """Advance ``state`` over counts[:, column] sample by sample; return the first triggering step, -1 for none."""
     given = state[_LOW] == state[_LOW]
     level = int(state[_LEVEL])
@@ -250,7 +237,7 @@ def _first_step(counts, column, start, edge, least, state):  # type: ignore[no-u
             minimum = value
             maximum = value
             state[_EDGES] += 1
-            if found < 0 and i >= start and (edge == 0 or edge == step):
+            if found < 0 and (edge == 0 or edge == step):
                 found = i
     state[_LEVEL] = level
     state[_MINIMUM] = minimum

@@ -36,26 +36,21 @@ class MotionTrigger:
         self._doppler_hz = 2 * speed_m_per_s / wavelength_m
         self._rest_hz = rest_frequency_hz or 0.0
         self._state = np.zeros(_CHANNEL + 12)
-        self.reset()
-
-    def reset(self) -> None:
-        """Reset the state; the next block begins a new stream."""
-        self._state[:] = 0.0
         self._state[_REST] = self._rest_hz
 
-    def first_step(self, counts: NDArray[np.int16], start: int = 0) -> int | None:
-        """Return the index of the trigger at or after ``start`` in a block of counts (n, channels), or None.
+    def first_step(self, counts: NDArray[np.int16]) -> int | None:
+        """Return the index of the trigger in a block of counts (n, channels), or None.
 
         About 3 ns per sample and channel.
         """
         found = _scan(
-            counts, self._columns, start, self._window, self._rate_hz, self._doppler_hz, self._rest_hz > 0, self._state
+            counts, self._columns, self._window, self._rate_hz, self._doppler_hz, self._rest_hz > 0, self._state
         )
         return None if found < 0 else int(found)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _scan(counts, columns, start, window, rate, doppler, given, state):  # type: ignore[no-untyped-def]
+def _scan(counts, columns, window, rate, doppler, given, state):  # type: ignore[no-untyped-def]
     """Advance ``state`` over both beats; O(n), nothing allocated."""
     measurement, reference = columns
     found = -1
@@ -106,7 +101,7 @@ def _scan(counts, columns, start, window, rate, doppler, given, state):  # type:
             if state[_BEYOND] >= _CONFIRMED_BY:
                 state[_QUIET] = 0.0
                 state[_BEYOND] = 0.0
-                if found < 0 and i >= start:
+                if found < 0:
                     found = i
         else:
             state[_BEYOND] = 0.0

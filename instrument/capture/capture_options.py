@@ -15,9 +15,7 @@ class CaptureOptions:
     """How shots are to be taken.  The folder must exist.
 
     ``settings`` None: ``usual_settings`` of the digitizer; ``setup`` None: the digitizer's own.  The thresholds of the
-    light switch are in V; None: learned from the signal.  ``watch``: read a digitizer that streams before arming, too.
-    Without a light switch and without a hardware trigger, the shot is triggered when the block moves faster than
-    ``trigger_speed_m_per_s``, or by the operator where that is None.
+    light switch are in V; None: learned from the signal.
     """
 
     folder: Path
@@ -26,9 +24,6 @@ class CaptureOptions:
     edge: Edge = Edge.EITHER
     switch_low_v: float | None = None
     switch_high_v: float | None = None
-    trigger_speed_m_per_s: float | None = 0.05
-    watch: bool = True
-    prefix: str = "shot"
 
 
 def check_settings(settings: CaptureSettings, channels: int) -> None:

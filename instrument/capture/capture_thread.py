@@ -212,18 +212,16 @@ class CaptureThread:
     def _watch(self) -> None:
         """Start the stream before arming, so that the signals are seen, if the digitizer streams without end."""
         able = self._digitizer.capabilities
-        if not self.options.watch or able.max_samples is not None or able.hardware_trigger:
+        if able.max_samples is not None or able.hardware_trigger:
             return
         settings = self.options.settings or usual_settings(self._digitizer)
         if not self.run.continues(settings, self.options):
             self.run.start(settings, self.options)
 
     def _stop_unless_wanted(self) -> None:
-        """Stop the digitizer, unless its signals are watched or the next shot follows."""
+        """Stop the digitizer, unless its stream goes on after a shot: its signals are watched."""
         self._fire = False
-        status = self.machine.status
-        wanted = status.automatic or self.options.watch
-        if status.state is State.FAULT or not (self.run.endless and wanted):
+        if self.machine.status.state is State.FAULT or not self.run.endless:
             self._quietly_stop()
 
     def _quietly_stop(self) -> None:
@@ -308,7 +306,7 @@ class CaptureThread:
         self.shot = shot
         self._fire = False
         self._do(self.machine.handle(Event.TRIGGER))
-        self._recorder.begin(shot, self.options.folder, self.options.prefix)
+        self._recorder.begin(shot, self.options.folder)
 
     def _keep(self, reason: str) -> None:
         if self.shot is not None and not self.shot.complete:

@@ -12,7 +12,6 @@ from instrument.capture.capture_options import CaptureOptions
 from instrument.capture.snapshot import FinishedShot
 from instrument.devices import CaptureSettings, Digitizer
 from instrument.files import RecordingError
-from instrument.trigger import Edge
 
 _LOOK_S = 0.01
 RESCUED = "levimass-rescued"  # a folder in the user's home, or with the temporary files
@@ -35,7 +34,6 @@ def acquire(
     report: Callable[[str], None] = lambda line: None,
     *,
     setup: Setup | None = None,
-    edge: Edge = Edge.EITHER,
 ) -> list[Path]:
     """Record ``shots`` shots into ``out`` and return the paths of their metadata.
 
@@ -51,7 +49,7 @@ def acquire(
     faults: list[str] = []
     capture = Capture(
         digitizer,
-        CaptureOptions(out, settings, setup, edge),
+        CaptureOptions(out, settings, setup),
         live=False,
         deadlines=Deadlines(armed_s=timeout_s),
         say=faults.append,

@@ -30,15 +30,15 @@ class Recorder:
 
     def __init__(self, done: Callable[[Recorded], None]) -> None:
         self._done = done
-        self._waiting: queue.SimpleQueue[tuple[GrowingShot, Path, str] | None] = queue.SimpleQueue()
-        self._numbers: dict[tuple[Path, str], int] = {}
+        self._waiting: queue.SimpleQueue[tuple[GrowingShot, Path] | None] = queue.SimpleQueue()
+        self._numbers: dict[Path, int] = {}  # of the last shot in each folder
         self._thread = threading.Thread(target=self._run, name="levimass recorder", daemon=True)
         self.start = self._thread.start
         self._ended = 0  # shots saved, or kept in memory
 
-    def begin(self, shot: GrowingShot, folder: Path, prefix: str) -> None:
+    def begin(self, shot: GrowingShot, folder: Path) -> None:
         """Save ``shot`` under the next free name in ``folder`` as it grows."""
-        self._waiting.put((shot, folder, prefix))
+        self._waiting.put((shot, folder))
 
     def close(self, timeout_s: float = 30.0) -> bool:
         """Save the queued shots, all of which must be complete, and end the thread.  Returns whether it ended."""
@@ -49,16 +49,15 @@ class Recorder:
 
     def _run(self) -> None:
         while (item := self._waiting.get()) is not None:
-            shot, folder, prefix = item
-            recorded = self._save(shot, folder, prefix)
+            recorded = self._save(*item)
             self._ended += 1
             self._done(recorded)
 
-    def _save(self, shot: GrowingShot, folder: Path, prefix: str) -> Recorded:
+    def _save(self, shot: GrowingShot, folder: Path) -> Recorded:
         writer: RecordingWriter | None = None
         name = ""
         try:
-            writer = self._open(shot, folder, prefix)
+            writer = self._open(shot, folder)
             name = writer.stem.name
             writer.trigger(shot.trigger_sample)
             gaps = 0
@@ -85,22 +84,21 @@ class Recorder:
             while not shot.complete:
                 shot.grown.wait(_LOOK_S)
                 shot.grown.clear()
-            return Recorded(shot, shot.recording(name or self._name_without_file(folder, prefix)), problem, writer)
+            return Recorded(shot, shot.recording(name or self._name_without_file(folder)), problem, writer)
 
-    def _name_without_file(self, folder: Path, prefix: str) -> str:
+    def _name_without_file(self, folder: Path) -> str:
         """Return a unique name for a shot in memory for which no file could be opened."""
-        number = self._numbers.get((folder, prefix))
-        return f"{prefix}-unsaved-{self._ended + 1}" if number is None else f"{prefix}-{number:04d}"
+        number = self._numbers.get(folder)
+        return f"shot-unsaved-{self._ended + 1}" if number is None else f"shot-{number:04d}"
 
-    def _open(self, shot: GrowingShot, folder: Path, prefix: str) -> RecordingWriter:
-        key = folder, prefix
-        number = self._numbers.get(key) or highest_number(folder, prefix)
+    def _open(self, shot: GrowingShot, folder: Path) -> RecordingWriter:
+        number = self._numbers.get(folder) or _highest_number(folder)
         for _ in range(_MOST_NAMES):
             number += 1
-            self._numbers[key] = number
+            self._numbers[folder] = number
             try:
                 return RecordingWriter(
-                    folder / f"{prefix}-{number:04d}",
+                    folder / f"shot-{number:04d}",
                     shot.settings.sample_rate_hz,
                     shot.channels,
                     shot.setup,
@@ -109,14 +107,13 @@ class Recorder:
                 )
             except RecordingExists:
                 continue
-        raise RecordingError(folder, f"no free name {prefix}-N")
+        raise RecordingError(folder, "no free name shot-N")
 
 
-def highest_number(folder: Path, prefix: str) -> int:
-    """Return the highest N of the files ``prefix``-N.* in ``folder``, 0 where there are none."""
-    pattern = re.compile(re.escape(prefix) + r"-(\d{1,9})\.")
+def _highest_number(folder: Path) -> int:
+    """Return the highest N of the files shot-N.* in ``folder``, 0 where there are none."""
     try:
-        found = [match for entry in folder.iterdir() if (match := pattern.match(entry.name))]
+        found = [match for entry in folder.iterdir() if (match := re.match(r"shot-(\d{1,9})\.", entry.name))]
     except OSError:
         return 0
     return max((int(match[1]) for match in found), default=0)

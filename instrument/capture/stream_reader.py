@@ -15,6 +15,7 @@ from instrument.trigger import Level, LightSwitch, MotionTrigger, TriggerSetting
 
 READ_TIMEOUT_S = 0.05
 STALL_S = 3.0  # without a sample from a running stream: the device has stopped
+TRIGGER_SPEED_M_PER_S = 0.05  # of a block that starts to move
 _RING_S = 0.5  # of the stream, for readers that lag
 _MOST_RING_BYTES = 512 * 2**20
 
@@ -106,7 +107,7 @@ class StreamReader:
         self._make_ring(settings, len(able.channels))
         assert self._ring is not None
         self._switch = None
-        self._motion = None if able.hardware_trigger else _motion_trigger(able, settings, options, options.setup or own)
+        self._motion = None if able.hardware_trigger else _motion_trigger(able, settings, options.setup or own)
         for column, channel in enumerate(able.channels):
             if channel.role is Role.SWITCH:
                 try:
@@ -206,24 +207,18 @@ class StreamReader:
 
 def _stream_options(options: CaptureOptions) -> tuple[object, ...]:
     """Return the options that take effect when a stream starts."""
-    return (
-        options.setup, options.edge, options.switch_low_v, options.switch_high_v, options.trigger_speed_m_per_s,
-    )  # fmt: skip
+    return options.setup, options.edge, options.switch_low_v, options.switch_high_v
 
 
-def _motion_trigger(
-    able: Capabilities, settings: CaptureSettings, options: CaptureOptions, setup: Setup
-) -> MotionTrigger | None:
+def _motion_trigger(able: Capabilities, settings: CaptureSettings, setup: Setup) -> MotionTrigger | None:
+    """Return the trigger of a device that has neither a light switch nor its own: the block starts to move."""
     columns = {channel.role: column for column, channel in enumerate(able.channels)}
-    speed = options.trigger_speed_m_per_s
-    if speed is None or Role.MEASUREMENT not in columns:
+    if Role.MEASUREMENT not in columns:
         return None
-    if not 0 < speed < 100:
-        raise DigitizerError(f"a trigger speed of {speed:g} m/s", "choose one the block can reach")
     wavelength_m = setup.wavelength_air_m or setup.wavelength_vacuum_m or DEFAULT_WAVELENGTH_AIR_M
     return MotionTrigger(
-        columns[Role.MEASUREMENT], columns.get(Role.REFERENCE), settings.sample_rate_hz, wavelength_m, speed,
-        setup.rest_frequency_hz,
+        columns[Role.MEASUREMENT], columns.get(Role.REFERENCE), settings.sample_rate_hz, wavelength_m,
+        TRIGGER_SPEED_M_PER_S, setup.rest_frequency_hz,
     )  # fmt: skip
 
 

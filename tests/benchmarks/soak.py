@@ -91,7 +91,7 @@ def soak(
         folder = Path(name)
         bench = partial(BenchDigitizer, Bench(seed=7), real_time=False, first_push_s=0.02, push_every_s=0.01)
         digitizer = SubprocessDigitizer(bench) if apart else bench()
-        options = CaptureOptions(folder, SHOT, watch=False)
+        options = CaptureOptions(folder, SHOT)
         with Capture(digitizer, options, analysis=ShotAnalysis(analysed, fitted, 8), say=problems.append) as capture:
             settled = asked = 0
             while settled < shots:

@@ -47,8 +47,9 @@ def test_a_source_that_stops_says_what_came(
 ) -> None:
     monkeypatch.setattr("instrument.capture.stream_reader.STALL_S", 0.2)
     high_v = None if low_v is None else low_v + 0.5
-    options = CaptureOptions(tmp_path, SETTINGS, switch_low_v=low_v, switch_high_v=high_v, watch=False)
-    with Capturing(tmp_path, Fading(samples, ends), live=False, options=options) as rig:
-        rig.capture.arm()
+    options = CaptureOptions(tmp_path, SETTINGS, switch_low_v=low_v, switch_high_v=high_v)
+    rig = Capturing(tmp_path, Fading(samples, ends), live=False, options=options)
+    rig.capture.arm()  # before the start: else the stream, which is watched, may stop unarmed
+    with rig:
         now = until(rig.capture, lambda s: s.state is State.FAULT)
         assert words in now.message and "check" in now.remedy

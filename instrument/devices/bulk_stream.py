@@ -11,7 +11,7 @@ import threading
 import time
 from collections import deque
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,22 +64,6 @@ class Chunk:
     lost_before: bool = False
 
 
-class BulkStream(Protocol):
-    """A running stream of bytes from a device."""
-
-    def start(self) -> None:
-        """Queue the transfers."""
-
-    def take(self, timeout_s: float) -> Chunk | None:
-        """Return the oldest chunk, None after ``timeout_s``.  Raises a fault once all received chunks are taken."""
-
-    def wake(self) -> None:
-        """Make a ``take`` under way return soon; from any thread."""
-
-    def stop(self) -> None:
-        """Cancel the queued transfers and wait for their end."""
-
-
 def transfer_size(bytes_per_s: float) -> int:
     """Return the bytes per transfer (a power of two): about 20 ms of data."""
     size = MIN_TRANSFER_BYTES
@@ -106,7 +90,7 @@ class _Slot:
         self.codes = np.empty(size, np.uint8)
 
 
-class QueuedBulkStream:
+class BulkStream:
     """Reads ``endpoint`` of a claimed pyusb device through a queue of asynchronous transfers and one event thread."""
 
     def __init__(self, device: Any, endpoint: int, bytes_per_s: float, name: str) -> None:
@@ -295,4 +279,4 @@ class QueuedBulkStream:
                 self._submit(slot)
 
 
-_LEAKED: list[QueuedBulkStream] = []
+_LEAKED: list[BulkStream] = []

@@ -73,13 +73,15 @@ def oscilloscopes(backend: Any) -> list[FoundDevice]:
     found = []
     for device in usbtmc.find_instruments(backend):
         name = f"{usbtmc.VENDORS[device.idVendor]} oscilloscope"
-        source = f"scpi:usb:{usb_bus.identify(device)}"
+        source = f"scpi:usb:{usb_bus.identity(device)}"
         found.append(FoundDevice(source, name, _where(device), *_permission(device)))
     return found
 
 
 def _where(device: Any) -> str:
-    return f"USB bus {device.bus}, device {device.address}, {device.idVendor:04x}:{device.idProduct:04x}"
+    from instrument.devices import usb_bus
+
+    return f"USB bus {device.bus}, device {device.address}, {usb_bus.identity(device)}"
 
 
 def _permission(device: Any) -> tuple[str, str]:

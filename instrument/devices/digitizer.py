@@ -117,21 +117,22 @@ _RATE_HZ = 30e6
 _SHOT_S = 1 / 6
 
 
-def usual_settings(digitizer: Digitizer, rate_hz: float | None = None, samples: int | None = None) -> CaptureSettings:
-    """Return the settings of a shot for what the operator left open.
+def usual_settings(digitizer: Digitizer) -> CaptureSettings:
+    """Return the settings of a shot where the operator left them open.
 
     They are the digitizer's defaults, else the fastest rate up to the paper's 30 MS/s, a sixth of a second (the paper's
     5 M samples), and a sixteenth of the shot before the trigger.  Raises DigitizerError if no rate is known.
     """
     own = digitizer.default_settings()
     able = digitizer.capabilities
-    if rate_hz is None:
-        rates = [own.sample_rate_hz] if own is not None else sorted(able.rates_hz)
-        if not rates:
-            raise DigitizerError(f"{able.name} states no sample rate", "give one")
-        rate_hz = max((rate for rate in rates if rate <= _RATE_HZ), default=rates[0])
-    if samples is None:
-        samples = own.samples if own is not None else round(rate_hz * _SHOT_S)
-        samples = min(samples, able.max_samples or samples)
-    before = own.pre_trigger_samples if own is not None else samples // 16
-    return CaptureSettings(rate_hz, samples, min(before, samples))
+    most = able.max_samples
+    if own is not None:
+        samples = min(own.samples, most or own.samples)
+        return CaptureSettings(own.sample_rate_hz, samples, min(own.pre_trigger_samples, samples))
+    rates = sorted(able.rates_hz)
+    if not rates:
+        raise DigitizerError(f"{able.name} states no sample rate", "give one")
+    rate_hz = max((rate for rate in rates if rate <= _RATE_HZ), default=rates[0])
+    samples = round(rate_hz * _SHOT_S)
+    samples = min(samples, most or samples)
+    return CaptureSettings(rate_hz, samples, samples // 16)

@@ -9,7 +9,6 @@ differently: code 10 is 10 MS/s for one and 100 kS/s for the other.
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 from analysis.shot import Channel, Role, Setup
 from instrument.devices import hantek6022_firmware as firmware_files
 from instrument.devices import usb_bus
-from instrument.devices.bulk_stream import BulkStream, QueuedBulkStream
+from instrument.devices.bulk_stream import BulkStream
 from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 from instrument.devices.source_options import SourceOptions, assumed_rig
 from instrument.devices.streamed_codes import LASTING_STEP_S, StreamedCodes
@@ -53,7 +52,7 @@ class Hantek6022(Digitizer):
         firmware: Path | None = None,
         setup: Setup | None = None,
         backend: Any = None,
-        make_stream: StreamMaker = QueuedBulkStream,
+        make_stream: StreamMaker = BulkStream,
     ) -> None:
         if len(roles) != 2 or len(set(roles)) != 2 or Role.MEASUREMENT not in roles:
             raise DigitizerError(f"{NAME}: one of its two channels must carry the measuring beat, the other not")
@@ -79,10 +78,9 @@ class Hantek6022(Digitizer):
     @property
     def capabilities(self) -> Capabilities:
         """Get what the device can do; the scales come from its calibration EEPROM."""
-        scales = [scale_of(gain, column, self._eeprom) for column, gain in enumerate(self._gains)]
         return Capabilities(
             name=NAME,
-            channels=tuple(Channel(r, s.volts_per_count, s.offset_v) for r, s in zip(self._roles, scales, strict=True)),
+            channels=tuple(channel_of(self._roles[n], gain, n, self._eeprom) for n, gain in enumerate(self._gains)),
             bits=8,
             rates_hz=tuple(sorted(self._rates, key=_preference)),
             max_samples=None,
@@ -198,7 +196,7 @@ class Hantek6022(Digitizer):
         segments = firmware_files.read_firmware(path)
         usb_bus.claim(device, 0, NAME)
         firmware_files.load_firmware(device, segments, NAME)
-        return firmware_files.wait_for_warm(frozenset(), backend)
+        return firmware_files.wait_for_warm(backend)
 
     def _read_eeprom(self) -> bytes:
         try:
@@ -241,23 +239,18 @@ _OFFSET, _GAIN, _FINE = 0, 32, 48  # from EEPROM_START
 _UNSET = (0x00, 0xFF)
 
 
-@dataclass(frozen=True, slots=True)
-class Scale:
-    """volts = count * volts_per_count + offset_v; a count is the code less 128."""
+def channel_of(role: Role, gain: int, column: int, eeprom: bytes) -> Channel:
+    """Return the channel of ``column`` (0 or 1) at a gain step; ``eeprom`` are the bytes from EEPROM_START on.
 
-    volts_per_count: float
-    offset_v: float
-
-
-def scale_of(gain: int, channel: int, eeprom: bytes = b"") -> Scale:
-    """Return the scale of ``channel`` (0 or 1) at a gain step; ``eeprom`` are the bytes from EEPROM_START on."""
-    at = 2 * _RANGE_INDEX[gain] + channel
-    offset = _byte(eeprom, _OFFSET + at, 0) + _byte(eeprom, _FINE + at, 0) / 250
-    volts = FULL_SCALE_V / (128 * gain) * (1 + _byte(eeprom, _GAIN + at, 0) / 500)
-    return Scale(volts, -offset * volts)
+    A count is the code less 128.
+    """
+    at = 2 * _RANGE_INDEX[gain] + column
+    offset = _correction(eeprom, _OFFSET + at) + _correction(eeprom, _FINE + at) / 250
+    volts = FULL_SCALE_V / (128 * gain) * (1 + _correction(eeprom, _GAIN + at) / 500)
+    return Channel(role, volts, -offset * volts)
 
 
-def _byte(eeprom: bytes, at: int, otherwise: int) -> int:
+def _correction(eeprom: bytes, at: int) -> int:
     if at >= len(eeprom) or eeprom[at] in _UNSET:
-        return otherwise
+        return 0
     return eeprom[at] - 128

@@ -131,21 +131,16 @@ def _write(device: Any, address: int, content: bytes) -> None:
 
 
 def wait_for_warm(
-    before: frozenset[tuple[int, int]],
     backend: Any,
     timeout_s: float = 3.0,
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], object] = time.sleep,
 ) -> Any:
-    """Return the device that came back after its firmware was loaded.
-
-    ``before`` holds (bus, address) of devices to ignore.  Raises DigitizerError after ``timeout_s``.
-    """
+    """Return the device that came back after its firmware was loaded.  Raises DigitizerError after ``timeout_s``."""
     end = clock() + timeout_s
     while True:
-        for device in usb_bus.find_devices(WARM_IDS, backend):
-            if (device.bus, device.address) not in before:
-                return device
+        if warm := usb_bus.find_devices(WARM_IDS, backend):
+            return warm[0]
         if clock() >= end:
             raise DigitizerError(
                 f"the Hantek 6022 did not come back within {timeout_s:g} s of loading its firmware",

@@ -52,8 +52,6 @@ class ScpiOscilloscope(Digitizer):
         self._worker: threading.Thread | None = None
         self._blocks: queue.SimpleQueue[_Piece | DigitizerError | None] = queue.SimpleQueue()
         self._piece: _Piece | None = None
-        self._fetched = 0
-        self._wanted = 0
         self._armed = False
         try:
             identity = link.query("*IDN?")
@@ -90,11 +88,6 @@ class ScpiOscilloscope(Digitizer):
     def setup(self) -> Setup:
         return self._setup
 
-    @property
-    def progress(self) -> tuple[int, int]:
-        """Get the samples per channel fetched and to fetch; (0, 0) before the trigger."""
-        return self._fetched, self._wanted
-
     def default_settings(self) -> CaptureSettings:
         with self._exchange:
             timing = self._dialect.set_now(self._link.query, next(iter(self._roles)))
@@ -118,7 +111,6 @@ class ScpiOscilloscope(Digitizer):
         self._cancel.clear()
         self._blocks = queue.SimpleQueue()
         self._piece = None
-        self._fetched = self._wanted = 0
         self._armed = True
         self._worker = threading.Thread(target=self._work, args=(settings, self._blocks), name="scpi", daemon=True)
         self._worker.start()
@@ -218,8 +210,7 @@ class ScpiOscilloscope(Digitizer):
             )
         first = max(0, (timing.trigger_sample or 0) - settings.pre_trigger_samples)
         end = min(timing.samples, first + settings.samples)
-        self._wanted = end - first
-        step = dialect.points_a_read or self._wanted
+        step = dialect.points_a_read or end - first
         for at in range(first, end, step):
             count = min(step, end - at)
             trigger = None if timing.trigger_sample is None else timing.trigger_sample - at
@@ -233,10 +224,8 @@ class ScpiOscilloscope(Digitizer):
                         skipped = at if dialect.points_a_read is None else 0
                         received = dialect.decode(error.received)[skipped:][:count]
                         counts[: received.size, column] = received
-                        self._fetched += received.size
                         out.put(_Piece(counts[: received.size], trigger, False))
                     raise
-            self._fetched += count
             out.put(_Piece(counts, trigger, at + count == end))
 
     def _points(self, n: int, at: int, count: int, timing: Timing) -> NDArray[np.int16]:

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 from urllib.parse import unquote
@@ -15,16 +15,12 @@ RIG = {"mass": "moving_mass_kg", "rest": "rest_frequency_hz", "wavelength": "wav
 
 @dataclass(frozen=True, slots=True)
 class SourceOptions:
-    """The options of one source by name; ``setup`` is the rig from the operator's settings.
+    """The options of one source by name.  Every method raises DigitizerError for a value that it cannot read."""
 
-    Every method raises DigitizerError for a value that it cannot read.
-    """
-
-    given: Mapping[str, str] = field(default_factory=dict)
-    setup: Setup | None = None
+    given: Mapping[str, str]
 
     @classmethod
-    def read(cls, text: str, source: str, known: Sequence[str], setup: Setup | None) -> "SourceOptions":
+    def read(cls, text: str, source: str, known: Sequence[str]) -> "SourceOptions":
         """Read the options in ``text`` ("a=1&b=2")."""
         given = {}
         for item in filter(None, text.split("&")):
@@ -32,7 +28,7 @@ class SourceOptions:
             if name not in known or not equals or not value:
                 raise DigitizerError(f"source {source}: {item[:60]!r} is no option", f"known are {', '.join(known)}")
             given[name] = unquote(value)
-        return cls(given, setup)
+        return cls(given)
 
     def __contains__(self, name: str) -> bool:
         return name in self.given
@@ -87,14 +83,14 @@ class SourceOptions:
         return slope
 
     def rig(self, bits: int | None) -> Setup | None:
-        """Return the rig with the values from the options; None if nothing is known of it."""
+        """Return the assumed rig with the values from the options; None if none of them is given."""
         given = {key: self.number(name, "") for name, key in RIG.items() if name in self}
         for name, key in RIG.items():
             if given.get(key, 1.0) <= 0:
                 raise DigitizerError(f"{name}={self.given[name][:40]} is not above zero")
         if not given:
-            return self.setup
-        rig = self.setup or assumed_rig(bits or 16)
+            return None
+        rig = assumed_rig(bits or 16)
         if "mass" in self:
             rig = replace(rig, extra={key: value for key, value in rig.extra.items() if key != "moving_mass_assumed"})
         return replace(rig, **given)  # type: ignore[arg-type]

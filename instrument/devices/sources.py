@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 if TYPE_CHECKING:
-    from analysis.shot import Setup
     from instrument.devices.digitizer import Digitizer
 
 _RIG = ("mass", "rest", "wavelength")
@@ -112,8 +111,8 @@ def source_words() -> str:
     return f"{', '.join(texts[:-1])} or {texts[-1]}"
 
 
-def open_source(text: str, *, setup: "Setup | None" = None) -> "Digitizer":
-    """Open the digitizer that ``text`` names.  ``setup`` is the rig from the operator's settings, for real devices.
+def open_source(text: str) -> "Digitizer":
+    """Open the digitizer that ``text`` names.
 
     Raises DigitizerError for an unknown source, a wrong option or a device that cannot be opened.
     """
@@ -129,7 +128,7 @@ def open_source(text: str, *, setup: "Setup | None" = None) -> "Digitizer":
     if not source.address and rest and not rest.startswith("?"):
         raise DigitizerError(f"source {source.name} takes no address, but got {rest[:80]!r}", remedy)
     address, _, given = rest.partition("?") if source.options else (rest, "", "")
-    options = SourceOptions.read(given, source.name, source.options, setup)
+    options = SourceOptions.read(given, source.name, source.options)
     digitizer: Digitizer = imported(source.opener)(address, options)
     return digitizer
 

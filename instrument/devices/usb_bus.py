@@ -5,7 +5,6 @@ import importlib
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 import usb.backend.libusb1
@@ -24,20 +23,6 @@ LIBRARY_REMEDY = "install it (Debian: apt install libusb-1.0-0; elsewhere: pip i
 _GONE = {errno.ENODEV, errno.ENOENT, errno.ESHUTDOWN, errno.ENXIO}
 
 
-@dataclass(frozen=True, slots=True)
-class UsbIdentity:
-    """The identity of a device that is not yet opened."""
-
-    vendor: int
-    product: int
-    release: int  # bcdDevice
-    bus: int
-    address: int
-
-    def __str__(self) -> str:
-        return f"{self.vendor:04x}:{self.product:04x}"
-
-
 def find_backend() -> Any:
     """Return pyusb's libusb 1.0 backend.  Raises DigitizerError if the library is missing."""
     backend = usb.backend.libusb1.get_backend()
@@ -51,8 +36,9 @@ def find_backend() -> Any:
     return backend
 
 
-def identify(device: Any) -> UsbIdentity:
-    return UsbIdentity(device.idVendor, device.idProduct, device.bcdDevice, device.bus or 0, device.address or 0)
+def identity(device: Any) -> str:
+    """Return vendor and product of a device, as "1ab1:04ce"."""
+    return f"{device.idVendor:04x}:{device.idProduct:04x}"
 
 
 def find_devices(ids: Iterable[tuple[int, int]], backend: Any = None) -> list[Any]:

@@ -54,7 +54,7 @@ class UsbtmcTransport:
     """A link to a USBTMC instrument, claimed for this program alone."""
 
     def __init__(self, device: Any) -> None:
-        self.name = f"{VENDORS.get(device.idVendor, 'USB')} oscilloscope ({usb_bus.identify(device)})"
+        self.name = f"{VENDORS.get(device.idVendor, 'USB')} oscilloscope ({usb_bus.identity(device)})"
         interface = test_and_measurement_interface(device)
         if interface is None:
             raise DigitizerError(f"{self.name} does not speak USBTMC", "switch its USB device port to USBTMC")

@@ -39,7 +39,7 @@ ARM_S = 60.0  # to open or arm a device: firmware may have to be loaded
 PREPARE_S = 300.0  # kernels may have to be compiled
 
 
-def open_in_subprocess(source: str, *, setup: Setup | None = None, arm_s: float = ARM_S) -> Digitizer:
+def open_in_subprocess(source: str, *, arm_s: float = ARM_S) -> Digitizer:
     """Open the digitizer that ``source`` names, as ``open_source`` does, in a subprocess.
 
     A device that takes longer than ``arm_s`` to open or to arm does not answer; the bench may take longer.
@@ -47,9 +47,9 @@ def open_in_subprocess(source: str, *, setup: Setup | None = None, arm_s: float 
     """
     kind = source_of(source)
     if not kind.in_subprocess:
-        return open_source(source, setup=setup)
+        return open_source(source)
     patience_s = ARM_S if kind.simulated else min(arm_s, ARM_S)
-    return SubprocessDigitizer(partial(open_source, source, setup=setup), patience_s)
+    return SubprocessDigitizer(partial(open_source, source), patience_s)
 
 
 class SubprocessDigitizer(Digitizer):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from instrument.devices.bulk_stream import _COMPLETED, _NO_DEVICE, _STALL, QueuedBulkStream, _Transfer, transfer_size
+from instrument.devices.bulk_stream import _COMPLETED, _NO_DEVICE, _STALL, BulkStream, _Transfer, transfer_size
 from instrument.devices.digitizer import DigitizerError
 
 BYTES_PER_S = 2e6
@@ -73,7 +73,7 @@ class Libusb:
 
 def read(libusb: Libusb, chunks: int) -> tuple[list[int], list[int], DigitizerError | None]:
     """Return the first byte of each chunk, the places before which something was lost, and the fault at the end."""
-    stream = QueuedBulkStream(libusb.device(), 0x86, BYTES_PER_S, "scope")
+    stream = BulkStream(libusb.device(), 0x86, BYTES_PER_S, "scope")
     stream.start()
     firsts, lost, fault = [], [], None
     try:

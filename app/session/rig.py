@@ -208,9 +208,7 @@ class Rig:
             return running.capture.latest()
         state = State.FAULT if self._fault is not None else State.IDLE
         message, remedy = self._fault or ("opening the source", "")
-        return Snapshot(
-            state, self._since_s, None, False, message, remedy, self.source, SignalLine(), empty_view()
-        )  # fmt: skip
+        return Snapshot(state, self._since_s, False, message, remedy, SignalLine(), empty_view())
 
     def watch(self, on: bool) -> None:
         """Say whether the live curves are looked at."""

@@ -115,11 +115,9 @@ class Capture:
         return Snapshot(
             state=state,
             since_s=status.since_s,
-            deadline_s=status.deadline_s,
             automatic=status.automatic,
             message=message,
             remedy=remedy,
-            source=stream.source if stream is not None else "",
             signal=SignalLine(
                 channels=live.channels if live is not None else (),
                 switch_level=capture.run.switch_level,

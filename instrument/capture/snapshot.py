@@ -55,15 +55,13 @@ class WaitingShot:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """The instrument at one moment.  Times are those of the monotonic clock, in s."""
+    """The instrument at one moment."""
 
     state: State
-    since_s: float
-    deadline_s: float | None
+    since_s: float  # by the monotonic clock
     automatic: bool
     message: str
     remedy: str
-    source: str
     signal: SignalLine
     live: LiveView
     doing: str | None = None  # what is in progress

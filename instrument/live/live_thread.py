@@ -50,7 +50,6 @@ class LiveThread:
         self._gaps_seen = 0
         self._unwatched = False  # at the last look
         self._problem: str | None = None
-        self._rest_hz: float | None = None
         self._most = 0  # samples demodulated at a time
         self._disk_s = self._signals_s = -np.inf
         self.skipped = 0
@@ -74,7 +73,7 @@ class LiveThread:
             except Exception as error:  # a failing picture must not end the capture
                 self._problem = f"the live picture failed: {one_line(repr(error))}"
                 self._demodulator = None
-                self.view = self._window.view(np.empty(0), np.empty((0, 0), np.float32), None, self._problem, 0)
+                self.view = self._window.view(np.empty(0), np.empty((0, 0), np.float32), self._problem, 0)
             every_s = _EVERY_S if self.watched else _SIGNALS_EVERY_S
             self._ending.wait(max(0.002, every_s - (time.monotonic() - begun)))
 
@@ -112,7 +111,7 @@ class LiveThread:
         self._at = stream.start
         self._gaps_seen = stream.start
         self._window.clear()
-        self._problem = self._rest_hz = self._demodulator = None
+        self._problem = self._demodulator = None
         self.skipped = 0
         self._most = max(256, min(_CHUNK, int(0.25 * stream.ring.capacity)))
         self._rest = None
@@ -165,7 +164,6 @@ class LiveThread:
             self._demodulator.gap(0)
             raise Overwritten
         self._problem = chunk.problem
-        self._rest_hz = chunk.rest_frequency_hz
         self._window.add(chunk)
         rate_hz = self._demodulator.rate_hz
         if self._rest is None and rate_hz is not None:
@@ -194,7 +192,7 @@ class LiveThread:
         scale = np.array([c.volts_per_count for c in stream.channels], np.float32)
         offset = np.array([c.offset_v for c in stream.channels], np.float32)
         time_s = (first - stream.start + np.arange(length)) / stream.settings.sample_rate_hz
-        view = self._window.view(time_s, counts * scale + offset, self._rest_hz, self._problem, self.skipped)
+        view = self._window.view(time_s, counts * scale + offset, self._problem, self.skipped)
         self.view = replace(view, floor=self._rest.floor if self._rest is not None else None)
 
 

@@ -39,7 +39,6 @@ class LiveView:
     force_n: Floats
     raw_time_s: Floats
     raw_v: NDArray[np.float32]
-    rest_frequency_hz: float | None = None
     problem: str | None = None  # why nothing can be shown
     skipped: int = 0  # samples left out on the screen; recordings have them
     floor: SiteFloor | None = None  # motion of the site while the block was last at rest

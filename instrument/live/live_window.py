@@ -60,14 +60,7 @@ class LiveWindow:
         pairs.flags.writeable = False
         return pairs[0], pairs[1], pairs[2], pairs[3]
 
-    def view(
-        self,
-        raw_time_s: Floats,
-        raw_v: NDArray[np.float32],
-        rest_frequency_hz: float | None,
-        problem: str | None,
-        skipped: int,
-    ) -> LiveView:
+    def view(self, raw_time_s: Floats, raw_v: NDArray[np.float32], problem: str | None, skipped: int) -> LiveView:
         raw_time_s.flags.writeable = False
         raw_v.flags.writeable = False
-        return LiveView(*self.curves(), raw_time_s, raw_v, rest_frequency_hz, problem, skipped)
+        return LiveView(*self.curves(), raw_time_s, raw_v, problem, skipped)

@@ -37,7 +37,7 @@ def views(frames: int, moving: range, speed: float) -> list[LiveView]:
         time_s = (frame * PER_FRAME + np.arange(PER_FRAME)) / RATE_HZ
         velocity = 1e-3 * random.standard_normal(PER_FRAME) + (speed if frame in moving else 0.0)
         window.add(LiveChunk(time_s, 2.7e6 - 3e6 * velocity, velocity, 20 * velocity, velocity, 2.7e6, None))
-        shown.append(window.view(np.empty(0), np.empty((0, 0), np.float32), 2.7e6, None, 0))
+        shown.append(window.view(np.empty(0), np.empty((0, 0), np.float32), None, 0))
     return shown
 
 
@@ -67,7 +67,7 @@ def test_a_time_that_is_only_rounded_otherwise_draws_no_axis_anew(panel, monkeyp
     window = LiveWindow(20_000)
     for frame in range(20):
         time_s = (31_234_567 * frame + np.arange(2000)) / 30e6  # a step that floats cannot all tell alike
-        panel.show_raw(window.view(time_s, np.zeros((2000, 3), np.float32), 2.7e6, None, 0), channels)
+        panel.show_raw(window.view(time_s, np.zeros((2000, 3), np.float32), None, 0), channels)
     assert len(moved) == 1
 
 

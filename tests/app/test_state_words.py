@@ -18,7 +18,7 @@ from tests.app import synthetic
 
 
 def _snapshot(state: State, **more) -> Snapshot:
-    return replace(Snapshot(state, 0.0, None, False, "", "", "bench", SignalLine(), empty_view()), **more)
+    return replace(Snapshot(state, 0.0, False, "", "", SignalLine(), empty_view()), **more)
 
 
 def test_every_state_has_a_word_a_sentence_and_a_tone():

@@ -61,7 +61,7 @@ def test_live_shows_the_thresholds_that_were_set_and_keeps_them_in_view(qtbot, r
     qtbot.addWidget(panel)
     panel.resize(1000, 1000)
     panel.show()
-    raw = LiveWindow(20_000).view(np.arange(2000) / 30e6, np.zeros((2000, 3), np.float32), 2.7e6, None, 0)
+    raw = LiveWindow(20_000).view(np.arange(2000) / 30e6, np.zeros((2000, 3), np.float32), None, 0)
     panel.show_raw(raw, CHANNELS, (0.8, 2.0))
     plots = panel.raw.plots
     lines = lines_of(plots[SWITCH])
@@ -81,7 +81,7 @@ def test_live_shows_learned_thresholds_as_such(qtbot, roomy):
     qtbot.addWidget(panel)
     panel.resize(1000, 1000)
     panel.show()
-    raw = LiveWindow(20_000).view(np.arange(2000) / 30e6, np.zeros((2000, 3), np.float32), 2.7e6, None, 0)
+    raw = LiveWindow(20_000).view(np.arange(2000) / 30e6, np.zeros((2000, 3), np.float32), None, 0)
     panel.show_raw(raw, CHANNELS, (None, 0.64), True)
     (line,) = lines_of(panel.raw.plots[SWITCH])
     assert (line.value(), line.label.format) == (0.64, "trigger high (learned), 0.64 V")

@@ -177,15 +177,16 @@ def test_kernels_still_being_compiled_are_not_the_digitizer_s_fault(
 
 
 def test_a_digitizer_that_does_not_return_is_held(tmp_path: Path) -> None:
-    returns = threading.Event()
+    reads, returns = threading.Event(), threading.Event()
 
     def hang(fake: FakeDigitizer, at: int) -> Block | None:
+        reads.set()
         returns.wait(20)
         return None
 
     capture = Capture(FakeDigitizer(before_block=hang), CaptureOptions(tmp_path, SETTINGS), live=False)
     capture.start()
-    until(capture, lambda s: s.source != "")
+    assert reads.wait(20)
     assert not capture.close(timeout_s=0.1) and capture.digitizer_held
     returns.set()
     assert capture.close() and not capture.digitizer_held

@@ -1,9 +1,9 @@
 from .acquisition import Deadlines, State
 from .analysis_thread import STOPPED, ShotAnalysis, fit_here
 from .capture import Capture
-from .capture_options import CaptureOptions
 from .headless_acquisition import AcquireError, acquire
 from .snapshot import KEPT_IN_MEMORY, FinishedShot, SignalLine, Snapshot, WaitingShot
+from .stream_reader import CaptureOptions
 
 __all__ = [
     "KEPT_IN_MEMORY",

@@ -115,16 +115,6 @@ class Status:
     remedy: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Transition:
-    """The effect of an event; ``accepted`` is False if the event has no effect in the state ``before``."""
-
-    before: State
-    after: State
-    action: Action
-    accepted: bool
-
-
 @dataclass(slots=True)
 class Acquisition:
     """The state machine; used from one thread, ``status`` may be read from any."""
@@ -138,12 +128,12 @@ class Acquisition:
         self._last_s = self.clock()
         self.status = Status(State.IDLE, self._last_s, None)
 
-    def handle(self, event: Event, message: str = "", remedy: str = "", *, automatic: bool = False) -> Transition:
-        """Process an event.  ``automatic`` belongs to ARM: re-arm after each shot until aborted."""
+    def handle(self, event: Event, message: str = "", remedy: str = "", *, automatic: bool = False) -> Action:
+        """Process an event; return what has to be done.  ``automatic`` belongs to ARM: re-arm after each shot."""
         before = self.status
         entry = self._next(event)
         if entry is None:
-            return Transition(before.state, before.state, Action.NONE, False)
+            return Action.NONE
         state, action = entry
         now = self.clock()
         self._last_s = now
@@ -153,7 +143,7 @@ class Acquisition:
             message, remedy = before.message or message, before.remedy or remedy  # the first fault is the cause
         limit = self.deadlines.of(state)
         self.status = Status(state, now, None if limit is None else now + limit, rearm, message, remedy)
-        return Transition(before.state, state, action, True)
+        return action
 
     def set_automatic(self, on: bool) -> None:
         """Re-arm after the present shot or not; no effect unless armed, triggered or transferring."""
@@ -166,8 +156,8 @@ class Acquisition:
         if limit is not None:
             self.status = replace(self.status, deadline_s=self.clock() + limit)
 
-    def tick(self) -> Transition | None:
-        """Process TIMEOUT if the deadline has passed; call often."""
+    def tick(self) -> Action:
+        """Process TIMEOUT if the deadline has passed; return what has to be done.  Call often."""
         now = self.clock()
         status = self.status
         if now < self._last_s and status.deadline_s is not None:
@@ -177,7 +167,7 @@ class Acquisition:
             self.status = status
         self._last_s = now
         if status.deadline_s is None or now < status.deadline_s:
-            return None
+            return Action.NONE
         message, remedy = TIMED_OUT[status.state]
         return self.handle(Event.TIMEOUT, message, remedy)
 

@@ -5,20 +5,16 @@ its samples arrive; ``AnalysisThread`` analyses behind a bounded queue; ``LiveTh
 screen polls ``latest()`` for an immutable Snapshot; nothing ever calls into the screen.
 """
 
-import queue
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-from instrument.capture.acquisition import Deadlines, State
+from instrument.capture.acquisition import Acquisition, Deadlines, State
 from instrument.capture.analysis_thread import ShotAnalysis
-from instrument.capture.capture_options import CaptureOptions
-from instrument.capture.capture_thread import CaptureServices, CaptureThread
-from instrument.capture.finished_shots import FinishedShots
-from instrument.capture.recorder import Recorder
+from instrument.capture.capture_thread import CaptureThread
 from instrument.capture.snapshot import SignalLine, Snapshot
+from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices import Digitizer
 from instrument.files import disk_free_bytes
 from instrument.live import LiveThread, empty_view, warm
@@ -53,19 +49,15 @@ class Capture:
     ) -> None:
         self._digitizer = digitizer
         self._clock = clock
-        orders: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
-        self._orders = orders  # the callbacks hold the queue, not self: a reference cycle would keep the ring alive
-        self._recorder = Recorder(lambda recorded: orders.put(("recorded", recorded)))
-        self._finished = FinishedShots(analysis, lambda *made: orders.put(("analysed", made)))
-        services = CaptureServices(deadlines or Deadlines(), clock, say, warm)
-        self._capture = CaptureThread(digitizer, options, self._recorder, self._finished, self._orders, services)
+        machine = Acquisition(clock, deadlines or Deadlines())
+        self._capture = capture = CaptureThread(digitizer, options, machine, analysis, warm, say)
+        self._orders, self._finished = capture.orders, capture.finished
         self.digitizer_held = False  # after ``close``: a call of the digitizer has not returned
-        capture = self._capture
         self._live = LiveThread(lambda: capture.run.stream, lambda: capture.options.folder) if live else None
 
     def start(self) -> None:
         """Start all threads; the digitizer is first touched in the capture thread."""
-        self._recorder.start()
+        self._capture.recorder.start()
         for part in (self._finished.analysis, self._live):
             if part is not None:
                 part.start()
@@ -151,7 +143,7 @@ class Capture:
         self.digitizer_held = capture.prepared and not ended
         if not ended and capture.shot is not None and not capture.shot.complete:
             capture.shot.finish("the digitizer did not answer")
-        ended &= self._recorder.close(timeout_s)
+        ended &= capture.recorder.close(timeout_s)
         for part in (self._finished.analysis, self._live):
             ended &= part is None or part.close(timeout_s)
         if not capture.thread.is_alive():

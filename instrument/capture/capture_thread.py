@@ -3,7 +3,6 @@
 import queue
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -11,13 +10,12 @@ import numpy as np
 
 from analysis.fitted import awaits_fit
 from analysis.shot import Gap
-from instrument.capture.acquisition import Acquisition, Action, Deadlines, Event, State, Transition
-from instrument.capture.capture_options import CaptureOptions, check_settings
+from instrument.capture.acquisition import Acquisition, Action, Event, State
+from instrument.capture.analysis_thread import ShotAnalysis
 from instrument.capture.finished_shots import ABORTED, FinishedShots
-from instrument.capture.growing_shot import GrowingShot
-from instrument.capture.recorder import Recorded, Recorder
+from instrument.capture.recorder import GrowingShot, Recorded, Recorder
 from instrument.capture.snapshot import KEPT_IN_MEMORY
-from instrument.capture.stream_reader import ReadBlock, StreamReader
+from instrument.capture.stream_reader import CaptureOptions, ReadBlock, StreamReader, check_settings
 from instrument.devices import Digitizer, DigitizerError, usual_settings
 from instrument.files import FolderLock, RecordingError, disk_free_bytes, one_line
 from instrument.live import Overwritten
@@ -27,30 +25,27 @@ _DISK_RESERVE_BYTES = 64 * 2**20
 _ORDERS_S = 0.02
 
 
-@dataclass(frozen=True, slots=True)
-class CaptureServices:
-    """Deadlines, clock, fault log and warm-up of a capture; ``warm(given_up)`` returns once kernels are compiled."""
-
-    deadlines: Deadlines
-    clock: Callable[[], float]
-    say: Callable[[str], None]
-    warm: Callable[[Callable[[], bool]], None]
-
-
 class CaptureThread:
-    """Reads the digitizer block by block and carries out orders between two blocks."""
+    """Reads the digitizer block by block and carries out ``orders`` between two blocks.
+
+    ``warm(given_up)`` returns once kernels are compiled; ``say`` gets one line for every fault.
+    """
 
     def __init__(
         self,
         digitizer: Digitizer,
         options: CaptureOptions,
-        recorder: Recorder,
-        finished: FinishedShots,
-        orders: "queue.SimpleQueue[tuple[str, Any]]",
-        services: CaptureServices,
+        machine: Acquisition,
+        analysis: ShotAnalysis | None,
+        warm: Callable[[Callable[[], bool]], None],
+        say: Callable[[str], None],
     ) -> None:
-        self.machine = Acquisition(services.clock, services.deadlines)
-        self.run = StreamReader(digitizer, services.clock)
+        orders: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
+        self.orders = orders  # the callbacks hold the queue, not self: a reference cycle would keep the ring alive
+        self.recorder = Recorder(lambda recorded: orders.put(("recorded", recorded)))
+        self.finished = FinishedShots(analysis, lambda *made: orders.put(("analysed", made)))
+        self.machine = machine
+        self.run = StreamReader(digitizer, machine.clock)
         self.options = options
         self.shot: GrowingShot | None = None  # being received, or being written to disk
         self.folder_problem: str | None = None
@@ -59,10 +54,7 @@ class CaptureThread:
         self.touched = False  # while True only this thread may call the digitizer
         self.prepared = False  # while True every call of the digitizer returns soon
         self._digitizer = digitizer
-        self._recorder = recorder
-        self._finished = finished
-        self._orders = orders
-        self._clock, self._say, self._warm = services.clock, services.say, services.warm
+        self._warm, self._say = warm, say
         self._look_from = 0  # ring number before which a step of the light switch is ignored
         self._fire = False
         self._lock: FolderLock | None = None
@@ -74,7 +66,7 @@ class CaptureThread:
         """Carry out all queued orders; called by the thread itself, and once more after its end."""
         while True:
             try:
-                order = self._orders.get_nowait()
+                order = self.orders.get_nowait()
             except queue.Empty:
                 return
             self._take(order)
@@ -96,10 +88,10 @@ class CaptureThread:
         if self.closing:
             return
         self.prepared = True
-        if not self.closing and self._orders.empty():  # a queued order starts the stream itself, or reports why not
+        if not self.closing and self.orders.empty():  # a queued order starts the stream itself, or reports why not
             self._guarded(self._watch)
         while not self.closing:
-            self.alive_s = self._clock()
+            self.alive_s = self.machine.clock()
             self._guarded(self._turn)
         self._keep("the program was closed")
         self._quietly_stop()
@@ -123,13 +115,13 @@ class CaptureThread:
             self._read()
         else:
             try:
-                self._take(self._orders.get(timeout=_ORDERS_S))
+                self._take(self.orders.get(timeout=_ORDERS_S))
             except queue.Empty:
                 return
 
     def _look_for_progress(self) -> None:
         """Restart the deadline whenever something progressed: a long shot, a slow disk, an analysis that compiles."""
-        shot, analysis = self.shot, self._finished.analysis
+        shot, analysis = self.shot, self.finished.analysis
         grown = (shot.filled, shot.written) if shot is not None else (0, 0)
         now = (*grown, analysis.steps if analysis is not None else 0)
         if now != self._progress:
@@ -161,14 +153,11 @@ class CaptureThread:
             self._recorded(what)
         elif kind == "analysed":
             number, shot, problem = what
-            self._finished.analysed(number, shot, problem)
+            self.finished.analysed(number, shot, problem)
             if number == self._awaited and not (shot is not None and awaits_fit(shot)):
                 self._do(self.machine.handle(Event.ANALYSED))
 
-    def _do(self, transition: Transition | None) -> None:
-        if transition is None or not transition.accepted:
-            return
-        action = transition.action
+    def _do(self, action: Action) -> None:
         if action is Action.START:
             if not self.closing:
                 self._guarded(self._start)
@@ -181,13 +170,13 @@ class CaptureThread:
             self._stop_unless_wanted()
         elif action is Action.STOP:
             self._stop_unless_wanted()
-        elif action is Action.CANCEL and self._finished.analysis is not None:
-            self._finished.analysis.cancel()
+        elif action is Action.CANCEL and self.finished.analysis is not None:
+            self.finished.analysis.cancel()
 
     def _start(self) -> None:
         self._fire = False
-        if len(self._finished.unsaved) >= MOST_UNSAVED:
-            raise DigitizerError(f"{len(self._finished.unsaved)} shots are only in memory", "save them first")
+        if len(self.finished.unsaved) >= MOST_UNSAVED:
+            raise DigitizerError(f"{len(self.finished.unsaved)} shots are only in memory", "save them first")
         settings = self.options.settings or usual_settings(self._digitizer)
         check_settings(settings, len(self._digitizer.capabilities.channels))
         if not self.run.continues(settings, self.options):
@@ -306,14 +295,14 @@ class CaptureThread:
         self.shot = shot
         self._fire = False
         self._do(self.machine.handle(Event.TRIGGER))
-        self._recorder.begin(shot, self.options.folder)
+        self.recorder.begin(shot, self.options.folder)
 
     def _keep(self, reason: str) -> None:
         if self.shot is not None and not self.shot.complete:
             self.shot.finish(reason)
 
     def _recorded(self, recorded: Recorded) -> None:
-        number = self._finished.recorded(recorded)
+        number = self.finished.recorded(recorded)
         awaited = recorded.shot is self.shot
         if awaited:
             self.shot = None

@@ -9,13 +9,10 @@ from analysis.shot import Shot
 from instrument.capture.analysis_thread import AnalysisThread, Done, ShotAnalysis
 from instrument.capture.recorder import Recorded, save_elsewhere
 from instrument.capture.snapshot import FinishedShot, WaitingShot
-from instrument.devices import CaptureSettings
 from instrument.files import PartlySaved, RecordingError
 
 SHOTS_IN_SNAPSHOT = 16  # the newest ones; a reader that needs more must keep them
 ABORTED = "aborted"
-
-Waiting = tuple[str, Path | None, CaptureSettings, str | None]  # (name, path, settings, why it was not saved)
 
 
 class FinishedShots:
@@ -26,7 +23,7 @@ class FinishedShots:
         self.newest: tuple[FinishedShot, ...] = ()
         self.taken = 0
         self._finished = 0
-        self._waiting: dict[int, Waiting] = {}
+        self._waiting: dict[int, FinishedShot] = {}  # without index and shot; ``problem``: why it was not saved
         self._awaiting_fit: dict[int, int] = {}  # number of the shot: index of its FinishedShot
         self._unsaved: dict[str, Recorded] = {}
         self._saving = threading.Lock()
@@ -39,7 +36,7 @@ class FinishedShots:
     @property
     def waiting(self) -> tuple[WaitingShot, ...]:
         """Get the shots captured and not analysed yet, oldest first."""
-        return tuple(WaitingShot(number, name, path) for number, (name, path, _, _) in list(self._waiting.items()))
+        return tuple(WaitingShot(number, shot.name, shot.path) for number, shot in list(self._waiting.items()))
 
     @property
     def unsaved(self) -> tuple[str, ...]:
@@ -54,7 +51,7 @@ class FinishedShots:
         if recorded.problem is not None:
             with self._saving:
                 self._unsaved[recording.name] = recorded
-        waiting: Waiting = (recording.name, path, shot.settings, recorded.problem)
+        waiting = FinishedShot(0, recording.name, path, shot.settings, None, recorded.problem)
         if self.analysis is None or shot.ended_early == ABORTED or recording.samples == 0:
             self._finish(waiting, None, shot.ended_early)
             return None
@@ -90,9 +87,8 @@ class FinishedShots:
                     recorded.partial.abandon()
         return list(saved.values())
 
-    def _finish(self, waiting: Waiting, shot: Shot | None, problem: str | None) -> None:
-        name, path, settings, unsaved = waiting
+    def _finish(self, waiting: FinishedShot, shot: Shot | None, problem: str | None) -> None:
         self._finished += 1
-        problems = "; ".join(p for p in (unsaved, problem) if p)
-        done = FinishedShot(self._finished, name, path, settings, shot, problems or None)
+        problems = "; ".join(p for p in (waiting.problem, problem) if p)
+        done = replace(waiting, index=self._finished, shot=shot, problem=problems or None)
         self.newest = (*self.newest, done)[-SHOTS_IN_SNAPSHOT:]

@@ -8,8 +8,8 @@ from pathlib import Path
 from analysis.shot import Setup
 from instrument.capture.acquisition import Deadlines, State
 from instrument.capture.capture import Capture
-from instrument.capture.capture_options import CaptureOptions
 from instrument.capture.snapshot import FinishedShot
+from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices import CaptureSettings, Digitizer
 from instrument.files import RecordingError
 

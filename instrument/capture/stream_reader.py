@@ -3,21 +3,38 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot import DEFAULT_WAVELENGTH_AIR_M, Role, Setup
-from instrument.capture.capture_options import CaptureOptions, check_channels, check_settings
 from instrument.devices import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError, block_samples
-from instrument.live import Ring, Stream
-from instrument.trigger import Level, LightSwitch, MotionTrigger, TriggerSettings
+from instrument.live import DeliveredRate, Ring, Stream
+from instrument.trigger import Edge, Level, LightSwitch, MotionTrigger, TriggerSettings
 
 READ_TIMEOUT_S = 0.05
 STALL_S = 3.0  # without a sample from a running stream: the device has stopped
 TRIGGER_SPEED_M_PER_S = 0.05  # of a block that starts to move
 _RING_S = 0.5  # of the stream, for readers that lag
 _MOST_RING_BYTES = 512 * 2**20
+_MOST_SHOT_BYTES = 2 * 2**30
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureOptions:
+    """How shots are to be taken.  The folder must exist.
+
+    ``settings`` None: ``usual_settings`` of the digitizer; ``setup`` None: the digitizer's own.  The thresholds of the
+    light switch are in V; None: learned from the signal.
+    """
+
+    folder: Path
+    settings: CaptureSettings | None = None
+    setup: Setup | None = None
+    edge: Edge = Edge.EITHER
+    switch_low_v: float | None = None
+    switch_high_v: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +118,7 @@ class StreamReader:
         self.stop()
         able = self._digitizer.capabilities
         check_settings(settings, len(able.channels))
-        check_channels(able)
+        _check_channels(able)
         own = self._digitizer.setup
         self._block = block_samples(settings.sample_rate_hz)
         self._make_ring(settings, len(able.channels))
@@ -205,6 +222,34 @@ class StreamReader:
             self._ring = Ring(capacity, channels)
 
 
+def check_settings(settings: CaptureSettings, channels: int) -> None:
+    """Refuse, as a DigitizerError, settings that no shot can be taken with."""
+    rate = settings.sample_rate_hz
+    if not (0 < rate <= 1e12):
+        raise DigitizerError(f"sample rate of {rate:g} Hz", "choose one of the digitizer's rates")
+    if settings.samples < 1 or not 0 <= settings.pre_trigger_samples <= settings.samples:
+        raise DigitizerError(
+            f"a shot of {settings.samples} samples, {settings.pre_trigger_samples} of them before the trigger",
+            "correct the lengths",
+        )
+    if 2 * channels * settings.samples > _MOST_SHOT_BYTES:
+        raise DigitizerError(
+            f"a shot of {settings.samples} samples in {channels} channels takes more than "
+            f"{_MOST_SHOT_BYTES // 2**30} GiB of memory",
+            "choose a shorter shot or a lower rate",
+        )
+
+
+def _check_channels(able: Capabilities) -> None:
+    """Refuse, as a DigitizerError, channels whose scale no recording can hold."""
+    for channel in able.channels:
+        if not (1e-30 < abs(channel.volts_per_count) < 1e6 and abs(channel.offset_v) < 1e9):
+            raise DigitizerError(
+                f"{able.name} reports {channel.volts_per_count:g} V per count and an offset of {channel.offset_v:g} V",
+                "set the vertical scale anew, then arm again",
+            )
+
+
 def _stream_options(options: CaptureOptions) -> tuple[object, ...]:
     """Return the options that take effect when a stream starts."""
     return options.setup, options.edge, options.switch_low_v, options.switch_high_v
@@ -232,36 +277,3 @@ def _check_block(block: Block, room: int) -> None:
 
 def _with_bits(setup: Setup, bits: int) -> Setup:
     return setup if setup.digitizer_bits == bits else replace(setup, digitizer_bits=bits)
-
-
-LEAST_S = 1.0  # of stream before the rate is judged
-LATE_S = 0.3  # by which a device and its driver may be late or early
-RATE_TOLERANCE = 5e-4  # beyond the errors of any crystal and of the computer's clock
-
-
-@dataclass(slots=True)
-class DeliveredRate:
-    """Compares a stream's sample rate with the computer's clock.
-
-    ``doubtful_hz`` is the measured rate where it contradicts ``stated_hz``, else None.
-    """
-
-    stated_hz: float
-    doubtful_hz: float | None = None
-    _begun_s: float | None = None
-    _samples: int = 0
-
-    def add(self, samples: int, lost: int | None, now_s: float, *, waits: bool) -> None:
-        """Count a block that came at ``now_s`` with ``lost`` samples missing before it (None: unknown; start again).
-
-        ``waits``: more samples wait to be fetched, so the computer is late, not the device, and the rate is not judged.
-        """
-        if lost is None or self._begun_s is None or now_s < self._begun_s:
-            self._begun_s, self._samples = now_s, 0
-            return
-        self._samples += samples + lost
-        passed_s = now_s - self._begun_s
-        if waits or passed_s < LEAST_S:
-            return
-        off_s = abs(self._samples / self.stated_hz - passed_s)
-        self.doubtful_hz = self._samples / passed_s if off_s > LATE_S + RATE_TOLERANCE * passed_s else None

@@ -1,11 +1,12 @@
 from .live_thread import LiveThread, warm
 from .live_view import ChannelSignal, LiveView, empty_view
-from .ring import Overwritten, Ring, Stream
+from .ring import DeliveredRate, Overwritten, Ring, Stream
 from .setup_check import judge, judge_site
 from .signal_trial import try_signals
 
 __all__ = [
     "ChannelSignal",
+    "DeliveredRate",
     "LiveThread",
     "LiveView",
     "Overwritten",

@@ -1,4 +1,4 @@
-"""The ring that holds the newest samples of a running digitizer, in memory allocated once."""
+"""The ring that holds the newest samples of a running digitizer, in memory allocated once, and the stream in it."""
 
 from dataclasses import dataclass, field
 
@@ -132,3 +132,36 @@ class Stream:
         oldest = self.ring.oldest
         if len(self.gaps) > 64 and self.gaps[0][0] < oldest:
             self.gaps = [gap for gap in self.gaps if gap[0] >= oldest]
+
+
+LEAST_S = 1.0  # of stream before the rate is judged
+LATE_S = 0.3  # by which a device and its driver may be late or early
+RATE_TOLERANCE = 5e-4  # beyond the errors of any crystal and of the computer's clock
+
+
+@dataclass(slots=True)
+class DeliveredRate:
+    """Compares a stream's sample rate with the computer's clock.
+
+    ``doubtful_hz`` is the measured rate where it contradicts ``stated_hz``, else None.
+    """
+
+    stated_hz: float
+    doubtful_hz: float | None = None
+    _begun_s: float | None = None
+    _samples: int = 0
+
+    def add(self, samples: int, lost: int | None, now_s: float, *, waits: bool) -> None:
+        """Count a block that came at ``now_s`` with ``lost`` samples missing before it (None: unknown; start again).
+
+        ``waits``: more samples wait to be fetched, so the computer is late, not the device, and the rate is not judged.
+        """
+        if lost is None or self._begun_s is None or now_s < self._begun_s:
+            self._begun_s, self._samples = now_s, 0
+            return
+        self._samples += samples + lost
+        passed_s = now_s - self._begun_s
+        if waits or passed_s < LEAST_S:
+            return
+        off_s = abs(self._samples / self.stated_hz - passed_s)
+        self.doubtful_hz = self._samples / passed_s if off_s > LATE_S + RATE_TOLERANCE * passed_s else None

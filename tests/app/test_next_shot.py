@@ -21,7 +21,7 @@ from app.session.planned_capture import planned_setup
 from app.session.settings import Settings
 from app.session.verdict_basis import Diagnoses
 from app.window.panels.next_shot import NextShotCard
-from instrument.capture.capture_options import CaptureOptions
+from instrument.capture.stream_reader import CaptureOptions
 from tests.analysis.diagnosis.shots import motions_of
 from tests.analysis.planning.rig import rig
 from tests.app import synthetic

@@ -18,7 +18,7 @@ from app.session.rig import Rig
 from instrument.bench.simulated_shots import simulate
 from instrument.bench.site import USUAL_SITE, site_named
 from instrument.capture.acquisition import Deadlines, State
-from instrument.capture.capture_options import CaptureOptions
+from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.digitizer import CaptureSettings
 from tests.app import rigs
 

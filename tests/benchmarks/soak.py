@@ -24,7 +24,7 @@ from instrument.bench.rig import Bench
 from instrument.capture.acquisition import State
 from instrument.capture.analysis_thread import ShotAnalysis, fit_here
 from instrument.capture.capture import Capture
-from instrument.capture.capture_options import CaptureOptions
+from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.digitizer import CaptureSettings
 from instrument.process.subprocess_digitizer import SubprocessDigitizer
 from instrument.process.subprocess_worker import SubprocessAnalysis

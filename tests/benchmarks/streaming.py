@@ -22,8 +22,8 @@ from analysis.shot.shot import AnalysisSettings, Progress, Shot
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.capture.analysis_thread import ShotAnalysis
 from instrument.capture.capture import Capture
-from instrument.capture.capture_options import CaptureOptions
 from instrument.capture.snapshot import Snapshot
+from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.digitizer import CaptureSettings, Digitizer
 from instrument.process.subprocess_digitizer import SubprocessDigitizer
 

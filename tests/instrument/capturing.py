@@ -9,8 +9,8 @@ import numpy as np
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisSettings, Shot
 from instrument.capture.capture import Capture
-from instrument.capture.capture_options import CaptureOptions
 from instrument.capture.snapshot import Snapshot
+from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.digitizer import CaptureSettings
 from tests.instrument.fake_digitizer import FIRST, HIGH, PERIOD, RATE_HZ, FakeDigitizer, samples
 

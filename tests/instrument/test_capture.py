@@ -15,7 +15,7 @@ from analysis.shot.recording import Recording, Setup
 from analysis.shot.shot import Cancelled, Shot
 from instrument.capture.acquisition import Deadlines, State
 from instrument.capture.analysis_thread import ShotAnalysis
-from instrument.capture.capture_options import CaptureOptions
+from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.digitizer import Block, CaptureSettings
 from instrument.files.recording_file import read_recording, verify
 from instrument.trigger.light_switch import Level

@@ -9,7 +9,7 @@ import pytest
 from instrument.capture.acquisition import State
 from instrument.capture.analysis_thread import ShotAnalysis
 from instrument.capture.capture import Capture
-from instrument.capture.capture_options import CaptureOptions
+from instrument.capture.stream_reader import CaptureOptions
 from instrument.files.recording_file import RecordingError, RecordingWriter, read_recording, verify
 from tests.instrument.capturing import SETTINGS, Capturing, analysed, assert_true_samples, until
 from tests.instrument.fake_digitizer import FakeDigitizer

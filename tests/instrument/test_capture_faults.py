@@ -10,7 +10,7 @@ from analysis.shot.shot import AnalysisError, Cancelled, Shot
 from instrument.capture.acquisition import Deadlines, State
 from instrument.capture.analysis_thread import ShotAnalysis
 from instrument.capture.capture import Capture
-from instrument.capture.capture_options import CaptureOptions
+from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.digitizer import Block, CaptureSettings, DigitizerError
 from instrument.files.recording_file import read_recording, verify
 from tests.instrument.capturing import SETTINGS, Capturing, analysed, until

@@ -7,9 +7,9 @@ import pytest
 
 from app.words.flags import FLAG_WORDS
 from instrument.capture.acquisition import State
-from instrument.capture.stream_reader import DeliveredRate
 from instrument.devices.digitizer import Block
 from instrument.files.recording_file import read_recording
+from instrument.live.ring import DeliveredRate
 from tests.instrument.capturing import Capturing, until
 from tests.instrument.fake_digitizer import RATE_HZ, FakeDigitizer
 

@@ -12,7 +12,7 @@ from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisSettings, Progress, Shot
 from instrument.capture.analysis_thread import ShotAnalysis
 from instrument.capture.capture import Capture
-from instrument.capture.capture_options import CaptureOptions
+from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.digitizer import CaptureSettings
 from tests.instrument.fake_digitizer import RATE_HZ, FakeDigitizer
 

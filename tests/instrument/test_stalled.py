@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from instrument.capture.acquisition import State
-from instrument.capture.capture_options import CaptureOptions
+from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.digitizer import Block
 from tests.instrument.capturing import SETTINGS, Capturing, until
 from tests.instrument.fake_digitizer import FakeDigitizer

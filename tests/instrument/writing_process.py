@@ -8,7 +8,7 @@ from pathlib import Path
 from app.session.settings import Settings
 from app.session.settings_file import save
 from instrument.capture.capture import Capture
-from instrument.capture.capture_options import CaptureOptions
+from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.digitizer import CaptureSettings
 from tests.instrument.fake_digitizer import RATE_HZ, FakeDigitizer
 

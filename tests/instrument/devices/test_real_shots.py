@@ -11,8 +11,8 @@ import pytest
 from analysis.shot.recording import Role
 from instrument.capture.acquisition import State
 from instrument.capture.capture import Capture
-from instrument.capture.capture_options import CaptureOptions
 from instrument.capture.headless_acquisition import acquire
+from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.bulk_stream import Chunk
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
 from instrument.devices.hantek6022 import Hantek6022

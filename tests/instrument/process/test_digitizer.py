@@ -17,7 +17,7 @@ import pytest
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.capture.acquisition import State
 from instrument.capture.capture import Capture
-from instrument.capture.capture_options import CaptureOptions
+from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.digitizer import Block, CaptureSettings, Digitizer, DigitizerError
 from instrument.files.raw_recording import open_recording
 from instrument.process import shared_ring, subprocess_digitizer

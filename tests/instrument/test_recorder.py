@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.shot.recording import Channel, Role, Setup
-from instrument.capture.growing_shot import GrowingShot
+from instrument.capture.recorder import GrowingShot
 from instrument.devices.digitizer import CaptureSettings
 
 

@@ -19,6 +19,9 @@ class DigitizerError(Exception):
         self.remedy = one_line(remedy, 400)
         super().__init__(f"{self.what}: {self.remedy}" if remedy else self.what)
 
+    def __reduce__(self) -> tuple[Any, ...]:  # between processes, also of a driver's own kind of it
+        return DigitizerError, (self.what, self.remedy)
+
 
 @dataclass(frozen=True, slots=True)
 class Capabilities:

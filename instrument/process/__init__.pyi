@@ -1,4 +1,4 @@
-from .messages import lower_priority
+from .child import lower_priority
 from .subprocess_digitizer import SIMULATED_ANSWER_S, open_in_subprocess
 from .subprocess_worker import SubprocessAnalysis, SubprocessWorker
 

@@ -1,4 +1,7 @@
-"""The device's process: it opens the digitizer, fills the shared ring, carries out orders, and ends with its parent."""
+"""The device's process: it opens the digitizer, fills the shared ring, carries out orders, and ends with its parent.
+
+The messages between both: orders one way, answers and blocks the other.
+"""
 
 import contextlib
 import gc
@@ -10,12 +13,13 @@ import threading
 import time
 import traceback
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
+from typing import Any
 
-from instrument.devices import Block, CaptureSettings, Digitizer, DigitizerError, block_samples
+from analysis.shot import Setup
+from instrument.devices import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError, block_samples
 from instrument.files import one_line
-from instrument.process.messages import Answer, BlockReady, DeviceState, Fault, Order, lower_priority
 from instrument.process.shared_ring import SharedRing
 
 Opener = Callable[[], Digitizer]
@@ -24,6 +28,52 @@ STARTED, OPENED = -1, 0  # serial numbers of the two answers that no order asked
 READ_TIMEOUT_S = 0.05
 _END_S = 3.0  # a driver that blocks for longer than this after the parent's end is abandoned
 _RING_FULL_S = 0.002
+_BELOW_NORMAL = 0x4000  # BELOW_NORMAL_PRIORITY_CLASS of SetPriorityClass
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """A request to the device's process; ``serial`` numbers the orders of one process."""
+
+    kind: str  # prepare, defaults, arm, stop, close
+    serial: int
+    settings: CaptureSettings | None = None
+    ring: tuple[str, int, int] | None = None  # name, capacity, channels of new memory
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceState:
+    """Capabilities and setup of the device; ``fault`` says why they cannot be read."""
+
+    capabilities: Capabilities | None
+    setup: Setup | None
+    fault: DigitizerError | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """The answer to the order ``serial``; after ``arm``, ``first`` is the number of the next sample."""
+
+    serial: int
+    device: DeviceState | None
+    fault: DigitizerError | None = None
+    settings: CaptureSettings | None = None
+    first: int = 0
+    blocks: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class BlockReady:
+    """A block in the ring, or a fault instead of one, of the stream that the order ``run`` began."""
+
+    run: int
+    first: int
+    block: Block
+    fault: DigitizerError | None = None
+    device: DeviceState | None = None  # when the stream ends: the next shot may have other capabilities
+
+    def __reduce__(self) -> tuple[Any, ...]:  # as of a Block
+        return BlockReady, (self.run, self.first, self.block, self.fault, self.device)
 
 
 def most_blocks(system: str) -> int:
@@ -181,7 +231,20 @@ class _Child:
             return DeviceState(None, None, _fault_of(error))
 
 
-def _fault_of(error: Exception) -> Fault:
+def _fault_of(error: Exception) -> DigitizerError:
     if isinstance(error, DigitizerError):
-        return Fault(error.what, error.remedy)
-    return Fault(f"unexpected: {one_line(repr(error))}", "arm again; report this if it happens again")
+        return error
+    return DigitizerError(f"unexpected: {one_line(repr(error))}", "arm again; report this if it happens again")
+
+
+def lower_priority(steps: int) -> None:
+    """Lower this process' priority by ``steps`` (Windows: to below normal); on Linux also its scheduling class."""
+    if sys.platform == "win32":
+        import ctypes
+
+        kernel = ctypes.windll.kernel32
+        kernel.SetPriorityClass(ctypes.c_void_p(kernel.GetCurrentProcess()), _BELOW_NORMAL)
+    else:
+        os.nice(steps)
+    if sys.platform == "linux":
+        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))

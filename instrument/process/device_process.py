@@ -9,8 +9,7 @@ from collections.abc import Callable
 from multiprocessing.connection import _ConnectionBase as Connection  # a pipe's end is another class on Windows
 
 from instrument.devices import CaptureSettings, DigitizerError
-from instrument.process.child import OPENED, STARTED, Opener, serve
-from instrument.process.messages import Answer, BlockReady, DeviceState, Fault, Order
+from instrument.process.child import OPENED, STARTED, Answer, BlockReady, DeviceState, Opener, Order, serve
 
 START_S = 60.0  # to start the process on a busy machine
 _LOOK_S = 0.1
@@ -61,7 +60,7 @@ class DeviceProcess:
         device = self._device
         assert device is not None
         if device.fault is not None:
-            raise error_of(device.fault)
+            raise device.fault.with_traceback(None)  # each time anew
         return device
 
     def send(self, kind: str, settings: CaptureSettings | None = None, ring: tuple[str, int, int] | None = None) -> int:
@@ -142,7 +141,7 @@ class DeviceProcess:
             message = self.receive(min(_LOOK_S, limit_s))
             if isinstance(message, Answer) and message.serial == serial:
                 if message.fault is not None:
-                    raise error_of(message.fault)
+                    raise message.fault
                 return message
             if message is None and time.monotonic() > end:
                 if not given_up:
@@ -161,8 +160,3 @@ def _looking_at(connection: Connection) -> Callable[[float], bool]:
     waiting = select.poll()
     waiting.register(connection.fileno(), select.POLLIN)
     return lambda timeout_s: bool(waiting.poll(1e3 * timeout_s))
-
-
-def error_of(fault: Fault) -> DigitizerError:
-    """Return the error that a received fault stands for."""
-    return DigitizerError(fault.what, fault.remedy)

@@ -24,9 +24,8 @@ from instrument.devices import (
     open_source,
     source_of,
 )
-from instrument.process.child import Opener
-from instrument.process.device_process import DeviceProcess, error_of
-from instrument.process.messages import BlockReady
+from instrument.process.child import BlockReady, Opener
+from instrument.process.device_process import DeviceProcess
 from instrument.process.shared_ring import SharedRing
 
 RING_S = 1.5  # of the stream, for a parent that lags
@@ -139,7 +138,7 @@ class SubprocessDigitizer(Digitizer):
             assert ready is not None and ring is not None
             if ready.fault is not None:
                 self._forget_stream()
-                raise error_of(ready.fault)
+                raise ready.fault
             return self._part(ready, ring, buffer)
 
     def stop(self) -> None:

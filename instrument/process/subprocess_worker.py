@@ -22,7 +22,7 @@ import numpy as np
 from analysis.pipeline import fitted, read
 from analysis.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Recording, Shot
 from instrument.files import RecordingError, analyse_and_check_hash, one_line
-from instrument.process.messages import lower_priority
+from instrument.process.child import lower_priority
 
 CANCEL_S = 5.0  # a child that has not reacted to a cancellation by then is killed
 _LOOK_S = 0.02

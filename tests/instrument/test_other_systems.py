@@ -17,8 +17,8 @@ from instrument.devices.digitizer import Block
 from instrument.devices.hantek6022_firmware import firmware_folders, firmware_remedy
 from instrument.files import folder_lock
 from instrument.files.recording_error import RecordingError
-from instrument.process import child, messages
-from instrument.process.messages import BlockReady
+from instrument.process import child
+from instrument.process.child import BlockReady
 
 WINDOWS_PIPE_BYTES = 8192
 
@@ -106,7 +106,7 @@ def test_priority_is_lowered_by_class_on_windows(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("ctypes.windll", SimpleNamespace(kernel32=kernel), raising=False)
     monkeypatch.setattr(sys, "platform", "win32")
     monkeypatch.setattr(os, "nice", lambda steps: pytest.fail("there is none on Windows"))
-    messages.lower_priority(5)
+    child.lower_priority(5)
     assert [how for _, how in asked] == [0x4000]
 
 

@@ -1,8 +1,7 @@
 from .live_thread import LiveThread, warm
 from .live_view import ChannelSignal, LiveView, empty_view
 from .ring import DeliveredRate, Overwritten, Ring, Stream
-from .setup_check import judge, judge_site
-from .signal_trial import try_signals
+from .setup_check import judge, judge_site, try_signals
 
 __all__ = [
     "ChannelSignal",

@@ -13,8 +13,7 @@ from analysis.shot import AnalysisError, Role, Setup
 from analysis.signal import LiveChunk, LiveDemodulator
 from instrument.devices import CaptureSettings
 from instrument.files import disk_free_bytes, one_line
-from instrument.live.live_view import ChannelSignal, empty_view
-from instrument.live.live_window import LiveWindow
+from instrument.live.live_view import ChannelSignal, LiveWindow, empty_view
 from instrument.live.ring import Overwritten, Ring, Stream
 from instrument.live.setup_check import CHECKED_SAMPLES, check_signals
 from instrument.trigger import LightSwitch, MotionTrigger, TriggerSettings

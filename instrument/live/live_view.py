@@ -1,12 +1,16 @@
-"""What the screen shows of a running stream: the live curves and the signal of each channel."""
+"""What the screen shows of a running stream: the live curves of its last seconds and the signal of each channel."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.reading import SiteFloor
 from analysis.shot import Role
+
+if TYPE_CHECKING:
+    from analysis.signal import LiveChunk  # slow to import
 
 Floats = NDArray[np.float64]
 
@@ -49,3 +53,58 @@ def empty_view() -> LiveView:
     none = np.empty(0)
     none.flags.writeable = False
     return LiveView(none, none, none, none, none, np.empty((0, 0), np.float32))
+
+
+@dataclass(slots=True)
+class LiveWindow:
+    """The newest ``length`` points of the live curves, in memory allocated once."""
+
+    length: int
+    bin_points: int = field(init=False)
+    _values: Floats = field(init=False)  # (4, 2 length): the newest points, written twice as long as the window
+    _end: int = field(init=False, default=0)
+    _dropped: int = field(init=False, default=0)  # points before the first one kept: bins keep their places
+
+    def __post_init__(self) -> None:
+        self.bin_points = -(-self.length // MOST_BINS)
+        self._values = np.empty((4, 2 * self.length + 1))
+
+    def clear(self) -> None:
+        self._end = self._dropped = 0
+
+    def add(self, chunk: "LiveChunk") -> None:
+        """Append a chunk's points."""
+        new = np.stack((chunk.time_s, chunk.beat_frequency_hz, chunk.velocity_m_per_s, chunk.force_n))
+        surplus = new.shape[1] - self.length
+        if surplus > 0:
+            self._dropped += surplus + self._end
+            self._end = 0
+            new = new[:, surplus:]
+        if self._end + new.shape[1] > self._values.shape[1]:
+            drop = max(0, self._end + new.shape[1] - self.length)
+            self._values[:, : self._end - drop] = self._values[:, drop : self._end].copy()
+            self._end -= drop
+            self._dropped += drop
+        self._values[:, self._end : self._end + new.shape[1]] = new
+        self._end += new.shape[1]
+
+    def curves(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return time, beat frequency, velocity and force, reduced as LiveView says."""
+        begin = max(0, self._end - self.length)
+        begin += -(begin + self._dropped) % self.bin_points
+        bins = (self._end - begin) // self.bin_points
+        if bins <= 0:
+            none = np.empty(0)
+            none.flags.writeable = False
+            return none, none, none, none
+        kept = self._values[:, begin : begin + bins * self.bin_points].reshape(4, bins, self.bin_points)
+        pairs = np.stack((kept.min(axis=2), kept.max(axis=2)), axis=2).reshape(4, 2 * bins)
+        if self.bin_points == 1:
+            pairs = np.ascontiguousarray(pairs[:, ::2])
+        pairs.flags.writeable = False
+        return pairs[0], pairs[1], pairs[2], pairs[3]
+
+    def view(self, raw_time_s: Floats, raw_v: NDArray[np.float32], problem: str | None, skipped: int) -> LiveView:
+        raw_time_s.flags.writeable = False
+        raw_v.flags.writeable = False
+        return LiveView(*self.curves(), raw_time_s, raw_v, problem, skipped)

@@ -1,6 +1,11 @@
-"""Checks of the guided set-up: is each beat there, strong and unclipped, and does the light switch toggle."""
+"""Checks of the guided set-up: is each beat there, strong and unclipped, and does the light switch toggle.
 
-from collections.abc import Sequence
+The window judges the running stream; ``try_signals`` does the same without a screen.
+"""
+
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -8,8 +13,9 @@ from numpy.typing import NDArray
 
 from analysis.reading import SiteFloor
 from analysis.shot import Channel, Role
-from instrument.devices import Check, Grade
+from instrument.devices import Check, Digitizer, DigitizerError, Grade, usual_settings
 from instrument.live.live_view import ChannelSignal
+from instrument.process import SIMULATED_ANSWER_S
 from instrument.trigger import LightSwitch, TriggerSettings
 
 NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "light switch"}
@@ -18,42 +24,28 @@ SMALL_SHARE = 0.05  # of the range: below, the converter's steps dominate the no
 CLIPPED_SHARE = 0.01
 NYQUIST_SHARE = 0.4
 SAME_BEAT_HZ = 20e3  # a block that a hand holds moves the beat by less
-
-
-def check_setup(
-    counts: NDArray[np.int16],
-    channels: tuple[Channel, ...],
-    sample_rate_hz: float,
-    bits: int,
-    *,
-    toggles: int | None = None,
-    rest_frequency_hz: float | None = None,
-) -> tuple[Check, ...]:
-    """Check a block of counts, shape (n, channels) with n at least 64, of an armed rig at rest.
-
-    ``toggles`` is the number of the light switch's changes since the check began; None: those in ``counts``.
-    """
-    signals = check_signals(counts[-CHECKED_SAMPLES:], channels, sample_rate_hz, bits)
-    if toggles is None:
-        toggles = _toggles(counts, channels, bits)
-    ranges_v = [abs(channel.volts_per_count) * 2.0 ** (bits - 1) for channel in channels]
-    return judge(signals, ranges_v, sample_rate_hz, toggles, rest_frequency_hz)
+WATCHED_S = 3.0  # time to pass the block through the light switch by hand
+TRIGGER_WAIT_S = 20.0
+_BLOCK = 1 << 17
+_TIMEOUT_S = 0.05
+_EARLIER_LOOKS = 4  # before the newest one
 
 
 def judge(
     signals: Sequence[ChannelSignal],
-    ranges_v: Sequence[float],
+    channels: Sequence[Channel],
+    bits: int,
     sample_rate_hz: float,
     toggles: int,
     rest_frequency_hz: float | None = None,
 ) -> tuple[Check, ...]:
-    """Judge the channels' signals; ``ranges_v`` is the amplitude in V that fills each channel's range."""
+    """Judge the signal of each channel of an armed rig at rest; ``toggles`` is how often the light switch changed."""
     checks = []
-    for signal, range_v in zip(signals, ranges_v, strict=True):
+    for signal, channel in zip(signals, channels, strict=True):
         if signal.role is Role.SWITCH:
             checks.append(_switch(signal, toggles))
         else:
-            checks.append(_beat(signal, range_v, sample_rate_hz))
+            checks.append(_beat(signal, abs(channel.volts_per_count) * 2.0 ** (bits - 1), sample_rate_hz))
     checks += _rest(signals, rest_frequency_hz)
     return tuple(checks)
 
@@ -119,13 +111,57 @@ def _rest(signals: Sequence[ChannelSignal], rest_frequency_hz: float | None) -> 
     return [Check("rest frequency", Grade.OK, line)]
 
 
-def _toggles(counts: NDArray[np.int16], channels: tuple[Channel, ...], bits: int) -> int:
-    for column, channel in enumerate(channels):
-        if channel.role is Role.SWITCH:
-            switch = LightSwitch(TriggerSettings(), column, bits)
-            switch.first_step(counts)
-            return switch.toggles
-    return 0
+def try_signals(
+    digitizer: Digitizer, seconds: float = WATCHED_S, clock: Callable[[], float] = time.monotonic
+) -> tuple[Check, ...]:
+    """Check the signals of an opened digitizer, the block at rest.
+
+    A stream is watched for ``seconds`` from its first samples on, for which it has as long; the light switch's changes
+    are counted.  A device with a hardware trigger is checked by one shot, for which it has TRIGGER_WAIT_S.  Raises
+    DigitizerError; stops the digitizer.
+    """
+    able = digitizer.capabilities
+    settings = usual_settings(digitizer)
+    channels, bits = able.channels, able.bits
+    column = next((n for n, channel in enumerate(channels) if channel.role is Role.SWITCH), None)
+    switch = LightSwitch(TriggerSettings(), column, bits) if column is not None else None
+    buffer = np.empty((_BLOCK, len(channels)), np.int16)
+    newest = np.empty((0, len(channels)), np.int16)
+    before: deque[NDArray[np.int16]] = deque(maxlen=_EARLIER_LOOKS)
+    digitizer.arm(settings)
+    try:
+        wait_s = TRIGGER_WAIT_S if able.hardware_trigger else SIMULATED_ANSWER_S if able.simulated else seconds
+        end = clock() + wait_s
+        look_at = clock()
+        ended = False
+        while clock() < end and not ended:
+            block = digitizer.read_into(buffer, _TIMEOUT_S)
+            part = buffer[: block.samples]
+            ended = block.ended
+            if len(part) and not newest.size and not able.hardware_trigger:
+                end = clock() + seconds
+            if switch is not None and len(part):
+                switch.first_step(part)
+            newest = np.concatenate((newest, part))[-CHECKED_SAMPLES:]
+            if clock() >= look_at and len(newest) == CHECKED_SAMPLES:
+                before.appendleft(newest)
+                look_at = clock() + seconds / (_EARLIER_LOOKS + 1)
+    finally:
+        digitizer.stop()
+    if newest.shape[0] < CHECKED_SAMPLES // 16:
+        waited = "before its trigger" if able.hardware_trigger else f"in {wait_s:g} s"
+        raise DigitizerError(f"{able.name} sent no samples {waited}", "fire its trigger, and check its cables")
+    rate_hz, rest_hz = settings.sample_rate_hz, digitizer.setup.rest_frequency_hz
+    toggles = switch.toggles if switch is not None else 0
+    judged = (
+        judge(check_signals(look, channels, rate_hz, bits), channels, bits, rate_hz, toggles, rest_hz)
+        for look in (newest, *before)
+    )
+    latest = next(judged)
+    if all(check.grade is Grade.OK for check in latest) or any(check.grade is Grade.FAIL for check in latest):
+        return latest
+    # a block that is passing the switch is not at rest: use an earlier look in which it was
+    return next((checks for checks in judged if all(check.grade is Grade.OK for check in checks)), latest)
 
 
 CHECKED_SAMPLES = 8192

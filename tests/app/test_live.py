@@ -15,8 +15,7 @@ from app.window.panels.site_floor import SHOWN
 from app.window.theme import LIGHT
 from instrument.bench.frame import frame_of
 from instrument.bench.site import Site
-from instrument.live.live_view import LiveView
-from instrument.live.live_window import LiveWindow
+from instrument.live.live_view import LiveView, LiveWindow
 
 RATE_HZ, PER_FRAME = 1e4, 350
 

@@ -10,7 +10,7 @@ from app.window.panels import live
 from app.window.panels.live import LivePanel
 from app.window.panels.shot_raw import RawView, curves_of
 from app.window.theme import LIGHT
-from instrument.live.live_window import LiveWindow
+from instrument.live.live_view import LiveWindow
 from tests.app.rigs import still_bench
 
 CHANNELS = tuple(Channel(role, 1e-3, 0.5 if role is Role.SWITCH else 0.0) for role in Role)

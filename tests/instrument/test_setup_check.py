@@ -8,7 +8,7 @@ from analysis.shot.recording import Channel, Role
 from instrument.bench.frame import frame_of
 from instrument.bench.site import Site
 from instrument.devices.doctor import Grade
-from instrument.live.setup_check import CHECKED_SAMPLES, check_setup, check_signals, judge_site
+from instrument.live.setup_check import CHECKED_SAMPLES, check_signals, judge, judge_site
 
 RATE_HZ = 30e6
 BITS = 12
@@ -22,15 +22,19 @@ def _beat(frequency_hz: float, amplitude_v: float, noise_v: float = 0.005, n: in
     return np.clip(np.round(volts / VOLTS), -2048, 2047).astype(np.int16)
 
 
-def _verdicts(*columns: tuple[Channel, np.ndarray], **known: float) -> dict[str, tuple[str, str]]:
+def _verdicts(
+    *columns: tuple[Channel, np.ndarray], toggles: int = 0, rest_frequency_hz: float | None = None
+) -> dict[str, tuple[str, str]]:
     channels = tuple(channel for channel, _ in columns)
-    counts = np.stack([values for _, values in columns], axis=1)
-    return {c.name: (c.grade.value, c.line) for c in check_setup(counts, channels, RATE_HZ, BITS, **known)}
+    counts = np.stack([values for _, values in columns], axis=1)[-CHECKED_SAMPLES:]
+    signals = check_signals(counts, channels, RATE_HZ, BITS)
+    checks = judge(signals, channels, BITS, RATE_HZ, toggles, rest_frequency_hz)
+    return {c.name: (c.grade.value, c.line) for c in checks}
 
 
 def test_a_good_rig_is_ok_throughout() -> None:
     switch = np.where(np.arange(1 << 15) < 20_000, 1800, 100).astype(np.int16)
-    found = _verdicts((PD0, _beat(2.7301e6, 0.5)), (PD1, _beat(2.7299e6, 0.4)), (SWITCH, switch))
+    found = _verdicts((PD0, _beat(2.7301e6, 0.5)), (PD1, _beat(2.7299e6, 0.4)), (SWITCH, switch), toggles=1)
     assert [grade for grade, _ in found.values()] == ["ok"] * 4
     assert found["PD0"][1].startswith("beat at 2.730")
     assert "0.5 V (50 % of the range)" in found["PD0"][1]

@@ -6,7 +6,7 @@ import pytest
 from analysis.shot.recording import Channel, Recording, Role, Setup
 from instrument.devices.digitizer import Block, DigitizerError
 from instrument.devices.replay import ReplayDigitizer
-from instrument.live.signal_trial import try_signals
+from instrument.live.setup_check import try_signals
 from tests.instrument.fake_digitizer import FakeDigitizer
 
 

@@ -122,9 +122,9 @@ class SetupPresenter(QObject):
         seen = [(signals[c.role], c) for c in channels if c.role in signals]
         if not seen:
             return (), "No samples yet. A source that sends samples only when armed shows its signals after ARM."
-        ranges_v = [abs(channel.volts_per_count) * 2.0 ** (bits - 1) for _, channel in seen]
+        found, channels_seen = zip(*seen, strict=True)
         rest_hz = self._choices.settings.rest_frequency_hz if Role.REFERENCE not in signals else None
-        checks = judge([signal for signal, _ in seen], ranges_v, rate_hz, line.switch_toggles, rest_hz)
+        checks = judge(found, channels_seen, bits, rate_hz, line.switch_toggles, rest_hz)
         floor = snapshot.live.floor
         return (*checks, judge_site(floor)) if floor is not None else checks, ""
 

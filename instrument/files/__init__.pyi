@@ -24,11 +24,25 @@ from .foreign.mapping import (
 )
 from .foreign.reading import foreign_channels, foreign_columns, read_foreign
 from .law_file import read_law, read_laws, write_law
-from .motion_columns import LENGTHS_M, MODELS, TABLE, MotionColumns, length_unit
-from .motion_file import MotionRecord, read_motion, save_columns
-from .raw_recording import analyse_and_check_hash, open_recording, open_without_hash
+from .motion_file import (
+    LENGTHS_M,
+    MODELS,
+    TABLE,
+    MotionColumns,
+    MotionRecord,
+    length_unit,
+    read_motion,
+    save_columns,
+)
 from .recording_error import FileNotReached, PartlySaved, RecordingError, RecordingExists, one_line, shown
-from .recording_file import ENDED_EARLY, data_hash, read_recording
+from .recording_file import (
+    ENDED_EARLY,
+    analyse_and_check_hash,
+    data_hash,
+    open_recording,
+    open_without_hash,
+    read_recording,
+)
 from .recording_metadata import read_metadata
 from .recording_search import find_recordings, is_motion_record, recording_stem
 from .recording_writer import RecordingWriter, rewrite_note, write_recording

@@ -1,6 +1,10 @@
-"""Reads motion records: shots already demodulated, NAME.csv and NAME.toml in one folder (docs/formats.md)."""
+"""Reads motion records: shots already demodulated, NAME.csv and NAME.toml in one folder (docs/formats.md).
+
+The table ``[columns]`` of the .toml says which column of another program's table is the displacement, and its unit.
+"""
 
 import csv
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from io import StringIO
@@ -10,18 +14,38 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from instrument.files.atomic_file import write_text_atomic
 from instrument.files.checked import Checked
-from instrument.files.motion_columns import MotionColumns, columns_path, read_mapped_columns, write_columns
+from instrument.files.foreign import csv_table
+from instrument.files.foreign.contents import ForeignChannel
+from instrument.files.foreign.mapping import toml_value
 from instrument.files.recording_error import RecordingError, one_line
-from instrument.files.recording_metadata import MASSES_KG
+from instrument.files.recording_metadata import MASSES_KG, RATES_HZ
 from instrument.files.recording_search import TABLES, motion_table
 from instrument.files.text_file import read_text, read_toml
 
 Floats = NDArray[np.float64]
-MODELS = ("plate", "contact", "driven")
+_MODELS = ("plate", "contact", "driven")
 _COLUMNS = ("time_s", "displacement_m", "velocity_m_per_s", "force_n")
 _LARGEST_CSV_BYTES = 512 * 2**20
 _LARGEST = 1e12  # SI: larger than any time, length, speed or force of a rig
+LENGTHS_M = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
+TABLE = ".csv"  # the only ending of such a table
+MODELS = ("contact", "plate")  # of a motion record whose force was not measured
+_MICRO = str.maketrans("\u00b5\u03bc\ufffd", "uuu")  # the last: a micro sign of another encoding
+_LENGTH_SUFFIX = re.compile(r"_(m|mm|.m)$")
+_LONGEST_NAME = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class MotionColumns:
+    """The displacement column of a table; ``sample_rate_hz`` if no column is the time."""
+
+    displacement: str
+    unit: str
+    model: str = MODELS[0]
+    moving_mass_kg: float | None = None
+    sample_rate_hz: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,12 +78,12 @@ def read_motion(path: Path | str) -> MotionRecord:
         raise RecordingError(table, f"{cause}; 'levimass --map {table.name}' shows how to give either")
     head = Checked(about, read_toml(about))
     model = head.text("model", 1000)
-    if model not in MODELS:
-        raise head.refuse("model", "missing" if model is None else f"{model[:20]!r} is none of {', '.join(MODELS)}")
+    if model not in _MODELS:
+        raise head.refuse("model", "missing" if model is None else f"{model[:20]!r} is none of {', '.join(_MODELS)}")
     mass = head.number("moving_mass_kg", *MASSES_KG)
     mass_u = head.number("moving_mass_u_kg", 0.0, 1e6)
     mapped = head.object("columns")
-    columns = _columns(table) if mapped is None else _checked(table, read_mapped_columns(table, mapped), 1)
+    columns = _columns(table) if mapped is None else _checked(table, _mapped_columns(table, mapped), 1)
     return MotionRecord(
         table.stem, str(table), model, columns["time_s"], columns.get("displacement_m"),
         columns.get("velocity_m_per_s"), columns.get("force_n"), mass, mass_u, head.unread(),
@@ -71,15 +95,60 @@ def save_columns(table: Path, columns: MotionColumns) -> Path:
 
     Raises RecordingError, and writes nothing, if the table cannot be read that way.
     """
-    about = columns_path(table)
+    about = _columns_path(table)
     before = about.read_bytes() if about.exists() else None
-    write_columns(columns, about)
+    _write_columns(columns, about)
     try:
         read_motion(table)
     except RecordingError:
         about.unlink() if before is None else about.write_bytes(before)
         raise
     return about
+
+
+def length_unit(channel: ForeignChannel) -> str | None:
+    """Return the unit of length ("mm") that a column's header states, as in "x (mm)" or "x_mm", or None."""
+    suffix = _LENGTH_SUFFIX.search(channel.name)
+    unit = (channel.unit or (suffix[1] if suffix else "")).translate(_MICRO)
+    return unit if unit in LENGTHS_M else None
+
+
+def _mapped_columns(table: Path, columns: Checked) -> dict[str, NDArray[np.float64]]:
+    """Return time_s and displacement_m, each of shape (n,), as ``[columns]`` says.  Raises RecordingError."""
+    named = columns.object("displacement")
+    name = named.text("name", _LONGEST_NAME) if named is not None else None
+    if named is None or name is None:
+        raise columns.refuse("displacement.name", "missing")
+    unit = named.text("unit", 10)
+    if unit is None or (unit := unit.translate(_MICRO)) not in LENGTHS_M:
+        raise named.refuse("unit", f"is none of {', '.join(LENGTHS_M)}")
+    csv_table.contents(table).channel(name)
+    time_s, values = csv_table.timed_column(table, name, columns.number("sample_rate_hz", *RATES_HZ))
+    return {"time_s": time_s, "displacement_m": values * LENGTHS_M[unit]}
+
+
+def _columns_path(table: Path) -> Path:
+    """Return the .toml in which a table's columns are saved.  Raises RecordingError if it must not be written."""
+    if table.suffix.lower() != TABLE:
+        raise RecordingError(table, f"only a {TABLE} can be read as a displacement")
+    about = table.with_suffix(".toml")
+    if about.exists() and "columns" not in read_toml(about):
+        raise RecordingError(about, "is there already and describes this table; it is not overwritten")
+    return about
+
+
+def _write_columns(columns: MotionColumns, about: Path) -> None:
+    """Write the .toml of a motion record with its ``[columns]``.  Raises RecordingError."""
+    mass, rate = columns.moving_mass_kg, columns.sample_rate_hz
+    lines = ["# How Levimass reads the table of this name. Numbers are SI; unit is that of the column."]
+    lines.append(f"model = {toml_value(columns.model)}")
+    if mass is not None:
+        lines.append(f"moving_mass_kg = {toml_value(mass)}")
+    if rate is not None:
+        lines += ["", "[columns]", f"sample_rate_hz = {toml_value(rate)}"]
+    lines += ["", "[columns.displacement]", f"name = {toml_value(columns.displacement)}"]
+    lines.append(f"unit = {toml_value(columns.unit)}")
+    write_text_atomic(about, "\n".join(lines) + "\n", sync=True)
 
 
 def _columns(table: Path) -> dict[str, Floats]:

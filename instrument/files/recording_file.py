@@ -1,4 +1,4 @@
-"""Reads recordings: two SigMF files with one stem (docs/formats.md).
+"""Opens raw recordings: two SigMF files with one stem (docs/formats.md), or a foreign file that has a mapping.
 
 The ``sigmf`` package is not used, because every error must name file and key in one line, metadata of other writers
 must not refer outside their folder (``core:dataset``) nor allocate without bound, and a capture must be readable while
@@ -8,33 +8,21 @@ memory-mapped: if another program truncates a mapped file, the next access ends 
 
 import hashlib
 import os
+import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot import DELIVERED, RATE_CONTRADICTED, Recording, Role
+from analysis.shot import DELIVERED, RATE_CONTRADICTED, Recording, Role, Shot
+from instrument.files.foreign.mapping import find_mapping, format_of, read_mapping
 from instrument.files.recording_error import FileNotReached, RecordingError
 from instrument.files.recording_metadata import Metadata, read_metadata
-from instrument.files.recording_search import find_recordings, recording_stem
-from instrument.files.recording_writer import RecordingWriter, rewrite_note, write_recording
+from instrument.files.recording_search import recording_stem
 from instrument.files.text_file import open_regular
-
-__all__ = [
-    "ALTERED",
-    "RecordingError",
-    "RecordingWriter",
-    "find_recordings",
-    "hash_matches",
-    "read_recording",
-    "read_without_hash",
-    "recording_stem",
-    "rewrite_note",
-    "verify",
-    "write_recording",
-]
 
 ALTERED = "data_altered"
 ENDED_EARLY = "lmm:ended_early"  # global key: why a capture ended before all requested samples came
@@ -120,22 +108,6 @@ def hash_matches(recording: Recording, sha512: str, cancelled: Callable[[], bool
             return True
         digest.update(octets[start : start + _PIECE_BYTES].data)
     return digest.hexdigest() == sha512.lower()
-
-
-def verify(path: Path | str) -> bool:
-    """Return whether a recording's samples have the hash in its metadata.
-
-    Raises RecordingError if it cannot be read or was never closed, and so has no hash.
-    """
-    stem = recording_stem(path)
-    meta = stem.with_name(stem.name + ".sigmf-meta")
-    wanted = read_metadata(meta).sha512
-    if wanted is None:
-        raise RecordingError(meta, "missing (the capture was cut off)", "global.core:sha512")
-    data = stem.with_name(stem.name + ".sigmf-data")
-    _stay_inside(data)
-    with os.fdopen(open_regular(data), "rb") as file:
-        return hashlib.file_digest(file, "sha512").hexdigest() == wanted.lower()
 
 
 def _stay_inside(data: Path) -> None:
@@ -224,3 +196,68 @@ def data_hash(path: Path | str) -> DataHash:
         except OSError as error:
             raise RecordingError(path, error.strerror or str(error)) from None
     return DataHash(path.name, size, digest, recorded)
+
+
+def open_recording(path: Path | str) -> Recording:
+    """Open a recording.  Raises RecordingError, which says how to give a missing mapping."""
+    path = Path(path)
+    return _foreign(path) or read_recording(path)
+
+
+def open_without_hash(path: Path | str) -> Recording:
+    """Open a recording as ``open_recording`` does, without checking the hash of its data."""
+    path = Path(path)
+    return _foreign(path) or read_without_hash(path)[0]
+
+
+def analyse_and_check_hash(path: Path | str, analyse: Callable[[Recording], Shot]) -> Shot:
+    """Analyse a recording while a second thread checks the hash of its data; flag "data_altered" if it differs.
+
+    The hash takes a third of the time of the rest.  Raises as ``open_recording`` and ``analyse`` do.
+    """
+    path = Path(path)
+    recording = _foreign(path)
+    if recording is not None:
+        return analyse(recording)
+    recording, sha512 = read_without_hash(path)
+    if sha512 is None:
+        return analyse(recording)
+    cancelled = threading.Event()
+    with ThreadPoolExecutor(1, "levimass hash") as executor:
+        unaltered = executor.submit(hash_matches, recording, sha512, cancelled.is_set)
+        try:
+            shot = analyse(recording)
+        except BaseException:
+            cancelled.set()
+            raise
+        return shot if unaltered.result() else replace(shot, flags=(*shot.flags, ALTERED))
+
+
+def _foreign(path: Path) -> Recording | None:
+    """Return the recording in a foreign file, None if the path is that of SigMF files.  Raises RecordingError."""
+    if path.is_dir():
+        raise RecordingError(path, _why_no_recording(path))
+    if format_of(path) is None:
+        return None
+    mapping = find_mapping(path)
+    if mapping is None:
+        if not path.exists():
+            raise RecordingError(path, "no such file")
+        raise RecordingError(path, f"nothing says which of its channels is which; {_advice(path)}")
+    from instrument.files.foreign.reading import read_foreign
+
+    return read_foreign(path, read_mapping(mapping))
+
+
+def _why_no_recording(folder: Path) -> str:
+    try:
+        foreign = next((p for p in sorted(folder.iterdir()) if format_of(p) is not None and p.is_file()), None)
+    except OSError as error:
+        return error.strerror or str(error)
+    if foreign is None:
+        return "this folder holds no recording"
+    return f"this folder holds no recording, but {foreign.name}; {_advice(foreign)}"
+
+
+def _advice(path: Path) -> str:
+    return f"'levimass --map {path.name}' lists them and shows how to say it"

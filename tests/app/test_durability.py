@@ -19,7 +19,8 @@ from app.session.settings_file import load, save
 from app.session.verdict_basis import ModelEffects
 from app.window.plots.save import save_columns
 from instrument.files.recording_error import RecordingError
-from instrument.files.recording_file import read_recording, rewrite_note, verify, write_recording
+from instrument.files.recording_file import data_hash, read_recording
+from instrument.files.recording_writer import rewrite_note, write_recording
 from tests.app import synthetic
 from tests.only_synced import Image, only_synced
 
@@ -99,7 +100,7 @@ def test_a_crash_at_any_call_leaves_no_recording_that_vouches_for_lost_samples(t
         if b"core:sha512" not in image.get(META, b""):
             return False
         back = read_recording(again / META)
-        assert verify(again / META) and back.note == "first"
+        assert data_hash(again / META).agrees and back.note == "first"
         np.testing.assert_array_equal(back.counts, _recording().counts)
         return True
 

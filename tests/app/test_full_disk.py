@@ -10,8 +10,7 @@ from pytestqt.qtbot import QtBot
 from app.session import workbench
 from app.window.main_window import MainWindow, open_window
 from instrument.capture.acquisition import State
-from instrument.files.raw_recording import open_recording
-from instrument.files.recording_file import verify
+from instrument.files.recording_file import data_hash, open_recording
 from tests.app import rigs
 from tests.small_disk import PAGE_BYTES, fill, free_bytes, make_room, small_disk
 
@@ -78,7 +77,7 @@ def test_a_disk_that_fills_up_during_a_shot_loses_nothing(
             assert free_bytes(disk) < 3 * PAGE_BYTES
             assert str(data) in banner.detail and "No space left on device. In memory only: shot-0002" in banner.detail
             # whatever came to disk of it is not taken for a whole recording, and the one before is untouched
-            assert verify(data / "shot-0001") and open_recording(data / "shot-0001.sigmf-meta").flags == ()
+            assert data_hash(data / "shot-0001").agrees and open_recording(data / "shot-0001.sigmf-meta").flags == ()
             part = data / "shot-0002.sigmf-meta"
             if part.exists() and part.with_suffix(".sigmf-data").stat().st_size:
                 assert "interrupted" in open_recording(part).flags
@@ -104,7 +103,11 @@ def test_a_disk_that_fills_up_during_a_shot_loses_nothing(
             window.close()
         found = sorted(data.glob("*.sigmf-meta"))
         assert len(found) == 3 == len(list(data.glob("*.sigmf-data")))
-        samples = {open_recording(meta).samples for meta in found if open_recording(meta).flags == () and verify(meta)}
+        samples = {
+            open_recording(meta).samples
+            for meta in found
+            if open_recording(meta).flags == () and data_hash(meta).agrees
+        }
         assert len(samples) == 1
         assert {recording for _, recording, _ in _on_disk(disk)} == {meta.name for meta in found}
         assert not list(disk.rglob("*.new"))

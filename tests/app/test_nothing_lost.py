@@ -36,9 +36,8 @@ from instrument.bench.simulated_shots import simulate
 from instrument.capture.analysis_thread import AnalysisThread, ShotAnalysis
 from instrument.capture.snapshot import FinishedShot, WaitingShot
 from instrument.devices.digitizer import CaptureSettings
-from instrument.files.raw_recording import open_recording
-from instrument.files.recording_file import write_recording
-from instrument.files.recording_writer import RecordingWriter
+from instrument.files.recording_file import open_recording
+from instrument.files.recording_writer import RecordingWriter, write_recording
 from tests.app import synthetic
 
 WAIT_MS = 30_000

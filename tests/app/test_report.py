@@ -25,7 +25,8 @@ from app.report.pdf import write_pdf
 from app.report.shot_figures import figures
 from app.report.svg_plot import Line, Plot, draw, thin_out, ticks
 from app.report.svg_style import rules_of, style_sheet, with_own_style
-from instrument.files.recording_file import read_recording, write_recording
+from instrument.files.recording_file import read_recording
+from instrument.files.recording_writer import write_recording
 from tests.app.synthetic import diagnosis, shot
 
 MADE = datetime(2026, 3, 1, 12, 0, tzinfo=UTC)

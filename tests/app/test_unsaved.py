@@ -12,8 +12,8 @@ from analysis.shot.shot import AnalysisSettings
 from app.session.session import Session
 from app.session.workbench import Event, EventKind, Workbench
 from app.window.main_window import open_window
-from instrument.files.raw_recording import open_recording
 from instrument.files.recording_error import PartlySaved, RecordingError
+from instrument.files.recording_file import open_recording
 from instrument.files.recording_writer import RecordingWriter
 from tests.app import rigs, synthetic
 

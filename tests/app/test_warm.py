@@ -155,7 +155,7 @@ import gc, sys
 from numba.core.registry import CPUDispatcher
 from analysis.pipeline import fitted, read
 from app.session import warm_up
-from instrument.files.raw_recording import open_recording
+from instrument.files.recording_file import open_recording
 
 def known():
     each = (kernel for kernel in gc.get_objects() if isinstance(kernel, CPUDispatcher))

@@ -11,7 +11,7 @@ from pathlib import Path
 from analysis.shot.shot import Shot
 from app.command_line.cli import main
 from app.session.session import Session
-from instrument.files.recording_file import find_recordings
+from instrument.files.recording_search import find_recordings
 from tests.app.synthetic import bare_shot
 from tests.attack.trial import SURVIVED, Attempt, refused_in_a_line
 from tests.instrument.killing import kill_once

@@ -11,7 +11,8 @@ from instrument.capture.headless_acquisition import AcquireError, acquire
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
 from instrument.devices.scpi import ScpiOscilloscope
 from instrument.devices.scpi_socket import SocketTransport
-from instrument.files.recording_file import find_recordings, read_recording
+from instrument.files.recording_file import read_recording
+from instrument.files.recording_search import find_recordings
 from tests.attack.trial import SURVIVED, Attempt, refused_in_a_line
 from tests.instrument.devices.scpi_emulator import EmulatedScope, TcpScope
 

@@ -22,7 +22,7 @@ def main() -> int:
     use_kernel_cache()
     from app.session.load import load_and_analyse
     from instrument.bench.simulated_shots import simulate
-    from instrument.files.raw_recording import open_recording
+    from instrument.files.recording_file import open_recording
     from tests.benchmarks.peers import analytic_signal
 
     best = dict.fromkeys((*STEPS, "all", "hilbert", "hashed", "unhashed", "call", "call unchecked"), float("inf"))

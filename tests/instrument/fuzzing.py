@@ -9,7 +9,9 @@ from analysis.shot.recording import Recording
 from app.session.settings import Settings
 from app.session.settings_file import load, save
 from instrument.files.motion_file import read_motion
-from instrument.files.recording_file import RecordingError, read_recording, verify, write_recording
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_file import data_hash, read_recording
+from instrument.files.recording_writer import write_recording
 from tests.instrument.mutating import spoilt_bytes, spoilt_json
 
 
@@ -58,7 +60,7 @@ def _read(stem: Path) -> str:
     assert 0 < recording.samples < 10_000_000 and recording.sample_rate_hz > 0
     int(recording.counts[-1].sum())
     try:
-        verify(stem)
+        data_hash(stem)
     except RecordingError as error:
         _one_line(str(error), stem)
     return "opened"

@@ -15,7 +15,7 @@ from instrument.capture.headless_acquisition import acquire
 from instrument.devices import sources
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
 from instrument.devices.sources import Source, open_source, source_of, source_words
-from instrument.files.raw_recording import open_recording
+from instrument.files.recording_file import open_recording
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "add-a-digitizer.md"
 

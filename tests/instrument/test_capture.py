@@ -17,7 +17,7 @@ from instrument.capture.acquisition import Deadlines, State
 from instrument.capture.analysis_thread import ShotAnalysis
 from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.digitizer import Block, CaptureSettings
-from instrument.files.recording_file import read_recording, verify
+from instrument.files.recording_file import data_hash, read_recording
 from instrument.trigger.light_switch import Level
 from tests.instrument.capturing import SETTINGS, Capturing, analysed, assert_true_samples, until
 from tests.instrument.fake_digitizer import CHANNELS, FIRST, PERIOD, RATE_HZ, FakeDigitizer, samples
@@ -32,7 +32,7 @@ def test_a_shot_from_arm_to_result(tmp_path: Path) -> None:
         until(rig.capture, lambda s: s.state is State.IDLE)
         shot = done.finished[0]
         assert (shot.index, shot.name, shot.problem) == (1, "shot-0001", None) and shot.shot is not None
-        assert shot.path is not None and verify(shot.path)
+        assert shot.path is not None and data_hash(shot.path).agrees
         recording = read_recording(shot.path)
         assert (recording.samples, recording.trigger_sample) == (20_000, 4_000)
         assert_true_samples(recording)
@@ -129,7 +129,7 @@ def test_abort_while_armed_or_triggered(tmp_path: Path, fires: bool) -> None:
             kept = until(rig.capture, lambda s: bool(s.finished)).finished[0]
             assert kept.path is not None and kept.shot is None and kept.problem == "aborted"
             recording = read_recording(kept.path)
-            assert "cut_short" in recording.flags and 5_000 < recording.samples < 20_000 and verify(kept.path)
+            assert "cut_short" in recording.flags and 5_000 < recording.samples < 20_000 and data_hash(kept.path).agrees
             assert_true_samples(recording)
         else:
             assert not list(tmp_path.glob("*.sigmf-*"))

@@ -10,7 +10,9 @@ from instrument.capture.acquisition import State
 from instrument.capture.analysis_thread import ShotAnalysis
 from instrument.capture.capture import Capture
 from instrument.capture.stream_reader import CaptureOptions
-from instrument.files.recording_file import RecordingError, RecordingWriter, read_recording, verify
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_file import data_hash, read_recording
+from instrument.files.recording_writer import RecordingWriter
 from tests.instrument.capturing import SETTINGS, Capturing, analysed, assert_true_samples, until
 from tests.instrument.fake_digitizer import FakeDigitizer
 
@@ -43,7 +45,7 @@ def test_a_full_disk_keeps_the_shot_in_memory_savable_elsewhere(
             rig.capture.save_pending(tmp_path / "none")
         assert rig.capture.latest().unsaved == ("shot-0001",)
         (saved,) = rig.capture.save_pending(elsewhere)
-        assert verify(saved) and rig.capture.latest().unsaved == ()
+        assert data_hash(saved).agrees and rig.capture.latest().unsaved == ()
         assert_true_samples(read_recording(saved))
         assert not list(there.glob("*.sigmf-*"))  # the part that the full disk took is no longer needed
         for _ in range(4):
@@ -123,7 +125,7 @@ def test_a_folder_that_cannot_be_written_to_is_said(tmp_path: Path, monkeypatch:
         monkeypatch.undo()
         rig.capture.arm()
         until(rig.capture, lambda s: s.shots == 1)
-    assert verify(tmp_path / "shot-0001")
+    assert data_hash(tmp_path / "shot-0001").agrees
 
 
 def test_a_second_instance_is_refused_politely(tmp_path: Path) -> None:

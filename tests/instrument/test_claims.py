@@ -11,8 +11,9 @@ import pytest
 from analysis.pipeline import analyse
 from analysis.shot.recording import MOST_GAPS, Gap, Recording
 from analysis.shot.shot import Cancelled, Shot
-from instrument.files.raw_recording import analyse_and_check_hash
-from instrument.files.recording_file import RecordingError, hash_matches, read_recording, write_recording
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_file import analyse_and_check_hash, hash_matches, read_recording
+from instrument.files.recording_writer import write_recording
 
 
 def test_gaps_longer_than_the_recording_are_of_unknown_length(shot: Recording) -> None:

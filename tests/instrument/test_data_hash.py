@@ -8,7 +8,8 @@ import pytest
 
 from analysis.shot.recording import Recording
 from instrument.files.recording_error import RecordingError
-from instrument.files.recording_file import data_hash, write_recording
+from instrument.files.recording_file import data_hash
+from instrument.files.recording_writer import write_recording
 
 
 def test_it_is_the_one_written_when_the_shot_was_taken(shot: Recording, tmp_path: Path) -> None:

@@ -24,8 +24,8 @@ from instrument.files.foreign.mapping import (
     write_mapping,
 )
 from instrument.files.foreign.reading import NotFinite, foreign_channels, read_foreign, to_counts
-from instrument.files.raw_recording import open_recording
 from instrument.files.recording_error import RecordingError
+from instrument.files.recording_file import open_recording
 from instrument.files.recording_search import find_recordings, is_motion_record
 
 RATE = 2e6

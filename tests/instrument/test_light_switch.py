@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.shot.recording import Role
-from instrument.files.recording_file import find_recordings, read_recording
+from instrument.files.recording_file import read_recording
+from instrument.files.recording_search import find_recordings
 from instrument.trigger.light_switch import (
     _SWING,
     LEARNED_FROM,

@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from instrument.files.motion_file import read_motion
-from instrument.files.recording_file import RecordingError
+from instrument.files.recording_error import RecordingError
 
 
 def write(folder: Path, table: str, about: str = 'model = "contact"\nmoving_mass_kg = 0.5\n') -> Path:

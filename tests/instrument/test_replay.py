@@ -9,7 +9,7 @@ import pytest
 from analysis.shot.recording import Recording, Role
 from instrument.devices.digitizer import Block, CaptureSettings, DigitizerError
 from instrument.devices.replay import ReplayDigitizer
-from instrument.files.recording_file import write_recording
+from instrument.files.recording_writer import write_recording
 
 
 def play(digitizer: ReplayDigitizer, length: int = 1_700) -> tuple[np.ndarray, list[Block]]:

@@ -12,7 +12,8 @@ from instrument.bench.observation import observed, run_shot, with_leak
 from instrument.bench.optics import Optics
 from instrument.bench.simulated_shots import draw_undeclared, simulate, speeds_of_set
 from instrument.bench.site import site_named
-from instrument.files.recording_file import find_recordings, read_recording, verify
+from instrument.files.recording_file import data_hash, read_recording
+from instrument.files.recording_search import find_recordings
 from tests.bench.displacement_noise import cyclic_m
 
 SPEED = 0.265
@@ -32,7 +33,7 @@ def base():
 def test_a_set_is_written_and_read_back(tmp_path):
     paths = simulate(tmp_path, 2, 7, {"coulomb_friction": {"force_n": 5e-5}})
     assert find_recordings([tmp_path]) == paths
-    assert all(verify(path) for path in paths)
+    assert all(data_hash(path).agrees for path in paths)
     shots = [read_recording(path) for path in paths]
     assert [shot.name for shot in shots] == ["shot-1", "shot-2"]
     for shot, speed in zip(shots, speeds_of_set(2, 7), strict=True):

@@ -15,8 +15,8 @@ from analysis.shot.motion import ARRAYS
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Shot
 from instrument.bench.simulated_shots import simulate
-from instrument.files.raw_recording import open_recording
-from instrument.files.recording_file import read_recording, write_recording
+from instrument.files.recording_file import open_recording, read_recording
+from instrument.files.recording_writer import write_recording
 from instrument.process import subprocess_worker
 from instrument.process.subprocess_worker import SubprocessAnalysis
 

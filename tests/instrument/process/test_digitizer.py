@@ -19,7 +19,7 @@ from instrument.capture.acquisition import State
 from instrument.capture.capture import Capture
 from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.digitizer import Block, CaptureSettings, Digitizer, DigitizerError
-from instrument.files.raw_recording import open_recording
+from instrument.files.recording_file import open_recording
 from instrument.process import shared_ring, subprocess_digitizer
 from instrument.process.subprocess_digitizer import SubprocessDigitizer, open_in_subprocess
 from tests.instrument.devices.scpi_emulator import EmulatedScope, TcpScope

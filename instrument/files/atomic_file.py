@@ -26,6 +26,36 @@ def write_json_atomic(path: Path, value: Mapping[str, Any], *, sync: bool) -> No
     write_text_atomic(path, text + "\n", sync=sync)
 
 
+def write_toml_atomic(path: Path, table: Mapping[str, Any], head: str = "") -> None:
+    """Write a TOML file, after the comment ``head``, as ``write_atomic`` does; what is None is left out."""
+    lines = [f"# {head}"] if head else []
+    write_text_atomic(path, "\n".join(lines + _toml_lines(table)) + "\n", sync=True)
+
+
+def _toml_lines(table: Mapping[str, Any], name: str = "") -> list[str]:
+    inner = {key: value for key, value in table.items() if isinstance(value, Mapping)}
+    values = [(key, value) for key, value in table.items() if key not in inner and value is not None]
+    lines = ["", f"[{name}]"] if name and (values or not inner) else []
+    lines += [f"{_toml_key(key)} = {_toml_value(value)}" for key, value in values]
+    for key, value in inner.items():
+        lines += _toml_lines(value, f"{name}.{_toml_key(key)}" if name else _toml_key(key))
+    return lines
+
+
+def _toml_key(name: str) -> str:
+    return name if name.isascii() and name.replace("_", "").isalnum() else _toml_value(name)
+
+
+def _toml_value(value: Any) -> str:
+    if isinstance(value, float):
+        return repr(value)
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{_toml_key(str(k))} = {_toml_value(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_toml_value(v) for v in value) + "]"
+    return json.dumps(value, ensure_ascii=False)  # strings, integers and booleans are written alike in JSON and TOML
+
+
 def write_text_atomic(path: Path, text: str | Iterable[str], *, sync: bool) -> None:
     """Write text, whole or in pieces, as ``write_atomic`` does; bytes of a file name that are no text are escaped."""
     pieces = (text,) if isinstance(text, str) else text

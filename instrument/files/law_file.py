@@ -1,10 +1,9 @@
 """The user's own laws as TOML files, one per law, in one folder (docs/own-laws.md)."""
 
-import json
 from pathlib import Path
 
 from analysis.collision import LawError, OwnLaw, from_mapping
-from instrument.files.atomic_file import write_text_atomic
+from instrument.files.atomic_file import write_toml_atomic
 from instrument.files.recording_error import RecordingError
 from instrument.files.text_file import read_toml
 
@@ -46,19 +45,5 @@ def write_law(law: OwnLaw, folder: Path) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RecordingError(folder, error.strerror or str(error)) from None
-    write_text_atomic(path, law_text(law), sync=True)
+    write_toml_atomic(path, law.written())
     return path
-
-
-def law_text(law: OwnLaw) -> str:
-    """Return the TOML that ``read_law`` reads as this law."""
-    table = law.written()
-    parameters = table.pop("parameters")
-    lines = [f"{key} = {_toml(value)}" for key, value in table.items()]
-    for name, values in parameters.items():
-        lines += ["", f"[parameters.{name}]", *(f"{key} = {_toml(value)}" for key, value in values.items())]
-    return "\n".join(lines) + "\n"
-
-
-def _toml(value: str | float | bool) -> str:
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str | bool) else repr(float(value))

@@ -14,11 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.files.atomic_file import write_text_atomic
+from instrument.files.atomic_file import write_toml_atomic
 from instrument.files.checked import Checked
 from instrument.files.foreign import csv_table
 from instrument.files.foreign.contents import ForeignChannel
-from instrument.files.foreign.mapping import toml_value
 from instrument.files.recording_error import RecordingError, one_line
 from instrument.files.recording_metadata import MASSES_KG, RATES_HZ
 from instrument.files.recording_search import TABLES, motion_table
@@ -139,16 +138,16 @@ def _columns_path(table: Path) -> Path:
 
 def _write_columns(columns: MotionColumns, about: Path) -> None:
     """Write the .toml of a motion record with its ``[columns]``.  Raises RecordingError."""
-    mass, rate = columns.moving_mass_kg, columns.sample_rate_hz
-    lines = ["# How Levimass reads the table of this name. Numbers are SI; unit is that of the column."]
-    lines.append(f"model = {toml_value(columns.model)}")
-    if mass is not None:
-        lines.append(f"moving_mass_kg = {toml_value(mass)}")
-    if rate is not None:
-        lines += ["", "[columns]", f"sample_rate_hz = {toml_value(rate)}"]
-    lines += ["", "[columns.displacement]", f"name = {toml_value(columns.displacement)}"]
-    lines.append(f"unit = {toml_value(columns.unit)}")
-    write_text_atomic(about, "\n".join(lines) + "\n", sync=True)
+    table = {
+        "model": columns.model,
+        "moving_mass_kg": columns.moving_mass_kg,
+        "columns": {
+            "sample_rate_hz": columns.sample_rate_hz,
+            "displacement": {"name": columns.displacement, "unit": columns.unit},
+        },
+    }
+    head = "How Levimass reads the table of this name. Numbers are SI; unit is that of the column."
+    write_toml_atomic(about, table, head)
 
 
 def _columns(table: Path) -> dict[str, Floats]:

@@ -1,19 +1,16 @@
 """The mapping of a foreign file, saved as TOML: the roles of its channels, and the rig it was taken with."""
 
-import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from analysis.shot import Role, Setup
-from instrument.files.atomic_file import write_text_atomic
+from instrument.files.atomic_file import write_toml_atomic
 from instrument.files.checked import Checked
 from instrument.files.recording_error import RecordingError, one_line
 from instrument.files.recording_metadata import RATES_HZ, setup_json, setup_of
 from instrument.files.text_file import read_toml
 
-_HEAD = "# How Levimass reads this file, or every file of this format in this folder. Numbers are SI."
+_HEAD = "How Levimass reads this file, or every file of this format in this folder. Numbers are SI."
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,37 +76,19 @@ def read_mapping(path: Path) -> ForeignMapping:
 
 def write_mapping(mapping: ForeignMapping, path: Path) -> None:
     """Write a mapping so that ``read_mapping`` gives it again.  Raises RecordingError."""
-    lines = [_HEAD, f"format = {toml_value(mapping.format)}"]
-    if mapping.sample_rate_hz is not None:
-        lines.append(f"sample_rate_hz = {toml_value(mapping.sample_rate_hz)}")
-    if mapping.trigger_sample is not None:
-        lines.append(f"trigger_sample = {mapping.trigger_sample}")
-    for channel in mapping.channels:
-        lines += ["", f"[channels.{channel.role}]", f"name = {toml_value(channel.name)}"]
-        for key in ("volts_per_unit", "offset_v"):
-            if (value := getattr(channel, key)) is not None:
-                lines.append(f"{key} = {toml_value(value)}")
-    rig = setup_json(mapping.setup)
-    inner = {key: value for key, value in rig.items() if isinstance(value, Mapping)}
-    lines += ["", "[setup]", *(f"{_key(k)} = {toml_value(v)}" for k, v in rig.items() if k not in inner)]
-    for name, values in inner.items():
-        lines += ["", f"[setup.{_key(name)}]", *(f"{_key(k)} = {toml_value(v)}" for k, v in values.items())]
-    write_text_atomic(path, "\n".join(lines) + "\n", sync=True)
-
-
-def _key(name: str) -> str:
-    return name if name.isascii() and name.replace("_", "").isalnum() else toml_value(name)
-
-
-def toml_value(value: Any) -> str:
-    """Return a value in TOML's notation."""
-    if isinstance(value, float):
-        return repr(value)
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{_key(str(k))} = {toml_value(v)}" for k, v in value.items()) + "}"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(toml_value(v) for v in value) + "]"
-    return json.dumps(value)  # strings, integers and booleans are written alike in JSON and TOML
+    table = {
+        "format": mapping.format,
+        "sample_rate_hz": mapping.sample_rate_hz,
+        "trigger_sample": mapping.trigger_sample,
+        "channels": {
+            str(channel.role): {
+                "name": channel.name, "volts_per_unit": channel.volts_per_unit, "offset_v": channel.offset_v,
+            }
+            for channel in mapping.channels
+        },
+        "setup": setup_json(mapping.setup),
+    }  # fmt: skip
+    write_toml_atomic(path, table, _HEAD)
 
 
 FORMATS = {

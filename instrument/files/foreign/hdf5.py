@@ -35,17 +35,14 @@ def contents(path: Path) -> ForeignContents:
             shape = getattr(item, "shape", None)
             if not shape or len(shape) > 2 or item.dtype.kind not in "iuf" or item.dtype.itemsize > 8:
                 return None
-            rate, unit = _rate(file, item), _text(item, ("unit", "units", "unit_string"))
+            rate, unit = _rate(item), _text(item, ("unit", "units", "unit_string"))
             samples, width = max(shape), (1 if len(shape) == 1 else min(shape))
             if 0 < width <= _WIDEST and samples > 1:
                 names = [name] if len(shape) == 1 else [f"{name}[{n}]" for n in range(width)]
                 found.extend(ForeignChannel(one, samples, str(item.dtype), unit, rate) for one in names)
             return None
 
-        try:
-            file.visititems(look)
-        except Exception as error:
-            raise _unreadable(path, error) from None
+        file.visititems(look)
     return ForeignContents(path, "hdf5", checked_channels(path, found))
 
 
@@ -68,16 +65,12 @@ def _column(path: Path, file: Any, name: str) -> ForeignColumn:
         raise RecordingError(path, "claims more samples than the file holds", one_line(name, 60))
     if item.chunks is not None and math.prod(item.chunks) * item.dtype.itemsize > _LARGEST_CHUNK_BYTES:
         raise RecordingError(path, "stored in pieces too large to unpack", one_line(name, 60))
-    try:
-        upright = index is None or item.shape[0] >= item.shape[1]
-        where = slice(None) if index is None else (slice(None), index) if upright else (index, slice(None))
-        values = item[where]
-    except Exception as error:
-        raise _unreadable(path, error) from None
-    return ForeignColumn(np.ascontiguousarray(values), None, 0.0, _rate(file, item))
+    upright = index is None or item.shape[0] >= item.shape[1]
+    where = slice(None) if index is None else (slice(None), index) if upright else (index, slice(None))
+    return ForeignColumn(np.ascontiguousarray(item[where]), None, 0.0, _rate(item))
 
 
-def _rate(file: Any, item: Any) -> float | None:
+def _rate(item: Any) -> float | None:
     """Return the sample rate in an attribute of a data set, of its groups or of the file."""
     while True:
         for names, inverse in ((_RATES, False), (_STEPS, True)):
@@ -115,17 +108,8 @@ def _opened(path: Path) -> Any:
         import h5py
     except ImportError:
         raise missing_package(path, "h5py", "hdf5") from None
-    try:
-        with path.open("rb") as file:
-            if file.read(10) == b"MATLAB 5.0":
-                why = "a MATLAB file of version 5 to 7; save it with -v7.3, or write its columns as CSV"
-                raise RecordingError(path, why)
-        return h5py.File(path, "r")
-    except Exception as error:
-        raise _unreadable(path, error) from None
-
-
-def _unreadable(path: Path, error: Exception) -> RecordingError:
-    if isinstance(error, RecordingError):
-        return error
-    return RecordingError(path, f"not an HDF5 file that can be read ({one_line(str(error), 100)})")
+    with path.open("rb") as file:
+        if file.read(10) == b"MATLAB 5.0":
+            why = "a MATLAB file of version 5 to 7; save it with -v7.3, or write its columns as CSV"
+            raise RecordingError(path, why)
+    return h5py.File(path, "r")

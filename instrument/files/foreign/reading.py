@@ -1,6 +1,7 @@
-"""Reads a foreign file as a recording by its mapping, and lists its channels."""
+"""Reads a foreign file as a recording by its mapping, and lists its channels; reads WAV files itself."""
 
 import os
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,21 +11,61 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot import Channel, Recording, Role
-from instrument.files.foreign import csv_table, hdf5, tdms, wav
-from instrument.files.foreign.contents import LARGEST_FILE_BYTES, MOST_SAMPLES, Column, ForeignColumn, ForeignContents
+from instrument.files.foreign import csv_table, hdf5, tdms
+from instrument.files.foreign.contents import (
+    LARGEST_FILE_BYTES,
+    MOST_SAMPLES,
+    Column,
+    ForeignChannel,
+    ForeignColumn,
+    ForeignContents,
+    checked_channels,
+)
 from instrument.files.foreign.mapping import FORMATS, ForeignMapping, MappedChannel, format_of
 from instrument.files.recording_error import RecordingError, one_line
 from instrument.files.text_file import open_regular
 from instrument.trigger import LightSwitch, TriggerSettings
 
 Result = TypeVar("Result")
+
+
+def _wav_contents(path: Path) -> ForeignContents:
+    """Return the channels, named "channel 1" and so on.  Raises RecordingError."""
+    rate, values = _read_wav(path)
+    samples, width = values.shape
+    channels = [ForeignChannel(f"channel {n + 1}", samples, str(values.dtype), "", rate) for n in range(width)]
+    return ForeignContents(path, "wav", checked_channels(path, channels))
+
+
+def _wav_columns(path: Path, names: Sequence[str]) -> list[ForeignColumn]:
+    """Return the named channels; the full scale of integers is 1 V unless the mapping states another."""
+    rate, values = _read_wav(path)
+    chosen = [values[:, int(name.removeprefix("channel ")) - 1] for name in names]
+    return [ForeignColumn(column, None, 0.0, rate) for column in chosen]
+
+
+def _read_wav(path: Path) -> tuple[float, Column]:
+    """Return rate and samples, shape (n, channels), memory-mapped if the width of the numbers allows it."""
+    from scipy.io import wavfile  # imported late: scipy.io is slow to import
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", wavfile.WavFileWarning)
+        try:
+            rate, values = wavfile.read(path, mmap=True)
+        except Exception:  # 24-bit samples and truncated files cannot be mapped
+            rate, values = wavfile.read(path)
+    if rate <= 0 or values.size == 0 or values.dtype.kind not in "iuf":
+        raise RecordingError(path, "holds no samples")
+    return float(rate), values.reshape(values.shape[0], -1)
+
+
 _CONTENTS: dict[str, Callable[[Path], ForeignContents]] = {
     "tdms": tdms.contents,
     "hdf5": hdf5.contents,
-    "wav": wav.contents,
+    "wav": _wav_contents,
     "csv": csv_table.contents,
 }
-_COLUMNS = {"hdf5": hdf5.columns, "tdms": tdms.columns, "wav": wav.columns}
+_COLUMNS = {"hdf5": hdf5.columns, "tdms": tdms.columns, "wav": _wav_columns}
 
 
 def foreign_channels(path: Path | str) -> ForeignContents:

@@ -37,20 +37,16 @@ def columns(path: Path, names: Sequence[str]) -> list[ForeignColumn]:
     """Return the named channels; counts with one linear scale stay counts, all others are scaled as the file states."""
     with _library_warnings(), _opened(path) as file:
         channels = _channels(path, file)
-        return [_column(path, channels[name]) for name in names]
+        return [_column(channels[name]) for name in names]
 
 
-def _column(path: Path, channel: Any) -> ForeignColumn:
+def _column(channel: Any) -> ForeignColumn:
     scale = _linear_scale(channel.properties)
-    try:
-        if scale is not None and channel.data_type.nptype is not None:
-            raw = np.asarray(channel.read_data(scaled=False))
-            if raw.dtype.kind in "iu" and raw.dtype.itemsize <= 2:
-                return ForeignColumn(raw, scale[0], scale[1], _rate(channel))
-        values = np.asarray(channel.read_data(scaled=True))
-    except Exception as error:
-        raise _unreadable(path, error) from None
-    return ForeignColumn(values, None, 0.0, _rate(channel))
+    if scale is not None and channel.data_type.nptype is not None:
+        raw = np.asarray(channel.read_data(scaled=False))
+        if raw.dtype.kind in "iu" and raw.dtype.itemsize <= 2:
+            return ForeignColumn(raw, scale[0], scale[1], _rate(channel))
+    return ForeignColumn(np.asarray(channel.read_data(scaled=True)), None, 0.0, _rate(channel))
 
 
 def _linear_scale(properties: Any) -> tuple[float, float] | None:
@@ -133,14 +129,4 @@ def _opened(path: Path) -> Any:
         from nptdms import TdmsFile
     except ImportError:
         raise missing_package(path, "npTDMS", "tdms") from None
-    try:
-        return TdmsFile.open(path)
-    except Exception as error:
-        raise _unreadable(path, error) from None
-
-
-def _unreadable(path: Path, error: Exception) -> RecordingError:
-    if isinstance(error, RecordingError):
-        return error
-    cause = one_line(str(error), 100) or type(error).__name__
-    return RecordingError(path, f"not a TDMS file that can be read ({cause})")
+    return TdmsFile.open(path)

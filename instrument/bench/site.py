@@ -6,13 +6,14 @@ by its criterion has random vibration at the limit of the curve, and a pump, a t
 Outside 8 to 80 Hz the velocity of a third-octave falls: with f below, with 1/f^2 above.
 """
 
-import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
+from instrument.files import Checked, RecordingError, read_toml
+
+Part = TypeVar("Part")
 LEVELS_M_PER_S: Mapping[str, float] = {
     "ISO-office": 400e-6,
     **{f"VC-{letter}": 50e-6 / 2**step for step, letter in enumerate("ABCDEFG")},
@@ -20,7 +21,6 @@ LEVELS_M_PER_S: Mapping[str, float] = {
 NAMES = ("quiet", *LEVELS_M_PER_S)
 USUAL_SITE = "VC-D"  # default: as in a good laboratory
 LOWEST_LINE_HZ, HIGHEST_LINE_HZ = 0.1, 2000.0
-_LARGEST_FILE = 1 << 20
 
 
 def _check(what: str, value: float, low: float, high: float) -> None:
@@ -119,77 +119,43 @@ def _of_criterion(name: str) -> Site:
 
 def _read(path: Path) -> Site:
     try:
-        if path.stat().st_size > _LARGEST_FILE:
-            raise ValueError(f"{path}: too large for the description of a site")
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-        return _described(content, path.stem)
-    except OSError as error:
-        raise ValueError(f"{path}: {error.strerror or error}") from error
-    except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{path}: no TOML: {error}") from error
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path}: no text in UTF-8") from error
-    except RecursionError as error:
-        raise ValueError(f"{path}: nested too deeply") from error
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") if not str(error).startswith(str(path)) else error from None
+        return _described(Checked(path, read_toml(path)))
+    except RecordingError as error:
+        raise ValueError(str(error)) from None
+    except ValueError as error:  # a value that cannot be simulated
+        raise ValueError(f"{path}: {error}") from None
 
 
-def _described(content: Mapping[str, Any], stem: str) -> Site:
-    _only(content, ("name", "criterion", "third_octave_m_per_s", "line", "knock", "spectrum"), "a site")
-    name = content.get("name", stem)
-    if not isinstance(name, str):
-        raise ValueError(f"name = {name!r} is not a text")
-    level = _number(content, "third_octave_m_per_s", 0.0)
-    if "criterion" in content:
-        if content["criterion"] not in LEVELS_M_PER_S or "third_octave_m_per_s" in content:
-            raise ValueError(f"criterion is one of {', '.join(LEVELS_M_PER_S)}, without third_octave_m_per_s")
-        level = LEVELS_M_PER_S[content["criterion"]]
-    lines = [Line(**_numbers(table, ("frequency_hz", "amplitude_m"), ())) for table in _tables(content, "line")]
-    may = ("frequency_hz", "decay_s", "at_s", "share")
-    knocks = [Knock(**_numbers(table, ("amplitude_m",), may)) for table in _tables(content, "knock")]
-    return Site(name, level, tuple(lines), tuple(knocks), _spectrum(content.get("spectrum")))
+def _described(whole: Checked) -> Site:
+    name = whole.text("name") or whole.path.stem
+    level = whole.number("third_octave_m_per_s", 0.0, 1.0, default=0.0) or 0.0
+    criterion = whole.text("criterion")
+    if criterion is not None:
+        if criterion not in LEVELS_M_PER_S or "third_octave_m_per_s" in whole.values:
+            raise whole.refuse("criterion", f"is one of {', '.join(LEVELS_M_PER_S)}, without third_octave_m_per_s")
+        level = LEVELS_M_PER_S[criterion]
+    lines = tuple(_all_read(table, table.built(Line)) for table in whole.objects("line") or ())
+    knocks = tuple(_all_read(table, table.built(Knock)) for table in whole.objects("knock") or ())
+    table = whole.object("spectrum")
+    spectrum = () if table is None else _all_read(table, _spectrum(table))
+    return _all_read(whole, Site(name, level, lines, knocks, spectrum))
 
 
-def _spectrum(table: Any) -> tuple[tuple[float, float], ...]:
-    if table is None:
-        return ()
-    keys = ("frequency_hz", "acceleration_m_per_s2_per_sqrt_hz")
-    if not isinstance(table, Mapping) or not all(isinstance(table.get(key), list) for key in keys):
-        raise ValueError(f"[spectrum] has the lists {' and '.join(keys)}")
-    _only(table, keys, "[spectrum]")
-    first, second = ([_as_number(value, key) for value in table[key]] for key in keys)
-    if len(first) != len(second) or not first:
-        raise ValueError(f"[spectrum]: {len(first)} frequencies and {len(second)} densities")
-    return tuple(zip(first, second, strict=True))
+def _all_read(table: Checked, part: Part) -> Part:
+    """Return what was read from ``table``; a key that it does not know is an error."""
+    for key in table.unread():
+        raise table.refuse(key[:40], f"is none of {', '.join(sorted(table.used))}")
+    return part
 
 
-def _tables(content: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
-    tables = content.get(key, [])
-    if not isinstance(tables, list) or not all(isinstance(table, Mapping) for table in tables):
-        raise ValueError(f"{key} is written as [[{key}]]")
-    return tables
-
-
-def _numbers(table: Mapping[str, Any], must: tuple[str, ...], may: tuple[str, ...]) -> dict[str, float]:
-    _only(table, (*must, *may), "[[line]]" if "frequency_hz" in must else "[[knock]]")
-    for key in must:
-        if key not in table:
-            raise ValueError(f"{key} is missing")
-    return {key: _as_number(value, key) for key, value in table.items()}
-
-
-def _only(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
-    for key in table:
-        if key not in known:
-            raise ValueError(f"{where} has no {key[:40]!r}; it has {', '.join(known)}")
-
-
-def _number(table: Mapping[str, Any], key: str, default: float) -> float:
-    return _as_number(table[key], key) if key in table else default
-
-
-def _as_number(value: Any, key: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ValueError(f"{key} = {value!r} is not a number")
-    return float(value)
+def _spectrum(table: Checked) -> tuple[tuple[float, float], ...]:
+    columns = []
+    for key in ("frequency_hz", "acceleration_m_per_s2_per_sqrt_hz"):
+        values = table.get(key)
+        if not isinstance(values, list):
+            raise table.refuse(key, "a list of numbers is needed")
+        listed = Checked(table.path, {f"{key}[{n}]": value for n, value in enumerate(values)}, table.place)
+        columns.append([listed.required(place, 0.0, 1e15) for place in listed.values])
+    if len(columns[0]) != len(columns[1]) or not columns[0]:
+        raise table.refuse("frequency_hz", f"{len(columns[0])} frequencies and {len(columns[1])} densities")
+    return tuple(zip(*columns, strict=True))

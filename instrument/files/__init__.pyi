@@ -46,7 +46,7 @@ from .recording_file import (
 from .recording_metadata import read_metadata
 from .recording_search import find_recordings, is_motion_record, recording_stem
 from .recording_writer import RecordingWriter, rewrite_note, write_recording
-from .text_file import open_regular, read_json, read_toml_text
+from .text_file import open_regular, read_json, read_toml, read_toml_text
 
 __all__ = [
     "ENDED_EARLY",
@@ -96,6 +96,7 @@ __all__ = [
     "read_metadata",
     "read_motion",
     "read_recording",
+    "read_toml",
     "read_toml_text",
     "recording_stem",
     "replace_file",

@@ -10,8 +10,20 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from levimass.analysis_settings import DRIVE, AnalysisChoices, AnalysisSettings, is_drive
-from levimass.setting import Setting, Value, choice, declared, flag, number, setting_of, settings_of
+from levimass.settings import (
+    DRIVE,
+    AnalysisChoices,
+    AnalysisSettings,
+    Setting,
+    Value,
+    choice,
+    declared,
+    flag,
+    is_drive,
+    number,
+    setting_of,
+    settings_of,
+)
 
 if TYPE_CHECKING:
     from analysis.diagnosis import Diagnosis

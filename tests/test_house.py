@@ -216,7 +216,7 @@ def test_nobody_imports_past_what_a_package_exports() -> None:
         ("from analysis import inference", True),  # as a whole
         ("import analysis.inference", True),
         ("from analysis.diagnosis.words import plain", False),  # its own
-        ("def f():\n    from levimass.setting import number", True),
+        ("def f():\n    from levimass.settings import number", True),
         ("from analysis.pipeline import analyse", False),  # in no package
     ],
 )

@@ -27,8 +27,7 @@ from app.session.verdict_basis import VerdictBasis
 from app.session.workbench import Workbench
 from app.window.panels.settings_sheet import SettingsSheet
 from app.window.theme import LIGHT
-from levimass.analysis_settings import AnalysisSettings
-from levimass.setting import number, setting_of, settings_of
+from levimass.settings import AnalysisSettings, number, setting_of, settings_of
 from tests.app import synthetic
 
 UNDECLARED = {  # another value for each field that declares none

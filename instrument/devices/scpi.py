@@ -1,6 +1,7 @@
 """Driver of deep-memory oscilloscopes over SCPI: one shot on a hardware trigger, whose memory is fetched in chunks."""
 
 import contextlib
+import math
 import queue
 import threading
 import time
@@ -12,16 +13,26 @@ from numpy.typing import NDArray
 
 from analysis.shot import Channel, Role, Setup
 from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
-from instrument.devices.scpi_arming import EXTERNAL, RATE_TOLERANCE, HardwareTrigger, set_time, set_trigger
-from instrument.devices.scpi_dialects import Dialect, ImplausibleAnswer, Scaling, Timing, dialect_of
+from instrument.devices.scpi_dialects import ImplausibleAnswer, Scaling, Timing, dialect_of, one_two_five, short_depth
 from instrument.devices.scpi_transport import Cancelled, ScpiTransport, Stalled
 from instrument.devices.source_options import assumed_rig
 from instrument.files import one_line
 
+EXTERNAL = "external"
+RATE_TOLERANCE = 1e-3
 POLL_S = 0.02
 ARMING_S = 0.5  # for this long after arming, "stopped" may still refer to the previous shot
 
 _ROLES: Mapping[int, Role] = {1: Role.REFERENCE, 2: Role.MEASUREMENT}
+
+
+@dataclass(frozen=True, slots=True)
+class HardwareTrigger:
+    """The hardware trigger: ``source`` is a channel, "external", or None for the instrument's own setting."""
+
+    source: int | str | None = None
+    slope: str = "rising"
+    level_v: float | None = None  # None: as set on the instrument
 
 
 class ScpiOscilloscope(Digitizer):
@@ -103,8 +114,8 @@ class ScpiOscilloscope(Digitizer):
                 f"at most {self._dialect.max_samples}",
             )
         with self._exchange:
-            set_time(self._dialect, self._link.write, self.default_settings, settings, self._name)
-            set_trigger(self._dialect, self._link.write, self._trigger)
+            self._set_time(settings)
+            self._set_trigger()
             self._read_known_scales()
             for command in self._dialect.single:
                 self._link.write(command)
@@ -153,6 +164,45 @@ class ScpiOscilloscope(Digitizer):
     def close(self) -> None:
         self.stop()
         self._link.close()
+
+    def _set_time(self, wanted: CaptureSettings) -> None:
+        """Set time base, memory depth and trigger delay if they differ from ``wanted``.
+
+        Raises DigitizerError if the instrument then has another rate.
+        """
+        if self.default_settings() == wanted:
+            return
+        dialect, write = self._dialect, self._link.write
+        length_s = wanted.samples / wanted.sample_rate_hz
+        per_division = length_s / dialect.divisions
+        if dialect.depths:
+            per_division = one_two_five(per_division)
+            needed = wanted.sample_rate_hz * per_division * dialect.divisions
+            depth = min(dialect.depths, key=lambda candidate: abs(math.log(candidate / needed)))
+            write(dialect.set_depth.format(samples=depth, short=short_depth(depth)))
+        write(dialect.set_time_per_division.format(seconds=per_division))
+        record_s = per_division * dialect.divisions
+        before_s = wanted.pre_trigger_samples / wanted.sample_rate_hz + (record_s - length_s) / 2
+        write(dialect.set_trigger_delay.format(seconds=record_s / 2 - before_s))
+        now = self.default_settings()
+        if abs(now.sample_rate_hz / wanted.sample_rate_hz - 1) > RATE_TOLERANCE:
+            raise DigitizerError(
+                f"{self._name} takes {now.sample_rate_hz:g} samples/s at this length, not {wanted.sample_rate_hz:g}",
+                f"ask for {now.sample_rate_hz:g}, or set time base and memory depth on the instrument",
+            )
+
+    def _set_trigger(self) -> None:
+        """Set the trigger, unless the instrument's own setting is used."""
+        dialect, trigger = self._dialect, self._trigger
+        if trigger.source is None:
+            return
+        external = trigger.source == EXTERNAL
+        commands = [*(dialect.trigger_external if external else dialect.trigger_channel), dialect.slope[trigger.slope]]
+        if trigger.level_v is not None:
+            commands.append(dialect.level)
+        source = "EX" if external else f"C{trigger.source}"
+        for command in commands:
+            self._link.write(command.format(n=trigger.source, source=source, volts=trigger.level_v))
 
     def _read_known_scales(self) -> None:
         """Read the scales; some instruments know them only after a shot.  Raises ImplausibleAnswer."""
@@ -255,6 +305,3 @@ class _Piece:
     counts: NDArray[np.int16]
     trigger_sample: int | None
     last: bool
-
-
-__all__ = ["EXTERNAL", "Dialect", "HardwareTrigger", "ScpiOscilloscope"]

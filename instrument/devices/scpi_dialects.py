@@ -269,3 +269,14 @@ def dialect_of(identity: str) -> Dialect:
             return dialect
     known = ", ".join(dialect.name for dialect in DIALECTS)
     raise DigitizerError(f"no dialect for the instrument {identity[:60]!r}", f"known are {known}")
+
+
+def one_two_five(value: float) -> float:
+    """Return the smallest of 1, 2, 5 times a power of ten that is not below ``value``: a step of a time base."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return next(m * power for m in (1, 2, 5, 10) if m * power >= value * (1 - 1e-9))
+
+
+def short_depth(samples: int) -> str:
+    """Return a memory depth as Siglent writes it: 7K, 70K, 700K, 7M."""
+    return f"{samples // 1_000_000}M" if samples >= 1_000_000 else f"{samples // 1000}K"

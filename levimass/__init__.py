@@ -103,8 +103,7 @@ def simulate(
     """
     from instrument.bench import simulate as write_simulated
 
-    parameters_of = {name: dict(parameters) for name, parameters in effects.items()} if effects else None
-    return write_simulated(folder, shots, seed, parameters_of)
+    return write_simulated(folder, shots, seed, effects)
 
 
 def _main(argv: Sequence[str] | None = None) -> int:

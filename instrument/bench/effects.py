@@ -39,8 +39,7 @@ class Parameter:
         return math.sqrt(self.low * self.high)
 
 
-def _p(low: float, high: float, at: int = -1, **more: float | bool) -> Parameter:
-    return Parameter(low, high, at, **more)  # type: ignore[arg-type]
+_p = Parameter
 
 
 # names as in docs/catalogue.md
@@ -122,16 +121,13 @@ OFF_CATALOGUE: Mapping[str, Mapping[str, Parameter]] = {
     },
 }
 
+ALL: Mapping[str, Mapping[str, Parameter]] = {**CATALOGUE, **WIDER, **OFF_CATALOGUE}
+
 PER_SHOT = {
     "plate_motion": ("velocity_m_per_s", "displacement_m"),
     "frame_vibration": ("phase_rad",),
     "frame_vibration_with_plate": ("phase_rad",),
 }
-
-
-def parameters_of(name: str) -> Mapping[str, Parameter] | None:
-    """Return the parameters of an effect, None if there is no effect of that name."""
-    return CATALOGUE.get(name) or WIDER.get(name) or OFF_CATALOGUE.get(name)
 
 
 def parse(text: str) -> dict[str, dict[str, float]]:
@@ -164,11 +160,9 @@ def complete(effects: Effects) -> dict[str, dict[str, float]]:
     """
     result: dict[str, dict[str, float]] = {}
     for name, given in effects.items():
-        known = parameters_of(name)
+        known = ALL.get(name)
         if known is None:
-            raise ValueError(
-                f"no effect is called {name!r}; there are {', '.join((*CATALOGUE, *WIDER, *OFF_CATALOGUE))}"
-            )
+            raise ValueError(f"no effect is called {name!r}; there are {', '.join(ALL)}")
         for key, value in given.items():
             if key not in known:
                 raise ValueError(f"effect {name} has no parameter {key!r}; it has {', '.join(known)}")
@@ -193,7 +187,7 @@ def force_slots(effects: Effects) -> dict[int, float]:
     """Return the parameter slots of forces.py that ``effects`` set."""
     extra: dict[int, float] = {}
     for name, values in effects.items():
-        known = parameters_of(name) or {}
+        known = ALL[name]
         for key, value in values.items():
             if known[key].slot >= 0:
                 extra[known[key].slot] = value * known[key].factor
@@ -207,9 +201,8 @@ def force_slots(effects: Effects) -> dict[int, float]:
 
 def draw(name: str, random: np.random.Generator) -> dict[str, float]:
     """Return parameters of an effect drawn from their usual ranges."""
-    known = parameters_of(name) or {}
     values: dict[str, float] = {}
-    for key, parameter in known.items():
+    for key, parameter in ALL[name].items():
         value = float(np.exp(random.uniform(np.log(parameter.low), np.log(parameter.high))))
         values[key] = -value if parameter.signed and random.random() < 0.5 else value
     if name == "cyclic_error":
@@ -225,7 +218,7 @@ def scaled(effects: Effects, strength: float) -> dict[str, dict[str, float]]:
     """Return ``effects`` with their sizes multiplied by ``strength`` (the modal mass of the plate: divided)."""
     result: dict[str, dict[str, float]] = {}
     for name, values in effects.items():
-        known = parameters_of(name) or {}
+        known = ALL[name]
         power = -1.0 if name == "second_plate_mode" else 1.0
         result[name] = {key: value * strength**power if known[key].scales else value for key, value in values.items()}
     return result

@@ -88,7 +88,7 @@ class Frame:
         """Return spacing (s), acceleration (m/s2) and its rate (m/s3) at nodes from time zero on."""
         spacing_s = self._spacing_s
         nodes = int(np.ceil(duration_s / spacing_s)) + 2
-        a, jerk = self.sines.acceleration(0.0, spacing_s, nodes)
+        a, jerk = self.sines.acceleration(spacing_s, nodes)
         node_s: Floats = np.arange(nodes, dtype=np.float64) * spacing_s
         for one in self.ringing:
             one.add(node_s, 2, a)

@@ -1,7 +1,6 @@
 """A shot as the hand makes it: it holds the block, pushes it, catches it after the collision, and brings it back."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,8 +8,8 @@ from numpy.typing import NDArray
 
 from instrument.bench.effects import Effects
 from instrument.bench.frame import Frame
-from instrument.bench.mechanics import Trajectory
-from instrument.bench.observation import observed
+from instrument.bench.mechanics import Bodies, Trajectory
+from instrument.bench.observation import observed, run_shot
 from instrument.bench.sines import interpolate_with_slope
 
 Floats = NDArray[np.float64]
@@ -21,8 +20,6 @@ CATCH_S, RETURN_S = 0.1, 0.5
 AFTER_S = 0.19  # of free flight after the plate
 _NODES = 400
 _TREMOR_M, _TREMOR_HZ = 3e-6, 9.0
-
-Collide = Callable[[float, float, float, Frame], Trajectory]  # (velocity m/s, distance m, duration s, frame)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +51,7 @@ def push_duration_s(velocity_m_per_s: float) -> float:
     return 2.0 * (HOME_M - RELEASE_M) / abs(velocity_m_per_s)
 
 
-def push_block(start_s: float, velocity_m_per_s: float, collide: Collide, effects: Effects, frame: Frame) -> PushedShot:
+def push_block(start_s: float, velocity_m_per_s: float, effects: Effects, bodies: Bodies, frame: Frame) -> PushedShot:
     """Simulate a push that starts at ``start_s``; the frame, on the stream's clock, carries the plate."""
     u = np.linspace(0.0, 1.0, _NODES)
     step, slope, area = u**3 * (10 + u * (6 * u - 15)), 30 * u**2 * (1 - u) ** 2, u**4 * (2.5 + u * (u - 3))
@@ -62,7 +59,7 @@ def push_block(start_s: float, velocity_m_per_s: float, collide: Collide, effect
     push_x, push_v = HOME_M + velocity_m_per_s * pushing * area, velocity_m_per_s * step
     free = RELEASE_M / abs(velocity_m_per_s) + 0.03 + AFTER_S
     release = start_s + pushing
-    trajectory = collide(velocity_m_per_s, RELEASE_M, free, frame.from_time(release))
+    trajectory = run_shot(velocity_m_per_s, effects, bodies, RELEASE_M, free, frame.from_time(release))
     flight_t = trajectory.time_s
     frame_x, frame_v = frame.motion(release + flight_t)
     block_x = trajectory.block_m(flight_t) + frame_x

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from analysis.shot import Setup
 from instrument.bench.effects import Effects, complete, effects_of_shot
-from instrument.bench.frame import Frame, frame_of
-from instrument.bench.mechanics import Bodies, Trajectory
-from instrument.bench.observation import run_shot, with_leak
+from instrument.bench.frame import frame_of
+from instrument.bench.mechanics import Bodies
+from instrument.bench.observation import with_leak
 from instrument.bench.optics import FLIGHT_NODES_S, HELD_NODES_S, Optics, Path, fill, node_times_s
 from instrument.bench.push import PushedShot, hand_motion, next_push_time_s, push_block, push_duration_s
 from instrument.bench.sines import path_vibration
@@ -86,13 +86,9 @@ class SimulatedStream:
         random = np.random.default_rng((rig.seed, self._shot, 0x5))
         speed = rig.velocity_m_per_s * (1 + rig.velocity_spread * float(random.uniform(-1, 1)))
         effects = effects_of_shot(self._effects, self._shot, rig.seed)
-
-        def collide(velocity: float, distance: float, duration: float, frame: Frame) -> Trajectory:
-            return run_shot(velocity, effects, rig.loaded_bodies, distance, duration, frame)
-
         start_s = next_push_time_s(max(time_s, self.free_from_s))
         self._frame = self._frame.knocked(start_s + push_duration_s(speed), self._shot)
-        pushed = push_block(start_s, -speed, collide, effects, self._frame)
+        pushed = push_block(start_s, -speed, effects, rig.loaded_bodies, self._frame)
         self._shot += 1
         self._pushed = [*self._pushed[-1:], pushed]  # older ones are over: the stream only goes forward
         return pushed

@@ -70,10 +70,10 @@ class Sines:
         spacing_s = _PHASE_STEP / float(self.omega.max())
         return spacing_s, _on_circle(self.omega * spacing_s)
 
-    def acceleration(self, start_s: float, spacing_s: float, n: int) -> tuple[Floats, Floats]:
-        """Return acceleration (m/s2) and its rate (m/s3) at ``n`` times of equal spacing."""
+    def acceleration(self, spacing_s: float, n: int) -> tuple[Floats, Floats]:
+        """Return acceleration (m/s2) and its rate (m/s3) at ``n`` times of equal spacing from time zero on."""
         sums = np.zeros((3, n))
-        start, turn = _on_circle(self.omega * start_s + self.phase), _on_circle(self.omega * spacing_s)
+        start, turn = _on_circle(self.phase), _on_circle(self.omega * spacing_s)
         _add_sines(start, turn, self.omega, -(self.omega**2) * self.amplitude_m, sums)
         return sums[0], sums[1]
 

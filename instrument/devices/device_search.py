@@ -92,7 +92,7 @@ def _permission(device: Any) -> tuple[str, str]:
     if sys.platform.startswith("linux") and node.exists():
         permitted = os.access(node, os.R_OK | os.W_OK)
     else:
-        permitted = is_permitted(device) is not False
+        permitted = is_permitted(device)
     return ("", "") if permitted else ("no permission to open it", PERMISSION_REMEDY)
 
 

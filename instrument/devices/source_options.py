@@ -9,8 +9,7 @@ from urllib.parse import unquote
 
 from analysis.shot import Role, Setup
 from instrument.devices.digitizer import DigitizerError
-
-RIG = {"mass": "moving_mass_kg", "rest": "rest_frequency_hz", "wavelength": "wavelength_air_m"}
+from instrument.devices.sources import RIG
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ from urllib.parse import quote
 if TYPE_CHECKING:
     from instrument.devices.digitizer import Digitizer
 
-_RIG = ("mass", "rest", "wavelength")
+RIG = {"mass": "moving_mass_kg", "rest": "rest_frequency_hz", "wavelength": "wavelength_air_m"}  # of the setup
 PUSH = ("speed", "added", "first")
 
 
@@ -74,21 +74,21 @@ SOURCES = (
     Source(
         "hantek6022",
         "devices.hantek6022:open_digitizer",
-        options=("roles", "gains", "firmware", *_RIG),
+        options=("roles", "gains", "firmware", *RIG),
         finder="devices.device_search:hantek6022",
     ),
     Source(
         "scpi",
         "devices.scpi_address:open_digitizer",
         "ADDRESS",
-        options=("channels", "roles", "trigger", "slope", "level", *_RIG),
+        options=("channels", "roles", "trigger", "slope", "level", *RIG),
         finder="devices.device_search:oscilloscopes",
     ),
     Source(
         "niscope",
         "devices.niscope_card:open_digitizer",
         "RESOURCE",
-        options=("channels", "roles", "trigger", "slope", "level", "range", *_RIG),
+        options=("channels", "roles", "trigger", "slope", "level", "range", *RIG),
         finder="devices.device_search:ni_cards",
     ),
 )

@@ -57,16 +57,16 @@ def find_matching(matches: Any, backend: Any = None) -> list[Any]:
     return sorted(found, key=lambda device: (device.bus or 0, device.address or 0))
 
 
-def is_permitted(device: Any) -> bool | None:
-    """Return whether this user may open the device; None if the bus cannot say without opening it."""
+def is_permitted(device: Any) -> bool:
+    """Return whether this user may open the device; True if the bus cannot say without opening it."""
     try:
         usb.util.dispose_resources(device)
         device.get_active_configuration()
         return True
     except usb.core.USBError as error:
-        return None if error.errno not in (errno.EACCES, errno.EPERM) else False
+        return error.errno not in (errno.EACCES, errno.EPERM)
     except NotImplementedError:
-        return None
+        return True
     finally:
         usb.util.dispose_resources(device)
 

@@ -96,6 +96,13 @@ class Checked:
             raise self.refuse(key, f"{shown(value)} is not an object")
         return Checked(self.path, value, f"{self.place}.{key}" if self.place else key)
 
+    def required_object(self, key: str) -> "Checked":
+        """Return the object under ``key``; a missing one is an error."""
+        found = self.object(key)
+        if found is None:
+            raise self.refuse(key, "missing")
+        return found
+
     def objects(self, key: str) -> "list[Checked] | None":
         """Return the list of objects under ``key``, None if it is missing."""
         value = self.get(key)
@@ -166,6 +173,4 @@ class Checked:
                 raise self.refuse(name, f"{shown(self.values[name])} is none of {', '.join(map(str, kind))}") from None
         if kind is str:
             return self.text(name)
-        inner = self.object(name)
-        assert inner is not None
-        return inner.built(kind)
+        return self.required_object(name).built(kind)

@@ -1,7 +1,7 @@
 """Reads and writes the SigMF metadata of a recording; unknown keys of other writers are preserved."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -41,9 +41,7 @@ class Metadata:
 def read_metadata(path: Path) -> Metadata:
     """Read and check a .sigmf-meta file.  Raises RecordingError."""
     whole = Checked(path, read_json(path))
-    head = whole.object("global")
-    if head is None:
-        raise whole.refuse("global", "missing")
+    head = whole.required_object("global")
     datatype = head.text("core:datatype", 1000)
     if datatype != "ri16_le":
         raise head.refuse("core:datatype", "missing" if datatype is None else f"{datatype[:20]!r} is not 'ri16_le'")
@@ -51,7 +49,7 @@ def read_metadata(path: Path) -> Metadata:
     head.get("core:extensions")
     rate = head.required("core:sample_rate", *RATES_HZ)
     channels, channel_extra = _channels(head)
-    setup = _setup(head)
+    setup = setup_of(head.required_object("lmm:setup"))
     for key in ("core:trailing_bytes", "core:metadata_only"):
         if head.values.get(key):
             raise head.refuse(key, "only recordings whose data file holds nothing but samples can be read")
@@ -108,13 +106,6 @@ def _channels(head: Checked) -> tuple[tuple[Channel, ...], list[dict[str, Any]]]
     return tuple(channels), foreign if any(foreign) else []
 
 
-def _setup(head: Checked) -> Setup:
-    item = head.object("lmm:setup")
-    if item is None:
-        raise head.refuse("lmm:setup", "missing")
-    return setup_of(item)
-
-
 def setup_of(item: Checked) -> Setup:
     """Return the rig from an object with the keys of ``lmm:setup``.  Raises RecordingError."""
     extra: dict[str, Any] = {}
@@ -142,7 +133,7 @@ def setup_of(item: Checked) -> Setup:
         rest_frequency_u_hz=item.number("rest_frequency_u_hz", 0.0, RATES_HZ[1]),
     )
     extra = {key: value for key, value in extra.items() if value} | item.unread()
-    return Setup(**{name: getattr(setup, name) for name in Setup.__dataclass_fields__ if name != "extra"}, extra=extra)
+    return replace(setup, extra=extra)
 
 
 def _captures(whole: Checked) -> tuple[str | None, list[dict[str, Any]]]:

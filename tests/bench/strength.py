@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.bench.effects import PER_SHOT, parameters_of, scaled
+from instrument.bench.effects import ALL, PER_SHOT, scaled
 from instrument.bench.mechanics import Bodies
 from tests.bench.blind import RATE_HZ, Truth, clean_m
 
@@ -133,7 +133,7 @@ def at_snr(
 def strongest(truth: Truth) -> float:
     limits = []
     for name, values in truth.effects.items():
-        known = parameters_of(name) or {}
+        known = ALL[name]
         for key, value in values.items():
             if not known[key].scales or value == 0.0:
                 continue
@@ -153,7 +153,7 @@ def cramer_rao(truth: Truth, tangents: Tangents | None = None) -> dict[str, dict
     names: list[tuple[str, str]] = []
     columns = []
     for name, values in truth.effects.items():
-        known = parameters_of(name) or {}
+        known = ALL[name]
         for key, value in values.items():
             if key == "order" or key in PER_SHOT.get(name, ()):
                 continue

@@ -43,9 +43,7 @@ def read_mapping(path: Path) -> ForeignMapping:
     kind = whole.text("format", 100)
     if kind is None:
         raise whole.refuse("format", "missing")
-    listed = whole.object("channels")
-    if listed is None:
-        raise whole.refuse("channels", "missing")
+    listed = whole.required_object("channels")
     channels = []
     for role in Role:
         item = listed.object(role)
@@ -62,13 +60,10 @@ def read_mapping(path: Path) -> ForeignMapping:
         raise listed.refuse(one_line(unknown[0], 40), f"is none of {', '.join(Role)}")
     if all(channel.role is not Role.MEASUREMENT for channel in channels):
         raise listed.refuse("measurement", "missing: the beat that the moving corner cube shifts is needed")
-    rig = whole.object("setup")
-    if rig is None:
-        raise whole.refuse("setup", "missing")
     return ForeignMapping(
         kind,
         tuple(channels),
-        setup_of(rig),
+        setup_of(whole.required_object("setup")),
         whole.number("sample_rate_hz", *RATES_HZ),
         whole.whole("trigger_sample", 0, 2**53),
     )

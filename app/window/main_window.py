@@ -186,7 +186,7 @@ class MainWindow(QMainWindow):
 
     def _pace_ms(self, snapshot: Snapshot) -> int:
         """Return the time between two pulls: long where nothing changes unless the operator does something."""
-        work = self.workbench.jobs.open_jobs or self.workbench.short_jobs.open_jobs or snapshot.analysing
+        work = self.workbench.jobs.open_jobs or self.workbench.short_jobs.open_jobs or snapshot.waiting
         if work or snapshot.state is not State.IDLE:
             return PULL_MS
         live = self.panels.tabs.currentIndex() == Layout.LIVE or self.panels.setup.isVisible()

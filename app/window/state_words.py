@@ -54,7 +54,7 @@ def banner(snapshot: Snapshot, last_shot: LastShot | None, arming: bool = False)
 
 def _waiting(snapshot: Snapshot, but: int = 0) -> str:
     """Return how many shots wait for their analysis, except ``but`` of them."""
-    count = snapshot.analysing - but
+    count = len(snapshot.waiting) - but
     if count <= 0:
         return ""
     return f" {count} more shot{' waits' if count == 1 else 's wait'} for analysis."

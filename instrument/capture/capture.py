@@ -125,7 +125,6 @@ class Capture:
             live=live.view if live is not None else empty_view(),
             doing=doing,
             progress=progress,
-            analysing=self._finished.analysing,
             waiting=self._finished.waiting,
             shots=self._finished.taken,
             finished=self._finished.newest,

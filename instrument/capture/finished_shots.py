@@ -29,11 +29,6 @@ class FinishedShots:
         self._saving = threading.Lock()
 
     @property
-    def analysing(self) -> int:
-        """Get the number of shots captured and not analysed yet."""
-        return len(self._waiting)
-
-    @property
     def waiting(self) -> tuple[WaitingShot, ...]:
         """Get the shots captured and not analysed yet, oldest first."""
         return tuple(WaitingShot(number, shot.name, shot.path) for number, shot in list(self._waiting.items()))

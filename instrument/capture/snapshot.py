@@ -66,8 +66,7 @@ class Snapshot:
     live: LiveView
     doing: str | None = None  # what is in progress
     progress: float | None = None  # of it, 0 to 1
-    analysing: int = 0  # shots captured and not analysed yet
-    waiting: tuple[WaitingShot, ...] = ()  # those shots, oldest first
+    waiting: tuple[WaitingShot, ...] = ()  # shots captured and not analysed yet, oldest first
     shots: int = 0  # captured since the start
     finished: tuple[FinishedShot, ...] = ()  # the newest ones, by rising index
     unsaved: tuple[str, ...] = field(default=())  # names of shots that are only in memory: save_pending

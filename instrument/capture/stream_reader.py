@@ -141,7 +141,7 @@ class StreamReader:
             self._digitizer.arm(settings)
         finally:
             self.starting = False
-        setup = _with_bits(options.setup or own, able.bits)
+        setup = replace(options.setup or own, digitizer_bits=able.bits)
         self.stream = Stream(
             self._ring, self._ring.total, settings, able.channels, setup, able.name, able.unseen_loss_s
         )
@@ -273,7 +273,3 @@ def _check_block(block: Block, room: int) -> None:
     wrong |= block.trigger_sample is not None and not 0 <= block.trigger_sample < max(1, block.samples)
     if wrong:
         raise DigitizerError("the digitizer sent nonsense", "stop it, re-plug it, and report this if it happens again")
-
-
-def _with_bits(setup: Setup, bits: int) -> Setup:
-    return setup if setup.digitizer_bits == bits else replace(setup, digitizer_bits=bits)

@@ -39,10 +39,8 @@ class Checked:
         """Return the values that were not read, to be written back."""
         return {key: value for key, value in self.values.items() if key not in self.used}
 
-    def number(
-        self, key: str, low: float, high: float, *, default: float | None = None, over: bool = False
-    ) -> float | None:
-        """Return a finite number in [low, high] (``over``: above ``low``), ``default`` if the key is missing."""
+    def number(self, key: str, low: float, high: float, *, default: float | None = None) -> float | None:
+        """Return a finite number in [low, high], ``default`` if the key is missing."""
         value = self.get(key)
         if value is None:
             return default
@@ -52,13 +50,13 @@ class Checked:
             real = float(value)
         except OverflowError:
             real = math.inf
-        if not math.isfinite(real) or not low <= real <= high or (over and real == low):
-            raise self.refuse(key, f"{shown(value)} is not {'above' if over else 'from'} {low:g} to {high:g}")
+        if not math.isfinite(real) or not low <= real <= high:
+            raise self.refuse(key, f"{shown(value)} is not from {low:g} to {high:g}")
         return real
 
-    def required(self, key: str, low: float, high: float, *, over: bool = False) -> float:
+    def required(self, key: str, low: float, high: float) -> float:
         """Return a number as ``number`` does; a missing key is an error."""
-        value = self.number(key, low, high, over=over)
+        value = self.number(key, low, high)
         if value is None:
             raise self.refuse(key, "missing")
         return value

@@ -52,7 +52,7 @@ def read_text(path: Path, largest_bytes: int) -> str:
         raise RecordingError(path, f"not UTF-8 text (byte {error.start})") from None
 
 
-def read_json(path: Path, largest_bytes: int = LARGEST_JSON_BYTES) -> dict[str, Any]:
+def read_json(path: Path) -> dict[str, Any]:
     """Return the JSON object in ``path``.  Raises RecordingError, also for a key that appears twice."""
 
     def parse(text: str) -> Any:
@@ -60,7 +60,7 @@ def read_json(path: Path, largest_bytes: int = LARGEST_JSON_BYTES) -> dict[str, 
             text, parse_constant=_no_constant, parse_float=_finite_number, object_pairs_hook=_without_duplicates
         )
 
-    value = _parsed(path, read_text(path, largest_bytes), "JSON", parse)
+    value = _parsed(path, read_text(path, LARGEST_JSON_BYTES), "JSON", parse)
     if not isinstance(value, dict):
         raise RecordingError(path, f"{shown(value)} where an object is wanted")
     return value

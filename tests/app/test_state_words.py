@@ -12,7 +12,7 @@ from app.session.session import Entry
 from app.window import state_words
 from app.window.theme import Tone
 from instrument.capture.acquisition import State
-from instrument.capture.snapshot import SignalLine, Snapshot
+from instrument.capture.snapshot import SignalLine, Snapshot, WaitingShot
 from instrument.live.live_view import ChannelSignal, empty_view
 from tests.app import synthetic
 
@@ -81,7 +81,7 @@ def test_a_shot_that_is_only_in_memory_is_not_called_saved():
 @pytest.mark.parametrize(("count", "words"), [(0, ""), (1, "1 more shot waits for"), (12, "12 more shots wait for")])
 def test_shots_that_wait_for_their_analysis_are_told(count, words):
     last = state_words.LastShot("shot-0013", "Shot 13 is saved.", "")
-    _, sentence, _ = state_words.banner(_snapshot(State.IDLE, analysing=count), last)
+    _, sentence, _ = state_words.banner(_snapshot(State.IDLE, waiting=(WaitingShot(1, "a", None),) * count), last)
     assert words in sentence and ("wait" in sentence) == (count > 0)
 
 

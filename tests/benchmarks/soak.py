@@ -104,7 +104,7 @@ def soak(
                     settled = shot.index
                     if shot.problem or shot.shot is None or shot.shot.motion is None:
                         problems.append(f"{shot.name}: {shot.problem or (shot.shot and shot.shot.problem)}")
-                if now.state in (State.IDLE, State.ANALYSING) and now.shots == asked and now.analysing < 4:
+                if now.state in (State.IDLE, State.ANALYSING) and now.shots == asked and len(now.waiting) < 4:
                     capture.arm()  # while the shot before is still being analysed
                     asked += 1
                 if not seen.shots or settled >= seen.shots[-1] + LOOK_EVERY:

@@ -191,7 +191,7 @@ def report(seen: Seen, seconds: float, stream_s: float, busy_s: float, threads: 
     print(f"state at the end      {end.state} {end.message}")
     print(f"lost                  {signal.samples_lost} samples at {signal.losses} places     (target 0)")
     print(f"streamed              {stream_s:.1f} s of samples in {seconds:.1f} s")
-    print(f"shots                 {end.shots} captured, {end.analysing} waiting for analysis")
+    print(f"shots                 {end.shots} captured, {len(end.waiting)} waiting for analysis")
     worst = sorted(seen.waits_s)[-5:]
     print(f"screen stood longest  {worst[-1][0] * 1e3:.1f} ms     (target 50 ms)")
     longest = ", ".join(f"{1e3 * wait:.0f} ({1e3 * no_core:.0f})" for wait, no_core in worst)

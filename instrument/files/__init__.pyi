@@ -9,10 +9,12 @@ from .atomic_file import (
 )
 from .checked import Checked
 from .folder_lock import FolderLock, FolderLocked, disk_free_bytes
-from .foreign.contents import ForeignChannel, ForeignColumn, ForeignContents
-from .foreign.mapping import (
+from .foreign_file import (
     FOLDER_MAPPING,
     FORMATS,
+    ForeignChannel,
+    ForeignColumn,
+    ForeignContents,
     ForeignMapping,
     MappedChannel,
     find_mapping,
@@ -22,7 +24,7 @@ from .foreign.mapping import (
     read_mapping,
     write_mapping,
 )
-from .foreign.reading import foreign_channels, foreign_columns, read_foreign
+from .foreign_reading import foreign_channels, foreign_columns, read_foreign
 from .law_file import read_law, read_laws, write_law
 from .motion_file import (
     LENGTHS_M,

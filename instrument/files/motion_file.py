@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from instrument.files import csv_table
 from instrument.files.atomic_file import write_toml_atomic
 from instrument.files.checked import Checked
-from instrument.files.foreign import csv_table
-from instrument.files.foreign.contents import ForeignChannel
+from instrument.files.foreign_file import ForeignChannel
 from instrument.files.recording_error import RecordingError, one_line
 from instrument.files.recording_metadata import MASSES_KG, RATES_HZ
 from instrument.files.recording_search import TABLES, motion_table

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot import DELIVERED, RATE_CONTRADICTED, Recording, Role, Shot
-from instrument.files.foreign.mapping import find_mapping, format_of, read_mapping
+from instrument.files.foreign_file import find_mapping, format_of, read_mapping
 from instrument.files.recording_error import FileNotReached, RecordingError
 from instrument.files.recording_metadata import Metadata, read_metadata
-from instrument.files.recording_search import recording_stem
+from instrument.files.recording_search import recording_files
 from instrument.files.text_file import open_regular
 
 ALTERED = "data_altered"
@@ -50,9 +50,8 @@ def read_without_hash(path: Path | str) -> tuple[Recording, str | None]:
 
     That is None if there is nothing to compare: never closed, or not as many samples as the metadata state.
     """
-    stem = recording_stem(path)
-    metadata = read_metadata(stem.with_name(stem.name + ".sigmf-meta"))
-    data = stem.with_name(stem.name + ".sigmf-data")
+    meta, data = recording_files(path)
+    metadata = read_metadata(meta)
     counts, left_over = _samples(data, len(metadata.channels))
     sha512 = metadata.sha512
     samples = counts.shape[0]
@@ -80,7 +79,7 @@ def read_without_hash(path: Path | str) -> tuple[Recording, str | None]:
     if _clipped(counts, metadata):
         flags.append("clipped")
     recording = Recording(
-        name=stem.name,
+        name=meta.name.removesuffix(".sigmf-meta"),
         counts=counts,
         sample_rate_hz=metadata.sample_rate_hz,
         channels=metadata.channels,
@@ -90,7 +89,7 @@ def read_without_hash(path: Path | str) -> tuple[Recording, str | None]:
         started_at=metadata.started_at,
         note=metadata.note,
         flags=tuple(flags),
-        path=str(stem.with_name(stem.name + ".sigmf-meta")),
+        path=str(meta),
         extra=metadata.extra,
     )
     return recording, sha512
@@ -184,11 +183,10 @@ def data_hash(path: Path | str) -> DataHash:
     """
     path = Path(path)
     recorded = None
-    stem = recording_stem(path)
-    meta = stem.with_name(stem.name + ".sigmf-meta")
-    if stem != path or meta.exists():
+    meta, data = recording_files(path)
+    if path in (meta, data) or meta.exists():
         recorded = read_metadata(meta).sha512
-        path = stem.with_name(stem.name + ".sigmf-data")
+        path = data
     with os.fdopen(open_regular(path), "rb") as file:
         try:
             digest = hashlib.file_digest(file, "sha512").hexdigest()
@@ -244,7 +242,7 @@ def _foreign(path: Path) -> Recording | None:
         if not path.exists():
             raise RecordingError(path, "no such file")
         raise RecordingError(path, f"nothing says which of its channels is which; {_advice(path)}")
-    from instrument.files.foreign.reading import read_foreign
+    from instrument.files.foreign_reading import read_foreign
 
     return read_foreign(path, read_mapping(mapping))
 

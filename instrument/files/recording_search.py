@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from instrument.files.foreign.mapping import FOLDER_MAPPING, MAPPING_SUFFIX, is_foreign
+from instrument.files.foreign_file import FOLDER_MAPPING, MAPPING_SUFFIX, is_foreign
 
 TABLES = {".csv": ",", ".tsv": "\t"}  # endings of motion records' tables, and their delimiters
 
@@ -24,10 +24,16 @@ def recording_stem(path: Path | str) -> Path:
     return Path(text)
 
 
+def recording_files(path: Path | str) -> tuple[Path, Path]:
+    """Return the metadata and the data file of a recording; ``path`` is either of them or their stem."""
+    stem = recording_stem(path)
+    return stem.with_name(f"{stem.name}.sigmf-meta"), stem.with_name(f"{stem.name}.sigmf-data")
+
+
 def find_recordings(paths: Iterable[Path | str]) -> list[Path]:
     """Return one path per shot: a ``.sigmf-meta`` for a recording, a ``.csv`` or ``.tsv`` for a motion record.
 
-    A foreign file is a shot if it has a mapping (``instrument.files.foreign.mapping``).  Paths keep their order; within
+    A foreign file is a shot if it has a mapping (``instrument.files.foreign_file``).  Paths keep their order; within
     a folder names are in counting order (shot-2 before shot-10).  The subfolders of a folder without shots are searched
     (links are not followed).  A path without a shot is returned unchanged: reading it gives the error.  No shot appears
     twice.
@@ -53,7 +59,7 @@ def _of_file(path: Path) -> Path:
     if path.suffix.lower() == ".toml":
         return motion_table(path)
     stem = recording_stem(path)
-    meta, data = (stem.with_name(stem.name + ending) for ending in (".sigmf-meta", ".sigmf-data"))
+    meta, data = recording_files(path)
     if stem != path or (not path.exists() and (meta.exists() or data.exists())):
         return meta
     return path
@@ -83,8 +89,7 @@ def _shots_among(entries: list[Path]) -> list[Path]:
             continue
         mapped = bool(names & {entry.name + MAPPING_SUFFIX, FOLDER_MAPPING}) and is_foreign(entry)
         if entry.suffix in (".sigmf-meta", ".sigmf-data"):
-            stem = recording_stem(entry)
-            shots[stem.with_name(stem.name + ".sigmf-meta")] = None
+            shots[recording_files(entry)[0]] = None
         elif mapped or (entry.suffix.lower() in TABLES and entry.stem + ".toml" in names):
             shots[entry] = None
     return sorted(shots, key=_counting_order)

@@ -19,8 +19,8 @@ from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
 from app.window.theme import LIGHT, Theme
 from instrument.bench.simulated_shots import simulate
-from instrument.files.foreign.mapping import ForeignMapping, MappedChannel, mapping_path, read_mapping, write_mapping
-from instrument.files.foreign.reading import foreign_channels, read_foreign
+from instrument.files.foreign_file import ForeignMapping, MappedChannel, mapping_path, read_mapping, write_mapping
+from instrument.files.foreign_reading import foreign_channels, read_foreign
 from instrument.files.recording_file import open_recording
 from instrument.files.recording_writer import write_recording
 from tests.app import synthetic

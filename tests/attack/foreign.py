@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from analysis.shot.recording import Role, Setup
-from instrument.files.foreign.mapping import ForeignMapping, MappedChannel
-from instrument.files.foreign.reading import foreign_channels, read_foreign
+from instrument.files.foreign_file import ForeignMapping, MappedChannel
+from instrument.files.foreign_reading import foreign_channels, read_foreign
 from instrument.files.recording_error import RecordingError
 from tests.attack.trial import SURVIVED, Attempt, refused_in_a_line
 from tests.instrument.mutating import spoilt_bytes

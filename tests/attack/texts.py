@@ -13,7 +13,7 @@ from app.session.model_in_use import load_model
 from app.session.session import SCHEMA, Session
 from app.session.settings import Settings
 from app.session.settings_file import load, save
-from instrument.files.foreign.mapping import read_mapping
+from instrument.files.foreign_file import read_mapping
 from instrument.files.motion_file import read_motion
 from instrument.files.recording_error import RecordingError
 from tests.attack.travelling import sent

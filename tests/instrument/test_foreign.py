@@ -12,8 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from analysis.shot.recording import Air, Plate, Recording, Role, Setup
-from instrument.files.foreign import contents, csv_table
-from instrument.files.foreign.mapping import (
+from instrument.files import csv_table, foreign_file
+from instrument.files.foreign_file import (
     FOLDER_MAPPING,
     ForeignMapping,
     MappedChannel,
@@ -23,7 +23,7 @@ from instrument.files.foreign.mapping import (
     read_mapping,
     write_mapping,
 )
-from instrument.files.foreign.reading import NotFinite, foreign_channels, read_foreign, to_counts
+from instrument.files.foreign_reading import NotFinite, foreign_channels, read_foreign, to_counts
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_file import open_recording
 from instrument.files.recording_search import find_recordings, is_motion_record
@@ -304,7 +304,7 @@ def test_claims_without_bound_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
         assert foreign_channels(wav).channels[0].samples <= 32
     except RecordingError as error:
         assert "\n" not in str(error)
-    monkeypatch.setattr(contents, "MOST_SAMPLES", 10)
+    monkeypatch.setattr(foreign_file, "MOST_SAMPLES", 10)
     table = tmp_path / "long.csv"
     table.write_text("a\n" + "1\n" * 11)
     with pytest.raises(RecordingError, match="more than 10"):

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from instrument.files.foreign import csv_table
+from instrument.files import csv_table
 from instrument.files.motion_file import LENGTHS_M, MotionColumns, length_unit, read_motion, save_columns
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_search import find_recordings, is_motion_record

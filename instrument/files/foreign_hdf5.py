@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from instrument.files.foreign.contents import (
+from instrument.files.foreign_file import (
     MOST_CHANNELS,
     ForeignChannel,
     ForeignColumn,

@@ -1,7 +1,15 @@
-"""The mapping of a foreign file, saved as TOML: the roles of its channels, and the rig it was taken with."""
+"""Raw beats in a file of another program: its channels, and the mapping, saved as TOML, that says what they are.
 
+Each format is read in a file of its own: ``csv_table``, ``foreign_hdf5``, ``foreign_tdms``; WAV in ``foreign_reading``.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
 
 from analysis.shot import Role, Setup
 from instrument.files.atomic_file import write_toml_atomic
@@ -9,6 +17,68 @@ from instrument.files.checked import Checked
 from instrument.files.recording_error import RecordingError, one_line
 from instrument.files.recording_metadata import RATES_HZ, setup_json, setup_of
 from instrument.files.text_file import read_toml
+
+Column: TypeAlias = NDArray[np.integer[Any]] | NDArray[np.floating[Any]]
+MOST_SAMPLES = 2**26  # per channel: two seconds at 30 MS/s; a longer file is no shot
+MOST_CHANNELS = 256
+LARGEST_FILE_BYTES = 4 * 2**30
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignChannel:
+    """One channel as named in the file; ``unit`` and ``sample_rate_hz`` if the file states them."""
+
+    name: str
+    samples: int
+    kind: str  # numpy's name of the stored number: "int16", "float64"
+    unit: str = ""
+    sample_rate_hz: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignContents:
+    """The channels of a file in its order; ``flags`` as in a recording ("truncated")."""
+
+    path: Path
+    format: str
+    channels: tuple[ForeignChannel, ...]
+    started_at: str | None = None
+    flags: tuple[str, ...] = ()
+
+    def channel(self, name: str) -> ForeignChannel:
+        """Return the channel of that name.  Raises RecordingError, which lists the channels."""
+        for channel in self.channels:
+            if channel.name == name:
+                return channel
+        shown = ", ".join(repr(c.name) for c in self.channels[:8])
+        raise RecordingError(self.path, f"no channel {one_line(repr(name), 60)}; it holds {shown or 'none'}")
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignColumn:
+    """One channel's stored numbers, shape (n,), and their scale in volts if the file states it."""
+
+    values: Column
+    volts_per_unit: float | None = None
+    offset_v: float = 0.0
+    sample_rate_hz: float | None = None
+
+
+def checked_channels(path: Path, channels: Sequence[ForeignChannel]) -> tuple[ForeignChannel, ...]:
+    """Return at most ``MOST_CHANNELS`` of the channels.  Raises RecordingError if one is too long or there is none."""
+    if not channels:
+        raise RecordingError(path, "holds no channel of numbers")
+    for channel in channels:
+        if channel.samples > MOST_SAMPLES:
+            cause = f"{channel.samples} samples, more than {MOST_SAMPLES}"
+            raise RecordingError(path, cause, one_line(channel.name, 60))
+    return tuple(channels[:MOST_CHANNELS])
+
+
+def missing_package(path: Path, package: str, extra: str) -> RecordingError:
+    """Return the error for a format whose reader is not installed."""
+    return RecordingError(path, f"reading it needs {package}: pip install 'levimass[{extra}]'")
+
 
 _HEAD = "How Levimass reads this file, or every file of this format in this folder. Numbers are SI."
 

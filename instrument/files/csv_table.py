@@ -10,7 +10,7 @@ from typing import TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.files.foreign.contents import (
+from instrument.files.foreign_file import (
     MOST_SAMPLES,
     ForeignChannel,
     ForeignColumn,

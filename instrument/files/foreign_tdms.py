@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from instrument.files.foreign.contents import (
+from instrument.files.foreign_file import (
     ForeignChannel,
     ForeignColumn,
     ForeignContents,

@@ -11,17 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot import Channel, Recording, Role
-from instrument.files.foreign import csv_table, hdf5, tdms
-from instrument.files.foreign.contents import (
+from instrument.files import csv_table, foreign_hdf5, foreign_tdms
+from instrument.files.foreign_file import (
+    FORMATS,
     LARGEST_FILE_BYTES,
     MOST_SAMPLES,
     Column,
     ForeignChannel,
     ForeignColumn,
     ForeignContents,
+    ForeignMapping,
+    MappedChannel,
     checked_channels,
+    format_of,
 )
-from instrument.files.foreign.mapping import FORMATS, ForeignMapping, MappedChannel, format_of
 from instrument.files.recording_error import RecordingError, one_line
 from instrument.files.text_file import open_regular
 from instrument.trigger import LightSwitch, TriggerSettings
@@ -60,12 +63,12 @@ def _read_wav(path: Path) -> tuple[float, Column]:
 
 
 _CONTENTS: dict[str, Callable[[Path], ForeignContents]] = {
-    "tdms": tdms.contents,
-    "hdf5": hdf5.contents,
+    "tdms": foreign_tdms.contents,
+    "hdf5": foreign_hdf5.contents,
     "wav": _wav_contents,
     "csv": csv_table.contents,
 }
-_COLUMNS = {"hdf5": hdf5.columns, "tdms": tdms.columns, "wav": _wav_columns}
+_COLUMNS = {"hdf5": foreign_hdf5.columns, "tdms": foreign_tdms.columns, "wav": _wav_columns}
 
 
 def foreign_channels(path: Path | str) -> ForeignContents:

@@ -1,1 +1,0 @@
-"""Raw beats in files of other programs: TDMS, HDF5, WAV, CSV, read by a saved mapping of their channels."""

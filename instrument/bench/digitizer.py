@@ -33,7 +33,7 @@ class BenchDigitizer(Digitizer):
 
     ``real_time``: samples come at their rate and are lost when more than ``memory_s`` of them wait; otherwise they come
     as fast as they are read.  The counts depend only on the rig's seed, the settings and the number of earlier pushes.
-    ``push`` and ``stop`` may be called from any thread.
+    ``stop`` may be called from any thread.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class BenchDigitizer(Digitizer):
         patient: bool = False,
         first_shot: int = 0,
     ) -> None:
-        """``push_every_s`` 0: only ``push`` moves the block; ``first_shot`` is the number of its first push.
+        """``push_every_s`` 0: the block is never pushed; ``first_shot`` is the number of its first push.
 
         ``patient``: if the computer is too slow, the rig's clock slows down and nothing is lost.
         """
@@ -60,7 +60,6 @@ class BenchDigitizer(Digitizer):
         self._clock = clock
         self._stop = threading.Event()
         self._stop.set()
-        self._push = threading.Event()
         self._closed = False
         self._stage: SimulatedStream | None = None
         self._shots = first_shot
@@ -116,13 +115,8 @@ class BenchDigitizer(Digitizer):
         self._next_sample = 0
         self._chunk_at = -1
         self._next_push_s = self._first_push_s if self._push_every_s > 0 else None
-        self._push.clear()
         self._stop.clear()
         self._started = self._clock()
-
-    def push(self) -> None:
-        """Push the block as soon as the hand is free."""
-        self._push.set()
 
     def read_into(self, buffer: NDArray[np.int16], timeout_s: float) -> Block:
         channels = self._chunk.shape[1]
@@ -192,9 +186,6 @@ class BenchDigitizer(Digitizer):
         assert stage is not None
         now_s = base / self._rate_hz
         ahead_s = now_s + 2 * _CHUNK / self._rate_hz  # a push starts in a chunk that is not computed yet
-        if self._push.is_set() and stage.free_from_s <= now_s:
-            self._push.clear()
-            self._next_push_s = now_s
         if self._next_push_s is not None and ahead_s >= self._next_push_s:
             pushed = stage.push(max(self._next_push_s, now_s))
             self._next_push_s = pushed.end_s + self._push_every_s if self._push_every_s > 0 else None

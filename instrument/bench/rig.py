@@ -75,18 +75,14 @@ class SimulatedStream:
         """Get the number of the next push."""
         return self._shot
 
-    @property
-    def free_from_s(self) -> float:
-        """Get the time from which the hand is free."""
-        return self._pushed[-1].end_s if self._pushed else 0.0
-
     def push(self, time_s: float) -> PushedShot:
         """Push the block at ``time_s``, or as soon as the hand is free; return the shot."""
         rig = self._rig
         random = np.random.default_rng((rig.seed, self._shot, 0x5))
         speed = rig.velocity_m_per_s * (1 + rig.velocity_spread * float(random.uniform(-1, 1)))
         effects = effects_of_shot(self._effects, self._shot, rig.seed)
-        start_s = next_push_time_s(max(time_s, self.free_from_s))
+        free_from_s = self._pushed[-1].end_s if self._pushed else 0.0
+        start_s = next_push_time_s(max(time_s, free_from_s))
         self._frame = self._frame.knocked(start_s + push_duration_s(speed), self._shot)
         pushed = push_block(start_s, -speed, effects, rig.loaded_bodies, self._frame)
         self._shot += 1

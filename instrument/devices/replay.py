@@ -53,11 +53,6 @@ class ReplayDigitizer(Digitizer):
         self._playing = self._upcoming()
 
     @property
-    def recording(self) -> Recording:
-        """Get the recording being played, or to be played next."""
-        return self._upcoming()
-
-    @property
     def capabilities(self) -> Capabilities:
         shot = self._upcoming()
         return Capabilities(

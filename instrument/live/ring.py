@@ -60,15 +60,6 @@ class Ring:
         self._total += samples
         self._claimed = self._total
 
-    def append(self, counts: NDArray[np.int16]) -> None:
-        """Write samples of shape (n, channels), whatever their number."""
-        done = 0
-        while done < counts.shape[0]:
-            view = self.space(counts.shape[0] - done)
-            view[:] = counts[done : done + view.shape[0]]
-            self.commit(view.shape[0])
-            done += view.shape[0]
-
     def copy_into(self, start: int, out: NDArray[np.int16]) -> None:
         """Fill ``out``, shape (n, channels), with samples ``start`` ... ``start + n - 1``.
 

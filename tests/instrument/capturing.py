@@ -12,9 +12,20 @@ from instrument.capture.capture import Capture
 from instrument.capture.snapshot import Snapshot
 from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.digitizer import CaptureSettings
+from instrument.live.ring import Ring
 from tests.instrument.fake_digitizer import FIRST, HIGH, PERIOD, RATE_HZ, FakeDigitizer, samples
 
 SETTINGS = CaptureSettings(RATE_HZ, 20_000, 4_000)
+
+
+def append(ring: Ring, counts: np.ndarray) -> None:
+    """Write samples of shape (n, channels) into a ring, whatever their number."""
+    done = 0
+    while done < counts.shape[0]:
+        view = ring.space(counts.shape[0] - done)
+        view[:] = counts[done : done + view.shape[0]]
+        ring.commit(view.shape[0])
+        done += view.shape[0]
 
 
 def until(capture: Capture, true: Callable[[Snapshot], bool], longest_s: float = 20.0) -> Snapshot:

@@ -13,6 +13,7 @@ from instrument.devices.digitizer import CaptureSettings
 from instrument.live import live_thread
 from instrument.live.live_thread import LiveThread
 from instrument.live.ring import Ring, Stream
+from tests.instrument.capturing import append
 
 RATE_HZ = 1e6
 CHANNELS = (Channel(Role.MEASUREMENT, 1e-3),)
@@ -22,7 +23,7 @@ def _stream(channels: tuple[Channel, ...] = CHANNELS) -> Stream:
     """Return a stream of a beat of 91 kHz."""
     ring = Ring(200_000, 1)
     beat = np.rint(900 * np.sin(2 * np.pi * 0.091 * np.arange(150_000)))
-    ring.append(beat.astype(np.int16)[:, None])
+    append(ring, beat.astype(np.int16)[:, None])
     settings = CaptureSettings(RATE_HZ, 50_000, 1000)
     return Stream(ring, 0, settings, channels, Setup(17.85e-3, rest_frequency_hz=91e3), "bench")
 
@@ -80,7 +81,7 @@ def test_a_stream_that_nobody_watches_shows_a_new_fault_soon(tmp_path: Path) -> 
     try:
         _until(lambda: live.channels != ())
         assert live.channels[0].clipped_fraction == 0.0
-        stream.ring.append(np.full((9000, 1), (1 << stream.setup.digitizer_bits - 1) - 1, np.int16))
+        append(stream.ring, np.full((9000, 1), (1 << stream.setup.digitizer_bits - 1) - 1, np.int16))
         _until(lambda: live.channels[0].clipped_fraction > 0.0, 2.0)  # on a busy machine
         assert live_thread._SIGNALS_EVERY_S <= 0.2  # with the pull of a still page a third of a second
         assert live.view.time_s.size == 0  # and nothing is demodulated
@@ -131,7 +132,7 @@ def test_samples_replaced_while_they_are_demodulated_are_not_shown(
         if not lapped:
             lapped.append(counts.shape[0])
             more = np.rint(900 * np.sin(2 * np.pi * 0.091 * np.arange(150_000, 330_000)))
-            stream.ring.append(more.astype(np.int16)[:, None])
+            append(stream.ring, more.astype(np.int16)[:, None])
         return feed(counts)
 
     monkeypatch.setattr(live._demodulator, "feed", lapping)

@@ -92,8 +92,8 @@ def test_a_folder_is_played_in_order_and_broken_ones_are_named(shot: Recording, 
     assert names == ["replay of shot-1", "replay of shot-2"]
     with pytest.raises(DigitizerError, match=r"shot-0.*not JSON"):
         digitizer.default_settings()
-    assert digitizer.recording.name == "shot-1" and digitizer.setup == shot.setup
-    assert digitizer.recording.column(Role.SWITCH) == 2
+    assert digitizer.capabilities.name == "replay of shot-1" and digitizer.setup == shot.setup
+    assert digitizer.capabilities.channels[2].role is Role.SWITCH
     with pytest.raises(DigitizerError, match="nothing to replay"):
         ReplayDigitizer([])
     with pytest.raises(DigitizerError, match="no such file"):

@@ -8,6 +8,7 @@ import pytest
 from analysis.shot.recording import Setup
 from instrument.devices.digitizer import CaptureSettings
 from instrument.live.ring import Overwritten, Ring, Stream
+from tests.instrument.capturing import append
 
 
 def numbered(start: int, length: int, channels: int = 2) -> np.ndarray:
@@ -21,7 +22,7 @@ def test_any_cutting_gives_the_same_samples() -> None:
     total = 0
     for _ in range(300):
         length = int(rng.integers(0, 150))
-        ring.append(numbered(total, length))
+        append(ring, numbered(total, length))
         total += length
         assert ring.total == total and ring.oldest == max(0, total - 97)
         start = int(rng.integers(ring.oldest, total + 1))
@@ -32,7 +33,7 @@ def test_any_cutting_gives_the_same_samples() -> None:
 
 def test_what_is_gone_or_not_yet_there_is_said() -> None:
     ring = Ring(10, 1)
-    ring.append(numbered(0, 25, 1))
+    append(ring, numbered(0, 25, 1))
     with pytest.raises(Overwritten):
         ring.copy_into(14, np.empty((2, 1), np.int16))
     with pytest.raises(ValueError, match="of 25"):
@@ -53,7 +54,7 @@ def test_a_reader_never_sees_a_sample_half_replaced() -> None:
     def write() -> None:
         at = 0
         while not done.is_set():
-            ring.append(numbered(at, 512))
+            append(ring, numbered(at, 512))
             at += 512
 
     writer = threading.Thread(target=write)
@@ -78,7 +79,7 @@ def test_losses_are_counted_together_and_those_that_left_the_ring_are_forgotten(
     ring = Ring(1000, 1)
     stream = Stream(ring, 0, CaptureSettings(1e6, 500, 10), (), Setup(17.85e-3), "bench")
     for number in range(1, 101):
-        ring.append(numbered(0, 50, 1))
+        append(ring, numbered(0, 50, 1))
         stream.note_loss(ring.total, None if number % 10 == 0 else number)
     assert stream.losses == 100 and stream.lost == sum(n for n in range(1, 101) if n % 10)
     assert stream.gaps[-1] == (5000, None) and stream.gaps[-2] == (4950, 99)
@@ -87,7 +88,7 @@ def test_losses_are_counted_together_and_those_that_left_the_ring_are_forgotten(
 
 def test_what_the_writer_replaces_during_the_copy_is_said() -> None:
     ring = Ring(10, 1)
-    ring.append(numbered(0, 10, 1))
+    append(ring, numbered(0, 10, 1))
 
     class Lapping:
         """The ring's memory, of which the writer replaces a part between the reader's look and its copy."""
@@ -98,7 +99,7 @@ def test_what_the_writer_replaces_during_the_copy_is_said() -> None:
         def __getitem__(self, where: slice) -> np.ndarray:
             if not self.lapped:
                 self.lapped = True
-                ring.append(numbered(10, 4, 1))
+                append(ring, numbered(10, 4, 1))
             return self.counts[where]
 
     ring._counts = Lapping(ring._counts)  # type: ignore[assignment]
@@ -111,7 +112,7 @@ def test_what_the_writer_replaces_during_the_copy_is_said() -> None:
 
 def test_samples_in_place_end_at_the_wrap_cannot_be_written_and_are_refused_once_gone() -> None:
     ring = Ring(10, 1)
-    ring.append(numbered(0, 14, 1))
+    append(ring, numbered(0, 14, 1))
     np.testing.assert_array_equal(ring.view(6, 100), numbered(6, 4, 1))  # up to the wrap
     np.testing.assert_array_equal(ring.view(10, 3), numbered(10, 3, 1))
     np.testing.assert_array_equal(ring.view(12, 9), numbered(12, 2, 1))  # what is not written yet is not shown

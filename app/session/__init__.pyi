@@ -1,23 +1,20 @@
 from .channel_looks import ChannelKind, ChannelLook, is_swapped, looks_of, proposed
 from .choices import Choices
-from .event import Diagnosed, Event, EventKind
-from .jobs import Job, Jobs, Saver
+from .jobs import Event, EventKind, Job, Jobs, Saver, ShotJob
 from .kernel_compilation import Stage, complete, prepare, prepare_first_shot, warm_up_analysis
 from .kernels import Kernels
-from .load import analysed, cause_of, load_and_analyse, unanalysed
+from .load import analysed, cause_of, load_and_analyse, raw_of, unanalysed
 from .log import NAME, ProgramLog, note
 from .model_in_use import DRIFT_SIGMAS, OwnLaws, drift_words, load_model, with_combined
-from .next_shots import PLAN, NextShots
-from .planned_capture import planned_record, planned_setup
+from .next_shots import PLAN, NextShots, planned_record, planned_setup
 from .result_cache import ResultCache
 from .rig import Open, Rig
 from .session import NOT_SAVED, Entry, Session
 from .session_files import is_session, last_session
 from .settings import FIELDS
-from .shot_job import ShotJob, raw_of
 from .spectra import BEATS, Spectra, spectra_of
 from .spool import Spool
-from .verdict_basis import verdict_of
+from .verdict_basis import Diagnosed, verdict_of
 from .why import Remainder, by_evidence
 from .workbench import Workbench
 

@@ -8,8 +8,7 @@ from pathlib import Path
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis
 from analysis.shot import Progress, Shot, Stop
-from app.session.event import Event, EventKind, SavedElsewhere
-from app.session.jobs import Jobs, Work
+from app.session.jobs import EventKind, Jobs, Tell, Work
 from app.session.session import Entry, Session
 from app.session.shot_work import predictions_of, report_text, write_csv, write_hdf5, write_model, write_report
 from app.session.verdict_basis import Diagnoses
@@ -19,8 +18,8 @@ from instrument.files import PartlySaved
 class Exports:
     """Jobs that write files from the entries named, or from all where none is named."""
 
-    def __init__(self, session: Session, work: Work, diagnoses: Diagnoses) -> None:
-        self._session, self._work, self._diagnoses = session, work, diagnoses
+    def __init__(self, session: Session, work: Work, diagnoses: Diagnoses, tell: Tell) -> None:
+        self._session, self._work, self._diagnoses, self._tell = session, work, diagnoses, tell
 
     def export(self, numbers: Sequence[int], folder: Path) -> None:
         """Queue the export as CSV."""
@@ -44,12 +43,7 @@ class Exports:
 
     def report_to_print(self, numbers: Sequence[int]) -> None:
         """Queue the report's text, which comes back as an event to be printed."""
-        make = partial(report_text, *self._reported(numbers), self._tried)
-
-        def work(report: Progress, cancelled: Stop) -> Event:
-            return Event(EventKind.PRINT, self._work.do(make, report, cancelled))
-
-        self._work.jobs.submit("report", work, "export")
+        self._submit("report", partial(report_text, *self._reported(numbers), self._tried), EventKind.PRINT)
 
     def save_model(self, numbers: Sequence[int], path: Path) -> None:
         """Queue the model file of a joint fit to these entries."""
@@ -77,43 +71,42 @@ class Exports:
         found = self._diagnoses.within(chosen)
         return shots, found.diagnosis if found is not None else None
 
-    def _submit(self, name: str, write: Callable[..., str]) -> None:
-        def work(report: Progress, cancelled: Stop) -> Event:
-            return Event(EventKind.EXPORTED, self._work.do(write, report, cancelled))
-
-        self._work.jobs.submit(name, work, "export")
+    def _submit(self, name: str, write: Callable[..., str], told_as: EventKind = EventKind.EXPORTED) -> None:
+        self._work.jobs.submit(name, partial(self._work.do, write), "export", partial(self._tell, told_as))
 
 
 class UnsavedShots:
     """Saves shots that are only in memory, and knows by a shot's name where it was saved."""
 
-    def __init__(self, session: Session, short_jobs: Jobs) -> None:
-        self._session, self._short_jobs = session, short_jobs
+    def __init__(self, session: Session, short_jobs: Jobs, tell: Tell) -> None:
+        self._session, self._short_jobs, self._tell = session, short_jobs, tell
         self._ahead: dict[str, str] = {}  # paths of shots whose analysis is still under way, by name
 
     def save(self, save: Callable[[Path], dict[str, Path]], folder: Path) -> None:
         """Queue the saving; ``save`` does it and returns each shot's path by its name."""
 
-        def work(_: Progress, __: Stop) -> SavedElsewhere:
+        def work(_: Progress, __: Stop) -> tuple[dict[str, Path], str | None]:
             try:
-                return SavedElsewhere(save(folder), folder)
+                return save(folder), None
             except PartlySaved as error:
-                return SavedElsewhere(error.saved, folder, str(error))
+                return error.saved, str(error)
 
-        self._short_jobs.submit("saving elsewhere", work, "save")
+        self._short_jobs.submit("saving elsewhere", work, "save", partial(self._take, folder))
 
     def path_of(self, name: str) -> str | None:
         """Return, once, where a shot was saved before its analysis ended, or None."""
         return self._ahead.pop(name, None)
 
-    def take(self, result: SavedElsewhere) -> Event:
-        """Set the new paths in the session; return the event for the screen."""
-        for name, path in result.paths.items():
+    def _take(self, folder: Path, saved: tuple[dict[str, Path], str | None]) -> None:
+        """Set the new paths in the session."""
+        paths, problem = saved
+        for name, path in paths.items():
             if not self._session.set_path(name, str(path)):
                 self._ahead[name] = str(path)
-        count = len(result.paths)
-        words = f"{count} shot{'s' if count > 1 else ''} saved to {result.folder}" if count else "no shot waits"
-        if result.problem is None:
-            return Event(EventKind.EXPORTED, words)
-        before = f"{words}; " if count else ""
-        return Event(EventKind.PROBLEM, f"{before}the others stay in memory: {result.problem}")
+        count = len(paths)
+        words = f"{count} shot{'s' if count > 1 else ''} saved to {folder}" if count else "no shot waits"
+        if problem is None:
+            self._tell(EventKind.EXPORTED, words)
+        else:
+            before = f"{words}; " if count else ""
+            self._tell(EventKind.PROBLEM, f"{before}the others stay in memory: {problem}")

@@ -1,28 +1,62 @@
-"""Background work in threads, with progress and cancel, polled by the screen; and a thread that saves files."""
+"""Background work in threads, with progress and cancel, whose results the screen takes; a thread that saves files."""
 
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, Generic, TypeVar
 
 from analysis.shot import Cancelled, Progress, Stop
-from app.session.event import SessionResult
+from app.session.session import Entry
 from instrument.process import SubprocessWorker
 
 ESTIMATE_AFTER_S, LEAST_FRACTION = 2.0, 0.05  # before that the remaining time is not known
 YIELDING = ("why",)  # kinds of work that any other work cancels
 Step = Callable[[Progress, Stop], Any]
+Take = Callable[[Any], object]
+
+
+class EventKind(StrEnum):
+    """What happened."""
+
+    SHOT = "shot"  # a new entry, analysed
+    CHANGED = "changed"  # entries were read again or refitted
+    EXPORTED = "exported"
+    PRINT = "print"  # the text of a report, to be printed
+    DIAGNOSED = "diagnosed"
+    MODEL = "model"  # a model file was loaded
+    UNLISTED = "unlisted"  # recordings were found that no session lists
+    PROBLEM = "problem"
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """The end of one piece of work, in words, with the entries it concerns."""
+
+    kind: EventKind
+    words: str
+    numbers: tuple[int, ...] = ()
+    paths: tuple[Path, ...] = ()
+
+
+Tell = Callable[[EventKind, str], object]
 
 
 @dataclass(slots=True, eq=False)
 class Job:
-    """One piece of work; ``what`` and ``fraction`` are written by the worker and read by the screen."""
+    """One piece of work; ``what`` and ``fraction`` are written by the worker and read by the screen.
+
+    ``take`` gets the result in the screen's thread; of work on a session only while that is open.
+    """
 
     name: str
     work: Step
     kind: str = ""
+    take: Take | None = None
+    session: int | None = None  # the sessions before the one whose shots it is about
     what: str = ""
     fraction: float = 0.0
     result: Any = None
@@ -55,9 +89,11 @@ class Jobs:
         self._thread = threading.Thread(target=self._work, name=f"levimass {name}", daemon=True)
         self._thread.start()
 
-    def submit(self, name: str, work: Step, kind: str = "") -> Job:
+    def submit(
+        self, name: str, work: Step, kind: str = "", take: Take | None = None, session: int | None = None
+    ) -> Job:
         """Queue a job; its function gets (report, cancelled) and returns the result."""
-        job = Job(name, work, kind)
+        job = Job(name, work, kind, take, session)
         with self._wake:
             job.cancelled = self._closing
             for other in (*self._waiting, self._current):
@@ -173,7 +209,7 @@ class Work:
     def __init__(self, apart: SubprocessWorker | None) -> None:
         self.jobs, self.short_jobs = Jobs(), Jobs()
         self._apart = apart
-        self._turn = 0  # counts the sessions: results of earlier ones are dropped
+        self._session = 0  # counts the sessions: results of earlier ones are dropped
 
     def do(self, work: Callable[..., Any], report: Progress, cancelled: Stop) -> Any:
         """Do the long part of a job, in the other process where there is one; called in the jobs' thread."""
@@ -181,26 +217,26 @@ class Work:
             return self._apart.run(work, report, cancelled)
         return work(progress=report, cancelled=cancelled)
 
-    def submit(self, jobs: Jobs, name: str, work: Callable[[Progress, Stop], object], kind: str) -> Job:
+    def submit(self, jobs: Jobs, name: str, work: Step, kind: str, take: Take) -> Job:
         """Queue work on the shots of this session; its result is dropped once another session is open."""
-        turn = self._turn
-        return jobs.submit(name, lambda report, cancelled: SessionResult(turn, work(report, cancelled)), kind)
+        return jobs.submit(name, work, kind, take, self._session)
 
     def another_session(self) -> None:
         """Cancel the work on the shots of this session."""
-        self._turn += 1
+        self._session += 1
         for kind in OF_A_SESSION:
             self.jobs.cancel(kind)
             self.short_jobs.cancel(kind)
 
-    def ended(self) -> Iterator[tuple[Job, object]]:
-        """Yield each job that ended since the last call, with its result; None where that is dropped."""
+    def take_ended(self) -> Iterator[str]:
+        """Hand on the results of jobs that ended since the last call; yield why others failed."""
         for job in (*self.jobs.finished(), *self.short_jobs.finished()):
-            result = job.result
-            if isinstance(result, SessionResult):
-                result = result.result if result.turn == self._turn else None
-            if not job.cancelled:
-                yield job, result
+            if job.cancelled:
+                continue
+            if job.problem is not None:
+                yield f"{job.name}: {job.problem}"
+            elif job.take is not None and job.session in (None, self._session):
+                job.take(job.result)
 
     def close(self) -> bool:
         """Cancel all work and wait for it; return whether the threads ended."""
@@ -208,3 +244,51 @@ class Work:
         if self._apart is not None:
             self._apart.close()
         return ended
+
+
+Given = TypeVar("Given")
+Result = TypeVar("Result")
+
+
+class ShotJob(Generic[Given, Result]):
+    """Background work on the shot in view; starting it for another shot cancels the one before."""
+
+    def __init__(self, jobs: Jobs, kind: str, work: Callable[[Entry, Given, Progress, Stop], Result]) -> None:
+        self._jobs, self._kind, self._work = jobs, kind, work
+        self._job: Job | None = None
+        self._number: int | None = None
+        self._entry: Entry | None = None
+
+    def ask(self, entry: Entry, given: Given) -> bool:
+        """Start the work unless it is done or running for this shot; return whether it was started."""
+        if self._number == entry.number:
+            return False
+        self._number, self._entry = entry.number, entry
+
+        def work(report: Progress, cancelled: Stop) -> Result:
+            return self._work(entry, given, report, cancelled)
+
+        self._jobs.cancel(self._kind)
+        self._job = self._jobs.submit(f"{self._kind} of {entry.name}", work, self._kind)
+        return True
+
+    def forget(self) -> None:
+        """Do the work again the next time, also for the same shot."""
+        self._number = None
+
+    @property
+    def job(self) -> Job | None:
+        """Get the job that runs or waits, or None."""
+        return self._job
+
+    def take(self) -> tuple[Entry, Result] | None:
+        """Return the result and its entry once, when it is ready; else None."""
+        job = self._job
+        if job is None or not job.done.is_set():
+            return None
+        self._job = None
+        if job.cancelled or job.problem is not None:
+            self._number = None
+            return None
+        assert self._entry is not None
+        return self._entry, job.result

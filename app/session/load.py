@@ -9,10 +9,12 @@ from analysis.collision import Effect
 from analysis.pipeline import analyse, analyse_motion
 from analysis.shot import SETUP_CORRECTED, AnalysisError, AnalysisSettings, Cancelled, Progress, Recording, Shot, Stop
 from analysis.signal import motion_from_displacement
+from app.session.session import Entry
 from instrument.files import (
     RecordingError,
     analyse_and_check_hash,
     is_motion_record,
+    open_recording,
     open_without_hash,
     read_motion,
 )
@@ -131,3 +133,13 @@ def unanalysed(path: Path | None, settings: AnalysisSettings, problem: str, name
         fit=None,
         problem=problem,
     )
+
+
+def raw_of(entry: Entry) -> Recording | None:
+    """Return an entry's raw recording, or None where it has none or it cannot be read."""
+    if entry.path is None or is_motion_record(entry.path):
+        return None
+    try:
+        return open_recording(entry.path)
+    except (RecordingError, OSError):
+        return None

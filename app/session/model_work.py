@@ -4,7 +4,7 @@ The model may change again while a fit runs.  Each fit therefore carries its eff
 these are no longer the session's.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -13,8 +13,7 @@ from analysis.collision import Effect
 from analysis.diagnosis import SavedModel
 from analysis.fitted import awaits_fit, can_be_fitted
 from analysis.shot import Progress, Shot, Stop
-from app.session.event import Event, EventKind, LoadedModel, RefittedShot
-from app.session.jobs import Job, Work
+from app.session.jobs import EventKind, Job, Tell, Work
 from app.session.model_in_use import load_model, model_words
 from app.session.session import Entry, Session
 from app.session.shot_work import refit_shot
@@ -30,10 +29,10 @@ class _PendingFit:
 
 
 class ModelWork:
-    """Keeps every shot fitted on its own with the effects in the session's model."""
+    """Keeps every shot fitted on its own with the effects in the session's model; ``changed`` is told of new fits."""
 
-    def __init__(self, session: Session, work: Work) -> None:
-        self._session, self._work = session, work
+    def __init__(self, session: Session, work: Work, tell: Tell, changed: Callable[[int, Shot], None]) -> None:
+        self._session, self._work, self._tell, self._changed = session, work, tell, changed
         self._loaded: SavedModel | None = None
         self._pending: dict[int, _PendingFit] = {}  # by the entry's number
 
@@ -63,13 +62,13 @@ class ModelWork:
 
     def load(self, path: Path) -> None:
         """Queue the reading of a model file, whose effects then replace the model's."""
-        self._work.short_jobs.submit("model file", lambda _, __: LoadedModel(load_model(path), path), "model")
+        self._work.short_jobs.submit("model file", lambda _, __: load_model(path), "model", partial(self.take, path))
 
-    def take(self, result: LoadedModel) -> Event:
-        """Use a model file that was read; return the event for the screen."""
-        self._loaded = result.model
-        self._use(result.model.base, result.model.effects, result.model.tried)
-        return Event(EventKind.MODEL, f"Model {model_words(result.model)}, taken from {result.path}")
+    def take(self, path: Path, model: SavedModel) -> None:
+        """Use the model that was read from a file."""
+        self._loaded = model
+        self._use(model.base, model.effects, model.tried)
+        self._tell(EventKind.MODEL, f"Model {model_words(model)}, taken from {path}")
 
     def _use(self, base: str, effects: tuple[Effect, ...], tried: Sequence[Effect] = ()) -> None:
         """Set the model's effects and fit every shot on its own, as ``--model FILE`` and a reopened session do.
@@ -102,19 +101,18 @@ class ModelWork:
             if entry.number not in self._pending and (self.is_behind(entry) or entry.number in awaiting):
                 self._submit(entry)
 
-    def take_fit(self, result: RefittedShot) -> Shot | None:
-        """Give an entry its new fit; return its shot, or None where the fit is out of date."""
-        wanted = self._pending.get(result.number)
-        if wanted is not None and wanted.of is result.of and wanted.effects == result.effects:
-            del self._pending[result.number]
-        entry = self._session.entry(result.number)
-        if entry is None or entry.shot is None or not _same(entry.shot, result.of):
-            return None
-        if result.effects != self._effects_for(entry.shot):
-            return None
-        shot = replace(result.shot, path=entry.path)  # it may have been saved elsewhere meanwhile
-        self._session.fill(entry.number, shot)
-        return shot
+    def _take_fit(self, number: int, of: Shot, effects: tuple[Effect, ...], fitted: Shot) -> None:
+        """Give an entry its new fit, made from the shot ``of`` with these effects, unless it is out of date."""
+        wanted = self._pending.get(number)
+        if wanted is not None and wanted.of is of and wanted.effects == effects:
+            del self._pending[number]
+        entry = self._session.entry(number)
+        if entry is None or entry.shot is None or not _same(entry.shot, of):
+            return
+        if effects == self._effects_for(entry.shot):
+            shot = replace(fitted, path=entry.path)  # it may have been saved elsewhere meanwhile
+            self._session.fill(number, shot)
+            self._changed(number, shot)
 
     def forget(self) -> None:
         """Drop the fits and the model file of a session that is closed."""
@@ -130,11 +128,12 @@ class ModelWork:
         effects = self._effects_for(shot)
         fitting = partial(refit_shot, shot, effects)
 
-        def work(report: Progress, cancelled: Stop) -> RefittedShot:
+        def work(report: Progress, cancelled: Stop) -> object:
             report(f"fitting {entry.name}", 0.0)
-            return RefittedShot(number, shot, effects, self._work.do(fitting, report, cancelled))
+            return self._work.do(fitting, report, cancelled)
 
-        job = self._work.submit(self._work.jobs, f"fit of {entry.name} with the new model", work, "refit")
+        name, take = f"fit of {entry.name} with the new model", partial(self._take_fit, number, shot, effects)
+        job = self._work.submit(self._work.jobs, name, work, "refit", take)
         self._pending[number] = _PendingFit(job, shot, effects)
 
 

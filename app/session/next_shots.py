@@ -5,17 +5,24 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from analysis.fitted import awaits_fit
-from analysis.planning import MOST_SHOTS, NextShot, PlannedStep, PlanningState, next_step, plan_next
-from analysis.shot import Shot
+from analysis.planning import (
+    MOST_SHOTS,
+    NextShot,
+    PlannedStep,
+    PlanningState,
+    as_found_kg,
+    contact_s,
+    next_step,
+    plan_next,
+)
+from analysis.shot import Setup, Shot
 from app.session.choices import Choices
-from app.session.event import Diagnosed
-from app.session.jobs import Job
-from app.session.planned_capture import planned_record, planned_setup
 from app.session.rig import Rig
 from app.session.session import Entry
+from app.session.verdict_basis import Diagnosed
 from app.session.workbench import Workbench
 from instrument.capture import CaptureOptions
-from instrument.devices import is_bench, pushed
+from instrument.devices import CaptureSettings, is_bench, pushed
 
 PLAN = "plan"  # the kind of its jobs
 
@@ -37,7 +44,6 @@ class NextShots:
     def __init__(self, workbench: Workbench, rig: Rig, choices: Choices) -> None:
         self._workbench, self._rig, self._choices = workbench, rig, choices
         self._standings: dict[frozenset[int], PlanningState] = {}
-        self._job: tuple[Job, frozenset[int]] | None = None
         self._under: _Capture | None = None
 
     @property
@@ -59,7 +65,10 @@ class NextShots:
         motions = [shot.motion for shot in self._shots(found.numbers) if shot.motion is not None]
         left = max(0, MOST_SHOTS - len(steps))
         work = partial(plan_next, motions, found.diagnosis, tuple(steps), left=left, reach=self._choices.settings.reach)
-        self._job = (self._workbench.aside("next shot", work, PLAN), frozenset(found.numbers))
+        self._workbench.aside("next shot", work, PLAN, partial(self._take_plan, frozenset(found.numbers)))
+
+    def _take_plan(self, numbers: frozenset[int], state: PlanningState) -> None:
+        self._standings[numbers] = state
 
     def take(self, found: Diagnosed) -> None:
         """Arm for the first shot of the plan; on the simulated bench also set its speed and weights."""
@@ -99,12 +108,7 @@ class NextShots:
         self._workbench.diagnose(numbers)
 
     def poll(self) -> tuple[int, ...] | None:
-        """Take finished work; return the numbers of a set that a planned shot has just joined, else None."""
-        if self._job is not None and self._job[0].done.is_set():
-            job, numbers = self._job
-            self._job = None
-            if not job.cancelled and isinstance(job.result, PlanningState):
-                self._standings[numbers] = job.result
+        """Return the numbers of a set that a planned shot has just joined, else None."""
         under = self._under
         if under is None or not under.arrived:
             return None
@@ -118,3 +122,37 @@ class NextShots:
     def _shots(self, numbers: Sequence[int]) -> list[Shot]:
         entries = (self._workbench.session.entry(number) for number in numbers)
         return [entry.shot for entry in entries if entry is not None and entry.shot is not None]
+
+
+_LEAST_BEFORE_SWITCH_S = 1e-3
+_RATE_HZ = 10e6  # where no shot has a rate
+
+
+def planned_record(shot: NextShot, shots: Sequence[Shot], rate_hz: float | None) -> CaptureSettings:
+    """Return the capture settings of a planned shot; ``rate_hz`` None takes the rate of the shots so far."""
+    from analysis.inference import averaged_shots  # slow to import
+
+    rate_hz = rate_hz or next((one.sample_rate_hz for one in shots if one.sample_rate_hz), None) or _RATE_HZ
+    samples = averaged_shots([one.motion for one in shots if one.motion is not None and one.fit is not None])
+    whole_s = shot.before_s + contact_s(shot, samples) + shot.after_s
+    before_switch_s = max(shot.before_s - _switch_m(shots) / shot.speed_m_per_s, _LEAST_BEFORE_SWITCH_S)
+    return CaptureSettings(rate_hz, round(rate_hz * whole_s), round(rate_hz * before_switch_s))
+
+
+def planned_setup(setup: Setup, shot: NextShot, shots: Sequence[Shot]) -> Setup:
+    """Return the rig of a planned shot: the mass of the lightest shot so far plus the plan's weights.
+
+    The mass in the settings is not used, as the operator may have added the weights to it already.
+    """
+    motions = [one.motion for one in shots if one.motion is not None]
+    return replace(setup, moving_mass_kg=as_found_kg(motions) + shot.added_mass_kg)
+
+
+def _switch_m(shots: Sequence[Shot]) -> float:
+    """Return the distance from light switch to plate, the median of the shots so far; 0 where it is not known."""
+    ways = []
+    for shot in shots:
+        if shot.fit is not None and shot.trigger_time_s is not None:
+            own = shot.fit.shots[0]
+            ways.append(abs(own.velocity_in_m_per_s.value) * (own.touch_time_s.value - shot.trigger_time_s))
+    return max(0.0, sorted(ways)[len(ways) // 2]) if ways else 0.0

@@ -6,16 +6,16 @@ again.
 
 import hashlib
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 from analysis.diagnosis import Diagnosis
 from analysis.shot import AnalysisSettings, Progress, Shot, Stop, program, program_version
-from app.session.event import CachedResults, Diagnosed
 from app.session.jobs import Work
 from app.session.result_archive import NotStorable, head_of, packed, unpacked
+from app.session.verdict_basis import Diagnosed
 from instrument.files import RecordingError, is_foreign, read_metadata, recording_stem, write_atomic
 
 SCHEMA = "levimass.kept/2"
@@ -191,25 +191,26 @@ class CacheWork:
                 "keeping a diagnosis", lambda _, __: self._results.store_diagnosis(found.diagnosis, keys), "keep"
             )
 
-    def ask(self, keys: Mapping[int, Key]) -> None:
+    def ask(
+        self,
+        keys: Mapping[int, Key],
+        take_shots: Callable[[dict[int, CachedShot | None]], None],
+        take_diagnoses: Callable[[list[Diagnosed]], None],
+    ) -> None:
         """Queue the reading of these entries' results, the last first, as the session opens there."""
         numbers = list(keys)[::-1]
         for start in range(0, len(numbers), AT_ONCE):
             some = numbers[start : start + AT_ONCE]
-            self._work.submit(self._work.short_jobs, "kept results", partial(self._shots, some, keys), "kept")
-        self._work.submit(self._work.short_jobs, "kept diagnoses", partial(self._diagnoses, keys), "kept")
+            reading = partial(self._shots, {number: keys[number] for number in some})
+            self._work.submit(self._work.short_jobs, "kept results", reading, "kept", take_shots)
+        self._work.submit(
+            self._work.short_jobs, "kept diagnoses", partial(self._diagnoses, keys), "kept", take_diagnoses
+        )
 
-    def _shots(self, numbers: Sequence[int], keys: Mapping[int, Key], _: Progress, cancelled: Stop) -> CachedResults:
-        shots: list[tuple[int, Shot, str]] = []
-        for number in numbers:
-            kept = None if cancelled() else self._results.shot(keys[number])
-            if kept is not None:
-                shots.append((number, kept.shot, kept.version))
-        done = {number for number, *_ in shots}
-        return CachedResults(tuple(shots), tuple(number for number in numbers if number not in done))
+    def _shots(self, keys: Mapping[int, Key], _: Progress, cancelled: Stop) -> dict[int, CachedShot | None]:
+        return {number: None if cancelled() else self._results.shot(key) for number, key in keys.items()}
 
-    def _diagnoses(self, keys: Mapping[int, Key], _: Progress, __: Stop) -> CachedResults:
+    def _diagnoses(self, keys: Mapping[int, Key], _: Progress, __: Stop) -> list[Diagnosed]:
         number_of = {key.bare: number for number, key in keys.items()}
         kept = self._results.diagnoses(keys.values())
-        found = (Diagnosed(one.diagnosis, tuple(number_of[key] for key in one.of), one.version) for one in kept)
-        return CachedResults((), (), tuple(found))
+        return [Diagnosed(one.diagnosis, tuple(number_of[key] for key in one.of), one.version) for one in kept]

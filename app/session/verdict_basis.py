@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 from analysis.collision import Effect, findings
 from analysis.diagnosis import Diagnosis, Verdict, effect_in_file
-from app.session.event import Diagnosed
 from levimass import is_drive
 
 
@@ -35,6 +34,15 @@ def verdict_of(diagnosis: Diagnosis, numbers: Iterable[int]) -> VerdictBasis:
     """Return the model and shots that a diagnosis is about."""
     found = tuple(finding.effect for finding in diagnosis.findings)
     return VerdictBasis(findings(diagnosis.fit_before.effects), found, tuple(numbers), diagnosis.verdict)
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosed:
+    """A diagnosis and the entries it was made over, in the order of its fits."""
+
+    diagnosis: Diagnosis
+    numbers: tuple[int, ...]
+    version: str = ""  # of the program that made it, where it is a cached result
 
 
 class Diagnoses(list[Diagnosed]):

@@ -11,31 +11,21 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from analysis.diagnosis import Diagnosis
 from analysis.fitted import awaits_fit
 from analysis.shot import AnalysisSettings, Progress, Shot, Stop, why_not_together
-from app.session.event import (
-    CachedResults,
-    Diagnosed,
-    Event,
-    EventKind,
-    FilledEntry,
-    LoadedModel,
-    OpenedShot,
-    RefittedShot,
-    SavedElsewhere,
-)
 from app.session.exports import Exports, UnsavedShots
-from app.session.jobs import Job, Saver, Work
+from app.session.jobs import Event, EventKind, Saver, Take, Work
 from app.session.load import unanalysed
 from app.session.model_in_use import OwnLaws
 from app.session.model_work import ModelWork
-from app.session.result_cache import CacheWork, Key, ResultCache
+from app.session.result_cache import CachedShot, CacheWork, Key, ResultCache
 from app.session.session import Entry, Session
 from app.session.session_files import Unlisted, listed_by, lock_session, named_session, own_session, unlisted
 from app.session.settings import correction_words
 from app.session.shot_work import diagnose_shots, open_shot
 from app.session.spool import Spool
-from app.session.verdict_basis import Diagnoses, verdict_of
+from app.session.verdict_basis import Diagnosed, Diagnoses, verdict_of
 from app.session.why import Why
 from app.words import verdict_words
 from instrument.capture import STOPPED
@@ -76,26 +66,15 @@ class Workbench:
         self.own_laws = own_laws or OwnLaws(None)
         self._work = Work(apart)
         self.jobs, self.short_jobs = self._work.jobs, self._work.short_jobs
-        self.model = ModelWork(session, self._work)
+        self.model = ModelWork(session, self._work, self._tell, self._changed)
         self._kept = CacheWork(results, self._work) if results is not None else None
         self._usual = session.path.parent if session.path is not None else None
         self.diagnoses = Diagnoses()
         self.why = Why(self._work)
-        self.exports = Exports(session, self._work, self.diagnoses)
-        self.unsaved = UnsavedShots(session, self.short_jobs)
+        self.exports = Exports(session, self._work, self.diagnoses, self._tell)
+        self.unsaved = UnsavedShots(session, self.short_jobs, self._tell)
         self._settings, self._again = settings, again or settings
         self._waiting: list[Event] = []
-        self._takers: dict[type, Callable[[Any], object]] = {  # by the type of a job's result
-            Event: lambda result: self._waiting.append(result),
-            Diagnosed: self._take_diagnosed,
-            SavedElsewhere: lambda result: self._waiting.append(self.unsaved.take(result)),
-            LoadedModel: lambda result: self._waiting.append(self.model.take(result)),
-            OpenedShot: self._take_opened,
-            FilledEntry: self._take_filled,
-            RefittedShot: self._take_refitted,
-            CachedResults: self._take_reopened,
-            Unlisted: self._take_unlisted,
-        }
         self._tried_at_s = -SAVE_AGAIN_S  # when a session that could not be saved was last saved again
         self._captured: dict[tuple[str, str | None], int] = {}  # entries awaiting the rig's analysis
 
@@ -158,7 +137,8 @@ class Workbench:
         """Queue the reading of entries of a reopened session, from the cache where there is one."""
         unread = [entry for entry in self.session.entries if entry.shot is None and entry.path is not None]
         if self._kept is not None:
-            self._kept.ask({entry.number: self._key(entry) for entry in unread})
+            keys = {entry.number: self._key(entry) for entry in unread}
+            self._kept.ask(keys, self._take_cached, self._take_cached_diagnoses)
             return
         for entry in unread:
             self._submit_fill(entry)
@@ -180,7 +160,7 @@ class Workbench:
         def work(_: Progress, __: Stop) -> Unlisted:
             return unlisted(folder, own | listed_by(sessions), now_s)
 
-        self.short_jobs.submit("recordings not in any session", work, "look")
+        self.short_jobs.submit("recordings not in any session", work, "look", self._take_unlisted)
 
     def reanalyse(self, numbers: Sequence[int]) -> int:
         """Queue the analysis of these entries with the present settings, as copies; return how many.
@@ -266,18 +246,16 @@ class Workbench:
             return why
         ids = tuple(entry.number for entry in chosen)
         laws, problems = self.own_laws.read()
-        self._waiting += [Event(EventKind.PROBLEM, problem) for problem in problems]
+        for problem in problems:
+            self._tell(EventKind.PROBLEM, problem)
         accepted = self.model.effects_of(shots[0].settings.model)
         seconds = self._settings().diagnosis_seconds  # the present setting, not that of the shots
         judging = partial(diagnose_shots, shots, accepted, laws, seconds)
-
-        def work(report: Progress, cancelled: Stop) -> Diagnosed:
-            return Diagnosed(self._work.do(judging, report, cancelled), ids)
-
         which = ", ".join(str(number) for number in ids[:MOST_NAMED])
         more = f" and {len(ids) - MOST_NAMED} more" if len(ids) > MOST_NAMED else ""
         name = f"diagnosis of shot{'s' if len(ids) > 1 else ''} {which}{more}"
-        self._work.submit(self.jobs, name, work, "diagnosis")
+        take = partial(self._take_diagnosis, ids)
+        self._work.submit(self.jobs, name, partial(self._work.do, judging), "diagnosis", take)
         return None
 
     def set_note(self, number: int, note: str) -> None:
@@ -326,107 +304,98 @@ class Workbench:
         """Return the events since the last call."""
         if self._spool is not None:
             self._spool.release()
-        for job, result in self._work.ended():
-            if job.problem is not None:
-                self._waiting.append(Event(EventKind.PROBLEM, f"{job.name}: {job.problem}"))
-            else:
-                self._take(result)
+        for problem in self._work.take_ended():
+            self._tell(EventKind.PROBLEM, problem)
         if self.session.unsaved and time.monotonic() - self._tried_at_s > SAVE_AGAIN_S:
             self._tried_at_s = time.monotonic()
             self.session.save_again()
         events, self._waiting = self._waiting, []
         return events
 
-    def _take(self, result: object) -> None:
-        if (take := self._takers.get(type(result))) is not None:
-            take(result)
+    def _tell(self, kind: EventKind, words: str, numbers: tuple[int, ...] = (), paths: tuple[Path, ...] = ()) -> None:
+        self._waiting.append(Event(kind, words, numbers, paths))
 
-    def _take_diagnosed(self, result: Diagnosed) -> None:
-        result = self._held(result)
+    def _changed(self, number: int, shot: Shot) -> None:
+        """Store an entry's new shot, and tell the screen."""
+        self._keep([shot])
+        self._tell(EventKind.CHANGED, "", (number,))
+
+    def _take_diagnosis(self, numbers: tuple[int, ...], diagnosis: Diagnosis) -> None:
+        result = self._held(Diagnosed(diagnosis, numbers))
         self.diagnoses.append(result)
         if self._kept is not None:
-            entries = filter(None, map(self.session.entry, result.numbers))
+            entries = filter(None, map(self.session.entry, numbers))
             self._kept.store_diagnosis(result, [self._key(entry) for entry in entries if entry.path is not None])
-        of = verdict_of(result.diagnosis, result.numbers)
-        for number in result.numbers:
-            self.session.set_verdict(number, verdict_words(result.diagnosis.verdict, of.found), of)
-        self._waiting.append(Event(EventKind.DIAGNOSED, result.diagnosis.sentence, result.numbers))
-        if result.diagnosis.not_asked:
-            self._waiting.append(Event(EventKind.PROBLEM, f"no time for {'; '.join(result.diagnosis.not_asked)} (F2)"))
+        of = verdict_of(diagnosis, numbers)
+        for number in numbers:
+            self.session.set_verdict(number, verdict_words(diagnosis.verdict, of.found), of)
+        self._tell(EventKind.DIAGNOSED, diagnosis.sentence, numbers)
+        if diagnosis.not_asked:
+            self._tell(EventKind.PROBLEM, f"no time for {'; '.join(diagnosis.not_asked)} (F2)")
 
     def _held(self, found: Diagnosed) -> Diagnosed:
         return found if self._spool is None else replace(found, diagnosis=self._spool.moved(found.diagnosis))
 
-    def _take_opened(self, result: OpenedShot) -> None:
-        entry = self.session.add(result.shot, copy_of=result.copy_of)
-        self._keep([result.shot])
+    def _take_opened(self, copy_of: int | None, shot: Shot) -> None:
+        entry = self.session.add(shot, copy_of=copy_of)
+        self._keep([shot])
         self.model.catch_up()
-        self._waiting.append(Event(EventKind.SHOT, f"{entry.name} opened", (entry.number,)))
+        self._tell(EventKind.SHOT, f"{entry.name} opened", (entry.number,))
 
-    def _take_refitted(self, result: RefittedShot) -> None:
-        shot = self.model.take_fit(result)
-        if shot is not None:
-            self._keep([shot])
-            self._waiting.append(Event(EventKind.CHANGED, "", (result.number,)))
-
-    def _take_filled(self, result: FilledEntry) -> None:
-        entry = self.session.entry(result.number)
+    def _take_filled(self, number: int, shot: Shot) -> None:
+        entry = self.session.entry(number)
         if entry is None or (entry.shot is not None and entry.shot.motion is not None):
             return  # removed, or already analysed
-        self.session.fill(result.number, result.shot)
-        self._keep([result.shot])
+        self.session.fill(number, shot)
         self.model.catch_up()
-        self._waiting.append(Event(EventKind.CHANGED, "", (result.number,)))
+        self._changed(number, shot)
 
     def _take_unlisted(self, result: Unlisted) -> None:
         if result.cut_off:
             words = f"The program ended while it recorded {_named(result.cut_off)}: saved up to that point"
-            self._waiting.append(Event(EventKind.UNLISTED, words, paths=result.cut_off))
+            self._tell(EventKind.UNLISTED, words, paths=result.cut_off)
         if result.complete:
             count = len(result.complete)
             which = "1 recording" if count == 1 else f"{count} recordings"
             words = f"{which} in the data folder not in any session: {_named(result.complete)}"
-            self._waiting.append(Event(EventKind.UNLISTED, words, paths=result.complete))
+            self._tell(EventKind.UNLISTED, words, paths=result.complete)
 
-    def _take_reopened(self, result: CachedResults) -> None:
-        for number, shot, version in result.shots:
-            there = self.session.entry(number)
-            if there is not None and there.shot is None:
-                self.session.fill(number, shot, version)
+    def _take_cached(self, cached: dict[int, CachedShot | None]) -> None:
+        """Fill entries with their cached shots, and queue the reading of those that have none."""
+        waiting = [entry for number in cached if (entry := self.session.entry(number)) is not None]
+        waiting = [entry for entry in waiting if entry.shot is None]
+        for entry in waiting:
+            if (kept := cached[entry.number]) is not None:
+                self.session.fill(entry.number, kept.shot, kept.version)
         self.model.catch_up()
-        for number in result.missing:
-            entry = self.session.entry(number)
-            if entry is not None and entry.shot is None:
+        for entry in waiting:
+            if cached[entry.number] is None:
                 self._submit_fill(entry)
-        self.diagnoses[:0] = map(self._held, result.diagnosed)  # those made meanwhile are newer
-        if result.shots or result.diagnosed:
-            self._waiting.append(Event(EventKind.CHANGED, "", tuple(number for number, *_ in result.shots)))
+        if found := tuple(number for number, kept in cached.items() if kept is not None):
+            self._tell(EventKind.CHANGED, "", found)
+
+    def _take_cached_diagnoses(self, found: list[Diagnosed]) -> None:
+        self.diagnoses[:0] = map(self._held, found)  # those made meanwhile are newer
+        if found:
+            self._tell(EventKind.CHANGED, "")
 
     # the jobs ---------------------------------------------------------------------------------------------------
 
     def _entries(self, numbers: Sequence[int]) -> list[Entry]:
         return [entry for entry in self.session.entries if entry.number in numbers]
 
-    def aside(self, name: str, work: Callable[..., Any], kind: str) -> Job:
-        """Queue long work, called with ``progress`` and ``cancelled``; the caller takes the result from the job."""
-        return self.jobs.submit(name, lambda report, cancelled: self._work.do(work, report, cancelled), kind)
+    def aside(self, name: str, work: Callable[..., Any], kind: str, take: Take) -> None:
+        """Queue long work, called with ``progress`` and ``cancelled``."""
+        self.jobs.submit(name, partial(self._work.do, work), kind, take)
 
     def _submit_open(self, path: Path, settings: AnalysisSettings, copy_of: int | None = None) -> None:
-        opening = partial(open_shot, path, settings, self.session.effects)
-
-        def work(report: Progress, cancelled: Stop) -> OpenedShot:
-            return OpenedShot(self._work.do(opening, report, cancelled), copy_of)
-
-        self._work.submit(self.jobs, path.name, work, "open")
+        work = partial(self._work.do, partial(open_shot, path, settings, self.session.effects))
+        self._work.submit(self.jobs, path.name, work, "open", partial(self._take_opened, copy_of))
 
     def _submit_fill(self, entry: Entry) -> None:
-        number, effects = entry.number, self.session.effects
-        opening = partial(open_shot, Path(entry.path or ""), entry.settings, effects)
-
-        def work(report: Progress, cancelled: Stop) -> FilledEntry:
-            return FilledEntry(number, self._work.do(opening, report, cancelled))
-
-        self._work.submit(self.jobs, entry.name, work, "open")
+        opening = partial(open_shot, Path(entry.path or ""), entry.settings, self.session.effects)
+        take = partial(self._take_filled, entry.number)
+        self._work.submit(self.jobs, entry.name, partial(self._work.do, opening), "open", take)
 
 
 def _named(paths: Sequence[Path]) -> str:

@@ -19,7 +19,7 @@ from app.command_line.campaign.task import tasks_of
 from app.session import session as session_module
 from app.session import settings_file
 from app.session import workbench as workbench_module
-from app.session.event import EventKind
+from app.session.jobs import EventKind
 from app.session.result_archive import packed, unpacked
 from app.session.session import Session
 from app.session.settings import FIELDS, Settings

@@ -5,6 +5,7 @@ import json
 import os
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -26,10 +27,10 @@ from analysis.shot.quantity import Quantity
 from analysis.shot.shot import PlotNote
 from analysis.shot.version import program_version
 from app.session import result_archive, result_cache
-from app.session.event import Diagnosed
 from app.session.result_archive import NotStorable, head_of, packed, unpacked
 from app.session.result_cache import Key, ResultCache
 from app.session.session import Session
+from app.session.verdict_basis import Diagnosed
 from app.session.workbench import Workbench
 from tests.app import synthetic
 
@@ -168,8 +169,8 @@ def test_a_session_reopens_at_once_with_its_evidence_and_its_version(tmp_path, s
     kept = ResultCache(tmp_path / "kept")
     first = Workbench(Session(tmp_path / "session.json"), lambda: saved.settings, results=kept)
     entry = first.add_shot(saved)
-    found = Diagnosed(synthetic.diagnosis(saved), (entry.number,))
-    first.jobs.submit("diagnosis", lambda _, __: found, "diagnosis").done.wait(10)
+    found, take = synthetic.diagnosis(saved), partial(first._take_diagnosis, (entry.number,))
+    first.jobs.submit("diagnosis", lambda _, __: found, "diagnosis", take).done.wait(10)
     first.poll()
     _wait(first)
     assert first.close()
@@ -185,7 +186,7 @@ def test_a_session_reopens_at_once_with_its_evidence_and_its_version(tmp_path, s
         assert np.array_equal(filled.shot.fit.shots[0].residual_m, saved.fit.shots[0].residual_m)
         diagnosed = again.diagnoses.of([filled.number])
         assert diagnosed is not None and diagnosed.version == program_version()
-        assert diagnosed.diagnosis.sentence == found.diagnosis.sentence
+        assert diagnosed.diagnosis.sentence == found.sentence
         assert again.jobs.open_jobs == 0
     finally:
         again.close()

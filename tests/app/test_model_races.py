@@ -2,6 +2,7 @@
 
 import tempfile
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from hypothesis import HealthCheck, settings
@@ -11,7 +12,6 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 from analysis.collision.effects import effects_named
 from analysis.diagnosis.model_file import SavedModel, saved
 from analysis.shot.shot import AnalysisSettings
-from app.session.event import LoadedModel
 from app.session.session import Session
 from app.session.workbench import Workbench
 from tests.app import synthetic
@@ -94,8 +94,8 @@ class Races(RuleBasedStateMachine):
 
     @rule(effects=SAVED)
     def open_model(self, effects: tuple[str, ...]) -> None:
-        loaded = LoadedModel(model_file(effects), Path("model.toml"))
-        self.bench._work.short_jobs.submit("model file", lambda _, __: loaded, "model")
+        take = partial(self.bench.model.take, Path("model.toml"))
+        self.bench._work.short_jobs.submit("model file", lambda _, __: model_file(effects), "model", take)
 
     @rule()
     def open_recording(self) -> None:

@@ -15,11 +15,9 @@ from analysis.planning.shot_log import PlannedStep, PlanningState
 from analysis.shot.recording import Setup
 from app.command_line.cli import main
 from app.command_line.replay import plan_shots
-from app.session.event import Diagnosed
-from app.session.next_shots import NextShots
-from app.session.planned_capture import planned_setup
+from app.session.next_shots import NextShots, planned_setup
 from app.session.settings import Settings
-from app.session.verdict_basis import Diagnoses
+from app.session.verdict_basis import Diagnosed, Diagnoses
 from app.window.panels.next_shot import NextShotCard
 from instrument.capture.stream_reader import CaptureOptions
 from tests.analysis.diagnosis.shots import motions_of
@@ -83,10 +81,8 @@ class _Workbench:
         self.diagnoses = Diagnoses()
         self.asked, self.jobs = [], []
 
-    def aside(self, name, work, kind):
-        job = SimpleNamespace(done=SimpleNamespace(is_set=lambda: True), cancelled=False, result=None, work=work)
-        self.jobs.append(job)
-        return job
+    def aside(self, name, work, kind, take):
+        self.jobs.append(SimpleNamespace(work=work, take=take))
 
     def diagnose(self, numbers):
         self.asked.append(tuple(numbers))
@@ -112,7 +108,7 @@ def planned(said):
     choices = SimpleNamespace(settings=Settings(weights_kg="0.02 0.1", speeds_m_per_s="0.3"))
     plans, found = NextShots(workbench, rig, choices), Diagnosed(said, (1, 2))
     plans.plan(found)
-    workbench.jobs[-1].result = PlanningState(PLAN)
+    workbench.jobs[-1].take(PlanningState(PLAN))
     assert plans.poll() is None
     return plans, workbench, rig, found
 

@@ -2,12 +2,12 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
 from PySide6.QtWidgets import QFileDialog
 
-from app.session.event import Diagnosed
 from app.session.session import Session
 from app.session.session_files import last_session, named_session
 from app.session.workbench import Workbench
@@ -52,8 +52,8 @@ def test_what_is_no_session_is_left_as_it_is(workbench, tmp_path):
 
 
 def test_what_was_asked_in_another_session_changes_nothing_in_this(workbench, tmp_path):
-    found = Diagnosed(synthetic.diagnosis(synthetic.shot()), (1,))
-    workbench._work.submit(workbench.jobs, "diagnosis", lambda _, __: found, "diagnosis")
+    found, take = synthetic.diagnosis(synthetic.shot()), partial(workbench._take_diagnosis, (1,))
+    workbench._work.submit(workbench.jobs, "diagnosis", lambda _, __: found, "diagnosis", take)
     while workbench.jobs.open_jobs:
         pass
     other = tmp_path / "other.json"

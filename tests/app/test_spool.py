@@ -81,9 +81,7 @@ def test_a_session_holds_shots_and_diagnoses_so_whatever_way_they_come(tmp_path,
 
 
 def _diagnosed(bench, shot):
-    from app.session.event import Diagnosed
-
-    bench._take_diagnosed(Diagnosed(synthetic.diagnosis(shot), (1,)))
+    bench._take_diagnosis((1,), synthetic.diagnosis(shot))
     return bench.diagnoses.newest
 
 

@@ -6,8 +6,8 @@ from pytestqt.qtbot import QtBot
 
 from analysis.collision.effects import effects_named
 from analysis.shot.shot import AnalysisSettings
-from app.session.event import Diagnosed
 from app.session.session import Session
+from app.session.verdict_basis import Diagnosed
 from app.session.workbench import Workbench
 from app.window.layout import Layout
 from app.window.presenters.diagnosis import DiagnosisPresenter

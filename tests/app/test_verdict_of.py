@@ -11,9 +11,8 @@ from analysis.diagnosis.result import Verdict
 from analysis.shot.shot import AnalysisSettings
 from app.report.diagnosis_section import diagnosis_section
 from app.session.choices import Choices
-from app.session.event import Diagnosed
 from app.session.session import Session
-from app.session.verdict_basis import Diagnoses, VerdictBasis, verdict_of
+from app.session.verdict_basis import Diagnosed, Diagnoses, VerdictBasis, verdict_of
 from app.session.workbench import Workbench
 from app.window.layout import Layout
 from app.window.panels.session_model import VERDICT, SessionModel
@@ -77,7 +76,7 @@ def test_taken_out_of_the_model_an_effect_takes_its_verdict_with_it_here_and_aft
         settings = replace(shot.settings, effects=(named("quadratic_drag"),))
         bench.add_shot(replace(shot, path=str(tmp_path / "a.csv"), fit=fit, settings=settings))
         told = replace(_found(("quadratic_drag",)), verdict=Verdict.ADEQUATE, effects=(), fit_after=fit)
-        bench._take(Diagnosed(told, (1,)))
+        bench._take_diagnosis((1,), told)
 
         def looks():
             session.refresh()

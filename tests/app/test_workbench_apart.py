@@ -9,7 +9,7 @@ import pytest
 from analysis.collision.effects import named
 from analysis.shot.motion import ARRAYS
 from analysis.shot.shot import AnalysisSettings
-from app.session.event import Event, EventKind
+from app.session.jobs import Event, EventKind
 from app.session.load import load_and_analyse
 from app.session.session import Session
 from app.session.workbench import Workbench

@@ -1,6 +1,5 @@
-from .cli import main
+from .cli import main, window
 from .machine import TRY_WINDOW, try_window
-from .modes import window
 
 __all__ = [
     "TRY_WINDOW",

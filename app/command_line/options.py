@@ -250,7 +250,6 @@ NEEDED = (  # an option, and those of which it needs at least one
 
 
 def commands_of(group: Group, option: Option) -> tuple[str, ...]:
-    """Return the commands that accept an option."""
     return (*group.commands, *_ALSO.get(option.key, ()))
 
 

@@ -8,7 +8,7 @@ from analysis.collision import TooManyEvents
 from analysis.paper import Reproduction, Status, reproduce, to_result
 from analysis.shot import Shot
 from app.command_line.outputs import in_a_line, json_text, say, say_problem, write_json
-from app.report import SECTIONS, cells, shown
+from app.report import PAPER_SECTIONS, paper_cells, shown_number
 from app.session import load_and_analyse
 from instrument.files import RecordingError, find_recordings
 
@@ -45,16 +45,18 @@ def table(result: Reproduction) -> str:
     lines = [result.title, result.authors]
     head = ("", "paper", "as printed", "simulated", "recomputed", "recording", "difference")
     with_recording = result.recording is not None
-    for section, words in SECTIONS.items():
+    for section, words in PAPER_SECTIONS.items():
         rows = [row for row in result.rows if row.section == section]
         lines += ["", words, _columns(head, with_recording)]
         for row in rows:
-            lines.append(_columns(cells(row), with_recording))
+            lines.append(_columns(paper_cells(row), with_recording))
             if row.traced_to:
                 lines += textwrap.wrap(row.traced_to, _LINE - 4, initial_indent="    ", subsequent_indent="    ")
     count = {status: sum(row.status is status for row in result.rows) for status in Status}
     lines += ["", f"{count[Status.AGREES]} agree as printed, {count[Status.TRACED]} traced, {count[Status.OPEN]} open:"]
-    lines += [f"  open: {row.what} ({shown(row, row.error_after, relative=True) or '–'})" for row in result.open_rows]
+    lines += [
+        f"  open: {row.what} ({shown_number(row, row.error_after, relative=True) or '–'})" for row in result.open_rows
+    ]
     return "\n".join(lines)
 
 

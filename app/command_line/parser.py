@@ -64,7 +64,6 @@ def parse(arguments: list[str]) -> argparse.Namespace:
 
 
 def command_of(options: argparse.Namespace) -> str:
-    """Return the name of the command."""
     for command in COMMANDS:
         value = getattr(options, command.key)
         if value is not None and (value is not False or command.parse is not None):

@@ -6,8 +6,8 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from app.command_line.cli import window
 from app.command_line.machine import why_no_window
-from app.command_line.modes import window
 from instrument.bench import USUAL_SITE, site_named
 
 

@@ -1,5 +1,6 @@
-from .csv_export import (
+from .exports import (
     export,
+    export_hdf5,
     export_laws,
     export_prediction,
     law_columns,
@@ -9,17 +10,15 @@ from .csv_export import (
     write_motion,
     write_shots,
 )
-from .hdf5_export import export_hdf5
+from .number_tables import PAPER_SECTIONS, paper_cells, readable_unit, shown_number
 from .page import report_of
-from .paper_rows import SECTIONS, cells, readable_unit, shown
 from .pdf import document_of, write_pdf
 from .provenance import program_words
 from .session_section import shared_stds
 from .shot_figures import contact_span_ms, time_zero
 
 __all__ = [
-    "SECTIONS",
-    "cells",
+    "PAPER_SECTIONS",
     "contact_span_ms",
     "document_of",
     "export",
@@ -28,13 +27,14 @@ __all__ = [
     "export_prediction",
     "law_columns",
     "motion_file_names",
+    "paper_cells",
     "program_words",
     "readable_unit",
     "report_of",
     "shared_stds",
     "shot_columns",
     "shot_row",
-    "shown",
+    "shown_number",
     "time_zero",
     "write_motion",
     "write_pdf",

@@ -1,11 +1,19 @@
 """Sections of the report on a diagnosis, with evidence, errors and detection limits, and on a tested prediction."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.diagnosis import Diagnosis, Errors, FoundEffect, LearnedLaw, in_words, prediction_words, remark_on
+from analysis.diagnosis import (
+    Diagnosis,
+    Errors,
+    Foretold,
+    FoundEffect,
+    LearnedLaw,
+    in_words,
+    prediction_words,
+    remark_on,
+)
 from analysis.shot import Quantity, Shot, plates_words, weights_words
 from analysis.uncertainty import diagnosed_band
 from app.report.markup import Markup, joined, table, tag
@@ -14,9 +22,6 @@ from app.report.shot_figures import NOISE, figure
 from app.report.svg_plot import Band, Line, Plot
 from app.words import VERDICTS, parameter_parts, prefix_for
 from instrument.files import one_line
-
-if TYPE_CHECKING:
-    from analysis.diagnosis import Foretold
 
 ERRORS = (
     ("displacement_rms_m", "displacement, rms", "m"),
@@ -153,7 +158,7 @@ def _parameters(parameters: Mapping[str, Quantity]) -> str:
     return ", ".join(parts)
 
 
-def prediction_section(prediction: "Foretold") -> Markup:
+def prediction_section(prediction: Foretold) -> Markup:
     """Return the section on a model file tested on these shots: sentence, errors of all shots and of each."""
     effects = " + ".join(effect.words for effect in prediction.effects) or "no effect"
     columns: list[tuple[str, Errors]] = [("base alone", prediction.error_base), ("whole model", prediction.error_model)]

@@ -1,4 +1,4 @@
-"""HTML and SVG elements; all text that is not ``Markup`` already is escaped.
+"""HTML and SVG elements, and their style sheet; all text that is not ``Markup`` already is escaped.
 
 A template engine would be one more dependency, and escapes only on request.
 """
@@ -6,6 +6,8 @@ A template engine would be one more dependency, and escapes only on request.
 import html
 import re
 from collections.abc import Iterable, Sequence
+from functools import cache
+from importlib import resources
 
 
 class Markup(str):
@@ -55,3 +57,8 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]], class_: str | No
 
 def _unbroken(cells: Sequence[str]) -> list[str]:
     return [cell if isinstance(cell, Markup) else _INSIDE_UNIT.sub("\u00a0", cell) for cell in cells]
+
+
+@cache
+def style_sheet() -> str:
+    return resources.files("resources").joinpath("report.css").read_text(encoding="utf-8")

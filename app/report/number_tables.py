@@ -1,10 +1,11 @@
-"""Tables of a shot's numbers: readings, fitted parameters, uncertainty budgets, vibration of the path."""
+"""Tables of a shot's numbers: readings, fitted parameters, uncertainty budgets, vibration; rows of the paper's."""
 
 import math
 from collections.abc import Collection
 
 from analysis.collision import Effect
 from analysis.fitted import ReadingsModel
+from analysis.paper import PaperRow, Status
 from analysis.shot import Disturbance, Fit, NotSeen, Quantity, Reading, Shot, shown_in
 from analysis.uncertainty import (
     COVERAGE_FACTOR,
@@ -150,3 +151,48 @@ def disturbance_section(disturbance: Disturbance) -> Markup:
     if shares:
         parts.append(tag("p", f"Share of the variance due to table vibration: {', '.join(shares)}."))
     return joined(*parts)
+
+
+PAPER_SECTIONS = {
+    "input": "Parameters of the paper's rig and simulation",
+    "simulation": "The simulation",
+    "measurement": "The measurement",
+    "plate": "The plate",
+    "instrument": "The instrument",
+}
+SCALES = {"s": (1e3, "ms"), "m": (1e3, "mm"), "kg": (1e3, "g"), "Pa": (1e-9, "GPa"), "1": (1.0, "")}
+OWN_SCALES = {"wavelength": (1e9, "nm"), "record_length": (1.0, "s"), "input.step_s": (1e9, "ns")}
+
+
+def paper_cells(row: PaperRow) -> tuple[str, ...]:
+    """Return a row as text: what, paper, as printed, simulated, recomputed, recording, difference and status."""
+    said = row.paper_words or shown_number(row, row.paper) or "–"
+    unit = readable_unit(row)[1].replace("m3", "m³")
+    what = f"{row.what} ({unit})" if unit else row.what
+    recorded = str(row.recorded.scaled(readable_unit(row)[0])) if isinstance(row.recorded, Quantity) else ""
+    if row.status in (Status.INPUT, Status.ADDED):
+        difference = row.status.value
+    else:
+        before, after = (shown_number(row, error, relative=True) for error in (row.error_before, row.error_after))
+        change = before if row.error_before == row.error_after else f"{before} → {after or '–'}"
+        difference = f"{change} {row.status.value}"
+    numbers = (shown_number(row, value) for value in (row.printed, row.simulated, row.recomputed))
+    return what, said, *numbers, recorded, difference
+
+
+def shown_number(row: PaperRow, value: float | None, *, relative: bool = False) -> str:
+    """Return a number of a row in its readable unit, or a relative difference in per cent; empty for None."""
+    if value is None:
+        return ""
+    if relative:
+        if value > 2.0:
+            return f"×{value + 1.0:.{0 if value > 99.0 else 1}f}"
+        if abs(value) < 5e-7:
+            return "none"
+        return f"{value * 1e6:+.0f} ppm" if abs(value) < 5e-4 else f"{value * 100.0:+.2g} %"
+    return f"{value * readable_unit(row)[0]:.7g}"
+
+
+def readable_unit(row: PaperRow) -> tuple[float, str]:
+    """Return the factor from SI to the readable unit, and that unit."""
+    return OWN_SCALES.get(row.key) or SCALES.get(row.unit, (1.0, row.unit))

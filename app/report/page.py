@@ -10,11 +10,10 @@ from analysis.shot import UNITS, PlotNote, Shot
 from analysis.uncertainty import budget
 from app.report import provenance
 from app.report.diagnosis_section import diagnosis_section, prediction_section
-from app.report.markup import Markup, joined, table, tag
+from app.report.markup import Markup, joined, style_sheet, table, tag
 from app.report.number_tables import budgets, disturbance_section, fitted, model_of_readings, numbers
 from app.report.session_section import session_section
 from app.report.shot_figures import figures
-from app.report.svg_style import style_sheet
 from app.words import by_weight, flag_words
 
 MOST_DRAWN = 24  # shots with figures: more would make the file too large for a browser
@@ -25,7 +24,6 @@ def report_of(
     shots: Sequence[Shot],
     diagnosis: Diagnosis | None = None,
     *,
-    title: str | None = None,
     made_at: datetime | None = None,
     prediction: Foretold | None = None,
     tried: Collection[Effect] = (),
@@ -34,12 +32,12 @@ def report_of(
     """Return the report as HTML.
 
     One shot gives its own report; several give a session's, with overlay and trends before the shots themselves.
-    ``made_at`` defaults to now.  ``tried`` are effects in the model that no diagnosis named; ``next_shots`` is the plan
+    ``made_at`` defaults to now; ``tried`` are effects in the model that no diagnosis named; ``next_shots`` is the plan
     of the next shots in words.
     Figures are inline SVG, the style sheet is included; the page loads nothing and runs no script.
     """
     made = (made_at or datetime.now(UTC)).astimezone(UTC).strftime("%Y-%m-%d %H:%M UTC")
-    heading = title or (shots[0].name if len(shots) == 1 else f"Session of {len(shots)} shots")
+    heading = shots[0].name if len(shots) == 1 else f"Session of {len(shots)} shots"
     head = tag(
         "head",
         tag("meta", charset="utf-8"),

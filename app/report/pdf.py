@@ -1,15 +1,20 @@
-"""The report as PDF: HTML laid out by Qt, with figures and legend keys drawn from SVG."""
+"""The report as PDF: HTML laid out by Qt, with figures and legend keys drawn from SVG.
+
+In a page a figure takes its colours from the page's style sheet.  Qt draws it alone and knows neither the sheet nor its
+variables, and would fill everything with black: the rules are written into the elements' attributes.
+"""
 
 import os
 import re
 from pathlib import Path
+from xml.etree import ElementTree
 
 from PySide6.QtCore import QByteArray, QMarginsF, QSizeF, QUrl
 from PySide6.QtGui import QGuiApplication, QImage, QPageLayout, QPageSize, QPainter, QPdfWriter, QTextDocument
 from PySide6.QtSvg import QSvgRenderer
 
+from app.report.markup import style_sheet
 from app.report.svg_plot import WIDTH
-from app.report.svg_style import with_own_style
 from instrument.files import write_atomic
 
 _FIGURE = re.compile(r"<svg\b.*?</svg>", re.DOTALL)
@@ -18,6 +23,13 @@ _WIDTH = 680  # of a figure over the page's width, in the document's pixels
 _KEY_SIZE = (26, 10)
 _OVERSAMPLING = 3.0  # a figure's pixels per pixel of the document
 _MARGIN_MM = 15.0
+_RULE = re.compile(r"([^{}]+)\{([^{}]*)\}")
+_VARIABLE = re.compile(r"var\((--[\w-]+)\)")
+_SELECTOR = re.compile(r"(?:svg )?(\.?[\w-]+)$")
+_PROPERTIES = ("fill", "stroke", "stroke-width", "stroke-dasharray", "stroke-linejoin", "text-anchor", "font-size")
+NAMESPACE = "http://www.w3.org/2000/svg"
+
+Style = dict[str, str]  # values by property
 
 
 def document_of(html: str) -> QTextDocument:
@@ -74,7 +86,7 @@ def write_pdf(html: str, path: Path) -> None:
 
 def _drawn(svg: str, width: float) -> QImage:
     """Return a figure as an image; the ratio of its width to the page's is kept."""
-    renderer = QSvgRenderer(QByteArray(with_own_style(svg).encode("utf-8")))
+    renderer = QSvgRenderer(QByteArray(with_own_style(svg, style_sheet()).encode("utf-8")))
     size = renderer.defaultSize()
     narrower = width == _WIDTH and size.width() < WIDTH  # two of them stand side by side
     wide = 0.96 * width * size.width() / WIDTH if narrower else width
@@ -85,3 +97,39 @@ def _drawn(svg: str, width: float) -> QImage:
     renderer.render(painter)
     painter.end()
     return image
+
+
+def rules_of(sheet: str) -> dict[str, Style]:
+    """Return the rules of a style sheet for figures, by "name" or ".class", with variables replaced."""
+    plain = re.sub(r"/\*.*?\*/|@media[^{]*\{(?:[^{}]*\{[^{}]*\})*[^{}]*\}", "", sheet, flags=re.DOTALL)
+    parsed = [(selectors.strip(), _declared(body)) for selectors, body in _RULE.findall(plain)]
+    variables = {name: value for _, body in parsed for name, value in body.items() if name.startswith("--")}
+    rules: dict[str, Style] = {}
+    for selectors, body in parsed:
+        style = {
+            name: _VARIABLE.sub(lambda found: variables[found[1]], body[name]) for name in _PROPERTIES if name in body
+        }
+        for selector in selectors.split(","):
+            found = _SELECTOR.match(selector.strip())
+            if style and found is not None:
+                rules.setdefault(found[1], {}).update(style)
+    return rules
+
+
+def with_own_style(svg: str, sheet: str) -> str:
+    """Return a figure, an ``svg`` element, with the rules of a style sheet as its elements' attributes."""
+    rules = rules_of(sheet)
+    root = ElementTree.fromstring(svg)
+    for element in root.iter():
+        own: Style = {}
+        for selector in (element.tag.rpartition("}")[2], *(f".{name}" for name in element.get("class", "").split())):
+            own |= rules.get(selector, {})
+        for name, value in own.items():
+            element.set(name, value.removesuffix("px"))
+    root.set("xmlns", NAMESPACE)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _declared(body: str) -> Style:
+    pairs = (part.partition(":") for part in body.split(";") if ":" in part)
+    return {name.strip(): value.strip() for name, _, value in pairs}

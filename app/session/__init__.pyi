@@ -1,8 +1,7 @@
 from .channel_looks import ChannelKind, ChannelLook, is_swapped, looks_of, proposed
 from .choices import Choices
 from .jobs import Event, EventKind, Job, Jobs, Saver, ShotJob
-from .kernel_compilation import Stage, complete, prepare, prepare_first_shot, warm_up_analysis
-from .kernels import Kernels
+from .kernels import Kernels, Stage, complete, prepare, prepare_first_shot, warm_up_analysis
 from .load import analysed, cause_of, load_and_analyse, raw_of, unanalysed
 from .log import NAME, ProgramLog, note
 from .model_in_use import DRIFT_SIGMAS, OwnLaws, drift_words, load_model, with_combined

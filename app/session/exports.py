@@ -9,8 +9,9 @@ from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis
 from analysis.shot import Progress, Shot, Stop
 from app.session.jobs import EventKind, Jobs, Tell, Work
+from app.session.model_in_use import save_model
 from app.session.session import Entry, Session
-from app.session.shot_work import predictions_of, report_text, write_csv, write_hdf5, write_model, write_report
+from app.session.shot_work import predictions_of, report_text, write_csv, write_hdf5, write_report
 from app.session.verdict_basis import Diagnoses
 from instrument.files import PartlySaved
 
@@ -53,7 +54,7 @@ class Exports:
         found = self._diagnoses.of(sorted(chosen))
         same = found is not None and chosen == set(found.numbers)
         diagnosis = found.diagnosis if found is not None and same else None
-        self._submit("model file", partial(write_model, path, shots, effects, diagnosis))
+        self._submit("model file", partial(save_model, path, shots, effects, diagnosis))
 
     @property
     def _tried(self) -> tuple[Effect, ...]:

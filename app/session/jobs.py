@@ -73,7 +73,6 @@ class Job:
         return gone * (1.0 - self.fraction) / self.fraction if gone > ESTIMATE_AFTER_S else None
 
     def cancel(self) -> None:
-        """Ask the job to stop; it does where it next checks."""
         self.cancelled = True
 
 
@@ -134,7 +133,6 @@ class Jobs:
         return ended
 
     def cancel(self, kind: str | None = None) -> None:
-        """Cancel all jobs, or all of one kind."""
         with self._wake:
             for job in (*self._waiting, self._current):
                 if job is not None and (kind is None or job.kind == kind):

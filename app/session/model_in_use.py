@@ -8,7 +8,7 @@ from typing import Any
 from analysis.collision import Effect, LawError, OwnLaw, findings, from_mapping
 from analysis.diagnosis import Diagnosis, ModelFileError, SavedModel, drift, from_text, saved, to_text
 from analysis.fitted import fit_jointly, shaking_of
-from analysis.shot import AnalysisError, Fit, Shot, Stop, why_not_together
+from analysis.shot import AnalysisError, Fit, Progress, Shot, Stop, why_not_together
 from app.report import shared_stds
 from app.session.verdict_basis import ModelEffects
 from app.words import model_in_words, parameter_parts
@@ -20,13 +20,20 @@ COMBINED = "combined standard uncertainties: noise, and mass, wavelength, air an
 
 
 def save_model(
-    path: Path, shots: Sequence[Shot], accepted: ModelEffects, diagnosis: Diagnosis | None, cancelled: Stop
+    path: Path,
+    shots: Sequence[Shot],
+    accepted: ModelEffects,
+    diagnosis: Diagnosis | None,
+    *,
+    progress: Progress,
+    cancelled: Stop,
 ) -> str:
     """Save the model of a joint fit to these shots, and return what was done in words.
 
     The fit is that of a ``diagnosis`` of just these shots with these effects; otherwise the shots are fitted here.
     Raises AnalysisError where no fit converges, RecordingError where the file cannot be written.
     """
+    progress("fitting the shots jointly", 0.2)
     fitted = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
     if not fitted:
         raise AnalysisError("no shot is fitted, so there is no model to save")

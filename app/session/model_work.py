@@ -57,7 +57,6 @@ class ModelWork:
             self._use(base, (*self.effects_of(base), effect), tried=(effect,))
 
     def remove(self, base: str, effect: Effect) -> None:
-        """Remove an effect from the model."""
         self._use(base, tuple(one for one in self.effects_of(base) if one != effect))
 
     def load(self, path: Path) -> None:

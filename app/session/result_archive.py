@@ -76,7 +76,7 @@ def unpacked(file: Any) -> object:
             arrays = [archive[f"a{place}"] for place in range(len(archive.files) - 2)]
             for array in arrays:
                 array.flags.writeable = False
-            return _read(body, arrays)
+            return rejoined(body, arrays)
     except (OSError, ValueError, KeyError, IndexError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise NotStorable(str(error)) from None  # of another version, or damaged
 
@@ -85,11 +85,6 @@ def parted(value: object) -> tuple[Any, list[np.ndarray]]:
     """Return a value's structure and its arrays, each array once.  Raises NotStorable for what cannot be kept."""
     arrays: list[np.ndarray] = []
     return _written(value, arrays, {}), arrays
-
-
-def rejoined(body: Any, arrays: list[np.ndarray]) -> object:
-    """Return the value of a structure and these arrays."""
-    return _read(body, arrays)
 
 
 def _written(value: object, arrays: list[np.ndarray], seen: dict[int, int]) -> Any:
@@ -116,7 +111,8 @@ def _written(value: object, arrays: list[np.ndarray], seen: dict[int, int]) -> A
     raise NotStorable(f"a {type(value).__name__} cannot be stored")
 
 
-def _read(body: Any, arrays: list[np.ndarray]) -> Any:
+def rejoined(body: Any, arrays: list[np.ndarray]) -> Any:
+    """Return the value of a structure and these arrays."""
     if not isinstance(body, dict):
         return body
     if "array" in body:
@@ -128,11 +124,11 @@ def _read(body: Any, arrays: list[np.ndarray]) -> Any:
             raise NotStorable(f"no effect is called {body['effect'][:40]!r}")
         return effect
     if "map" in body:
-        return {key: _read(one, arrays) for key, one in body["map"]}
+        return {key: rejoined(one, arrays) for key, one in body["map"]}
     for kind in (tuple, list):
         if kind.__name__ in body:
-            return kind(_read(one, arrays) for one in body[kind.__name__])
+            return kind(rejoined(one, arrays) for one in body[kind.__name__])
     kind = cast(Any, kinds()[body["kind"]])
     if "value" in body:
         return kind(body["value"])
-    return kind(**{name: _read(one, arrays) for name, one in body["fields"].items()})
+    return kind(**{name: rejoined(one, arrays) for name, one in body["fields"].items()})

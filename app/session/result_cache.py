@@ -6,7 +6,7 @@ again.
 
 import hashlib
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -50,15 +50,6 @@ class CachedShot:
     version: str
 
 
-@dataclass(frozen=True, slots=True)
-class CachedDiagnosis:
-    """A diagnosis of these shots (``Key.bare``) in the order of its fits, and its program's version."""
-
-    diagnosis: Diagnosis
-    of: tuple[str, ...]
-    version: str
-
-
 class ResultCache:
     """Files in one folder; every method may be called from any thread and raises nothing."""
 
@@ -86,14 +77,14 @@ class ResultCache:
         return CachedShot(shot, str(head.get("version"))) if isinstance(shot, Shot) else None
 
     def store_diagnosis(self, diagnosis: Diagnosis, of: Sequence[Key]) -> None:
-        """Store a diagnosis of these shots."""
         keys = [key.bare for key in of]
         head = {"of": keys, "stamps": [_stamp(Path(key.path)) for key in of]}
         self._write(f"diagnosis-{_short(' '.join(keys))}.npz", head, diagnosis)
 
-    def diagnoses(self, of: Iterable[Key]) -> list[CachedDiagnosis]:
-        """Return all cached diagnoses whose shots are among these, oldest first."""
-        stamps = {key.bare: _stamp(Path(key.path)) for key in of}
+    def diagnoses(self, of: Mapping[int, Key]) -> list[Diagnosed]:
+        """Return all cached diagnoses whose shots are among these entries, oldest first."""
+        number_of = {key.bare: number for number, key in of.items()}
+        stamps = {key.bare: _stamp(Path(key.path)) for key in of.values()}
         found = []
         for file in self._files("diagnosis-*.npz"):
             try:
@@ -107,7 +98,8 @@ class ResultCache:
             except NotStorable:
                 continue
             if isinstance(diagnosis, Diagnosis):
-                found.append(CachedDiagnosis(diagnosis, tuple(keys), str(head.get("version"))))
+                numbers = tuple(number_of[key] for key in keys)
+                found.append(Diagnosed(diagnosis, numbers, str(head.get("version"))))
         return found
 
     def _files(self, pattern: str) -> list[Path]:
@@ -211,6 +203,4 @@ class CacheWork:
         return {number: None if cancelled() else self._results.shot(key) for number, key in keys.items()}
 
     def _diagnoses(self, keys: Mapping[int, Key], _: Progress, __: Stop) -> list[Diagnosed]:
-        number_of = {key.bare: number for number, key in keys.items()}
-        kept = self._results.diagnoses(keys.values())
-        return [Diagnosed(one.diagnosis, tuple(number_of[key] for key in one.of), one.version) for one in kept]
+        return self._results.diagnoses(keys)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from analysis.pipeline import read
 from analysis.shot import AnalysisSettings, Cancelled, Channel, Progress, Recording, Shot
-from app.session.kernel_compilation import Stage
+from app.session.kernels import Stage
 from instrument.capture import (
     CaptureOptions,
     Deadlines,
@@ -47,8 +47,6 @@ LONGEST_ARMING_S = 60.0
 
 @dataclass(frozen=True, slots=True)
 class _Running:
-    """An open source."""
-
     source: str
     digitizer: Digitizer
     capture: "Capture"
@@ -141,7 +139,6 @@ class Rig:
             self._wake.notify()
 
     def abort(self) -> None:
-        """Abort the capture."""
         if self._running is not None:
             self._running.capture.abort()
             self._arm_pressed = None

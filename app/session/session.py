@@ -76,7 +76,6 @@ class Session:
 
     @property
     def effects(self) -> ModelEffects:
-        """Get the effects in the model."""
         return self._effects
 
     def set_effects(self, effects: ModelEffects) -> None:

@@ -99,7 +99,7 @@ class Settings(AnalysisChoices):
     tour_done: bool = False
     session: str = ""  # path of the open session, where it has a name
     recent: str = ""  # recently opened files, newest first, a line each
-    window: str = ""  # geometry and view: ``app.window.window_state``
+    window: str = ""  # geometry and view: ``app.window.layout``
     # fmt: on
 
     def __post_init__(self) -> None:
@@ -144,7 +144,6 @@ class Settings(AnalysisChoices):
 
     @property
     def analysis(self) -> AnalysisSettings:
-        """Get the settings of the analysis."""
         return AnalysisSettings(**{field.name: getattr(self, field.name) for field in fields(AnalysisChoices)})
 
     @property

@@ -1,4 +1,4 @@
-"""Work on shots as functions that can run in another process: open, fit, diagnose, export, report.
+"""Work on shots as functions that can run in another process: fit, diagnose, export, report, predict.
 
 Slow imports are inside the functions that need them, so that the window starts quickly.
 """
@@ -10,18 +10,9 @@ from typing import Any
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis
 from analysis.fitted import SECONDS, fit_again, run_in_time
-from analysis.shot import AnalysisError, AnalysisSettings, Progress, Shot, Stop
-from app.session.load import load_and_analyse
-from app.session.model_in_use import load_model, model_words, save_model
-from app.session.verdict_basis import ModelEffects
+from analysis.shot import AnalysisError, Progress, Shot, Stop
+from app.session.model_in_use import load_model, model_words
 from instrument.files import write_text_atomic
-
-
-def open_shot(
-    path: Path, settings: AnalysisSettings, effects: ModelEffects, *, progress: Progress, cancelled: Stop
-) -> Shot:
-    """Read and analyse a recording, and fit it with the effects in the model."""
-    return load_and_analyse(path, settings=settings, effects_of=effects.of, progress=progress, cancelled=cancelled)
 
 
 def refit_shot(shot: Shot, effects: tuple[Effect, ...], *, progress: Progress, cancelled: Stop) -> Shot:
@@ -40,20 +31,6 @@ def diagnose_shots(
     from analysis.diagnosis import diagnose  # slow to import
 
     return diagnose(shots, accepted=accepted, laws=laws, seconds=seconds, **watched)
-
-
-def write_model(
-    path: Path,
-    shots: Sequence[Shot],
-    effects: ModelEffects,
-    diagnosis: Diagnosis | None,
-    *,
-    progress: Progress,
-    cancelled: Stop,
-) -> str:
-    """Save the model of a joint fit to these shots, and return what was done in words."""
-    progress("fitting the shots jointly", 0.2)
-    return save_model(path, shots, effects, diagnosis, cancelled)
 
 
 def write_report(

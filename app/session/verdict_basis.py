@@ -50,7 +50,6 @@ class Diagnoses(list[Diagnosed]):
 
     @property
     def newest(self) -> Diagnosed | None:
-        """Get the newest diagnosis, or None."""
         return self[-1] if self else None
 
     def of(self, numbers: Sequence[int]) -> Diagnosed | None:

@@ -16,14 +16,14 @@ from analysis.fitted import awaits_fit
 from analysis.shot import AnalysisSettings, Progress, Shot, Stop, why_not_together
 from app.session.exports import Exports, UnsavedShots
 from app.session.jobs import Event, EventKind, Saver, Take, Work
-from app.session.load import unanalysed
+from app.session.load import load_and_analyse, unanalysed
 from app.session.model_in_use import OwnLaws
 from app.session.model_work import ModelWork
 from app.session.result_cache import CachedShot, CacheWork, Key, ResultCache
 from app.session.session import Entry, Session
 from app.session.session_files import Unlisted, listed_by, lock_session, named_session, own_session, unlisted
 from app.session.settings import correction_words
-from app.session.shot_work import diagnose_shots, open_shot
+from app.session.shot_work import diagnose_shots
 from app.session.spool import Spool
 from app.session.verdict_basis import Diagnosed, Diagnoses, verdict_of
 from app.session.why import Why
@@ -389,13 +389,16 @@ class Workbench:
         self.jobs.submit(name, partial(self._work.do, work), kind, take)
 
     def _submit_open(self, path: Path, settings: AnalysisSettings, copy_of: int | None = None) -> None:
-        work = partial(self._work.do, partial(open_shot, path, settings, self.session.effects))
-        self._work.submit(self.jobs, path.name, work, "open", partial(self._take_opened, copy_of))
+        self._submit_reading(path, path.name, settings, partial(self._take_opened, copy_of))
 
     def _submit_fill(self, entry: Entry) -> None:
-        opening = partial(open_shot, Path(entry.path or ""), entry.settings, self.session.effects)
         take = partial(self._take_filled, entry.number)
-        self._work.submit(self.jobs, entry.name, partial(self._work.do, opening), "open", take)
+        self._submit_reading(Path(entry.path or ""), entry.name, entry.settings, take)
+
+    def _submit_reading(self, path: Path, name: str, settings: AnalysisSettings, take: Take) -> None:
+        """Queue the analysis of a recording, fitted with the effects in the model."""
+        reading = partial(load_and_analyse, path, settings=settings, effects_of=self.session.effects.of)
+        self._work.submit(self.jobs, name, partial(self._work.do, reading), "open", take)
 
 
 def _named(paths: Sequence[Path]) -> str:

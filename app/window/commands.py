@@ -1,7 +1,8 @@
 """The table of commands with menu, words and keys, from which tooltips and F1 are made; its menus and shortcuts."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from PySide6.QtCore import QObject, Qt
 from PySide6.QtGui import QAction, QKeyEvent, QKeySequence
@@ -10,7 +11,10 @@ from PySide6.QtWidgets import QAbstractButton, QMainWindow, QMenu, QToolButton, 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A command: its menu and words, the presenter's method it calls (``action``), and its keys."""
+    """A command: its menu and words, the presenter's method it calls, and its keys.
+
+    ``action`` is the name of that method; of one with an argument, "method:argument".
+    """
 
     menu: str
     words: str
@@ -53,20 +57,20 @@ COMMANDS: tuple[Command, ...] = (
     Command("Shots", "Remove the selected shots from the list", "remove_selected", ("Del",), True),
     Command("Shots", "Undo the last note, removal or change of the model", "undo", ("Ctrl+Z",), also="Model"),
     Command("Shots", "Redo what was undone", "redo", ("Ctrl+Shift+Z", "Ctrl+Y"), also="Model"),
-    Command("View", "LIVE", "show_live", ("Ctrl+1",)),
-    Command("View", "SHOT", "show_shot_page", ("Ctrl+2",)),
-    Command("View", "COMPARE", "show_compare", ("Ctrl+3",)),
-    Command("View", "SPECTRUM", "show_spectrum", ("Ctrl+4",)),
-    Command("View", "DIAGNOSIS", "show_diagnosis", ("Ctrl+5",)),
-    Command("View", "BUDGET: where each uncertainty comes from", "show_budget", ("Ctrl+6", "B")),
-    Command("View", "PAPER", "show_paper", ("Ctrl+7",)),
-    Command("View", "LARGE: numbers readable from a distance", "show_large", ("Ctrl+8", "L")),
+    Command("View", "LIVE", "show_page:LIVE", ("Ctrl+1",)),
+    Command("View", "SHOT", "show_page:SHOT", ("Ctrl+2",)),
+    Command("View", "COMPARE", "show_page:COMPARE", ("Ctrl+3",)),
+    Command("View", "SPECTRUM", "show_page:SPECTRUM", ("Ctrl+4",)),
+    Command("View", "DIAGNOSIS", "show_page:DIAGNOSIS", ("Ctrl+5",)),
+    Command("View", "BUDGET: where each uncertainty comes from", "show_page:BUDGET", ("Ctrl+6", "B")),
+    Command("View", "PAPER", "show_page:PAPER", ("Ctrl+7",)),
+    Command("View", "LARGE: numbers readable from a distance", "show_page:LARGE", ("Ctrl+8", "L")),
     Command("View", "Uncertainties: combined or noise only", "toggle_noise_only", ("U",)),
-    Command("View", "Whole shot", "view_whole", ("1",), True),
-    Command("View", "First contact (Fig. 5)", "view_contact", ("2",)),
-    Command("View", "Force vs deflection (Fig. 6)", "view_deflection", ("3",)),
-    Command("View", "Gap between the bodies (Fig. 7)", "view_gap", ("4",)),
-    Command("View", "Raw signals", "view_raw", ("5",)),
+    Command("View", "Whole shot", "show_view:whole", ("1",), True),
+    Command("View", "First contact (Fig. 5)", "show_view:contact", ("2",)),
+    Command("View", "Force vs deflection (Fig. 6)", "show_view:deflection", ("3",)),
+    Command("View", "Gap between the bodies (Fig. 7)", "show_view:gap", ("4",)),
+    Command("View", "Raw signals", "show_view:raw", ("5",)),
     Command("View", "Reset the view", "reset_view", ("0",), True),
     Command("View", "Previous view", "view_back", ("Alt+Left",)),
     Command("View", "Next view", "view_forward", ("Alt+Right",)),
@@ -128,8 +132,9 @@ def bind(
         action.setShortcuts([QKeySequence(key) for key in command.keys])
         action.setShortcutContext(Qt.ShortcutContext.WindowShortcut)
         action.setAutoRepeat(False)
-        presenter = next(presenter for presenter in presenters if hasattr(presenter, command.action))
-        action.triggered.connect(getattr(presenter, command.action))
+        name, _, argument = command.action.partition(":")
+        method = next(getattr(presenter, name) for presenter in presenters if hasattr(presenter, name))
+        action.triggered.connect(partial(_call, method, argument) if argument else method)
         if command.line_before:
             menus[command.menu].addSeparator()
         menus[command.menu].addAction(action)
@@ -140,6 +145,10 @@ def bind(
         menus[name].addSeparator()
         menus[name].addAction(action)
     return actions
+
+
+def _call(method: Callable[[str], object], argument: str, _: bool = False) -> None:
+    method(argument)
 
 
 def pressed_by_enter(focused: QWidget | None, event: QKeyEvent) -> bool:

@@ -7,7 +7,7 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Qt, Slot
 from PySide6.QtWidgets import QFileDialog, QWidget
 
-Then = Callable[[list[Path]], None]
+Then = Callable[[list[Path]], object]
 
 
 class Want(Enum):
@@ -64,3 +64,10 @@ def ask(parent: QWidget, title: str, want: Want, then: Then, start: Path | str =
     _Answer(then, dialog)
     dialog.show()
     return dialog
+
+
+def ask_for_one(
+    parent: QWidget, title: str, want: Want, then: Callable[[Path], object], start: Path | str = "", kinds: str = ""
+) -> None:
+    """Ask as ``ask`` does for one file or folder, with which ``then`` is called."""
+    ask(parent, title, want, lambda paths: then(paths[0]), start, kinds)

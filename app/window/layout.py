@@ -1,32 +1,37 @@
-"""The arrangement of the panels in the window; presenters connect them."""
+"""The arrangement of the panels in the window, kept as text in the settings; presenters connect them."""
 
-from PySide6.QtCore import Qt, Slot
+from PySide6.QtCore import QByteArray, QRect, QSize, Qt, Slot
 from PySide6.QtGui import QResizeEvent, QWheelEvent
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QSizePolicy, QSplitter, QTabBar, QTabWidget, QVBoxLayout, QWidget
+from PySide6.QtWidgets import (
+    QFrame,
+    QHBoxLayout,
+    QMainWindow,
+    QSizePolicy,
+    QSplitter,
+    QStyle,
+    QTabBar,
+    QTabWidget,
+    QVBoxLayout,
+    QWidget,
+)
 
-from app.window.panels.about_sheet import AboutSheet
-from app.window.panels.banner import Banner
-from app.window.panels.budget import BudgetPanel
 from app.window.panels.compare import ComparePanel
-from app.window.panels.controls import Controls
 from app.window.panels.diagnosis import DiagnosisPanel
-from app.window.panels.key_sheet import KeySheet
+from app.window.panels.help import AboutSheet, KeySheet, Tour
 from app.window.panels.large import LargePanel
 from app.window.panels.law_sheet import LawSheet
 from app.window.panels.live import LivePanel
 from app.window.panels.mapping_sheet import MappingSheet
 from app.window.panels.model import ModelPanel
-from app.window.panels.notice import NoticeList
 from app.window.panels.numbers import NumbersPanel
-from app.window.panels.paper import PaperPanel
+from app.window.panels.rig import Banner, Controls, SignalLine
 from app.window.panels.session_table import SessionTable
 from app.window.panels.settings_sheet import SettingsSheet
 from app.window.panels.setup_sheet import SetupSheet
 from app.window.panels.shot import ShotPanel
-from app.window.panels.signal_line import SignalLine
 from app.window.panels.spectrum import SpectrumPanel
-from app.window.panels.tour import Tour
-from app.window.panels.work_line import WorkLine
+from app.window.panels.tables import BudgetPanel, PaperPanel
+from app.window.panels.work_line import NoticeList, WorkLine
 from app.window.plots.plot_view import PlotView
 from app.window.theme import Theme
 
@@ -34,7 +39,8 @@ from app.window.theme import Theme
 class Layout(QWidget):
     """All panels; the sheets lie above them and are hidden at first."""
 
-    LIVE, SHOT, COMPARE, SPECTRUM, DIAGNOSIS, BUDGET, PAPER, LARGE = range(8)
+    PAGES = ("LIVE", "SHOT", "COMPARE", "SPECTRUM", "DIAGNOSIS", "BUDGET", "PAPER", "LARGE")
+    LIVE, SHOT, COMPARE, SPECTRUM, DIAGNOSIS, BUDGET, PAPER, LARGE = range(len(PAGES))
 
     def __init__(self, theme: Theme, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -60,17 +66,8 @@ class Layout(QWidget):
         self.tabs.setAccessibleName("Pages")
         # no page may widen the window
         self.tabs.setMinimumWidth(44 * self.fontMetrics().horizontalAdvance("M"))
-        for name, page in (
-            ("LIVE", self.live),
-            ("SHOT", self.shot),
-            ("COMPARE", self.compare),
-            ("SPECTRUM", self.spectrum),
-            ("DIAGNOSIS", self.diagnosis),
-            ("BUDGET", self.budget),
-            ("PAPER", self.paper),
-            ("LARGE", self.large),
-        ):
-            index = self.tabs.addTab(page, name)
+        for name in self.PAGES:
+            index = self.tabs.addTab(getattr(self, name.lower()), name)
             self.tabs.setTabToolTip(index, f"{name}  (Ctrl+{index + 1})")
         self._place()
         self.settings = SettingsSheet(c, self)
@@ -169,13 +166,8 @@ class Layout(QWidget):
 
     def place_sheets(self) -> None:
         """Place the sheets after a change of size."""
-        self.settings.place()
-        self.setup.place()
-        self.mapping.place()
-        self.law.place()
-        self.about.place()
-        self.messages.place()
-        self.tour.place()
+        for sheet in (self.settings, self.setup, self.mapping, self.law, self.about, self.messages, self.tour):
+            sheet.place()
         if self.keys.isVisible():
             self.keys.place()
 
@@ -191,3 +183,59 @@ class SteadyTabs(QTabWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setTabBar(_Bar(self))
+
+
+def state_text(window: QMainWindow, panels: Layout) -> str:
+    """Return the state of the window as text, a word per part."""
+    parts = [window.saveGeometry(), *(splitter.saveState() for splitter in _splitters(panels))]
+    parts.append(panels.table.table.horizontalHeader().saveState())
+    return " ".join(bytes(part.toBase64().data()).decode("ascii") for part in parts)
+
+
+def restore_state(window: QMainWindow, panels: Layout, words: str) -> None:
+    """Restore a state; invalid text changes nothing.  Qt keeps the window on an existing screen."""
+    splitters = _splitters(panels)
+    parts = [QByteArray.fromBase64(word.encode("ascii", "replace")) for word in words.split()]
+    if len(parts) != len(splitters) + 2:
+        return
+    window.restoreGeometry(parts[0])
+    for splitter, part in zip(splitters, parts[1:-1], strict=True):
+        splitter.restoreState(part)
+    panels.table.table.horizontalHeader().restoreState(parts[-1])
+
+
+def _splitters(panels: Layout) -> tuple[QSplitter, QSplitter]:
+    return panels.across, panels.down
+
+
+USUAL = QSize(1480, 920)
+TITLE_PX = 40  # assumed height of the title bar before the system has drawn it
+
+
+def first_size(window: QMainWindow) -> QSize:
+    """Return the size for the first start: the usual one, or what fits on the screen."""
+    title = max(TITLE_PX, window.style().pixelMetric(QStyle.PixelMetric.PM_TitleBarHeight))
+    border = 2 * window.style().pixelMetric(QStyle.PixelMetric.PM_MdiSubWindowFrameWidth)
+    room = window.screen().availableSize() - QSize(border, title + border)
+    return USUAL.boundedTo(room)
+
+
+def placed(inner: QRect, frame: QRect, room: QRect) -> QRect:
+    """Return the inner rectangle of a window moved and shrunk so that its frame lies within ``room``."""
+    if room.contains(frame):
+        return inner
+    wider, higher = frame.width() - inner.width(), frame.height() - inner.height()
+    size = inner.size().boundedTo(room.size() - QSize(wider, higher))
+    left = min(max(frame.left(), room.left()), room.right() + 1 - size.width() - wider)
+    top = min(max(frame.top(), room.top()), room.bottom() + 1 - size.height() - higher)
+    return QRect(left + inner.left() - frame.left(), top + inner.top() - frame.top(), size.width(), size.height())
+
+
+def keep_within_screen(window: QMainWindow) -> None:
+    """Move and shrink a shown window so that its frame is on the screen."""
+    if window.isMaximized() or window.isFullScreen() or not window.isVisible():
+        return
+    inner = window.geometry()
+    wanted = placed(inner, window.frameGeometry(), window.screen().availableGeometry())
+    if wanted != inner:
+        window.setGeometry(wanted)

@@ -29,23 +29,18 @@ from app.session import (
     note,
     warm_up_analysis,
 )
-from app.window import commands, window_state
-from app.window.layout import Layout
-from app.window.presenters.diagnosis import DiagnosisPresenter, LawsPresenter
-from app.window.presenters.files import FilesPresenter
+from app.window import commands
+from app.window.layout import Layout, first_size, keep_within_screen, restore_state, state_text
+from app.window.presenters.diagnosis import DiagnosisPresenter, LawsPresenter, NextShotPresenter
+from app.window.presenters.files import FilesPresenter, ModelPresenter
 from app.window.presenters.help import HelpPresenter, TourPresenter
 from app.window.presenters.mapping import MappingPresenter
-from app.window.presenters.model import ModelPresenter
-from app.window.presenters.next_shot import NextShotPresenter
-from app.window.presenters.plot_notes import PlotNotesPresenter
 from app.window.presenters.rig import RigPresenter
-from app.window.presenters.selection import SelectionPresenter
+from app.window.presenters.selection import PlotNotesPresenter, SelectionPresenter, TablesPresenter
 from app.window.presenters.session import SessionPresenter
 from app.window.presenters.setup import SetupPresenter
-from app.window.presenters.tables import TablesPresenter
 from app.window.presenters.view import ViewPresenter
 from app.window.theme import Theme, Tone
-from app.window.window_state import first_size, keep_within_screen
 from instrument.capture import FinishedShot, Snapshot, State
 from instrument.devices import Digitizer, at_site
 from instrument.process import SubprocessAnalysis, SubprocessWorker, open_in_subprocess
@@ -99,7 +94,6 @@ class MainWindow(QMainWindow):
         )
         self._connect_presenters()
         theme.changed.connect(self.panels.dress)
-        self._bind_commands()
         self._start_work(kernels)
         if workbench.session.entries:  # a session opens at its last shot
             self.panels.table.select([workbench.session.entries[-1].number])
@@ -111,31 +105,7 @@ class MainWindow(QMainWindow):
         self.panels.controls.arm.setFocus()
 
     def _connect_presenters(self) -> None:
-        for presenter in (
-            self.rig_presenter,
-            self.plot_notes_presenter,
-            self.session_presenter,
-            self.view_presenter,
-            self.model_presenter,
-            self.files_presenter,
-            self.help_presenter,
-            self.laws_presenter,
-        ):
-            presenter.said.connect(self.say)
-        self.files_presenter.recordings_wanted.connect(self.session_presenter.open_paths)
-        self.laws_presenter.diagnose_wanted.connect(self.diagnosis_presenter.diagnose)
-        self.setup_presenter.source_wanted.connect(self.rig_presenter.use_source)
-        self.setup_presenter.arm_wanted.connect(self.rig_presenter.arm)
-        self.session_presenter.mapping_wanted.connect(self.mapping_presenter.ask)
-        self.session_presenter.swap_wanted.connect(self.mapping_presenter.swap)
-        self.session_presenter.arrived.connect(self.next_shot_presenter.arrived)
-        self.session_presenter.arrived.connect(self.rig_presenter.remember)
-        self.rig_presenter.shot_captured.connect(self.session_presenter.take_captured)
-        self.rig_presenter.shot_finished.connect(self._shot_finished)
-        self.rig_presenter.save_elsewhere_wanted.connect(self._save_elsewhere)
-        self.rig_presenter.appearance_chosen.connect(self.theme.choose)
-
-    def _bind_commands(self) -> None:
+        """Connect the presenters with each other, and the commands with them."""
         presenters = (
             self.rig_presenter,
             self.session_presenter,
@@ -149,7 +119,23 @@ class MainWindow(QMainWindow):
             self.tour_presenter,
             self.help_presenter,
         )
-        self.actions_by_name = commands.bind(self, (*presenters, self), {"recent": self.files_presenter.recent})
+        for presenter in presenters:
+            if hasattr(presenter, "said"):
+                presenter.said.connect(self.say)
+        self.files_presenter.recordings_wanted.connect(self.session_presenter.open_paths)
+        self.laws_presenter.diagnose_wanted.connect(self.diagnosis_presenter.diagnose)
+        self.setup_presenter.source_wanted.connect(self.rig_presenter.use_source)
+        self.setup_presenter.arm_wanted.connect(self.rig_presenter.arm)
+        self.session_presenter.mapping_wanted.connect(self.mapping_presenter.ask)
+        self.session_presenter.swap_wanted.connect(self.mapping_presenter.swap)
+        self.session_presenter.arrived.connect(self.next_shot_presenter.arrived)
+        self.session_presenter.arrived.connect(self.rig_presenter.remember)
+        self.rig_presenter.shot_captured.connect(self.session_presenter.take_captured)
+        self.rig_presenter.shot_finished.connect(self._shot_finished)
+        self.rig_presenter.save_elsewhere_wanted.connect(self._save_elsewhere)
+        self.rig_presenter.appearance_chosen.connect(self.theme.choose)
+        below = {"recent": self.files_presenter.recent}
+        self.actions_by_name = commands.bind(self, (*presenters, self), below)
 
     def _start_work(self, kernels: Kernels) -> None:
         """Show the problems of session and settings; queue the kernels, the session's shots, unlisted recordings."""
@@ -263,7 +249,7 @@ class MainWindow(QMainWindow):
             event.ignore()
             return
         self._timer.stop()
-        self._choices.change({"window": window_state.taken(self, self.panels)})
+        self._choices.change({"window": state_text(self, self.panels)})
         self.workbench.close()
         self.rig.close()
         event.accept()
@@ -303,7 +289,7 @@ def open_window(
         return replace(settings, effects=session.effects.of(settings.model))
 
     rig = Rig(
-        choices.options,
+        lambda source, digitizer: choices.settings.options(source, digitizer),
         analysis,
         kernels.wait,
         source=choices.settings.source,
@@ -315,7 +301,7 @@ def open_window(
     window = MainWindow(rig, workbench, theme, choices, kernels, log or ProgramLog(folder))
     theme.setParent(window)
     window.resize(first_size(window))
-    window_state.restore(window, window.panels, choices.settings.window)
+    restore_state(window, window.panels, choices.settings.window)
     return window
 
 

@@ -1,14 +1,17 @@
-"""The words of banner and signal line for a snapshot of the instrument."""
+"""The words and tones of banner, signal line, flags and verdicts."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
+from html import escape
 
+from analysis.collision import Effect
 from analysis.shot import DEFAULT_WAVELENGTH_AIR_M, Quantity, Role
 from analysis.uncertainty import combined_of, stated
 from app.session import Entry
-from app.window.panels.signal_line import Sign
-from app.window.theme import Tone
-from app.words import local, number, size_words, value_text
+from app.window.panels.rig import Sign
+from app.window.theme import MARKS, Tone
+from app.words import MILD_FLAGS, VERDICTS, flag_words, local, number, size_words, value_text
 from instrument.capture import KEPT_IN_MEMORY, SignalLine, Snapshot, State
 from instrument.live import ChannelSignal
 from instrument.trigger import Level
@@ -168,3 +171,31 @@ def _disk(line: SignalLine) -> Sign:
     tone = Tone.GOOD if line.disk_free_bytes > FULL_DISK_BYTES else Tone.BAD
     hover = "Room on the disk of the folder" if tone is Tone.GOOD else "Nearly full: choose another folder (F2)"
     return Sign(f"{size_words(line.disk_free_bytes)} free", tone, hover)
+
+
+def flag_tone(flag: str) -> Tone:
+    """Return the tone of a flag; one that only widens an uncertainty is no warning."""
+    return Tone.NEUTRAL if flag in MILD_FLAGS else Tone.WARNING
+
+
+def flag_line(flag: str) -> str:
+    """Return a flag's mark and meaning."""
+    return f"{MARKS[flag_tone(flag)]} {flag_words(flag)}"
+
+
+def verdict_line(entry: Entry | None, effects: Iterable[Effect] = (), holds: bool = True) -> tuple[str, Tone]:
+    """Return an entry's verdict in words, and its tone, for a fit with these effects; "" without a verdict.
+
+    ``holds``: whether the verdict is about the present model and shots.
+    """
+    if entry is None or not entry.verdict:
+        return "", Tone.NEUTRAL
+    if not holds:
+        return f"<s>{escape(entry.verdict)}</s> outdated: diagnose again", Tone.NEUTRAL
+    of = entry.verdict_of
+    if of is None or of.conclusion is None:  # from a file of an earlier version
+        return entry.verdict, Tone.WARNING
+    words = VERDICTS[of.conclusion]
+    if words.names and of.found and set(of.found) <= set(effects):
+        return f"{entry.verdict}: in the model", Tone.GOOD
+    return entry.verdict, Tone(words.tone)

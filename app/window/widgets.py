@@ -1,9 +1,26 @@
-"""Labels and buttons, made with the properties that many of them share."""
+"""Widgets that panels share: labels, buttons, fields, a layout that continues in a new line, a side sheet."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
-from PySide6.QtCore import Qt, SignalInstance
-from PySide6.QtWidgets import QLabel, QPushButton, QWidget
+from PySide6.QtCore import QMargins, QRect, QSize, Qt, SignalInstance, Slot
+from PySide6.QtGui import QHideEvent
+from PySide6.QtWidgets import (
+    QComboBox,
+    QFrame,
+    QHBoxLayout,
+    QLabel,
+    QLayout,
+    QLayoutItem,
+    QLineEdit,
+    QPushButton,
+    QScrollArea,
+    QToolButton,
+    QVBoxLayout,
+    QWidget,
+)
+from shiboken6 import isValid
+
+from app.window.theme import sized
 
 
 def text_label(
@@ -44,3 +61,193 @@ def push_button(
     if clicked is not None:
         button.clicked.connect(clicked)
     return button
+
+
+def combo_box(name: str, hover: str, parent: QWidget, items: Iterable[tuple[str, object]] = ()) -> QComboBox:
+    """Return a list to choose from; each item is its words and what is stored for it."""
+    box = QComboBox(parent)
+    box.setAccessibleName(name)
+    box.setToolTip(hover)
+    for words, stored in items:
+        box.addItem(words, stored)
+    return box
+
+
+def line_edit(name: str, hover: str, parent: QWidget, placeholder: str = "") -> QLineEdit:
+    """Return a field for text; ``placeholder`` is shown while it is empty."""
+    line = QLineEdit(parent)
+    line.setAccessibleName(name)
+    line.setToolTip(hover)
+    line.setPlaceholderText(placeholder)
+    return line
+
+
+def scrolled(name: str, page: QWidget) -> QWidget:
+    """Return the content of a page that scrolls on a low screen."""
+    around = QVBoxLayout(page)
+    around.setContentsMargins(0, 0, 0, 0)
+    scroll = QScrollArea(page)
+    scroll.setWidgetResizable(True)
+    scroll.setAccessibleName(name)
+    inner = QWidget(scroll)
+    scroll.setWidget(inner)
+    around.addWidget(scroll)
+    return inner
+
+
+def keep_place(widget: QWidget, on: bool = True) -> None:
+    """Let a widget keep its place in the layout while it is hidden."""
+    policy = widget.sizePolicy()
+    policy.setRetainSizeWhenHidden(on)
+    widget.setSizePolicy(policy)
+
+
+class FoldButton(QToolButton):
+    """A button that unfolds more of a panel, with an arrow."""
+
+    def __init__(self, words: str, hover: str, parent: QWidget) -> None:
+        super().__init__(parent)
+        self.setProperty("fold", True)
+        self.setCheckable(True)
+        self.setText(words)
+        self.setToolTip(hover)
+        self.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        self.setArrowType(Qt.ArrowType.RightArrow)
+        self.toggled.connect(self._turn)
+
+    @Slot(bool)
+    def _turn(self, shown: bool) -> None:
+        self.setArrowType(Qt.ArrowType.DownArrow if shown else Qt.ArrowType.RightArrow)
+
+
+class FlowLayout(QLayout):
+    """Keeps every widget at its own size; its height follows from its width."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._items: list[QLayoutItem] = []
+        self.setContentsMargins(QMargins(0, 0, 0, 0))
+        self.setSpacing(6)
+
+    def addItem(self, item: QLayoutItem) -> None:
+        self._items.append(item)
+
+    def count(self) -> int:
+        return len(self._items)
+
+    def itemAt(self, index: int) -> QLayoutItem | None:
+        return self._items[index] if 0 <= index < len(self._items) else None
+
+    def takeAt(self, index: int) -> QLayoutItem | None:
+        return self._items.pop(index) if 0 <= index < len(self._items) else None
+
+    def expandingDirections(self) -> Qt.Orientation:
+        return Qt.Orientation(0)
+
+    def hasHeightForWidth(self) -> bool:
+        return True
+
+    def heightForWidth(self, width: int) -> int:
+        return self._place(QRect(0, 0, width, 0), move=False)
+
+    def setGeometry(self, rect: QRect) -> None:
+        super().setGeometry(rect)
+        self._place(rect, move=True)
+
+    def sizeHint(self) -> QSize:
+        """Return the size of everything in one line."""
+        sizes = [item.sizeHint() for item in self._items if not item.isEmpty()]
+        width = sum(size.width() for size in sizes) + self.spacing() * max(0, len(sizes) - 1)
+        return QSize(width, max((size.height() for size in sizes), default=0))
+
+    def minimumSize(self) -> QSize:
+        size = QSize()
+        for item in self._items:
+            size = size.expandedTo(item.minimumSize())
+        return size
+
+    def _place(self, rect: QRect, *, move: bool) -> int:
+        x, y, line = rect.x(), rect.y(), 0
+        for item in self._items:
+            if item.isEmpty():
+                continue
+            size = item.sizeHint()
+            if x > rect.x() and x + size.width() > rect.x() + rect.width():
+                x, y, line = rect.x(), y + line + self.spacing(), 0
+            if move:
+                item.setGeometry(QRect(x, y, min(size.width(), rect.width()), size.height()))
+            x += size.width() + self.spacing()
+            line = max(line, size.height())
+        return y + line - rect.y()
+
+
+def clear_layout(layout: QLayout) -> None:
+    """Remove every item of a layout; widgets are hidden at once and deleted by the event loop.
+
+    They keep their parent: a layout shows its widgets later, and one without a parent would appear as a window of its
+    own and take the keyboard.
+    """
+    while (item := layout.takeAt(0)) is not None:
+        if (widget := item.widget()) is not None:
+            widget.hide()
+            widget.deleteLater()
+
+
+class SideSheet(QFrame):
+    """Hidden until it is opened."""
+
+    def __init__(self, name: str, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._before: QWidget | None = None  # what had the focus
+        self.setProperty("card", True)
+        self.setAccessibleName(name)
+        self.hide()
+
+    def head(self, title: str, hover: str) -> tuple[QVBoxLayout, QPushButton]:
+        """Add title and Close button; return the sheet's layout and the button."""
+        column = QVBoxLayout(self)
+        column.setContentsMargins(18, 14, 18, 14)
+        top = QHBoxLayout()
+        words = QLabel(title, self)
+        words.setFont(sized(self.font(), 1.5, bold=True))
+        close = push_button("Close", hover, self, self.hide)
+        top.addWidget(words, 1)
+        top.addWidget(close)
+        column.addLayout(top)
+        return column, close
+
+    def place(self) -> None:
+        """Fill the right side of the window."""
+        parent = self.parentWidget()
+        if parent is not None:
+            width = min(parent.width() - 40, self.fontMetrics().horizontalAdvance("M") * 42)
+            self.setGeometry(parent.width() - width - 4, 4, width, parent.height() - 8)
+
+    def open(self) -> None:
+        self.open_at(None)
+
+    def toggle(self) -> None:
+        if self.isVisible():
+            self.hide()
+        else:
+            self.open()
+
+    def open_at(self, first: QWidget | None) -> None:
+        """Show the sheet with the focus in a field."""
+        if self.isHidden():
+            self._before = self.window().focusWidget()
+        self.place()
+        self.show()
+        self.raise_()
+        if first is not None:
+            first.setFocus()
+
+    def hideEvent(self, event: QHideEvent) -> None:
+        """Return the keyboard focus."""
+        super().hideEvent(event)
+        focused, before = self.window().focusWidget(), self._before
+        self._before = None
+        if focused is None or not self.isAncestorOf(focused) or before is None:
+            return
+        if isValid(before) and before.isVisible():  # a row's button may have been deleted
+            before.setFocus()

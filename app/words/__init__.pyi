@@ -1,15 +1,17 @@
 from .flags import MILD_FLAGS, by_weight, flag_name, flag_words, flags_in_short
 from .physics_words import (
     CHANNEL_NAMES,
+    OUTDATED,
+    VERDICTS,
     base_words,
     correlation_words,
     model_in_words,
     parameter_parts,
     prefix_for,
     repeatability_words,
+    verdict_words,
 )
 from .plain import PlainStream, cell
-from .verdict import OUTDATED, VERDICTS, verdict_words
 from .wording import (
     COMBINED,
     DASH,

@@ -8,11 +8,7 @@ from PySide6.QtCore import QLocale
 
 from analysis.collision import Effect, OwnLaw
 from analysis.shot import NotSeen, Quantity, Reading
-from app.words.physics_words import model_effect_words as model_effect_words
-from app.words.physics_words import model_in_words as model_in_words
-from app.words.physics_words import parameter_parts as parameter_parts
-from app.words.physics_words import prefix_for
-from app.words.physics_words import repeatability_words as repeatability_words
+from app.words.physics_words import parameter_parts, prefix_for
 
 DASH = "–"
 COMBINED = "± is the combined standard uncertainty, from all sources in the budget."

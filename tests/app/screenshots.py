@@ -94,7 +94,7 @@ class Photographer:
         """Take all pictures."""
         panels = self.window.panels
         self.wait("the window in front", self.window.isActiveWindow)
-        self.wait("the beat", lambda: panels.controls.arm.isEnabled() and panels.live.text("velocity") != "–")
+        self.wait("the beat", lambda: panels.controls.arm.isEnabled() and panels.live.numbers["velocity"].text() != "–")
         self.press(Qt.Key.Key_F4)
         self.take("tour")
         self.press(Qt.Key.Key_Escape)
@@ -103,12 +103,12 @@ class Photographer:
         self.take("set-up")
         self.press(Qt.Key.Key_F3)
         self.press(Qt.Key.Key_Space)
-        self.wait("ARMED", lambda: panels.banner.word == "ARMED")
+        self.wait("ARMED", lambda: panels.banner.word.text() == "ARMED")
         self.take("armed")
-        self.wait("a moving block", lambda: panels.live.text("velocity")[1:4] not in ("0.0", "", "–"))
+        self.wait("a moving block", lambda: panels.live.numbers["velocity"].text()[1:4] not in ("0.0", "", "–"))
         self.take("live")
         self.wait("a shot", lambda: len(self.window.workbench.session.read) == 1)
-        self.wait("READY", lambda: panels.banner.word == "READY")
+        self.wait("READY", lambda: panels.banner.word.text() == "READY")
         self._views()
         self._sheets()
         self._several()
@@ -168,7 +168,7 @@ class Photographer:
         self.take("keys")
         self.press(Qt.Key.Key_F1)
         self.press(Qt.Key.Key_4, Qt.KeyboardModifier.ControlModifier)
-        self.wait("spectra", self.window.panels.spectrum.has_spectra)
+        self.wait("spectra", lambda: self.window.panels.spectrum.picture.image is not None)
         self.take("spectrum")
         self.press(Qt.Key.Key_B)
         self.window.panels.budget.table.topLevelItem(0).setExpanded(True)
@@ -185,7 +185,7 @@ class Photographer:
         self.wait("three more shots", lambda: len(session.read) == 4)
         panels.table.select([entry.number for entry in session.entries[1:]])
         self.press(Qt.Key.Key_3, Qt.KeyboardModifier.ControlModifier)
-        panels.compare.choose_trend("plate_stiffness_n_per_m")
+        panels.compare.which.setCurrentIndex(panels.compare.which.findData("plate_stiffness_n_per_m"))
         self.take("compare")
         self.press(Qt.Key.Key_2)
         self.take("compare-contact", panels.compare)
@@ -201,7 +201,7 @@ class Photographer:
         self.wait("the model file", path.exists)
         workbench.model.load(path)
         self.press(Qt.Key.Key_2, Qt.KeyboardModifier.ControlModifier)
-        self.wait("the model held against the shot", lambda: "model file" in panels.model.known)
+        self.wait("the model held against the shot", lambda: "model file" in panels.model.known.text())
         self.take("model-file")
 
     def _panels(self) -> None:
@@ -227,7 +227,7 @@ class Photographer:
     def _fault(self) -> None:
         banner = self.window.panels.banner
         self._bench.pulled = True
-        self.wait("the fault", lambda: banner.word == "FAULT")
+        self.wait("the fault", lambda: banner.word.text() == "FAULT")
         self.take("fault")
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from analysis.shot.motion import Motion
 from analysis.shot.shot import Cancelled, Shot
-from app.session.shot_work import open_shot
+from app.session.load import load_and_analyse
 from app.session.workbench import Workbench
 from tests.app import synthetic
 
@@ -36,9 +36,9 @@ class SteppedWork:
         self._go.clear()
         if self._closed or (self._heeds and cancelled()):
             raise Cancelled
-        if work.func is open_shot:
-            path, settings, effects = work.args
-            wanted = effects.of(settings.model)
+        if work.func is load_and_analyse:
+            (path,), settings = work.args, work.keywords["settings"]
+            wanted = work.keywords["effects_of"](settings.model)
             name = path.name.removesuffix(".csv")
             # a motion of its own, as from another process
             motion = replace(self.fitted.motion) if isinstance(self.fitted.motion, Motion) else None

@@ -26,7 +26,7 @@ from app.session.settings import FIELDS
 from app.window import commands
 from app.window.commands import COMMANDS, MENUS
 from app.window.layout import Layout
-from app.window.panels.tree_table import TreeTable
+from app.window.panels.tables import TreeTable
 from app.window.plots.plot_view import PlotView
 from app.window.theme import Theme
 from tests.app import synthetic
@@ -41,7 +41,7 @@ class Pressed:
         self.actions = []
 
     def __getattr__(self, name):
-        return lambda: self.actions.append(name)
+        return lambda *of: self.actions.append(":".join((name, *(word for word in of if isinstance(word, str)))))
 
 
 @pytest.fixture(scope="module")
@@ -178,7 +178,7 @@ def test_enter_presses_buttons_made_later_too(window, qtbot):
     qtbot.wait(20)
     button = main.panels.diagnosis.effects.button("quadratic_drag")
     button.setFocus()
-    with qtbot.waitSignal(main.panels.diagnosis.add_wanted):
+    with qtbot.waitSignal(main.panels.diagnosis.effects.add_wanted):
         qtbot.keyClick(button, Qt.Key.Key_Return)
     box = main.panels.controls.rearm
     assert isinstance(box, QCheckBox)

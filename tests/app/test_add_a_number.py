@@ -11,7 +11,7 @@ from analysis.shot.quantity import Quantity
 from analysis.uncertainty import measurement_equations, numbers
 from analysis.uncertainty.gum_budget import combined_of, stated
 from app.command_line.summary import summary
-from app.report.csv_export import export
+from app.report.exports import export
 from app.report.page import report_of
 from app.session.session import Session
 from app.window.panels.compare import ComparePanel
@@ -69,14 +69,14 @@ def test_a_number_stands_in_report_terminal_and_window(shots, qtbot):
     for widget in (panel, table, compare):
         qtbot.addWidget(widget)
     panel.show_shot(shots[0])
-    assert panel.text("impulse") != "–" and "About the impulse" in panel.hover("impulse")
+    assert panel.values["impulse"].text() != "–" and "About the impulse" in panel.values["impulse"].toolTip()
     table.show_session(session)
     column = next(place for place, of in enumerate(table.model.columns) if of.head == "impulse (N s)")
     assert table.table.isColumnHidden(column)
     combined = stated(_impulse(shots[0]), IMPULSE.key, combined_of(shots[0]))
     assert table.model.index(0, column).data(Qt.ItemDataRole.DisplayRole) == concise_text(combined)
     compare.show_entries(list(session.entries))
-    compare.choose_trend("pulse_impulse_n_s")
+    compare.which.setCurrentIndex(compare.which.findData("pulse_impulse_n_s"))
     assert [y for _, y in compare.trend.points] == [_impulse(shot).value for shot in shots]
     assert compare.trend.columns["impulse (N s)"].size == 3
 

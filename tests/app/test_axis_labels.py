@@ -9,7 +9,7 @@ from PySide6.QtGui import QPainter, QPicture
 from PySide6.QtTest import QTest
 
 from app.window.plots.cursors import TIME
-from app.window.plots.plain_axis import PlainAxis
+from app.window.plots.framed_plot import PlainAxis
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import LIGHT
@@ -59,7 +59,7 @@ def test_a_name_that_comes_to_a_low_plot_is_cut_in_no_picture(stack):
     for plot in stack.plots:
         plot.call("residual of displacement")  # and a picture is taken before anything else happens
     assert _whole(stack)
-    assert [plot.caption for plot in stack.plots] == 3 * ["residual of displacement (nm)"]
+    assert [plot.caption.shown for plot in stack.plots] == 3 * ["residual of displacement (nm)"]
 
 
 def test_no_unit_stands_alone_on_its_side(stack):
@@ -69,8 +69,9 @@ def test_no_unit_stands_alone_on_its_side(stack):
         assert _whole(stack)
         for plot in stack.plots:
             shown = plot.getAxis("left").labelText
-            assert (shown, plot.caption) in ((f"{plot.title} (nm)", ""), ("", f"{plot.title} (nm)"))
-        assert len({bool(plot.caption) for plot in stack.plots}) == 1, height  # all beside the axes, or all inside
+            assert (shown, plot.caption.shown) in ((f"{plot.title} (nm)", ""), ("", f"{plot.title} (nm)"))
+        shown = {bool(plot.caption.shown) for plot in stack.plots}
+        assert len(shown) == 1, height  # all beside the axes, or all inside
 
 
 def test_a_plot_over_something_else_than_time_names_its_values_too(qapp):

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from app.command_line import bundle
-from app.command_line.bundle import write_bundle
+from app.command_line import doctor
 from app.command_line.cli import USAGE, main
+from app.command_line.doctor import write_bundle
 from instrument.devices.doctor import Check, Grade
 
 
@@ -20,8 +20,8 @@ def test_a_bundle_holds_what_helps_and_no_more(tmp_path: Path, monkeypatch: pyte
     (home / "levimass.log").write_text(f"could not read {home}/recordings/shot\n")
     (home / "levimass.log.1").write_text("older\n")
     (home / "settings.json").write_text("{}")
-    monkeypatch.setattr(bundle, "user_log_path", lambda name: home)
-    monkeypatch.setattr(bundle, "user_config_path", lambda name: home)
+    monkeypatch.setattr(doctor, "user_log_path", lambda name: home)
+    monkeypatch.setattr(doctor, "user_config_path", lambda name: home)
     monkeypatch.setattr(Path, "home", lambda: home)
     write_bundle(tmp_path / "help.zip", [Check("disk", Grade.WARN, f"little is free in {home}")])
     with zipfile.ZipFile(tmp_path / "help.zip") as written:
@@ -55,8 +55,8 @@ def test_no_spelling_of_the_user_s_name_goes_along(tmp_path: Path, monkeypatch: 
     (home / "settings.json").write_text(json.dumps(settings, indent=1))
     (home / "levimass.log").write_text(f"could not read {real}/x\nnor /media/{name}/stick\nnor /media/{name}\n")
     os.mkfifo(home / "levimass.log.1")  # is not waited for
-    monkeypatch.setattr(bundle, "user_log_path", lambda name: home)
-    monkeypatch.setattr(bundle, "user_config_path", lambda name: home)
+    monkeypatch.setattr(doctor, "user_log_path", lambda name: home)
+    monkeypatch.setattr(doctor, "user_config_path", lambda name: home)
     monkeypatch.setattr(Path, "home", lambda: home)
     write_bundle(tmp_path / "help.zip", [Check("disk", Grade.WARN, f"little is free in {home}")])
     with zipfile.ZipFile(tmp_path / "help.zip") as written:

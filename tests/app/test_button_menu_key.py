@@ -13,11 +13,11 @@ from tests.app import rigs, synthetic
 PAIRS = {  # words of a button, and the command
     "Open …": "open_recordings", "Export …": "export_selected", "Report …": "report_selected",
     "Re-analyse": "reanalyse_selected", "Remove": "remove_selected", "Undo": "undo", "Columns …": "choose_columns",
-    "Set-up": "toggle_setup", "Settings": "toggle_settings", "Keys": "toggle_keys", "Budget": "show_budget",
-    "Evidence": "show_diagnosis", "re-arm": "toggle_rearm", "± from noise only": "toggle_noise_only",
-    "Whole shot": "view_whole", "First contact": "view_contact", "Force vs deflection": "view_deflection",
-    "Gap": "view_gap", "Raw signals": "view_raw", "Cursors": "toggle_cursors", "Save plot …": "plot_menu",
-    "Diagnose": "diagnose",
+    "Set-up": "toggle_setup", "Settings": "toggle_settings", "Keys": "toggle_keys", "Budget": "show_page:BUDGET",
+    "Evidence": "show_page:DIAGNOSIS", "re-arm": "toggle_rearm", "± from noise only": "toggle_noise_only",
+    "Whole shot": "show_view:whole", "First contact": "show_view:contact",
+    "Force vs deflection": "show_view:deflection", "Gap": "show_view:gap", "Raw signals": "show_view:raw",
+    "Cursors": "toggle_cursors", "Save plot …": "plot_menu", "Diagnose": "diagnose",
 }  # fmt: skip
 
 
@@ -42,7 +42,7 @@ def seen(window: MainWindow) -> tuple[object, ...]:
         tuple(sorted(q.windowTitle() for q in window.findChildren(QFileDialog) if q.isVisible())),
         tuple(action.text() for action in popup.actions()) if popup is not None else (),
         (p.controls.rearm.isChecked(), p.live.hold.isChecked(), p.numbers.noise_only.isChecked()),
-        (p.shot.view, p.shot.stack.cursors.shown, p.diagnosis.sentence, p.work.notices.words),
+        (p.shot.view, p.shot.stack.cursors.shown, p.diagnosis.sentence.text(), p.work.notices.words),
         tuple(entry.number for entry in window.workbench.session.entries),
         window.workbench.session.can_undo,
     )
@@ -66,7 +66,7 @@ def at_rest(window: MainWindow, command: str) -> None:
     window.pull()
     p.tabs.setCurrentIndex(Layout.SHOT)
     p.table.select([1] if command == "diagnose" else [2])
-    p.shot.set_view("gap" if command == "view_whole" else "whole")
+    p.shot.set_view("gap" if command == "show_view:whole" else "whole")
     p.shot.show_cursors(False)
     p.controls.rearm.setChecked(False)
     p.numbers.noise_only.setChecked(False)
@@ -121,9 +121,9 @@ def test_arm_and_abort_by_all_three(window, qtbot):
         window.activateWindow()
         qtbot.waitUntil(lambda: window.isActiveWindow() and panels.controls.arm.isEnabled(), timeout=60_000)
         arm()
-        qtbot.waitUntil(lambda: panels.banner.word == "ARMED", timeout=60_000)
+        qtbot.waitUntil(lambda: panels.banner.word.text() == "ARMED", timeout=60_000)
         abort()
-        qtbot.waitUntil(lambda: panels.banner.word == "READY", timeout=60_000)
+        qtbot.waitUntil(lambda: panels.banner.word.text() == "READY", timeout=60_000)
 
 
 def test_every_button_that_names_a_key_is_compared_here(window):

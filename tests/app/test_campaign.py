@@ -20,7 +20,7 @@ from app.command_line.campaign.journal import JOURNAL, Journal
 from app.command_line.campaign.task import NotReached, analyse_one, tasks_of, unfit
 from app.command_line.campaign.worker_pool import Processes, most_processes
 from app.command_line.cli import main
-from app.report.csv_export import shot_columns
+from app.report.exports import shot_columns
 from tests.app.deadly import DEADLY, unless_deadly
 
 

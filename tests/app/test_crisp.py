@@ -5,7 +5,7 @@ import pyqtgraph as pg
 import pytest
 from PySide6.QtGui import QImage, QPainter
 
-from app.window.plots.crisp import ColumnCurve, CrispCurve
+from app.window.plots.lines import ColumnCurve, CrispCurve
 
 SIZE = 200
 

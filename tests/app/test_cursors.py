@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.window.plots.cursors import CursorAxis, between
-from app.window.plots.log_plot import LogPlot
+from app.window.plots.plain_plot import LogPlot
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import LIGHT
 

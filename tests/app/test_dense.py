@@ -12,9 +12,9 @@ from analysis.uncertainty.gum_budget import combined_of, stated
 from app.session.jobs import Job, Jobs
 from app.session.session import Session
 from app.window.layout import Layout
-from app.window.panels.notice import NoticeLine
 from app.window.panels.setup_sheet import SetupSheet
-from app.window.plots.cursor_readout import CursorReadout
+from app.window.panels.work_line import NoticeLine
+from app.window.plots.cursors import CursorReadout
 from app.window.theme import LIGHT, Theme, Tone
 from app.words.wording import concise_text
 from instrument.devices.doctor import Check, Grade
@@ -140,7 +140,7 @@ def stated_contact(shot):
 
 
 def test_work_of_more_than_two_seconds_says_how_long_it_still_takes(panels, monkeypatch):
-    job = Job("diagnosis", lambda report, cancelled: None, "diagnosis", "fitting", 0.25)
+    job = Job("diagnosis", lambda report, cancelled: None, "diagnosis", what="fitting", fraction=0.25)
     now = time.monotonic()
     job.started_s = now - 1.0
     assert job.remaining_s() is None

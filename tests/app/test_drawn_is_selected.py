@@ -102,8 +102,8 @@ def test_a_driven_record_has_views_and_numbers_of_its_own(window):
     assert "N rms, " in panel.drive.say.text() and panel.drive.say.isVisible()
     assert panel.drive.stack.cursors.axis.unit == "s"
     numbers = window.panels.numbers
-    assert numbers._values["mass"].isVisible() and not numbers._values["quasi-static"].isVisible()
-    assert numbers.text("mass").startswith("9")
+    assert numbers.values["mass"].isVisible() and not numbers.values["quasi-static"].isVisible()
+    assert numbers.values["mass"].text().startswith("9")
     select(window, "fast")
     assert panel._buttons["gap"].isVisible() and not panel.drive.say.isVisible()
     assert panel._buttons["contact"].text() == "First contact"

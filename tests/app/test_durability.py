@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from analysis.shot.recording import Channel, Recording, Role, Setup
-from app.command_line.bundle import write_bundle
-from app.report.csv_export import write_motion
-from app.report.hdf5_export import export_hdf5
+from app.command_line.doctor import write_bundle
+from app.report.exports import export_hdf5, write_motion
+from app.session.choices import load, save
 from app.session.model_in_use import save_model
 from app.session.session import Session
 from app.session.settings import Settings
-from app.session.settings_file import load, save
 from app.session.verdict_basis import ModelEffects
 from app.window.plots.save import save_columns
 from instrument.files.recording_error import RecordingError
@@ -47,7 +46,10 @@ def _settings(path: Path) -> None:
 
 SAVES: dict[str, tuple[str, Save]] = {
     "a session": ("session.json", _session),
-    "a model file": ("model.toml", lambda path: save_model(path, [SHOT], ModelEffects(), None, lambda: False)),
+    "a model file": (
+        "model.toml",
+        lambda path: save_model(path, [SHOT], ModelEffects(), None, progress=lambda *_: None, cancelled=lambda: False),
+    ),
     "an export": ("shot.csv", lambda path: write_motion(SHOT, path)),
     "an export to HDF5": ("shot-1.h5", lambda path: export_hdf5([SHOT], path.parent)),
     "what a doctor found": ("bundle.zip", lambda path: write_bundle(path, [])),

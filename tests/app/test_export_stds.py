@@ -5,7 +5,7 @@ import pytest
 
 from analysis.pipeline import analyse
 from analysis.shot.quantity import Quantity
-from app.report.csv_export import motion_columns
+from app.report.exports import motion_columns
 from instrument.bench.rig import Bench
 from instrument.bench.simulated_shots import record_shot
 from instrument.bench.site import site_named

@@ -73,9 +73,10 @@ def test_a_disk_that_fills_up_during_a_shot_loses_nothing(
             fill(disk, room[left] * PAGE_BYTES)  # the first metadata take a page
             window.rig.trigger_now()
             qtbot.waitUntil(lambda: window.rig.latest().unsaved == ("shot-0002",), timeout=WAIT_MS)
-            qtbot.waitUntil(lambda: banner.word == "FAULT", timeout=WAIT_MS)
+            qtbot.waitUntil(lambda: banner.word.text() == "FAULT", timeout=WAIT_MS)
             assert free_bytes(disk) < 3 * PAGE_BYTES
-            assert str(data) in banner.detail and "No space left on device. In memory only: shot-0002" in banner.detail
+            said = banner.detail.text()
+            assert str(data) in said and "No space left on device. In memory only: shot-0002" in said
             # whatever came to disk of it is not taken for a whole recording, and the one before is untouched
             assert data_hash(data / "shot-0001").agrees and open_recording(data / "shot-0001.sigmf-meta").flags == ()
             part = data / "shot-0002.sigmf-meta"

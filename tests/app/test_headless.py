@@ -11,7 +11,7 @@ import pytest
 from analysis.shot.shot import Progress
 from app.command_line import machine, start
 from app.command_line.cli import main
-from app.session import kernel_compilation
+from app.session import kernels
 from tests.app import rigs
 
 
@@ -25,8 +25,8 @@ def test_simulated_shots_are_replayed(tmp_path: Path, capsys: pytest.CaptureFixt
 def test_without_a_screen_one_shot_is_told_and_named_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def ready_at_once(report: Progress, ready: Callable[[kernel_compilation.Stage], None]) -> None:
-        for stage in kernel_compilation.Stage:
+    def ready_at_once(report: Progress, ready: Callable[[kernels.Stage], None]) -> None:
+        for stage in kernels.Stage:
             ready(stage)
 
     monkeypatch.setattr("app.session.prepare_first_shot", ready_at_once)

@@ -149,9 +149,9 @@ def test_a_changed_program_of_the_same_version_analyses_again(tmp_path, saved, m
     key = Key(saved.path, saved.settings)
     kept.store_shot(saved)
     kept.store_diagnosis(synthetic.diagnosis(saved), [key])
-    assert kept.shot(key) is not None and len(kept.diagnoses([key])) == 1
+    assert kept.shot(key) is not None and len(kept.diagnoses({1: key})) == 1
     monkeypatch.setattr(result_cache, "program", lambda: f"{program_version()} (another)")
-    assert kept.shot(key) is None and kept.diagnoses([key]) == []
+    assert kept.shot(key) is None and kept.diagnoses({1: key}) == []
 
 
 def test_a_result_whose_class_has_changed_is_analysed_again(tmp_path, saved, monkeypatch):
@@ -177,7 +177,7 @@ def test_a_session_reopens_at_once_with_its_evidence_and_its_version(tmp_path, s
 
     again = Workbench(Session.reopen(tmp_path / "session.json"), lambda: saved.settings, results=kept)
     try:
-        monkeypatch.setattr("app.session.workbench.open_shot", None)  # nothing is read or analysed again
+        monkeypatch.setattr("app.session.workbench.load_and_analyse", None)  # nothing is read or analysed again
         assert again.session.entries[0].shot is None
         again.read_unread()
         _wait(again)

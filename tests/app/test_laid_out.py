@@ -176,19 +176,19 @@ def test_what_is_read_from_afar_is_written_largest(panels):
     (title,) = [label for label in sheet.findChildren(QLabel) if label.text() == "Settings"]
     headline = numbers._widgets[next(row.name for row in NUMBERS if row.headline)][1]
     ranked = (
-        panels.live._numbers["velocity"], banner._word, banner._clock, panels.diagnosis._verdict, headline,
-        panels.controls.arm, panels.tour._title, banner._detail, panels.numbers,
+        panels.live.numbers["velocity"], banner.word, banner._clock, panels.diagnosis._verdict, headline,
+        panels.controls.arm, panels.tour.title, banner.detail, panels.numbers,
     )  # fmt: skip
     sizes = [widget.font().pointSizeF() / panels.font().pointSizeF() for widget in ranked]
     assert sizes[0] < 3.5 and sizes == sorted(set(sizes), reverse=True) and sizes[-1] == 1.0
-    assert title.font() == panels.diagnosis._verdict.font() and banner._sign.font() == banner._word.font()
+    assert title.font() == panels.diagnosis._verdict.font() and banner._sign.font() == banner.word.font()
     assert all(widget.font().bold() for widget in ranked[:-2])
 
 
 def test_live_has_its_curves_to_the_left_its_numbers_to_the_right_and_the_raw_signals_below_them(panels):
     live = panels.live
     (grid,) = [one for one in live.findChildren(QGridLayout) if one.indexOf(live.stack) >= 0]
-    tiles = [label.parentWidget() for label in live._numbers.values()]
+    tiles = [label.parentWidget() for label in live.numbers.values()]
     places = [grid.getItemPosition(grid.indexOf(widget)) for widget in (live.stack, *tiles, live.raw)]
     (_, left, rows, _), *right = places
     assert left == 0 and {column for _, column, _, _ in right} == {1}

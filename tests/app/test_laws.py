@@ -15,7 +15,7 @@ from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.drive.catalogue import GAIN_ERROR, LAWS
 from analysis.report import fit_result
 from analysis.shot.quantity import Quantity
-from app.report.csv_export import export_laws
+from app.report.exports import export_laws
 from app.session.model_in_use import OwnLaws
 from app.session.result_archive import NotStorable, parted, rejoined
 from app.session.session import Session
@@ -117,21 +117,21 @@ def test_the_folder_of_laws_is_asked_and_a_spoilt_file_told(tmp_path):
 def test_the_sheet_says_what_is_wrong_while_it_is_typed(qtbot):
     sheet = LawSheet(LIGHT)
     qtbot.addWidget(sheet)
-    assert not sheet.save.isEnabled() and sheet.said == ""
+    assert not sheet.save.isEnabled() and sheet.said.text() == ""
     sheet.fill(SHAKEN)
     assert sheet.save.isEnabled() and sheet.table() == SHAKEN
     sheet.own[0].setChecked(True)
-    assert not sheet.save.isEnabled() and "that the shots share" in sheet.said
+    assert not sheet.save.isEnabled() and "that the shots share" in sheet.said.text()
     sheet.fill(STIR)
-    assert sheet.save.isEnabled() and "Formula is valid" in sheet.said
+    assert sheet.save.isEnabled() and "Formula is valid" in sheet.said.text()
     assert sheet.table() == STIR
     sheet.formula.setText("-c * w**3 + 0*b")
-    assert not sheet.save.isEnabled() and "column 6: no 'w' is known here" in sheet.said
+    assert not sheet.save.isEnabled() and "column 6: no 'w' is known here" in sheet.said.text()
     sheet.formula.setText(STIR["formula"])
     sheet.parameters[0]["start"].setText("3,5e-3")  # a comma is a decimal as well
     assert sheet.save.isEnabled() and sheet.table()["parameters"]["c"]["start"] == 3.5e-3
     sheet.parameters[0]["start"].setText("much")
-    assert not sheet.save.isEnabled() and "parameters.c.start" in sheet.said
+    assert not sheet.save.isEnabled() and "parameters.c.start" in sheet.said.text()
     sheet.parameters[0]["start"].setText("1")
     with qtbot.waitSignal(sheet.wanted) as given:
         sheet.save.click()

@@ -53,7 +53,7 @@ def test_the_value_axis_stands_still_in_noise_and_follows_a_push(panel):
     assert ranges[65][0] < -0.3 < ranges[55][0]
     assert len(set(ranges[70:])) <= 3  # wide while the push is in view, close again when it has run out
     assert ranges[-1][1] - ranges[-1][0] < 0.05
-    shown = panel.text("velocity")
+    shown = panel.numbers["velocity"].text()
     assert abs(float(shown)) < 1e-3
 
 
@@ -76,13 +76,13 @@ def test_digits_change_five_times_a_second_and_curves_with_every_picture(panel):
     for frame in range(6):
         speed = np.full_like(view.velocity_m_per_s, 0.01 * frame)
         panel.show_live(replace(view, time_s=view.time_s + 0.1 * frame, velocity_m_per_s=speed))
-        texts.append(float(panel.text("velocity")))
+        texts.append(float(panel.numbers["velocity"].text()))
         drawn.append(panel._curves["velocity"].samples[-1])
     assert drawn == pytest.approx([0.0, 0.01, 0.02, 0.03, 0.04, 0.05])
     assert texts == pytest.approx([0.0, 0.0, 0.02, 0.02, 0.04, 0.04])
     panel.show_live(None)
     panel.show_live(replace(view, time_s=view.time_s + 0.55))
-    assert panel.text("velocity") != live.DASH  # at once after a silence
+    assert panel.numbers["velocity"].text() != live.DASH  # at once after a silence
 
 
 def test_raw_signals_are_drawn_five_times_a_second_and_at_once_where_a_threshold_moves(panel, monkeypatch):

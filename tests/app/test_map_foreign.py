@@ -10,8 +10,7 @@ from scipy.io import wavfile
 
 from analysis.shot.recording import Recording
 from app.command_line.cli import main
-from app.report.csv_export import MODEL_COLUMNS, MOTION_COLUMNS
-from app.report.hdf5_export import export_hdf5
+from app.report.exports import MODEL_COLUMNS, MOTION_COLUMNS, export_hdf5
 from app.session.load import load_and_analyse
 from instrument.files.foreign_file import FOLDER_MAPPING
 from instrument.files.recording_file import read_recording

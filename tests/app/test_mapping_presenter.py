@@ -48,10 +48,10 @@ def test_channels_are_asked_for_once_and_the_file_is_opened(qtbot: QtBot, tmp_pa
         assert [sheet.boxes[role].currentData() for role in sheet.boxes] == ["one", "two", None]
         sheet.boxes[Role.REFERENCE].setCurrentIndex(sheet.boxes[Role.REFERENCE].findData("one"))
         sheet.apply()
-        assert "two roles" in sheet.problem
+        assert "two roles" in sheet.problem.text()
         sheet.boxes[Role.REFERENCE].setCurrentIndex(sheet.boxes[Role.REFERENCE].findData("two"))
         sheet.apply()
-        qtbot.waitUntil(lambda: pulled(lambda: "rate" in sheet.problem), timeout=20_000)
+        qtbot.waitUntil(lambda: pulled(lambda: "rate" in sheet.problem.text()), timeout=20_000)
         assert is_unmapped(path)  # a mapping that does not work is not remembered
         sheet.edits["rate_hz"].setText("10")
         sheet.apply()
@@ -89,7 +89,7 @@ def test_a_displacement_is_opened_in_the_unit_of_its_header_or_the_one_chosen(
             assert sheet.displacement.currentData() is None and sheet.boxes[Role.MEASUREMENT].isEnabled()
             sheet.displacement.setCurrentIndex(sheet.displacement.findData("x"))
             sheet.apply()
-            assert "unit of the displacement is missing" in sheet.problem
+            assert "unit of the displacement is missing" in sheet.problem.text()
             sheet.unit.setCurrentIndex(sheet.unit.findData("mm"))
         assert (sheet.displacement.currentData(), sheet.unit.currentData()) == ("x", "mm")
         assert not sheet.boxes[Role.MEASUREMENT].isEnabled()

@@ -27,9 +27,12 @@ def _never() -> bool:
     return False
 
 
+QUIETLY = {"progress": lambda *_: None, "cancelled": _never}
+
+
 def test_a_model_that_cannot_be_saved_or_read_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(AnalysisError, match="no shot is fitted"):
-        save_model(tmp_path / "m.toml", [synthetic.bare_shot("a")], ModelEffects(), None, _never)
+        save_model(tmp_path / "m.toml", [synthetic.bare_shot("a")], ModelEffects(), None, **QUIETLY)
     with pytest.raises(RecordingError, match=r"none\.toml: no such file"):
         load_model(tmp_path / "none.toml")
     wrong = tmp_path / "wrong.toml"
@@ -63,7 +66,7 @@ def test_a_model_that_is_saved_says_which_effects_were_only_tried(tmp_path: Path
     (named,), adhesion = {finding.effect for finding in found.effects}, CATALOGUE["adhesion"]
     found = replace(found, fit_after=replace(shot.fit, effects=(named, adhesion)))
     effects = ModelEffects((named, adhesion)).trying((adhesion, named))
-    said = save_model(tmp_path / "m.toml", [shot], effects, found, _never)
+    said = save_model(tmp_path / "m.toml", [shot], effects, found, **QUIETLY)
     assert load_model(tmp_path / "m.toml").tried == (adhesion,)  # the other was named meanwhile
     assert "adhesion at release (tried)" in said
 
@@ -106,11 +109,11 @@ def test_saved_and_opened_by_keys(qtbot: QtBot, tmp_path: Path, warm_kernels: No
             qtbot.waitUntil(lambda path=path: path.name in window.panels.work.notices.words, timeout=WAIT_MS)
             assert window.workbench.model.effects_of("paper") == effects
             assert window.workbench.session.effects.tried == tried
-        assert not window.panels.model.known
+        assert not window.panels.model.known.text()
         entry = window.workbench.add_shot(shot)
         window.pull()
         window.panels.table.select([entry.number])
-        qtbot.waitUntil(lambda: "agrees with the model file" in window.panels.model.known, timeout=WAIT_MS)
+        qtbot.waitUntil(lambda: "agrees with the model file" in window.panels.model.known.text(), timeout=WAIT_MS)
         qtbot.keyClick(window, Qt.Key.Key_S, both)
         answer(tmp_path / "out")  # the ending is added
         qtbot.waitUntil(lambda: "out.toml" in window.panels.work.notices.words, timeout=WAIT_MS)

@@ -18,7 +18,7 @@ from app.command_line.replay import plan_shots
 from app.session.next_shots import NextShots, planned_setup
 from app.session.settings import Settings
 from app.session.verdict_basis import Diagnosed, Diagnoses
-from app.window.panels.next_shot import NextShotCard
+from app.window.panels.next_steps import NextShotCard
 from instrument.capture.stream_reader import CaptureOptions
 from tests.analysis.diagnosis.shots import motions_of
 from tests.analysis.planning.rig import rig
@@ -55,22 +55,22 @@ def test_the_card_offers_a_plan_only_where_a_choice_is_open(card, said):
 
 def test_the_card_says_what_to_set_what_it_will_show_and_what_it_showed(card, said, qtbot):
     card.show_standing(said, PlanningState(PLAN), None, False)
-    assert "0.6 m/s with 50 g added" in card.words and "9 noise norms" in card.words
+    assert "0.6 m/s with 50 g added" in card.sentence.text() and "9 noise norms" in card.sentence.text()
     assert card.take.text() == "ARM for it" and card.plan.isHidden()
     card.show_standing(said, PlanningState(PLAN), None, True)
     assert card.take.text() == "Set and take it"
-    with qtbot.waitSignal(card.take_wanted):
+    with qtbot.waitSignal(card.take.clicked):
         card.take.click()
     card.show_standing(said, PlanningState(PLAN), FAST, False)
-    assert card.take.isHidden() and not card.give_up.isHidden() and "Set, then push" in card.words
+    assert card.take.isHidden() and not card.give_up.isHidden() and "Set, then push" in card.sentence.text()
     done = replace(STEP, reached=8.4, leader=DRAG)
     card.show_standing(said, PlanningState(None, (done,)), None, False)
-    assert "9 noise norms expected, 8.4 reached" in card.log_words and "Resolved" in card.words
+    assert "9 noise norms expected, 8.4 reached" in card.log.text() and "Resolved" in card.sentence.text()
 
 
 def test_the_card_says_that_no_shot_can(card, said):
     card.show_standing(said, PlanningState(HOPELESS), None, True)
-    assert "No shot of this rig" in card.words and card.take.isHidden()
+    assert "No shot of this rig" in card.sentence.text() and card.take.isHidden()
 
 
 class _Workbench:

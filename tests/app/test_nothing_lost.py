@@ -27,10 +27,10 @@ from app.session.workbench import Workbench
 from app.window.layout import Layout
 from app.window.panels.session_model import VERDICT
 from app.window.panels.settings_sheet import SettingsSheet
-from app.window.panels.side_sheet import SideSheet
 from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
 from app.window.theme import LIGHT, Theme
+from app.window.widgets import SideSheet
 from app.words.wording import DASH, local, typed_number
 from instrument.bench.simulated_shots import simulate
 from instrument.capture.analysis_thread import AnalysisThread, ShotAnalysis
@@ -84,7 +84,7 @@ def test_weights_are_typed_as_a_list_in_grams_and_come_back(qtbot: QtBot, typed:
     for wrong, words in (("20,5,100", "two ways"), ("heavy", "not a number"), ("0.01", "outside")):
         sheet.set_value("weights_kg", wrong)
         sheet.apply()
-        assert words in sheet.problem and len(taken) == 1
+        assert words in sheet.problem.text() and len(taken) == 1
     sheet.set_value("weights_kg", "")
     sheet.apply()
     assert taken[-1]["weights_kg"] == ""

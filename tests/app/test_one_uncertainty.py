@@ -15,7 +15,7 @@ from analysis.uncertainty.gum_budget import budget
 from analysis.uncertainty.numbers import Origin, number_of, of_collision
 from analysis.uncertainty.series_statistics import series
 from app.command_line.summary import summary
-from app.report.csv_export import columns_of, export
+from app.report.exports import columns_of, export
 from app.report.page import report_of
 from app.session.model_in_use import NOISE_ALONE, with_combined
 from app.session.session import Session
@@ -55,7 +55,7 @@ def test_banner_panel_list_and_terminal_state_the_same_uncertainty(qtbot, entry,
     panel.show()
     panel.show_shot(entry.shot)
     cor = value_text(combined["cor_quasi_static"])
-    assert panel.text("quasi-static") in (cor, concise_text(combined["cor_quasi_static"]))
+    assert panel.values["quasi-static"].text() in (cor, concise_text(combined["cor_quasi_static"]))
     assert cor in last_shot(entry).saved
     told = summary(entry.shot)
     assert f"COR quasi-static           {cor}" in told
@@ -91,8 +91,8 @@ def test_a_trend_says_which_uncertainty_its_bars_are(qtbot):
     panel = ComparePanel(LIGHT)
     qtbot.addWidget(panel)
     panel.show_entries(list(session.entries))
-    panel.choose_trend("plate_stiffness_n_per_m")
-    assert "bars: ± from each shot's noise only" in panel.repeatability  # what all share scatters nothing
+    panel.which.setCurrentIndex(panel.which.findData("plate_stiffness_n_per_m"))
+    assert "bars: ± from each shot's noise only" in panel.repeatability.text()  # what all share scatters nothing
     assert "standard uncertainty, noise alone" in panel.trend.columns
 
 

@@ -18,18 +18,18 @@ from analysis.shot.quantity import NotSeen, Quantity
 from analysis.uncertainty.gum_budget import budget
 from app.report.number_tables import fitted
 from app.session.session import Session
-from app.window.panels.budget import BudgetPanel
-from app.window.panels.candidates import CandidateBars
 from app.window.panels.compare import ComparePanel
 from app.window.panels.diagnosis import DiagnosisPanel
+from app.window.panels.effects import CandidateBars
 from app.window.panels.large import LargePanel
 from app.window.panels.model import ModelPanel
-from app.window.panels.notice import NoticeLine
 from app.window.panels.numbers import NumbersPanel
 from app.window.panels.session_model import FLAGS
 from app.window.panels.session_table import NOTE, SessionTable
 from app.window.panels.shot import VIEWS, ShotPanel
 from app.window.panels.shot_motion import RESIDUALS
+from app.window.panels.tables import BudgetPanel
+from app.window.panels.work_line import NoticeLine
 from app.window.plots import save
 from app.window.theme import LIGHT, MARKS, Tone
 from app.words.wording import number, unbroken, value_text
@@ -67,25 +67,25 @@ def test_numbers_state_value_uncertainty_and_how_they_were_read(qtbot, shot):
     panel.resize(panel.minimumWidth(), 700)
     panel.show()
     panel.show_shot(shot)
-    assert panel.text("quasi-static") == "0.9875560(72)"  # a small screen
+    assert panel.values["quasi-static"].text() == "0.9875560(72)"  # a small screen
     panel.resize(600, 700)
-    assert panel.text("quasi-static") == "0.9875560 ± 0.0000072"
-    assert panel.text("pulse width") == "19.100 ± 0.040"
-    assert panel.text("m_p*") == "0.19840 ± 0.00040"
-    assert panel.text("kinetic, flights") == "–"
-    assert "shorter than the filter" in panel.hover("kinetic, flights")
-    assert "speeds of both flights" in panel.hover("quasi-static")
+    assert panel.values["quasi-static"].text() == "0.9875560 ± 0.0000072"
+    assert panel.values["pulse width"].text() == "19.100 ± 0.040"
+    assert panel.values["m_p*"].text() == "0.19840 ± 0.00040"
+    assert panel.values["kinetic, flights"].text() == "–"
+    assert "shorter than the filter" in panel.values["kinetic, flights"].toolTip()
+    assert "speeds of both flights" in panel.values["quasi-static"].toolTip()
     assert "agree" in panel.agreement.text() and "relative to their noise" in panel.agreement.toolTip()
     (of,) = [q for q in budget(shot).quantities if q.key == "velocity_in_m_per_s"]
     assert of.std > 3 * shot.impact.velocity_in_m_per_s.std
-    assert panel.text("velocity in") == value_text(Quantity(of.value, of.std))  # as in the budget
-    assert "combined" in panel.hover("velocity in")
+    assert panel.values["velocity in"].text() == value_text(Quantity(of.value, of.std))  # as in the budget
+    assert "combined" in panel.values["velocity in"].toolTip()
     panel.noise_only.setChecked(True)
-    assert panel.text("velocity in") == value_text(shot.impact.velocity_in_m_per_s)
-    assert "noise alone" in panel.hover("velocity in")
+    assert panel.values["velocity in"].text() == value_text(shot.impact.velocity_in_m_per_s)
+    assert "noise alone" in panel.values["velocity in"].toolTip()
     driven = replace(shot, settings=replace(shot.settings, model="driven"))
     panel.show_shot(driven)
-    assert panel._values["mass"].isVisible() and not panel._values["quasi-static"].isVisible()
+    assert panel.values["mass"].isVisible() and not panel.values["quasi-static"].isVisible()
 
 
 def test_a_flag_stands_at_the_number_it_is_about(qtbot, shot):
@@ -94,8 +94,11 @@ def test_a_flag_stands_at_the_number_it_is_about(qtbot, shot):
     panel.show_shot(replace(shot, flags=("momentum_disagrees", "vibration")))
     marked = {name for name, label in panel._names.items() if MARKS[Tone.WARNING] in label.text()}
     assert marked == {"peak force", "velocity in", "velocity out"}
-    assert "impulse of the force" in panel.hover("peak force") and "the path vibrates" in panel.hover("quasi-static")
-    assert "impulse of the force" in panel._values["peak force"].accessibleDescription()
+    assert (
+        "impulse of the force" in panel.values["peak force"].toolTip()
+        and "the path vibrates" in panel.values["quasi-static"].toolTip()
+    )
+    assert "impulse of the force" in panel.values["peak force"].accessibleDescription()
     panel.show_shot(shot)
     assert not any(MARKS[Tone.WARNING] in label.text() for label in panel._names.values())
 
@@ -146,8 +149,8 @@ def test_numbers_of_a_fit_that_did_not_converge_are_not_shown(qtbot, shot):
     panel = NumbersPanel(LIGHT)
     qtbot.addWidget(panel)
     panel.show_shot(replace(shot, fit=replace(shot.fit, converged=False)))
-    assert panel.text("k_p") == "–"
-    assert "did not converge" in panel.hover("k_p")
+    assert panel.values["k_p"].text() == "–"
+    assert "did not converge" in panel.values["k_p"].toolTip()
 
 
 def test_numbers_warn_where_the_two_ratios_differ(qtbot, shot):
@@ -339,9 +342,9 @@ def test_compare_overlays_and_shows_the_trend_against_speed(qtbot):
     told = [item for item in panel._numbers._items if item.isVisible()]
     assert [item.toPlainText() for item in told] == ["1", "2", "3"]  # colour alone does not tell which is which
     assert len({item.pos().x() for item in told}) == 3
-    panel.choose_trend("plate_stiffness_n_per_m")
+    panel.which.setCurrentIndex(panel.which.findData("plate_stiffness_n_per_m"))
     assert panel.trend.points[1][1] == pytest.approx(221.44)
-    assert "3 shots" in panel.repeatability
+    assert "3 shots" in panel.repeatability.text()
     panel.show_entries([])
     assert panel.trend.points == []
 
@@ -363,12 +366,12 @@ def test_the_last_eight_are_overlaid_from_their_touch_on_and_bars_reach_one_std_
     for curve in (*panel._velocity_curves, *panel._force_curves):
         assert curve.grid[0] == pytest.approx(panel._velocity_curves[0].grid[0], abs=0.02)  # ms
         assert curve.grid[0] < 0.0 < curve.grid[0] + curve.grid[1] * len(curve.samples)
-    panel.choose_trend("plate_stiffness_n_per_m")
+    panel.which.setCurrentIndex(panel.which.findData("plate_stiffness_n_per_m"))
     stds = [entry.shot.fit.parameters["plate_stiffness_n_per_m"].std for entry in session.entries]
     assert list(panel.trend._bars.opts["height"]) == pytest.approx([2.0 * std for std in stds])
     values = np.array([y for _, y in panel.trend.points])
     assert np.ptp(values) > 0.0
-    said = panel.repeatability.split("spread ")[1].split()[0].replace(",", ".")
+    said = panel.repeatability.text().split("spread ")[1].split()[0].replace(",", ".")
     assert float(said) == pytest.approx(float(np.std(values, ddof=1)), rel=0.01)
 
 
@@ -400,12 +403,12 @@ def test_the_diagnosis_says_the_verdict_first_and_offers_to_add_the_effect(qtbot
     qtbot.addWidget(panel)
     panel.show()
     panel.show_diagnosis(synthetic.diagnosis(shot), [shot])
-    assert panel.sentence.startswith("The model lacks a drag whose form is undetermined: quadratic drag or")
-    with qtbot.waitSignal(panel.add_wanted) as added:
+    assert panel.sentence.text().startswith("The model lacks a drag whose form is undetermined: quadratic drag or")
+    with qtbot.waitSignal(panel.effects.add_wanted) as added:
         panel.effects.button("quadratic_drag").click()
     assert added.args == [[named("quadratic_drag")]]
     panel.show_diagnosis(synthetic.diagnosis(shot), [shot], (named("quadratic_drag"),))
-    with qtbot.waitSignal(panel.remove_wanted) as removed:
+    with qtbot.waitSignal(panel.effects.remove_wanted) as removed:
         panel.effects.button("quadratic_drag").click()
     assert removed.args == [named("quadratic_drag")]
     panel.show_progress("scoring", 0.4)
@@ -476,12 +479,12 @@ def test_what_stays_open_offers_the_next_step(qtbot, shot):
     candidates = tuple(replace(c, parameters={"size_n": Quantity(1.0, 0.1)}) for c in found.candidates)
     left = replace(found, verdict=Verdict.UNEXPLAINED, effects=(), candidates=candidates)
     panel.show_diagnosis(left, [shot])
-    assert panel.next_steps.isVisible() and "Next shot: more shots at other speeds" in panel.next_steps.words
+    assert panel.next_steps.isVisible() and "Next shot: more shots at other speeds" in panel.next_steps.shot.text()
     assert [button.text() for button in panel.next_steps.buttons] == [
         "Try quadratic drag on the block", "Try viscous drag on the block", "Try Coulomb friction on the block",
         "Propose a law …",
     ]  # fmt: skip
-    with qtbot.waitSignal(panel.try_wanted) as tried:
+    with qtbot.waitSignal(panel.next_steps.try_wanted) as tried:
         panel.next_steps.buttons[1].click()
     assert tried.args == [named("viscous_drag")]
     panel.mark_tried((named("viscous_drag"),))
@@ -490,7 +493,7 @@ def test_what_stays_open_offers_the_next_step(qtbot, shot):
     assert "tried; not named by a diagnosis" in words
     assert all("viscous" not in button.text() for button in panel.next_steps.buttons)
     panel.show_diagnosis(replace(left, verdict=Verdict.PARTLY_EXPLAINED), [shot])
-    assert panel.next_steps.buttons[-1].text() == "Propose a law …" and "other speeds" in panel.next_steps.words
+    assert panel.next_steps.buttons[-1].text() == "Propose a law …" and "other speeds" in panel.next_steps.shot.text()
     with qtbot.waitSignal(panel.next_steps.law_wanted):
         panel.next_steps.buttons[-1].click()
 
@@ -528,7 +531,7 @@ def test_several_effects_are_added_by_one_press(qtbot):
     two = replace(found, effects=(*found.effects, replace(found.effects[0], effect=named("tilt"))))
     panel.show_diagnosis(two, [shot], ())
     asked = []
-    panel.add_wanted.connect(asked.append)
+    panel.effects.add_wanted.connect(asked.append)
     (button,) = [b for b in panel.findChildren(QPushButton) if b.text() == "Add all to the model"]
     button.click()
     assert asked == [[named("quadratic_drag"), named("tilt")]]
@@ -675,13 +678,13 @@ def test_the_papers_kinetic_cor_is_marked_and_the_others_are_folded_under_it(qtb
     others = ("kinetic, onsets", "kinetic, flights", "fitted contact")
     words = [label.text() for label in panel.findChildren(QLabel) if label.isVisible()]
     assert any("the paper's" in text and value_text(Quantity(0.5667, 0.0))[:3] in text for text in words)
-    assert all(not panel._values[name].isVisible() for name in others)
+    assert all(not panel.values[name].isVisible() for name in others)
     panel.others.click()
-    assert all(panel._values[name].isVisible() for name in others)
+    assert all(panel.values[name].isVisible() for name in others)
     shown = [label.text() for label in panel.findChildren(QLabel) if label.isVisible()]
     assert sum(text.endswith(".") for text in shown) == 3
     panel.show_shot(synthetic.driven_shot())
-    assert not panel.others.isVisible() and not panel._values["kinetic, onsets"].isVisible()
+    assert not panel.others.isVisible() and not panel.values["kinetic, onsets"].isVisible()
 
 
 def test_a_number_of_which_little_is_known_is_marked(qtbot, shot):
@@ -691,7 +694,7 @@ def test_a_number_of_which_little_is_known_is_marked(qtbot, shot):
     kinetic = replace(shot.impact.cor_kinetic, flights=Quantity(0.68, 0.34, "two flights"))
     panel.show_shot(replace(shot, impact=replace(shot.impact, cor_kinetic=kinetic)))
     assert MARKS[Tone.WARNING] in panel._names["kinetic, flights"].text()
-    assert "50 % of the value" in panel.hover("kinetic, flights")
+    assert "50 % of the value" in panel.values["kinetic, flights"].toolTip()
     assert MARKS[Tone.WARNING] not in panel._names["kinetic, peaks"].text()
 
 

@@ -16,7 +16,7 @@ from app.session.session import Session
 from app.window.layout import Layout
 from app.window.plots.plot_notes import NoteEditor
 from app.window.plots.save import save_png, save_svg
-from app.window.presenters.plot_notes import PlotNotesPresenter
+from app.window.presenters.selection import PlotNotesPresenter
 from app.window.theme import Theme
 from tests.app import synthetic
 

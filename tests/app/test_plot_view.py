@@ -14,7 +14,7 @@ from analysis.drive.curves import drive_curves
 from app.session.session import Session
 from app.window.file_dialog import Want, ask
 from app.window.layout import Layout
-from app.window.plots.cursor_readout import CursorReadout
+from app.window.plots.cursors import CursorReadout
 from app.window.plots.plot_view import PlotView
 from app.window.plots.save import save_png
 from app.window.theme import Theme

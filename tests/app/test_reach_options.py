@@ -4,7 +4,7 @@ import pytest
 
 from analysis.planning.next_shot import Reach
 from app.command_line import replay, resolve
-from app.command_line.modes import reach_of
+from app.command_line.cli import reach_of
 from app.command_line.parser import parse
 from app.session.settings import Settings
 from tests.app import synthetic

@@ -18,13 +18,12 @@ from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Plate
 from analysis.uncertainty.gum_budget import budget
 from app.command_line.cli import main
-from app.report.markup import Markup, tag
+from app.report.markup import Markup, style_sheet, tag
 from app.report.markup import table as tag_table
 from app.report.page import MOST_DRAWN, report_of
-from app.report.pdf import write_pdf
+from app.report.pdf import rules_of, with_own_style, write_pdf
 from app.report.shot_figures import figures
 from app.report.svg_plot import Line, Plot, draw, thin_out, ticks
-from app.report.svg_style import rules_of, style_sheet, with_own_style
 from instrument.files.recording_file import read_recording
 from instrument.files.recording_writer import write_recording
 from tests.app.synthetic import diagnosis, shot
@@ -174,7 +173,7 @@ def test_nothing_foreign_becomes_markup() -> None:
     left = Remainder(1e-9, 1e-10, (), imitated_by=(bad_one,))
     said = replace(diagnosis(one), remainder=left, blind_spots=(BlindSpot(bad_one, HOSTILE, 1.0),))
     said = replace(said, effects=(FoundEffect(bad_one, {HOSTILE: Quantity(1, 1)}, {HOSTILE: 1.0}, (bad_one,)),))
-    page = report_of([bad, replace(bad, problem=HOSTILE, motion=None, impact=None, fit=None)], said, title=HOSTILE)
+    page = report_of([bad, replace(bad, problem=HOSTILE, motion=None, impact=None, fit=None)], said)
     elements = Elements(page)
     assert "script" not in {name for name, _ in elements.elements}
     assert "alert(1)" in elements.text
@@ -288,7 +287,7 @@ def test_the_plots_on_paper_are_curves_and_no_black_boxes(qapp: object, tmp_path
 
 def test_a_figure_alone_has_the_colours_that_the_sheet_gives_it() -> None:
     svg = '<svg viewBox="0 0 9 9"><path class="simulated" d="M0 0L9 9"/><text class="tick-y">1</text></svg>'
-    alone = with_own_style(svg)
+    alone = with_own_style(svg, style_sheet())
     assert 'stroke="#f0803c"' in alone and 'fill="none"' in alone and 'text-anchor="end"' in alone
     rules = rules_of(style_sheet())
     assert all("var(" not in value for style in rules.values() for value in style.values())

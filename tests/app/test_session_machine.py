@@ -25,7 +25,7 @@ from analysis.shot.shot import AnalysisSettings
 from app.session.session import Session
 from app.session.shot_work import diagnose_shots
 from app.session.workbench import Workbench
-from app.words.verdict import verdict_words
+from app.words.physics_words import verdict_words
 from instrument.files.atomic_file import write_json_atomic
 from tests.app import synthetic
 from tests.app.stepped_work import LONGEST_S, SteppedWork

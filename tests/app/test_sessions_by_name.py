@@ -74,7 +74,7 @@ def test_the_window_reopens_as_it_was_left(qtbot, tmp_path, warm_kernels):
     window.panels.across.setSizes([500, 500])
     window.panels.table.table.setColumnWidth(2, 333)
     named = data / "tuesday.json"
-    window.files_presenter._save_asked([named])
+    window.files_presenter.save_to(named)
     assert window.windowTitle() == "tuesday – Levimass"
     window.files_presenter._fill()
     assert [action.text() for action in window.files_presenter.recent.actions()] == ["tuesday.json"]

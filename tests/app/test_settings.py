@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QPushButton
 from analysis.planning.next_shot import Reach
 from analysis.shot.recording import SETUP_CORRECTED, Air, Setup, corrected
 from analysis.shot.shot import AnalysisSettings
-from app.session import settings_file
+from app.session import choices
 from app.session.choices import Choices
 from app.session.load import load_and_analyse
 from app.session.session import Session
@@ -23,8 +23,8 @@ from app.window.theme import LIGHT
 def test_what_is_saved_comes_back(tmp_path):
     path = tmp_path / "sub" / "settings.json"
     chosen = Settings(moving_mass_kg=0.02, temperature_c=21.0, pressure_pa=1e5, humidity_percent=40.0, folder="/x")
-    assert settings_file.save(path, chosen) is None
-    assert settings_file.load(path) == (chosen, [])
+    assert choices.save(path, chosen) is None
+    assert choices.load(path) == (chosen, [])
 
 
 @pytest.mark.parametrize(
@@ -49,10 +49,10 @@ def test_what_is_saved_comes_back(tmp_path):
 )
 def test_a_spoilt_file_gives_the_last_good_copy_and_says_so(tmp_path, text):
     path = tmp_path / "settings.json"
-    settings_file.save(path, Settings(moving_mass_kg=0.03))
-    settings_file.save(path, Settings(moving_mass_kg=0.04))
+    choices.save(path, Settings(moving_mass_kg=0.03))
+    choices.save(path, Settings(moving_mass_kg=0.04))
     path.write_text(text, encoding="latin-1")
-    found, words = settings_file.load(path)
+    found, words = choices.load(path)
     assert found.moving_mass_kg == 0.03
     assert "last good copy" in words[0]
     assert (tmp_path / "settings.json.unreadable").exists()
@@ -61,7 +61,7 @@ def test_a_spoilt_file_gives_the_last_good_copy_and_says_so(tmp_path, text):
 def test_without_any_good_file_the_programs_own_are_used(tmp_path):
     path = tmp_path / "settings.json"
     path.write_text("nonsense")
-    found, words = settings_file.load(path)
+    found, words = choices.load(path)
     assert found == Settings()
     assert len(words) == 1
 
@@ -69,7 +69,7 @@ def test_without_any_good_file_the_programs_own_are_used(tmp_path):
 def test_a_newer_programs_extra_setting_is_left_out_and_said(tmp_path):
     path = tmp_path / "settings.json"
     path.write_text(json.dumps({"levimass_settings": 1, "moving_mass_kg": 0.02, "flux": 3}))
-    found, words = settings_file.load(path)
+    found, words = choices.load(path)
     assert found.moving_mass_kg == 0.02
     assert "flux" in words[0]
 
@@ -160,9 +160,9 @@ def test_a_folder_is_chosen_by_the_button_beside_its_field(qtbot, monkeypatch, t
 
     def answered(parent, title, want, then, start):
         asked.append((want, start))
-        then([tmp_path])
+        then(tmp_path)
 
-    monkeypatch.setattr(settings_sheet, "ask", answered)
+    monkeypatch.setattr(settings_sheet, "ask_for_one", answered)
     (browse,) = [button for button in sheet.findChildren(QPushButton) if button.text() == "…"]
     browse.click()
     assert asked == [(Want.FOLDER, "/before")]

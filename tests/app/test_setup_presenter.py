@@ -10,7 +10,7 @@ from pytestqt.qtbot import QtBot
 
 from app.session.choices import Choices
 from app.window.main_window import MainWindow, open_window
-from app.window.panels.banner import Banner
+from app.window.panels.rig import Banner
 from app.window.panels.setup_sheet import SetupSheet
 from app.window.theme import LIGHT, Tone
 from instrument.devices.device_search import FoundDevice, udev_instructions
@@ -52,12 +52,12 @@ def test_the_set_up_finds_devices_says_the_remedy_and_judges_the_signals(qtbot: 
     qtbot.waitUntil(lambda: len(sheet.lines) >= 4, timeout=WAIT_MS)  # and the site, once the block has rested
     gate.set()
     qtbot.waitUntil(lambda: len(sheet.use_buttons()) == 2, timeout=WAIT_MS)
-    assert sheet.remedy == udev_instructions()
+    assert sheet.remedy.text() == udev_instructions()
     lines = {line.split(" ", 1)[1].split(":")[0]: line for line in sheet.lines}
     assert "beat at 2.7" in lines["PD0, rest beat"] and "V (" in lines["PD0, rest beat"]
     assert "beat at 2.7" in lines["PD1, moving beat"]
     assert "toggle" in lines["Light switch"]
-    assert "check light switch" in sheet.verdict  # nobody passed through it yet
+    assert "check light switch" in sheet.verdict.text()  # nobody passed through it yet
     here, there = sheet.use_buttons()
     assert not here.isEnabled() and there.isEnabled()
     qtbot.waitUntil(there.isVisible, timeout=WAIT_MS)
@@ -78,11 +78,11 @@ def test_arming_from_the_set_up_and_a_missing_usb_library(qtbot: QtBot, window: 
     sheet = window.panels.setup
     qtbot.keyClick(window, Qt.Key.Key_F3)
     qtbot.waitUntil(lambda: "install libusb" in sheet._found.text(), timeout=WAIT_MS)
-    assert len(sheet.use_buttons()) == 1 and sheet.remedy == ""
+    assert len(sheet.use_buttons()) == 1 and sheet.remedy.text() == ""
     qtbot.waitUntil(lambda: sheet.arm.isEnabled() and len(sheet.lines) >= 4, timeout=WAIT_MS)
     sheet.arm.click()
     assert not sheet.isVisible()
-    qtbot.waitUntil(lambda: window.panels.banner.word == "ARMED", timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: window.panels.banner.word.text() == "ARMED", timeout=WAIT_MS)
 
 
 def test_an_oscilloscope_in_the_network_is_typed_used_and_remembered(
@@ -95,12 +95,12 @@ def test_an_oscilloscope_in_the_network_is_typed_used_and_remembered(
     sheet.address.setFocus()
     qtbot.keyClicks(sheet.address, "no address")  # a blank is typed here and arms nothing
     qtbot.keyClick(sheet.address, Qt.Key.Key_Return)
-    assert "'no address' is no address: type HOST" in sheet.refusal and rig.source == "bench"
+    assert "'no address' is no address: type HOST" in sheet.refusal.text() and rig.source == "bench"
 
     sheet.address.setText("127.0.0.1:1")
     sheet.use_address.click()
-    assert sheet.refusal == ""
-    qtbot.waitUntil(lambda: window.panels.banner.word == "FAULT", timeout=WAIT_MS)
+    assert sheet.refusal.text() == ""
+    qtbot.waitUntil(lambda: window.panels.banner.word.text() == "FAULT", timeout=WAIT_MS)
     with TcpScope(EmulatedScope("rigol", polls_until_trigger=1)) as server:
         source = f"scpi:127.0.0.1:{server.port}"
         sheet.address.setText(f"127.0.0.1:{server.port}")
@@ -118,15 +118,16 @@ def test_an_oscilloscope_in_the_network_is_typed_used_and_remembered(
 def test_the_tour_is_shown_once_and_leaves_the_keys_alone(qtbot: QtBot, window: MainWindow, tmp_path: Path) -> None:
     tour = window.panels.tour
     window.tour_presenter.start_once()
-    assert tour.isVisible() and tour.title == "Press ARM"
+    assert tour.isVisible() and tour.title.text() == "Press ARM"
     qtbot.keyClick(tour.onward, Qt.Key.Key_Return)
-    assert tour.title != "Press ARM"
+    assert tour.title.text() != "Press ARM"
     qtbot.waitUntil(lambda: window.panels.controls.arm.isEnabled() and window.rig.channels != (), timeout=WAIT_MS)
     qtbot.keyClick(window, Qt.Key.Key_Space)
-    qtbot.waitUntil(lambda: window.panels.banner.word == "ARMED", timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: window.panels.banner.word.text() == "ARMED", timeout=WAIT_MS)
     assert tour.isVisible()
     qtbot.keyClick(window, Qt.Key.Key_Escape)
-    assert not tour.isVisible() and window.panels.banner.word == "ARMED"  # the first Esc sends the tour away only
+    assert not tour.isVisible()
+    assert window.panels.banner.word.text() == "ARMED"  # the first Esc sends the tour away only
     assert json.loads((tmp_path / "settings.json").read_text())["tour_done"] is True
     window.tour_presenter.start_once()
     assert not tour.isVisible()
@@ -143,9 +144,9 @@ def test_verdicts_are_worded_by_the_worst_of_the_checks(qtbot: QtBot) -> None:
     assert "no samples yet" in sheet.lines
     good = Check("PD0", Grade.OK, "beat at 2.73 MHz")
     sheet.show_checks((good,))
-    assert "Ready: press ARM" in sheet.verdict and sheet.lines == ["✓ PD0, rest beat: beat at 2.73 MHz"]
+    assert "Ready: press ARM" in sheet.verdict.text() and sheet.lines == ["✓ PD0, rest beat: beat at 2.73 MHz"]
     sheet.show_checks((good, Check("PD1", Grade.FAIL, "no beat")))
-    assert "Not ready for a shot: fix PD1" in sheet.verdict
+    assert "Not ready for a shot: fix PD1" in sheet.verdict.text()
 
 
 def test_a_long_fault_stays_readable_beside_the_button_that_saves_elsewhere(qtbot: QtBot) -> None:
@@ -154,12 +155,12 @@ def test_a_long_fault_stays_readable_beside_the_button_that_saves_elsewhere(qtbo
     banner.resize(700, banner.height())
     banner.show()
     banner.show_state("READY", "Press ARM (space), then push the block.", Tone.NEUTRAL)
-    large = banner._detail.font().pointSizeF()
+    large = banner.detail.font().pointSizeF()
     banner.offer_saving(2)
     words = "The shot could not be saved: No space left on device. In memory only: shot-0003. "
     banner.show_state("FAULT", words + "Save it elsewhere, then arm again.", Tone.BAD)
-    assert banner._detail.font().pointSizeF() < large
-    qtbot.waitUntil(lambda: banner._detail.heightForWidth(banner._detail.width()) <= banner.height() - 12)
+    assert banner.detail.font().pointSizeF() < large
+    qtbot.waitUntil(lambda: banner.detail.heightForWidth(banner.detail.width()) <= banner.height() - 12)
     assert banner.save_elsewhere.text() == "Save 2 shots elsewhere …"
     banner.offer_saving(0)
     assert banner.save_elsewhere.isHidden()

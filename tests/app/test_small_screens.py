@@ -30,18 +30,18 @@ from analysis.drive.curves import drive_curves
 from analysis.shot.shot import PlotNote
 from app.report.shot_figures import time_zero
 from app.session.jobs import Jobs
-from app.session.kernel_compilation import PIECES
+from app.session.kernels import PIECES
 from app.session.session import Session
 from app.session.settings import FIELDS, Settings
 from app.window import commands
 from app.window.layout import Layout
 from app.window.panels.session_model import FLAGS, VERDICT
-from app.window.plots.plain_axis import PlainAxis
+from app.window.plots.framed_plot import PlainAxis
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import DARK, LIGHT, Theme, Tone
 from app.words.flags import FLAG_WORDS, flags_in_short
-from app.words.verdict import verdict_words
+from app.words.physics_words import verdict_words
 from tests.app import synthetic
 
 SMALLEST = (960, 540)
@@ -357,7 +357,7 @@ def test_a_plot_too_low_for_its_label_carries_its_name_inside(window):
                 if not plot.isVisible() or plot.size().height() < 4:
                     continue
                 whole = axis._label_shown == axis._whole
-                assert plot.caption == ("" if whole else f"{plot.title} ({plot.unit})")
+                assert plot.caption.shown == ("" if whole else f"{plot.title} ({plot.unit})")
                 seen.add(whole)
     assert (window.width() >= 1366) in seen  # else nothing was asked
 
@@ -418,7 +418,7 @@ def test_all_numbers_of_a_shot_are_in_view_from_1366_x_768_on(window):
     numbers = window.panels.numbers
     if window.width() < 1366:
         pytest.skip("the smallest screen scrolls them")
-    last = numbers._values["γ_N"]
+    last = numbers.values["γ_N"]
     foot = last.mapTo(numbers.viewport(), last.rect().bottomLeft()).y()
     assert foot <= numbers.viewport().height(), (foot, numbers.viewport().height())
 
@@ -469,8 +469,8 @@ def test_the_trend_keeps_its_room_on_a_low_page(window):
     plots = (compare.trend.plot, *compare.stack.plots)
     assert all(plot.view.height() > 2 * window.fontMetrics().height() for plot in plots)
     hover = compare.trend.toolTip()
-    assert compare._repeatability.isVisible() == (hover == "")
-    assert "spread" in (hover or compare.repeatability) and not (hover and compare._legend.isVisible())
+    assert compare.repeatability.isVisible() == (hover == "")
+    assert "spread" in (hover or compare.repeatability.text()) and not (hover and compare._legend.isVisible())
     assert (window.width() > SMALLEST[0]) == (hover == "")
 
 

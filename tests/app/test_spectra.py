@@ -100,16 +100,18 @@ def test_the_page_shows_both_and_clears_them(qtbot, spectra):
     qtbot.addWidget(panel)
     panel.resize(900, 700)
     panel.show()
-    assert not panel.has_spectra() and any("Select a shot" in label.text() for label in panel.findChildren(QLabel))
+    assert panel.picture.image is None and any("Select a shot" in label.text() for label in panel.findChildren(QLabel))
     panel.show_spectra(spectra, None, "shot-1")
-    assert panel.has_spectra() and not any("Select a shot" in label.text() for label in panel.findChildren(QLabel))
+    assert panel.picture.image is not None and not any(
+        "Select a shot" in label.text() for label in panel.findChildren(QLabel)
+    )
     spectrum, image = panel.plots
-    place = panel._picture.mapRectToParent(panel._picture.boundingRect())
+    place = panel.picture.mapRectToParent(panel.picture.boundingRect())
     low, high = spectra.image_span_hz
     assert (place.left(), place.right()) == pytest.approx((-1e3 * ZERO_S, 1e3 * spectra.image_span_s[1]))
     assert (place.top(), place.bottom()) == pytest.approx((1e-6 * low, 1e-6 * high))
     for row, beat_hz in ((5, BEFORE_HZ), (ROWS - 5, AFTER_HZ)):
-        drawn = panel._picture.mapToParent(QPointF(row + 0.5, spectra.image_db[row].argmax() + 0.5))
+        drawn = panel.picture.mapToParent(QPointF(row + 0.5, spectra.image_db[row].argmax() + 0.5))
         assert drawn.x() == pytest.approx(1e3 * ((row + 0.5) * BINS / RATE_HZ - ZERO_S))
         assert drawn.y() == pytest.approx(1e-6 * beat_hz, abs=1e-3)
     (left, right), (bottom, top) = image.plot.view.viewRange()
@@ -120,4 +122,4 @@ def test_the_page_shows_both_and_clears_them(qtbot, spectra):
     assert frequency[0] == "frequency (MHz)" and frequency[1][-1] == pytest.approx(0.5e-6 * RATE_HZ)
     assert [name for name, _ in powers] == [f"{CHANNEL_NAMES[role]} (dB above 1 V²/Hz)" for role in spectra.power_db]
     panel.show_spectra(None)
-    assert not panel.has_spectra() and any("Select a shot" in label.text() for label in panel.findChildren(QLabel))
+    assert panel.picture.image is None and any("Select a shot" in label.text() for label in panel.findChildren(QLabel))

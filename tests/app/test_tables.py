@@ -8,9 +8,8 @@ from pytestqt.qtbot import QtBot
 
 from analysis.paper.paper import reproduce
 from analysis.uncertainty.gum_budget import budget
-from app.report.csv_export import export
-from app.window.panels.budget import BudgetPanel
-from app.window.panels.paper import PaperPanel
+from app.report.exports import export
+from app.window.panels.tables import BudgetPanel, PaperPanel
 from app.window.theme import DARK, LIGHT
 from tests.analysis.shots import at_speed, shot_of
 

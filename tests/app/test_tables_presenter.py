@@ -7,7 +7,7 @@ from pytestqt.qtbot import QtBot
 from app.session.session import Session
 from app.session.workbench import Workbench
 from app.window.layout import Layout
-from app.window.presenters.tables import TablesPresenter
+from app.window.presenters.selection import TablesPresenter
 from app.window.theme import Theme
 from tests.analysis.shots import at_speed, shot_of
 
@@ -36,13 +36,13 @@ def test_budget_and_paper_pages_follow_the_shot_in_front(qtbot: QtBot) -> None:
         begun = time.perf_counter()
         presenter.refresh()
         assert time.perf_counter() - begun < 0.5
-        assert "computing" in panels.paper.words
+        assert "computing" in panels.paper.said.text()
 
         def there() -> bool:
             presenter.refresh()
             return panels.paper.table.topLevelItemCount() > 0
 
         qtbot.waitUntil(there, timeout=60_000)
-        assert "remain open" in panels.paper.words and "Recording: b" in panels.paper.words
+        assert "remain open" in panels.paper.said.text() and "Recording: b" in panels.paper.said.text()
     finally:
         workbench.close()

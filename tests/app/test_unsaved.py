@@ -41,10 +41,10 @@ def test_a_shot_in_memory_is_saved_elsewhere_by_the_banners_button(
         qtbot.waitUntil(lambda: window.panels.controls.arm.isEnabled() and window.rig.channels != (), timeout=WAIT_MS)
         assert not button.isVisible()
         qtbot.keyClick(window, Qt.Key.Key_Space)
-        qtbot.waitUntil(lambda: window.panels.banner.word != "READY", timeout=WAIT_MS)
+        qtbot.waitUntil(lambda: window.panels.banner.word.text() != "READY", timeout=WAIT_MS)
         qtbot.waitUntil(lambda: button.isVisible() and len(window.workbench.session.read) == 1, timeout=WAIT_MS)
         assert button.text() == "Save 1 shot elsewhere …"
-        assert "No space left" in window.panels.banner.detail and "memory" in window.panels.banner.detail
+        assert "No space left" in window.panels.banner.detail.text() and "memory" in window.panels.banner.detail.text()
         window.close()
         assert window.isVisible()  # the first time it only warns
         assert "only in memory" in window.panels.work.notices.words

@@ -19,9 +19,9 @@ from app.window.panels.session_model import VERDICT, SessionModel
 from app.window.presenters.diagnosis import DiagnosisPresenter
 from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
+from app.window.state_words import verdict_line
 from app.window.theme import Theme, Tone
-from app.window.tones import verdict_line
-from app.words.verdict import VERDICTS, verdict_words
+from app.words.physics_words import VERDICTS, verdict_words
 from tests.app import synthetic
 from tests.app.stepped_work import SteppedWork
 
@@ -83,7 +83,7 @@ def test_taken_out_of_the_model_an_effect_takes_its_verdict_with_it_here_and_aft
             page.refresh()
             panels.table.select([1])
             font = panels.table.model.data(panels.table.model.index(0, VERDICT), Qt.ItemDataRole.FontRole)
-            return font is not None and font.strikeOut(), panels.model.verdict, panels.diagnosis._verdict.text()
+            return font is not None and font.strikeOut(), panels.model.verdict.text(), panels.diagnosis._verdict.text()
 
         struck, beside, heading = looks()
         assert not struck and beside.endswith("adequate") and "ADEQUATE" in heading and "<s>" not in heading

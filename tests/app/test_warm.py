@@ -12,7 +12,6 @@ import pytest
 from analysis.compiled import kernel_cache
 from analysis.shot.shot import AnalysisSettings, Cancelled
 from app.command_line.cli import main
-from app.session import kernel_compilation
 from app.session import kernels as kernels_module
 from app.session.rig import Rig
 from instrument.bench.simulated_shots import simulate
@@ -22,13 +21,15 @@ from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.digitizer import CaptureSettings
 from tests.app import rigs
 
+COMPLETE = kernels_module.complete  # as it is without the fixture of all windows
+
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(kernels_module, "complete", COMPLETE)
     monkeypatch.setattr(kernel_cache, "cache_folder", lambda: tmp_path)
-    monkeypatch.setattr(kernel_compilation, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(kernels_module, "cache_folder", lambda: tmp_path)
     monkeypatch.setattr(kernels_module, "readings", lambda: None)
-    monkeypatch.setattr(kernels_module, "complete", kernel_compilation.complete)
     return tmp_path
 
 
@@ -48,7 +49,7 @@ class AtOnce:
 @pytest.fixture
 def order(monkeypatch):
     AtOnce.started.clear()
-    monkeypatch.setattr(kernel_compilation, "_started", AtOnce)
+    monkeypatch.setattr(kernels_module, "_started", AtOnce)
     return AtOnce.started
 
 
@@ -57,31 +58,29 @@ def quietly(words: str, share: float) -> None:
 
 
 def test_the_mark_holds_for_the_program_that_wrote_it(folder):
-    assert not kernel_compilation.complete()
-    kernel_compilation.mark_complete()
-    assert kernel_compilation.complete()
+    assert not kernels_module.complete()
+    kernels_module.mark_complete()
+    assert kernels_module.complete()
 
 
 @pytest.mark.parametrize("what", [numba, llvmlite])
 def test_another_numba_does_not_trust_it(folder, monkeypatch, what):
-    kernel_compilation.mark_complete()
+    kernels_module.mark_complete()
     monkeypatch.setattr(what, "__version__", "999.0")
-    assert not kernel_compilation.complete()
+    assert not kernels_module.complete()
 
 
 def test_a_mark_that_says_nothing_or_nonsense_is_none(folder):
-    (folder / kernel_compilation.Stage.ALL).touch()  # as an older version of the program left it
-    assert not kernel_compilation.complete()
-    (folder / kernel_compilation.Stage.ALL).write_bytes(b"\xff\xfe")
-    assert not kernel_compilation.complete()
+    (folder / kernels_module.Stage.ALL).touch()  # as an older version of the program left it
+    assert not kernels_module.complete()
+    (folder / kernels_module.Stage.ALL).write_bytes(b"\xff\xfe")
+    assert not kernels_module.complete()
 
 
 def test_a_mark_holds_for_what_comes_before_it_and_not_for_what_comes_after(folder):
-    kernel_compilation.mark_complete(kernel_compilation.Stage.FIT)
-    assert kernel_compilation.complete(kernel_compilation.Stage.READINGS) and kernel_compilation.complete(
-        kernel_compilation.Stage.FIT
-    )
-    assert not kernel_compilation.complete()
+    kernels_module.mark_complete(kernels_module.Stage.FIT)
+    assert kernels_module.complete(kernels_module.Stage.READINGS) and kernels_module.complete(kernels_module.Stage.FIT)
+    assert not kernels_module.complete()
 
 
 def test_what_is_not_on_disk_is_compiled_elsewhere_and_only_once(folder, order, monkeypatch):
@@ -90,10 +89,10 @@ def test_what_is_not_on_disk_is_compiled_elsewhere_and_only_once(folder, order, 
     for _ in range(2):
         kernels = kernels_module.Kernels()
         kernels.work(quietly, lambda: False)
-        for stage in kernel_compilation.Stage:
+        for stage in kernels_module.Stage:
             kernels.wait(stage, lambda: True)
     assert sorted(order) == sorted(
-        piece.name for piece in kernel_compilation.PIECES if piece is not kernel_compilation.READINGS
+        piece.name for piece in kernels_module.PIECES if piece is not kernels_module.READINGS
     )
     assert len(read_here) == 2
 
@@ -101,34 +100,32 @@ def test_what_is_not_on_disk_is_compiled_elsewhere_and_only_once(folder, order, 
 @pytest.mark.parametrize("at_once", [1, 2, 8])
 def test_what_a_first_shot_needs_comes_first(folder, order, at_once):
     reached = []
-    assert kernel_compilation.prepare(
-        quietly, lambda: False, lambda stage: reached.append((stage, len(order))), at_once
-    )
-    assert [stage for stage, _ in reached] == list(kernel_compilation.Stage)
-    stages = [next(piece.stage for piece in kernel_compilation.PIECES if piece.name == name) for name in order]
-    assert stages == sorted(stages, key=list(kernel_compilation.Stage).index)
+    assert kernels_module.prepare(quietly, lambda: False, lambda stage: reached.append((stage, len(order))), at_once)
+    assert [stage for stage, _ in reached] == list(kernels_module.Stage)
+    stages = [next(piece.stage for piece in kernels_module.PIECES if piece.name == name) for name in order]
+    assert stages == sorted(stages, key=list(kernels_module.Stage).index)
     assert order.index("the diagnosis") > order.index("the model")  # which it goes over: compiled once
-    assert kernel_compilation.complete()
+    assert kernels_module.complete()
 
 
 def test_in_processes_of_their_own_and_none_stays(folder, monkeypatch):
     processes = []
-    start = kernel_compilation._started
-    monkeypatch.setattr(kernel_compilation, "_started", lambda piece: processes.append(start(piece)) or processes[-1])
+    start = kernels_module._started
+    monkeypatch.setattr(kernels_module, "_started", lambda piece: processes.append(start(piece)) or processes[-1])
     with pytest.raises(Cancelled):
-        kernel_compilation.prepare(quietly, lambda: True, at_once=2)
+        kernels_module.prepare(quietly, lambda: True, at_once=2)
     assert len(processes) == 2
     for process in processes:
         process.join(10)
         assert not process.is_alive()
-    assert not kernel_compilation.complete()
+    assert not kernels_module.complete()
 
 
 def test_what_could_not_be_compiled_leaves_no_mark_and_is_told(folder, order, monkeypatch, capsys):
     monkeypatch.setattr(AtOnce, "is_alive", lambda self: setattr(self, "exitcode", 1))
     assert main(["--prepare"]) == 1
     assert "not everything could be compiled" in capsys.readouterr().err
-    assert not kernel_compilation.complete()
+    assert not kernels_module.complete()
 
 
 def test_prepare_compiles_once(folder, order, capsys):
@@ -136,18 +133,16 @@ def test_prepare_compiles_once(folder, order, capsys):
     assert "100" not in capsys.readouterr().err  # a share is of what is left, and at its end it is told in one line
     assert main(["--prepare"]) == 0
     assert "already" in capsys.readouterr().out
-    assert len(order) == len(kernel_compilation.PIECES)
+    assert len(order) == len(kernels_module.PIECES)
 
 
 def test_what_a_shot_without_a_window_needs_is_compiled_once(folder, order):
     for _ in range(2):
         reached = []
-        kernel_compilation.prepare_first_shot(quietly, reached.append)
-        assert list(dict.fromkeys(reached)) == [kernel_compilation.Stage.READINGS, kernel_compilation.Stage.FIT]
-    assert order == [
-        piece.name for piece in kernel_compilation.PIECES if piece.stage is not kernel_compilation.Stage.ALL
-    ]
-    assert not kernel_compilation.complete()
+        kernels_module.prepare_first_shot(quietly, reached.append)
+        assert list(dict.fromkeys(reached)) == [kernels_module.Stage.READINGS, kernels_module.Stage.FIT]
+    assert order == [piece.name for piece in kernels_module.PIECES if piece.stage is not kernels_module.Stage.ALL]
+    assert not kernels_module.complete()
 
 
 NEW_KERNELS = """
@@ -181,7 +176,7 @@ def test_a_shot_in_a_usual_laboratory_needs_no_kernel_that_was_not_warmed_up(tmp
 
 def test_a_shot_taken_while_kernels_compile_tells_its_readings_before_its_fit(tmp_path, warm_kernels):
     """It waits for each as long as that takes; compiling may take longer than any analysis is given."""
-    compiled = {stage: threading.Event() for stage in kernel_compilation.Stage}
+    compiled = {stage: threading.Event() for stage in kernels_module.Stage}
 
     def options(_, digitizer):
         return CaptureOptions(tmp_path, CaptureSettings(10e6, 600_000, 60_000))
@@ -212,14 +207,14 @@ def test_a_shot_taken_while_kernels_compile_tells_its_readings_before_its_fit(tm
         rig.arm()
         _until(lambda: rig.latest().state is State.ANALYSING)
         waits_for_minutes()
-        compiled[kernel_compilation.Stage.READINGS].set()
+        compiled[kernels_module.Stage.READINGS].set()
         _until(lambda: bool(rig.latest().finished))
         (finished,) = rig.take_finished(rig.latest())
         assert finished.shot is not None and finished.shot.impact is not None
         assert finished.shot.fit is None and "fit_to_follow" in finished.shot.flags
         assert rig.take_finished(rig.latest()) == []
         waits_for_minutes()
-        compiled[kernel_compilation.Stage.FIT].set()
+        compiled[kernels_module.Stage.FIT].set()
         _until(lambda: rig.latest().state is State.IDLE)
         (again,) = rig.take_finished(rig.latest())
         assert again.index == finished.index and again.shot is not None

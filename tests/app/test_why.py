@@ -16,8 +16,8 @@ from analysis.drive.catalogue import LAWS
 from app.session import why
 from app.session.jobs import Jobs, Work
 from app.session.why import Remainder, Why, by_evidence
-from app.window.panels.candidates import CandidateBars
 from app.window.panels.diagnosis import DiagnosisPanel
+from app.window.panels.effects import CandidateBars
 from app.window.plots.residual_grid import MOST, Cell, ResidualGrid, SymLog, _thinned, scale_of
 from app.window.theme import LIGHT
 from tests.app import synthetic
@@ -103,11 +103,11 @@ def test_pointing_at_a_candidate_overlays_what_it_would_explain_at_once(qtbot, t
     for over, part in zip(page.why.grid.overlays, told.fit_before.shots, strict=True):
         assert np.allclose(over.signature_m + over.remains_m, part.residual_m)
     assert _pixels(page.why.grid, LIGHT.simulated) > orange + 200
-    assert "would remain" in page.why.words and "44" in page.why.words
+    assert "would remain" in page.why.said.text() and "44" in page.why.said.text()
     QApplication.sendEvent(name, QEvent(QEvent.Type.Leave))
-    assert page.why.grid.overlays == () and "Point at" in page.why.words
+    assert page.why.grid.overlays == () and "Point at" in page.why.said.text()
     page.why.point_at(CATALOGUE["tilt"])
-    assert "not fitted in full yet" in page.why.words
+    assert "not fitted in full yet" in page.why.said.text()
 
 
 def test_the_curve_of_the_diagnosis_is_drawn_until_the_candidates_own_fit_is_there(qtbot, told, shots):
@@ -117,17 +117,17 @@ def test_the_curve_of_the_diagnosis_is_drawn_until_the_candidates_own_fit_is_the
     with_curves = tuple(replace(one, explains_m=curves) for one in told.candidates)
     page = _page(qtbot, replace(told, candidates=with_curves), shots)
     page.why.point_at(CATALOGUE["tilt"])  # which was only scored
-    assert "first order" in page.why.words and "would remain" in page.why.words
+    assert "first order" in page.why.said.text() and "would remain" in page.why.said.text()
     for over, part, size in zip(page.why.grid.overlays, told.fit_before.shots, sizes, strict=True):
         assert over.signature_m.shape == (size,)
         assert np.allclose(over.signature_m, 0.7 * _wave(part), atol=2e-8)
         assert np.allclose(over.signature_m + over.remains_m, part.residual_m)
     page.why.point_at(VISCOUS)
-    assert "as fitted in the diagnosis" in page.why.words and len(page.why.grid.overlays) == 3
+    assert "as fitted in the diagnosis" in page.why.said.text() and len(page.why.grid.overlays) == 3
     left = tuple(part.residual_m - 0.9 * _wave(part) for part in told.fit_before.shots)
     page.why.show_found({VISCOUS: Remainder(VISCOUS, left, 44.0)})
     page.why.point_at(VISCOUS)
-    assert "44" in page.why.words and "diagnosis" not in page.why.words
+    assert "44" in page.why.said.text() and "diagnosis" not in page.why.said.text()
     assert np.array_equal(page.why.grid.overlays[0].remains_m, left[0])
 
 
@@ -144,7 +144,7 @@ def test_the_best_candidate_and_its_neighbour_stand_side_by_side(qtbot, told, sh
     assert len(cells) == 6
     assert np.array_equal(cells[0].after_m, found[CATALOGUE["quadratic_drag"]].left_m[0])
     assert np.array_equal(cells[1].after_m, found[LAWS["lugre_friction"]].left_m[0])
-    assert "41" in page.why.words
+    assert "41" in page.why.said.text()
 
 
 def test_tables_and_limits_are_folded_beneath(qtbot, told, shots):

@@ -16,7 +16,7 @@ from PySide6.QtWidgets import QLineEdit, QPushButton
 from app.window import main_window
 from app.window.layout import Layout
 from app.window.main_window import open_window
-from app.window.panels.side_sheet import SideSheet
+from app.window.widgets import SideSheet
 from instrument.bench.simulated_shots import simulate
 from instrument.capture.acquisition import State
 from tests.app import rigs
@@ -66,7 +66,7 @@ def test_a_whole_shot_by_keys_from_arming_to_the_exported_file(opened, qtbot, tm
     words = set()
 
     def taken():
-        words.add(panels.banner.word)
+        words.add(panels.banner.word.text())
         return len(window.workbench.session.read) == 1
 
     qtbot.waitUntil(taken, timeout=WAIT_MS)
@@ -77,8 +77,8 @@ def test_a_whole_shot_by_keys_from_arming_to_the_exported_file(opened, qtbot, tm
     assert entry.shot.impact.cor_quasi_static.value == pytest.approx(0.98756, abs=2e-3)
     assert panels.tabs.currentIndex() == Layout.SHOT
     assert panels.tabs.tabText(Layout.SHOT) == "SHOT 1"
-    assert panels.numbers.text("quasi-static").startswith("0.98")
-    qtbot.waitUntil(lambda: "restitution 0.98" in panels.banner.detail, timeout=WAIT_MS)
+    assert panels.numbers.values["quasi-static"].text().startswith("0.98")
+    qtbot.waitUntil(lambda: "restitution 0.98" in panels.banner.detail.text(), timeout=WAIT_MS)
     for key, view in zip("23451", ("contact", "deflection", "gap", "raw", "whole"), strict=True):
         qtbot.keyClick(window, getattr(Qt.Key, f"Key_{key}"))
         assert panels.shot.view == view
@@ -96,27 +96,27 @@ def test_live_moves_before_arming_and_the_signal_line_answers(opened, qtbot):
     window = opened()
     _ready(qtbot, window)
     panels = window.panels
-    qtbot.waitUntil(lambda: panels.live.text("velocity") != "–", timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: panels.live.numbers["velocity"].text() != "–", timeout=WAIT_MS)
     seen = set()
 
     def moved():
-        seen.add(panels.live.text("velocity"))
+        seen.add(panels.live.numbers["velocity"].text())
         return len(seen) > 5
 
     qtbot.waitUntil(moved, timeout=WAIT_MS)
-    qtbot.waitUntil(lambda: "MHz" in panels.signals.text("pd0"), timeout=WAIT_MS)
-    assert "MHz" in panels.signals.text("pd1")
-    assert "free" in panels.signals.text("disk")
+    qtbot.waitUntil(lambda: "MHz" in panels.signals.values["pd0"].text(), timeout=WAIT_MS)
+    assert "MHz" in panels.signals.values["pd1"].text()
+    assert "free" in panels.signals.values["disk"].text()
 
 
 def test_abort_brings_back_ready_and_keeps_no_shot(opened, qtbot):
     window = opened(rigs.still_bench)
     _ready(qtbot, window)
     qtbot.keyClick(window, Qt.Key.Key_Space)
-    qtbot.waitUntil(lambda: window.panels.banner.word == "ARMED", timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: window.panels.banner.word.text() == "ARMED", timeout=WAIT_MS)
     assert not window.panels.controls.source.isEnabled()
     qtbot.keyClick(window, Qt.Key.Key_Escape)
-    qtbot.waitUntil(lambda: window.panels.banner.word == "READY", timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: window.panels.banner.word.text() == "READY", timeout=WAIT_MS)
     assert window.workbench.session.entries == ()
 
 
@@ -125,23 +125,23 @@ def test_a_fault_says_what_happened_what_was_saved_and_what_to_do(opened, qtbot)
     window = opened(lambda _: bench)
     _ready(qtbot, window)
     qtbot.keyClick(window, Qt.Key.Key_Space)
-    qtbot.waitUntil(lambda: window.panels.banner.word == "ARMED", timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: window.panels.banner.word.text() == "ARMED", timeout=WAIT_MS)
     bench.pulled = True
-    qtbot.waitUntil(lambda: window.panels.banner.word == "FAULT", timeout=WAIT_MS)
-    said = window.panels.banner.detail
+    qtbot.waitUntil(lambda: window.panels.banner.word.text() == "FAULT", timeout=WAIT_MS)
+    said = window.panels.banner.detail.text()
     assert "unplugged" in said and "No shot was lost" in said and "Plug it in" in said
     bench.pulled = False
     qtbot.keyClick(window, Qt.Key.Key_Space)
-    qtbot.waitUntil(lambda: window.panels.banner.word == "ARMED", timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: window.panels.banner.word.text() == "ARMED", timeout=WAIT_MS)
 
 
 def test_a_source_that_cannot_be_opened_is_a_fault_and_another_can_be_chosen(opened, qtbot):
     devices = {"bench": rigs.no_device, "other": rigs.still_bench}
     window = opened(lambda name: devices[name](name))
-    qtbot.waitUntil(lambda: window.panels.banner.word == "FAULT", timeout=WAIT_MS)
-    assert "no Hantek 6022 found".capitalize()[:2] in window.panels.banner.detail
+    qtbot.waitUntil(lambda: window.panels.banner.word.text() == "FAULT", timeout=WAIT_MS)
+    assert "no Hantek 6022 found".capitalize()[:2] in window.panels.banner.detail.text()
     window.panels.controls.source_chosen.emit("other")
-    qtbot.waitUntil(lambda: window.rig.channels != () and window.panels.banner.word == "READY", timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: window.rig.channels != () and window.panels.banner.word.text() == "READY", timeout=WAIT_MS)
 
 
 def test_spoilt_settings_and_session_do_not_stop_the_start(opened, qtbot, tmp_path):
@@ -155,7 +155,7 @@ def test_closing_while_armed_and_while_a_shot_comes_in_ends_every_thread(opened,
     window = opened(rigs.still_bench)
     _ready(qtbot, window)
     qtbot.keyClick(window, Qt.Key.Key_Space)
-    qtbot.waitUntil(lambda: window.panels.banner.word == "ARMED", timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: window.panels.banner.word.text() == "ARMED", timeout=WAIT_MS)
     qtbot.keyClick(window, Qt.Key.Key_T)
     qtbot.waitUntil(lambda: window.rig.latest().state is not State.ARMED, timeout=WAIT_MS)
     window.close()
@@ -192,11 +192,11 @@ def test_settings_are_refused_in_words_and_kept_when_right(opened, qtbot, tmp_pa
     assert sheet.isVisible()
     sheet.set_value("moving_mass_kg", "-3")
     sheet.apply()
-    assert "outside" in sheet.problem
+    assert "outside" in sheet.problem.text()
     sheet.set_value("moving_mass_kg", "18.5")
     sheet.set_value("temperature_c", "20")
     sheet.apply()
-    assert "pressure" in sheet.problem
+    assert "pressure" in sheet.problem.text()
     sheet.set_value("temperature_c", "")
     sheet.apply()
     assert json.loads((tmp_path / "settings.json").read_text())["moving_mass_kg"] == pytest.approx(0.0185)
@@ -227,7 +227,7 @@ def test_two_shots_are_diagnosed_reported_and_the_effect_joins_the_model(opened,
     qtbot.waitUntil(lambda: window.workbench.diagnoses.newest is not None, timeout=3 * WAIT_MS)
     found = window.workbench.diagnoses.newest.diagnosis
     assert pickle.loads(ForkingPickler.dumps(found)).sentence == found.sentence  # it may come from another process
-    qtbot.waitUntil(lambda: window.panels.diagnosis.sentence == found.sentence, timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: window.panels.diagnosis.sentence.text() == found.sentence, timeout=WAIT_MS)
     assert [named.name for named in found.effects] == ["quadratic_drag"]
     assert "quadratic drag" in window.workbench.session.entries[0].verdict
     before = window.workbench.session.entries[0].shot.fit.reduced_chi2
@@ -258,18 +258,18 @@ def test_the_trigger_is_heard_and_seen_only_if_asked_for(opened, qtbot, monkeypa
         qtbot.keyClick(window, Qt.Key.Key_Space)
         qtbot.waitUntil(lambda count=count: len(window.workbench.session.read) == count + 1, timeout=WAIT_MS)
         assert (heard, flashed) == (([1], [1]) if chosen else ([], []))
-    qtbot.waitUntil(lambda: not window.panels.banner.flashing, timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: not window.panels.banner._flashing.isActive(), timeout=WAIT_MS)
 
 
 def test_live_is_held_still_by_a_key_until_the_next_arming(opened, qtbot):
     window = opened()
     _ready(qtbot, window)
     live = window.panels.live
-    qtbot.waitUntil(lambda: live.text("velocity") != "–", timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: live.numbers["velocity"].text() != "–", timeout=WAIT_MS)
     qtbot.keyClick(window, Qt.Key.Key_H)
-    held = live.text("beat"), live.stack.plots[0].sampled[0].samples
+    held = live.numbers["beat"].text(), live.stack.plots[0].sampled[0].samples
     qtbot.wait(300)
-    assert (live.text("beat"), live.stack.plots[0].sampled[0].samples) == held
+    assert (live.numbers["beat"].text(), live.stack.plots[0].sampled[0].samples) == held
     qtbot.keyClick(window, Qt.Key.Key_Space)
     assert not live.hold.isChecked()
 
@@ -282,7 +282,7 @@ def test_a_session_reopens_at_its_last_shot(opened, qtbot, recordings):
     window.close()
     again = opened(rigs.idle_bench)
     assert name in again.panels.numbers.title.text()
-    qtbot.waitUntil(lambda: again.panels.numbers.text("quasi-static") != "–", timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: again.panels.numbers.values["quasi-static"].text() != "–", timeout=WAIT_MS)
 
 
 def test_esc_closes_every_sheet_before_it_aborts(opened, qtbot):
@@ -292,23 +292,23 @@ def test_esc_closes_every_sheet_before_it_aborts(opened, qtbot):
     sheets = {name: part for name, part in vars(panels).items() if isinstance(part, SideSheet)}
     assert {"settings", "setup", "mapping", "law", "about"} <= set(sheets)
     qtbot.keyClick(window, Qt.Key.Key_Space)
-    qtbot.waitUntil(lambda: panels.banner.word == "ARMED", timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: panels.banner.word.text() == "ARMED", timeout=WAIT_MS)
     for name, sheet in sheets.items():
         sheet.open_at(None)
         assert sheet.isVisible()
         qtbot.keyClick(window, Qt.Key.Key_Escape)
         assert not sheet.isVisible(), name
     qtbot.wait(200)
-    assert panels.banner.word == "ARMED"
+    assert panels.banner.word.text() == "ARMED"
     qtbot.keyClick(window, Qt.Key.Key_Escape)
-    qtbot.waitUntil(lambda: panels.banner.word == "READY", timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: panels.banner.word.text() == "READY", timeout=WAIT_MS)
 
 
 def test_closing_while_armed_or_with_recordings_queued_is_asked_once(opened, qtbot, tmp_path):
     window = opened(rigs.still_bench)
     _ready(qtbot, window)
     qtbot.keyClick(window, Qt.Key.Key_Space)
-    qtbot.waitUntil(lambda: window.panels.banner.word == "ARMED", timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: window.panels.banner.word.text() == "ARMED", timeout=WAIT_MS)
     ended = threading.Event()
     window.workbench.jobs.submit("warm", lambda _, __: ended.wait(WAIT_MS / 1e3), "warm")
     for number in range(3):
@@ -330,7 +330,7 @@ def test_a_filter_that_hides_the_shot_in_front_says_so_and_gives_it_back(opened,
     qtbot.waitUntil(lambda: len(window.workbench.session.read) == 2, timeout=WAIT_MS)
     window.workbench.set_note(1, "cold")
     table.select([2])
-    window.view_presenter.show_shot_page()
+    window.view_presenter.show_page("SHOT")
     window.pull()
     table.filter.setText("cold")
     assert "filter hides the selected shot 2" in window.panels.shot._empty.text()

@@ -18,8 +18,8 @@ import json, sys
 from pathlib import Path
 from analysis.diagnosis.model_file import saved, to_text
 from analysis.report import result
-from app.report.csv_export import export
-from app.report.hdf5_export import export_hdf5
+from app.report.exports import export
+from app.report.exports import export_hdf5
 from app.report.page import report_of
 from app.session.load import load_and_analyse
 from instrument.files.atomic_file import write_text_atomic

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from app.command_line.campaign.journal import JOURNAL, Journal
-from app.report.csv_export import shot_columns
+from app.report.exports import shot_columns
 from instrument.bench.simulated_shots import simulate
 from tests.attack.trial import REFUSED, SURVIVED, Attempt
 from tests.instrument.mutating import spoilt_bytes

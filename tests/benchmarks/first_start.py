@@ -16,7 +16,7 @@ if __name__ == '__main__':
     assert headless_shot() == 0
 """
 _EVERYTHING = """
-from app.session.kernel_compilation import prepare
+from app.session.kernels import prepare
 if __name__ == '__main__':
     assert prepare(lambda *_: None, lambda: False)
 """

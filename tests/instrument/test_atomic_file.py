@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from app.session.choices import save
 from app.session.settings import Settings
-from app.session.settings_file import save
 from instrument.files import atomic_file
 from instrument.files.atomic_file import replace_file, write_text_atomic
 from instrument.files.recording_error import RecordingError

@@ -61,7 +61,6 @@ class Journal:
         return entry
 
     def close(self) -> None:
-        """Close the file."""
         self._file.close()
 
     def _read(self, wanted: set[str]) -> None:

@@ -1,25 +1,93 @@
 """COMPARE: several shots overlaid from first touch on, and the trend of a number against impact speed."""
 
+import math
+
+import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QObject, Qt, Slot
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QPushButton, QSplitter, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QSplitter, QVBoxLayout, QWidget
 
-from analysis.uncertainty import of_series, with_unit
+from analysis.shot import Quantity, Shot
+from analysis.uncertainty import ResultNumber, of_series, with_unit
 from app.report import contact_span_ms, time_zero
 from app.session import Entry
-from app.window.panels.trend import TrendPlot
-from app.window.pens import series_pen
-from app.window.plots.cursor_readout import CursorReadout
+from app.window.plots.cursors import CursorAxis, CursorReadout
 from app.window.plots.curve import SampledCurve
 from app.window.plots.framed_plot import ON_TOP
 from app.window.plots.legend import Legend
+from app.window.plots.lines import series_pen, straight
+from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_view import PlotView, in_front
-from app.window.plots.time_plot import TimePlot
+from app.window.plots.time_plot import AXIS_WIDTH, TimePlot
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
-from app.window.widgets import text_label
-from app.words import short_name
+from app.window.widgets import combo_box, push_button, text_label
+from app.words import local, number, short_name
+
+SPEED = CursorAxis("m/s", "m/s")
+
+
+class TrendPlot(PlainPlot):
+    """A number of each shot against impact speed, with its standard uncertainty from noise only.
+
+    Errors that all shots share (mass, wavelength, clock) cause no scatter and would hide a spread.
+    """
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__("Trend against impact velocity", ("", ""), "impact speed |v in| (m/s)", SPEED, parent)
+        self.plot.getAxis("left").setWidth(AXIS_WIDTH + 8)
+        self._bars = pg.ErrorBarItem(x=np.zeros(0), y=np.zeros(0), beam=0.0)
+        self._points = pg.ScatterPlotItem(size=9)
+        self.plot.addItem(self._bars)
+        self.plot.addItem(self._points)
+        self._curve = self.add_curve("shots")
+        self.points: list[tuple[float, float]] = []
+        self.dress(colours)
+
+    def dress(self, colours: Colours) -> None:
+        super().dress(colours)
+        self._points.setBrush(pg.mkBrush(colours.measured))
+        self._points.setPen(pg.mkPen(colours.plot))
+        self._bars.setData(pen=straight(colours.marker))
+
+    def show_trend(self, trend: ResultNumber, shots: list[Shot]) -> str:
+        """Show the trend and return its repeatability in words."""
+        x, y, half = [], [], []
+        for shot in shots:
+            reading = trend.find(shot)
+            speed = shot.impact.velocity_in_m_per_s if shot.impact is not None else None
+            if isinstance(reading, Quantity) and isinstance(speed, Quantity) and math.isfinite(reading.value):
+                x.append(abs(speed.value))
+                y.append(trend.scale * reading.value)
+                half.append(trend.scale * reading.std if math.isfinite(reading.std) else 0.0)
+        self.points = list(zip(x, y, strict=True))
+        self._points.setData(x, y)
+        xs, ys, halves = np.array(x), np.array(y), np.array(half)
+        self._bars.setData(x=xs, y=ys, height=2 * halves)
+        self._curve.show_points(xs, ys)
+        self.label_value(trend.title, trend.shown_unit)
+        self.columns = {
+            "impact speed (m/s)": xs,
+            with_unit(trend.title, trend.shown_unit): ys,
+            "standard uncertainty, noise alone": halves,
+        }
+        if not x:
+            return "No selected shot has this number."
+        reach_x = 0.08 * max(np.ptp(xs), 0.02 * xs.max(), 1e-6)
+        low, high = (ys - halves).min(), (ys + halves).max()
+        reach_y = 0.12 * max(high - low, 1e-4 * abs(ys).max(), 1e-12)
+        self.show_range((xs.min() - reach_x, xs.max() + reach_x), (low - reach_y, high + reach_y))
+        if len(y) < 2:
+            return "One shot: select several for their spread."
+        spread, mean = float(ys.std(ddof=1)), float(ys.mean())
+        unit = f" {trend.shown_unit}" if trend.shown_unit else ""
+        return (
+            f"{len(y)} shots: mean {number(mean, 6)}{unit}, spread {number(spread, 3)} "
+            f"({local(f'{100 * spread / abs(mean):.2g}')} %); bars: ± from each shot's noise only, "
+            f"{number(float(halves.mean()), 2)} on average"
+        )
+
 
 MOST = 8
 LOW_LINES = 18  # of text: a page lower than these has no room for words beside its plots
@@ -36,7 +104,6 @@ class _CurveNumbers(QObject):
         plot.view.sigXRangeChanged.connect(self.place)
 
     def show(self, curves: list[SampledCurve], numbers: list[str], colours: Colours) -> None:
-        """Put these numbers on these curves."""
         while len(self._items) < len(curves):
             item = pg.TextItem(anchor=(0.5, 0.5))
             item.setZValue(ON_TOP)
@@ -77,38 +144,33 @@ class ComparePanel(QWidget):
             ("Whole shot", "The whole length of the shots  (1)", self.show_whole),
             ("First contact", "The bounces at first contact  (2)", self.show_contact),
         ):
-            button = QPushButton(words, self)
-            button.setToolTip(tip)
-            button.clicked.connect(slot)
-            bar.addWidget(button)
+            bar.addWidget(push_button(words, tip, self, slot))
         self._say = text_label("", self, faint=True, wrap=True)
         bar.addWidget(self._say, 1)
-        self._which = QComboBox(self)
-        self._which.setAccessibleName("Number whose trend is shown")
-        self._which.setToolTip("The number plotted against impact speed; a slope means that it is not constant")
         self._numbers_followed = of_series()
-        for number in self._numbers_followed:
-            self._which.addItem(with_unit(number.title, number.shown_unit), number.key)
-        self._which.currentIndexChanged.connect(self._trend_chosen)
-        bar.addWidget(self._which)
+        hover = "The number plotted against impact speed; a slope means that it is not constant"
+        items = [(with_unit(followed.title, followed.shown_unit), followed.key) for followed in self._numbers_followed]
+        self.which = combo_box("Number whose trend is shown", hover, self, items)
+        self.which.currentIndexChanged.connect(self._trend_chosen)
+        bar.addWidget(self.which)
         column.addLayout(bar)
         self._legend = Legend(self)
         column.addWidget(self._legend)
         split = QSplitter(Qt.Orientation.Horizontal, self)
         self.stack = TimeStack("Overlaid shots", colours, split)
-        self._velocity = self.stack.add_plot("velocity", "m/s", 2)
-        self._force = self.stack.add_plot("force", "N", 3)
+        velocity, force = self.stack.add_plot("velocity", "m/s", 2), self.stack.add_plot("force", "N", 3)
         self.stack.label_time("time from first touch (ms)")
-        self._velocity_curves = self._curves(self._velocity)
-        self._force_curves = self._curves(self._force)
-        self._numbers = _CurveNumbers(self._velocity, self)
+        self._velocity_curves, self._force_curves = (
+            [plot.add_curve("", series_pen(colours, index)) for index in range(MOST)] for plot in (velocity, force)
+        )
+        self._numbers = _CurveNumbers(velocity, self)
         right = QWidget(split)
         right_column = QVBoxLayout(right)
         right_column.setContentsMargins(6, 0, 0, 0)
         self.trend = TrendPlot(colours, right)
-        self._repeatability = text_label("", right, selectable=True, wrap=True)
+        self.repeatability = text_label("", right, selectable=True, wrap=True)
         right_column.addWidget(self.trend, 1)
-        right_column.addWidget(self._repeatability)
+        right_column.addWidget(self.repeatability)
         split.setSizes([620, 380])
         split.setChildrenCollapsible(False)
         column.addWidget(split, 1)
@@ -117,9 +179,6 @@ class ComparePanel(QWidget):
         self.stack.reset_wanted.connect(self.show_whole)
         self.dress(colours)
         self.show_entries([])
-
-    def _curves(self, plot: object) -> list[SampledCurve]:
-        return [plot.add_curve("", series_pen(self._colours, index)) for index in range(MOST)]  # type: ignore[attr-defined]
 
     def dress(self, colours: Colours) -> None:
         self._colours = colours
@@ -182,22 +241,12 @@ class ComparePanel(QWidget):
         """Show legend and repeatability; on a low page the plots need their room, and the words come on hovering."""
         low = self.height() < LOW_LINES * self.fontMetrics().lineSpacing()
         self._legend.setVisible(not low)
-        self._repeatability.setVisible(not low)
+        self.repeatability.setVisible(not low)
         self.stack.setToolTip("<br>".join(words for words, _ in self._legend.entries) if low else "")
-        self.trend.setToolTip(self._repeatability.text() if low else "")
-
-    def choose_trend(self, key: str) -> None:
-        """Show the trend of the number with this key."""
-        self._which.setCurrentIndex(self._which.findData(key))
-
-    @property
-    def repeatability(self) -> str:
-        """Get the words below the trend."""
-        return self._repeatability.text()
+        self.trend.setToolTip(self.repeatability.text() if low else "")
 
     @Slot()
     def show_whole(self) -> None:
-        """Show the whole length."""
         curves = [curve for curve in self._velocity_curves if len(curve.samples)]
         if curves:
             left = min(curve.grid[0] for curve in curves)
@@ -214,7 +263,7 @@ class ComparePanel(QWidget):
     @Slot(int)
     def _trend_chosen(self, _: int) -> None:
         shots = [entry.shot for entry in self._entries if entry.shot is not None]
-        self._repeatability.setText(self.trend.show_trend(self._numbers_followed[self._which.currentIndex()], shots))
+        self.repeatability.setText(self.trend.show_trend(self._numbers_followed[self.which.currentIndex()], shots))
         self._show_words()
 
     def plot_in_front(self) -> PlotView:

@@ -1,14 +1,12 @@
 """DIAGNOSIS: verdict, effects found, candidates, residuals before and after, detection limits."""
 
-from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import (
     QHBoxLayout,
     QLabel,
     QProgressBar,
-    QScrollArea,
     QSplitter,
-    QToolButton,
     QVBoxLayout,
     QWidget,
 )
@@ -16,16 +14,14 @@ from PySide6.QtWidgets import (
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis, Verdict, in_words
 from analysis.shot import Shot
-from app.window.panels.candidates import CandidateBars
-from app.window.panels.effect_rows import EffectRows
+from app.window.panels.effects import CandidateBars, EffectRows
 from app.window.panels.law_curve import LawCurve
-from app.window.panels.next_shot import NextShotCard
-from app.window.panels.next_steps import NextSteps
+from app.window.panels.next_steps import NextShotCard, NextSteps
 from app.window.panels.residuals import Residuals
 from app.window.panels.why_canvas import WhyCanvas
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.theme import MARKS, Colours, Tone, sized
-from app.window.widgets import push_button, text_label
+from app.window.widgets import FoldButton, keep_place, push_button, scrolled, text_label
 from app.words import OUTDATED, VERDICTS, kept_words, local_words, short_name
 from levimass import is_drive
 
@@ -36,13 +32,6 @@ NEAR_ONE = 1.5  # a chi2 that looks as if no residual were left
 
 class DiagnosisPanel(QWidget):
     """The page of a diagnosis."""
-
-    diagnose_wanted = Signal()
-    cancel_wanted = Signal()
-    add_wanted = Signal(list)  # of effects
-    remove_wanted = Signal(object)  # an effect
-    try_wanted = Signal(object)  # the effect of a candidate
-    law_wanted = Signal()  # a law is to be typed
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -55,29 +44,17 @@ class DiagnosisPanel(QWidget):
         self._holds = True
         self._busy = False
         self._running = ""  # the name of the running diagnosis
-        around = QVBoxLayout(self)
-        around.setContentsMargins(0, 0, 0, 0)
-        scroll = QScrollArea(self)  # for low screens
-        scroll.setWidgetResizable(True)
-        scroll.setAccessibleName("Diagnosis")
-        inner = QWidget(scroll)
+        inner = scrolled("Diagnosis", self)
         inner.setProperty("panel", True)
-        scroll.setWidget(inner)
-        around.addWidget(scroll)
         column = QVBoxLayout(inner)
         column.setContentsMargins(10, 4, 10, 4)
         column.setSpacing(4)
         self._add_head(column)
         self.effects = EffectRows(self)
-        self.effects.add_wanted.connect(self.add_wanted)
-        self.effects.remove_wanted.connect(self.remove_wanted)
-        column.addWidget(self.effects)
         self.next_shot = NextShotCard(self)
-        column.addWidget(self.next_shot)
         self.next_steps = NextSteps(self)
-        self.next_steps.try_wanted.connect(self.try_wanted)
-        self.next_steps.law_wanted.connect(self.law_wanted)
-        column.addWidget(self.next_steps)
+        for widget in (self.effects, self.next_shot, self.next_steps):
+            column.addWidget(widget)
         self.law_curve = LawCurve(colours, self)
         column.addWidget(self.law_curve, 1)
         self._add_evidence(column)
@@ -99,27 +76,19 @@ class DiagnosisPanel(QWidget):
         self.progress.setRange(0, 1000)
         self.progress.setAccessibleName("Progress of the diagnosis")
         self.progress.setMinimumWidth(120)
-        self.cancel = push_button("Cancel", "Stop the diagnosis; the previous one is kept", self, self.cancel_wanted)
-        for widget in (self.progress, self.cancel):
-            policy = widget.sizePolicy()
-            policy.setRetainSizeWhenHidden(True)
-            widget.setSizePolicy(policy)
-        self.diagnose = push_button(
-            "Diagnose",
-            "Find out what the model lacks, from all selected shots together  (D)",
-            self,
-            self.diagnose_wanted,
-            primary=True,
-        )
+        self.cancel = push_button("Cancel", "Stop the diagnosis; the previous one is kept", self)
+        keep_place(self.progress)
+        keep_place(self.cancel)
+        hover = "Find out what the model lacks, from all selected shots together  (D)"
+        self.diagnose = push_button("Diagnose", hover, self, primary=True)
         for widget in (self.progress, self.cancel, self.diagnose):
             top.addWidget(widget)
         column.addLayout(top)
         self._of = text_label("", self, faint=True, wrap=True)  # names of the shots
         column.addWidget(self._of)
-        self._sentence = text_label("", self, wrap=True)
-        self._sentence.setFont(sized(self.font(), 1.2))
-        self._sentence.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        column.addWidget(self._sentence)
+        self.sentence = text_label("", self, selectable=True, wrap=True)
+        self.sentence.setFont(sized(self.font(), 1.2))
+        column.addWidget(self.sentence)
 
     def _add_evidence(self, column: QVBoxLayout) -> None:
         """Add the candidates and the residuals of all shots."""
@@ -127,8 +96,7 @@ class DiagnosisPanel(QWidget):
         left = QWidget(split)
         left_column = QVBoxLayout(left)
         left_column.setContentsMargins(0, 0, 0, 0)
-        heading = text_label("CANDIDATES, BY EVIDENCE", left, heading=True, wrap=True)
-        left_column.addWidget(heading)
+        left_column.addWidget(text_label("CANDIDATES, BY EVIDENCE", left, heading=True, wrap=True))
         self.bars = CandidateBars(self._colours, left)
         left_column.addWidget(self.bars, 1)
         self.why = WhyCanvas(self._colours, self.bars, split)
@@ -139,13 +107,8 @@ class DiagnosisPanel(QWidget):
 
     def _add_details(self, column: QVBoxLayout) -> None:
         """Add what a button unfolds: errors, one shot in detail, detection limits."""
-        self.fold = QToolButton(self)
-        self.fold.setProperty("fold", True)
-        self.fold.setCheckable(True)
-        self.fold.setText("Errors, one shot in detail, detection limits")
-        self.fold.setToolTip("The table of errors, the first shot's residual with cursors, and the detection limits")
-        self.fold.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
-        self.fold.setArrowType(Qt.ArrowType.RightArrow)
+        hover = "The table of errors, the first shot's residual with cursors, and the detection limits"
+        self.fold = FoldButton("Errors, one shot in detail, detection limits", hover, self)
         self.fold.toggled.connect(self._folded)
         column.addWidget(self.fold)
         self.residuals = Residuals(self._colours, self)
@@ -156,7 +119,6 @@ class DiagnosisPanel(QWidget):
     @Slot(bool)
     def _folded(self, shown: bool) -> None:
         """Show or hide the details; those of a drive are always shown."""
-        self.fold.setArrowType(Qt.ArrowType.DownArrow if shown else Qt.ArrowType.RightArrow)
         there = self._diagnosis is not None
         self.fold.setVisible(there and not self._driven)
         self.residuals.setVisible(there and (shown or self._driven))
@@ -165,15 +127,6 @@ class DiagnosisPanel(QWidget):
     @property
     def _driven(self) -> bool:
         return self._diagnosis is not None and is_drive(self._diagnosis.fit_after.model)
-
-    @property
-    def diagnosis(self) -> Diagnosis | None:
-        return self._diagnosis
-
-    @property
-    def sentence(self) -> str:
-        """Get the sentence of the verdict."""
-        return self._sentence.text()
 
     def dress(self, colours: Colours) -> None:
         self._colours = colours
@@ -221,7 +174,7 @@ class DiagnosisPanel(QWidget):
         """Show why there is no diagnosis."""
         self._verdict.setText(f"{MARKS[Tone.BAD]} NO DIAGNOSIS")
         self._verdict.setStyleSheet(f"color: {self._colours.signs[Tone.BAD]}")
-        self._sentence.setText(problem)
+        self.sentence.setText(problem)
 
     def show_diagnosis(
         self,
@@ -248,7 +201,7 @@ class DiagnosisPanel(QWidget):
                 f"{MARKS[Tone.BUSY]} diagnosing" if self._busy else f"{MARKS[Tone.NEUTRAL]} not diagnosed"
             )
             self._verdict.setStyleSheet(f"color: {self._colours.signs[Tone.NEUTRAL]}")
-            self._sentence.setText(
+            self.sentence.setText(
                 "The selected shots are analysed together; you can keep working and take shots meanwhile."
                 if self._busy
                 else "Select one or several shots below and press Diagnose: the program examines the "
@@ -269,7 +222,7 @@ class DiagnosisPanel(QWidget):
         self._verdict.setText(f"{MARKS[tone]} {words}")
         self._verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
         said = in_words(diagnosis)
-        self._sentence.setText(local_words(said.sentence))
+        self.sentence.setText(local_words(said.sentence))
         self.bars.show_candidates(diagnosis.candidates, {found.effect for found in diagnosis.effects})
         lines = [f"Remaining residual: {said.remainder}"] if said.remainder else []
         if diagnosis.verdict is Verdict.UNEXPLAINED and diagnosis.error_after.reduced_chi2 < NEAR_ONE:

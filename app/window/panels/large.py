@@ -7,6 +7,7 @@ from PySide6.QtWidgets import QGridLayout, QLabel, QWidget
 from analysis.shot import CONCERNS, Quantity, Reading, Shot
 from analysis.uncertainty import Group, ResultNumber, combined_of, shown_numbers, stated
 from app.window.theme import MARKS, Colours, Tone
+from app.window.widgets import text_label
 from app.words import DASH, MILD_FLAGS, local, number
 from levimass import is_drive
 
@@ -31,9 +32,8 @@ class LargePanel(QWidget):
         grid.addWidget(self._title, 0, 0, 1, 3)
         self._cells: list[tuple[QLabel, QLabel, QLabel]] = []
         for line in range(1, 1 + max(len(COLLISION), len(DRIVEN))):
-            cells = QLabel(self), QLabel(DASH, self), QLabel(self)
+            cells = QLabel(self), text_label(DASH, self, selectable=True), QLabel(self)
             cells[1].setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-            cells[1].setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
             for place, cell in enumerate(cells):
                 cell.setMinimumSize(1, 1)  # the font follows the page
                 grid.addWidget(cell, line, place)

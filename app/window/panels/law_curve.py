@@ -4,18 +4,17 @@ from collections.abc import Sequence
 
 import numpy as np
 from PySide6.QtCore import Signal, Slot
-from PySide6.QtWidgets import QHBoxLayout, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
 from analysis.diagnosis import LearnedLaw
 from analysis.shot import Shot
 from app.report import law_columns
-from app.window.pens import series_pen, straight, under
-from app.window.plots.cursor_readout import CursorReadout
-from app.window.plots.cursors import CursorAxis
+from app.window.plots.cursors import CursorAxis, CursorReadout
 from app.window.plots.legend import Legend, Look
+from app.window.plots.lines import series_pen, straight, under
 from app.window.plots.plain_plot import PlainPlot
 from app.window.theme import Colours
-from app.window.widgets import text_label
+from app.window.widgets import push_button, text_label
 from app.words import local_words, prefix_for, short_name
 
 MOST_FORMS = 4
@@ -37,10 +36,10 @@ class LawCurve(QWidget):
         line = QHBoxLayout()
         self._heading = text_label("", self, heading=True, wrap=True)
         line.addWidget(self._heading, 1)
-        self.other = self._button("The other law", "Two laws were learned; show the other", self._turn)
-        self.compare = self._button("Compare forms", "Overlay the other closed forms that fit", self._draw)
-        self.compare.setCheckable(True)
-        self.keep = self._button("Keep as law …", "Save it under a name; later diagnoses include it", self._keep)
+        self.other = push_button("The other law", "Two laws were learned; show the other", self, self._turn)
+        hover = "Overlay the other closed forms that fit"
+        self.compare = push_button("Compare forms", hover, self, self._draw, checkable=True)
+        self.keep = push_button("Keep as law …", "Save it under a name; later diagnoses include it", self, self._keep)
         for button in (self.other, self.compare, self.keep):
             line.addWidget(button)
         column.addLayout(line)
@@ -58,12 +57,6 @@ class LawCurve(QWidget):
         column.addWidget(self._words)
         self.dress(colours)
         self.show_laws(())
-
-    def _button(self, words: str, hover: str, slot: object) -> QPushButton:
-        button = QPushButton(words, self)
-        button.setToolTip(hover)
-        button.clicked.connect(slot)
-        return button
 
     def dress(self, colours: Colours) -> None:
         self._colours = colours
@@ -87,7 +80,6 @@ class LawCurve(QWidget):
 
     @property
     def law(self) -> LearnedLaw | None:
-        """Get the law shown."""
         return self._laws[self._which] if self._laws else None
 
     @Slot()

@@ -5,7 +5,6 @@ from typing import Any
 from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import (
     QCheckBox,
-    QComboBox,
     QFormLayout,
     QGridLayout,
     QLabel,
@@ -14,12 +13,11 @@ from PySide6.QtWidgets import (
 )
 
 from analysis.collision import FUNCTIONS, MOST_PARAMETERS, LawError, from_mapping
-from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone
-from app.window.widgets import push_button, text_label
+from app.window.widgets import SideSheet, combo_box, line_edit, push_button, text_label
 from app.words import typed_number
 
-PLACES = (("block", "on the block"), ("plate", "on the plate"), ("contact", "between block and plate, in contact"))
+PLACES = (("on the block", "block"), ("on the plate", "plate"), ("between block and plate, in contact", "contact"))
 COLUMNS = (("name", ""), ("unit", ""), ("start", ""), ("lower", "optional"), ("upper", "optional"))
 HINT = (
     "A force in N, positive to the right, of: x, v (place and velocity of the block), y, u (of the plate), d, d_rate "
@@ -37,24 +35,19 @@ class LawSheet(SideSheet):
         super().__init__("Propose a law", parent)
         self._colours = colours
         column, _ = self.head("Propose a law", "Close; what is typed stays  (Esc)")
-        hint = text_label(HINT, self, faint=True, wrap=True)
-        column.addWidget(hint)
+        column.addWidget(text_label(HINT, self, faint=True, wrap=True))
         form = QFormLayout()
         self.name = self._line("Name", "a word of letters, digits and _")
         self.words = self._line("In words", "optional: as reports say it")
-        self.where = QComboBox(self)
-        self.where.setAccessibleName("Where it acts")
-        self.where.setToolTip("On which body the force acts; between the two: on the block, reversed on the plate")
-        for stored, words in PLACES:
-            self.where.addItem(words, stored)
+        hover = "On which body the force acts; between the two: on the block, reversed on the plate"
+        self.where = combo_box("Where it acts", hover, self, PLACES)
         self.formula = self._line("Formula", "-c * v**3")
         for words, editor in (
             ("Name", self.name), ("In words", self.words), ("Where it acts", self.where), ("Formula", self.formula),
         ):  # fmt: skip
             form.addRow(words, editor)
         column.addLayout(form)
-        heading = text_label("PARAMETERS", self, heading=True)
-        column.addWidget(heading)
+        column.addWidget(text_label("PARAMETERS", self, heading=True))
         grid = QGridLayout()
         for place, name in enumerate((*(name for name, _ in COLUMNS), "fitted per shot")):
             grid.addWidget(QLabel(name, self), 0, place)
@@ -74,17 +67,12 @@ class LawSheet(SideSheet):
             grid.addWidget(own, row, len(COLUMNS))
             self.own.append(own)
         column.addLayout(grid)
-        self._said = text_label("", self, wrap=True)
-        self._said.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
-        column.addWidget(self._said)
+        self.said = text_label("", self, wrap=True)
+        self.said.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
+        column.addWidget(self.said)
         column.addStretch(1)
-        self.save = push_button(
-            "Save and diagnose",
-            "Save the law in your folder of laws and diagnose the selected shots with it",
-            self,
-            self._save,
-            primary=True,
-        )
+        hover = "Save the law in your folder of laws and diagnose the selected shots with it"
+        self.save = push_button("Save and diagnose", hover, self, self._save, primary=True)
         column.addWidget(self.save)
         self.where.currentIndexChanged.connect(self._check)
         for line in self.findChildren(QLineEdit):
@@ -92,11 +80,7 @@ class LawSheet(SideSheet):
         self._check()
 
     def _line(self, name: str, shown: str) -> QLineEdit:
-        line = QLineEdit(self)
-        line.setAccessibleName(name)
-        line.setToolTip(shown or name)
-        line.setPlaceholderText(shown)
-        return line
+        return line_edit(name, shown or name, self, shown)
 
     def fill(self, table: dict[str, Any]) -> None:
         """Fill the form with an existing law."""
@@ -144,7 +128,6 @@ class LawSheet(SideSheet):
 
     @Slot()
     def _check(self) -> None:
-        """Check the law and show what is wrong."""
         if not self.name.text().strip() and not self.formula.text().strip():
             self.save.setEnabled(False)
             self.say("", Tone.NEUTRAL)
@@ -164,13 +147,8 @@ class LawSheet(SideSheet):
 
     def say(self, words: str, tone: Tone) -> None:
         """Show a message below the fields."""
-        self._said.setText(f"{MARKS[tone]} {words}" if words else "")
-        self._said.setStyleSheet(f"color: {self._colours.signs[tone]}; font-weight: bold")
-
-    @property
-    def said(self) -> str:
-        """Get the message below the fields."""
-        return self._said.text()
+        self.said.setText(f"{MARKS[tone]} {words}" if words else "")
+        self.said.setStyleSheet(f"color: {self._colours.signs[tone]}; font-weight: bold")
 
     def dress(self, colours: Colours) -> None:
         self._colours = colours

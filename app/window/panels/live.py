@@ -7,15 +7,16 @@ from functools import partial
 import numpy as np
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QSizePolicy, QVBoxLayout, QWidget
 
 from analysis.shot import Channel, Role
 from app.window.panels.site_floor import SiteFloorPanel
-from app.window.pens import thin
-from app.window.plots.cursor_readout import CursorReadout
+from app.window.plots.cursors import CursorReadout
+from app.window.plots.lines import thin
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours, sized
+from app.window.widgets import push_button, scrolled, text_label
 from app.words import CHANNEL_NAMES, DASH, local, number
 from instrument.live import LiveView
 
@@ -55,38 +56,27 @@ class LivePanel(QWidget):
         super().__init__(parent)
         self._colours = colours
         self._draw_due: Callable[[], None] | None = None  # of raw signals for which there was no room
-        around = QVBoxLayout(self)
-        around.setContentsMargins(0, 0, 0, 0)
-        scroll = QScrollArea(self)  # on a low screen the floor is reached by scrolling
-        scroll.setWidgetResizable(True)
-        scroll.setAccessibleName("Live")
-        inner = QWidget(scroll)
-        scroll.setWidget(inner)
-        around.addWidget(scroll)
-        grid = QGridLayout(inner)
+        grid = QGridLayout(scrolled("Live", self))  # on a low screen the floor is reached by scrolling
         grid.setContentsMargins(6, 4, 6, 4)
         grid.setHorizontalSpacing(8)
         self.stack = TimeStack("Beat frequency, velocity and force, live", colours, self)
         self._plots = {name: self.stack.add_plot(title, unit) for name, title, unit, *_ in ROWS}
         self._curves = {name: plot.add_points("measured", thin(colours.measured)) for name, plot in self._plots.items()}
-        self._plots["beat"].minimum_span = 0.02
-        self._plots["velocity"].minimum_span = 0.01
-        self._plots["force"].minimum_span = 0.05
-        for plot in self._plots.values():
+        for plot, span in zip(self._plots.values(), (0.02, 0.01, 0.05), strict=True):
+            plot.minimum_span = span
             plot.steady = True
         self.stack.label_time("time before now (ms)")
         self.stack.show_span(-WINDOW_MS, 0.0)
         self.stack.reset_wanted.connect(self.reset)
         grid.addWidget(self.stack, 0, 0, 5, 1)
         self._readouts: list[CursorReadout] = []
-        self._numbers: dict[str, QLabel] = {}
+        self.numbers: dict[str, QLabel] = {}
         self._digits_s = -math.inf  # of the stream, when the digits were set
         self._raw_shown: tuple[object, float] = (None, -math.inf)  # channels and levels; time of the stream
         for line, (name, title, unit, _, _, widest) in enumerate(ROWS):
             grid.addWidget(self._tile(name, title, unit, widest), line, 1)
-        self.hold = QPushButton("Hold", self)
-        self.hold.setCheckable(True)
-        self.hold.setToolTip("Freeze the curves to measure on them; samples and shots go on, ARM lets them run  (H)")
+        hover = "Freeze the curves to measure on them; samples and shots go on, ARM lets them run  (H)"
+        self.hold = push_button("Hold", hover, self, checkable=True)
         grid.addWidget(self.hold, 3, 1)
         self.raw = TimeStack("Raw signals, live", colours, self)
         self.raw.reset_wanted.connect(self.reset)
@@ -104,12 +94,9 @@ class LivePanel(QWidget):
         self.floor = SiteFloorPanel(colours, self)
         grid.addWidget(self.floor, 7, 0, 1, 2)
         grid.setColumnStretch(0, 1)
-        for line in range(4):
-            grid.setRowStretch(line, 0)
         grid.setRowStretch(4, 1)
-        self._waiting = QLabel("No samples yet.", self)
+        self._waiting = text_label("No samples yet.", self, faint=True)
         self._waiting.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        self._waiting.setProperty("faint", True)
         grid.addWidget(self._waiting, 0, 0, 5, 1)
         self.dress(colours)
 
@@ -119,17 +106,14 @@ class LivePanel(QWidget):
         column = QVBoxLayout(tile)
         column.setContentsMargins(12, 2, 12, 2)
         column.setSpacing(0)
-        heading = QLabel(f"{title}  ({unit})", tile)
-        heading.setProperty("faint", True)
-        value = QLabel(DASH, tile)
+        value = text_label(DASH, tile, selectable=True)
         value.setFont(sized(self.font(), 3.0, bold=True))
         value.setMinimumWidth(value.fontMetrics().horizontalAdvance(widest + "0"))
         value.setAlignment(Qt.AlignmentFlag.AlignRight)
-        value.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         value.setAccessibleName(f"{title} in {unit}")
-        column.addWidget(heading)
+        column.addWidget(text_label(f"{title}  ({unit})", tile, faint=True))
         column.addWidget(value)
-        self._numbers[name] = value
+        self.numbers[name] = value
         return tile
 
     @property
@@ -156,10 +140,6 @@ class LivePanel(QWidget):
         if self._draw_due is not None and not self.raw.isHidden():
             self._draw_due()
 
-    def text(self, name: str) -> str:
-        """Return the digits shown for "beat", "velocity" or "force"."""
-        return self._numbers[name].text()
-
     def dress(self, colours: Colours) -> None:
         self._colours = colours
         self.stack.dress(colours)
@@ -177,7 +157,7 @@ class LivePanel(QWidget):
         if view is None or silent:
             self._waiting.setText((view.problem if view is not None else None) or "No samples yet.")
             self._digits_s = -math.inf
-            for label in self._numbers.values():
+            for label in self.numbers.values():
                 label.setText(DASH)
             for curve in self._curves.values():
                 curve.show_points(np.empty(0), np.empty(0))
@@ -199,8 +179,8 @@ class LivePanel(QWidget):
                 continue
             seen = samples[recent & np.isfinite(samples)]
             digits = local(_digits(form, float(seen.mean()))) if len(seen) else DASH
-            self._numbers[name].setText(digits)
-            self._numbers[name].setAccessibleDescription(digits)
+            self.numbers[name].setText(digits)
+            self.numbers[name].setAccessibleDescription(digits)
         for readout in self._readouts:
             readout.refresh()
 

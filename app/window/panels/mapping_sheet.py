@@ -15,9 +15,8 @@ from PySide6.QtWidgets import (
 
 from analysis.shot import Role, Setup
 from app.session import ChannelKind, ChannelLook, proposed
-from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone
-from app.window.widgets import push_button, text_label
+from app.window.widgets import SideSheet, combo_box, line_edit, push_button, text_label
 from app.words import local, number, typed_number
 from instrument.files import (
     LENGTHS_M,
@@ -61,6 +60,7 @@ NUMBER_HOVERS = {
     "rate_hz": "Samples a second; every time and velocity scales with it",
     "bits": "Resolution of the digitizer, for the noise of rounding",
 }
+PLACEHOLDERS = {"rest_hz": "only without PD0", "rate_hz": "as the file says"}
 
 
 def _look_words(look: ChannelLook) -> str:
@@ -90,12 +90,7 @@ class MappingSheet(SideSheet):
         column.addWidget(self._looks)
         form = QFormLayout()
         form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
-        self.boxes: dict[Role, QComboBox] = {}
-        for role, words in ROLES.items():
-            self.boxes[role] = box = QComboBox(self)
-            box.setAccessibleName(words)
-            box.setToolTip(HOVERS[role])
-            form.addRow(words, box)
+        self.boxes = {role: self._box(form, words, HOVERS[role]) for role, words in ROLES.items()}
         self.displacement = self._box(form, "Displacement", "A column that is the motion itself, already demodulated")
         self.displacement.currentIndexChanged.connect(self._chosen)
         self.unit = self._box(form, "Displacement in", "As the header states it; choose where it states none")
@@ -104,34 +99,22 @@ class MappingSheet(SideSheet):
             self.model.addItem(words, key)
         self.edits: dict[str, QLineEdit] = {}
         for key, (words, _) in NUMBERS.items():
-            self.edits[key] = edit = QLineEdit(self)
-            edit.setAccessibleName(words)
-            edit.setToolTip(NUMBER_HOVERS[key])
+            self.edits[key] = edit = line_edit(words, NUMBER_HOVERS[key], self, PLACEHOLDERS.get(key, ""))
             edit.returnPressed.connect(self.apply)
             form.addRow(words, edit)
-        self.edits["rest_hz"].setPlaceholderText("only without PD0")
-        self.edits["rate_hz"].setPlaceholderText("as the file says")
         column.addLayout(form)
         self.for_folder = QCheckBox("for every file of this format in its folder", self)
         self.for_folder.setToolTip("The other files there have the same channels: do not ask again")
         column.addWidget(self.for_folder)
-        self._problem = text_label("", self, wrap=True)
-        self._problem.setMinimumHeight(3 * self.fontMetrics().lineSpacing())
-        column.addWidget(self._problem)
-        apply = push_button(
-            "Remember and open",
-            "Save the assignment with the file, and open the file  (Enter in a field)",
-            self,
-            self.apply,
-            primary=True,
-        )
-        column.addWidget(apply)
+        self.problem = text_label("", self, wrap=True)
+        self.problem.setMinimumHeight(3 * self.fontMetrics().lineSpacing())
+        column.addWidget(self.problem)
+        hover = "Save the assignment with the file, and open the file  (Enter in a field)"
+        column.addWidget(push_button("Remember and open", hover, self, self.apply, primary=True))
         column.addStretch(1)
 
     def _box(self, form: QFormLayout, words: str, hover: str) -> QComboBox:
-        box = QComboBox(self)
-        box.setAccessibleName(words)
-        box.setToolTip(hover)
+        box = combo_box(words, hover, self)
         form.addRow(words, box)
         return box
 
@@ -152,21 +135,16 @@ class MappingSheet(SideSheet):
             self.unit.addItem(words, key)
         self.unit.setCurrentIndex(max(0, self.unit.findData(unit)) if unit is not None else 0)
 
-    @property
-    def problem(self) -> str:
-        """Get why the assignment was refused."""
-        return self._problem.text()
-
     def dress(self, colours: Colours) -> None:
         self._colours = colours
-        self._problem.setStyleSheet(f"color: {colours.signs[Tone.BAD]}; font-weight: bold")
+        self.problem.setStyleSheet(f"color: {colours.signs[Tone.BAD]}; font-weight: bold")
 
     def ask(
         self, contents: ForeignContents, mass_kg: float, rest_hz: float | None, looks: Sequence[ChannelLook] = ()
     ) -> None:
         """Show the form for a file; ``looks`` describe its channels, for the proposed assignment."""
         self._contents = contents
-        self._problem.setText("")
+        self.problem.setText("")
         self._file.setText(f"<b>{contents.path.name}</b> ({contents.format}). The answer is saved with the file.")
         self._looks.setText("<br>".join(map(_look_words, looks)))
         self._looks.setVisible(bool(looks))
@@ -198,8 +176,8 @@ class MappingSheet(SideSheet):
 
     def refuse(self, problem: str) -> None:
         """Show why the file cannot be read with this assignment."""
-        self._problem.setText(f"{MARKS[Tone.BAD]} {problem}")
-        self._problem.setStyleSheet(f"color: {self._colours.signs[Tone.BAD]}; font-weight: bold")
+        self.problem.setText(f"{MARKS[Tone.BAD]} {problem}")
+        self.problem.setStyleSheet(f"color: {self._colours.signs[Tone.BAD]}; font-weight: bold")
 
     @Slot()
     def apply(self) -> None:

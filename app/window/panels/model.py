@@ -2,8 +2,8 @@
 
 from html import escape
 
-from PySide6.QtCore import Qt, Signal, Slot
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtCore import Qt, Slot
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QVBoxLayout, QWidget
 
 from analysis.collision import Effect
 from analysis.fitted import awaits_fit
@@ -28,9 +28,6 @@ def _matrix(fit: Fit) -> str:
 class ModelPanel(QFrame):
     """Base and effects, chi2 of the fit, verdict, correlations."""
 
-    diagnose_wanted = Signal()
-    details_wanted = Signal()
-
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._colours = colours
@@ -41,36 +38,23 @@ class ModelPanel(QFrame):
         column.setContentsMargins(10, 2, 8, 4)
         column.setSpacing(1)
         top = QHBoxLayout()
-        heading = text_label("MODEL", self, heading=True)
-        top.addWidget(heading, 1)
-        self.diagnose = QPushButton("Diagnose", self)
-        self.diagnose.setToolTip("Find out what the model lacks, from all selected shots together  (D)")
+        top.addWidget(text_label("MODEL", self, heading=True), 1)
+        hover = "Find out what the model lacks, from all selected shots together  (D)"
+        self.diagnose = push_button("Diagnose", hover, self)
         self.details = push_button("Evidence", "Candidates, residual before and after  (Ctrl+5)", self)
-        top.addWidget(self.diagnose)
-        top.addWidget(self.details)
-        column.addLayout(top)
-        self._model = QLabel(self)
-        self._fit = QLabel(self)
-        self._known = QLabel(self)
-        self._verdict = QLabel(self)
-        for label in (self._model, self._fit, self._known, self._verdict):
-            label.setWordWrap(True)
-            label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-            column.addWidget(label)
-        self._verdict.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
-        self._verdict.setAlignment(Qt.AlignmentFlag.AlignTop)
-        self.correlated = QPushButton("Correlations", self)
-        self.correlated.setCheckable(True)
-        self.correlated.setToolTip("Correlations of the fitted parameters of this shot")
+        hover = "Correlations of the fitted parameters of this shot"
+        self.correlated = push_button("Correlations", hover, self, checkable=True)
         self.correlated.toggled.connect(self._unfold)
-        top.insertWidget(1, self.correlated)
-        self.correlations = QLabel(self)
+        for button in (self.correlated, self.diagnose, self.details):
+            top.addWidget(button)
+        column.addLayout(top)
+        labels = [text_label("", self, selectable=True, wrap=True) for _ in range(5)]
+        self._model, self._fit, self.known, self.verdict, self.correlations = labels
+        for label in labels:
+            column.addWidget(label)
+        self.verdict.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
+        self.verdict.setAlignment(Qt.AlignmentFlag.AlignTop)
         self.correlations.setAccessibleName("Correlations of the fitted parameters")
-        self.correlations.setWordWrap(True)
-        self.correlations.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        column.addWidget(self.correlations)
-        self.diagnose.clicked.connect(self.diagnose_wanted)
-        self.details.clicked.connect(self.details_wanted)
         self.show_shot(None)
         self.show_verdict("", Tone.NEUTRAL)
         self.show_known("", Tone.NEUTRAL)
@@ -111,28 +95,17 @@ class ModelPanel(QFrame):
         )
 
     def show_verdict(self, sentence: str, tone: Tone) -> None:
-        """Show the verdict on this shot."""
         self._verdict_shown = (sentence, tone)
-        self._verdict.setText(f"{MARKS[tone]} {sentence}" if sentence else "not diagnosed yet")
-        self._verdict.setToolTip(OUTDATED if sentence.startswith("<s>") else "")
-        self._verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
+        self.verdict.setText(f"{MARKS[tone]} {sentence}" if sentence else "not diagnosed yet")
+        self.verdict.setToolTip(OUTDATED if sentence.startswith("<s>") else "")
+        self.verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
 
     def show_known(self, words: str, tone: Tone) -> None:
         """Show how the shot agrees with the model file in use; "" without one."""
         self._known_shown = (words, tone)
-        self._known.setVisible(bool(words))
-        self._known.setText(f"{MARKS[tone]} {words}")
-        self._known.setStyleSheet(f"color: {self._colours.signs[tone]}")
-
-    @property
-    def known(self) -> str:
-        """Get the words on the model file."""
-        return self._known.text() if self._known_shown[0] else ""
-
-    @property
-    def verdict(self) -> str:
-        """Get the verdict shown."""
-        return self._verdict.text()
+        self.known.setVisible(bool(words))
+        self.known.setText(f"{MARKS[tone]} {words}" if words else "")
+        self.known.setStyleSheet(f"color: {self._colours.signs[tone]}")
 
     @Slot(bool)
     def _unfold(self, unfolded: bool) -> None:

@@ -1,12 +1,12 @@
-"""What to do where a residual is unexplained: try a candidate, propose a law, take another shot."""
+"""What to do after a diagnosis: the next step where a residual is unexplained, and the shot that decides."""
 
 from PySide6.QtCore import Signal, Slot
-from PySide6.QtWidgets import QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis, Verdict, in_words, remark_on
-from app.window.flow_layout import FlowLayout, clear_layout
-from app.window.widgets import text_label
+from analysis.planning import NextShot, PlannedStep, PlanningState, undecided
+from app.window.widgets import FlowLayout, clear_layout, push_button, text_label
 from app.words import local_words
 
 MOST_TRIED = 3
@@ -30,19 +30,13 @@ class NextSteps(QWidget):
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(2)
-        heading = text_label("NEXT STEP", self, heading=True)
-        column.addWidget(heading)
+        column.addWidget(text_label("NEXT STEP", self, heading=True))
         row = QWidget(self)
         self._row = FlowLayout(row)
         column.addWidget(row)
-        self._shot = text_label("", self, wrap=True)
-        column.addWidget(self._shot)
+        self.shot = text_label("", self, wrap=True)
+        column.addWidget(self.shot)
         self.hide()
-
-    @property
-    def words(self) -> str:
-        """Get the sentence on the next shot."""
-        return self._shot.text()
 
     @property
     def buttons(self) -> list[QPushButton]:
@@ -69,11 +63,10 @@ class NextSteps(QWidget):
             button.clicked.connect(self._try)
         button = self._button("Propose a law …", "Type a law of your own; it is fitted and judged like the others")
         button.clicked.connect(self.law_wanted)
-        self._shot.setText(f"Next shot: {local_words(in_words(diagnosis).separating_shot or ANOTHER_SHOT)}")
+        self.shot.setText(f"Next shot: {local_words(in_words(diagnosis).separating_shot or ANOTHER_SHOT)}")
 
     def _button(self, words: str, tip: str) -> QPushButton:
-        button = QPushButton(words, self)
-        button.setToolTip(tip)
+        button = push_button(words, tip, self)
         self._row.addWidget(button)
         button.show()
         return button
@@ -81,3 +74,73 @@ class NextSteps(QWidget):
     @Slot()
     def _try(self) -> None:
         self.try_wanted.emit(self._effects[str(self.sender().property("effect"))])
+
+
+UNPLANNED = (
+    "These data do not decide between the candidates. The program can find the shot that would, if there is one."
+)
+
+ARM, SET = "ARM for it", "Set and take it"
+ARM_TIP = (
+    "Set the rig as said, then arm: the shot joins this diagnosis. Its mass is that of the block as found with the "
+    "weights added, so leave the settings as they are"
+)
+NORMS = "Noise norm: the distance between two models in units of the noise; five or more decide"
+SET_TIP = "The simulated bench is set to this speed and weight, and pushed; the shot joins this diagnosis"
+
+
+class NextShotCard(QFrame):
+    """A sentence, the planned shots so far, and buttons; hidden where nothing is open."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setProperty("card", True)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(8, 4, 8, 4)
+        column.setSpacing(2)
+        column.addWidget(text_label("NEXT SHOT", self, heading=True))
+        self.sentence = text_label("", self, wrap=True)
+        self.sentence.setToolTip(NORMS)
+        column.addWidget(self.sentence)
+        self.log = text_label("", self, faint=True, wrap=True)
+        column.addWidget(self.log)
+        row = QHBoxLayout()
+        hover = "Predict every shot this rig can take; find the one that separates the models best"
+        self.plan = push_button("Plan the deciding shot", hover, self)
+        self.take = push_button(ARM, ARM_TIP, self)
+        self.give_up = push_button("Give up", "Stop waiting for the planned shot", self)
+        for button in (self.plan, self.take, self.give_up):
+            row.addWidget(button)
+        row.addStretch(1)
+        column.addLayout(row)
+        self.hide()
+
+    def show_standing(
+        self, diagnosis: Diagnosis | None, state: PlanningState | None, waited_for: NextShot | None, sets_itself: bool
+    ) -> None:
+        """Show the plan for a diagnosed set; ``sets_itself``: the program sets speed and weights at this source."""
+        left_open = diagnosis is not None and bool(undecided(diagnosis))
+        self.setVisible(left_open or (state is not None and bool(state.steps)))
+        planned = state.plan if state is not None else None
+        can_take = planned is not None and planned.settles and waited_for is None
+        if waited_for is not None:
+            said = "Being taken" if sets_itself else "Armed. Set, then push"
+            self.sentence.setText(local_words(f"{said}: {waited_for.words}"))
+        elif state is None:
+            self.sentence.setText(UNPLANNED)
+        else:
+            words = planned.words if planned is not None else "Resolved: one candidate remains."
+            self.sentence.setText(local_words(words))
+        steps = state.steps if state is not None else ()
+        self.log.setText(local_words("\n".join(_step_line(n, step) for n, step in enumerate(steps, 1))))
+        self.log.setVisible(bool(self.log.text()))
+        self.plan.setVisible(left_open and state is None and waited_for is None)
+        self.take.setVisible(can_take)
+        self.take.setText(SET if sets_itself else ARM)
+        self.take.setToolTip(SET_TIP if sets_itself else ARM_TIP)
+        self.give_up.setVisible(waited_for is not None)
+
+
+def _step_line(number: int, step: PlannedStep) -> str:
+    reached = "not known" if step.reached is None else f"{step.reached:.2g}"
+    return f"{number}. {step.shot.words}: {step.expected_separation:.2g} noise norms expected, {reached} reached"

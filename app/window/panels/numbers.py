@@ -3,7 +3,7 @@
 import math
 from html import escape
 
-from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import (
     QCheckBox,
@@ -12,16 +12,15 @@ from PySide6.QtWidgets import (
     QLabel,
     QScrollArea,
     QSizePolicy,
-    QToolButton,
     QVBoxLayout,
     QWidget,
 )
 
 from analysis.shot import Quantity, Reading, Shot, concerning
 from analysis.uncertainty import Group, ResultNumber, combined_of, shown_numbers, stated
+from app.window.state_words import flag_line, flag_tone
 from app.window.theme import MARKS, Colours, Tone, sized
-from app.window.tones import flag_line, flag_tone
-from app.window.widgets import push_button, text_label
+from app.window.widgets import FoldButton, push_button, text_label
 from app.words import (
     COMBINED,
     NOISE_ONLY,
@@ -67,8 +66,6 @@ def wide_words(reading: Reading | None) -> str:
 class NumbersPanel(QScrollArea):
     """A column of numbers at fixed places."""
 
-    budget_wanted = Signal()
-
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._colours = colours
@@ -78,19 +75,18 @@ class NumbersPanel(QScrollArea):
         self._combined: dict[str, float] = {}  # combined standard uncertainty by budget key, of the shot shown
         self._groups: dict[Group, list[QWidget]] = {}
         self._rows: list[ResultNumber] = []
-        self._values: dict[str, QLabel] = {}
+        self.values: dict[str, QLabel] = {}
         self._names: dict[str, QLabel] = {}
         self._widgets: dict[str, list[QWidget]] = {}
         self._foldable: list[QWidget] = []  # numbers that a button unfolds, with their sentences
         inner = QWidget(self)
         column = QVBoxLayout(inner)
         column.setContentsMargins(10, 4, 8, 4)
-        self.title = QLabel("No shot", inner)
+        self.title = text_label("No shot", inner, selectable=True)
         self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.title.setFont(sized(self.font(), 1.25, bold=True))
-        self.title.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         top = QHBoxLayout()
-        self.budget = push_button("Budget", "Where each ± comes from, source by source  (B)", inner, self.budget_wanted)
+        self.budget = push_button("Budget", "Where each ± comes from, source by source  (B)", inner)
         top.addWidget(self.title, 1)
         top.addWidget(self.budget)
         column.addLayout(top)
@@ -103,9 +99,8 @@ class NumbersPanel(QScrollArea):
         grid.setColumnStretch(1, 1)
         column.addLayout(grid)
         self._add_groups(grid, inner)
-        self.effects = text_label("", inner, wrap=True)  # parameters of the effects in the model
+        self.effects = text_label("", inner, selectable=True, wrap=True)  # parameters of the effects in the model
         self.effects.setToolTip(NOISE_ONLY)
-        self.effects.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.flags = text_label("", inner, selectable=True, wrap=True)
         column.addWidget(self.noise_only)  # below: the numbers themselves need the height
         column.addWidget(self.effects)
@@ -148,19 +143,18 @@ class NumbersPanel(QScrollArea):
 
     def _add_row(self, grid: QGridLayout, line: int, row: ResultNumber, inner: QWidget) -> list[QWidget]:
         name = QLabel(row.name, inner)
-        value = QLabel("–", inner)
+        value = text_label("–", inner, selectable=True)
         unit = text_label(row.shown_unit, inner, faint=True)
         value.setFont(sized(self.font(), 1.4 if row.headline else 1.06, bold=True))
         name.setMinimumWidth(name.fontMetrics().horizontalAdvance("kinetic, flights") + 16)  # with room for a mark
         value.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         widest = "0.98755567(44)" if row.headline else "-0.987555673(44)"
         value.setMinimumWidth(value.fontMetrics().horizontalAdvance(widest))
-        value.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         value.setAccessibleName(f"{row.name} {row.shown_unit}")
         grid.addWidget(name, line, 0)
         grid.addWidget(value, line, 1)
         grid.addWidget(unit, line, 2)
-        self._values[row.name], self._names[row.name] = value, name
+        self.values[row.name], self._names[row.name] = value, name
         self._widgets[row.name] = [name, value, unit]
         return [name, value, unit]
 
@@ -168,14 +162,9 @@ class NumbersPanel(QScrollArea):
         """Add the remark which kinetic COR is the paper's, and the button that unfolds the others."""
         note = text_label(f"the paper's ({local(f'{PAPERS_VALUE:.4f}')} there)", inner, faint=True)
         note.setToolTip("The paper times T1 and T2 between peaks of the force; PAPER (Ctrl+7) has all its numbers")
-        self.others = QToolButton(inner)
-        self.others.setProperty("fold", True)
-        self.others.setCheckable(True)
-        self.others.setText("three other definitions")
-        self.others.setToolTip("Show the kinetic COR by onsets, by flights and of the fitted contact")
-        self.others.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        hover = "Show the kinetic COR by onsets, by flights and of the fitted contact"
+        self.others = FoldButton("three other definitions", hover, inner)
         self.others.toggled.connect(self._folded)
-        self.others.setArrowType(Qt.ArrowType.RightArrow)
         grid.addWidget(note, line, 0)
         grid.addWidget(self.others, line, 1, 1, 2, Qt.AlignmentFlag.AlignRight)
         return [note, self.others]
@@ -189,7 +178,6 @@ class NumbersPanel(QScrollArea):
 
     @Slot(bool)
     def _folded(self, shown: bool) -> None:
-        self.others.setArrowType(Qt.ArrowType.DownArrow if shown else Qt.ArrowType.RightArrow)
         for widget in self._foldable:
             widget.setVisible(shown and self.others.isVisibleTo(self))
 
@@ -200,14 +188,6 @@ class NumbersPanel(QScrollArea):
     def _reading(self, row: ResultNumber) -> Reading | None:
         """Return a number with combined or noise-only uncertainty, as chosen."""
         return stated(row.find(self._shot), row.key, self._combined) if self._shot is not None else None
-
-    def text(self, name: str) -> str:
-        """Return the text shown for a number."""
-        return self._values[name].text()
-
-    def hover(self, name: str) -> str:
-        """Return how a number was read, or why it was not."""
-        return self._values[name].toolTip()
 
     def dress(self, colours: Colours) -> None:
         self._colours = colours
@@ -226,7 +206,7 @@ class NumbersPanel(QScrollArea):
         self._folded(self.others.isChecked())
         for row in self._rows:
             reading = self._reading(row)
-            label = self._values[row.name]
+            label = self.values[row.name]
             label.setText(self._fitting(label, reading, row.scale))
             which = COMBINED if row.key in self._combined else NOISE_ONLY
             doubts = concerning(row.key, shot.flags) if shot is not None else ()
@@ -272,7 +252,7 @@ class NumbersPanel(QScrollArea):
         self.widget().layout().activate()
         self._fit_title()
         for row in self._rows:
-            label = self._values[row.name]
+            label = self.values[row.name]
             label.setText(self._fitting(label, self._reading(row), row.scale))
 
     def _show_agreement(self, shot: Shot | None) -> None:

@@ -5,16 +5,15 @@ from collections.abc import Sequence
 
 import numpy as np
 from PySide6.QtCore import QObject, Qt, Slot
-from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from analysis.diagnosis import Diagnosis
 from analysis.drive import DriveCurves
 from analysis.shot import Shot
 from analysis.uncertainty import diagnosed_band
 from app.report import time_zero
-from app.window.pens import thin
-from app.window.plots.cursor_readout import CursorReadout
-from app.window.plots.cursors import SECONDS
+from app.window.plots.cursors import SECONDS, CursorReadout
+from app.window.plots.lines import thin
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
 from app.window.widgets import text_label
@@ -45,9 +44,8 @@ class Residuals(QWidget):
         self.forces = ForceResiduals(colours, self)
         column.addWidget(self.forces.stack, 1)
         column.addWidget(CursorReadout(self.forces.stack, self))
-        self._errors = QLabel(self)
+        self._errors = text_label("", self, selectable=True)
         self._errors.setTextFormat(Qt.TextFormat.RichText)
-        self._errors.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self._errors.setToolTip(
             "Rms residuals over the same samples at the same bandwidth.\nJoint χ²/ν: of all shots fitted together, "
             "against the noise that the diagnosis found; the panel MODEL shows that of one shot's own fit."
@@ -147,7 +145,6 @@ class ForceResiduals(QObject):
             curve.setPen(thin(colours.residual))
 
     def show_curves(self, shot: Shot | None, before: DriveCurves | None, after: DriveCurves | None) -> None:
-        """Show the curves of a shot, or nothing for None."""
         self.stack.tell((shot,) if shot is not None else (), shot.name if shot is not None else "")
         for found, plot, curve, band in zip((before, after), self._plots, self._curves, self._bands, strict=True):
             if found is None:

@@ -1,6 +1,7 @@
-"""The Qt model of the table of shots: a row per shot, a hover per cell, editable notes."""
+"""The Qt model of the table of shots: sorted, filtered and grouped rows, a hover per cell, editable notes."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,8 +11,7 @@ from PySide6.QtGui import QFont
 from analysis.shot import Quantity, Reading, Shot
 from analysis.uncertainty import Origin, ResultNumber, combined_of, of_collision, stated
 from app.session import Entry
-from app.window.panels.session_order import Order, ordered
-from app.window.tones import flag_line
+from app.window.state_words import flag_line
 from app.words import (
     COMBINED,
     DASH,
@@ -26,6 +26,72 @@ from app.words import (
     value_text,
     verdict_words,
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """``column`` None: the order taken; all ``words`` must occur; ``group`` is one of ``GROUPS``."""
+
+    column: int | None = None
+    falling: bool = False
+    words: str = ""
+    group: str = ""
+
+
+def _day(entry: Entry) -> str:
+    shot = entry.shot
+    return (shot.started_at or "")[:10] if shot is not None and shot.started_at else "no date"
+
+
+def _series(entry: Entry) -> str:
+    return entry.name.rstrip("0123456789").rstrip("-_ .") or entry.name
+
+
+GROUPS: dict[str, tuple[str, Callable[[Entry], str]]] = {
+    "day": ("day", _day),
+    "series": ("series", _series),
+    "verdict": ("verdict", lambda entry: entry.verdict or "not diagnosed"),
+    "model": ("base model", lambda entry: entry.settings.model),
+}
+
+
+def ordered(
+    entries: Sequence[Entry],
+    order: Order,
+    value: Callable[[Entry, int], float | str | None],
+    searched: Callable[[Entry], str],
+) -> tuple[Entry | str, ...]:
+    """Return the entries in this order, a heading before each group.
+
+    ``value`` gives what a column sorts by (a number, a text, or None), ``searched`` the text to search.
+    """
+    words = order.words.lower().split()
+    seen = [entry for entry in entries if all(word in searched(entry).lower() for word in words)]
+    column = order.column
+    if column is not None:
+        there = [entry for entry in seen if not _missing(value(entry, column))]
+        missing = [entry for entry in seen if _missing(value(entry, column))]
+        there.sort(key=lambda entry: _key(value(entry, column)), reverse=order.falling)
+        seen = [*there, *missing]
+    if order.group not in GROUPS:
+        return tuple(seen)
+    _, of = GROUPS[order.group]
+    groups: dict[str, list[Entry]] = {}
+    for entry in seen:
+        groups.setdefault(of(entry), []).append(entry)
+    rows: list[Entry | str] = []
+    for name, members in groups.items():
+        rows += [f"{name}   ({len(members)})", *members]
+    return tuple(rows)
+
+
+def _missing(value: float | str | None) -> bool:
+    return value is None or value == "" or (isinstance(value, float) and math.isnan(value))
+
+
+def _key(value: float | str | None) -> tuple[float, str]:
+    return (0.0, value.lower()) if isinstance(value, str) else (float(value or 0.0), "")
+
 
 LETTERS = 15  # width of a number in digits, for 0.98729985(50)
 
@@ -42,7 +108,6 @@ class Column:
 
     @property
     def hidden(self) -> bool:
-        """Get whether it is hidden at first."""
         return self.number is not None and not self.number.listed
 
     def order(self, entry: Entry) -> float | str | None:

@@ -19,9 +19,7 @@ from PySide6.QtWidgets import (
     QFrame,
     QHBoxLayout,
     QHeaderView,
-    QLineEdit,
     QMenu,
-    QPushButton,
     QStyledItemDelegate,
     QStyleOptionViewItem,
     QTableView,
@@ -30,9 +28,8 @@ from PySide6.QtWidgets import (
 )
 
 from app.session import Entry, Session
-from app.window.panels.session_model import FLAGS, NOTE, VERDICT, SessionModel
-from app.window.panels.session_order import GROUPS, Order
-from app.window.widgets import push_button, text_label
+from app.window.panels.session_model import FLAGS, GROUPS, NOTE, VERDICT, Order, SessionModel
+from app.window.widgets import combo_box, line_edit, push_button, text_label
 
 
 class _FromTheLeft(QStyledItemDelegate):
@@ -43,17 +40,21 @@ class _FromTheLeft(QStyledItemDelegate):
         option.textElideMode = Qt.TextElideMode.ElideRight  # type: ignore[attr-defined]
 
 
+BUTTONS = {
+    "open": ("Open …", "Open recordings; or drop them on the window  (Ctrl+O)"),
+    "export": ("Export …", "CSV of the selected shots, or of all: a motion file each, and shots.csv  (Ctrl+E)"),
+    "report": ("Report …", "One printable HTML file of the selected shots, or of all  (Ctrl+T)"),
+    "reanalyse": ("Re-analyse", "Analyse the selected shots again, as copies, with the present settings  (Ctrl+R)"),
+    "remove": ("Remove", "Remove the selected shots from the list; recordings stay on disk  (Del)"),
+    "undo": ("Undo", "Undo the last note, removal or change of the model  (Ctrl+Z)"),
+}
+
+
 class SessionTable(QFrame):
     """The table with its buttons."""
 
     selected = Signal(list)
-    export_wanted = Signal()
-    report_wanted = Signal()
-    remove_wanted = Signal()
-    reanalyse_wanted = Signal()
     note_edited = Signal(int, str)
-    undo_wanted = Signal()
-    open_wanted = Signal()
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -65,31 +66,12 @@ class SessionTable(QFrame):
         self._count = text_label("SHOTS", self, heading=True)
         bar.addWidget(self._count)
         bar.addStretch(1)
-        self._buttons: list[QPushButton] = []
         self._can_undo = False
         self._numbers: list[int] = []
         self._hidden: list[int] = []  # selected before the filter hid them
-        for words, tip, slot in (
-            ("Open …", "Open recordings; or drop them on the window  (Ctrl+O)", self.open_wanted),
-            (
-                "Export …",
-                "CSV of the selected shots, or of all: a motion file each, and shots.csv  (Ctrl+E)",
-                self.export_wanted,
-            ),
-            ("Report …", "One printable HTML file of the selected shots, or of all  (Ctrl+T)", self.report_wanted),
-            (
-                "Re-analyse",
-                "Analyse the selected shots again, as copies, with the present settings  (Ctrl+R)",
-                self.reanalyse_wanted,
-            ),
-            ("Remove", "Remove the selected shots from the list; recordings stay on disk  (Del)", self.remove_wanted),
-            ("Undo", "Undo the last note, removal or change of the model  (Ctrl+Z)", self.undo_wanted),
-        ):
-            button = QPushButton(words, self)
-            button.setToolTip(tip)
-            button.clicked.connect(slot)
+        self.buttons = {name: push_button(words, hover, self) for name, (words, hover) in BUTTONS.items()}
+        for button in self.buttons.values():
             bar.addWidget(button)
-            self._buttons.append(button)
         self._add_order(bar)
         column.addLayout(bar)
         self._make_table()
@@ -137,17 +119,12 @@ class SessionTable(QFrame):
 
     def _add_order(self, bar: QHBoxLayout) -> None:
         """Add filter, groups and the choice of columns."""
-        self.filter = QLineEdit(self)
-        self.filter.setPlaceholderText("filter")
-        self.filter.setAccessibleName("Filter words")
-        self.filter.setToolTip("Show only shots with these words in name, time, verdict, flags or note  (Ctrl+F)")
+        hover = "Show only shots with these words in name, time, verdict, flags or note  (Ctrl+F)"
+        self.filter = line_edit("Filter words", hover, self, "filter")
         self.filter.setMaximumWidth(14 * self.fontMetrics().horizontalAdvance("n"))
-        self.group = QComboBox(self)
-        self.group.setAccessibleName("How the shots are grouped")
-        self.group.setToolTip("Group the shots by this; series: names that differ only in their number")
-        self.group.addItem("no groups", "")
-        for name, (words, _) in GROUPS.items():
-            self.group.addItem(f"by {words}", name)
+        hover = "Group the shots by this; series: names that differ only in their number"
+        groups = [("no groups", ""), *((f"by {words}", name) for name, (words, _) in GROUPS.items())]
+        self.group = combo_box("How the shots are grouped", hover, self, groups)
         self.group.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         self.group.setMinimumContentsLength(8)
         self.columns = push_button("Columns …", "Choose which columns are shown  (Ctrl+Shift+F)", self)
@@ -223,7 +200,6 @@ class SessionTable(QFrame):
 
     @Slot()
     def choose_columns(self) -> None:
-        """Open the menu of columns."""
         menu = QMenu(self)
         menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         for place, column in enumerate(self.model.columns[1:], 1):  # the number is always shown
@@ -290,11 +266,9 @@ class SessionTable(QFrame):
 
     def _enable(self) -> None:
         some, any_selected = bool(self.model.entries), bool(self.numbers)
-        self._buttons[1].setEnabled(some)
-        self._buttons[2].setEnabled(some)
-        self._buttons[3].setEnabled(any_selected)
-        self._buttons[4].setEnabled(any_selected)
-        self._buttons[5].setEnabled(self._can_undo)
+        can = {"export": some, "report": some, "reanalyse": any_selected, "remove": any_selected}
+        for name, on in (*can.items(), ("undo", self._can_undo)):
+            self.buttons[name].setEnabled(on)
 
     @Slot()
     def _changed(self) -> None:

@@ -8,18 +8,15 @@ from PySide6.QtWidgets import (
     QComboBox,
     QFormLayout,
     QHBoxLayout,
-    QLabel,
     QLineEdit,
-    QPushButton,
     QScrollArea,
     QSizePolicy,
     QWidget,
 )
 
-from app.window.file_dialog import Want, ask
-from app.window.panels.side_sheet import SideSheet
+from app.window.file_dialog import Want, ask_for_one
 from app.window.theme import MARKS, Colours, Tone
-from app.window.widgets import push_button, text_label
+from app.window.widgets import SideSheet, push_button, text_label
 from app.words import local, typed_number, typed_numbers
 from levimass import Setting, Value
 
@@ -37,21 +34,18 @@ class SettingsSheet(SideSheet):
         self._tone = Tone.NEUTRAL  # of the message below the fields
         self._browsed = ""  # the field whose folder is being chosen
         column, _ = self.head("Settings", "Close without applying  (F2 or Esc)")
-        hint = QLabel("They hold for the next shots; each shot keeps the settings it was taken with.", self)
-        hint.setProperty("faint", True)
-        hint.setWordWrap(True)
-        column.addWidget(hint)
+        hint = "They hold for the next shots; each shot keeps the settings it was taken with."
+        column.addWidget(text_label(hint, self, faint=True, wrap=True))
         self._scroll = QScrollArea(self)
         self._scroll.setAccessibleName("Fields of the settings")
         self._scroll.setWidgetResizable(True)
         self._scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         column.addWidget(self._scroll, 1)
-        self._problem = text_label("", self, wrap=True)
-        self._problem.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
-        column.addWidget(self._problem)
-        self._apply = push_button(
-            "Apply", "Use these from the next shot on  (Enter in a field)", self, self.apply, primary=True
-        )
+        self.problem = text_label("", self, wrap=True)
+        self.problem.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
+        column.addWidget(self.problem)
+        hover = "Use these from the next shot on  (Enter in a field)"
+        self._apply = push_button("Apply", hover, self, self.apply, primary=True)
         column.addWidget(self._apply)
 
     def offer(self, fields: tuple[Setting, ...]) -> None:
@@ -66,8 +60,7 @@ class SettingsSheet(SideSheet):
         for field in fields:
             if field.group != group:
                 group = field.group
-                heading = text_label(group.upper(), inner, heading=True)
-                form.addRow(heading)
+                form.addRow(text_label(group.upper(), inner, heading=True))
             editor = self._editor(field, inner)
             editor.setToolTip(field.hover)
             label = f"{field.words} ({field.unit})" if field.unit else field.words
@@ -104,11 +97,9 @@ class SettingsSheet(SideSheet):
         row = QWidget(inner)
         line = QHBoxLayout(row)
         line.setContentsMargins(0, 0, 0, 0)
-        browse = QPushButton("…", row)
+        browse = push_button("…", "Choose a folder", row, self._browse)
         browse.setAccessibleName("Choose a folder")
-        browse.setToolTip("Choose a folder")
         browse.setProperty("key", next(key for key, value in self._editors.items() if value is editor))
-        browse.clicked.connect(self._browse)
         line.addWidget(editor, 1)
         line.addWidget(browse)
         return row
@@ -118,14 +109,14 @@ class SettingsSheet(SideSheet):
         self._browsed = str(self.sender().property("key"))
         editor = self._editors[self._browsed]
         assert isinstance(editor, QLineEdit)
-        ask(self, "Choose a folder", Want.FOLDER, self._folder_asked, editor.text())
+        ask_for_one(self, "Choose a folder", Want.FOLDER, self._folder_asked, editor.text())
 
-    def _folder_asked(self, paths: list[Path]) -> None:
-        self.set_value(self._browsed, str(paths[0]))
+    def _folder_asked(self, folder: Path) -> None:
+        self.set_value(self._browsed, str(folder))
 
     def show_values(self, values: dict[str, Value]) -> None:
         """Fill the form with these values."""
-        self._problem.setText("")
+        self.problem.setText("")
         for field in self._fields:
             editor, value = self._editors[field.key], values.get(field.key)
             if isinstance(editor, QComboBox):
@@ -142,7 +133,6 @@ class SettingsSheet(SideSheet):
                     editor.setText("" if value is None else str(value))
 
     def set_value(self, key: str, text: str) -> None:
-        """Set the text of a field."""
         editor = self._editors[key]
         assert isinstance(editor, QLineEdit)
         editor.setText(text)
@@ -166,7 +156,7 @@ class SettingsSheet(SideSheet):
                 values[field.key] = value
             elif isinstance(editor, QLineEdit):
                 values[field.key] = editor.text().strip()
-        self.accept_words("Applied. Ctrl+R analyses the selected shots again with them, as copies.")
+        self._say("Applied. Ctrl+R analyses the selected shots again with them, as copies.", Tone.GOOD)
         self.applied.emit(values)
 
     def _list(self, field: Setting, text: str) -> tuple[str | None, str]:
@@ -197,23 +187,14 @@ class SettingsSheet(SideSheet):
         """Show why the settings were refused."""
         self._say(problem, Tone.BAD)
 
-    def accept_words(self, words: str) -> None:
-        """Show that the settings were applied."""
-        self._say(words, Tone.GOOD)
-
     def _say(self, words: str, tone: Tone) -> None:
         self._tone = tone
-        self._problem.setText(f"{MARKS[tone]} {words}")
-        self._problem.setStyleSheet(f"color: {self._colours.signs[tone]}; font-weight: bold")
-
-    @property
-    def problem(self) -> str:
-        """Get the message below the fields."""
-        return self._problem.text()
+        self.problem.setText(f"{MARKS[tone]} {words}")
+        self.problem.setStyleSheet(f"color: {self._colours.signs[tone]}; font-weight: bold")
 
     def dress(self, colours: Colours) -> None:
         self._colours = colours
-        self._problem.setStyleSheet(f"color: {colours.signs[self._tone]}; font-weight: bold")
+        self.problem.setStyleSheet(f"color: {colours.signs[self._tone]}; font-weight: bold")
 
     def open(self) -> None:
         """Show the sheet with the focus in its first field."""

@@ -4,12 +4,10 @@ from collections.abc import Sequence
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QGuiApplication
-from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
-from app.window.flow_layout import clear_layout
-from app.window.panels.side_sheet import SideSheet
 from app.window.theme import MARKS, Colours, Tone, sized
-from app.window.widgets import push_button, text_label
+from app.window.widgets import SideSheet, clear_layout, line_edit, push_button, text_label
 from app.words import local_words
 from instrument.devices import Check, FoundDevice, Grade
 
@@ -19,12 +17,10 @@ TITLES = {"PD0": "PD0, rest beat", "PD1": "PD1, moving beat", "light switch": "L
 
 
 class SetupSheet(SideSheet):
-    """Three steps from top to bottom; emits what is pressed."""
+    """Three steps from top to bottom."""
 
-    look_wanted = Signal()
     source_wanted = Signal(str)
     address_wanted = Signal(str)  # as it was typed
-    arm_wanted = Signal()
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__("Set-up", parent)
@@ -44,7 +40,7 @@ class SetupSheet(SideSheet):
     def _add_sources(self, column: QVBoxLayout) -> None:
         row = QHBoxLayout()
         row.addWidget(text_label("1   CHOOSE THE SOURCE", self, heading=True), 1)
-        self.look = push_button("Look again", "Search again for devices", self, self.look_wanted)
+        self.look = push_button("Look again", "Search again for devices", self)
         row.addWidget(self.look)
         column.addLayout(row)
         self._found = text_label("", self, wrap=True)
@@ -53,22 +49,23 @@ class SetupSheet(SideSheet):
         self._devices.setColumnStretch(0, 1)
         column.addLayout(self._devices)
         row = QHBoxLayout()
-        self.address = QLineEdit(self)
-        self.address.setPlaceholderText("oscilloscope in the network, as 192.168.1.5")
-        self.address.setAccessibleName("Address of an oscilloscope in the network")
-        self.address.setToolTip("HOST, HOST:PORT or a VISA name; options as ?channels=1,2&trigger=3 may follow")
+        self.address = line_edit(
+            "Address of an oscilloscope in the network",
+            "HOST, HOST:PORT or a VISA name; options as ?channels=1,2&trigger=3 may follow",
+            self,
+            "oscilloscope in the network, as 192.168.1.5",
+        )
         self.address.setMaxLength(300)
         self.address.returnPressed.connect(self._address)
-        self.use_address = QPushButton("Use", self)
+        hover = "Open the oscilloscope at this address  (Enter in the field)"
+        self.use_address = push_button("Use", hover, self, self._address)
         self.use_address.setAccessibleName("Use the oscilloscope at this address")
-        self.use_address.setToolTip("Open the oscilloscope at this address  (Enter in the field)")
-        self.use_address.clicked.connect(self._address)
         row.addWidget(self.address, 1)
         row.addWidget(self.use_address)
         column.addLayout(row)
-        self._refusal = text_label("", self, wrap=True)
-        self._refusal.hide()
-        column.addWidget(self._refusal)
+        self.refusal = text_label("", self, wrap=True)
+        self.refusal.hide()
+        column.addWidget(self.refusal)
 
     def _add_permission(self, column: QVBoxLayout) -> None:
         self._permission = QWidget(self)
@@ -76,11 +73,10 @@ class SetupSheet(SideSheet):
         permission.setContentsMargins(0, 8, 0, 0)
         row = QHBoxLayout()
         row.addWidget(text_label("PERMISSION TO USE IT", self, heading=True), 1)
-        copy = push_button("Copy", "Copy these lines for a terminal", self, self._copy)
-        row.addWidget(copy)
+        row.addWidget(push_button("Copy", "Copy these lines for a terminal", self, self._copy))
         permission.addLayout(row)
-        self._remedy = text_label("", self, selectable=True, wrap=True)
-        permission.addWidget(self._remedy)
+        self.remedy = text_label("", self, selectable=True, wrap=True)
+        permission.addWidget(self.remedy)
         self._permission.hide()
         column.addWidget(self._permission)
 
@@ -89,21 +85,19 @@ class SetupSheet(SideSheet):
         column.addWidget(text_label("2   CHECK THE SIGNALS, THE BLOCK AT REST", self, heading=True))
         self._lines: list[QLabel] = []
         for _ in range(MOST_CHECKS):
-            line = text_label("", self, wrap=True)
+            line = text_label("", self, selectable=True, wrap=True)
             line.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
             line.setAlignment(Qt.AlignmentFlag.AlignTop)
-            line.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
             line.hide()
             self._lines.append(line)
             column.addWidget(line)
         column.addSpacing(10)
         column.addWidget(text_label("3   ARM", self, heading=True))
-        self._verdict = text_label("", self, wrap=True)
-        self._verdict.setFont(sized(self.font(), 1.15, bold=True))
-        column.addWidget(self._verdict)
-        self.arm = push_button(
-            "ARM", "Close the set-up and wait for the light switch  (space)", self, self.arm_wanted, primary=True
-        )
+        self.verdict = text_label("", self, wrap=True)
+        self.verdict.setFont(sized(self.font(), 1.15, bold=True))
+        column.addWidget(self.verdict)
+        hover = "Close the set-up and wait for the light switch  (space)"
+        self.arm = push_button("ARM", hover, self, primary=True)
         column.addWidget(self.arm)
 
     # devices ----------------------------------------------------------------------------------------------------
@@ -136,25 +130,19 @@ class SetupSheet(SideSheet):
         if problem:
             words += f"<br><span style='color:{self._colours.signs[Tone.BAD]}'>{MARKS[Tone.BAD]} {problem}</span>"
         label = text_label(words, self, wrap=True)
-        button = QPushButton("In use" if source == present else "Use", self)
+        used = "In use" if source == present else "Use"
+        button = push_button(used, f"Take the samples from {name}", self, self._use)
         button.setEnabled(source != present)
         button.setAccessibleName(f"Use {name}")
-        button.setToolTip(f"Take the samples from {name}")
         button.setProperty("source", source)
-        button.clicked.connect(self._use)
         self._devices.addWidget(label, line, 0)
         self._devices.addWidget(button, line, 1, Qt.AlignmentFlag.AlignTop)
 
     def refuse_address(self, words: str) -> None:
         """Show why an address is invalid, or ""."""
-        self._refusal.setText(f"{MARKS[Tone.BAD]} {words}" if words else "")
-        self._refusal.setStyleSheet(f"color: {self._colours.signs[Tone.BAD]}")
-        self._refusal.setVisible(bool(words))
-
-    @property
-    def refusal(self) -> str:
-        """Get the message on the address."""
-        return self._refusal.text()
+        self.refusal.setText(f"{MARKS[Tone.BAD]} {words}" if words else "")
+        self.refusal.setStyleSheet(f"color: {self._colours.signs[Tone.BAD]}")
+        self.refusal.setVisible(bool(words))
 
     def use_buttons(self) -> list[QPushButton]:
         """Return the buttons that choose a device, from top to bottom."""
@@ -163,13 +151,8 @@ class SetupSheet(SideSheet):
 
     def show_remedy(self, lines: str) -> None:
         """Show the commands that give permission, or nothing."""
-        self._remedy.setText(lines)
+        self.remedy.setText(lines)
         self._permission.setVisible(bool(lines))
-
-    @property
-    def remedy(self) -> str:
-        """Get the commands that give permission."""
-        return self._remedy.text()
 
     # signals ----------------------------------------------------------------------------------------------------
 
@@ -189,27 +172,21 @@ class SetupSheet(SideSheet):
                 line.setText(words)
                 line.setStyleSheet(f"color: {self._colours.signs[tone]}")
         tone, words = _verdict(checks)
-        if self._verdict.text() != words:
-            self._verdict.setText(words)
-            self._verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
+        if self.verdict.text() != words:
+            self.verdict.setText(words)
+            self.verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
 
     @property
     def lines(self) -> list[str]:
-        """Get the lines of the checks."""
         return [line.text() for line in self._lines if line.text()]
-
-    @property
-    def verdict(self) -> str:
-        """Get the sentence above ARM."""
-        return self._verdict.text()
 
     # the sheet --------------------------------------------------------------------------------------------------
 
     def dress(self, colours: Colours) -> None:
         self._colours = colours
-        for line in (*self._lines, self._verdict):
+        for line in (*self._lines, self.verdict):
             line.setText("")
-        self._refusal.setStyleSheet(f"color: {colours.signs[Tone.BAD]}")
+        self.refusal.setStyleSheet(f"color: {colours.signs[Tone.BAD]}")
         self.show_checks(self._checks, self._waiting)
         looking = not self.look.isEnabled()
         if self._listed is not None:
@@ -218,7 +195,6 @@ class SetupSheet(SideSheet):
             self.show_looking()
 
     def open(self) -> None:
-        """Show the sheet."""
         self.open_at(self.look if self.look.isEnabled() else self._close)
 
     @Slot()
@@ -231,7 +207,7 @@ class SetupSheet(SideSheet):
 
     @Slot()
     def _copy(self) -> None:
-        QGuiApplication.clipboard().setText(self._remedy.text())
+        QGuiApplication.clipboard().setText(self.remedy.text())
 
 
 def _verdict(checks: tuple[Check, ...]) -> tuple[Tone, str]:

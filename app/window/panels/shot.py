@@ -2,23 +2,22 @@
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QButtonGroup, QLabel, QPushButton, QStackedWidget, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QButtonGroup, QPushButton, QStackedWidget, QVBoxLayout, QWidget
 
 from analysis.diagnosis import Diagnosis
 from analysis.drive import DriveCurves
 from analysis.shot import Recording, Shot
 from app.report import time_zero
-from app.window.flow_layout import FlowLayout
-from app.window.panels.shot_deflection import DeflectionView
 from app.window.panels.shot_drive import DriveView
-from app.window.panels.shot_motion import GapView, MotionView
+from app.window.panels.shot_motion import DeflectionView, GapView, MotionView
 from app.window.panels.shot_raw import RawCurves, RawView
-from app.window.pens import thin, under
-from app.window.plots.cursor_readout import CursorReadout
+from app.window.plots.cursors import CursorReadout
 from app.window.plots.legend import Legend, Look
+from app.window.plots.lines import thin, under
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
+from app.window.widgets import FlowLayout, keep_place, push_button, text_label
 from levimass import is_drive
 
 VIEWS = (
@@ -75,11 +74,8 @@ class ShotPanel(QWidget):
         for page in (*pages, *self.drive.pages.values()):
             self._pages.addWidget(page)
         self._legend = Legend(self)
-        self._empty = QLabel(NO_SHOT, self)
+        self._empty = text_label(NO_SHOT, self, faint=True, selectable=True, wrap=True)
         self._empty.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        self._empty.setProperty("faint", True)
-        self._empty.setWordWrap(True)
-        self._empty.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self._pages.addWidget(self._empty)
         self._build()
         for stack in self.stacks:
@@ -102,12 +98,10 @@ class ShotPanel(QWidget):
 
     @property
     def shot(self) -> Shot | None:
-        """Get the shot shown."""
         return self._shot
 
     @property
     def plots(self) -> tuple[PlotView, ...]:
-        """Get the plots of every view."""
         return self._plots
 
     def plot_in_front(self) -> PlotView | None:
@@ -125,22 +119,18 @@ class ShotPanel(QWidget):
         self._group = QButtonGroup(self)
         self._buttons: dict[str, QPushButton] = {}
         for name, words, key, tip in VIEWS:
-            button = QPushButton(words, self)
-            button.setCheckable(True)
-            button.setToolTip(f"{tip}  ({key})")
+            button = push_button(words, f"{tip}  ({key})", self, checkable=True)
             button.setProperty("view", name)
             self._group.addButton(button)
             self._buttons[name] = button
             bar.addWidget(button)
         self._group.buttonClicked.connect(self._view_pressed)
-        self._cursor_button = QPushButton("Cursors", self)
-        self._cursor_button.setCheckable(True)
-        self._cursor_button.setToolTip("Two cursors: differences, mean, rms and slope between them  (C)")
+        hover = "Two cursors: differences, mean, rms and slope between them  (C)"
+        self._cursor_button = push_button("Cursors", hover, self, checkable=True)
         self._cursor_button.toggled.connect(self.show_cursors)
         bar.addWidget(self._cursor_button)
-        self._menu_button = QPushButton("Save plot …", self)
-        self._menu_button.setToolTip("Save this plot as PNG, SVG or CSV; also by right click  (Ctrl+P)")
-        self._menu_button.clicked.connect(self.open_menu)
+        hover = "Save this plot as PNG, SVG or CSV; also by right click  (Ctrl+P)"
+        self._menu_button = push_button("Save plot …", hover, self, self.open_menu)
         bar.addWidget(self._menu_button)
         column.addLayout(bar)
         bar.addWidget(self.motion.kind)
@@ -290,9 +280,7 @@ class ShotPanel(QWidget):
             button.setText(words)
             button.setToolTip(f"{tip}  ({key})")
             button.setVisible(not self._driven or name in DRIVE_VIEWS)
-        policy = self.motion.kind.sizePolicy()
-        policy.setRetainSizeWhenHidden(not self._driven)  # the plots of the other views start at the same height
-        self.motion.kind.setSizePolicy(policy)
+        keep_place(self.motion.kind, not self._driven)  # the plots of the other views start at the same height
 
     def show_raw(self, curves: RawCurves) -> None:
         if self.raw.show_curves(curves) and self._shot is not None:
@@ -301,7 +289,6 @@ class ShotPanel(QWidget):
 
     @Slot()
     def reset(self) -> None:
-        """Reset the view."""
         if self._driven:
             self.drive.reset()
             return

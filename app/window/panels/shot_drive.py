@@ -4,18 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 from PySide6.QtCore import QObject, Qt, Slot
-from PySide6.QtWidgets import QLabel, QSplitter, QWidget
+from PySide6.QtWidgets import QSplitter, QWidget
 
 from analysis.drive import DriveCurves
-from app.window.pens import thin, under
 from app.window.plots.cursors import SECONDS, CursorAxis
 from app.window.plots.curve import Band
 from app.window.plots.legend import Look
+from app.window.plots.lines import thin, under
 from app.window.plots.plain_plot import Floats, PlainPlot
 from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
+from app.window.widgets import text_label
 from app.words import number, repeatability_words
 
 SPEED = CursorAxis("m/s", "m/s")
@@ -45,10 +46,7 @@ class DriveView(QObject):
         self.speed = ForceAgainst("speed", "velocity (m/s)", SPEED, colours, parent)
         self.place = ForceAgainst("position", "position along the guide (mm)", PLACE, colours, parent)
         self.pages: dict[str, QWidget] = {"whole": self.stack, "contact": self.speed, "deflection": self.place}
-        self.say = QLabel(parent)
-        self.say.setProperty("faint", True)
-        self.say.setWordWrap(True)
-        self.say.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.say = text_label("", parent, faint=True, selectable=True, wrap=True)
 
     @property
     def empty(self) -> bool:
@@ -57,7 +55,6 @@ class DriveView(QObject):
 
     @property
     def plots(self) -> tuple[PlotView, ...]:
-        """Get every plot."""
         return self.stack, *self.speed.plots, *self.place.plots
 
     def plot_in_front(self, view: str) -> PlotView:
@@ -66,7 +63,6 @@ class DriveView(QObject):
         return in_front(page.plots) if isinstance(page, ForceAgainst) else self.stack
 
     def legend(self, colours: Colours) -> list[tuple[str, Look]]:
-        """Return the entries of the legend."""
         below = "band"
         if self._curves is not None:
             below = f"±2 × {repeatability_words(self._curves.repeatability.repeats, self._curves.repeatability.what)}"
@@ -87,7 +83,6 @@ class DriveView(QObject):
             page.dress(colours)
 
     def show_curves(self, curves: DriveCurves | None) -> None:
-        """Show these curves, or nothing."""
         self._curves = curves
         if curves is None:
             for curve in (self._velocity, self._measured, self._modelled, self._residual):
@@ -150,7 +145,6 @@ class ForceAgainst(QSplitter):
 
     @property
     def plots(self) -> tuple[PlainPlot, PlainPlot]:
-        """Get the plot of the force and that of the residual."""
         return self._force, self._residual_plot
 
     def dress(self, colours: Colours) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 from PySide6.QtWidgets import QWidget
 
 from analysis.shot import Recording, Role
-from app.window.pens import thin
+from app.window.plots.lines import thin
 from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.pyramid import Pyramid
 from app.window.plots.time_stack import TimeStack

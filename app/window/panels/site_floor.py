@@ -3,15 +3,14 @@
 import numpy as np
 import pyqtgraph as pg
 from numpy.typing import NDArray
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
 from analysis.reading import CENTRES_HZ, CRITERIA_M_PER_S, SiteFloor
-from app.window.pens import thin, under
-from app.window.plots.cursor_readout import CursorReadout
-from app.window.plots.cursors import CursorAxis
-from app.window.plots.log_plot import LogPlot
+from app.window.plots.cursors import CursorAxis, CursorReadout
+from app.window.plots.lines import thin, under
+from app.window.plots.plain_plot import LogPlot
 from app.window.theme import Colours
+from app.window.widgets import text_label
 from app.words import local, with_prefix
 
 FREQUENCY = CursorAxis("Hz", "Hz", logarithmic=True)
@@ -62,13 +61,11 @@ class SiteFloorPanel(QWidget):
             self._names.append(label)
         row.addWidget(self.plot, 1)
         words = QVBoxLayout()
-        self.summary = QLabel(NO_FLOOR, self)
-        self.lines = QLabel(self)
-        self.advice = QLabel(self)
-        for label_ in (self.summary, self.lines, self.advice):
-            label_.setWordWrap(True)
-            label_.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-            words.addWidget(label_)
+        self.summary, self.lines, self.advice = said = [
+            text_label(text, self, selectable=True, wrap=True) for text in (NO_FLOOR, "", "")
+        ]
+        for line in said:
+            words.addWidget(line)
         words.addWidget(CursorReadout(self.plot, self))
         words.addStretch(1)
         row.addLayout(words, 1)

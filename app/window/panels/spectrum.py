@@ -3,19 +3,19 @@
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QRectF, Qt, Slot
-from PySide6.QtWidgets import QLabel, QSplitter, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QSplitter, QVBoxLayout, QWidget
 
 from analysis.shot import Role, Shot
 from app.report import time_zero
 from app.session import BEATS, Spectra
-from app.window.pens import thin, under
-from app.window.plots.cursor_readout import CursorReadout
-from app.window.plots.cursors import TIME, CursorAxis
+from app.window.plots.cursors import TIME, CursorAxis, CursorReadout
 from app.window.plots.legend import Legend
+from app.window.plots.lines import thin, under
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.theme import Colours
+from app.window.widgets import text_label
 from app.words import CHANNEL_NAMES
 
 FREQUENCY = CursorAxis("MHz", "MHz")
@@ -29,11 +29,10 @@ class SpectrumPanel(QWidget):
         self._colours = colours
         column = QVBoxLayout(self)
         column.setContentsMargins(6, 6, 6, 2)
-        self._say = QLabel(self)
-        self._say.setProperty("faint", True)
+        self.said = text_label("", self, faint=True)
         self._legend = Legend(self)
         column.addWidget(self._legend)
-        column.addWidget(self._say)
+        column.addWidget(self.said)
         split = QSplitter(Qt.Orientation.Vertical, self)
         self._spectrum = PlainPlot(
             "Spectrum of the beats", ("power", "dB above 1 V²/Hz"), "frequency (MHz)", FREQUENCY, split
@@ -42,9 +41,9 @@ class SpectrumPanel(QWidget):
             "Spectrogram of PD1", ("frequency of PD1", "MHz"), "time from first touch (ms)", TIME, split, False
         )
         self._curves = {role: self._spectrum.add_curve(CHANNEL_NAMES[role]) for role in BEATS}
-        self._picture = pg.ImageItem()
-        self._picture.setColorMap(pg.colormap.get("viridis"))
-        self._image.plot.addItem(self._picture)
+        self.picture = pg.ImageItem()
+        self.picture.setColorMap(pg.colormap.get("viridis"))
+        self._image.plot.addItem(self.picture)
         column.addWidget(split, 1)
         for plot in self.plots:
             column.addWidget(CursorReadout(plot, self))
@@ -62,25 +61,17 @@ class SpectrumPanel(QWidget):
         self._legend.show_entries(entries)
         self._spectrum.legend = entries
 
-    def has_spectra(self) -> bool:
-        """Return whether spectra are shown."""
-        return self._picture.image is not None
-
-    def say(self, words: str) -> None:
-        """Show a message above the plots."""
-        self._say.setText(words)
-
     def show_spectra(self, spectra: Spectra | None, shot: Shot | None = None, words: str = "") -> None:
         """Show the spectra of a shot under the name ``words``, or that there are none."""
         for plot in self.plots:
             plot.tell((shot,) if spectra is not None else (), words)
         if spectra is None or not spectra.power_db:
-            self._say.setText("Select a shot whose raw recording is available.")
+            self.said.setText("Select a shot whose raw recording is available.")
             for curve in self._curves.values():
                 curve.show_points(np.empty(0), np.empty(0))
-            self._picture.clear()
+            self.picture.clear()
             return
-        self._say.setText("")
+        self.said.setText("")
         for role, curve in self._curves.items():
             power = spectra.power_db.get(role, np.empty(0))
             curve.show_points(1e-6 * spectra.frequency_hz[: len(power)], power)
@@ -94,13 +85,12 @@ class SpectrumPanel(QWidget):
             on_image = NoteAxes("spectrogram", time_zero(shot)[0], 1e3, 1e-6)
             self._image.notes.describe(self._image.plot, on_image)
         if spectra.image_db.size:
-            self._picture.setImage(spectra.image_db, levels=spectra.image_levels_db)
-            self._picture.setRect(QRectF(left, low, right - left, high - low))
+            self.picture.setImage(spectra.image_db, levels=spectra.image_levels_db)
+            self.picture.setRect(QRectF(left, low, right - left, high - low))
             self._image.show_range((left, right), (low, high))
 
     @property
     def plots(self) -> tuple[PlainPlot, PlainPlot]:
-        """Get spectrum and spectrogram."""
         return self._spectrum, self._image
 
     def plot_in_front(self) -> PlotView:
@@ -109,6 +99,5 @@ class SpectrumPanel(QWidget):
 
     @Slot()
     def reset(self) -> None:
-        """Reset both plots."""
         self._spectrum.reset()
         self._image.reset()

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from PySide6.QtCore import Signal, Slot
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis
@@ -15,9 +15,10 @@ from analysis.shot import Shot
 from analysis.uncertainty import diagnosed_band
 from app.report import time_zero
 from app.session import Remainder, by_evidence
-from app.window.panels.candidates import CandidateBars
+from app.window.panels.effects import CandidateBars
 from app.window.plots.residual_grid import MOST, Cell, Floats, Overlay, ResidualGrid
 from app.window.theme import Colours, Tone
+from app.window.widgets import push_button, text_label
 from app.words import number, short_name
 
 BESIDE_SHOTS = 4  # whose two remainders stand side by side
@@ -46,28 +47,19 @@ class WhyCanvas(QWidget):
         column = QVBoxLayout(self)
         column.setContentsMargins(6, 0, 0, 0)
         top = QHBoxLayout()
-        self._heading = QLabel(self)
-        self._heading.setProperty("heading", True)
-        self._heading.setWordWrap(True)
-        self.neighbour = QPushButton("Beside its neighbour", self)
-        self.neighbour.setCheckable(True)
-        self.neighbour.setToolTip("The remainders of the best candidate and of the runner-up side by side")
+        self._heading = text_label("", self, heading=True, wrap=True)
+        hover = "The remainders of the best candidate and of the runner-up side by side"
+        self.neighbour = push_button("Beside its neighbour", hover, self, checkable=True)
         self.neighbour.toggled.connect(self._draw)
         top.addWidget(self._heading, 1)
         top.addWidget(self.neighbour)
         column.addLayout(top)
         self.grid = ResidualGrid(colours, self)
         column.addWidget(self.grid, 1)
-        self._say = QLabel(self)
-        self._say.setWordWrap(True)
-        self._say.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
-        column.addWidget(self._say)
+        self.said = text_label("", self, wrap=True)
+        self.said.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
+        column.addWidget(self.said)
         bars.pointed.connect(self.point_at)
-
-    @property
-    def words(self) -> str:
-        """Get the line under the canvas."""
-        return self._say.text()
 
     def dress(self, colours: Colours) -> None:
         self._colours = colours
@@ -111,7 +103,7 @@ class WhyCanvas(QWidget):
         if found is None:
             self.grid.show_cells(())
             self._heading.setText("")
-            self._say.setText("")
+            self.said.setText("")
             return
         if pair is not None and self.neighbour.isChecked():
             self._draw_pair(*pair)
@@ -148,7 +140,7 @@ class WhyCanvas(QWidget):
         names = [remainder.effect.words for remainder in (first, second)]
         self._heading.setText("RESIDUAL UNDER THE BEST CANDIDATE AND UNDER ITS NEIGHBOUR")
         chi2 = [number(remainder.reduced_chi2, 3) for remainder in (first, second)]
-        self._say.setText(f"Joint χ²/ν {chi2[0]} with {names[0]}, {chi2[1]} with {names[1]}")
+        self.said.setText(f"Joint χ²/ν {chi2[0]} with {names[0]}, {chi2[1]} with {names[1]}")
 
     def _explained(self, found: Diagnosis, effect: Effect) -> tuple[Sequence[Overlay | None], str]:
         """Return what a candidate would explain of each shot, and the line that says so.
@@ -185,4 +177,4 @@ class WhyCanvas(QWidget):
         if self._effect is not None:
             overlays, words = self._explained(found, self._effect)
         self.grid.overlay(overlays)
-        self._say.setText(words)
+        self.said.setText(words)

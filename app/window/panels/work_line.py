@@ -1,14 +1,203 @@
-"""The status line: messages, progress of the work with Cancel, buttons."""
+"""The status line: messages, which stay until dismissed, their list, progress of the work, and buttons."""
 
 import math
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
 
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QHBoxLayout, QProgressBar, QPushButton, QWidget
+from PySide6.QtCore import Qt, QTimer, Signal, Slot
+from PySide6.QtGui import QColor, QGuiApplication, QResizeEvent
+from PySide6.QtWidgets import (
+    QFrame,
+    QHBoxLayout,
+    QListWidget,
+    QListWidgetItem,
+    QProgressBar,
+    QSizePolicy,
+    QWidget,
+)
 
 from app.session import Job, Jobs
-from app.window.panels.notice import NoticeLine
-from app.window.theme import Colours
-from app.window.widgets import push_button
+from app.window.theme import MARKS, Colours, Tone
+from app.window.widgets import SideSheet, keep_place, push_button, text_label
+
+KEPT = 20
+LISTED = 200  # messages that the list keeps
+AGED_EVERY_MS = 20_000
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """A message with its tone and, where something can be done, a button's label and action."""
+
+    words: str
+    tone: Tone
+    label: str = ""
+    do: Callable[[], object] | None = None
+    declined: Callable[[], object] | None = None  # called where it is dismissed
+
+
+class NoticeLine(QFrame):
+    """Shows the newest message, its age and the number of others; its height is fixed."""
+
+    changed = Signal()
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._colours = colours
+        self._notices: list[Notice] = []
+        self._shown_s: dict[int, float] = {}  # when each was shown, by its id
+        self.history: deque[tuple[datetime, Notice]] = deque(maxlen=LISTED)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(12, 0, 4, 0)
+        self._words = text_label("", self, selectable=True)
+        self._words.setAccessibleName("Newest message")
+        self._words.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)  # a path must not widen it
+        self._whole = ""
+        self._do = push_button("Do it", "Do what the message offers", self, self._done)
+        self._close = push_button("Dismiss", "Dismiss this message", self, self.next)
+        self.all = push_button("All …", "All messages of this run, with their times  (F6)", self)
+        self.all.setAccessibleName("All messages")
+        row.addWidget(self._words, 1)
+        for button in (self.all, self._do, self._close):
+            row.addWidget(button)
+        self.setFixedHeight(self._close.sizeHint().height() + 2)
+        self._ageing = QTimer(self)
+        self._ageing.timeout.connect(self._aged)
+        self._ageing.start(AGED_EVERY_MS)
+        self._refresh()
+
+    @property
+    def words(self) -> str:
+        """Get the newest message, or ""."""
+        return self._notices[-1].words if self._notices else ""
+
+    def say(self, words: str, tone: Tone) -> None:
+        """Show a message; the same message twice in a row is shown once."""
+        self._add(Notice(words, tone))
+
+    def offer(
+        self, words: str, label: str, do: Callable[[], object], declined: Callable[[], object] | None = None
+    ) -> None:
+        """Show a message with a button; ``declined`` is called where it is dismissed."""
+        self._add(Notice(words, Tone.WARNING, label, do, declined))
+
+    def _add(self, notice: Notice) -> None:
+        newest = self._notices[-1] if self._notices else None
+        if newest is None or (newest.words, newest.tone) != (notice.words, notice.tone):
+            self._notices.append(notice)
+            del self._notices[:-KEPT]
+            self.history.append((datetime.now(), notice))
+            self.changed.emit()
+        self._shown_s[id(self._notices[-1])] = time.monotonic()
+        self._shown_s = {id(kept): self._shown_s[id(kept)] for kept in self._notices}
+        self._refresh()
+
+    @Slot()
+    def _aged(self) -> None:
+        if self._notices:
+            self._refresh()
+
+    def _age(self) -> str:
+        """Return the age of the newest message, from a minute on."""
+        minutes = int((time.monotonic() - self._shown_s[id(self._notices[-1])]) / 60)
+        if minutes < 1:
+            return ""
+        return f"   ({minutes} min ago)" if minutes < 60 else f"   ({minutes // 60} h ago)"
+
+    @Slot()
+    def _done(self) -> None:
+        notice = self._notices.pop()
+        self._refresh()
+        if notice.do is not None:
+            notice.do()
+
+    def dress(self, colours: Colours) -> None:
+        self._colours = colours
+        self._refresh()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Shorten the message to the width; hovering shows all of it."""
+        super().resizeEvent(event)
+        self._fit()
+
+    def _fit(self) -> None:
+        self.layout().activate()
+        shown = self._words.fontMetrics().elidedText(self._whole, Qt.TextElideMode.ElideRight, self._words.width())
+        self._words.setText(shown)
+
+    @Slot()
+    def next(self) -> None:
+        """Dismiss the newest message."""
+        if self._notices:
+            notice = self._notices.pop()
+            if notice.declined is not None:
+                notice.declined()
+        self._refresh()
+
+    def _refresh(self) -> None:
+        self._close.setVisible(bool(self._notices))
+        self._do.setVisible(bool(self._notices and self._notices[-1].label))
+        if not self._notices:
+            self._whole = ""
+            self._words.setText("")
+            self._words.setToolTip("")
+            self._words.setAccessibleDescription("")
+            return
+        newest = self._notices[-1]
+        self._do.setText(newest.label)
+        self._do.setAccessibleName(newest.label or "Do what the message offers")
+        more = f"   ({len(self._notices) - 1} more)" if len(self._notices) > 1 else ""
+        self._whole = f"{MARKS[newest.tone]} {newest.words}{more}{self._age()}"
+        self._words.setToolTip("\n".join(notice.words for notice in reversed(self._notices)))
+        self._words.setAccessibleDescription(self._whole)
+        self._words.setStyleSheet(f"color: {self._colours.signs[newest.tone]}; font-weight: bold")
+        self._fit()
+
+
+class NoticeList(SideSheet):
+    """The list of all messages of this run."""
+
+    def __init__(self, notices: NoticeLine, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__("Messages", parent)
+        self._notices, self._colours = notices, colours
+        column, _ = self.head("Messages", "Close the list  (F6 or Esc)")
+        self.list = QListWidget(self)
+        self.list.setAccessibleName("Messages, newest first")
+        self.list.setWordWrap(True)
+        self.list.setSelectionMode(QListWidget.SelectionMode.ExtendedSelection)
+        self.list.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        column.addWidget(self.list, 1)
+        self.copy = push_button("Copy", "Copy the selected messages, or all", self, self._copy)
+        column.addWidget(self.copy)
+        notices.changed.connect(self._refresh)
+
+    def open(self) -> None:
+        self._refresh(True)
+        self.open_at(self.list)
+
+    def dress(self, colours: Colours) -> None:
+        self._colours = colours
+        self._refresh()
+
+    @Slot()
+    def _refresh(self, opening: bool = False) -> None:
+        if self.isHidden() and not opening:
+            return
+        self.list.clear()
+        for at, notice in reversed(self._notices.history):
+            item = QListWidgetItem(f"{at:%H:%M:%S}  {MARKS[notice.tone]} {notice.words}")
+            item.setForeground(QColor(self._colours.signs[notice.tone]))
+            self.list.addItem(item)
+        if not self._notices.history:
+            self.list.addItem("No message yet.")
+
+    @Slot()
+    def _copy(self) -> None:
+        items = self.list.selectedItems() or [self.list.item(row) for row in range(self.list.count())]
+        QGuiApplication.clipboard().setText("\n".join(item.text() for item in items))
 
 
 def _remaining(job: Job) -> str:
@@ -20,12 +209,7 @@ def _remaining(job: Job) -> str:
 
 
 class WorkLine(QWidget):
-    """Messages, progress, and the buttons for settings and keys."""
-
-    cancel_wanted = Signal()
-    settings_wanted = Signal()
-    keys_wanted = Signal()
-    setup_wanted = Signal()
+    """Messages, progress, and the buttons for set-up, settings and keys."""
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -38,24 +222,17 @@ class WorkLine(QWidget):
             self.fontMetrics().horizontalAdvance("M first start: compiling the simulated bench (+12)")
         )
         self.progress.setAccessibleName("Work under way")
-        self._cancel = push_button("Cancel", "Cancel all background work", self)
-        policy = self._cancel.sizePolicy()
-        policy.setRetainSizeWhenHidden(True)
-        self._cancel.setSizePolicy(policy)
-        for widget in (self.progress, self._cancel):  # without work the messages use their room
+        self.cancel = push_button("Cancel", "Cancel all background work", self)
+        keep_place(self.cancel)
+        for widget in (self.progress, self.cancel):  # without work the messages use their room
             widget.hide()
-        settings = push_button("Settings", "Mass, air, wavelength, bandwidth, trigger, folders  (F2)", self)
-        setup = QPushButton("Set-up", self)
-        setup.setToolTip("Find devices, permission, check the signals before arming  (F3)")
-        setup.clicked.connect(self.setup_wanted)
-        keys = push_button("Keys", "All keys on one sheet  (F1)", self)
+        self.settings = push_button("Settings", "Mass, air, wavelength, bandwidth, trigger, folders  (F2)", self)
+        self.setup = push_button("Set-up", "Find devices, permission, check the signals before arming  (F3)", self)
+        self.keys = push_button("Keys", "All keys on one sheet  (F1)", self)
         row.addWidget(self.notices, 1)
         row.addWidget(self.progress, 1)
-        for widget in (self._cancel, setup, settings, keys):
+        for widget in (self.cancel, self.setup, self.settings, self.keys):
             row.addWidget(widget)
-        self._cancel.clicked.connect(self.cancel_wanted)
-        settings.clicked.connect(self.settings_wanted)
-        keys.clicked.connect(self.keys_wanted)
 
     def show_work(self, jobs: Jobs, rig_doing: str | None, rig_share: float | None) -> None:
         """Show the job that runs, else what the rig does."""
@@ -63,8 +240,8 @@ class WorkLine(QWidget):
         busy = job is not None or rig_doing is not None
         if self.progress.isHidden() == busy:
             self.progress.setVisible(busy)
-        if self._cancel.isHidden() == (job is not None):
-            self._cancel.setVisible(job is not None)
+        if self.cancel.isHidden() == (job is not None):
+            self.cancel.setVisible(job is not None)
         if job is not None:
             waiting = jobs.open_jobs - 1
             more = f" (+{waiting})" if waiting > 0 else ""

@@ -1,16 +1,25 @@
-"""Two cursors in linked plots, and the readings between them."""
+"""Two cursors in linked plots, the readings between them, and the table of these below a plot."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyqtgraph as pg
 from numpy.typing import NDArray
 from PySide6.QtCore import QObject, Qt, Signal, Slot
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QWidget
 
-from app.window.pens import straight
+from app.window.plots.lines import straight
 from app.window.theme import Colours
+from app.window.widgets import push_button, text_label
+from app.words import DASH, local, number
+
+if TYPE_CHECKING:
+    from app.window.plots.curve import SampledCurve
+    from app.window.plots.plain_plot import NamedPlot, XyCurve
+    from app.window.plots.plot_view import PlotView
+    from app.window.plots.time_plot import TimePlot
+
 
 Floats = NDArray[np.float64]
 
@@ -37,39 +46,6 @@ class CursorAxis:
 
 TIME = CursorAxis("ms", "s", 1e-3, "Hz")
 SECONDS = CursorAxis("s", "s", 1.0, "Hz")
-
-
-class Measured(Protocol):
-    """A curve that the cursors can read."""
-
-    label: str
-
-    def isVisible(self) -> bool:
-        """Return whether it is drawn."""
-
-    def between(self, left: float, right: float) -> tuple[Floats, NDArray[Any]]:
-        """Return x and values of the samples between two x."""
-
-    def value_at(self, x: float) -> float:
-        """Return the sample nearest to x; NaN outside."""
-
-    @property
-    def samples(self) -> NDArray[Any]:
-        """Get all values."""
-
-
-class CursorPlot(Protocol):
-    """A plot that can have cursors."""
-
-    title: str
-    unit: str
-
-    @property
-    def sampled(self) -> Sequence[Measured]:
-        """Get the curves that the cursors read."""
-
-    def addItem(self, item: object, **how: object) -> None:
-        """Add an item."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,14 +89,14 @@ class Cursors(QObject):
     def __init__(self, parent: QObject, axis: CursorAxis = TIME) -> None:
         super().__init__(parent)
         self.axis = axis
-        self._plots: list[CursorPlot] = []
+        self._plots: list[NamedPlot | TimePlot] = []
         self._lines: dict[str, list[pg.InfiniteLine]] = {"A": [], "B": []}
         self._colours: Colours | None = None
         self._at = {"A": 0.0, "B": 1.0}
         self.shown = False
         self._following = False
 
-    def join(self, plot: CursorPlot) -> None:
+    def join(self, plot: "NamedPlot | TimePlot") -> None:
         """Draw the cursors in this plot too."""
         self._plots.append(plot)
 
@@ -154,7 +130,6 @@ class Cursors(QObject):
         return self._at["A"], self._at["B"]
 
     def place(self, a: float, b: float) -> None:
-        """Set both cursors."""
         self._set("A", a)
         self._set("B", b)
 
@@ -203,7 +178,9 @@ class Cursors(QObject):
                     found.append(self._measure(plot, curve, left, right))
         return found
 
-    def _measure(self, plot: CursorPlot, curve: Measured, left: float, right: float) -> Between:
+    def _measure(
+        self, plot: "NamedPlot | TimePlot", curve: "SampledCurve | XyCurve", left: float, right: float
+    ) -> Between:
         a, b = self.places
         x, values = curve.between(left, right)
         name = f"{plot.title}, {curve.label}"
@@ -222,3 +199,56 @@ class Cursors(QObject):
             numbers = (m.at_a, m.at_b, m.difference, m.mean, m.rms, m.deviation, m.slope)
             rows.append(f"{m.name}\t{m.unit}\t" + "\t".join(f"{value:.9g}" for value in numbers))
         return "\n".join(rows)
+
+
+LOW_LINES = 40  # of text: in a lower window the table is only shown on hovering
+
+
+class CursorReadout(QFrame):
+    """The table of one plot; hidden while cursors or plot are."""
+
+    def __init__(self, plot: "PlotView", parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._plot, self._cursors = plot, plot.cursors
+        self.setProperty("card", True)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(8, 4, 8, 4)
+        self._table = text_label("", self, selectable=True)
+        self._table.setTextFormat(Qt.TextFormat.RichText)
+        hover = "Copy places, values, differences, mean, rms and slope between the cursors  (Ctrl+Shift+C)"
+        copy = push_button("Copy as text", hover, self, plot.copy_cursors)
+        row.addWidget(self._table, 1)
+        row.addWidget(copy, 0, Qt.AlignmentFlag.AlignTop)
+        self._cursors.moved.connect(self.refresh)
+        self.words = ""  # the whole table
+        self.setVisible(False)
+
+    @Slot()
+    def refresh(self) -> None:
+        """Show the present readings."""
+        shown = self._cursors.shown and not self._plot.isHidden()
+        if self.isHidden() == shown:
+            self.setVisible(shown)
+        if not shown or not self._plot.isVisible():
+            return
+        axis = self._cursors.axis
+        a, b = map(axis.value, self._cursors.places)
+        span = abs(b - a) * axis.scale
+        rate = f" &nbsp; ({number(1 / span, 5) if span else DASH} {axis.inverse})" if axis.inverse else ""
+        heads = ("", "at A", "at B", "B − A", "mean", "rms", axis.slope_words, "")
+        head = "".join(f"<td align='right' style='padding: 0 9px'><b>{text}</b></td>" for text in heads)
+        named = (("A", a), ("B", b), ("B − A", b - a))
+        places = " &nbsp; ".join(f"<b>{name}</b> {local(f'{place:.4f}')} {axis.unit}" for name, place in named)
+        rows = [f"<tr><td colspan='8'>{places}{rate}</td></tr>"]
+        measures = self._cursors.measures()
+        if measures:
+            rows.append(f"<tr>{head}</tr>")
+        for m in measures:
+            cells = (m.at_a, m.at_b, m.difference, m.mean, m.rms, m.slope)
+            text = "".join(f"<td align='right' style='padding: 0 9px'>{number(cell, 5)}</td>" for cell in cells)
+            rows.append(f"<tr><td>{m.name}</td>{text}<td>{m.unit}</td></tr>")
+        table = f"<table cellspacing='0'>{''.join(rows)}</table>"
+        low = self.window().height() < LOW_LINES * self.fontMetrics().lineSpacing()
+        self._table.setText(f"<table cellspacing='0'>{rows[0]}</table>" if low else table)
+        self._table.setToolTip(table if low else "")
+        self.words = table

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QPen
 
-from app.window.plots.crisp import ColumnCurve, CrispCurve
+from app.window.plots.lines import ColumnCurve, CrispCurve
 from app.window.plots.pyramid import Array, Pyramid, is_whole
 
 
@@ -69,7 +69,6 @@ class SampledCurve(ColumnCurve):
         return float(self._pyramid.values[index]) if 0 <= index < count else float("nan")
 
     def viewRangeChanged(self, *_: object) -> None:
-        """Follow the view."""
         self.redraw()
 
     def redraw(self) -> None:

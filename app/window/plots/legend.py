@@ -6,9 +6,8 @@ from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QColor, QFont, QFontMetrics, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QHBoxLayout, QWidget
 
-from app.window.flow_layout import FlowLayout, clear_layout
-from app.window.pens import density
-from app.window.widgets import text_label
+from app.window.plots.lines import density
+from app.window.widgets import FlowLayout, clear_layout, text_label
 
 Look = QPen | tuple[str, str]
 
@@ -104,7 +103,6 @@ class Legend(QWidget):
             pair.setContentsMargins(0, 0, 2 * _GAP, 0)
             pair.setSpacing(_GAP)
             pair.addWidget(LineSample(look, entry), 0, Qt.AlignmentFlag.AlignVCenter)
-            label = text_label(name, entry, faint=True)
-            pair.addWidget(label)
+            pair.addWidget(text_label(name, entry, faint=True))
             self._row.addWidget(entry)
             entry.show()

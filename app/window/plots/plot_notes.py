@@ -10,8 +10,8 @@ from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QLineEdit, QWidget
 
 from analysis.shot import LONGEST, PlotNote
-from app.window.pens import straight
 from app.window.plots.framed_plot import FramedPlot
+from app.window.plots.lines import straight
 from app.window.theme import Colours
 
 _IN_FRONT = 15  # of the curves, behind the cursors
@@ -79,7 +79,6 @@ class PlotNotes(QObject):
         return [(drawn.note.text, *drawn.place) for drawn in self._drawn]
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._colours = colours
         for drawn in self._drawn:
             drawn.dress(colours)
@@ -193,7 +192,6 @@ class _DrawnNote:
         self._text.setVisible(self.plot.view.height() >= _LEAST_HEIGHT * self._text.boundingRect().height())
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours."""
         self._dot.setBrush(pg.mkBrush(colours.cursor_a))
         self._dot.setPen(straight(colours.plot))
         self._text.setColor(colours.text)

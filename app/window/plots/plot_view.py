@@ -110,7 +110,6 @@ class PlotView(pg.GraphicsLayoutWidget):
 
     @Slot()
     def toggle_cursors(self) -> None:
-        """Turn the cursors on or off."""
         self.show_cursors(not self.cursors.shown)
 
     @Slot()
@@ -160,7 +159,6 @@ class PlotView(pg.GraphicsLayoutWidget):
         event.accept()
 
     def contextMenuEvent(self, event: QContextMenuEvent) -> None:
-        """Open the plot's own menu."""
         self.menu(event.pos()).popup(event.globalPos())
         event.accept()
 
@@ -204,10 +202,10 @@ class PlotView(pg.GraphicsLayoutWidget):
         copy.setEnabled(self.cursors.shown)
         menu.addSeparator()
         self._add_notes(menu, at)
-        menu.addAction("Save as PNG …", self._png)
-        menu.addAction("Save as SVG …", self._svg)
+        menu.addAction("Save as PNG …", partial(self.export_wanted.emit, self, "png"))
+        menu.addAction("Save as SVG …", partial(self.export_wanted.emit, self, "svg"))
         if self.table_words:
-            menu.addAction(self.table_words, self._csv)
+            menu.addAction(self.table_words, partial(self.export_wanted.emit, self, "csv"))
         return menu
 
     def _add_notes(self, menu: QMenu, at: QPoint | None) -> None:
@@ -228,18 +226,6 @@ class PlotView(pg.GraphicsLayoutWidget):
         if note is not None or place is not None:
             menu.addSeparator()
 
-    @Slot()
-    def _png(self) -> None:
-        self.export_wanted.emit(self, "png")
-
-    @Slot()
-    def _svg(self) -> None:
-        self.export_wanted.emit(self, "svg")
-
-    @Slot()
-    def _csv(self) -> None:
-        self.export_wanted.emit(self, "csv")
-
 
 def in_front(plots: Sequence[PlotView]) -> PlotView:
     """Return the focused plot, else the first."""
@@ -258,7 +244,6 @@ class ViewHistory(Generic[State]):
         self._place = -1
 
     def clear(self) -> None:
-        """Clear the history."""
         self._states, self._place = [], -1
 
     def note(self, state: State) -> None:

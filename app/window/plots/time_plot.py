@@ -9,10 +9,9 @@ from pyqtgraph import Point
 from PySide6.QtCore import QPointF, QRectF, Qt, Signal, Slot
 from PySide6.QtGui import QPen
 
-from app.window.pens import straight
 from app.window.plots.curve import Band, PointCurve, SampledCurve
-from app.window.plots.framed_plot import Caption, FramedPlot
-from app.window.plots.plain_axis import PlainAxis
+from app.window.plots.framed_plot import Caption, FramedPlot, PlainAxis
+from app.window.plots.lines import straight
 from app.window.plots.plot_view import ViewState
 from app.window.theme import Colours
 
@@ -89,7 +88,7 @@ class TimePlot(FramedPlot):
         super().__init__(QuietView(), {side: PlainAxis(side) for side in ("left", "bottom")})
         self.title = title
         self.unit = unit
-        self._caption = Caption(self)
+        self.caption = Caption(self)
         self.sampled: list[SampledCurve] = []
         self.bands: list[Band] = []
         self.marks: list[pg.InfiniteLine] = []
@@ -109,7 +108,7 @@ class TimePlot(FramedPlot):
         """Set the colours of axes, grid and bands."""
         for side in ("left", "bottom"):
             self.getAxis(side).dress(colours.edge, colours.text, colours.grid)
-        self._caption.dress(colours)
+        self.caption.dress(colours)
         for band in self.bands:
             band.dress(colours.band, colours.band_edge)
         for mark in self.marks:
@@ -180,16 +179,10 @@ class TimePlot(FramedPlot):
         return (left, right), (low, high), self._y_by_hand
 
     def bring(self, state: ViewState) -> None:
-        """Restore a view."""
         x, y, by_hand = state
         self._y_by_hand = True  # so that the values are not fitted meanwhile
         self.view.setRange(xRange=x, yRange=y, padding=0)
         self._y_by_hand = by_hand
-
-    @property
-    def caption(self) -> str:
-        """Get the name in the plot, "" while the axis shows it."""
-        return self._caption.shown
 
     def call(self, title: str) -> None:
         self.title = title
@@ -199,7 +192,7 @@ class TimePlot(FramedPlot):
         """Set the unit of the curves."""
         self.unit = unit
         words = f"{self.title} ({unit})"
-        self._caption.say(words)
+        self.caption.say(words)
         self.setLabel("left", words)
 
     def free_y(self) -> None:

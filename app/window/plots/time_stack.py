@@ -4,7 +4,7 @@ from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QWidget
 
 from app.window.plots.cursors import TIME, CursorAxis
-from app.window.plots.plain_axis import PlainAxis
+from app.window.plots.framed_plot import PlainAxis
 from app.window.plots.plot_view import PlotView, Span, ViewState
 from app.window.plots.time_plot import TimePlot
 from app.window.theme import Colours
@@ -64,11 +64,9 @@ class TimeStack(PlotView):
 
     @property
     def states(self) -> tuple[ViewState, ...]:
-        """Get what is in view of each plot."""
         return tuple(plot.state for plot in self.plots)
 
     def bring(self, states: tuple[ViewState, ...]) -> None:
-        """Restore the view of each plot."""
         for plot, state in zip(self.plots, states, strict=True):
             plot.bring(state)
 
@@ -78,7 +76,6 @@ class TimeStack(PlotView):
 
     @property
     def span(self) -> Span:
-        """Get the time in view."""
         (left, right), _ = self.plots[0].view.viewRange()
         return float(left), float(right)
 

@@ -1,5 +1,6 @@
-"""Diagnose the selected shots; show the result; add effects or the operator's own laws to the model."""
+"""Diagnose the selected shots; show the result; add effects or the operator's own laws; plan and take the next shot."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +10,7 @@ from analysis.collision import Effect, LawError, OwnLaw
 from analysis.diagnosis import Diagnosis
 from analysis.drive import DriveCurves, drive_curves
 from analysis.shot import Progress, Shot, Stop
-from app.session import PLAN, Diagnosed, Entry, OwnLaws, ShotJob, Workbench, verdict_of
+from app.session import PLAN, Diagnosed, Entry, NextShots, OwnLaws, ShotJob, Workbench, verdict_of
 from app.window.layout import Layout
 from app.window.theme import Tone
 from instrument.files import RecordingError
@@ -46,14 +47,14 @@ class DiagnosisPresenter(QObject):
         # diagnosis and effects shown, and whether the diagnosis holds for them
         self._shown: tuple[object, tuple[Effect, ...], bool] = (None, (), True)
         self._forces = ShotJob[_Drive, _Forces](workbench.short_jobs, "residual of the force", _forces_of)
-        p = panels
-        p.model.diagnose_wanted.connect(self.diagnose)
-        p.diagnosis.diagnose_wanted.connect(self.diagnose)
-        p.diagnosis.cancel_wanted.connect(self._cancel)
-        p.diagnosis.add_wanted.connect(self._add)
-        p.diagnosis.remove_wanted.connect(self._remove)
-        p.diagnosis.try_wanted.connect(self._try)
-        p.diagnosis.why.pointed.connect(self._pointed)
+        panels.model.diagnose.clicked.connect(self.diagnose)
+        page = panels.diagnosis
+        page.diagnose.clicked.connect(self.diagnose)
+        page.cancel.clicked.connect(self._cancel)
+        page.effects.add_wanted.connect(self._add)
+        page.effects.remove_wanted.connect(self._remove)
+        page.next_steps.try_wanted.connect(self._try)
+        page.why.pointed.connect(self._pointed)
 
     def refresh(self) -> None:
         """Show progress, the newest diagnosis and the effects in the model."""
@@ -156,12 +157,11 @@ class LawsPresenter(QObject):
         super().__init__(parent)
         self._laws, self._panels = laws, panels
         panels.diagnosis.law_curve.keep_wanted.connect(self._keep)
-        panels.diagnosis.law_wanted.connect(self.propose_law)
+        panels.diagnosis.next_steps.law_wanted.connect(self.propose_law)
         panels.law.wanted.connect(self._take)
 
     @Slot()
     def propose_law(self) -> None:
-        """Show or hide the sheet for laws."""
         self._panels.law.toggle()
 
     @Slot(object)
@@ -179,3 +179,60 @@ class LawsPresenter(QObject):
         self._panels.law.hide()
         self.said.emit(f"The law {law.name!r} is saved in {self._laws.folder}; every diagnosis includes it", Tone.GOOD)
         self.diagnose_wanted.emit()
+
+
+class NextShotPresenter(QObject):
+    """Connects the plans with the card NEXT SHOT; ``found`` returns the diagnosis shown."""
+
+    def __init__(
+        self,
+        plans: NextShots,
+        workbench: Workbench,
+        panels: Layout,
+        found: Callable[[], Diagnosed | None],
+        parent: QObject,
+    ) -> None:
+        super().__init__(parent)
+        self._plans, self._workbench, self._panels, self._found = plans, workbench, panels, found
+        self._shown: object = None
+        card = panels.diagnosis.next_shot
+        card.plan.clicked.connect(self.plan)
+        card.take.clicked.connect(self.take)
+        card.give_up.clicked.connect(self.give_up)
+
+    def refresh(self) -> None:
+        """Show the plan for the diagnosis shown; select a set that a planned shot has just joined."""
+        joined = self._plans.poll()
+        if joined is not None:
+            self._panels.table.select(list(joined))
+            self._panels.tabs.setCurrentIndex(Layout.DIAGNOSIS)
+        card, found = self._panels.diagnosis.next_shot, self._found()
+        job = self._workbench.jobs.current
+        card.plan.setEnabled(job is None or job.kind not in (PLAN, "diagnosis"))
+        now = (found, self._plans.standing(found), self._plans.taking, self._plans.sets_itself)
+        if now != self._shown:
+            self._shown = now
+            card.show_standing(found.diagnosis if found is not None else None, *now[1:])
+
+    @Slot(object)
+    def arrived(self, entry: Entry) -> None:
+        """Add a captured shot to the set it was planned for."""
+        self._plans.arrived(entry)
+
+    @Slot()
+    def plan(self) -> None:
+        """Plan a shot that decides between the candidates of the diagnosis shown."""
+        found = self._found()
+        if found is not None:
+            self._plans.plan(found)
+
+    @Slot()
+    def take(self) -> None:
+        """Arm for the planned shot; on the simulated bench also set it."""
+        found = self._found()
+        if found is not None:
+            self._plans.take(found)
+
+    @Slot()
+    def give_up(self) -> None:
+        self._plans.give_up()

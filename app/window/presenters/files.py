@@ -1,17 +1,21 @@
-"""Open and save sessions, and open recent files."""
+"""Open and save sessions and model files; open recent files; compare the model file with the selected shot."""
 
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal, Slot
 from PySide6.QtWidgets import QMenu
 
-from app.session import Choices, Workbench, is_session
-from app.window.file_dialog import Want, ask
+from analysis.diagnosis import SavedModel
+from analysis.shot import Fit
+from app.session import Choices, Entry, Workbench, drift_words, is_session
+from app.window.file_dialog import Want, ask_for_one
 from app.window.layout import Layout
 from app.window.theme import Tone
+from app.words import local_words
 
-KINDS = "Levimass session (*.json)"
+SESSIONS = "Levimass session (*.json)"
 
 
 class FilesPresenter(QObject):
@@ -32,13 +36,13 @@ class FilesPresenter(QObject):
     @Slot()
     def open_session(self) -> None:
         """Ask for a session file and open it."""
-        ask(self._panels, "Open a session", Want.FILE, self._open_asked, self._folder(), KINDS)
+        ask_for_one(self._panels, "Open a session", Want.FILE, self.open_named, self._folder(), SESSIONS)
 
     @Slot()
     def save_session(self) -> None:
         """Ask for a file and save the session there from now on."""
         start = self._folder() / "session.json"
-        ask(self._panels, "Save the session as", Want.NEW_FILE, self._save_asked, start, KINDS)
+        ask_for_one(self._panels, "Save the session as", Want.NEW_FILE, self.save_to, start, SESSIONS)
 
     @Slot()
     def usual_session(self) -> None:
@@ -50,17 +54,15 @@ class FilesPresenter(QObject):
         named = path is not None and self._choices.settings.session == str(path)
         return path.parent if named and path is not None else self._choices.start_folder
 
-    def _open_asked(self, paths: list[Path]) -> None:
-        self.open_named(paths[0])
-
     def open_named(self, path: Path) -> None:
         """Open the session in this file."""
         problem = self._workbench.open_session(path)
         self._opened(problem, "" if problem else str(path))
 
-    def _save_asked(self, paths: list[Path]) -> None:
-        problem = self._workbench.save_session(paths[0])
-        self._opened(problem, "" if problem else str(paths[0]))
+    def save_to(self, path: Path) -> None:
+        """Save the session in this file from now on."""
+        problem = self._workbench.save_session(path)
+        self._opened(problem, "" if problem else str(path))
 
     def _opened(self, problem: str | None, name: str) -> None:
         if problem:
@@ -95,3 +97,90 @@ class FilesPresenter(QObject):
             self.open_named(path)
         else:
             self.recordings_wanted.emit([path])
+
+
+MODELS = "Levimass model (*.toml)"
+
+
+class ModelPresenter(QObject):
+    """Connects the workbench with the commands on model files."""
+
+    said = Signal(str, Tone)
+
+    def __init__(
+        self,
+        workbench: Workbench,
+        choices: Choices,
+        panels: Layout,
+        front: Callable[[], Entry | None],
+        parent: QObject | None = None,
+    ) -> None:
+        super().__init__(parent)
+        self._workbench, self._choices, self._panels, self._front = workbench, choices, panels, front
+        self._shown: tuple[SavedModel | None, Fit | None, bool] = (None, None, False)
+        self._known: SavedModel | None = None
+        self._chosen: Path | None = None
+
+    @property
+    def _folder(self) -> Path:
+        return self._chosen or self._choices.start_folder
+
+    def refresh(self) -> None:
+        """Show how the selected shot agrees with the model file in use."""
+        known = self._workbench.model.known
+        if known is not self._known:
+            self._known = known
+            self._take_base()
+        entry = self._front()
+        fit = entry.shot.fit if entry is not None and entry.shot is not None else None
+        behind = entry is not None and self._workbench.model.is_behind(entry)
+        if known is self._shown[0] and fit is self._shown[1] and behind == self._shown[2]:
+            return
+        self._shown = (known, fit, behind)
+        self._panels.model.show_known(*_agreement(known, fit, behind))
+
+    def _take_base(self) -> None:
+        known = self._workbench.model.known
+        if known is None or known.base == self._choices.settings.model:
+            return
+        problem = self._choices.change({"model": known.base})
+        words = f"The next shots' base model is now {known.base}; those in the list keep theirs (Ctrl+R: as copies)"
+        self.said.emit(problem or words, Tone.BAD if problem else Tone.NEUTRAL)
+
+    @Slot()
+    def save_model(self) -> None:
+        """Ask for a file and save the model of the selected shots, or of all."""
+        then, start = partial(self._of_selected, self._workbench.exports.save_model), self._folder / "model.toml"
+        ask_for_one(self._panels, "Save the model", Want.NEW_FILE, then, start, MODELS)
+
+    @Slot()
+    def load_model(self) -> None:
+        """Ask for a model file and use it."""
+        ask_for_one(self._panels, "Open a model", Want.FILE, self._load_asked, self._folder, MODELS)
+
+    @Slot()
+    def test_model(self) -> None:
+        """Ask for a model file and test its predictions on the selected shots, or on all."""
+        then = partial(self._of_selected, self._workbench.exports.test_model)
+        ask_for_one(self._panels, "Test a model's predictions", Want.FILE, then, self._folder, MODELS)
+
+    def _of_selected(self, act: Callable[[Sequence[int], Path], None], path: Path) -> None:
+        self._chosen = path.parent
+        act(self._panels.table.numbers, path)
+
+    def _load_asked(self, path: Path) -> None:
+        self._chosen = path.parent
+        self._workbench.model.load(path)
+
+
+def _agreement(known: SavedModel | None, fit: Fit | None, behind: bool) -> tuple[str, Tone]:
+    """Return whether a fit is of an earlier model, or how it agrees with the model file."""
+    if behind:
+        return "this fit is of an earlier model; the fit with the present one follows", Tone.WARNING
+    if known is None or fit is None:
+        return "", Tone.NEUTRAL
+    if fit.model != known.base:
+        return f"the model file is of base {known.base}, this fit of {fit.model}", Tone.WARNING
+    far = local_words(drift_words(known, fit))
+    words = f"differs from the model file: {far}" if far else "agrees with the model file"
+    return words, Tone.WARNING if far else Tone.GOOD

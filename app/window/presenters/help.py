@@ -8,7 +8,7 @@ from PySide6.QtGui import QDesktopServices
 
 from app.session import Choices
 from app.window.layout import Layout
-from app.window.panels.tour import Step
+from app.window.panels.help import Step
 from app.window.theme import Tone
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
@@ -88,16 +88,14 @@ class HelpPresenter(QObject):
     def __init__(self, panels: Layout, log_folder: Path, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._panels, self._log_folder = panels, log_folder
-        panels.work.notices.list_wanted.connect(self.toggle_messages)
+        panels.work.notices.all.clicked.connect(self.toggle_messages)
 
     @Slot()
     def toggle_about(self) -> None:
-        """Show or hide versions and licences."""
         self._panels.about.toggle()
 
     @Slot()
     def toggle_messages(self) -> None:
-        """Show or hide the list of messages."""
         self._panels.messages.toggle()
 
     @Slot()
@@ -113,7 +111,6 @@ class HelpPresenter(QObject):
 
     @Slot()
     def show_log(self) -> None:
-        """Open the folder of the log."""
         self._open(self._log_folder)
 
     def _open(self, path: Path) -> None:

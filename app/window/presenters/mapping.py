@@ -79,14 +79,6 @@ class MappingPresenter(QObject):
 
         self._job = self._workbench.short_jobs.submit(path.name, work, "foreign")
 
-    def can_swap(self, path: Path) -> bool:
-        """Return whether a file has a mapping with both PD0 and PD1."""
-        mapping = find_mapping(path)
-        if mapping is None:
-            return False
-        roles = {channel.role for channel in read_mapping(mapping).channels}
-        return {Role.REFERENCE, Role.MEASUREMENT} <= roles
-
     def swap(self, path: Path, number: int) -> None:
         """Exchange PD0 and PD1 in the mapping of a file, and analyse it again."""
         mapping = find_mapping(path)

@@ -8,10 +8,10 @@ from PySide6.QtWidgets import QApplication
 
 from app.session import FIELDS, Choices, Entry, Rig
 from app.window import state_words
-from app.window.file_dialog import Want, ask
+from app.window.file_dialog import Want, ask_for_one
 from app.window.layout import Layout
-from app.window.panels.side_sheet import SideSheet
 from app.window.theme import Tone
+from app.window.widgets import SideSheet
 from app.words import duration
 from instrument.capture import Snapshot, State
 from instrument.devices import is_bench
@@ -36,12 +36,12 @@ class RigPresenter(QObject):
         self._last_shot: state_words.LastShot | None = None
         self._before = (State.IDLE, 0)  # state and number of shots at the last refresh
         self._live_shown: LiveView | None = None
-        panels.controls.arm_wanted.connect(self.arm)
-        panels.controls.abort_wanted.connect(self.abort)
-        panels.controls.rearm_changed.connect(self._set_rearm)
+        panels.controls.arm.clicked.connect(self.arm)
+        panels.controls.abort.clicked.connect(self.abort)
+        panels.controls.rearm.toggled.connect(self._set_rearm)
         panels.controls.source_chosen.connect(self.use_source)
-        panels.banner.save_wanted.connect(self.save_elsewhere)
-        panels.work.settings_wanted.connect(self.toggle_settings)
+        panels.banner.save_elsewhere.clicked.connect(self.save_elsewhere)
+        panels.work.settings.clicked.connect(self.toggle_settings)
         panels.settings.applied.connect(self._settings_applied)
         panels.settings.offer(FIELDS)
         self._offer_sources()
@@ -130,7 +130,6 @@ class RigPresenter(QObject):
 
     @Slot()
     def trigger_now(self) -> None:
-        """Trigger by hand."""
         self._rig.trigger_now()
 
     @Slot()
@@ -139,14 +138,11 @@ class RigPresenter(QObject):
         if not self._rig.latest().unsaved:
             self.said.emit("All shots are saved", Tone.NEUTRAL)
             return
-        ask(self._panels, "Save the shots in memory to", Want.FOLDER, self._save_asked, Path.home())
-
-    def _save_asked(self, paths: list[Path]) -> None:
-        self.save_elsewhere_wanted.emit(paths[0])
+        title, then = "Save the shots in memory to", self.save_elsewhere_wanted.emit
+        ask_for_one(self._panels, title, Want.FOLDER, then, Path.home())
 
     @Slot()
     def toggle_rearm(self) -> None:
-        """Turn the automatic re-arm on or off."""
         self._panels.controls.rearm.toggle()
 
     @Slot(bool)
@@ -155,7 +151,6 @@ class RigPresenter(QObject):
 
     @Slot()
     def focus_source(self) -> None:
-        """Focus the list of sources."""
         self._panels.controls.source.setFocus()
 
     @Slot(str)
@@ -164,15 +159,15 @@ class RigPresenter(QObject):
         if name == "replay:":
             self._offer_sources()
             start = self._choices.start_folder
-            ask(self._panels, "Recording to play back", Want.FILE, self._replay_asked, start, RECORDINGS)
+            ask_for_one(self._panels, "Recording to play back", Want.FILE, self._replay_asked, start, RECORDINGS)
             return
         if name != self._rig.source:
             self._rig.open(name)
             self._choices.remember_source(name)
         self._offer_sources()
 
-    def _replay_asked(self, paths: list[Path]) -> None:
-        self.use_source(f"replay:{paths[0]}")
+    def _replay_asked(self, path: Path) -> None:
+        self.use_source(f"replay:{path}")
 
     def _offer_sources(self) -> None:
         self._offered = self._rig.sources()
@@ -180,7 +175,6 @@ class RigPresenter(QObject):
 
     @Slot()
     def toggle_settings(self) -> None:
-        """Open or close the settings."""
         sheet = self._panels.settings
         if sheet.isVisible():
             sheet.hide()

@@ -1,15 +1,19 @@
-"""Show the selected shots: the last one in most panels, all of them in COMPARE."""
+"""Show the selected shots: the last one in most panels, all of them in COMPARE and BUDGET; keep notes on its plots."""
 
-from PySide6.QtCore import QObject, Slot
+from collections.abc import Callable
+
+from PySide6.QtCore import QObject, Signal, Slot
 
 from analysis.diagnosis import Diagnosis
 from analysis.drive import DriveCurves, drive_curves
-from analysis.shot import Progress, Recording, Shot, Stop
+from analysis.paper import Reproduction, reproduce
+from analysis.shot import PlotNote, Progress, Recording, Shot, Stop
 from app.report import time_zero
-from app.session import Entry, ShotJob, Spectra, Workbench, raw_of, spectra_of
+from app.session import Entry, Job, Session, ShotJob, Spectra, Workbench, raw_of, spectra_of
 from app.window.layout import Layout
 from app.window.panels.shot_raw import RawCurves, curves_of
-from app.window.tones import verdict_line
+from app.window.state_words import verdict_line
+from app.window.theme import Tone
 
 
 def _spectra_of(entry: Entry, recording: Recording, report: Progress, cancelled: Stop) -> Spectra:
@@ -58,7 +62,7 @@ class SelectionPresenter(QObject):
             self._panels.spectrum.show_spectra(spectra[1], spectra[0].shot, _title(spectra[0]))
         elif self._spectra.job is not None and front is not None:
             words = self._workbench.jobs.waiting_words(self._spectra.job, f"the spectra of {front.name}")
-            self._panels.spectrum.say(words)
+            self._panels.spectrum.said.setText(words)
         raw = self._raw_view.take()
         if raw is not None:
             self._panels.shot.show_raw(raw[1])
@@ -162,3 +166,102 @@ class SelectionPresenter(QObject):
         entry = self.front()
         if entry is not None:
             self._raw_view.ask(entry, recording)
+
+
+class TablesPresenter(QObject):
+    """Updates the page shown where the selection has changed."""
+
+    def __init__(
+        self, workbench: Workbench, panels: Layout, front: Callable[[], Entry | None], parent: QObject | None = None
+    ) -> None:
+        super().__init__(parent)
+        self._workbench, self._panels, self._front = workbench, panels, front
+        self._budget_of: list[Shot] | None = None
+        self._paper_of: tuple[Shot | None] | None = None
+        self._job: Job | None = None
+
+    def refresh(self) -> None:
+        """Update the page shown, and take the result of the job."""
+        page = self._panels.tabs.currentIndex()
+        if page == Layout.BUDGET:
+            self._show_budget()
+        elif page == Layout.PAPER:
+            self._ask_paper()
+        self._take_paper()
+
+    def _front_shot(self) -> Shot | None:
+        entry = self._front()
+        return entry.shot if entry is not None else None
+
+    def _show_budget(self) -> None:
+        shot, numbers = self._front_shot(), self._panels.table.numbers
+        entries = self._workbench.session.entries
+        others = [e.shot for e in entries if e.number in numbers and e.shot is not None and e.shot is not shot]
+        now = others if shot is None else [shot, *others]
+        before = self._budget_of
+        if before is not None and len(now) == len(before) and all(a is b for a, b in zip(now, before, strict=True)):
+            return
+        self._budget_of = now
+        self._panels.budget.show_shot(shot, others)
+
+    def _ask_paper(self) -> None:
+        shot = self._front_shot()
+        if self._paper_of is not None and self._paper_of[0] is shot:
+            return
+        self._paper_of = (shot,)
+
+        def work(report: Progress, _: Stop) -> Reproduction:
+            report("the paper's simulation", 0.2)
+            return reproduce(shot)
+
+        self._workbench.jobs.cancel("paper")
+        self._job = self._workbench.jobs.submit("the paper", work, "paper")
+
+    def _take_paper(self) -> None:
+        job = self._job
+        if job is None:
+            return
+        if not job.done.is_set():
+            self._panels.paper.said.setText(self._workbench.jobs.waiting_words(job, "the paper's numbers"))
+            return
+        self._job = None
+        if isinstance(job.result, Reproduction) and not job.cancelled:
+            self._panels.paper.show_reproduction(job.result)
+        else:
+            self._panels.paper.said.setText(
+                f"not computed: {job.problem or 'cancelled'}; choose another shot to try again"
+            )
+
+
+class PlotNotesPresenter(QObject):
+    """Between the session and the plots of SHOT and SPECTRUM."""
+
+    said = Signal(str, Tone)
+
+    def __init__(self, session: Session, panels: Layout, front: Callable[[], Entry | None], parent: QObject) -> None:
+        super().__init__(parent)
+        self._session, self._panels, self._front = session, panels, front
+        self._plots = (*panels.shot.plots, *panels.spectrum.plots)
+        self._number: int | None = None
+        for plot in self._plots:
+            plot.notes.changed.connect(self._changed)
+
+    def refresh(self) -> None:
+        """Show the notes of the shot in front."""
+        entry = self._front()
+        self._number = entry.number if entry is not None else None
+        for plot in self._plots:
+            plot.notes.show(entry.plot_notes if entry is not None else ())
+
+    @Slot()
+    def note_on_plot(self) -> None:
+        """Open the line for a note on the plot in front."""
+        plot = self._panels.plot_in_front()
+        if plot not in self._plots or not plot.write_note():
+            self.said.emit("Notes are written on the plots of a shot: SHOT (Ctrl+2), SPECTRUM (Ctrl+4)", Tone.NEUTRAL)
+
+    @Slot(object, object)
+    def _changed(self, before: PlotNote | None, after: PlotNote | None) -> None:
+        if self._number is not None:
+            self._session.change_plot_note(self._number, before, after)
+            self.refresh()

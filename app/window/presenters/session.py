@@ -9,7 +9,7 @@ from PySide6.QtPrintSupport import QPrintDialog, QPrinter
 
 from app.report import document_of
 from app.session import NOT_SAVED, Choices, Event, EventKind, Workbench, is_swapped
-from app.window.file_dialog import Want, ask
+from app.window.file_dialog import Want, ask, ask_for_one
 from app.window.layout import Layout
 from app.window.presenters.rig import RECORDINGS
 from app.window.presenters.selection import SelectionPresenter
@@ -52,15 +52,17 @@ class SessionPresenter(QObject):
         self._chosen: Path | None = None  # the folder chosen last
         self.rig_doing: str | None = None  # progress of the rig's analysis, for the status line
         self.rig_share: float | None = None
-        table = panels.table
-        table.export_wanted.connect(self.export_selected)
-        table.report_wanted.connect(self.report_selected)
-        table.remove_wanted.connect(self.remove_selected)
-        table.reanalyse_wanted.connect(self.reanalyse_selected)
-        table.note_edited.connect(self._note_edited)
-        table.undo_wanted.connect(self.undo)
-        table.open_wanted.connect(self.open_recordings)
-        panels.work.cancel_wanted.connect(self._cancel_work)
+        for name, slot in (
+            ("open", self.open_recordings),
+            ("export", self.export_selected),
+            ("report", self.report_selected),
+            ("reanalyse", self.reanalyse_selected),
+            ("remove", self.remove_selected),
+            ("undo", self.undo),
+        ):
+            panels.table.buttons[name].clicked.connect(slot)
+        panels.table.note_edited.connect(self._note_edited)
+        panels.work.cancel.clicked.connect(self._cancel_work)
 
     # results ----------------------------------------------------------------------------------------------------
 
@@ -182,19 +184,16 @@ class SessionPresenter(QObject):
     @Slot()
     def export_selected(self) -> None:
         """Ask for a folder and export the selected shots, or all."""
-        ask(self._panels, "Export CSV to", Want.FOLDER, self._export_asked, self._folder)
+        ask_for_one(self._panels, "Export CSV to", Want.FOLDER, self.export_to, self._folder)
 
     @Slot()
     def export_hdf5(self) -> None:
         """Ask for a folder and write the selected shots, or all, as HDF5."""
-        ask(self._panels, "Export HDF5 to", Want.FOLDER, self._hdf5_asked, self._folder)
+        ask_for_one(self._panels, "Export HDF5 to", Want.FOLDER, self._hdf5_asked, self._folder)
 
-    def _hdf5_asked(self, paths: list[Path]) -> None:
-        self._chosen = paths[0]
-        self._workbench.exports.export_hdf5(self._panels.table.numbers, paths[0])
-
-    def _export_asked(self, paths: list[Path]) -> None:
-        self.export_to(paths[0])
+    def _hdf5_asked(self, folder: Path) -> None:
+        self._chosen = folder
+        self._workbench.exports.export_hdf5(self._panels.table.numbers, folder)
 
     def export_to(self, folder: Path) -> None:
         """Export the selected shots, or all, to a folder."""
@@ -205,11 +204,12 @@ class SessionPresenter(QObject):
     def report_selected(self) -> None:
         """Ask for a file and write the report of the selected shots, or of all."""
         start = self._folder / "report.html"
-        ask(self._panels, "Save the report", Want.NEW_FILE, self._report_asked, start, "HTML (*.html);;PDF (*.pdf)")
+        kinds = "HTML (*.html);;PDF (*.pdf)"
+        ask_for_one(self._panels, "Save the report", Want.NEW_FILE, self._report_asked, start, kinds)
 
-    def _report_asked(self, paths: list[Path]) -> None:
-        self._chosen = paths[0].parent
-        self._workbench.exports.report(self._panels.table.numbers, paths[0])
+    def _report_asked(self, path: Path) -> None:
+        self._chosen = path.parent
+        self._workbench.exports.report(self._panels.table.numbers, path)
 
     @Slot()
     def print_report(self) -> None:
@@ -238,7 +238,6 @@ class SessionPresenter(QObject):
 
     @Slot()
     def remove_selected(self) -> None:
-        """Remove the selected shots from the list."""
         numbers = self._panels.table.numbers
         if numbers:
             self._workbench.session.remove(numbers)
@@ -277,28 +276,23 @@ class SessionPresenter(QObject):
 
     @Slot()
     def edit_note(self) -> None:
-        """Edit the note of the selected shot."""
         self._panels.table.edit_note()
 
     @Slot()
     def filter_shots(self) -> None:
-        """Focus the filter."""
         self._panels.table.filter.setFocus()
         self._panels.table.filter.selectAll()
 
     @Slot()
     def choose_columns(self) -> None:
-        """Open the menu of the table's columns."""
         self._panels.table.choose_columns()
 
     @Slot()
     def previous_shot(self) -> None:
-        """Select the shot before."""
         self._step(-1)
 
     @Slot()
     def next_shot(self) -> None:
-        """Select the shot after."""
         self._step(1)
 
     def _step(self, by: int) -> None:

@@ -49,16 +49,15 @@ class SetupPresenter(QObject):
         self._typed = ""  # an address that has not answered yet
         self._present = ""
         self._judged_s = 0.0
-        self._sheet.look_wanted.connect(self.look)
+        self._sheet.look.clicked.connect(self.look)
         self._sheet.source_wanted.connect(self.source_wanted)
         self._sheet.address_wanted.connect(self._use_address)
-        self._sheet.arm_wanted.connect(self._arm)
+        self._sheet.arm.clicked.connect(self._arm)
         rig.remember_network(choices.settings.network_sources)
-        panels.work.setup_wanted.connect(self.toggle_setup)
+        panels.work.setup.clicked.connect(self.toggle_setup)
 
     @Slot()
     def toggle_setup(self) -> None:
-        """Open or close the set-up."""
         if self._sheet.isVisible():
             self._sheet.hide()
             return

@@ -1,12 +1,13 @@
 """Commands on pages, views, cursors and plots."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal, Slot
 from PySide6.QtGui import QGuiApplication
 
-from app.window.file_dialog import Want, ask
+from app.window.file_dialog import Want, ask_for_one
 from app.window.layout import Layout
 from app.window.plots import save
 from app.window.plots.plain_plot import PlainPlot
@@ -26,22 +27,15 @@ class ViewPresenter(QObject):
         self._panels = panels
         self._start = start  # the first folder of file dialogs
         self._folder: Path | None = None
-        self._plot_to_save: PlotView | None = None
         p = panels
         for plot in panels.findChildren(PlotView):
             plot.export_wanted.connect(self._ask_and_save)
-        p.model.details_wanted.connect(self.show_diagnosis)
-        p.numbers.budget_wanted.connect(self.show_budget)
-        p.work.keys_wanted.connect(self.toggle_keys)
-
-    @Slot()
-    def show_live(self) -> None:
-        """Show the page LIVE."""
-        self._panels.tabs.setCurrentIndex(Layout.LIVE)
+        p.model.details.clicked.connect(self._show_evidence)
+        p.numbers.budget.clicked.connect(self._show_budget)
+        p.work.keys.clicked.connect(self.toggle_keys)
 
     @Slot()
     def toggle_hold(self) -> None:
-        """Freeze or resume the curves of LIVE."""
         self._panels.live.hold.toggle()
 
     @Slot()
@@ -49,72 +43,26 @@ class ViewPresenter(QObject):
         """Switch between combined and noise-only uncertainties."""
         self._panels.numbers.noise_only.toggle()
 
-    @Slot()
-    def show_shot_page(self) -> None:
-        self._panels.tabs.setCurrentIndex(Layout.SHOT)
+    def show_page(self, name: str) -> None:
+        """Show one of ``Layout.PAGES``."""
+        self._panels.tabs.setCurrentIndex(Layout.PAGES.index(name))
 
     @Slot()
-    def show_compare(self) -> None:
-        """Show the page COMPARE."""
-        self._panels.tabs.setCurrentIndex(Layout.COMPARE)
+    def _show_evidence(self) -> None:
+        self.show_page("DIAGNOSIS")
 
     @Slot()
-    def show_spectrum(self) -> None:
-        """Show the page SPECTRUM."""
-        self._panels.tabs.setCurrentIndex(Layout.SPECTRUM)
+    def _show_budget(self) -> None:
+        self.show_page("BUDGET")
 
-    @Slot()
-    def show_diagnosis(self) -> None:
-        """Show the page DIAGNOSIS."""
-        self._panels.tabs.setCurrentIndex(Layout.DIAGNOSIS)
-
-    @Slot()
-    def show_budget(self) -> None:
-        """Show the page BUDGET."""
-        self._panels.tabs.setCurrentIndex(Layout.BUDGET)
-
-    @Slot()
-    def show_paper(self) -> None:
-        """Show the page PAPER."""
-        self._panels.tabs.setCurrentIndex(Layout.PAPER)
-
-    @Slot()
-    def show_large(self) -> None:
-        """Show the page LARGE."""
-        self._panels.tabs.setCurrentIndex(Layout.LARGE)
-
-    @Slot()
-    def view_whole(self) -> None:
-        """Show the whole shot, or all of the overlaid ones."""
-        if self._panels.tabs.currentIndex() == Layout.COMPARE:
-            self._panels.compare.show_whole()
-        else:
-            self._view("whole")
-
-    @Slot()
-    def view_contact(self) -> None:
-        """Show the first contact."""
-        if self._panels.tabs.currentIndex() == Layout.COMPARE:
-            self._panels.compare.show_contact()
-        else:
-            self._view("contact")
-
-    @Slot()
-    def view_deflection(self) -> None:
-        """Show force against deflection."""
-        self._view("deflection")
-
-    @Slot()
-    def view_gap(self) -> None:
-        self._view("gap")
-
-    @Slot()
-    def view_raw(self) -> None:
-        """Show the raw signals."""
-        self._view("raw")
-
-    def _view(self, name: str) -> None:
-        self._panels.tabs.setCurrentIndex(Layout.SHOT)
+    def show_view(self, name: str) -> None:
+        """Show a view of the shot; on COMPARE the whole length or the first contact of the overlaid shots."""
+        compare = self._panels.compare
+        of_several = {"whole": compare.show_whole, "contact": compare.show_contact}
+        if self._panels.tabs.currentIndex() == Layout.COMPARE and name in of_several:
+            of_several[name]()
+            return
+        self.show_page("SHOT")
         self._panels.shot.set_view(name)
         self._panels.shot.reset()
 
@@ -122,25 +70,22 @@ class ViewPresenter(QObject):
         """Return the plot that the keys act on; where the page has none, change to SHOT."""
         plot = self._panels.plot_in_front()
         if plot is None:
-            self.show_shot_page()
+            self.show_page("SHOT")
             plot = self._panels.plot_in_front()
         return plot
 
     @Slot()
     def reset_view(self) -> None:
-        """Reset the plot."""
         plot = self._plot()
         if plot is not None:
             plot.reset()
 
     @Slot()
     def view_back(self) -> None:
-        """Show the previous view of the plot."""
         self._step_view(-1)
 
     @Slot()
     def view_forward(self) -> None:
-        """Show the next view of the plot."""
         self._step_view(1)
 
     def _step_view(self, by: int) -> None:
@@ -150,14 +95,12 @@ class ViewPresenter(QObject):
 
     @Slot()
     def toggle_cursors(self) -> None:
-        """Turn the cursors of the plot on or off."""
         plot = self._plot()
         if plot is not None:
             plot.toggle_cursors()
 
     @Slot()
     def copy_cursors(self) -> None:
-        """Copy the cursor readings of the plot."""
         plot = self._plot()
         if plot is not None and plot.cursors.shown:
             plot.copy_cursors()
@@ -165,7 +108,6 @@ class ViewPresenter(QObject):
 
     @Slot()
     def copy_plot(self) -> None:
-        """Copy the plot as a picture."""
         plot = self._plot()
         if plot is not None:
             QGuiApplication.clipboard().setImage(save.picture(plot))
@@ -179,7 +121,6 @@ class ViewPresenter(QObject):
 
     @Slot()
     def toggle_keys(self) -> None:
-        """Show or hide the sheet of keys."""
         sheet = self._panels.keys
         sheet.setVisible(not sheet.isVisible())
         if sheet.isVisible():
@@ -188,12 +129,8 @@ class ViewPresenter(QObject):
     @Slot(object, str)
     def _ask_and_save(self, plot: PlotView, kind: str) -> None:
         start, kinds = (self._folder or self._start()) / f"plot.{kind}", f"{kind.upper()} (*.{kind})"
-        self._plot_to_save = plot
-        ask(self._panels, f"Save the plot as {kind.upper()}", Want.NEW_FILE, self._save_asked, start, kinds)
-
-    def _save_asked(self, paths: list[Path]) -> None:
-        if self._plot_to_save is not None:
-            self.save(self._plot_to_save, paths[0])
+        title = f"Save the plot as {kind.upper()}"
+        ask_for_one(self._panels, title, Want.NEW_FILE, partial(self.save, plot), start, kinds)
 
     def save(self, plot: PlotView, path: Path) -> None:
         """Save a plot in the format of the path's ending."""

@@ -11,7 +11,7 @@ from analysis.pipeline import analyse_motion
 from analysis.shot.impact import Shaking
 from analysis.shot.shot import AnalysisSettings
 from analysis.uncertainty.motion_band import band_of, diagnosed_band, judged_band, noise_band
-from app.report.csv_export import motion_columns
+from app.report.exports import motion_columns
 from app.session.load import load_and_analyse
 from instrument.bench.simulated_shots import simulate
 from instrument.bench.site import USUAL_SITE, site_named

@@ -1,20 +1,22 @@
-"""Shots, motions, budgets, laws and predictions as CSV: SI units in the header, decimal point, comma between cells."""
+"""Shots, motions, budgets, laws and predictions as CSV in SI units; motions also as HDF5."""
 
 import csv
 import io
 import itertools
+import json
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis import Diagnosis, Errors, LearnedLaw, prediction_words
+from analysis.diagnosis import Diagnosis, Errors, Foretold, LearnedLaw, prediction_words
 from analysis.fitted import shaking_of
-from analysis.shot import Motion, Quantity, Reading, Shot
+from analysis.report import shot_result
+from analysis.shot import Motion, Quantity, Reading, Shot, program_version
 from analysis.uncertainty import COLUMNS as BUDGET_COLUMNS
 from analysis.uncertainty import (
     Origin,
@@ -28,11 +30,8 @@ from analysis.uncertainty import (
     series_rows,
     wander_of,
 )
-from app.words import cell
-from instrument.files import write_text_atomic
-
-if TYPE_CHECKING:
-    from analysis.diagnosis import Foretold
+from app.words import cell, parameter_parts
+from instrument.files import RecordingError, write_atomic, write_text_atomic
 
 Floats = NDArray[np.float64]
 MOTION_COLUMNS = (
@@ -222,7 +221,7 @@ def law_columns(law: LearnedLaw) -> dict[str, list[float]]:
 KEYS = tuple(field.name for field in fields(Errors))
 
 
-def export_prediction(prediction: "Foretold", folder: Path) -> Path:
+def export_prediction(prediction: Foretold, folder: Path) -> Path:
     """Write ``foretold.csv``: the errors of a prediction, a row per shot and one for all.  Raises OSError."""
     header = ["name", "took_part", "problem"]
     header += [f"{which}_{key}" for which in ("base", "model") for key in KEYS]
@@ -247,3 +246,56 @@ def _error_cells(errors: Errors | None) -> list[str]:
         return [""] * len(KEYS)
     values = asdict(errors)
     return ["" if values[key] != values[key] else repr(float(values[key])) for key in KEYS]
+
+
+def export_hdf5(shots: Sequence[Shot], folder: Path) -> list[Path]:
+    """Write ``NAME.h5`` for every shot that has a motion and return the paths.
+
+    Group ``motion`` holds a data set per column (``time_s`` ...; NaN where not ``valid``) with the attribute ``unit``.
+    The file's attribute ``result`` is the shot's entry of the result file as JSON, ``settings`` is the analysis's.
+    Raises OSError or RecordingError.
+    """
+    written = []
+    for shot, name in zip(shots, motion_file_names([shot.name for shot in shots]), strict=True):
+        if shot.motion is None:
+            continue
+        path = folder / Path(name).with_suffix(".h5").name
+        write_atomic(path, (_bytes(shot, [other for other in shots if other is not shot], path),), sync=True)
+        written.append(path)
+    return written
+
+
+def _bytes(shot: Shot, others: Sequence[Shot], path: Path) -> memoryview:
+    try:
+        import h5py
+    except ImportError:
+        raise RecordingError(path, "writing it needs h5py: pip install 'levimass[hdf5]'") from None
+    assert shot.motion is not None
+    memory = io.BytesIO()
+    with h5py.File(memory, "w") as file:
+        group = file.create_group("motion")
+        for name, values in motion_columns(shot).items():
+            _data_set(group, name, values)
+        group.create_dataset("valid", data=shot.motion.valid.astype(np.uint8), compression="gzip", shuffle=True)
+        group.attrs["sample_rate_hz"] = shot.motion.sample_rate_hz
+        group.attrs["bandwidth_hz"] = shot.motion.bandwidth_hz
+        group.attrs["moving_mass_kg"] = shot.motion.moving_mass_kg
+        file.attrs["program"] = f"levimass {program_version()}"
+        file.attrs["name"] = _attribute(shot.name)
+        file.attrs["note"] = _attribute(shot.note)
+        file.attrs["started_at"] = _attribute(shot.started_at or "")
+        file.attrs["flags"] = _attribute(" ".join(shot.flags))
+        file.attrs["settings"] = json.dumps(shot.settings.written())
+        # an attribute holds 64 kB: the budget, which is in the report and in --json, is left out
+        result = {key: value for key, value in shot_result(shot, others).items() if key != "budget"}
+        file.attrs["result"] = json.dumps(result, allow_nan=False)
+    return memory.getbuffer()
+
+
+def _data_set(group: Any, name: str, values: np.ndarray) -> None:
+    item = group.create_dataset(name, data=values, compression="gzip", compression_opts=4, shuffle=True)
+    item.attrs["unit"] = parameter_parts(name)[1]
+
+
+def _attribute(text: str) -> str:
+    return text.replace("\x00", " ").encode("utf-8", "replace").decode("utf-8")[:16000]

@@ -1,16 +1,104 @@
-"""The effects that a diagnosis tried, by evidence; hovering one shows what it would explain."""
+"""The effects of a diagnosis: those found and in the model, and those tried, by evidence."""
 
 import math
+from collections.abc import Sequence
 
 from PySide6.QtCore import QEvent, QObject, QRectF, QSize, Qt, Signal, Slot
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QResizeEvent
-from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
 from analysis.collision import Effect
-from analysis.diagnosis import CRITERIA, Candidate, remark_on
+from analysis.diagnosis import CRITERIA, Candidate, FoundEffect, remark_on
 from app.session import by_evidence
 from app.window.theme import MARKS, Colours, Tone
+from app.window.widgets import clear_layout, push_button, text_label
 from app.words import DASH, effect_numbers, number
+
+TRIED = "tried; not named by a diagnosis"
+
+
+class EffectRows(QWidget):
+    """A row per effect, and one button for all where several are missing in the model."""
+
+    add_wanted = Signal(list)  # of effects
+    remove_wanted = Signal(object)  # an effect
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._effects: dict[str, Effect] = {}  # of the buttons, by key
+        self._missing: list[Effect] = []
+        self._column = QVBoxLayout(self)
+        self._column.setContentsMargins(0, 0, 0, 0)
+
+    def show_effects(
+        self, found: Sequence[FoundEffect], in_model: tuple[Effect, ...], tried: Sequence[Effect] = ()
+    ) -> None:
+        """Show the effects found, then others in the model; ``tried`` are those that no diagnosis named."""
+        focused = self.window().focusWidget()
+        focused_effect = focused.property("effect") if focused is not None and self.isAncestorOf(focused) else None
+        clear_layout(self._column)
+        self._effects = {}
+        for one in found:
+            parameters = effect_numbers(one.effect, one.parameters)
+            rivals = ", ".join(other.words for other in one.indistinguishable_from)
+            words = parameters + (f"   indistinguishable from: {rivals}" if rivals else "")
+            self._add_row(one.effect, words, one.effect in in_model)
+        self._missing = [one.effect for one in found if one.effect not in in_model]
+        if len(self._missing) > 1:
+            hover = "Use these effects from now on; all shots are refitted"
+            button = push_button("Add all to the model", hover, self, self._add_all)
+            self._column.addWidget(button, 0, Qt.AlignmentFlag.AlignRight)
+        for effect in in_model:
+            if effect not in {one.effect for one in found}:
+                self._add_row(effect, TRIED if effect in tried else "", True)
+        if focused_effect is not None:  # keep the focus at this effect
+            for button in self._buttons():
+                if button.property("effect") == focused_effect:
+                    button.setFocus()
+
+    def _add_row(self, effect: Effect, words: str, in_model: bool) -> None:
+        row = QWidget(self)
+        line = QHBoxLayout(row)
+        line.setContentsMargins(0, 0, 0, 0)
+        title = effect.words.capitalize()
+        label = text_label(f"<b>{title}</b>  {words}", row, selectable=True, wrap=True)
+        if in_model:
+            hover = "Remove the effect; all shots are refitted"
+            button = push_button("Remove from the model", hover, row, self._remove)
+        else:
+            hover = "Use the effect from now on; all shots are refitted"
+            button = push_button("Add to the model", hover, row, self._add)
+        button.setProperty("effect", effect.key)
+        self._effects[effect.key] = effect
+        button.setAccessibleDescription(title)
+        line.addWidget(label, 1)
+        line.addWidget(button)
+        self._column.addWidget(row)
+        row.show()  # at once, as a hidden button takes no focus
+
+    def button(self, key: str) -> QPushButton:
+        """Return the button that adds or removes an effect."""
+        return next(button for button in self._buttons() if button.property("effect") == key)
+
+    def _buttons(self) -> list[QPushButton]:
+        rows = [self._column.itemAt(index).widget() for index in range(self._column.count())]
+        return [button for row in rows if row is not None for button in row.findChildren(QPushButton)]
+
+    @Slot()
+    def _add(self) -> None:
+        self.add_wanted.emit([self._of_sender()])
+
+    @Slot()
+    def _add_all(self) -> None:
+        self.add_wanted.emit(self._missing)
+
+    @Slot()
+    def _remove(self) -> None:
+        self.remove_wanted.emit(self._of_sender())
+
+    def _of_sender(self) -> Effect:
+        return self._effects[str(self.sender().property("effect"))]
+
 
 SHOWN = 7  # at first; a button shows all
 HEADINGS = (
@@ -98,9 +186,8 @@ class CandidateBars(QWidget):
         ranked = by_evidence(self._candidates)
         if ranked:
             for place, (words, hover) in enumerate(HEADINGS):
-                head = QLabel(words, inner)
+                head = text_label(words, inner, faint=True)
                 head.setToolTip(hover)
-                head.setProperty("faint", True)
                 head.setAlignment(Qt.AlignmentFlag.AlignRight if place else Qt.AlignmentFlag.AlignLeft)
                 grid.addWidget(head, 0, place)
         shown = ranked if self._all else ranked[:SHOWN]
@@ -113,20 +200,18 @@ class CandidateBars(QWidget):
             self._add_row(grid, line, candidate, most, inner)
             line += 1
         if len(ranked) > SHOWN:
-            more = QPushButton("Show fewer" if self._all else f"Show all {len(ranked)}", inner)
-            more.setToolTip("The other candidates that were tried")
-            more.clicked.connect(self._show_all)
+            words = "Show fewer" if self._all else f"Show all {len(ranked)}"
+            more = push_button(words, "The other candidates that were tried", inner, self._show_all)
             grid.addWidget(more, 2 * line, 0, 1, 3, Qt.AlignmentFlag.AlignLeft)
         self._column.insertWidget(0, inner)
         inner.show()
 
     def _add_rule(self, grid: QGridLayout, line: int, inner: QWidget) -> None:
-        rule = QLabel(f"evidence begins above: −ΔBIC {number(self.threshold, 3)}", inner)
+        rule = text_label(f"evidence begins above: −ΔBIC {number(self.threshold, 3)}", inner, wrap=True)
         rule.setToolTip(
             "A fall of the BIC by 10 is very strong evidence (Kass and Raftery 1995); the rest is the price of having "
             f"chosen among {len(self._candidates)} candidates."
         )
-        rule.setWordWrap(True)
         frame = QFrame(inner)
         frame.setFrameShape(QFrame.Shape.HLine)
         column = QVBoxLayout()

@@ -1,0 +1,261 @@
+"""The sheets of help: all keys (F1), versions and licences, and the short tour."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from email.message import Message
+from importlib.metadata import PackageNotFoundError, metadata
+from typing import cast
+
+from PySide6.QtCore import QPoint, QRect, Qt, Signal, Slot
+from PySide6.QtGui import QHideEvent
+from PySide6.QtWidgets import (
+    QFrame,
+    QGridLayout,
+    QHBoxLayout,
+    QLabel,
+    QPlainTextEdit,
+    QScrollArea,
+    QVBoxLayout,
+    QWidget,
+)
+
+from app.report import program_words
+from app.window.commands import COMMANDS, MOUSE, ON_PLOT
+from app.window.theme import Colours, sized
+from app.window.widgets import SideSheet, push_button, text_label
+
+
+class KeySheet(QFrame):
+    """A sheet over the window, without input."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setProperty("card", True)
+        self.setAccessibleName("Keys")
+        column = QVBoxLayout(self)
+        column.setContentsMargins(18, 14, 18, 14)
+        title = QLabel("Keys", self)
+        title.setFont(sized(self.font(), 1.6, bold=True))
+        column.addWidget(title)
+        self._scroll = QScrollArea(self)  # a small screen at 200 % is lower than the list
+        self._scroll.setWidgetResizable(True)
+        self._scroll.setFrameShape(QFrame.Shape.NoFrame)
+        self._scroll.setStyleSheet("QScrollArea, QScrollArea > QWidget > QWidget { background: transparent; }")
+        self._scroll.setAccessibleName("List of keys")
+        column.addWidget(self._scroll)
+        self._lists: dict[int, QWidget] = {}  # side by side; on a narrow screen one below the other
+        hint = "F1 or Esc closes this sheet.  Tab moves between controls, Enter presses the one in focus."
+        column.addWidget(text_label(hint, self, faint=True), 0, Qt.AlignmentFlag.AlignLeft)
+        self.hide()
+
+    def place(self) -> None:
+        """Centre the sheet in its window."""
+        parent = self.parentWidget()
+        if parent is None:
+            return
+        if not self._lists:  # made when first shown, as two hundred labels take long
+            self._lists = {sides: _key_list(sides) for sides in (1, 2)}
+            self._scroll.setWidget(self._lists[2])
+            self._scroll.updateGeometry()  # the sheet's layout knows it without a list
+        around = self.sizeHint() - self._scroll.sizeHint()
+        spare = self._scroll.verticalScrollBar().sizeHint().width() + around.width()
+        room = parent.width() - 20
+        chosen = self._lists[2 if self._lists[2].sizeHint().width() + spare <= room else 1]
+        wanted = chosen.sizeHint()
+        if self._scroll.widget() is not chosen:
+            self._scroll.takeWidget()
+            self._scroll.setWidget(chosen)
+            chosen.show()
+        width = min(room, wanted.width() + spare)
+        height = min(parent.height() - 20, wanted.height() + around.height())
+        self.setGeometry((parent.width() - width) // 2, (parent.height() - height) // 2, width, height)
+        self.raise_()
+
+
+def _key_list(sides: int) -> QWidget:
+    """Return all keys by group, in ``sides`` columns."""
+    inside = QWidget()
+    grid = QGridLayout(inside)
+    grid.setContentsMargins(0, 0, 0, 0)
+    grid.setHorizontalSpacing(18)
+    grid.setVerticalSpacing(4)
+    groups: dict[str, list[tuple[str, str]]] = {}
+    for command in COMMANDS:
+        if command.keys:
+            groups.setdefault(command.menu, []).append((", ".join(command.keys), command.words))
+    groups["A plot in focus (Tab)"] = list(ON_PLOT)
+    groups["Mouse on a plot"] = list(MOUSE)
+    lines = [0] * sides
+    for name, rows in groups.items():
+        side = lines.index(min(lines))
+        grid.addWidget(text_label(name.upper(), inside, heading=True), lines[side], 3 * side, 1, 2)
+        lines[side] += 1
+        for sequence, words in rows:
+            key_label = QLabel(sequence, inside)
+            bold = key_label.font()
+            bold.setBold(True)
+            key_label.setFont(bold)
+            grid.addWidget(key_label, lines[side], 3 * side)
+            grid.addWidget(QLabel(words, inside), lines[side], 3 * side + 1)
+            lines[side] += 1
+        grid.setRowMinimumHeight(lines[side], 10)
+        lines[side] += 1
+    grid.setColumnMinimumWidth(2, 12)
+    return inside
+
+
+PARTS = (
+    "numpy", "scipy", "numba", "llvmlite", "PySide6-Essentials", "shiboken6", "pyqtgraph", "pyusb", "platformdirs",
+    "uncertainties", "threadpoolctl", "lazy_loader", "h5py", "npTDMS", "niscope", "distributed",
+)  # fmt: skip
+
+
+def licence_words() -> str:
+    """Return program and installed packages with version and licence, a line each."""
+    lines = [program_words(), "Licence: MIT", "", "It uses:"]
+    for name in PARTS:
+        try:
+            known = cast(Message, metadata(name))  # importlib's type lacks most of its methods
+        except PackageNotFoundError:
+            continue
+        licence = known.get("License-Expression") or known.get("License") or ""
+        if not licence or len(licence) > 80:  # some put the whole text there
+            classifiers = [line for line in known.get_all("Classifier") or [] if line.startswith("License")]
+            licence = ", ".join(line.split(" :: ")[-1] for line in classifiers) or "see the package"
+        lines.append(f"{name} {known['Version']}: {licence}")
+    return "\n".join(lines)
+
+
+class AboutSheet(SideSheet):
+    """The sheet; its text is made when it first opens."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__("About", parent)
+        column, self._close = self.head("About Levimass", "Close this sheet  (Esc)")
+        self.words = QPlainTextEdit(self)
+        self.words.setReadOnly(True)
+        self.words.setTabChangesFocus(True)
+        self.words.setTextInteractionFlags(
+            Qt.TextInteractionFlag.TextSelectableByMouse | Qt.TextInteractionFlag.TextSelectableByKeyboard
+        )
+        self.words.setAccessibleName("Versions and licences")
+        column.addWidget(self.words, 1)
+
+    def open(self) -> None:
+        if not self.words.toPlainText():
+            self.words.setPlainText(licence_words())
+        self.open_at(self._close)
+
+
+GAP = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A callout: the widget it points at, and its words."""
+
+    target: QWidget
+    title: str
+    words: str
+
+
+class Tour(QFrame):
+    """Shows one callout at a time; emits ``ended`` when it is finished or skipped."""
+
+    ended = Signal()
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("tour")
+        self.setAccessibleName("Short tour")
+        self._steps: tuple[Step, ...] = ()
+        self._place = 0
+        self._before: QWidget | None = None  # what had the focus
+        self._ring = QFrame(parent)
+        self._ring.setObjectName("ring")
+        self._ring.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(16, 12, 16, 12)
+        self.title = QLabel(self)
+        self.title.setFont(sized(self.font(), 1.2, bold=True))
+        self._words = text_label("", self, wrap=True)
+        column.addWidget(self.title)
+        column.addWidget(self._words)
+        row = QHBoxLayout()
+        self._count = QLabel(self)
+        hover = "Do not show it again  (Esc); F4 brings it back"
+        self._skip = push_button("Skip the tour", hover, self, self.finish)
+        self.onward = push_button("Next", "Next callout  (Enter)", self, self.next)
+        row.addWidget(self._count, 1)
+        row.addWidget(self._skip)
+        row.addWidget(self.onward)
+        column.addLayout(row)
+        self.setFixedWidth(self.fontMetrics().horizontalAdvance("M") * 32)
+        self.dress(colours)
+        self._ring.hide()
+        self.hide()
+
+    def dress(self, colours: Colours) -> None:
+        self.setStyleSheet(
+            f"#tour {{ background: {colours.panel}; border: 2px solid {colours.accent}; border-radius: 8px; }}"
+        )
+        self._ring.setStyleSheet(f"#ring {{ border: 3px solid {colours.accent}; border-radius: 8px; }}")
+
+    def begin(self, steps: Sequence[Step]) -> None:
+        """Show the first callout; Enter continues, Esc ends, all other keys work as usual."""
+        self._steps, self._place = tuple(steps), 0
+        self._before = self.window().focusWidget()
+        self._show()
+        self.onward.setFocus()
+
+    @Slot()
+    def next(self) -> None:
+        """Show the next callout, or end after the last."""
+        self._place += 1
+        if self._place >= len(self._steps):
+            self.finish()
+        else:
+            self._show()
+
+    @Slot()
+    def finish(self) -> None:
+        self.close()
+
+    def hideEvent(self, event: QHideEvent) -> None:
+        """Hide the ring, and emit ``ended`` once."""
+        super().hideEvent(event)
+        self._ring.hide()
+        if self.window().focusWidget() in (self.onward, self._skip) and self._before is not None:
+            self._before.setFocus()
+        if self._steps and not event.spontaneous():
+            self._steps = ()
+            self.ended.emit()
+
+    def _show(self) -> None:
+        step = self._steps[self._place]
+        self.title.setText(step.title)
+        self._words.setText(step.words)
+        self._count.setText(f"{self._place + 1} of {len(self._steps)}")
+        self.onward.setText("Done" if self._place + 1 == len(self._steps) else "Next")
+        self.show()
+        self._ring.show()
+        self.place()
+
+    def place(self) -> None:
+        """Place the callout below or above its widget, inside the window."""
+        parent = self.parentWidget()
+        if parent is None or not self._steps:
+            return
+        target = self._steps[self._place].target
+        around = QRect(target.mapTo(parent, QPoint(0, 0)), target.size()).adjusted(-4, -4, 4, 4)
+        self._ring.setGeometry(around.intersected(parent.rect()))
+        self._ring.raise_()
+        self.setFixedHeight(self.layout().heightForWidth(self.width()) + self.fontMetrics().lineSpacing() // 2)
+        below = around.bottom() + GAP
+        above = around.top() - GAP - self.height()
+        y = below if below + self.height() < parent.height() else above
+        if y < 0:  # the widget fills the height
+            y = max(GAP, (parent.height() - self.height()) // 2)
+        x = min(max(GAP, around.left()), parent.width() - self.width() - GAP)
+        self.move(x, y)
+        self.raise_()

@@ -1,0 +1,281 @@
+"""The top of the window: controls of the rig, its state readable from two metres, and its signals."""
+
+from dataclasses import dataclass
+
+from PySide6.QtCore import Qt, QTimer, Signal, Slot
+from PySide6.QtGui import QFontMetrics, QResizeEvent
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QFrame,
+    QHBoxLayout,
+    QLabel,
+    QSizePolicy,
+    QVBoxLayout,
+    QWidget,
+)
+
+from app.window.theme import MARKS, Colours, Tone, sized
+from app.window.widgets import combo_box, push_button, text_label
+
+
+class Controls(QWidget):
+    """Buttons and the list of sources."""
+
+    source_chosen = Signal(str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(0, 0, 0, 0)
+        row.setSpacing(8)
+        where = "Where the samples come from: the simulated bench, a recording, or a device  (S)"
+        self.source = combo_box("Source of the samples", where, self)
+        self.source.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        self.source.setMinimumContentsLength(19)  # "Simulated bench with a flaw"
+        self.arm = push_button("ARM", "Wait for the light switch and record the next shot  (space)", self, primary=True)
+        self.abort = push_button("Abort", "Stop waiting or recording; finished shots are kept  (Esc)", self)
+        for button, words in ((self.arm, "ARM"), (self.abort, "Abort")):
+            button.setFont(sized(self.font(), 1.35, bold=True))
+            button.setAccessibleName(words)
+            button.setMinimumHeight(int(2.6 * self.fontMetrics().height()))
+        self.arm.setMinimumWidth(self.fontMetrics().horizontalAdvance("M") * 8)
+        self.abort.setMinimumWidth(self.fontMetrics().horizontalAdvance("M") * 6)
+        self.source.setMinimumHeight(self.arm.minimumHeight())
+        self.rearm = QCheckBox("re-arm", self)
+        self.rearm.setToolTip("Re-arm by itself after each shot, until Abort  (R)")
+        for widget in (self.source, self.arm, self.abort, self.rearm):
+            row.addWidget(widget)
+        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        self.source.activated.connect(self._chosen)
+        QWidget.setTabOrder(self.source, self.arm)
+        QWidget.setTabOrder(self.arm, self.abort)
+        QWidget.setTabOrder(self.abort, self.rearm)
+
+    def offer_sources(self, sources: list[tuple[str, str]], present: str) -> None:
+        """List the sources as (name for open_source, words); the present one is selected."""
+        self.source.blockSignals(True)
+        self.source.clear()
+        for name, words in sources:
+            self.source.addItem(words, name)
+        place = self.source.findData(present)
+        if place < 0:
+            self.source.addItem(present, present)
+            place = self.source.count() - 1
+        self.source.setCurrentIndex(place)
+        self.source.blockSignals(False)
+
+    def show_state(self, can_arm: bool, can_abort: bool) -> None:
+        """Enable what is possible now."""
+        for widget, can in ((self.arm, can_arm), (self.abort, can_abort), (self.source, can_arm)):
+            if widget.isEnabled() != can:
+                widget.setEnabled(can)
+
+    @Slot(int)
+    def _chosen(self, _: int) -> None:
+        self.source_chosen.emit(str(self.source.currentData()))
+
+
+SIGNS = {
+    Tone.NEUTRAL: "■",
+    Tone.WAITING: "◉",
+    Tone.BUSY: "▶",
+    Tone.GOOD: "✓",
+    Tone.WARNING: "!",
+    Tone.BAD: "✗",
+}
+FLASH_MS = 400  # one slow change, no flicker
+FACTORS = (1.15, 1.0, 0.85)  # of the system's font, for the sentence
+
+
+class Banner(QFrame):
+    """The banner; its parts keep their places when the words change."""
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._colours = colours
+        self.tone = Tone.NEUTRAL
+        self._flashing = QTimer(self)
+        self._flashing.setSingleShot(True)
+        self._flashing.setInterval(FLASH_MS)
+        self._flashing.timeout.connect(self._flashed)
+        self.setObjectName("banner")
+        row = QHBoxLayout(self)
+        row.setContentsMargins(8, 4, 12, 4)
+        row.setSpacing(8)
+        self._sign = QLabel(self)
+        self.word = QLabel(self)
+        self.detail = text_label("", self, selectable=True, wrap=True)
+        self._clock = QLabel(self)
+        self._sign.setFont(sized(self.font(), 2.3, bold=True))
+        self.word.setFont(sized(self.font(), 2.3, bold=True))
+        self._clock.setFont(sized(self.font(), 1.6, bold=True))
+        self.detail.setFont(sized(self.font(), 1.15))
+        self._sign.setFixedWidth(self._sign.fontMetrics().horizontalAdvance("◉◉"))
+        self._sign.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self.word.setMinimumWidth(self.word.fontMetrics().horizontalAdvance("ANALYSING"))
+        self._clock.setFixedWidth(self._clock.fontMetrics().horizontalAdvance("00:00 "))
+        self._clock.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        column = QVBoxLayout()
+        column.setSpacing(0)
+        row.addWidget(self._sign)
+        row.addWidget(self.word)
+        row.addWidget(self.detail, 1)
+        hover = "Save the shots that are only in memory to another folder  (Ctrl+S)"
+        self.save_elsewhere = push_button("Save elsewhere …", hover, self)
+        self.save_elsewhere.setMinimumHeight(int(2.2 * self.fontMetrics().height()))
+        self.save_elsewhere.hide()
+        row.addWidget(self.save_elsewhere)
+        row.addWidget(self._clock)
+        self.detail.setMinimumWidth(self.fontMetrics().horizontalAdvance("M") * 12)
+        self.setFixedHeight(max(self.word.sizeHint().height() + 8, 3 * self.fontMetrics().lineSpacing() + 8))
+        self.setAccessibleName("State of the instrument")
+        self.show_state("READY", "", Tone.NEUTRAL)
+
+    def dress(self, colours: Colours) -> None:
+        self._colours = colours
+        background, text = colours.tones[self.tone]
+        if self._flashing.isActive():
+            background, text = text, background
+        self.setStyleSheet(
+            f"#banner {{ background: {background}; border-radius: 6px; }} #banner QLabel {{ color: {text}; }}"
+        )
+
+    @Slot()
+    def flash(self) -> None:
+        """Exchange text and background colour for a moment."""
+        self._flashing.start()
+        self.dress(self._colours)
+
+    @Slot()
+    def _flashed(self) -> None:
+        self.dress(self._colours)
+
+    def offer_saving(self, unsaved: int) -> None:
+        """Show the button that saves to another folder while shots are only in memory."""
+        if self.save_elsewhere.isHidden() == (unsaved > 0):
+            self.save_elsewhere.setVisible(unsaved > 0)
+            self._clock.setVisible(unsaved == 0)  # the words need its room
+            self._fit()
+        words = f"Save {unsaved} shot{'s' if unsaved > 1 else ''} elsewhere …"
+        if unsaved and self.save_elsewhere.text() != words:
+            self.save_elsewhere.setText(words)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        self._fit()
+
+    def _fit(self) -> None:
+        """Choose the largest font in which the whole sentence fits."""
+        self.layout().activate()
+        room = self.contentsRect().height() - 8
+        for factor in FACTORS:
+            font = sized(self.font(), factor)
+            flags = Qt.TextFlag.TextWordWrap.value
+            needed = QFontMetrics(font).boundingRect(0, 0, self.detail.width(), 10_000, flags, self.detail.text())
+            if needed.height() <= room or factor == FACTORS[-1]:
+                if self.detail.font() != font:
+                    self.detail.setFont(font)
+                return
+
+    def show_state(self, word: str, detail: str, tone: Tone, clock: str = "") -> None:
+        """Show a state; called 28 times a second, it touches only what changed."""
+        if tone is not self.tone or not self._sign.text():
+            self.tone = tone
+            self._sign.setText(SIGNS[tone])
+            self.dress(self._colours)
+        if word != self.word.text() or detail != self.detail.text():
+            self.word.setText(word)
+            self.detail.setText(detail)
+            self.detail.setToolTip(detail)
+            self.setAccessibleDescription(f"{word}. {detail}")
+            self._fit()
+        if clock != self._clock.text():
+            self._clock.setText(clock)
+
+
+@dataclass(frozen=True, slots=True)
+class Sign:
+    """The words of a tile, their tone, and a hover."""
+
+    words: str
+    tone: Tone
+    hover: str = ""
+
+
+TILES = (
+    ("pd0", "PD0", "2.73012 MHz  41 dB"),
+    ("pd1", "PD1", "2.73012 MHz  moving"),
+    ("switch", "light switch", "interrupted"),
+    ("floor", "noise floor", "0.08 µm/s at 10 kHz"),
+    ("disk", "disk", "412 GB free"),
+)
+
+
+class SignalLine(QFrame):
+    """Tiles of fixed width, and the folder of the shots."""
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setProperty("card", True)
+        self._colours = colours
+        self._signs: dict[str, Sign] = {}
+        self._saving = ""  # where shots go, in words
+        row = QHBoxLayout(self)
+        row.setContentsMargins(6, 2, 6, 2)
+        row.setSpacing(3)
+        self._marks: dict[str, QLabel] = {}
+        self.values: dict[str, QLabel] = {}
+        for name, title, widest in TILES:
+            mark, heading = QLabel(self), text_label(title, self, faint=True)
+            value = text_label("–", self, selectable=True)
+            mark.setFixedWidth(self.fontMetrics().horizontalAdvance("✓M"))
+            mark.setAlignment(Qt.AlignmentFlag.AlignCenter)
+            value.setMinimumWidth(self.fontMetrics().horizontalAdvance(widest) + 4)
+            value.setAccessibleName(title)
+            for widget in (mark, heading, value):
+                row.addWidget(widget)
+            row.addSpacing(4)
+            self._marks[name], self.values[name] = mark, value
+        self._folder = text_label("", self, faint=True, selectable=True)
+        self._folder.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        row.addWidget(self._folder, 1)
+        for name, _, _ in TILES:
+            self.show_sign(name, Sign("–", Tone.NEUTRAL))
+
+    def dress(self, colours: Colours) -> None:
+        self._colours = colours
+        for name, sign in self._signs.items():
+            self._marks[name].setStyleSheet(f"color: {colours.signs[sign.tone]}; font-weight: bold")
+
+    def show_sign(self, name: str, sign: Sign) -> None:
+        """Show the words of a tile; touches only what changed."""
+        before = self._signs.get(name)
+        if before == sign:
+            return
+        self._signs[name] = sign
+        self.values[name].setText(sign.words)
+        self.values[name].setToolTip(sign.hover)
+        self.values[name].setAccessibleDescription(f"{sign.words}. {sign.hover}")
+        if before is None or before.tone is not sign.tone:
+            self._marks[name].setText(MARKS[sign.tone])
+            self._marks[name].setStyleSheet(f"color: {self._colours.signs[sign.tone]}; font-weight: bold")
+
+    def show_folder(self, folder: str) -> None:
+        """Show where shots are saved."""
+        words = f"saving to {folder}" if folder else "not saving"
+        if self._saving != words:
+            self._saving = words
+            self._folder.setToolTip(folder)
+            self._fit_folder()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Shorten the folder in its middle, or leave it out where there is no room."""
+        super().resizeEvent(event)
+        self.layout().activate()
+        self._fit_folder()
+
+    def _fit_folder(self) -> None:
+        metrics, room = self._folder.fontMetrics(), self._folder.width()
+        enough = room >= metrics.horizontalAdvance("saving to /home …/data")
+        self._folder.setText(metrics.elidedText(self._saving, Qt.TextElideMode.ElideMiddle, room) if enough else "")

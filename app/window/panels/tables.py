@@ -1,0 +1,241 @@
+"""BUDGET and PAPER: tables whose rows unfold into the sources of an uncertainty, or the cause of a difference."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from PySide6.QtCore import Qt, Slot
+from PySide6.QtGui import QAction, QBrush, QColor, QGuiApplication, QKeySequence, QResizeEvent
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QHeaderView,
+    QTreeWidget,
+    QTreeWidgetItem,
+    QTreeWidgetItemIterator,
+    QVBoxLayout,
+    QWidget,
+)
+
+from analysis.paper import Reproduction, Status
+from analysis.shot import Quantity, Shot, shown_in
+from analysis.uncertainty import COVERAGE_FACTOR, BudgetRow, QuantityBudget, budget
+from app.report import PAPER_SECTIONS, paper_cells, readable_unit
+from app.window.theme import Colours, Tone, sized
+from app.window.widgets import text_label
+from app.words import DASH, cell, concise_text, local, number, value_text
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A row: cells, hover, parts; ``colour`` is that of the last cell."""
+
+    cells: tuple[str, ...]
+    hover: str = ""
+    parts: tuple["Line", ...] = ()
+    strong: bool = False
+    colour: str | None = None
+
+
+class TreeTable(QTreeWidget):
+    """The table; columns in ``right`` hold numbers and are aligned right."""
+
+    def __init__(self, name: str, columns: Sequence[str], right: Sequence[int], parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setAccessibleName(name)
+        self.setColumnCount(len(columns))
+        self.setHeaderLabels(list(columns))
+        self.setSelectionMode(QAbstractItemView.SelectionMode.ExtendedSelection)
+        self.setAlternatingRowColors(True)
+        self.setUniformRowHeights(True)
+        self._right = tuple(right)
+        header = self.header()  # the first column takes what the others leave, so that nothing lies beyond the edge
+        header.setStretchLastSection(False)
+        header.setMinimumSectionSize(4 * self.fontMetrics().horizontalAdvance("M"))
+        header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
+        header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
+        for column in self._right:
+            self.headerItem().setTextAlignment(column, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        copy = QAction("Copy", self)
+        copy.setShortcut(QKeySequence(QKeySequence.StandardKey.Copy))
+        copy.setShortcutContext(Qt.ShortcutContext.WidgetShortcut)
+        copy.triggered.connect(self.copy_selected)
+        self.addAction(copy)
+        self.setContextMenuPolicy(Qt.ContextMenuPolicy.ActionsContextMenu)
+
+    def show_lines(self, lines: Sequence[Line]) -> None:
+        """Show these rows; one that was unfolded stays so."""
+        open_before = {item.text(0) for item in self._top_items() if item.isExpanded()}
+        self.clear()
+        self.addTopLevelItems([self._item(line) for line in lines])
+        for item in self._top_items():
+            item.setExpanded(item.text(0) in open_before)
+        self.fit_columns()
+
+    def fit_columns(self) -> None:
+        """Fit the columns except the first to their widest text."""
+        for column in range(1, self.columnCount()):
+            self.resizeColumnToContents(column)
+        self._fit_first()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        self._fit_first()
+
+    def _fit_first(self) -> None:
+        """Give the first column the remaining width, at least that of its text."""
+        others = sum(self.columnWidth(column) for column in range(1, self.columnCount()))
+        needed = max(self.sizeHintForColumn(0), self.header().sectionSizeHint(0))
+        mode = QHeaderView.ResizeMode
+        self.header().setSectionResizeMode(
+            0, mode.Stretch if others + needed <= self.viewport().width() else mode.ResizeToContents
+        )
+
+    @Slot()
+    def copy_selected(self) -> None:
+        """Copy the selected rows to the clipboard."""
+        QGuiApplication.clipboard().setText(self.selected_text())
+
+    def selected_text(self) -> str:
+        """Return the selected rows as text for a spreadsheet, cells separated by tabs."""
+        lines = []
+        walk = QTreeWidgetItemIterator(self, QTreeWidgetItemIterator.IteratorFlag.Selected)
+        while (item := walk.value()) is not None:
+            lines.append("\t".join(cell(item.text(column)) for column in range(self.columnCount())))
+            walk += 1
+        return "\n".join(lines)
+
+    def _top_items(self) -> list[QTreeWidgetItem]:
+        items = (self.topLevelItem(index) for index in range(self.topLevelItemCount()))
+        return [item for item in items if item is not None]
+
+    def _item(self, line: Line) -> QTreeWidgetItem:
+        item = QTreeWidgetItem(list(line.cells))
+        for column in range(len(line.cells)):
+            item.setToolTip(column, line.hover or line.cells[column])
+            if column in self._right:
+                item.setTextAlignment(column, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+            if line.strong:
+                item.setFont(column, sized(self.font(), 1.0, bold=True))
+        if line.colour is not None:
+            item.setForeground(len(line.cells) - 1, QBrush(QColor(line.colour)))
+        item.addChildren([self._item(part) for part in line.parts])
+        return item
+
+
+BUDGET_COLUMNS = (
+    "result / source",
+    "value / u(x)",
+    "unit",
+    "A / type",
+    "B / sensitivity",
+    "combined / part",
+    "expanded / share",
+)
+STATED = "combined standard uncertainty"
+
+
+class BudgetPanel(QWidget):
+    """The budget of one shot; other shots give the repeatability."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(6, 6, 6, 6)
+        self._say = text_label("", self, faint=True, wrap=True)
+        self.table = TreeTable("Uncertainty budget", BUDGET_COLUMNS, (1, 3, 4, 5, 6), self)
+        column.addWidget(self._say)
+        column.addWidget(self.table, 1)
+        self.show_shot(None)
+
+    def show_shot(self, shot: Shot | None, others: Sequence[Shot] = ()) -> None:
+        """Show a shot's budget, or why there is none."""
+        found = None if shot is None else budget(shot, others=others)
+        if found is None or not found.quantities:
+            self._say.setText("No shot yet." if shot is None else f"No budget: {shot.problem or 'no impact was read'}.")
+            self.table.show_lines([])
+            return
+        self._say.setText(
+            f"Standard uncertainties; expanded with k = {number(COVERAGE_FACTOR)} (about 95 %). Type A from this "
+            "measurement's own scatter, type B stated. Expand a result to see its sources."
+            + (" Repeatability is that of the selected shots." if others else "")
+        )
+        self.table.show_lines([_quantity_line(quantity) for quantity in found.quantities])
+
+
+def _quantity_line(q: QuantityBudget) -> Line:
+    factor, unit = shown_in(q.unit)
+    parts = (number(factor * part, 2) for part in (q.std_a, q.std_b, q.std, q.expanded))
+    below = tuple(_source_line(row, q, factor) for row in q.rows)
+    return Line((q.words, value_text(q.quantity, factor), unit, *parts), f"{q.words}: {STATED}", below, True)
+
+
+def _source_line(row: BudgetRow, q: QuantityBudget, factor: float) -> Line:
+    share = (row.contribution / q.std) ** 2 if q.std > 0.0 else 0.0
+    known = row.std is not None
+    cells = (
+        row.source,
+        number(row.std, 3),
+        "" if row.unit == "1" else row.unit,
+        row.kind,
+        number(factor * row.sensitivity, 3),
+        number(factor * row.contribution, 2) if known else DASH,
+        f"{number(100.0 * share, 2)} %" if known and share >= 1e-4 else "0 %" if known else DASH,
+    )
+    return Line(cells, row.how)
+
+
+PAPER_COLUMNS = ("number", "paper", "as printed", "simulated", "recomputed", "recording", "difference")
+RECORDED = PAPER_COLUMNS.index("recording") - 1
+_TONES = {Status.AGREES: Tone.GOOD, Status.TRACED: Tone.GOOD, Status.OPEN: Tone.BAD}
+
+
+class PaperPanel(QWidget):
+    """The table of the comparison."""
+
+    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._colours = colours
+        self._result: Reproduction | None = None
+        column = QVBoxLayout(self)
+        column.setContentsMargins(6, 6, 6, 6)
+        self.said = text_label("", self, wrap=True)
+        self.table = TreeTable("The paper, reproduced and audited", PAPER_COLUMNS, (1, 2, 3, 4, 5), self)
+        self.table.header().moveSection(PAPER_COLUMNS.index("difference"), 1)  # visible also where the page is narrow
+        column.addWidget(self.said)
+        column.addWidget(self.table, 1)
+
+    def dress(self, colours: Colours) -> None:
+        self._colours = colours
+        if self._result is not None:
+            self.show_reproduction(self._result)
+
+    def show_reproduction(self, result: Reproduction) -> None:
+        """Show the comparison, a line per section."""
+        self._result = result
+        count = {status: sum(row.status is status for row in result.rows) for status in Status}
+        recording = f" Recording: {result.recording}." if result.recording else ""
+        self.said.setText(
+            f"{result.authors}: {result.title}. {count[Status.AGREES]} numbers agree as printed, "
+            f"{count[Status.TRACED]} were traced, {count[Status.OPEN]} remain open.{recording}"
+        )
+        lines = []
+        for section, words in PAPER_SECTIONS.items():
+            parts = []
+            for row in (row for row in result.rows if row.section == section):
+                texts = paper_cells(row)
+                shown = [local(text) if "." in text and not text.isalpha() else text for text in texts[1:]]
+                if isinstance(row.recorded, Quantity):
+                    shown[RECORDED] = concise_text(row.recorded, readable_unit(row)[0])
+                trace = (Line((row.traced_to, *[""] * 6)),) if row.traced_to else ()
+                tone = _TONES.get(row.status)
+                colour = self._colours.signs[tone] if tone is not None else None
+                parts.append(Line((texts[0], *shown), row.traced_to, trace, colour=colour))
+            lines.append(Line((words, *[""] * 6), "", tuple(parts), True))
+        self.table.show_lines(lines)
+        for index in range(self.table.topLevelItemCount()):
+            section_item = self.table.topLevelItem(index)
+            section_item.setExpanded(True)
+            section_item.setFirstColumnSpanned(True)
+            for place in range(section_item.childCount()):
+                for trace_index in range(section_item.child(place).childCount()):
+                    section_item.child(place).child(trace_index).setFirstColumnSpanned(True)
+        self.table.fit_columns()

@@ -64,11 +64,7 @@ def simulate(
     except ValueError as error:
         say(f"--effect: {error}")
         return 2
-    try:
-        place = site_named(site) if site is not None else QUIET
-    except ValueError as error:
-        say(f"--site: {error}")
-        return 2
+    place = site_named(site) if site is not None else QUIET  # the parser has checked it
     try:
         paths = write_simulated(folder, shots, seed, effects, undeclared, site=place)
     except (RecordingError, OSError) as error:

@@ -33,8 +33,7 @@ from app.command_line.outputs import (
     say_problem,
     write_json,
 )
-from app.command_line.summary import summary
-from app.report import export, export_hdf5, export_laws, export_prediction, report_of
+from app.report import export, export_hdf5, export_laws, export_prediction, report_of, summary
 from app.session import DRIFT_SIGMAS, load_and_analyse, with_combined
 from instrument.files import RecordingError, find_recordings, read_law, write_text_atomic
 from levimass import is_drive

@@ -26,7 +26,7 @@ def headless_shot() -> int:
     from analysis.uncertainty import combined_of
     from app.command_line.doctor import progress_lines
     from app.command_line.outputs import say_problem
-    from app.command_line.summary import fit_lines, summary
+    from app.report import fit_lines, summary
     from app.session import Stage, prepare_first_shot
     from app.words import by_weight, flag_words
     from instrument.bench import simulate

@@ -10,7 +10,7 @@ from .exports import (
     write_motion,
     write_shots,
 )
-from .number_tables import PAPER_SECTIONS, paper_cells, readable_unit, shown_number
+from .number_tables import PAPER_SECTIONS, fit_lines, paper_cells, readable_unit, shown_number, summary
 from .page import report_of
 from .pdf import document_of, write_pdf
 from .provenance import program_words
@@ -25,6 +25,7 @@ __all__ = [
     "export_hdf5",
     "export_laws",
     "export_prediction",
+    "fit_lines",
     "law_columns",
     "motion_file_names",
     "paper_cells",
@@ -35,6 +36,7 @@ __all__ = [
     "shot_columns",
     "shot_row",
     "shown_number",
+    "summary",
     "time_zero",
     "write_motion",
     "write_pdf",

@@ -1,10 +1,10 @@
-"""Tables of a shot's numbers: readings, fitted parameters, uncertainty budgets, vibration; rows of the paper's."""
+"""A shot's numbers as tables of a report and as lines for a terminal; the paper's numbers as rows of text."""
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 
 from analysis.collision import Effect
-from analysis.fitted import ReadingsModel
+from analysis.fitted import ReadingsModel, readings_model
 from analysis.paper import PaperRow, Status
 from analysis.shot import Disturbance, Fit, NotSeen, Quantity, Reading, Shot, shown_in
 from analysis.uncertainty import (
@@ -13,12 +13,14 @@ from analysis.uncertainty import (
     BudgetRow,
     Origin,
     QuantityBudget,
+    combined_of,
     number_of,
     of_collision,
+    stated,
     with_unit,
 )
 from app.report.markup import Markup, joined, table, tag
-from app.words import correlation_words, parameter_parts
+from app.words import by_weight, correlation_words, flag_words, parameter_parts
 
 SMALL = 0.02  # of the combined uncertainty: smaller contributions share one row
 
@@ -196,3 +198,38 @@ def shown_number(row: PaperRow, value: float | None, *, relative: bool = False) 
 def readable_unit(row: PaperRow) -> tuple[float, str]:
     """Return the factor from SI to the readable unit, and that unit."""
     return OWN_SCALES.get(row.key) or SCALES.get(row.unit, (1.0, row.unit))
+
+
+def summary(shot: Shot) -> str:
+    """Return one shot's numbers for a terminal, with their combined uncertainties where they have a budget."""
+    lines, combined = [f"{shot.path or shot.name}"], combined_of(shot)
+    if shot.problem:
+        lines.append(f"  not analysed: {shot.problem}")
+    if shot.impact is not None:
+        for number in of_collision(Origin.READ):
+            reading = stated(number.find(shot), number.key, combined)
+            shown = reading.scaled(number.scale) if isinstance(reading, Quantity) else f"– ({reading.reason})"
+            lines.append(f"  {number.title:<27}{shown} {number.shown_unit}".rstrip())
+        model = readings_model(shot)
+        if model is not None and shot.readings_fit is not None:
+            words, again = _model_name(model.base, model.effects), ", ".join(model.readings)
+            lines.append(f"  made again with model {words}, which the diagnosis found: {again}")
+    if shot.fit is not None and shot.fit.converged:
+        lines += fit_lines(shot.fit, combined)
+    if shot.flags:
+        lines += [f"  {flag}: {flag_words(flag)}" for flag in by_weight(shot.flags)]
+    return "\n".join(lines)
+
+
+def fit_lines(fit: Fit, combined: Mapping[str, float]) -> list[str]:
+    """Return a fitted model's numbers for a terminal; those without a combined uncertainty say so."""
+    lines = [f"  fit of model {_model_name(fit.model, fit.effects)}, reduced chi2 {fit.reduced_chi2:.3g}"]
+    short = fit.short_names
+    for name, quantity in fit.parameters.items():
+        alone = "" if name in combined else "  (± from noise alone)"
+        lines.append(f"    {short[name]:<32} {stated(quantity, name, combined)}{alone}")
+    return lines
+
+
+def _model_name(base: str, effects: Sequence[Effect]) -> str:
+    return " + ".join((base, *(effect.name for effect in effects)))

@@ -43,6 +43,7 @@ class Event:
 
 
 Tell = Callable[[EventKind, str], object]
+Item = TypeVar("Item")
 
 
 @dataclass(slots=True, eq=False)
@@ -74,6 +75,14 @@ class Job:
 
     def cancel(self) -> None:
         self.cancelled = True
+
+
+def drained(waiting: deque[Item]) -> list[Item]:
+    """Take everything out of a queue that other threads may fill meanwhile."""
+    taken = []
+    while waiting:
+        taken.append(waiting.popleft())
+    return taken
 
 
 class Jobs:
@@ -127,10 +136,7 @@ class Jobs:
 
     def finished(self) -> list[Job]:
         """Return the jobs that ended since the last call, cancelled ones included."""
-        ended = []
-        while self._finished:
-            ended.append(self._finished.popleft())
-        return ended
+        return drained(self._finished)
 
     def cancel(self, kind: str | None = None) -> None:
         with self._wake:

@@ -65,5 +65,4 @@ class ProgramLog:
 
 
 def note(words: str) -> None:
-    """Write a line to the log."""
     _LOG.info("%s", " ".join(words.split()))

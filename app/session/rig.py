@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from analysis.pipeline import read
 from analysis.shot import AnalysisSettings, Cancelled, Channel, Progress, Recording, Shot
+from app.session.jobs import drained
 from app.session.kernels import Stage
 from instrument.capture import (
     CaptureOptions,
@@ -249,10 +250,7 @@ class Rig:
 
     def take_problems(self) -> list[str]:
         """Return problems outside the capture since the last call."""
-        problems = []
-        while self._problems:
-            problems.append(self._problems.popleft())
-        return problems
+        return drained(self._problems)
 
     def close(self) -> bool:
         """End all threads, the capture's included; return whether they ended."""

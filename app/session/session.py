@@ -97,7 +97,6 @@ class Session:
 
     @property
     def can_undo(self) -> bool:
-        """Get whether there is something to undo."""
         return bool(self._undo)
 
     def entry(self, number: int) -> Entry | None:

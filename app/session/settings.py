@@ -130,7 +130,6 @@ class Settings(AnalysisChoices):
 
     @property
     def data_folder(self) -> Path:
-        """Get the folder where shots are saved."""
         return Path(self.folder).expanduser() if self.folder else user_documents_path() / "Levimass"
 
     @property

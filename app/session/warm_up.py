@@ -42,7 +42,6 @@ def fit() -> None:
 
 
 def bench() -> None:
-    """Simulate one shot on the bench."""
     from instrument.bench import BenchDigitizer, simulate
 
     BenchDigitizer().prepare()

@@ -11,7 +11,6 @@ from PySide6.QtWidgets import (
     QStyle,
     QTabBar,
     QTabWidget,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -34,6 +33,7 @@ from app.window.panels.tables import BudgetPanel, PaperPanel
 from app.window.panels.work_line import NoticeList, WorkLine
 from app.window.plots.plot_view import PlotView
 from app.window.theme import Theme
+from app.window.widgets import vertical
 
 
 class Layout(QWidget):
@@ -81,9 +81,7 @@ class Layout(QWidget):
         self._theme = theme
 
     def _place(self) -> None:
-        column = QVBoxLayout(self)
-        column.setContentsMargins(6, 4, 6, 4)
-        column.setSpacing(4)
+        column = vertical(self, (6, 4, 6, 4), 4)
         top = QHBoxLayout()
         top.setSpacing(10)
         top.addWidget(self.controls)
@@ -92,9 +90,7 @@ class Layout(QWidget):
         column.addWidget(self.signals)
         side = QFrame(self)
         side.setProperty("card", True)
-        side_column = QVBoxLayout(side)
-        side_column.setContentsMargins(1, 1, 1, 1)
-        side_column.setSpacing(0)
+        side_column = vertical(side, (1, 1, 1, 1), 0)
         side_column.addWidget(self.numbers, 1)
         side_column.addWidget(self.model)
         side.setSizePolicy(QSizePolicy.Policy.Preferred, QSizePolicy.Policy.Preferred)

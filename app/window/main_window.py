@@ -229,12 +229,10 @@ class MainWindow(QMainWindow):
         self.panels.place_sheets()
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
-        """Accept files."""
         if event.mimeData().hasUrls():
             event.acceptProposedAction()
 
     def dropEvent(self, event: QDropEvent) -> None:
-        """Open the recordings dropped on the window."""
         paths = [Path(url.toLocalFile()) for url in event.mimeData().urls() if url.isLocalFile()]
         self.session_presenter.open_paths(paths)
         event.acceptProposedAction()

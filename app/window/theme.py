@@ -259,7 +259,6 @@ class Theme(QObject):
 
     @property
     def colours(self) -> Colours:
-        """Get the scheme in use."""
         return self._colours
 
     @Slot(str)

@@ -82,10 +82,32 @@ def line_edit(name: str, hover: str, parent: QWidget, placeholder: str = "") -> 
     return line
 
 
+Margins = tuple[int, int, int, int]  # left, top, right, bottom
+
+
+def vertical(parent: QWidget, margins: Margins = (0, 0, 0, 0), spacing: int | None = None) -> QVBoxLayout:
+    """Return a layout of widgets below each other."""
+    layout = QVBoxLayout(parent)
+    _space(layout, margins, spacing)
+    return layout
+
+
+def horizontal(parent: QWidget, margins: Margins = (0, 0, 0, 0), spacing: int | None = None) -> QHBoxLayout:
+    """Return a layout of widgets side by side."""
+    layout = QHBoxLayout(parent)
+    _space(layout, margins, spacing)
+    return layout
+
+
+def _space(layout: QLayout, margins: Margins, spacing: int | None) -> None:
+    layout.setContentsMargins(*margins)
+    if spacing is not None:
+        layout.setSpacing(spacing)
+
+
 def scrolled(name: str, page: QWidget) -> QWidget:
     """Return the content of a page that scrolls on a low screen."""
-    around = QVBoxLayout(page)
-    around.setContentsMargins(0, 0, 0, 0)
+    around = vertical(page)
     scroll = QScrollArea(page)
     scroll.setWidgetResizable(True)
     scroll.setAccessibleName(name)
@@ -205,8 +227,7 @@ class SideSheet(QFrame):
 
     def head(self, title: str, hover: str) -> tuple[QVBoxLayout, QPushButton]:
         """Add title and Close button; return the sheet's layout and the button."""
-        column = QVBoxLayout(self)
-        column.setContentsMargins(18, 14, 18, 14)
+        column = vertical(self, (18, 14, 18, 14))
         top = QHBoxLayout()
         words = QLabel(title, self)
         words.setFont(sized(self.font(), 1.5, bold=True))

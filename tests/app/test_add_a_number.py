@@ -10,8 +10,8 @@ from analysis.report import result
 from analysis.shot.quantity import Quantity
 from analysis.uncertainty import measurement_equations, numbers
 from analysis.uncertainty.gum_budget import combined_of, stated
-from app.command_line.summary import summary
 from app.report.exports import export
+from app.report.number_tables import summary
 from app.report.page import report_of
 from app.session.session import Session
 from app.window.panels.compare import ComparePanel

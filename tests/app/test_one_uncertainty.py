@@ -14,8 +14,8 @@ from analysis.shot.quantity import Quantity
 from analysis.uncertainty.gum_budget import budget
 from analysis.uncertainty.numbers import Origin, number_of, of_collision
 from analysis.uncertainty.series_statistics import series
-from app.command_line.summary import summary
 from app.report.exports import columns_of, export
+from app.report.number_tables import summary
 from app.report.page import report_of
 from app.session.model_in_use import NOISE_ALONE, with_combined
 from app.session.session import Session

@@ -13,7 +13,7 @@ from analysis.fitted.kinetic_contact import fitted_contact_cor
 from analysis.pipeline import analyse_motion
 from analysis.report import shot_result
 from analysis.shot.shot import AnalysisSettings
-from app.command_line.summary import summary
+from app.report.number_tables import summary
 from app.report.page import report_of
 from tests.analysis.disturbance import Disturbance, Line, disturbed_motion
 from tests.analysis.synthetic_collision import MASS_KG, Synthetic

@@ -170,7 +170,6 @@ class Progress:
             self.say(f"{already} shots were analysed by an earlier call")
 
     def step(self) -> None:
-        """Count one shot."""
         self._done += 1
         if self._shown:
             spent = time.monotonic() - self._started

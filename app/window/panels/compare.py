@@ -6,7 +6,7 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QObject, Qt, Slot
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QHBoxLayout, QSplitter, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QSplitter, QWidget
 
 from analysis.shot import Quantity, Shot
 from analysis.uncertainty import ResultNumber, of_series, with_unit
@@ -22,7 +22,7 @@ from app.window.plots.plot_view import PlotView, in_front
 from app.window.plots.time_plot import AXIS_WIDTH, TimePlot
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
-from app.window.widgets import combo_box, push_button, text_label
+from app.window.widgets import combo_box, push_button, text_label, vertical
 from app.words import local, number, short_name
 
 SPEED = CursorAxis("m/s", "m/s")
@@ -137,8 +137,7 @@ class ComparePanel(QWidget):
         super().__init__(parent)
         self._colours = colours
         self._entries: list[Entry] = []
-        column = QVBoxLayout(self)
-        column.setContentsMargins(6, 6, 6, 2)
+        column = vertical(self, (6, 6, 6, 2))
         bar = QHBoxLayout()
         for words, tip, slot in (
             ("Whole shot", "The whole length of the shots  (1)", self.show_whole),
@@ -165,8 +164,7 @@ class ComparePanel(QWidget):
         )
         self._numbers = _CurveNumbers(velocity, self)
         right = QWidget(split)
-        right_column = QVBoxLayout(right)
-        right_column.setContentsMargins(6, 0, 0, 0)
+        right_column = vertical(right, (6, 0, 0, 0))
         self.trend = TrendPlot(colours, right)
         self.repeatability = text_label("", right, selectable=True, wrap=True)
         right_column.addWidget(self.trend, 1)
@@ -255,7 +253,6 @@ class ComparePanel(QWidget):
 
     @Slot()
     def show_contact(self) -> None:
-        """Show the first bounces."""
         shots = [entry.shot for entry in self._entries if entry.shot is not None]
         if shots:
             self.stack.zoom(*contact_span_ms(shots[-1]))

@@ -2,14 +2,7 @@
 
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import (
-    QHBoxLayout,
-    QLabel,
-    QProgressBar,
-    QSplitter,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QSplitter, QVBoxLayout, QWidget
 
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis, Verdict, in_words
@@ -21,7 +14,7 @@ from app.window.panels.residuals import Residuals
 from app.window.panels.why_canvas import WhyCanvas
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.theme import MARKS, Colours, Tone, sized
-from app.window.widgets import FoldButton, keep_place, push_button, scrolled, text_label
+from app.window.widgets import FoldButton, keep_place, push_button, scrolled, text_label, vertical
 from app.words import OUTDATED, VERDICTS, kept_words, local_words, short_name
 from levimass import is_drive
 
@@ -46,9 +39,7 @@ class DiagnosisPanel(QWidget):
         self._running = ""  # the name of the running diagnosis
         inner = scrolled("Diagnosis", self)
         inner.setProperty("panel", True)
-        column = QVBoxLayout(inner)
-        column.setContentsMargins(10, 4, 10, 4)
-        column.setSpacing(4)
+        column = vertical(inner, (10, 4, 10, 4), 4)
         self._add_head(column)
         self.effects = EffectRows(self)
         self.next_shot = NextShotCard(self)
@@ -94,8 +85,7 @@ class DiagnosisPanel(QWidget):
         """Add the candidates and the residuals of all shots."""
         split = self._evidence = QSplitter(Qt.Orientation.Horizontal, self)
         left = QWidget(split)
-        left_column = QVBoxLayout(left)
-        left_column.setContentsMargins(0, 0, 0, 0)
+        left_column = vertical(left)
         left_column.addWidget(text_label("CANDIDATES, BY EVIDENCE", left, heading=True, wrap=True))
         self.bars = CandidateBars(self._colours, left)
         left_column.addWidget(self.bars, 1)

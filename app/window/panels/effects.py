@@ -5,13 +5,13 @@ from collections.abc import Sequence
 
 from PySide6.QtCore import QEvent, QObject, QRectF, QSize, Qt, Signal, Slot
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QResizeEvent
-from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
 from analysis.collision import Effect
 from analysis.diagnosis import CRITERIA, Candidate, FoundEffect, remark_on
 from app.session import by_evidence
 from app.window.theme import MARKS, Colours, Tone
-from app.window.widgets import clear_layout, push_button, text_label
+from app.window.widgets import clear_layout, horizontal, push_button, text_label, vertical
 from app.words import DASH, effect_numbers, number
 
 TRIED = "tried; not named by a diagnosis"
@@ -27,8 +27,7 @@ class EffectRows(QWidget):
         super().__init__(parent)
         self._effects: dict[str, Effect] = {}  # of the buttons, by key
         self._missing: list[Effect] = []
-        self._column = QVBoxLayout(self)
-        self._column.setContentsMargins(0, 0, 0, 0)
+        self._column = vertical(self)
 
     def show_effects(
         self, found: Sequence[FoundEffect], in_model: tuple[Effect, ...], tried: Sequence[Effect] = ()
@@ -58,8 +57,7 @@ class EffectRows(QWidget):
 
     def _add_row(self, effect: Effect, words: str, in_model: bool) -> None:
         row = QWidget(self)
-        line = QHBoxLayout(row)
-        line.setContentsMargins(0, 0, 0, 0)
+        line = horizontal(row)
         title = effect.words.capitalize()
         label = text_label(f"<b>{title}</b>  {words}", row, selectable=True, wrap=True)
         if in_model:
@@ -150,8 +148,7 @@ class CandidateBars(QWidget):
         self._named: set[Effect] = set()
         self._all = False
         self._inner: QWidget | None = None
-        self._column = QVBoxLayout(self)
-        self._column.setContentsMargins(0, 0, 0, 0)
+        self._column = vertical(self)
         self._column.addStretch(1)
         self.setAccessibleName("Candidates in the order of their evidence")
 

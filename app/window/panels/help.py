@@ -8,21 +8,12 @@ from typing import cast
 
 from PySide6.QtCore import QPoint, QRect, Qt, Signal, Slot
 from PySide6.QtGui import QHideEvent
-from PySide6.QtWidgets import (
-    QFrame,
-    QGridLayout,
-    QHBoxLayout,
-    QLabel,
-    QPlainTextEdit,
-    QScrollArea,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QPlainTextEdit, QScrollArea, QWidget
 
 from app.report import program_words
 from app.window.commands import COMMANDS, MOUSE, ON_PLOT
 from app.window.theme import Colours, sized
-from app.window.widgets import SideSheet, push_button, text_label
+from app.window.widgets import SideSheet, push_button, text_label, vertical
 
 
 class KeySheet(QFrame):
@@ -32,8 +23,7 @@ class KeySheet(QFrame):
         super().__init__(parent)
         self.setProperty("card", True)
         self.setAccessibleName("Keys")
-        column = QVBoxLayout(self)
-        column.setContentsMargins(18, 14, 18, 14)
+        column = vertical(self, (18, 14, 18, 14))
         title = QLabel("Keys", self)
         title.setFont(sized(self.font(), 1.6, bold=True))
         column.addWidget(title)
@@ -174,8 +164,7 @@ class Tour(QFrame):
         self._ring = QFrame(parent)
         self._ring.setObjectName("ring")
         self._ring.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(16, 12, 16, 12)
+        column = vertical(self, (16, 12, 16, 12))
         self.title = QLabel(self)
         self.title.setFont(sized(self.font(), 1.2, bold=True))
         self._words = text_label("", self, wrap=True)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from PySide6.QtCore import Signal, Slot
-from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QWidget
 
 from analysis.diagnosis import LearnedLaw
 from analysis.shot import Shot
@@ -14,7 +14,7 @@ from app.window.plots.legend import Legend, Look
 from app.window.plots.lines import series_pen, straight, under
 from app.window.plots.plain_plot import PlainPlot
 from app.window.theme import Colours
-from app.window.widgets import push_button, text_label
+from app.window.widgets import push_button, text_label, vertical
 from app.words import local_words, prefix_for, short_name
 
 MOST_FORMS = 4
@@ -31,8 +31,7 @@ class LawCurve(QWidget):
         self._colours = colours
         self._laws: tuple[LearnedLaw, ...] = ()
         self._which = 0
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
+        column = vertical(self)
         line = QHBoxLayout()
         self._heading = text_label("", self, heading=True, wrap=True)
         line.addWidget(self._heading, 1)

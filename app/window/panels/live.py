@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QSizePolicy, QWidget
 
 from analysis.shot import Channel, Role
 from app.window.panels.site_floor import SiteFloorPanel
@@ -16,7 +16,7 @@ from app.window.plots.lines import thin
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours, sized
-from app.window.widgets import push_button, scrolled, text_label
+from app.window.widgets import push_button, scrolled, text_label, vertical
 from app.words import CHANNEL_NAMES, DASH, local, number
 from instrument.live import LiveView
 
@@ -103,9 +103,7 @@ class LivePanel(QWidget):
     def _tile(self, name: str, title: str, unit: str, widest: str) -> QFrame:
         tile = QFrame(self)
         tile.setProperty("card", True)
-        column = QVBoxLayout(tile)
-        column.setContentsMargins(12, 2, 12, 2)
-        column.setSpacing(0)
+        column = vertical(tile, (12, 2, 12, 2), 0)
         value = text_label(DASH, tile, selectable=True)
         value.setFont(sized(self.font(), 3.0, bold=True))
         value.setMinimumWidth(value.fontMetrics().horizontalAdvance(widest + "0"))

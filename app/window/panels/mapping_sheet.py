@@ -5,13 +5,7 @@ from dataclasses import dataclass
 from html import escape
 
 from PySide6.QtCore import Signal, Slot
-from PySide6.QtWidgets import (
-    QCheckBox,
-    QComboBox,
-    QFormLayout,
-    QLineEdit,
-    QWidget,
-)
+from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QWidget
 
 from analysis.shot import Role, Setup
 from app.session import ChannelKind, ChannelLook, proposed
@@ -29,16 +23,33 @@ from instrument.files import (
     length_unit,
 )
 
-ROLES = {Role.MEASUREMENT: "PD1, moving beat", Role.REFERENCE: "PD0, rest beat", Role.SWITCH: "Light switch"}
+ROLES = {  # words and hover
+    Role.MEASUREMENT: (
+        "PD1, moving beat",
+        "The beat of the block that moves; without it there is nothing to measure",
+    ),
+    Role.REFERENCE: (
+        "PD0, rest beat",
+        "The beat of the fixed mirror; subtracted from the moving one, so that laser drift is not motion",
+    ),
+    Role.SWITCH: (
+        "Light switch",
+        "Its step says when the block passed; without it the impact is searched for",
+    ),
+}
 NONE = "not in this file"
 UNITS = {unit: unit.replace("u", "µ") for unit in LENGTHS_M}
 MODEL_WORDS = dict(zip(MODELS, ("contact: one body, spring", "paper: block and plate"), strict=True))
-NUMBERS = {
-    "mass_kg": ("Moving mass (g)", 1e-3),
-    "rest_hz": ("Rest frequency (MHz)", 1e6),
-    "rate_hz": ("Sample rate (MS/s)", 1e6),
-    "bits": ("Bits of the digitizer", 1.0),
-}
+NUMBERS = {  # words, SI units in one of these, hover, and what an empty field shows
+    "mass_kg": ("Moving mass (g)", 1e-3, "Block with corner cube and extension; force and impulse scale with it", ""),
+    "rest_hz": (
+        "Rest frequency (MHz)", 1e6, "The beat of the block at rest, at which the velocity is zero", "only without PD0"
+    ),
+    "rate_hz": (
+        "Sample rate (MS/s)", 1e6, "Samples a second; every time and velocity scales with it", "as the file says"
+    ),
+    "bits": ("Bits of the digitizer", 1.0, "Resolution of the digitizer, for the noise of rounding", ""),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,20 +58,6 @@ class Answer:
 
     mapping: ForeignMapping | MotionColumns
     for_folder: bool
-
-
-HOVERS = {
-    Role.MEASUREMENT: "The beat of the block that moves; without it there is nothing to measure",
-    Role.REFERENCE: "The beat of the fixed mirror; subtracted from the moving one, so that laser drift is not motion",
-    Role.SWITCH: "Its step says when the block passed; without it the impact is searched for",
-}
-NUMBER_HOVERS = {
-    "mass_kg": "Block with corner cube and extension; force and impulse scale with it",
-    "rest_hz": "The beat of the block at rest, at which the velocity is zero",
-    "rate_hz": "Samples a second; every time and velocity scales with it",
-    "bits": "Resolution of the digitizer, for the noise of rounding",
-}
-PLACEHOLDERS = {"rest_hz": "only without PD0", "rate_hz": "as the file says"}
 
 
 def _look_words(look: ChannelLook) -> str:
@@ -90,7 +87,7 @@ class MappingSheet(SideSheet):
         column.addWidget(self._looks)
         form = QFormLayout()
         form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
-        self.boxes = {role: self._box(form, words, HOVERS[role]) for role, words in ROLES.items()}
+        self.boxes = {role: self._box(form, *words) for role, words in ROLES.items()}
         self.displacement = self._box(form, "Displacement", "A column that is the motion itself, already demodulated")
         self.displacement.currentIndexChanged.connect(self._chosen)
         self.unit = self._box(form, "Displacement in", "As the header states it; choose where it states none")
@@ -98,8 +95,8 @@ class MappingSheet(SideSheet):
         for key, words in MODEL_WORDS.items():
             self.model.addItem(words, key)
         self.edits: dict[str, QLineEdit] = {}
-        for key, (words, _) in NUMBERS.items():
-            self.edits[key] = edit = line_edit(words, NUMBER_HOVERS[key], self, PLACEHOLDERS.get(key, ""))
+        for key, (words, _, hover, shown) in NUMBERS.items():
+            self.edits[key] = edit = line_edit(words, hover, self, shown)
             edit.returnPressed.connect(self.apply)
             form.addRow(words, edit)
         column.addLayout(form)
@@ -217,7 +214,7 @@ class MappingSheet(SideSheet):
         )
 
     def _number(self, key: str) -> float | None:
-        words, scale = NUMBERS[key]
+        words, scale, *_ = NUMBERS[key]
         text = self.edits[key].text().strip()
         if not text:
             return None

@@ -3,13 +3,13 @@
 from html import escape
 
 from PySide6.QtCore import Qt, Slot
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QWidget
 
 from analysis.collision import Effect
 from analysis.fitted import awaits_fit
 from analysis.shot import Fit, Shot
 from app.window.theme import MARKS, Colours, Tone
-from app.window.widgets import push_button, text_label
+from app.window.widgets import push_button, text_label, vertical
 from app.words import OUTDATED, base_words, correlation_words, model_in_words, number, parameter_parts, with_prefix
 
 LACKING_CHI2 = 1.5  # above, the residual is far more than noise
@@ -34,9 +34,7 @@ class ModelPanel(QFrame):
         self._shot: Shot | None = None
         self._tried: tuple[Effect, ...] = ()
         self._verdict_shown = self._known_shown = ("", Tone.NEUTRAL)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(10, 2, 8, 4)
-        column.setSpacing(1)
+        column = vertical(self, (10, 2, 8, 4), 1)
         top = QHBoxLayout()
         top.addWidget(text_label("MODEL", self, heading=True), 1)
         hover = "Find out what the model lacks, from all selected shots together  (D)"

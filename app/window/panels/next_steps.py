@@ -1,12 +1,12 @@
 """What to do after a diagnosis: the next step where a residual is unexplained, and the shot that decides."""
 
 from PySide6.QtCore import Signal, Slot
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QPushButton, QWidget
 
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis, Verdict, in_words, remark_on
 from analysis.planning import NextShot, PlannedStep, PlanningState, undecided
-from app.window.widgets import FlowLayout, clear_layout, push_button, text_label
+from app.window.widgets import FlowLayout, clear_layout, push_button, text_label, vertical
 from app.words import local_words
 
 MOST_TRIED = 3
@@ -27,9 +27,7 @@ class NextSteps(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._effects: dict[str, Effect] = {}  # of the buttons, by key
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(2)
+        column = vertical(self, (0, 0, 0, 0), 2)
         column.addWidget(text_label("NEXT STEP", self, heading=True))
         row = QWidget(self)
         self._row = FlowLayout(row)
@@ -95,9 +93,7 @@ class NextShotCard(QFrame):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setProperty("card", True)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(8, 4, 8, 4)
-        column.setSpacing(2)
+        column = vertical(self, (8, 4, 8, 4), 2)
         column.addWidget(text_label("NEXT SHOT", self, heading=True))
         self.sentence = text_label("", self, wrap=True)
         self.sentence.setToolTip(NORMS)

@@ -5,22 +5,13 @@ from html import escape
 
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import (
-    QCheckBox,
-    QGridLayout,
-    QHBoxLayout,
-    QLabel,
-    QScrollArea,
-    QSizePolicy,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QCheckBox, QGridLayout, QHBoxLayout, QLabel, QScrollArea, QSizePolicy, QWidget
 
 from analysis.shot import Quantity, Reading, Shot, concerning
 from analysis.uncertainty import Group, ResultNumber, combined_of, shown_numbers, stated
 from app.window.state_words import flag_line, flag_tone
 from app.window.theme import MARKS, Colours, Tone, sized
-from app.window.widgets import FoldButton, push_button, text_label
+from app.window.widgets import FoldButton, push_button, text_label, vertical
 from app.words import (
     COMBINED,
     NOISE_ONLY,
@@ -80,8 +71,7 @@ class NumbersPanel(QScrollArea):
         self._widgets: dict[str, list[QWidget]] = {}
         self._foldable: list[QWidget] = []  # numbers that a button unfolds, with their sentences
         inner = QWidget(self)
-        column = QVBoxLayout(inner)
-        column.setContentsMargins(10, 4, 8, 4)
+        column = vertical(inner, (10, 4, 8, 4))
         self.title = text_label("No shot", inner, selectable=True)
         self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.title.setFont(sized(self.font(), 1.25, bold=True))

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from PySide6.QtCore import QObject, Qt, Slot
-from PySide6.QtWidgets import QVBoxLayout, QWidget
+from PySide6.QtWidgets import QWidget
 
 from analysis.diagnosis import Diagnosis
 from analysis.drive import DriveCurves
@@ -16,7 +16,7 @@ from app.window.plots.cursors import SECONDS, CursorReadout
 from app.window.plots.lines import thin
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
-from app.window.widgets import text_label
+from app.window.widgets import text_label, vertical
 from app.words import number, prefix_for, repeatability_words, short_name
 from levimass import is_drive
 
@@ -28,8 +28,7 @@ class Residuals(QWidget):
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(6, 0, 0, 0)
+        column = vertical(self, (6, 0, 0, 0))
         self._heading = text_label("RESIDUAL OF DISPLACEMENT", self, heading=True, wrap=True)
         column.addWidget(self._heading)
         self.stack = TimeStack("Residual before and after", colours, self)
@@ -117,7 +116,6 @@ class Residuals(QWidget):
 
     @Slot()
     def reset(self) -> None:
-        """Show the whole shot."""
         samples = self._curves[0].samples
         if len(samples):
             start, step = self._curves[0].grid

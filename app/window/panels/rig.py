@@ -4,19 +4,10 @@ from dataclasses import dataclass
 
 from PySide6.QtCore import Qt, QTimer, Signal, Slot
 from PySide6.QtGui import QFontMetrics, QResizeEvent
-from PySide6.QtWidgets import (
-    QCheckBox,
-    QComboBox,
-    QFrame,
-    QHBoxLayout,
-    QLabel,
-    QSizePolicy,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QCheckBox, QComboBox, QFrame, QLabel, QSizePolicy, QVBoxLayout, QWidget
 
 from app.window.theme import MARKS, Colours, Tone, sized
-from app.window.widgets import combo_box, push_button, text_label
+from app.window.widgets import combo_box, horizontal, push_button, text_label
 
 
 class Controls(QWidget):
@@ -26,9 +17,7 @@ class Controls(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        row = QHBoxLayout(self)
-        row.setContentsMargins(0, 0, 0, 0)
-        row.setSpacing(8)
+        row = horizontal(self, (0, 0, 0, 0), 8)
         where = "Where the samples come from: the simulated bench, a recording, or a device  (S)"
         self.source = combo_box("Source of the samples", where, self)
         self.source.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
@@ -100,9 +89,7 @@ class Banner(QFrame):
         self._flashing.setInterval(FLASH_MS)
         self._flashing.timeout.connect(self._flashed)
         self.setObjectName("banner")
-        row = QHBoxLayout(self)
-        row.setContentsMargins(8, 4, 12, 4)
-        row.setSpacing(8)
+        row = horizontal(self, (8, 4, 12, 4), 8)
         self._sign = QLabel(self)
         self.word = QLabel(self)
         self.detail = text_label("", self, selectable=True, wrap=True)
@@ -221,9 +208,7 @@ class SignalLine(QFrame):
         self._colours = colours
         self._signs: dict[str, Sign] = {}
         self._saving = ""  # where shots go, in words
-        row = QHBoxLayout(self)
-        row.setContentsMargins(6, 2, 6, 2)
-        row.setSpacing(3)
+        row = horizontal(self, (6, 2, 6, 2), 3)
         self._marks: dict[str, QLabel] = {}
         self.values: dict[str, QLabel] = {}
         for name, title, widest in TILES:
@@ -262,7 +247,6 @@ class SignalLine(QFrame):
             self._marks[name].setStyleSheet(f"color: {self._colours.signs[sign.tone]}; font-weight: bold")
 
     def show_folder(self, folder: str) -> None:
-        """Show where shots are saved."""
         words = f"saving to {folder}" if folder else "not saving"
         if self._saving != words:
             self._saving = words

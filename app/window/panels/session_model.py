@@ -58,20 +58,19 @@ GROUPS: dict[str, tuple[str, Callable[[Entry], str]]] = {
 def ordered(
     entries: Sequence[Entry],
     order: Order,
-    value: Callable[[Entry, int], float | str | None],
+    value: Callable[[Entry], float | str | None] | None,
     searched: Callable[[Entry], str],
 ) -> tuple[Entry | str, ...]:
     """Return the entries in this order, a heading before each group.
 
-    ``value`` gives what a column sorts by (a number, a text, or None), ``searched`` the text to search.
+    ``value`` gives what to sort by (a number, a text, or None), ``searched`` the text to search.
     """
     words = order.words.lower().split()
     seen = [entry for entry in entries if all(word in searched(entry).lower() for word in words)]
-    column = order.column
-    if column is not None:
-        there = [entry for entry in seen if not _missing(value(entry, column))]
-        missing = [entry for entry in seen if _missing(value(entry, column))]
-        there.sort(key=lambda entry: _key(value(entry, column)), reverse=order.falling)
+    if value is not None:
+        there = [entry for entry in seen if not _missing(value(entry))]
+        missing = [entry for entry in seen if _missing(value(entry))]
+        there.sort(key=lambda entry: _key(value(entry)), reverse=order.falling)
         seen = [*there, *missing]
     if order.group not in GROUPS:
         return tuple(seen)
@@ -220,12 +219,13 @@ class SessionModel(QAbstractTableModel):
         self._arrange()
 
     def arrange(self, order: Order) -> None:
-        """Show the entries in another order."""
         self.order = order
         self._arrange()
 
     def _arrange(self) -> None:
-        before, rows = self.identities, ordered(self.entries, self.order, self._sorted_by, self._searched)
+        column = self.order.column
+        value = self.columns[column].order if column is not None else None
+        before, rows = self.identities, ordered(self.entries, self.order, value, self._searched)
         after = list(map(_identity, rows))
         if after == before:
             self.rows = rows
@@ -244,9 +244,6 @@ class SessionModel(QAbstractTableModel):
         """Return the entry in a row, None for a heading."""
         found = self.rows[row] if row < len(self.rows) else None
         return found if isinstance(found, Entry) else None
-
-    def _sorted_by(self, entry: Entry, column: int) -> float | str | None:
-        return self.columns[column].order(entry)
 
     def _stated(self, entry: Entry, number: ResultNumber) -> Reading | None:
         """Return a number with its combined standard uncertainty."""

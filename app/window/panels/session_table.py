@@ -4,15 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
-from PySide6.QtCore import (
-    QItemSelection,
-    QItemSelectionModel,
-    QModelIndex,
-    QPersistentModelIndex,
-    Qt,
-    Signal,
-    Slot,
-)
+from PySide6.QtCore import QItemSelection, QItemSelectionModel, QModelIndex, QPersistentModelIndex, Qt, Signal, Slot
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QComboBox,
@@ -23,13 +15,12 @@ from PySide6.QtWidgets import (
     QStyledItemDelegate,
     QStyleOptionViewItem,
     QTableView,
-    QVBoxLayout,
     QWidget,
 )
 
 from app.session import Entry, Session
 from app.window.panels.session_model import FLAGS, GROUPS, NOTE, VERDICT, Order, SessionModel
-from app.window.widgets import combo_box, line_edit, push_button, text_label
+from app.window.widgets import combo_box, line_edit, push_button, text_label, vertical
 
 
 class _FromTheLeft(QStyledItemDelegate):
@@ -59,9 +50,7 @@ class SessionTable(QFrame):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setProperty("card", True)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(6, 2, 6, 2)
-        column.setSpacing(2)
+        column = vertical(self, (6, 2, 6, 2), 2)
         bar = QHBoxLayout()
         self._count = text_label("SHOTS", self, heading=True)
         bar.addWidget(self._count)
@@ -223,7 +212,6 @@ class SessionTable(QFrame):
         return sorted(entry.number for entry in found if entry is not None)
 
     def show_session(self, session: Session) -> None:
-        """Show the session's entries."""
         struck = {entry.number for entry in session.entries if not session.verdict_holds(entry)}
         self._keeping_selection(lambda: self.model.show_entries(session.entries, struck))
         self._numbers = self._selected_numbers()

@@ -3,20 +3,11 @@
 from pathlib import Path
 
 from PySide6.QtCore import Qt, Signal, Slot
-from PySide6.QtWidgets import (
-    QCheckBox,
-    QComboBox,
-    QFormLayout,
-    QHBoxLayout,
-    QLineEdit,
-    QScrollArea,
-    QSizePolicy,
-    QWidget,
-)
+from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QScrollArea, QSizePolicy, QWidget
 
 from app.window.file_dialog import Want, ask_for_one
 from app.window.theme import MARKS, Colours, Tone
-from app.window.widgets import SideSheet, push_button, text_label
+from app.window.widgets import SideSheet, horizontal, push_button, text_label
 from app.words import local, typed_number, typed_numbers
 from levimass import Setting, Value
 
@@ -95,8 +86,7 @@ class SettingsSheet(SideSheet):
 
     def _with_browse(self, editor: QWidget, inner: QWidget) -> QWidget:
         row = QWidget(inner)
-        line = QHBoxLayout(row)
-        line.setContentsMargins(0, 0, 0, 0)
+        line = horizontal(row)
         browse = push_button("…", "Choose a folder", row, self._browse)
         browse.setAccessibleName("Choose a folder")
         browse.setProperty("key", next(key for key, value in self._editors.items() if value is editor))
@@ -115,7 +105,6 @@ class SettingsSheet(SideSheet):
         self.set_value(self._browsed, str(folder))
 
     def show_values(self, values: dict[str, Value]) -> None:
-        """Fill the form with these values."""
         self.problem.setText("")
         for field in self._fields:
             editor, value = self._editors[field.key], values.get(field.key)
@@ -148,40 +137,16 @@ class SettingsSheet(SideSheet):
             elif isinstance(editor, QCheckBox):
                 values[field.key] = editor.isChecked()
             elif isinstance(editor, QLineEdit) and field.kind in ("number", "numbers"):
-                value, problem = (self._number if field.kind == "number" else self._list)(field, editor.text())
-                if problem:
-                    self.refuse(problem)
+                try:
+                    values[field.key] = (_number if field.kind == "number" else _list)(field, editor.text())
+                except ValueError as error:
+                    self.refuse(f"{field.words}: {error}")
                     editor.setFocus()
                     return
-                values[field.key] = value
             elif isinstance(editor, QLineEdit):
                 values[field.key] = editor.text().strip()
         self._say("Applied. Ctrl+R analyses the selected shots again with them, as copies.", Tone.GOOD)
         self.applied.emit(values)
-
-    def _list(self, field: Setting, text: str) -> tuple[str | None, str]:
-        try:
-            values = typed_numbers(text)
-        except ValueError as error:
-            return None, f"{field.words}: {error}"
-        if not values:
-            return ("", "") if field.optional else (None, f"{field.words}: a number is missing")
-        checked = [self._number(field, repr(value)) for value in values]
-        problem = next((problem for _, problem in checked if problem), "")
-        return " ".join(f"{value:.12g}" for value, _ in checked if value is not None), problem
-
-    def _number(self, field: Setting, text: str) -> tuple[float | None, str]:
-        if not text.strip():
-            return (None, "") if field.optional else (None, f"{field.words}: a number is missing")
-        try:
-            value = typed_number(text)
-        except ValueError as error:
-            return None, f"{field.words}: {error}"
-        stored = value / field.scale
-        if not field.low <= stored <= field.high:
-            low, high = field.low * field.scale, field.high * field.scale
-            return None, local(f"{field.words}: {value:g} is outside {low:g} to {high:g} {field.unit}")
-        return stored, ""
 
     def refuse(self, problem: str) -> None:
         """Show why the settings were refused."""
@@ -199,3 +164,29 @@ class SettingsSheet(SideSheet):
     def open(self) -> None:
         """Show the sheet with the focus in its first field."""
         self.open_at(next(iter(self._editors.values()), None))
+
+
+def _list(field: Setting, text: str) -> str:
+    """Return the numbers of a field as they are stored.  Raises ValueError."""
+    values = typed_numbers(text)
+    if not values and not field.optional:
+        raise ValueError("a number is missing")
+    return " ".join(f"{_stored(field, value):.12g}" for value in values)
+
+
+def _number(field: Setting, text: str) -> float | None:
+    """Return the number of a field as it is stored.  Raises ValueError."""
+    if text.strip():
+        return _stored(field, typed_number(text))
+    if field.optional:
+        return None
+    raise ValueError("a number is missing")
+
+
+def _stored(field: Setting, value: float) -> float:
+    """Return a number in SI units.  Raises ValueError outside of the field's limits."""
+    stored = value / field.scale
+    if not field.low <= stored <= field.high:
+        low, high = field.low * field.scale, field.high * field.scale
+        raise ValueError(local(f"{value:g} is outside {low:g} to {high:g} {field.unit}"))
+    return stored

@@ -2,7 +2,7 @@
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QButtonGroup, QPushButton, QStackedWidget, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QButtonGroup, QPushButton, QStackedWidget, QWidget
 
 from analysis.diagnosis import Diagnosis
 from analysis.drive import DriveCurves
@@ -17,7 +17,7 @@ from app.window.plots.lines import thin, under
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours
-from app.window.widgets import FlowLayout, keep_place, push_button, text_label
+from app.window.widgets import FlowLayout, keep_place, push_button, text_label, vertical
 from levimass import is_drive
 
 VIEWS = (
@@ -44,7 +44,6 @@ NO_SHOT = "No shot yet. Press ARM (space), then push the block through the light
 class ShotPanel(QWidget):
     """The plots of the selected shot."""
 
-    view_changed = Signal(str)
     raw_wanted = Signal(object)  # the recording whose raw curves are needed
     drive_wanted = Signal(object)  # the shot whose modelled force is needed
 
@@ -62,16 +61,12 @@ class ShotPanel(QWidget):
         self.gap = GapView(colours, self)
         self.raw = RawView(colours, self)
         self.drive = DriveView(colours, self)
+        self._page_of = {"deflection": self.deflection, "gap": self.gap.stack, "raw": self.raw.stack}  # else the stack
         self._pages = QStackedWidget(self)
-        self._plots: tuple[PlotView, ...] = (
-            self.stack,
-            self.deflection,
-            self.gap.stack,
-            self.raw.stack,
-            *self.drive.plots,
-        )
-        pages: tuple[QWidget, ...] = (self.stack, self.deflection, self.gap.stack, self.raw.stack)
-        for page in (*pages, *self.drive.pages.values()):
+        pages: tuple[PlotView, ...] = (self.stack, *self._page_of.values())
+        self._plots = (*pages, *self.drive.plots)
+        all_pages: list[QWidget] = [*pages, *self.drive.pages.values()]
+        for page in all_pages:
             self._pages.addWidget(page)
         self._legend = Legend(self)
         self._empty = text_label(NO_SHOT, self, faint=True, selectable=True, wrap=True)
@@ -112,9 +107,7 @@ class ShotPanel(QWidget):
         return page if isinstance(page, PlotView) else None
 
     def _build(self) -> None:
-        column = QVBoxLayout(self)
-        column.setContentsMargins(6, 6, 6, 2)
-        column.setSpacing(4)
+        column = vertical(self, (6, 6, 6, 2), 4)
         bar = FlowLayout()
         self._group = QButtonGroup(self)
         self._buttons: dict[str, QPushButton] = {}
@@ -212,9 +205,7 @@ class ShotPanel(QWidget):
         view = self._view
         self._buttons[view].setChecked(True)
         self.motion.contact_only = view == "contact"
-        others: dict[str, QWidget] = {"deflection": self.deflection, "gap": self.gap.stack, "raw": self.raw.stack}
-        if self._driven:
-            others = self.drive.pages
+        others = self.drive.pages if self._driven else self._page_of
         analysed = self._shot is not None and self._shot.motion is not None
         there = analysed or (view == "raw" and self.raw.has_samples)
         page: QWidget = others.get(view, self.stack) if there else self._empty
@@ -225,7 +216,6 @@ class ShotPanel(QWidget):
         self._cursor_button.setEnabled(page is not self._empty)
         self._cursors_moved()
         self._label_lines()
-        self.view_changed.emit(view)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         super().resizeEvent(event)
@@ -258,9 +248,8 @@ class ShotPanel(QWidget):
         if what == "motion":
             self.motion.show_shot(self._shot, self._judged_by)
         else:
-            views: dict[str, DeflectionView | GapView] = {"deflection": self.deflection, "gap": self.gap}
-            views[what].show_shot(self._shot)
-        {"motion": self.stack, "deflection": self.deflection, "gap": self.gap.stack}[what].tell((self._shot,), self._of)
+            (self.gap if what == "gap" else self.deflection).show_shot(self._shot)
+        self._page_of.get(what, self.stack).tell((self._shot,), self._of)
 
     def show_drive(self, shot: Shot, curves: DriveCurves) -> None:
         """Show the modelled force of a drive, unless another shot is shown by now."""
@@ -299,7 +288,6 @@ class ShotPanel(QWidget):
 
     @Slot(bool)
     def show_cursors(self, shown: bool) -> None:
-        """Show or hide the cursors of the view in front."""
         plot = self.plot_in_front()
         if plot is not None and plot.cursors.shown != shown:
             plot.show_cursors(shown)
@@ -313,7 +301,6 @@ class ShotPanel(QWidget):
 
     @Slot()
     def open_menu(self) -> None:
-        """Open the menu of the plot shown."""
         plot = self.plot_in_front()
         if plot is not None:
             plot.open_menu()

@@ -3,14 +3,14 @@
 import numpy as np
 import pyqtgraph as pg
 from numpy.typing import NDArray
-from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from analysis.reading import CENTRES_HZ, CRITERIA_M_PER_S, SiteFloor
 from app.window.plots.cursors import CursorAxis, CursorReadout
 from app.window.plots.lines import thin, under
 from app.window.plots.plain_plot import LogPlot
 from app.window.theme import Colours
-from app.window.widgets import text_label
+from app.window.widgets import horizontal, text_label
 from app.words import local, with_prefix
 
 FREQUENCY = CursorAxis("Hz", "Hz", logarithmic=True)
@@ -42,8 +42,7 @@ class SiteFloorPanel(QWidget):
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._shown: SiteFloor | None = None
-        row = QHBoxLayout(self)
-        row.setContentsMargins(0, 0, 0, 0)
+        row = horizontal(self)
         self.plot = LogPlot(
             "Floor of the site in third-octaves", ("velocity", "µm/s"), "frequency (Hz)", FREQUENCY, self
         )

@@ -3,7 +3,7 @@
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QRectF, Qt, Slot
-from PySide6.QtWidgets import QSplitter, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QSplitter, QWidget
 
 from analysis.shot import Role, Shot
 from app.report import time_zero
@@ -15,7 +15,7 @@ from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.theme import Colours
-from app.window.widgets import text_label
+from app.window.widgets import text_label, vertical
 from app.words import CHANNEL_NAMES
 
 FREQUENCY = CursorAxis("MHz", "MHz")
@@ -27,8 +27,7 @@ class SpectrumPanel(QWidget):
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._colours = colours
-        column = QVBoxLayout(self)
-        column.setContentsMargins(6, 6, 6, 2)
+        column = vertical(self, (6, 6, 6, 2))
         self.said = text_label("", self, faint=True)
         self._legend = Legend(self)
         column.addWidget(self._legend)
@@ -94,7 +93,6 @@ class SpectrumPanel(QWidget):
         return self._spectrum, self._image
 
     def plot_in_front(self) -> PlotView:
-        """Return the focused plot, else the spectrum."""
         return in_front(self.plots)
 
     @Slot()

@@ -11,7 +11,6 @@ from PySide6.QtWidgets import (
     QTreeWidget,
     QTreeWidgetItem,
     QTreeWidgetItemIterator,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -20,7 +19,7 @@ from analysis.shot import Quantity, Shot, shown_in
 from analysis.uncertainty import COVERAGE_FACTOR, BudgetRow, QuantityBudget, budget
 from app.report import PAPER_SECTIONS, paper_cells, readable_unit
 from app.window.theme import Colours, Tone, sized
-from app.window.widgets import text_label
+from app.window.widgets import text_label, vertical
 from app.words import DASH, cell, concise_text, local, number, value_text
 
 
@@ -91,7 +90,6 @@ class TreeTable(QTreeWidget):
 
     @Slot()
     def copy_selected(self) -> None:
-        """Copy the selected rows to the clipboard."""
         QGuiApplication.clipboard().setText(self.selected_text())
 
     def selected_text(self) -> str:
@@ -138,8 +136,7 @@ class BudgetPanel(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(6, 6, 6, 6)
+        column = vertical(self, (6, 6, 6, 6))
         self._say = text_label("", self, faint=True, wrap=True)
         self.table = TreeTable("Uncertainty budget", BUDGET_COLUMNS, (1, 3, 4, 5, 6), self)
         column.addWidget(self._say)
@@ -195,8 +192,7 @@ class PaperPanel(QWidget):
         super().__init__(parent)
         self._colours = colours
         self._result: Reproduction | None = None
-        column = QVBoxLayout(self)
-        column.setContentsMargins(6, 6, 6, 6)
+        column = vertical(self, (6, 6, 6, 6))
         self.said = text_label("", self, wrap=True)
         self.table = TreeTable("The paper, reproduced and audited", PAPER_COLUMNS, (1, 2, 3, 4, 5), self)
         self.table.header().moveSection(PAPER_COLUMNS.index("difference"), 1)  # visible also where the page is narrow

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from PySide6.QtCore import Signal, Slot
-from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QWidget
 
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis
@@ -18,7 +18,7 @@ from app.session import Remainder, by_evidence
 from app.window.panels.effects import CandidateBars
 from app.window.plots.residual_grid import MOST, Cell, Floats, Overlay, ResidualGrid
 from app.window.theme import Colours, Tone
-from app.window.widgets import push_button, text_label
+from app.window.widgets import push_button, text_label, vertical
 from app.words import number, short_name
 
 BESIDE_SHOTS = 4  # whose two remainders stand side by side
@@ -44,8 +44,7 @@ class WhyCanvas(QWidget):
         self._accepted = False
         self._found: Mapping[Effect, Remainder] = {}
         self._effect: Effect | None = None
-        column = QVBoxLayout(self)
-        column.setContentsMargins(6, 0, 0, 0)
+        column = vertical(self, (6, 0, 0, 0))
         top = QHBoxLayout()
         self._heading = text_label("", self, heading=True, wrap=True)
         hover = "The remainders of the best candidate and of the runner-up side by side"

@@ -9,19 +9,11 @@ from datetime import datetime
 
 from PySide6.QtCore import Qt, QTimer, Signal, Slot
 from PySide6.QtGui import QColor, QGuiApplication, QResizeEvent
-from PySide6.QtWidgets import (
-    QFrame,
-    QHBoxLayout,
-    QListWidget,
-    QListWidgetItem,
-    QProgressBar,
-    QSizePolicy,
-    QWidget,
-)
+from PySide6.QtWidgets import QFrame, QListWidget, QListWidgetItem, QProgressBar, QSizePolicy, QWidget
 
 from app.session import Job, Jobs
 from app.window.theme import MARKS, Colours, Tone
-from app.window.widgets import SideSheet, keep_place, push_button, text_label
+from app.window.widgets import SideSheet, horizontal, keep_place, push_button, text_label
 
 KEPT = 20
 LISTED = 200  # messages that the list keeps
@@ -50,8 +42,7 @@ class NoticeLine(QFrame):
         self._notices: list[Notice] = []
         self._shown_s: dict[int, float] = {}  # when each was shown, by its id
         self.history: deque[tuple[datetime, Notice]] = deque(maxlen=LISTED)
-        row = QHBoxLayout(self)
-        row.setContentsMargins(12, 0, 4, 0)
+        row = horizontal(self, (12, 0, 4, 0))
         self._words = text_label("", self, selectable=True)
         self._words.setAccessibleName("Newest message")
         self._words.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)  # a path must not widen it
@@ -213,8 +204,7 @@ class WorkLine(QWidget):
 
     def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        row = QHBoxLayout(self)
-        row.setContentsMargins(0, 0, 0, 0)
+        row = horizontal(self)
         self.notices = NoticeLine(colours, self)
         self.progress = QProgressBar(self)
         self.progress.setRange(0, 1000)

@@ -7,11 +7,11 @@ import numpy as np
 import pyqtgraph as pg
 from numpy.typing import NDArray
 from PySide6.QtCore import QObject, Qt, Signal, Slot
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QWidget
 
 from app.window.plots.lines import straight
 from app.window.theme import Colours
-from app.window.widgets import push_button, text_label
+from app.window.widgets import horizontal, push_button, text_label
 from app.words import DASH, local, number
 
 if TYPE_CHECKING:
@@ -40,7 +40,6 @@ class CursorAxis:
 
     @property
     def slope_words(self) -> str:
-        """Get the heading of the slopes."""
         return f"slope per {self.per}"
 
 
@@ -134,7 +133,6 @@ class Cursors(QObject):
         self._set("B", b)
 
     def step(self, name: str, by: float) -> None:
-        """Move cursor "A" or "B"."""
         self._set(name, self._at[name] + by)
 
     def show(self, shown: bool, left: float, right: float) -> None:
@@ -211,8 +209,7 @@ class CursorReadout(QFrame):
         super().__init__(parent)
         self._plot, self._cursors = plot, plot.cursors
         self.setProperty("card", True)
-        row = QHBoxLayout(self)
-        row.setContentsMargins(8, 4, 8, 4)
+        row = horizontal(self, (8, 4, 8, 4))
         self._table = text_label("", self, selectable=True)
         self._table.setTextFormat(Qt.TextFormat.RichText)
         hover = "Copy places, values, differences, mean, rms and slope between the cursors  (Ctrl+Shift+C)"

@@ -153,15 +153,12 @@ class FramedPlot(pg.GraphicsWidget):
         self.view.addItem(item, ignoreBounds)
 
     def getAxis(self, side: str) -> PlainAxis:
-        """Return the "left" or the "bottom" axis."""
         return self._axes[side]
 
     def setLabel(self, side: str, text: str) -> None:
-        """Name an axis."""
         self._axes[side].setLabel(text)
 
     def setXLink(self, other: "FramedPlot") -> None:
-        """Link x to that of another plot."""
         self.view.setXLink(other.view)
 
 

@@ -139,7 +139,6 @@ class PlotNotes(QObject):
             self.write((drawn.plot, *drawn.place), note)
 
     def remove(self, note: PlotNote) -> None:
-        """Ask for a note to be removed."""
         self.changed.emit(note, None)
 
     @Slot(str)
@@ -215,7 +214,6 @@ class _DrawnNote:
         return near or (self.is_whole and bool(on_text))
 
     def remove(self) -> None:
-        """Take the note off the plot."""
         self.plot.view.sigRangeChanged.disconnect(self._turn)
         self.plot.view.sigResized.disconnect(self._fit)
         for item in (self._dot, self._text):

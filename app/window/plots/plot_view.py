@@ -119,12 +119,10 @@ class PlotView(pg.GraphicsLayoutWidget):
             QGuiApplication.clipboard().setText(self.cursors.text())
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Show the cursor readings with the plot."""
         super().showEvent(event)
         self.cursors.moved.emit()
 
     def hideEvent(self, event: QHideEvent) -> None:
-        """Hide the cursor readings with the plot."""
         super().hideEvent(event)
         self.cursors.moved.emit()
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import pyqtgraph as pg
 from pyqtgraph import Point
@@ -78,6 +78,7 @@ class QuietView(pg.ViewBox):
             self.placed.emit()
 
 
+Drawn = TypeVar("Drawn", bound=SampledCurve)
 LEAST_NAMED_LINES = 4  # least height for names of levels, in lines of text
 
 
@@ -116,14 +117,13 @@ class TimePlot(FramedPlot):
 
     def add_curve(self, name: str, pen: QPen) -> SampledCurve:
         """Add an empty curve."""
-        curve = SampledCurve(name, self.unit, pen)
-        self.addItem(curve)
-        self.sampled.append(curve)
-        return curve
+        return self._added(SampledCurve(name, self.unit, pen))
 
     def add_points(self, name: str, pen: QPen) -> PointCurve:
         """Add an empty curve of points that are decimated already."""
-        curve = PointCurve(name, self.unit, pen)
+        return self._added(PointCurve(name, self.unit, pen))
+
+    def _added(self, curve: Drawn) -> Drawn:
         self.addItem(curve)
         self.sampled.append(curve)
         return curve

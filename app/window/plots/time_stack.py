@@ -23,7 +23,6 @@ class TimeStack(PlotView):
         self._value_axes: list[PlainAxis] = []
 
     def add_plot(self, title: str, unit: str, stretch: int = 3) -> TimePlot:
-        """Add a plot below the others."""
         plot = TimePlot(title, unit)
         row = len(self.plots)
         self.addItem(plot, row=row, col=0)
@@ -81,7 +80,6 @@ class TimeStack(PlotView):
 
     @Slot()
     def reset(self) -> None:
-        """Emit ``reset_wanted``."""
         self.reset_wanted.emit()
 
     @Slot(float, float)

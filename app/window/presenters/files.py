@@ -35,7 +35,6 @@ class FilesPresenter(QObject):
 
     @Slot()
     def open_session(self) -> None:
-        """Ask for a session file and open it."""
         ask_for_one(self._panels, "Open a session", Want.FILE, self.open_named, self._folder(), SESSIONS)
 
     @Slot()
@@ -55,7 +54,6 @@ class FilesPresenter(QObject):
         return path.parent if named and path is not None else self._choices.start_folder
 
     def open_named(self, path: Path) -> None:
-        """Open the session in this file."""
         problem = self._workbench.open_session(path)
         self._opened(problem, "" if problem else str(path))
 

@@ -30,7 +30,6 @@ class TourPresenter(QObject):
 
     @Slot()
     def toggle_tour(self) -> None:
-        """Start the tour, or end it."""
         if self.tour.isVisible():
             self.tour.finish()
         else:

@@ -159,7 +159,6 @@ class SessionPresenter(QObject):
 
     @Slot()
     def open_recordings(self) -> None:
-        """Ask for recordings and open them."""
         ask(self._panels, "Open recordings", Want.FILES, self.open_paths, self._folder, OPENED)
 
     def open_paths(self, paths: list[Path]) -> None:
@@ -196,7 +195,6 @@ class SessionPresenter(QObject):
         self._workbench.exports.export_hdf5(self._panels.table.numbers, folder)
 
     def export_to(self, folder: Path) -> None:
-        """Export the selected shots, or all, to a folder."""
         self._chosen = folder
         self._workbench.exports.export(self._panels.table.numbers, folder)
 

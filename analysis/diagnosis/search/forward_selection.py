@@ -34,7 +34,7 @@ REFITTED = 5
 STRONGER = 3  # more, where the residual is far above noise
 WORTH_FINISHING = 40.0  # of the criterion behind the best after a short search: worth a longer one
 WORTH_FITTING = 8.0  # of gain; a fit that promises less never makes the fall that is required
-IF_WHITE = 3  # more, of those that would do best if the noise did not wander
+UNLEARNED = 3  # more, of those that do best under a noise that has not absorbed what the model lacks
 OTHER_FIRSTS = 2  # first effects to begin with where those that were found leave a residual
 NARROW = 3  # of those that score best are fitted in such a search, where the right one leads
 CLOSE = 500.0  # of the criterion, to a fit with one effect less: further off, it may be the wrong valley
@@ -131,7 +131,7 @@ def explore(
 def another_way(best: Fitted, trail: Trail) -> Fitted:
     """Restart the search from other first effects: two that depend on each other may look like a third."""
     firsts = [fitted for fitted in trail.alone() if not set(fitted.effects) <= set(best.effects)][:OTHER_FIRSTS]
-    ends = [climb(polish(first, trail, from_white=True), trail, CRITERIA.most_effects - 1, NARROW) for first in firsts]
+    ends = [climb(polish(first, trail, begun_anew=True), trail, CRITERIA.most_effects - 1, NARROW) for first in firsts]
     return min([best, *ends], key=lambda fitted: fitted.bic)
 
 
@@ -163,7 +163,7 @@ def climb(here: Fitted, trail: Trail, most: int = CRITERIA.most_effects, width: 
         # Each of two effects alone leaves a noise that wanders; what that requires is tested at the end.
         if best is None or here.bic - best.bic < trail.least_fall():
             break
-        here = wider(polish(prune(best, trail), trail, from_white=first), trail)
+        here = wider(polish(prune(best, trail), trail, begun_anew=first), trail)
     return here
 
 
@@ -182,17 +182,17 @@ def better(fitted: Fitted, other: Fitted) -> bool:
     return fitted.bic < other.bic - CRITERIA.same_end
 
 
-def polish(fitted: Fitted, trail: Trail, *, from_white: bool = False) -> Fitted:
+def polish(fitted: Fitted, trail: Trail, *, begun_anew: bool = False) -> Fitted:
     """Return the fit brought to its minimum: what a short search leaves would call for one more effect.
 
-    ``from_white``: also search anew from white noise, since noise learnt in a wrong valley may hold the search there.
-    That happens where the first effect of a search takes what the start had left to the noise, hardly ever later.
+    ``begun_anew``: also search from a noise that was not learnt, since one learnt in a wrong valley may hold a search
+    there.  That happens where the first effect of a search takes what was left to the noise, hardly ever later.
     """
     better = fitted.fitted_on(evaluations=60, anew=True, cancelled=trail.stop)
-    if from_white and better.noise.coloured and better.bic < trail.start.bic - CLOSE:
-        white = better.from_white(evaluations=60, cancelled=trail.stop)
-        white = white.fitted_on(evaluations=60, anew=True, cancelled=trail.stop)
-        better = min(better, white, key=lambda one: one.bic)
+    if begun_anew and better.noise.coloured and better.bic < trail.start.bic - CLOSE:
+        anew = better.from_unlearned_noise(evaluations=60, cancelled=trail.stop)
+        anew = anew.fitted_on(evaluations=60, anew=True, cancelled=trail.stop)
+        better = min(better, anew, key=lambda one: one.bic)
     if better.log_likelihood < fitted.log_likelihood - (0.5 if better.converged else 0.0):
         return fitted
     trail.fits[frozenset(better.effects)] = better
@@ -220,9 +220,9 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
         for score in distinct_starts(listed)[: 1 if place >= 2 else 2]
     ]
     if here.noise.coloured:
-        # The noise was learnt from the residual and may have absorbed an effect: score as if it were white, too.
+        # The noise was learnt from the residual and may have absorbed an effect.
         scored = {score.kind.effect for score in tried}
-        other = _ranked(at.under(here.noise.still), free, trail)[:IF_WHITE]
+        other = _ranked(at.under(here.unlearned_noise), free, trail)[:UNLEARNED]
         tried += [listed[0] for listed in other if listed[0].kind.effect not in scored]
     refitted = _refitted(at, tried, trail.stop)
     known = {score.kind.effect: trail.of((*trail.start.effects, score.kind.effect)) for score in tried if not first}

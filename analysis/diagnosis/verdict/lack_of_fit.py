@@ -66,7 +66,7 @@ def colour(white: Sequence[Floats]) -> float:
 def gain(fitted: Fitted, at: Linearised, shapes: Arrow) -> tuple[float, int, Floor]:
     """Return twice the gain in log-likelihood of ``shapes`` (averaged, in m), and how many they really are.
 
-    And the noise that is left beside them: learnt anew, on a moving frame that of ``at``, which the flights show.
+    And the noise that is left beside them: learnt anew, or that of ``at`` where it is another one than the fit's.
     """
     whitened = shapes.whitened(fitted.problem.data.shots, at.noise)
     projected = at.basis.projected_columns(whitened)
@@ -74,7 +74,7 @@ def gain(fitted: Fitted, at: Linearised, shapes: Arrow) -> tuple[float, int, Flo
     if not new:
         return 0.0, 0, fitted.noise
     numbers = projected.solve(at.left)
-    if fitted.problem.data.site is not None:
+    if at.noise is not fitted.noise:
         return float(numbers @ whitened.pull(at.left)), new, at.noise
     moves = at.tangents.solve(at.whole - whitened.along(numbers))
     both = zip(at.lines, at.tangents.places, shapes.blocks, shapes.places, strict=True)
@@ -84,8 +84,11 @@ def gain(fitted: Fitted, at: Linearised, shapes: Arrow) -> tuple[float, int, Flo
     return 2 * (value - fitted.log_likelihood), new, floor
 
 
-def worst(fitted: Fitted, at: Linearised, slow: float = 1.0) -> LackOfFit:
-    """Return the shape whose gain exceeds its limit most; ``slow`` is the noise's ``colour``."""
+def worst(fitted: Fitted, at: Linearised, unlearned: Linearised, slow: float = 1.0) -> LackOfFit:
+    """Return the shape whose gain exceeds its limit most; ``slow`` is the noise's ``colour``.
+
+    ``unlearned`` is the fit linearised under a noise that has not absorbed a law of speed, place or bend.
+    """
     shots = fitted.problem.data.shots
     problem = fitted.problem
     fastest = max(abs(shot.course.velocity_in_m_per_s) for shot in shots)
@@ -103,9 +106,10 @@ def worst(fitted: Fitted, at: Linearised, slow: float = 1.0) -> LackOfFit:
         of_effects = tangents.without(range(problem.offset))
         turned = of_effects.mapped(lambda k, block: block * _after_turn(shots[k])[:, None])
         shapes[Freedom.EFFECT_AFTER_TURN] = Arrow.of(turned.blocks, turned.shared)
-    shapes |= {name: shared(columns) for name, columns in free_laws(problem, fitted.point).items()}
+    laws = free_laws(problem, fitted.point)
+    shapes |= {name: shared(columns) for name, columns in laws.items()}
     found = []
-    gains = side_by_side(lambda shape: gain(fitted, at, shape), shapes.values())
+    gains = side_by_side(lambda one: gain(fitted, unlearned if one[0] in laws else at, one[1]), shapes.items())
     for name, (value, width, floor) in zip(shapes, gains, strict=True):
         # A wandering floor is learnt from the same data, anew beside every shape.  Where a shape makes it cease to
         # wander, the floor was the shape, and white noise is the measure.

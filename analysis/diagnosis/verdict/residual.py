@@ -73,21 +73,21 @@ class Residual:
 def residual_of(fitted: Fitted, at: Linearised) -> Residual:
     """Test the residual of a fit.
 
-    On a moving frame strengths learnt from the residual have taken up much of what the model lacks: shapes are laid on
-    it under the noise that the flights show.  Its strengths are uncertain, so chance gains more.
+    On a moving frame strengths learnt from the residual have taken up much of what laws would do: these are laid on it
+    under the noise that the flights show.  Its strengths are uncertain, so chance gains more.
     """
     shots = fitted.problem.data.shots
     on_frame = fitted.problem.data.site is not None
-    at = at.under(fitted.unlearned_noise) if on_frame else at
+    unlearned = at.under(fitted.unlearned_noise) if on_frame else at
     white = fitted.whitened()
     correlation = _correlation(white)
     ratio = _ratio(white, shots)
     slow = colour(white)
-    coherence, limit, width = _coherence(fitted, at) if len(shots) > 1 else (0.0, math.inf, 0)
+    coherence, limit, width = _coherence(fitted, unlearned) if len(shots) > 1 else (0.0, math.inf, 0)
     limit *= slow * (CRITERIA.wandering_gain if on_frame else 1.0)
     size = math.sqrt(max(0.0, coherence - width)) if coherence > limit else 0.0
     samples = sum(part.size for part in white)
-    return Residual(coherence, limit, correlation, ratio, size, worst(fitted, at, slow), samples)
+    return Residual(coherence, limit, correlation, ratio, size, worst(fitted, at, unlearned, slow), samples)
 
 
 def _correlation(white: Sequence[Floats]) -> float:

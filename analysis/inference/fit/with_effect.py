@@ -38,7 +38,7 @@ def _with_one_more(here: Fitted, kind: TrialEffect, stop: Stop) -> Fitted:
     at = here.linearise()
     starts = [score.start for score in distinct_starts(at.scores(kind))[:_FOLLOWED]]
     if here.noise.coloured:  # noise learnt from a residual may have taken up the effect
-        starts += [score.start for score in distinct_starts(at.under(here.noise.still).scores(kind))[:1]]
+        starts += [score.start for score in distinct_starts(at.under(here.unlearned_noise).scores(kind))[:1]]
     trials = [trial for start in starts if (trial := refit(at, kind, start, stop)) is not None]
     if not trials or min(trial.bic for trial in trials) > here.bic:
         natural = (_from_natural_size(here, kind, start, stop) for start in kind.starts[:_FOLLOWED])

@@ -90,7 +90,7 @@ def fit_with_rate_error(fit: Fit, motion: Motion) -> Fit:
     A parameter scales with the rate as its unit says; all of them scale together, so ratios are unchanged.
     """
     error = motion.rate_error
-    if not error or not fit.parameters:
+    if not error:
         return fit
     moved = np.array([-error * power_of_time(name) * q.value for name, q in fit.parameters.items()])
     parameters = dict(zip(fit.parameters, map(_wider, fit.parameters.values(), moved.tolist()), strict=True))

@@ -231,3 +231,12 @@ def test_corrected_slope_includes_every_uncertainty() -> None:
 def test_an_impossible_plate_is_refused(change: dict[str, float], word: str) -> None:
     with pytest.raises(ValueError, match=word):
         plates.stiffness_n_per_m(replace(PAPER_PLATE, **change))
+
+
+def test_a_tabulated_modulus_is_doubted_by_as_much_as_tables_of_one_alloy_differ() -> None:
+    """Handbooks give hardened beryllium copper 125 to 131 GPa by temper and author, any of them as likely (GUM 4.3.7).
+
+    Without a stated uncertainty the modulus is doubted by that spread at least, and not by twice as much.
+    """
+    spread = (131e9 - 125e9) / 2.0 / math.sqrt(3.0)
+    assert spread < PlateTolerance().youngs_modulus_pa < 2.0 * spread

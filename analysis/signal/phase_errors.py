@@ -102,12 +102,12 @@ def leak_phase(leak: Leak, moving_cycles: Floats, rest_cycles: Floats, track: Tr
 
 
 def _response(taps: Floats, frequency: Floats) -> Floats:
-    """Return the response of symmetric taps at frequencies in cycles per sample, looked up on a fine grid."""
+    """Return the response of symmetric taps of unit sum at frequencies in cycles per sample, off a fine grid."""
     size = 1 << int(np.ceil(np.log2(32 * taps.size)))
     position = np.arange(size // 2 + 1) / size
     gain = np.fft.rfft(taps, size) * np.exp(2j * np.pi * position * 0.5 * (taps.size - 1))
     wrapped = np.abs(frequency - np.rint(frequency))
-    return np.asarray(np.interp(wrapped, position, gain.real / taps.sum()))
+    return np.asarray(np.interp(wrapped, position, gain.real))
 
 
 def folded_harmonic(

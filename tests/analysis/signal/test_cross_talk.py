@@ -78,6 +78,17 @@ def test_a_recording_with_little_cross_talk_is_unchanged() -> None:
     assert analyse(sound(), READ).flags == () == analyse(coupled(0.004), READ).flags
 
 
+@pytest.mark.parametrize("size", [0.009, 0.011, 0.05])
+def test_cross_talk_is_measured_against_the_beat_that_it_disturbs(size: float) -> None:
+    """A hundredth of PD0's own amplitude is removed, less is left."""
+    coupling = size * 0.7 / 0.6  # of PD1's 0.6 V into PD0's 0.7 V
+    rest, beat, _ = coupled(coupling).counts.T
+    found = find_cross_talk(rest, beat, survey(rest, 10e6, 12, "PD0"), survey(beat, 10e6, 12, "PD1"), 10e6)
+    assert (found is not None) is (size > 0.01)
+    if found is not None:
+        assert found.ratio == pytest.approx(size, rel=0.03)
+
+
 def test_cross_talk_that_changes_is_flagged_and_no_deflection_given() -> None:
     shot = analyse(coupled(0.1, varies=1.0), READ)
     assert "cross_talk" in shot.flags and "samples_lost" not in shot.flags

@@ -12,6 +12,7 @@ from analysis.shot.shot import AnalysisSettings
 from analysis.signal.demodulation import demodulate
 from analysis.signal.losses import find_losses
 from tests.analysis.disturbance import without_samples
+from tests.analysis.signal.beats import free_flight, make_recording
 from tests.analysis.synthetic_collision import Synthetic
 from tests.beats import REST_HZ, recording_of
 
@@ -35,6 +36,22 @@ def test_two_losses_close_together_are_two(apart: int) -> None:
     found = [(gap.sample_start, gap.samples_lost) for gap in find_losses(recording, REST_HZ)]
     assert [count for _, count in found] == [4, 3, 2]
     assert np.abs(np.array([at for at, _ in found]) - [90_000, 90_000 + apart, 120_493]).max() <= 3
+
+
+@pytest.mark.parametrize("size", [1, 9, 16])
+def test_the_first_of_two_close_losses_is_counted_whatever_few_samples_it_took(size: int) -> None:
+    recording = without_samples(recording_of(SHORT, snr_db=30.0), {90_000: size, 90_040 + size: 3})
+    assert [gap.samples_lost for gap in find_losses(recording, REST_HZ)] == [size, 3]
+
+
+@pytest.mark.parametrize("rest_hz", [0.2e6, 4.9e6])
+def test_losses_are_found_though_the_rest_beat_nearly_meets_its_mirror_image(rest_hz: float) -> None:
+    """Near zero and near half the sample rate both are read together unless enough of their periods are."""
+    whole = make_recording(free_flight(-0.01), 200_000, rest_hz=rest_hz, snr_db=35.0)
+    assert find_losses(whole, rest_hz) == ()
+    found = find_losses(without_samples(whole, {60_000: 1, 120_500: 3}), rest_hz)
+    assert [gap.samples_lost for gap in found] == [1, 3]
+    assert np.abs(np.array([gap.sample_start for gap in found]) - [60_000, 120_499]).max() <= 3
 
 
 def test_nothing_is_lost_where_nothing_was_lost() -> None:

@@ -88,6 +88,19 @@ def test_a_small_share_at_the_rail_is_counted_at_either_rail(offset: float) -> N
     assert survey(beat(1000.0, offset / 2), 10e6, 12, "PD1").clipped_fraction == 0.0
 
 
+@pytest.mark.parametrize("turns", [15 / 32, 7 / 32, 5 / 16])
+def test_a_beat_in_step_with_the_sample_clock_is_not_called_clipped(turns: float) -> None:
+    """It repeats so few phases that it stands often at its extremes and never a count below them.
+
+    What is cut off at a tenth less stands there far more often still.
+    """
+    whole = 100.0 * np.cos(2 * np.pi * turns * np.arange(200_000))
+    noise = np.random.default_rng(1).normal(0.0, 0.1, whole.size)
+    for signal, clipped in ((whole, False), (np.clip(whole, -90.0, 90.0), True)):
+        found = survey(np.rint(signal + noise).astype(np.int16), 10e6, 8, "PD0")
+        assert (found.clipped_fraction > 0.0) is clipped
+
+
 def test_harmonics_are_a_share_of_the_usual_beat_however_bright_a_moment_is() -> None:
     flash = np.where(np.arange(200_000) < 30_000, 3.0, 1.0)
     assert survey(beat(300.0 * flash, second=0.05), 10e6, 12, "PD1").harmonics == pytest.approx(0.05, rel=0.1)

@@ -67,6 +67,18 @@ def test_a_faulty_record_is_refused(time: np.ndarray, displacement: np.ndarray |
         motion_from_displacement(time, displacement, None, None, 0.1)
 
 
+@pytest.mark.parametrize(("pause_s", "one_record"), [(4.0, True), (100.0, False)])
+def test_a_pause_far_longer_than_the_record_is_not_filled_with_empty_rows(pause_s: float, one_record: bool) -> None:
+    """Two records in one file are no record with a gap: it would be as long as the time between them."""
+    time = np.where(TIME < 2.0, TIME, TIME + pause_s)
+    if one_record:
+        motion = motion_from_displacement(time, _wave(), None, None, 0.1)
+        assert motion.flags == ("gap",) and motion.time_s[-1] == pytest.approx(time[-1])
+    else:
+        with pytest.raises(AnalysisError, match="no even sampling"):
+            motion_from_displacement(time, _wave(), None, None, 0.1)
+
+
 def test_the_air_track(measured: Path) -> None:
     table = np.genfromtxt(measured / "airtrack-1.csv", delimiter=",", names=True)
     motion = motion_from_displacement(table["time_s"], table["displacement_m"], None, None, 0.0912)

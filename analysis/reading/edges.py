@@ -109,7 +109,7 @@ def _bend_of(u_s: Floats, x_m: Floats) -> int:
     return BEND if straight - bent > PLAIN * bent / (u_s.size - BEND - 1) else 1
 
 
-def edge_of_line(motion: Motion, line: Flight, *, until: int, bend: int = 0) -> Edge | None:
+def edge_of_line(motion: Motion, line: Flight, *, until: int, bend: int) -> Edge | None:
     """Return the edge of a contact that leaves a flight's own line, on the side of sample ``until``.
 
     With ``bend`` the flight bends: a polynomial of that degree through it is found together with the edge, and what a

@@ -94,6 +94,33 @@ def test_a_knock_that_rings_until_the_record_ends_is_left_out_to_the_end() -> No
     assert last_s - 0.5e-3 < end_s <= last_s + 1e-9  # displacements are averaged over 0.5 ms
 
 
+def test_a_knock_that_the_record_begins_in_is_left_out_from_its_first_samples_on() -> None:
+    """What was left out is stated from the first sample of it to the last, not from the middles of their means."""
+    rig = Synthetic(speed_m_per_s=0.16, touch_s=0.018003, duration_s=0.07)
+    impact = read_impact(disturbed_motion(rig, Disturbance(knocks=(Knock(1e-3, 5e-8, decay_s=1e-3),))))
+    assert impact.disturbance is not None
+    ((begin_s, end_s),) = impact.disturbance.knocks_s
+    assert begin_s < 0.1e-3
+    assert 5e-3 < end_s < rig.touch_s
+
+
+@pytest.mark.parametrize(("amplitude_m", "hz_per_s"), [(5e-8, 300.0), (2e-7, 100.0)])
+def test_a_machine_that_runs_up_is_not_taken_for_two_at_nearly_one_frequency(
+    amplitude_m: float, hz_per_s: float
+) -> None:
+    """Two sines closer than the flights can tell apart fit anything by nearly cancelling each other."""
+    time = np.arange(0.0, RIG.duration_s, 1.0 / RIG.rate_hz)
+    angle = 2 * np.pi * (600.0 * time + 0.5 * hz_per_s * (time - 0.03) ** 2)
+    x = position_m(RIG, time) + amplitude_m * np.sin(angle)
+    x += np.random.default_rng(1).normal(0.0, RIG.noise_m, time.size)
+    impact = read_impact(motion_from(time, x, RIG))
+    assert impact.disturbance is not None
+    found = sorted(line.frequency_hz.value for line in impact.disturbance.lines)
+    assert np.all(np.diff(found) > 0.5 / RIG.duration_s)
+    assert max(line.amplitude_m.value for line in impact.disturbance.lines) < 1.1 * amplitude_m
+    assert abs(pulls(impact)["velocity_in_m_per_s"]) < 5.0
+
+
 @pytest.mark.parametrize("lines", [(), (Line(600.0, 1e-8, 1.1),), (Line(40.0, 2e-7, 0.3),)])
 def test_what_shook_is_the_same_without_reading_all(lines: tuple[Line, ...]) -> None:
     motion = disturbed_motion(RIG, Disturbance(lines=lines))

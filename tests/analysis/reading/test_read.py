@@ -9,15 +9,23 @@ from analysis.reading.edges import Edge
 from analysis.reading.flight import fit_flight
 from analysis.reading.floor_spectrum import FloorSpectrum, Octaves
 from analysis.reading.locate import find_collision
-from analysis.reading.pulse import read_slope
+from analysis.reading.pulse import read_deflection, read_slope
 from analysis.reading.read import NoImpact, read_impact
 from analysis.reading.record_checks import where_it_went
 from analysis.shot.impact import Impact
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import NotSeen, Quantity, Reading
-from tests.analysis.synthetic_collision import Synthetic, motion_from, motion_of
+from tests.analysis.synthetic_collision import Synthetic, motion_from, motion_of, position_m, true_of
 
 RIG = Synthetic()
+CONTACT_S = 28.70771255e-3
+
+
+def still(motion: Motion) -> FloorSpectrum:
+    """Return a floor that does not move under a motion of 0.1 nm of white noise."""
+    each = max(1, round(0.5e-3 * motion.sample_rate_hz))
+    octaves = Octaves.of(motion.time_s[::each], each / motion.sample_rate_hz)
+    return FloorSpectrum(octaves, ((1.0, np.zeros(octaves.centre_hz.size)),), RIG.noise_m, motion.sample_rate_hz)
 
 
 def seen(reading: Reading) -> Quantity:
@@ -143,6 +151,61 @@ def test_a_record_that_ends_inside_the_contact_keeps_what_was_seen(motion: Motio
     assert "no_release" in impact.flags
 
 
+@pytest.mark.parametrize("before_s", [1e-3, 10e-3])
+@pytest.mark.parametrize("after_s", [3.5e-3, 5e-3, 20e-3])
+def test_a_contact_is_found_alike_however_little_flight_the_record_has_about_it(
+    motion: Motion, before_s: float, after_s: float
+) -> None:
+    """Where nearly all of the record is contact, its own force is not taken for the noise that it must exceed."""
+    kept = np.abs(motion.time_s - RIG.touch_s - 0.5 * (CONTACT_S + after_s - before_s)) < 0.5 * (
+        before_s + CONTACT_S + after_s
+    )
+    short = motion_from(motion.time_s[kept].copy(), motion.displacement_m[kept].copy(), RIG)
+    span = find_collision(short)
+    assert span is not None and span.finished
+    assert short.time_s[span.first] == pytest.approx(RIG.touch_s, abs=0.3e-3)
+    assert short.time_s[span.last] == pytest.approx(RIG.touch_s + CONTACT_S, abs=0.3e-3)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_release_is_as_sure_in_a_record_that_ends_soon_after_it_as_in_a_longer_one(seed: int) -> None:
+    """The force is compared with its noise in flight: the last of the contact is no part of that, however near."""
+    noisy = Synthetic(noise_m=1e-9)
+    whole = motion_of(noisy, seed)
+    stds = []
+    for after_s in (3.5e-3, 20e-3):
+        kept = whole.time_s < noisy.touch_s + CONTACT_S + after_s
+        short = motion_from(whole.time_s[kept].copy(), whole.displacement_m[kept].copy(), noisy)
+        release = seen(read_impact(short).release_time_s)
+        assert abs(release.value - noisy.touch_s - CONTACT_S) < 4.0 * release.std
+        stds.append(release.std)
+    assert stds[0] < 1.5 * stds[1]
+
+
+def test_a_velocity_says_how_many_samples_of_flight_it_was_read_from(motion: Motion, impact: Impact) -> None:
+    """The record begins in flight, and the touch is known to less than a sample: they are all those before it."""
+    assert seen(impact.touch_time_s).std < 0.2 / motion.sample_rate_hz
+    how = seen(impact.velocity_in_m_per_s).how
+    assert f" {np.count_nonzero(motion.time_s < RIG.touch_s)} samples of free flight" in how
+
+
+def test_a_turn_with_one_sample_missing_is_still_read_and_with_two_it_is_not() -> None:
+    """Of a slow record five samples lie about the turn; three would be a parabola that nothing checks."""
+    slow = Synthetic(rate_hz=5e3, bandwidth_hz=1e3)
+    whole = motion_of(slow)
+    fine_s = np.linspace(slow.touch_s, slow.touch_s + CONTACT_S, 100_001)
+    turn_s = float(fine_s[position_m(slow, fine_s).argmin()])
+    (nearest, second, *_) = np.argsort(np.abs(whole.time_s - turn_s))
+    touch = Edge(slow.touch_s, 1e-7)
+    for missing, read in (((nearest,), True), ((nearest, second), False)):
+        x = whole.displacement_m.copy()
+        x[list(missing)] = np.nan
+        found = read_deflection(motion_from(whole.time_s, x, slow), turn_s, touch, -slow.speed_m_per_s, still(whole))
+        assert isinstance(found, Quantity) is read
+        if isinstance(found, Quantity):
+            assert found.value == pytest.approx(true_of(slow)["deflection_max_m"], abs=1e-6)
+
+
 def test_a_hole_in_the_contact_is_said_not_bridged(motion: Motion) -> None:
     x = motion.displacement_m.copy()
     x[(motion.time_s > RIG.touch_s + 10e-3) & (motion.time_s < RIG.touch_s + 12e-3)] = np.nan
@@ -175,8 +238,7 @@ def test_the_slope_says_what_a_badly_known_end_of_the_contact_costs() -> None:
     assert span is not None
     flight = fit_flight(motion, span.flight_first, span.first - 4, nearest=span.first)
     assert flight is not None
-    octaves = Octaves.of(motion.time_s[::50], 50 / RIG.rate_hz)
-    noise = FloorSpectrum(octaves, ((1.0, np.zeros(octaves.centre_hz.size)),), RIG.noise_m, RIG.rate_hz)
+    noise = still(motion)
     touch, end_s = Edge(RIG.touch_s, 1e-6), RIG.touch_s + 28.7e-3
     sure = seen(read_slope(motion, touch, Edge(end_s, 1e-6), flight, noise))
     late = seen(read_slope(motion, touch, Edge(end_s + 2e-3, 2e-3), flight, noise))
@@ -184,5 +246,5 @@ def test_the_slope_says_what_a_badly_known_end_of_the_contact_costs() -> None:
     assert abs(late.value - sure.value) < 2.0 * late.std
 
     held = replace(motion, displacement_m=np.where(motion.time_s > RIG.touch_s, -1e-3, motion.displacement_m))
-    still = read_slope(held, touch, Edge(end_s, 1e-6), flight, noise)  # counted in steps of a millimetre
-    assert isinstance(still, NotSeen) and "the same" in still.reason
+    resting = read_slope(held, touch, Edge(end_s, 1e-6), flight, noise)  # counted in steps of a millimetre
+    assert isinstance(resting, NotSeen) and "the same" in resting.reason

@@ -149,6 +149,22 @@ def test_likely_causes(frequency, word):
     assert word in likely_cause(frequency, 0.05)
 
 
+@pytest.mark.parametrize("order", [5, 10, 20])
+def test_mains_a_hundredth_of_a_hertz_off_are_known_by_their_multiples_too(order):
+    """A multiple is as many times as far off; a machine half a hertz away is no multiple."""
+    assert f"{order} x 50 Hz" in likely_cause(order * 49.99, 0.02)
+    assert "fan" in likely_cause(order * 50.0 + 0.5, 0.02)
+
+
+@pytest.mark.parametrize(("frequency", "counts"), [(5.0, False), (6.0, False), (20.0, True), (140.0, False)])
+def test_a_site_is_rated_by_what_moves_it_between_8_and_80_hz_alone(frequency, counts):
+    quiet = _velocity(Site(third_octave_m_per_s=1e-6))
+    shaken = quiet + 30e-6 * np.sin(2 * np.pi * frequency * TIME)
+    floor, without = read_site(shaken, RATE), read_site(quiet, RATE)
+    assert (floor.criterion != without.criterion) is counts
+    assert floor.third_octave_m_per_s.max() > 20e-6  # though it is shown
+
+
 def test_too_little_is_no_floor():
     assert read_site(np.zeros(100), RATE) is None
     assert read_site(np.full(TIME.size, np.nan), RATE) is None

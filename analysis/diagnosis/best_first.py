@@ -101,7 +101,8 @@ class BestFirst:
                 return partial(self._end_with, named)
             if self._question.limit():
                 return partial(self._complete, building)
-            if building.leaves_something and not building.law_was_tried:
+            lacking = building.leaves_something if named is None else not named.explained
+            if lacking and not building.law_was_tried:
                 return partial(self._try_one_law_instead, building, building)
         if rest is None:
             return self._search_at_rest

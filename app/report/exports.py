@@ -8,12 +8,12 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis import Diagnosis, Errors, Foretold, LearnedLaw, prediction_words
+from analysis.diagnosis import Diagnosis, Errors, LearnedLaw, prediction_words
 from analysis.fitted import shaking_of
 from analysis.report import shot_result
 from analysis.shot import Motion, Quantity, Reading, Shot, program_version
@@ -32,6 +32,9 @@ from analysis.uncertainty import (
 )
 from app.words import cell, parameter_parts
 from instrument.files import RecordingError, write_atomic, write_text_atomic
+
+if TYPE_CHECKING:  # what predicts also fits, and the window does without
+    from analysis.diagnosis import Foretold
 
 Floats = NDArray[np.float64]
 MOTION_COLUMNS = (
@@ -221,7 +224,7 @@ def law_columns(law: LearnedLaw) -> dict[str, list[float]]:
 KEYS = tuple(field.name for field in fields(Errors))
 
 
-def export_prediction(prediction: Foretold, folder: Path) -> Path:
+def export_prediction(prediction: "Foretold", folder: Path) -> Path:
     """Write ``foretold.csv``: the errors of a prediction, a row per shot and one for all.  Raises OSError."""
     header = ["name", "took_part", "problem"]
     header += [f"{which}_{key}" for which in ("base", "model") for key in KEYS]

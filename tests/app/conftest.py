@@ -10,8 +10,10 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 @pytest.fixture(scope="session")
 def warm_kernels():
     """Compile, or load from the cache, what the first shot needs; windows opened later in this process have it."""
+    from app import session
     from app.session import kernels, warm_up
 
+    assert session.complete is kernels.complete  # the package remembers it as it is before it is replaced here
     warm_up.readings()
     warm_up.fit()
     with pytest.MonkeyPatch.context() as patch:

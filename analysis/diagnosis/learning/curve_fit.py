@@ -196,6 +196,9 @@ def _fitted(
     to_the_end: bool,
 ) -> Learned:
     here, damping = _Place(z, terms, begin, fresh=True), 0.0
+    on_frame = problem.data.site is not None
+    if on_frame:  # strengths learnt on the way would take up what the curves have not yet
+        problem = problem.with_noise(problem.data.noise_of_flights)
     for step in range(steps):
         if stop():
             raise Cancelled
@@ -206,7 +209,7 @@ def _fitted(
         if went.there is None:
             break
         here, damping = went.there, went.damping
-        if step >= 1:
+        if step >= 1 and not on_frame:
             problem = problem.with_noise(problem.learn_noise(here.left_m(problem), problem.noise)[0])
         if step >= 2 and went.fell < _SETTLED and damping <= _DAMPINGS[1]:
             break

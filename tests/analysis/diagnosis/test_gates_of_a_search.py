@@ -286,7 +286,8 @@ def lacking(
     monkeypatch.setattr(lack_of_fit, "shared", lambda columns: columns[0])
     monkeypatch.setattr(lack_of_fit, "gain", lambda _fitted, _at, shape: gains[shape])
     fitted = SimpleNamespace(problem=problem, point=None)
-    return worst(cast(Any, fitted), cast(Any, SimpleNamespace(lines=())), slow)
+    at = cast(Any, SimpleNamespace(lines=()))
+    return worst(cast(Any, fitted), at, at, slow)
 
 
 @pytest.mark.parametrize(("floor", "times"), [(CALM, 1.0), (WANDERING, 3.0)])

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis import Diagnosis, Errors, LearnedLaw, prediction_words
 from analysis.fitted import shaking_of
-from analysis.report import shot_result
 from analysis.shot import Motion, Quantity, Reading, Shot, program_version
 from analysis.uncertainty import COLUMNS as BUDGET_COLUMNS
 from analysis.uncertainty import (
@@ -269,6 +268,8 @@ def export_hdf5(shots: Sequence[Shot], folder: Path) -> list[Path]:
 
 
 def _bytes(shot: Shot, others: Sequence[Shot], path: Path) -> memoryview:
+    from analysis.report import shot_result  # it imports all that fits, which the window does without
+
     try:
         import h5py
     except ImportError:

@@ -1,9 +1,13 @@
 """The diagnosis on a rig that knows nothing of the analysis, in buildings of several curves, its path wandering."""
 
+import math
+
 import pytest
 
 from analysis.diagnosis.diagnosis_of_shots import diagnose
-from analysis.diagnosis.result import Verdict
+from analysis.diagnosis.result import Freedom, Verdict
+from analysis.diagnosis.verdict.residual import residual_of
+from analysis.inference import Fitted, base_fit, first_fit, joint_data, shakings_of, site_under
 from tests.benchmarks.site_cases import Case, judge
 from tests.building_rig import Rig
 
@@ -21,6 +25,40 @@ def test_a_clean_set_is_adequate_where_the_optical_path_wanders_too(site: str, s
     found = diagnose(Rig(site).shots(11, speeds))
     assert found.verdict is Verdict.ADEQUATE
     assert not found.effects and not found.laws
+
+
+def base_in(rig: Rig) -> Fitted:
+    """Return the base model's fit to three shots of a rig, the frame as their flights show it."""
+    motions = rig.shots(31, (0.2, 0.265, 0.33))
+    site = site_under(motions, shakings_of(motions, "paper", None), 20.0)
+    begin = first_fit(motions, "paper", site, lambda: False)
+    return base_fit(joint_data(motions, begin, site), begin, lambda: False, ())
+
+
+def test_strengths_learnt_from_a_residual_hide_no_law_of_the_place() -> None:
+    """A magnet of 1 mN at VC-C is a hundred noise norms: the learnt frame takes it up, that of the flights does not."""
+    clean, pushed = (base_in(Rig("VC-C").with_bodies(magnet_n=force_n)) for force_n in (0.0, 1e-3))
+    power = [math.exp(fitted.noise.site[0]) for fitted in (clean, pushed)]
+    assert power[0] < 5 and power[1] > 50  # of the slowest motion, over what the flights show
+    assert (
+        pushed.chi2(pushed.noise) < 1.05 * pushed.samples < 1.15 * pushed.samples < pushed.chi2(pushed.unlearned_noise)
+    )
+    assert not residual_of(clean, clean.linearise()).significant
+    missed = residual_of(pushed, pushed.linearise())
+    assert missed.significant and missed.misfit.shape in (Freedom.PLACE, Freedom.BEND)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("site", ["VC-A", "VC-E"])
+def test_a_law_of_the_place_is_learned_in_a_building(site: str) -> None:
+    found = diagnose(Rig(site).with_bodies(magnet_n=1e-3).shots(31, (0.2, 0.24, 0.28, 0.33)), seconds=600.0)
+    assert found.verdict is Verdict.LAW_LEARNED and not found.effects
+    (law,) = found.laws
+    assert (law.argument, law.form) == ("place", "falling exponential")
+    for name, true in (("a", 1e-3), ("b", 2e-3)):
+        told, _ = law.parameters[name]
+        assert told.std < 0.05 * true
+        assert abs(told.value - true) < 3 * told.std
 
 
 @pytest.mark.slow  # quicker: friction is named in the bench's building, in tests/analysis/inference/test_site.py

@@ -74,14 +74,14 @@ def forms_may_reach(beat: float, curves: Sequence[Learned], start: Fitted) -> bo
 
 
 def free_curves(start: Fitted, tell: Progress, stop: Stop, beside: LearnedLaw | None = None) -> list[Learned]:
-    """Return the free curves that a law missing in ``start`` may have, the likeliest first; [] where none pays.
+    """Return the free curves that a law missing in ``start`` may have, the likeliest first; [] where no form may pay.
 
     ``beside`` is a law that ``start`` has already.  Raises Cancelled.
     """
     known = (beside.where, beside.argument) if beside is not None else None
     arguments = [a for a in arguments_of(start) if (a.where, a.name) != known]
     curves = _screened(start, arguments, tell, stop)
-    return curves if curves and curves[0].bic <= start.bic - CRITERIA.law_fall else []
+    return curves if curves and curves[0].at_best <= start.bic - CRITERIA.law_fall else []
 
 
 def learn_law(
@@ -181,7 +181,7 @@ def _screened(start: Fitted, arguments: Sequence[Argument], tell: Progress, stop
     first = sorted((curve for curve in rough if curve is not None), key=lambda curve: curve.bic)
     to_the_front = [c for c in first[:_GO_ON] if c is first[0] or may_reach(first[0].bic, c.bic, start.bic)]
     found = sorted(side_by_side(further, to_the_front), key=lambda curve: curve.bic)
-    ahead = [curve for curve in found[:FOLLOWED] if curve.bic < start.bic - CRITERIA.law_fall]
+    ahead = [curve for curve in found[:FOLLOWED] if curve.at_best < start.bic - CRITERIA.law_fall]
     curves = sorted(side_by_side(lambda curve: finer(curve, MOST_PIECES, stop), ahead), key=lambda curve: curve.bic)
     # A form saves no more than its curve's freedom costs: others cannot come to the front.
     return [curve for curve in curves if curve.at_best < curves[0].bic + CRITERIA.form_excluded]

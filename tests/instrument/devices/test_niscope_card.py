@@ -92,6 +92,20 @@ def test_an_absent_package_is_one_line_with_the_remedy(monkeypatch: pytest.Monke
         open_source("niscope:Dev1")
 
 
+def test_the_card_offers_each_rate_once_that_its_clock_divides_to() -> None:
+    """A card divides its clock by whole numbers and rounds any other rate, which `arm` then refuses."""
+
+    class Package:
+        Session = staticmethod(lambda resource: None)
+
+    card = NiscopeCard("Dev1", {"0": Role.MEASUREMENT}, package=Package)
+    rates = card.capabilities.rates_hz
+    assert len(set(rates)) == len(rates)
+    assert all(max(rates) / rate == round(max(rates) / rate) for rate in rates)
+    settings = card.default_settings()
+    assert settings is not None and rates[0] == settings.sample_rate_hz  # the list begins with the usual one
+
+
 def test_a_record_all_pre_trigger_is_refused() -> None:
     class Package:
         Session = staticmethod(lambda resource: None)

@@ -1,6 +1,7 @@
 """A digitizer in a subprocess: the same samples, gaps and faults, and its end is always noticed."""
 
 import errno
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -10,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,7 +22,7 @@ from instrument.capture.capture import Capture
 from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.digitizer import Block, CaptureSettings, Digitizer, DigitizerError
 from instrument.files.recording_file import open_recording
-from instrument.process import shared_ring, subprocess_digitizer
+from instrument.process import device_process, shared_ring, subprocess_digitizer
 from instrument.process.subprocess_digitizer import SubprocessDigitizer, open_in_subprocess
 from tests.instrument.devices.scpi_emulator import EmulatedScope, TcpScope
 from tests.instrument.fake_digitizer import FIRST, RATE_HZ, FakeDigitizer, samples
@@ -101,6 +103,26 @@ def test_a_refusal_to_open_is_the_device_s_own_sentence():
     assert (refusal.value.what, refusal.value.remedy) == ("no such device is plugged in", "plug it in")
     with pytest.raises(DigitizerError, match=r"unexpected: .*a bug"):
         SubprocessDigitizer(devices.broken)
+
+
+def test_a_child_that_ends_at_once_is_told_and_leaves_no_pipe_open(monkeypatch):
+    """The window keeps the error, and with it whatever the error still holds."""
+    ends = []
+
+    class Context:
+        @staticmethod
+        def Pipe(duplex):
+            ends.extend(multiprocessing.Pipe(duplex))
+            return ends[-2:]
+
+        @staticmethod
+        def Process(**how):
+            return SimpleNamespace(start=int, pid=1, join=lambda s: None, is_alive=bool, exitcode=3, close=int)
+
+    monkeypatch.setattr(device_process.multiprocessing, "get_context", lambda kind: Context)
+    with pytest.raises(DigitizerError, match=r"ended by itself .status 3."):
+        device_process.DeviceProcess(FakeDigitizer, lambda: False, 5.0)
+    assert len(ends) == 4 and all(end.closed for end in ends)
 
 
 def test_a_source_is_named_as_anywhere_and_a_recording_is_played_here(tmp_path):

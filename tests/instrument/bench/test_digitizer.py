@@ -150,6 +150,25 @@ def test_stop_from_another_thread_ends_a_read_that_waits():
     assert got.ended and got.samples == 0
 
 
+def test_a_stop_while_a_long_block_is_computed_does_not_wait_for_the_rest_of_it(monkeypatch):
+    """A block of many chunks takes as long to compute; what was computed by then is delivered."""
+    bench = _fast()
+    bench.arm(SETTINGS)
+    make = bench._make
+
+    def stopped(base, out):
+        bench.stop()
+        make(base, out)
+
+    monkeypatch.setattr(bench, "_make", stopped)
+    buffer = np.empty((1_000_000, 3), np.int16)
+    got = bench.read_into(buffer, 1.0)
+    assert got.ended and 0 < got.samples < len(buffer) / 2
+    unbroken = _fast()
+    unbroken.arm(SETTINGS)
+    assert np.array_equal(buffer[: got.samples], _read(unbroken, got.samples))
+
+
 def test_a_block_that_nobody_pushes_stands_still():
     bench = BenchDigitizer(real_time=False, push_every_s=0.0)
     bench.arm(SETTINGS)

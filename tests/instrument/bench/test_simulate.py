@@ -10,7 +10,7 @@ from instrument.bench.effects import CATALOGUE, OFF_CATALOGUE, draw, effects_of_
 from instrument.bench.mechanics import Bodies
 from instrument.bench.observation import observed, run_shot, with_leak
 from instrument.bench.optics import Optics
-from instrument.bench.simulated_shots import draw_undeclared, simulate, speeds_of_set
+from instrument.bench.simulated_shots import FASTEST_M_PER_S, SLOWEST_M_PER_S, draw_undeclared, simulate, speeds_of_set
 from instrument.bench.site import site_named
 from instrument.files.recording_file import data_hash, read_recording
 from instrument.files.recording_search import find_recordings
@@ -44,6 +44,15 @@ def test_a_set_is_written_and_read_back(tmp_path):
         assert level[crossing - 1200 : crossing - 1000].mean() == pytest.approx(100, abs=3)
         assert level[crossing + 1000 : crossing + 1200].mean() == pytest.approx(1800, abs=3)
         assert crossing / shot.sample_rate_hz == pytest.approx(0.012 - 0.7e-3 / speed, rel=0.03)
+
+
+def test_the_speeds_of_a_set_scatter_to_both_sides_of_even_steps_and_no_two_sets_share_them():
+    """Speeds at exact steps, or all off to one side, would hide what depends on the speed."""
+    sets = np.array([speeds_of_set(5, seed) for seed in range(40)])
+    even = np.linspace(SLOWEST_M_PER_S, FASTEST_M_PER_S, 5)
+    assert np.all(np.diff(sets, axis=1) > 0) and np.unique(sets).size == sets.size
+    assert np.all((sets < even).any(axis=0) & (sets > even).any(axis=0))
+    assert sets.mean(axis=0) == pytest.approx(even, abs=4e-3)  # 40 draws within 9 mm/s: 0.8 mm/s
 
 
 def test_one_seed_is_one_set(tmp_path):
@@ -133,6 +142,13 @@ def test_coulomb_friction_takes_force_times_way():
     run, _ = _run("coulomb_friction:force_n=1e-4")
     lost = 0.5 * Bodies().block_mass_kg * (SPEED**2 - run.velocity_in_m_per_s**2)
     assert lost == pytest.approx(1e-4 * 3e-3, rel=1e-6)
+
+
+def test_a_gradient_of_the_bearing_is_a_weak_spring_on_the_block():
+    """From 3 mm off the middle to the middle, where it touches the plate, the block gains the energy of the spring."""
+    run, _ = _run("bearing_gradient:stiffness_n_per_m=0.1")
+    gained = 0.5 * Bodies().block_mass_kg * (run.velocity_in_m_per_s**2 - SPEED**2)
+    assert gained == pytest.approx(0.5 * 0.1 * 3e-3**2, rel=1e-6)
 
 
 def test_tilt_pulls_to_one_side(base):

@@ -135,6 +135,10 @@ def test_the_stream_is_one_whatever_the_stretch_asked_for_and_runs_smoothly_thro
         ("[[knock]]\namplitude_m = 1e-9\nsize = 1", "knock[0].size: is none of"),
         ("[spectrum]\nfrequency_hz = [1, 2]", "a list of numbers is needed"),
         ("[spectrum]\nfrequency_hz = [2, 1]\nacceleration_m_per_s2_per_sqrt_hz = [1e-4, 1e-4]", "each above"),
+        (
+            "[spectrum]\nfrequency_hz = [1, 2]\nacceleration_m_per_s2_per_sqrt_hz = [1e-4, 1e-4]\nunit = 1",
+            "spectrum.unit: is none of",
+        ),
         ("colour = 1", "colour: is none of"),
         ("= 1", "not TOML"),
     ],

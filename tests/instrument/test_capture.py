@@ -15,12 +15,20 @@ from analysis.shot.recording import Recording, Setup
 from analysis.shot.shot import Cancelled, Shot
 from instrument.capture.acquisition import Deadlines, State
 from instrument.capture.analysis_thread import ShotAnalysis
+from instrument.capture.snapshot import SignalLine
 from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.digitizer import Block, CaptureSettings
 from instrument.files.recording_file import data_hash, read_recording
 from instrument.trigger.light_switch import Level
 from tests.instrument.capturing import SETTINGS, Capturing, analysed, assert_true_samples, until
 from tests.instrument.fake_digitizer import CHANNELS, FIRST, PERIOD, RATE_HZ, FakeDigitizer, samples
+
+
+def test_a_line_of_signals_that_nobody_measured_shows_none() -> None:
+    """The window shows it before a digitizer is opened: a switch that has toggled would be called good."""
+    line = SignalLine()
+    assert not line.channels and line.switch_level is Level.UNKNOWN and line.disk_free_bytes is None
+    assert (line.switch_toggles, line.samples_lost, line.losses, line.samples_read) == (0, 0, 0, 0)
 
 
 def test_a_shot_from_arm_to_result(tmp_path: Path) -> None:

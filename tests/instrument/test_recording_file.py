@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from analysis.shot.recording import Recording
+from analysis.shot.recording import Gap, Recording
 from instrument.files.atomic_file import write_text_atomic
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_file import data_hash, read_recording
@@ -52,6 +52,15 @@ def test_what_is_written_is_read_again(shot: Recording, tmp_path: Path) -> None:
         assert back.extra["global"]["lmm:other"] == [1, {"a": None}]
     assert data_hash(meta).agrees
     assert sorted(p.name for p in tmp_path.iterdir()) == ["shot-1.sigmf-data", "shot-1.sigmf-meta"]
+
+
+def test_annotations_are_written_in_the_order_of_their_samples(shot: Recording, tmp_path: Path) -> None:
+    """SigMF demands it: the note at sample 0 stands before a gap at sample 1; a foreign one may lack its sample."""
+    foreign = {"annotations": [{"core:comment": "no place"}, {"core:sample_start": 9, "core:comment": "later"}]}
+    early = replace(shot, gaps=(Gap(1, 5), Gap(12_000, None)), extra={**shot.extra, **foreign})
+    meta = write_recording(early, tmp_path / "a")
+    written = json.loads(meta.read_text())["annotations"]
+    assert [item.get("core:sample_start") for item in written] == [None, 0, 1, 9, 12_000]
 
 
 def test_the_field_s_own_package_agrees(shot: Recording, tmp_path: Path) -> None:

@@ -28,6 +28,24 @@ def test_a_shot_that_the_disk_does_not_take_is_saved_elsewhere(tmp_path: Path, m
     assert not list((tmp_path / "out").glob("*.sigmf-*"))
 
 
+def test_a_second_shot_is_saved_beside_the_first_that_was_rescued(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The folder in the home exists by then; the shot is neither lost, nor put elsewhere, nor over the other."""
+    monkeypatch.setattr("instrument.capture.recorder.RecordingWriter", FullDisk)
+    home, temporary = tmp_path / "home", tmp_path / "temporary"
+    for place in (home, temporary):
+        place.mkdir()
+    monkeypatch.setattr(Path, "home", lambda: home)
+    monkeypatch.setattr(module.tempfile, "gettempdir", lambda: str(temporary))
+    for shots in (1, 2):
+        with pytest.raises(AcquireError, match="was saved to"):
+            acquire(FakeDigitizer(), tmp_path / "out", 1, SETTINGS, timeout_s=20.0)
+        saved = list((home / RESCUED).glob("*.sigmf-meta"))
+        assert len(saved) == shots and all(data_hash(path).agrees for path in saved)
+    assert not list(temporary.iterdir())
+
+
 def test_where_no_place_has_room_it_is_said_to_be_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class Full(RecordingWriter):
         def append(self, counts: object) -> None:

@@ -86,6 +86,18 @@ def test_losses_are_counted_together_and_those_that_left_the_ring_are_forgotten(
     assert len(stream.gaps) <= 65 and {at for at, _ in stream.gaps} >= set(range(ring.oldest, 5001, 50))
 
 
+def test_losses_whose_size_is_unknown_are_forgotten_as_the_others_however_many_there_are() -> None:
+    """A stream that loses samples for hours, and cannot say how many, neither stops nor grows."""
+    ring = Ring(1000, 1)
+    stream = Stream(ring, 0, CaptureSettings(1e6, 500, 10), (), Setup(17.85e-3), "bench")
+    for _ in range(300):
+        append(ring, numbered(0, 50, 1))
+        stream.note_loss(ring.total, None)
+        assert len(stream.gaps) <= 65
+    assert (stream.losses, stream.lost) == (300, 0)
+    assert {at for at, _ in stream.gaps} >= set(range(ring.oldest, ring.total + 1, 50))
+
+
 def test_what_the_writer_replaces_during_the_copy_is_said() -> None:
     ring = Ring(10, 1)
     append(ring, numbered(0, 10, 1))

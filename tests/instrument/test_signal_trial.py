@@ -5,6 +5,7 @@ import pytest
 
 from analysis.shot.recording import Channel, Recording, Role, Setup
 from instrument.devices.digitizer import Block, DigitizerError
+from instrument.devices.doctor import Grade
 from instrument.devices.replay import ReplayDigitizer
 from instrument.live.setup_check import try_signals
 from tests.instrument.fake_digitizer import FakeDigitizer
@@ -62,3 +63,22 @@ def test_a_busy_computer_delays_a_simulated_device_and_no_other(simulated: bool)
     else:
         with pytest.raises(DigitizerError, match=r"no samples in 0\.2 s"):
             try_signals(digitizer, 0.2, lambda: now[0])
+
+
+@pytest.mark.parametrize("rests_from_s", [0.3, 0.36, 0.5])
+def test_a_block_that_rests_for_a_quarter_of_the_watch_is_found_at_rest(rests_from_s: float) -> None:
+    """The operator may let go of the block, or stop it, while its signals are watched."""
+    now = [0.0]
+
+    class Handled(FakeDigitizer):
+        def read_into(self, buffer: np.ndarray, timeout_s: float) -> Block:
+            n = self.at + np.arange(5_000)
+            block = super().read_into(buffer, timeout_s)
+            moves = np.flatnonzero((n[: block.samples] < 1e6 * rests_from_s) | (n[: block.samples] >= end))
+            buffer[moves, 1] = np.rint(1500 * np.sin(2 * np.pi * 0.15 * n[moves]))
+            now[0] = self.at / 1e6
+            return block
+
+    end = 1e6 * (rests_from_s + 0.25)
+    grades = {check.name: check.grade for check in try_signals(Handled(), 1.0, lambda: now[0])}
+    assert grades["rest frequency"] is Grade.OK

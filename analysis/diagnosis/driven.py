@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Effect
 from analysis.diagnosis.result import (
@@ -41,9 +40,8 @@ from analysis.drive import (
     repeatability_of,
     search_laws,
 )
-from analysis.shot import Motion, Progress, Stop
+from analysis.shot import Floats, Motion, Progress, Stop
 
-Floats = NDArray[np.float64]
 SMALL_REST = 1.5  # of the floor: a remainder up to here counts as accounted for
 
 

@@ -5,16 +5,11 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from analysis.collision import Effect, OwnLaw
-from analysis.shot import Fit, Quantity
+from analysis.shot import Fit, Floats, Quantity
 
 if TYPE_CHECKING:
     from analysis.drive import MassCheck, Repeatability
-
-Floats = NDArray[np.float64]
 
 
 class Verdict(StrEnum):

@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.diagnosis import Diagnosis, Errors, LearnedLaw, prediction_words
 from analysis.fitted import shaking_of
-from analysis.shot import Motion, Quantity, Reading, Shot, program_version
+from analysis.shot import Floats, Motion, Quantity, Reading, Shot, program_version
 from analysis.uncertainty import COLUMNS as BUDGET_COLUMNS
 from analysis.uncertainty import (
     Origin,
@@ -35,7 +34,6 @@ from instrument.files import RecordingError, write_atomic, write_text_atomic
 if TYPE_CHECKING:  # what predicts also fits, and the window does without
     from analysis.diagnosis import Foretold
 
-Floats = NDArray[np.float64]
 MOTION_COLUMNS = (
     "time_s",
     "displacement_m",

@@ -4,14 +4,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analysis.shot import Overlay, Quantity, Shot
+from analysis.shot import Floats, Overlay, Quantity, Shot
 from analysis.uncertainty import band_of
 from app.report.markup import Markup, tag
 from app.report.svg_plot import WIDTH, Band, Line, Plot, Remark, draw
 
-Floats = NDArray[np.float64]
 MEASURED, SIMULATED = ("measured", "measured"), ("simulated", "simulated")  # class in the style sheet, words
 RESIDUAL, NOISE = ("residual", "measured \u2212 simulated"), ("band", "noise and building, \u00b12 standard deviations")
 

@@ -8,11 +8,10 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.shot import Floats
 from app.report.markup import Markup, tag
 
-Floats = NDArray[np.float64]
 WIDTH = 760  # of a plot that spans the page, in CSS pixels
 _LEFT, _RIGHT, _TOP, _BOTTOM = 66, 10, 8, 40  # _LEFT at least: long labels take more
 _DIGIT = 6.4  # width of a label's character

@@ -8,16 +8,14 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analysis.shot import Role, Shot
+from analysis.shot import Floats, Role, Shot
 from instrument.files import ForeignChannel, ForeignColumn, ForeignContents, foreign_columns
 
 USED_SAMPLES = 2**22  # of each channel
 PARTS, PART = 48, 4096  # parts of the record that are searched for a beat, and their greatest length
 MOVES = 0.02  # relative change of frequency from which a beat moves
 LINE = 12.0  # least power of a beat, in units of the median
-Floats = NDArray[np.float64]
 
 
 class ChannelKind(StrEnum):

@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analysis.shot import Cancelled, Progress, Recording, Role, Stop
+from analysis.shot import Cancelled, Floats, Progress, Recording, Role, Stop
 from app.words import CHANNEL_NAMES
 
-Floats = NDArray[np.float64]
 BEATS = (Role.REFERENCE, Role.MEASUREMENT)
 BINS = 4096
 COLUMNS = 400

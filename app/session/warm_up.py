@@ -8,11 +8,8 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analysis.shot import Channel, Motion, Recording, Role, Setup, Shot
-
-Floats = NDArray[np.float64]
+from analysis.shot import Channel, Floats, Motion, Recording, Role, Setup, Shot
 
 _MASS_KG, _SPEED_M_PER_S, _TOUCH_S, _LENGTH_S = 0.018, 0.25, 12e-3, 60e-3
 _PLATE_KG, _PLATE_N_PER_M, _CONTACT_N_PER_M, _CONTACT_N_S_PER_M = 2e-4, 220.0, 1e4, 0.4

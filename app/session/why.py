@@ -9,16 +9,14 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Effect
 from analysis.diagnosis import Candidate, Diagnosis
 from analysis.fitted import fit_jointly, shaking_of
-from analysis.shot import AnalysisError, Motion, Progress, Shaking, Shot, Stop
+from analysis.shot import AnalysisError, Floats, Motion, Progress, Shaking, Shot, Stop
 from app.session.jobs import Job, Work
 from levimass import is_drive
 
-Floats = NDArray[np.float64]
 MOST = 6  # candidates: the named ones and their neighbours
 KIND = "why"
 

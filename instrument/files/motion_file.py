@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.shot import Floats
 from instrument.files import csv_table
 from instrument.files.atomic_file import write_toml_atomic
 from instrument.files.checked import Checked
@@ -23,7 +24,6 @@ from instrument.files.recording_metadata import MASSES_KG, RATES_HZ
 from instrument.files.recording_search import TABLES, motion_table
 from instrument.files.text_file import read_text, read_toml
 
-Floats = NDArray[np.float64]
 _MODELS = ("plate", "contact", "driven")
 _COLUMNS = ("time_s", "displacement_m", "velocity_m_per_s", "force_n")
 _LARGEST_CSV_BYTES = 512 * 2**20

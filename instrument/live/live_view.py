@@ -7,12 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.reading import SiteFloor
-from analysis.shot import Role
+from analysis.shot import Floats, Role
 
 if TYPE_CHECKING:
     from analysis.signal import LiveChunk  # slow to import
 
-Floats = NDArray[np.float64]
 
 MOST_BINS = 1000
 

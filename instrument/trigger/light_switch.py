@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from analysis.shot import Channel
 
-Floats = NDArray[np.float64]
-
 
 class Edge(IntEnum):
     """Which step of the light switch counts."""

@@ -58,6 +58,13 @@ class SteppedWork:
         self._go.set()
         self._at_rest(workbench)
 
+    def short_jobs_end(self, workbench: Workbench) -> None:
+        """Wait until the short jobs are done: only taking their results is left."""
+        end = time.monotonic() + LONGEST_S
+        while workbench.short_jobs.open_jobs:
+            assert time.monotonic() < end, "a short job does not end"
+            time.sleep(0.0005)
+
     def start(self) -> None:
         """Do nothing: there is no process."""
 

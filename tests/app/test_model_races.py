@@ -96,6 +96,7 @@ class Races(RuleBasedStateMachine):
     def open_model(self, effects: tuple[str, ...]) -> None:
         take = partial(self.bench.model.take, Path("model.toml"))
         self.bench._work.short_jobs.submit("model file", lambda _, __: model_file(effects), "model", take)
+        self.gate.short_jobs_end(self.bench)  # when they are taken is drawn, not when a thread comes to them
 
     @rule()
     def open_recording(self) -> None:

@@ -9,14 +9,13 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from analysis.collision import FORMS, Argument, Form
 from analysis.diagnosis.learning.curve_fit import Learned
 from analysis.inference import orthonormal
+from analysis.shot import Floats
 
-Floats = NDArray[np.float64]
 _BEYOND = 1e60  # of a curve of size 1: no form of this range
 _FINE = 12  # samples a piece of the basis, at which a form is taken into the splines
 

@@ -12,16 +12,14 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Argument, Infeasible, graded_basis
 from analysis.compiled import side_by_side
 from analysis.diagnosis.learning.curve_motion import Ground, Motions, Term, displacements, motions
 from analysis.diagnosis.learning.curve_step import damped, penalised_step
 from analysis.inference import Fitted, Floor, Problem, white_floor
-from analysis.shot import Cancelled, Stop
+from analysis.shot import Cancelled, Floats, Stop
 
-Floats = NDArray[np.float64]
 _DAMPINGS = (0.0, 1e-8, 1e-6, 1e-4, 1e-2, 0.3)  # of a step, tried one after another until one leads down
 _EASING = 1e-2  # of the damping, from step to step
 _SETTLED = 0.5  # of chi^2: a step that brings no more is the last

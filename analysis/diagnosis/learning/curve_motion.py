@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import (
     TOUCHING,
@@ -27,8 +26,8 @@ from analysis.collision import (
 )
 from analysis.compiled import side_by_side
 from analysis.inference import Fitted, Point, Problem
+from analysis.shot import Floats
 
-Floats = NDArray[np.float64]
 Path = tuple[LinearPath, Collision]
 
 

@@ -7,12 +7,11 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.diagnosis.learning.curve_motion import Term
 from analysis.inference import damped_step
+from analysis.shot import Floats
 
-Floats = NDArray[np.float64]
 _RIDGE = 1e-9  # of each coefficient's own curvature: keeps what no shot visits at rest
 
 

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Argument, OwnLaw
 from analysis.diagnosis.learning.closed_forms import Fitting, gauge, information
@@ -13,9 +12,8 @@ from analysis.diagnosis.result import LearnedLaw, OtherForm
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction
 from analysis.inference import Fitted
-from analysis.shot import Quantity
+from analysis.shot import Floats, Quantity
 
-Floats = NDArray[np.float64]
 _SHOWN = 81  # points of the curve
 _SAME = 1e-3  # of the largest force that the base model lacks: curves of one function differ by less
 

@@ -7,9 +7,6 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from analysis.collision import Effect, Infeasible
 from analysis.compiled import side_by_side
 from analysis.diagnosis.limit import Limit
@@ -28,7 +25,6 @@ from analysis.inference import (
 )
 from analysis.shot import Cancelled, Stop
 
-Floats = NDArray[np.float64]
 Result = TypeVar("Result")
 REFITTED = 5
 STRONGER = 3  # more, where the residual is far above noise

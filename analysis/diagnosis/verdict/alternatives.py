@@ -3,15 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.diagnosis.result import BlindSpot, Candidate, Standing
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict.identifiability import least_seen
 from analysis.inference import Fitted, Linearised, Score, TrialEffect, effect_parameters
-from analysis.shot import Quantity
+from analysis.shot import Floats, Quantity
 
-Floats = NDArray[np.float64]
 POINTS = 800  # of a curve: two to a pixel of a plot that is as wide as a third of a screen
 MOST_SHOTS = 12  # have curves: as many as a page draws
 

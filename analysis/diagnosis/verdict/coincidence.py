@@ -10,13 +10,12 @@ so the effect is given every benefit).
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Effect
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Fitted
+from analysis.shot import Floats
 
-Floats = NDArray[np.float64]
 _ROUNDS = 300  # of expectation and maximisation; microseconds each
 
 

@@ -7,16 +7,12 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Infeasible
 from analysis.compiled import side_by_side
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Fitted, Floor, JointData, Problem
-from analysis.shot import Stop
-
-Floats = NDArray[np.float64]
-
+from analysis.shot import Floats, Stop
 
 _TRAINED = 25  # evaluations at most, from where all shots together put the shared parameters
 

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Effect, Infeasible, findings
 from analysis.diagnosis.model_file import SavedModel
@@ -15,10 +14,19 @@ from analysis.drive import Repeatability, Table, chi2, force_noise, prediction_r
 from analysis.drive import prepare as prepare_drive
 from analysis.fitted import fit_jointly, in_words
 from analysis.inference import PLATE_NAMES, JointData, Point, Problem, averaged_shots, base_named, trials_of
-from analysis.shot import AnalysisError, Cancelled, Motion, Quantity, Stop, names_on_plate, plates_named, stated_n_per_m
+from analysis.shot import (
+    AnalysisError,
+    Cancelled,
+    Floats,
+    Motion,
+    Quantity,
+    Stop,
+    names_on_plate,
+    plates_named,
+    stated_n_per_m,
+)
 from levimass import is_drive
 
-Floats = NDArray[np.float64]
 Parameters = Mapping[str, Quantity]
 OWN = 3  # v_in, touch and offset: what is fitted on the shot itself
 

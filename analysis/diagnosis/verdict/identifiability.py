@@ -4,14 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Effect
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Fitted, Linearised, Point, TrialEffect, to_actual
 from analysis.shot import Stop
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

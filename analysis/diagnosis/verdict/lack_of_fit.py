@@ -15,15 +15,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from analysis.compiled import side_by_side
 from analysis.diagnosis.result import Freedom
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Arrow, Fitted, Floor, Linearised, Point, Problem, Samples
+from analysis.shot import Floats
 
-Floats = NDArray[np.float64]
 _WIDTHS = (0.01, 0.03, 0.1)  # in contact times
 
 

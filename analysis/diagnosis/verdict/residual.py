@@ -13,10 +13,9 @@ from analysis.diagnosis.result import Errors, Phase, Remainder
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit, colour, gain, shared, worst
 from analysis.inference import Fitted, Floor, Linearised, Samples
-from analysis.shot import Motion
+from analysis.shot import Floats, Motion
 from analysis.signal import derivatives
 
-Floats = NDArray[np.float64]
 _CONTACT = np.array([0.0, 0.03, 0.07, 0.12, 0.2, 0.32, 0.46, 0.6, 0.75, 0.9, 1.0])  # knots, in contact times
 _POWERS = (0, 1, 2)
 

@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Effect, Infeasible
 from analysis.inference.fit.arrow import Arrow
@@ -12,9 +11,8 @@ from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.least_squares import Minimum, Square
 from analysis.inference.fit.problem import Fitted, Linearised, Problem
-from analysis.shot import Cancelled, Stop
+from analysis.shot import Cancelled, Floats, Stop
 
-Floats = NDArray[np.float64]
 _SHORT = 7  # evaluations of a fit that only compares
 _FAR_BEHIND = 300.0  # BIC behind the other fit at which a search that promises little more is stopped
 _START_SHARES = (1.0, 0.3, 0.1)  # of the start amplitude, tried in turn

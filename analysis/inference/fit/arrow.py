@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.shot import Floats
+
 if TYPE_CHECKING:
     from analysis.inference.fit.samples import Samples
     from analysis.inference.noise.floor import Floor
 
-Floats = NDArray[np.float64]
 Places = NDArray[np.intp]
 _DEPENDENT = 1e-9  # of a column's length: with less left after projection it depends linearly on the others
 _SPANNED = 1e-6  # the same after projection onto everything that is fitted

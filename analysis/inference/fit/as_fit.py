@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Effect, Parameter
 from analysis.inference.fit.build_fit import Estimate, Part, Path, build_fit
@@ -11,9 +10,8 @@ from analysis.inference.fit.derivatives import solved
 from analysis.inference.fit.problem import Fitted
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor
-from analysis.shot import Fit, Motion, Quantity
+from analysis.shot import Fit, Floats, Motion, Quantity
 
-Floats = NDArray[np.float64]
 _ROUNDING = 1e-13
 _POINTS = 128  # over the fitted stretch: the frame's motion varies slowly
 

@@ -10,15 +10,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Effect, Infeasible
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.response import Model, Response, respond
 from analysis.inference.fit.search_vector import SearchVector
 from analysis.inference.fit.situation import Values, fastest_shown, too_fast
+from analysis.shot import Floats
 
-Floats = NDArray[np.float64]
 _LONG_STRIDE = 2.0  # step where a law is nonlinear: right to 0.05 pm, far below any noise
 
 

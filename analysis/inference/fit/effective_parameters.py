@@ -10,13 +10,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from analysis.collision import Effect, Infeasible
 from analysis.inference.fit.situation import Values
+from analysis.shot import Floats
 
-Floats = NDArray[np.float64]
 _SOFTEST = 0.9  # of the total compliance is the clamp's, at most
 
 

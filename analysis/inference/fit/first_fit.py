@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Effect, Infeasible
 from analysis.inference.fit.base import TRUSTED, Plates, SearchStart, base_of
@@ -24,9 +23,8 @@ from analysis.inference.fit.search_vector import JointData
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.site import Site, on_site
-from analysis.shot import AnalysisError, Cancelled, Motion, Stop
+from analysis.shot import AnalysisError, Cancelled, Floats, Motion, Stop
 
-Floats = NDArray[np.float64]
 STRONG = 30.0  # chi^2 per sample, above which missing effects may have pulled base parameters far from their values
 _EARLY = 0.3  # of the contact time: the first bounces
 _EVALUATIONS, _ROUGHLY = 60, 30  # of a search, and of one whose end is only a start for the next

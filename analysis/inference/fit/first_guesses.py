@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Infeasible
 from analysis.compiled import side_by_side
@@ -19,10 +18,9 @@ from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import Samples
 from analysis.inference.fit.search_vector import JointData
 from analysis.inference.noise.floor import white_floor
-from analysis.shot import Cancelled, Stop
+from analysis.shot import Cancelled, Floats, Stop
 from analysis.signal import LEAST_NOISE_M
 
-Floats = NDArray[np.float64]
 _TRIED = 6  # candidates
 _EVALUATIONS = 18
 _SAME_PATTERN = 0.03  # of a wrong sequence's residual: a right one leaves less, even where effects are missing

@@ -18,9 +18,8 @@ from analysis.inference.screen import screening
 from analysis.inference.screen.columns import added_by
 from analysis.inference.screen.projector import Projector
 from analysis.inference.screen.screening import Score
-from analysis.shot import Stop
+from analysis.shot import Floats, Stop
 
-Floats = NDArray[np.float64]
 _ROUNDS, _A_ROUND, _BRINGS = 8, 25, 0.05  # of ``continued``: rounds, evaluations in each, least gain of ln L
 _NEAR = 0.04  # of chi^2 still to fall: no parameter is further than a fifth of its std from the minimum
 

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 from analysis.collision import general
 from analysis.inference.fit.course import Course, read_course
 from analysis.inference.fit.response import DEFAULT_WAVELENGTH_M, ShotData
-from analysis.shot import Motion, plate_numbers
+from analysis.shot import Floats, Motion, plate_numbers
 
 if TYPE_CHECKING:
     from analysis.inference.noise.floor import Floor
     from analysis.inference.noise.site import Sway
 
-Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 FITTED_CONTACT_TIMES = 5.0  # of flight on either side that are fitted: further off the track matters more
 RATE_HZ = 20e3  # effects of the catalogue act on the displacement below half of it, except the ripple of a fringe

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Effect, Parameter
 from analysis.inference.fit.arrow import Arrow, Places
@@ -20,10 +19,9 @@ from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor, white_by_differences, white_floor
 from analysis.inference.noise.site import Site
 from analysis.inference.screen.first_order import Shot
-from analysis.shot import AnalysisError
+from analysis.shot import AnalysisError, Floats
 from analysis.signal import LEAST_NOISE_M
 
-Floats = NDArray[np.float64]
 _SAMPLES = 100  # at least, to learn a noise from
 
 

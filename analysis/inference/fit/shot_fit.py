@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import MOST_AT_ONCE, Effect, Infeasible, effects_named, findings, named
 from analysis.inference.fit.as_fit import as_fit
@@ -25,9 +24,8 @@ from analysis.inference.fit.with_effect import with_effect
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.joint_data import can_tell, joint_data, site_under, with_plates
 from analysis.inference.noise.site import Site, on_site
-from analysis.shot import PLATE_RINGS, AnalysisError, Cancelled, Fit, Motion, Progress, Shaking, Stop
+from analysis.shot import PLATE_RINGS, AnalysisError, Cancelled, Fit, Floats, Motion, Progress, Shaking, Stop
 
-Floats = NDArray[np.float64]
 _PLATE_MOTION = named("plate_motion")
 _EVALUATIONS, _TO_CONTINUE = 60, 120  # of a search, and of its continuation where it had not converged
 _TOLERANCE = 1e-6  # of chi^2: a thousandth of a standard deviation

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import (
     Active,
@@ -19,8 +18,8 @@ from analysis.collision import (
     fastest_rates,
     sensors,
 )
+from analysis.shot import Floats
 
-Floats = NDArray[np.float64]
 Values = Mapping[Effect, Mapping[str, float]]
 _MOST_RADIANS = 60.0  # of the fastest oscillation between two averaged samples: a trajectory follows no faster one
 _AT_REST = {"displacement_m": 0.0, "velocity_m_per_s": 0.0}

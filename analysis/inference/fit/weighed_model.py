@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Effect, Infeasible
 from analysis.compiled import side_by_side
@@ -19,8 +18,8 @@ from analysis.inference.fit.response import Response
 from analysis.inference.fit.search_vector import SearchVector
 from analysis.inference.fit.situation import Values, too_fast
 from analysis.inference.noise.floor import Floor
+from analysis.shot import Floats
 
-Floats = NDArray[np.float64]
 # of each shot the averaged displacement, shape (n,), and its derivatives by the shot's ``places``, (n, q)
 Lines = Sequence[tuple[Floats, Floats]]
 _REMEMBERED = 3  # vectors whose displacement and derivatives are kept

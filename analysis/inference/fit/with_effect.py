@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Infeasible
 from analysis.inference.fit.added_effect import refit
@@ -11,9 +10,8 @@ from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.problem import Fitted, Problem
 from analysis.inference.screen.screening import distinct_starts
-from analysis.shot import Stop
+from analysis.shot import Floats, Stop
 
-Floats = NDArray[np.float64]
 _FOLLOWED = 3  # start values from which an effect is fitted
 _EVALUATIONS = 30  # of a search from an effect's natural size
 _SHORT = 16  # of the search that ends it

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor, white_by_differences, white_floor
 from analysis.inference.noise.site import Site
+from analysis.shot import Floats
 from analysis.signal import LEAST_NOISE_M
 
-Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Spectrum = tuple[Floats, Floats]  # angles, powers per sample
 FEWEST = 24  # samples of a flight from which noise is learnt

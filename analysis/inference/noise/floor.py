@@ -23,9 +23,9 @@ from analysis.inference.noise.likeliest import (
     shape_at,
     steps_of,
 )
+from analysis.shot import Floats
 from analysis.signal import white_noise
 
-Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 _NOTHING = np.array([0.0, 1e-2, 0.0, 1e-2])  # shape of white noise alone: rms over white and tau of both parts
 _SIDE, _NEAR, _ALIKE = 0.6, 2e-2, 5e-2  # of a search's simplex: first side, last size, last spread of ln L

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Infeasible
 from analysis.compiled import side_by_side
@@ -16,7 +15,6 @@ from analysis.inference.noise.sway import BELOW_HZ
 from analysis.reading import shaking_in
 from analysis.shot import Motion, Shaking
 
-Floats = NDArray[np.float64]
 _FEWEST_A_TURN = 10.0  # samples per period of the fastest motion of a frame
 
 

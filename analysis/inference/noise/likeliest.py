@@ -7,7 +7,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from analysis.shot import Floats
+
 Mask = NDArray[np.bool_]
 SHORTEST_TAU_S, LONGEST_TAU_S = 3e-4, 1.0
 _LEAST_RATIO, _MOST_RATIO, _MOST_SHARE = -12.0, 14.0, 40.0  # of the coordinates of a search

@@ -16,8 +16,8 @@ from scipy.special import chdtri
 from analysis.collision import NUISANCES, Effect
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import learn, white_floor
+from analysis.shot import Floats
 
-Floats = NDArray[np.float64]
 FEWEST_SHOTS = 3  # two shots have no more flights than there are laws that could bend them
 _MARGIN = 0.15  # of a contact time, after the release
 _SHORTEST = 30  # samples of a flight

@@ -24,9 +24,8 @@ from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.sway import BELOW_HZ, plate_swing_std, responses
 from analysis.reading import root_of
-from analysis.shot import Shaking
+from analysis.shot import Floats, Shaking
 
-Floats = NDArray[np.float64]
 _APART = 0.45  # spacing, times one over a shot's length, of the sines that stand for random motion
 _SAME_LINE = 0.3  # the same unit: lines of different shots closer than that are one line
 _IN_AN_OCTAVE = 3  # bands

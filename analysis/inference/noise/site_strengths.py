@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from analysis.compiled import side_by_side
@@ -29,8 +28,8 @@ from analysis.reading import (
     mixture_covariance,
     points_about,
 )
+from analysis.shot import Floats
 
-Floats = NDArray[np.float64]
 _NEIGHBOURS = 1.0  # prior std of the difference of log strengths of neighbouring bands
 _LEVEL = 6.0  # prior std of each band's log strength
 _LINE = 2.0  # prior std of a line's log strength

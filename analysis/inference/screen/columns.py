@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Effect, Infeasible, LinearPath
 from analysis.compiled import side_by_side
@@ -20,8 +19,8 @@ from analysis.inference.fit.weighed_model import WeighedModel
 from analysis.inference.screen import first_order
 from analysis.inference.screen.projector import FEW_SHOTS, Projector
 from analysis.inference.screen.whitened_columns import WhitenedColumns, column_by_column
+from analysis.shot import Floats
 
-Floats = NDArray[np.float64]
 Starts = Sequence[Mapping[str, float]]
 Paths = dict[int, LinearPath]  # by steps per sample
 MANY_STARTS = 8  # above, a path with propagators costs less than one trajectory for each start

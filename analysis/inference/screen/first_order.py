@@ -7,13 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Effect, LinearPath, V, X, along, linear_path
 from analysis.collision import steps_for as steps_of
 from analysis.inference.fit.situation import Optics, Values, shown_by_optics, situation
+from analysis.shot import Floats
 
-Floats = NDArray[np.float64]
 _STEP = 1e-40  # the complex step
 
 

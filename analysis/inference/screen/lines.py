@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.compiled import side_by_side
 from analysis.inference.fit.free_parameters import TrialEffect
@@ -13,8 +12,8 @@ from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor
 from analysis.inference.screen.projector import FEW_SHOTS, Projector
 from analysis.inference.screen.whitened_columns import WhitenedColumns, column_by_column
+from analysis.shot import Floats
 
-Floats = NDArray[np.float64]
 _LOUD = 5  # lines that are looked at more closely
 _TURNED = 32  # samples that are advanced from one whose phases are computed
 _AT_ONCE = 96  # frequencies: their columns then fit into the processor's cache

@@ -6,15 +6,14 @@ from threading import Lock
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import fastest_rates
 from analysis.inference.fit.arrow import Arrow, Span
 from analysis.inference.fit.situation import situation
 from analysis.inference.fit.weighed_model import AtVector, Lines, WeighedModel
 from analysis.inference.noise.floor import Floor
+from analysis.shot import Floats
 
-Floats = NDArray[np.float64]
 FEW_SHOTS = 8  # up to which columns of effects are kept, some 15 MB per shot
 _NEARBY = 0.01  # relative: of a radian of the contact's oscillation, and of a base parameter
 

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.compiled import side_by_side
 from analysis.inference.fit.arrow import Arrow
@@ -20,9 +19,8 @@ from analysis.inference.screen.columns import (
 )
 from analysis.inference.screen.lines import near_loud_lines, scan
 from analysis.inference.screen.projector import Projector
-from analysis.shot import Cancelled, Stop
+from analysis.shot import Cancelled, Floats, Stop
 
-Floats = NDArray[np.float64]
 SPANNED = 1e-5  # of a column's length: with less after projection it depends linearly on what is fitted
 WORTH_REFINING = 12.0  # of gain on the grid, above which a line is searched between grid points
 

@@ -6,12 +6,10 @@ That whitening adds to every column only along few directions, so products need 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor
-
-Floats = NDArray[np.float64]
+from analysis.shot import Floats
 
 
 @dataclass(frozen=True, slots=True)

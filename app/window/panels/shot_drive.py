@@ -7,11 +7,12 @@ from PySide6.QtCore import QObject, Qt, Slot
 from PySide6.QtWidgets import QSplitter, QWidget
 
 from analysis.drive import DriveCurves
+from analysis.shot import Floats
 from app.window.plots.cursors import SECONDS, CursorAxis
 from app.window.plots.curve import Band
 from app.window.plots.legend import Look
 from app.window.plots.lines import thin, under
-from app.window.plots.plain_plot import Floats, PlainPlot
+from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.plots.time_stack import TimeStack

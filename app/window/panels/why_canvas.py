@@ -11,12 +11,12 @@ from PySide6.QtWidgets import QHBoxLayout, QWidget
 
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis
-from analysis.shot import Shot
+from analysis.shot import Floats, Shot
 from analysis.uncertainty import diagnosed_band
 from app.report import time_zero
 from app.session import Remainder, by_evidence
 from app.window.panels.effects import CandidateBars
-from app.window.plots.residual_grid import MOST, Cell, Floats, Overlay, ResidualGrid
+from app.window.plots.residual_grid import MOST, Cell, Overlay, ResidualGrid
 from app.window.theme import Colours, Tone
 from app.window.widgets import push_button, text_label, vertical
 from app.words import number, short_name

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pyqtgraph as pg
-from numpy.typing import NDArray
 from PySide6.QtCore import QObject, Qt, Signal, Slot
 from PySide6.QtWidgets import QFrame, QWidget
 
+from analysis.shot import Floats
 from app.window.plots.lines import straight
 from app.window.theme import Colours
 from app.window.widgets import horizontal, push_button, text_label
@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from app.window.plots.plain_plot import NamedPlot, XyCurve
     from app.window.plots.plot_view import PlotView
     from app.window.plots.time_plot import TimePlot
-
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,12 +7,12 @@ least to its greatest value instead.
 
 import numpy as np
 import pyqtgraph as pg
-from numpy.typing import NDArray
 from pyqtgraph.Qt.internals import PrimitiveArray
 from PySide6.QtCore import QRectF, Qt
 from PySide6.QtGui import QColor, QGuiApplication, QPainter, QPen, QTransform
 from PySide6.QtWidgets import QWidget
 
+from analysis.shot import Floats
 from app.window.theme import Colours
 
 DASHES = (
@@ -54,7 +54,6 @@ def series_pen(colours: Colours, index: int) -> QPen:
 
 
 DENSE = 1.5  # device pixels to a logical one
-Floats = NDArray[np.float64]
 
 
 class CrispCurve(pg.PlotCurveItem):

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pyqtgraph as pg
-from numpy.typing import NDArray
 from PySide6.QtCore import Slot
 from PySide6.QtGui import QPen
 from PySide6.QtWidgets import QWidget
 
+from analysis.shot import Floats
 from app.window.plots.cursors import CursorAxis
 from app.window.plots.framed_plot import Caption, FramedPlot, PlainAxis
 from app.window.plots.lines import CrispCurve
@@ -16,8 +16,6 @@ from app.window.plots.plot_view import PlotView, Span, ViewState
 from app.window.plots.time_plot import AXIS_WIDTH, QuietView
 from app.window.theme import Colours
 from app.words import number
-
-Floats = NDArray[np.float64]
 
 
 class XyCurve(CrispCurve):

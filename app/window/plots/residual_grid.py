@@ -8,15 +8,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
+from analysis.shot import Floats
 from app.window.theme import Colours, Tone
 from app.words import number, prefix_for
 
-Floats = NDArray[np.float64]
 MOST = 12  # shots drawn
 WIDEST = 4  # cells side by side
 

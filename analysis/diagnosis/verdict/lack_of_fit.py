@@ -73,7 +73,7 @@ def gain(fitted: Fitted, at: Linearised, shapes: Arrow) -> tuple[float, int, Flo
     if not new:
         return 0.0, 0, fitted.noise
     numbers = projected.solve(at.left)
-    if at.noise is not fitted.noise:
+    if at.noise != fitted.noise:
         return float(numbers @ whitened.pull(at.left)), new, at.noise
     moves = at.tangents.solve(at.whole - whitened.along(numbers))
     both = zip(at.lines, at.tangents.places, shapes.blocks, shapes.places, strict=True)

@@ -6,13 +6,14 @@ from pathlib import Path
 
 import pytest
 from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
 from app.session.choices import Choices
 from app.window.main_window import MainWindow, open_window
 from app.window.panels.rig import Banner
 from app.window.panels.setup_sheet import SetupSheet
-from app.window.theme import LIGHT, Tone
+from app.window.theme import LIGHT, Tone, style_sheet
 from instrument.devices.device_search import FoundDevice, udev_instructions
 from instrument.devices.digitizer import DigitizerError
 from instrument.devices.doctor import Check, Grade
@@ -149,7 +150,8 @@ def test_verdicts_are_worded_by_the_worst_of_the_checks(qtbot: QtBot) -> None:
     assert "Not ready for a shot: fix PD1" in sheet.verdict.text()
 
 
-def test_a_long_fault_stays_readable_beside_the_button_that_saves_elsewhere(qtbot: QtBot) -> None:
+def test_a_long_fault_stays_readable_beside_the_button_that_saves_elsewhere(qapp: QApplication, qtbot: QtBot) -> None:
+    qapp.setStyleSheet(style_sheet(LIGHT))  # as in the window, also where no test before has opened one
     banner = Banner(LIGHT)
     qtbot.addWidget(banner)
     banner.resize(700, banner.height())

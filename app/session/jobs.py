@@ -57,7 +57,7 @@ class Job:
     work: Step
     kind: str = ""
     take: Take | None = None
-    session: int | None = None  # the sessions before the one whose shots it is about
+    session: int | None = None  # whose shots it works on, counted from 0
     what: str = ""
     fraction: float = 0.0
     result: Any = None

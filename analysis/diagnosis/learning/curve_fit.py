@@ -156,7 +156,13 @@ def refine(learned: Learned, pieces: int, stop: Stop, *, steps: int) -> Learned:
 
 
 def fit_terms(problem: Problem, z: Floats, terms: tuple[Term, ...], stop: Stop, *, steps: int) -> Learned:
-    """Fit base, starts and curves by penalised Gauss-Newton steps; the noise begins as the problem's and is learned."""
+    """Fit base, starts and curves by penalised Gauss-Newton steps.
+
+    The noise begins as the problem's and is learned at every step; on a moving frame it is that of the flights until
+    the end, since strengths learned on the way would take up what the curves do not explain yet.
+    """
+    if problem.data.site is not None:
+        problem = problem.with_noise(problem.data.noise_of_flights)
     return _fitted(problem, z, terms, stop, steps, motions(problem, z, terms), to_the_end=True)
 
 
@@ -194,9 +200,6 @@ def _fitted(
     to_the_end: bool,
 ) -> Learned:
     here, damping = _Place(z, terms, begin, fresh=True), 0.0
-    on_frame = problem.data.site is not None
-    if on_frame:  # strengths learnt on the way would take up what the curves have not yet
-        problem = problem.with_noise(problem.data.noise_of_flights)
     for step in range(steps):
         if stop():
             raise Cancelled
@@ -207,7 +210,7 @@ def _fitted(
         if went.there is None:
             break
         here, damping = went.there, went.damping
-        if step >= 1 and not on_frame:
+        if step >= 1 and problem.data.site is None:
             problem = problem.with_noise(problem.learn_noise(here.left_m(problem), problem.noise)[0])
         if step >= 2 and went.fell < _SETTLED and damping <= _DAMPINGS[1]:
             break

@@ -127,7 +127,7 @@ def explore(
 def another_way(best: Fitted, trail: Trail) -> Fitted:
     """Restart the search from other first effects: two that depend on each other may look like a third."""
     firsts = [fitted for fitted in trail.alone() if not set(fitted.effects) <= set(best.effects)][:OTHER_FIRSTS]
-    ends = [climb(polish(first, trail, begun_anew=True), trail, CRITERIA.most_effects - 1, NARROW) for first in firsts]
+    ends = [climb(polish(first, trail, from_white=True), trail, CRITERIA.most_effects - 1, NARROW) for first in firsts]
     return min([best, *ends], key=lambda fitted: fitted.bic)
 
 
@@ -159,7 +159,7 @@ def climb(here: Fitted, trail: Trail, most: int = CRITERIA.most_effects, width: 
         # Each of two effects alone leaves a noise that wanders; what that requires is tested at the end.
         if best is None or here.bic - best.bic < trail.least_fall():
             break
-        here = wider(polish(prune(best, trail), trail, begun_anew=first), trail)
+        here = wider(polish(prune(best, trail), trail, from_white=first), trail)
     return here
 
 
@@ -178,17 +178,18 @@ def better(fitted: Fitted, other: Fitted) -> bool:
     return fitted.bic < other.bic - CRITERIA.same_end
 
 
-def polish(fitted: Fitted, trail: Trail, *, begun_anew: bool = False) -> Fitted:
+def polish(fitted: Fitted, trail: Trail, *, from_white: bool = False) -> Fitted:
     """Return the fit brought to its minimum: what a short search leaves would call for one more effect.
 
-    ``begun_anew``: also search from a noise that was not learnt, since one learnt in a wrong valley may hold a search
-    there.  That happens where the first effect of a search takes what was left to the noise, hardly ever later.
+    ``from_white``: also search anew from white noise, since noise learnt in a wrong valley may hold the search there,
+    on a moving frame also the noise that the flights show.  That happens where the first effect of a search takes what
+    the start had left to the noise, hardly ever later.
     """
     better = fitted.fitted_on(evaluations=60, anew=True, cancelled=trail.stop)
-    if begun_anew and better.noise.coloured and better.bic < trail.start.bic - CLOSE:
-        anew = better.from_unlearned_noise(evaluations=60, cancelled=trail.stop)
-        anew = anew.fitted_on(evaluations=60, anew=True, cancelled=trail.stop)
-        better = min(better, anew, key=lambda one: one.bic)
+    if from_white and better.noise.coloured and better.bic < trail.start.bic - CLOSE:
+        white = better.from_white(evaluations=60, cancelled=trail.stop)
+        white = white.fitted_on(evaluations=60, anew=True, cancelled=trail.stop)
+        better = min(better, white, key=lambda one: one.bic)
     if better.log_likelihood < fitted.log_likelihood - (0.5 if better.converged else 0.0):
         return fitted
     trail.fits[frozenset(better.effects)] = better

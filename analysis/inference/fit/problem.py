@@ -217,10 +217,10 @@ class Fitted(AtVector):
         """Fit on from the minimum, as ``Problem.fit``."""
         return self.problem.fit(self.z, evaluations=evaluations, anew=anew, cancelled=cancelled)
 
-    def from_unlearned_noise(self, *, evaluations: int = 25, cancelled: Stop | None = None) -> "Fitted":
-        """Fit on from the minimum as ``fitted_on``, begun under the ``unlearned_noise``."""
-        anew = self.problem.with_noise(self.unlearned_noise)
-        return anew.fit(self.z, evaluations=evaluations, cancelled=cancelled)
+    def from_white(self, *, evaluations: int = 25, cancelled: Stop | None = None) -> "Fitted":
+        """Fit on from the minimum as ``fitted_on``, begun under white noise alone."""
+        white = self.problem.with_noise(self.noise.still)
+        return white.fit(self.z, evaluations=evaluations, cancelled=cancelled)
 
     def continued(self, cancelled: Stop | None = None) -> "Fitted":
         """Continue the search of a fit that had not converged, as long as the likelihood grows.
@@ -245,7 +245,7 @@ class Fitted(AtVector):
         """Return the fit with white noise alone where likelier; wandering noise can hide what a model lacks."""
         if self.noise.site or max(self.noise.rms_m) < self.noise.white_m:
             return self
-        still = self.from_unlearned_noise(evaluations=_A_ROUND, cancelled=cancelled)
+        still = self.from_white(evaluations=_A_ROUND, cancelled=cancelled)
         return still if still.log_likelihood > self.log_likelihood else self
 
     def under_likely_noises(self) -> "Fitted":

@@ -5,7 +5,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -242,7 +242,11 @@ class Rig:
         """Return each finished shot once, when it is analysed or its analysis has failed, and again with its fit."""
         new = []
         for finished in snapshot.finished:
-            key = (self._serial, finished.index, finished.fitted_later)
+            first, later = ((self._serial, finished.index, fitted_later) for fitted_later in (False, True))
+            if finished.fitted_later and first not in self._seen:  # readings and fit came between two looks
+                finished = replace(finished, fitted_later=False)
+                self._seen.add(later)
+            key = later if finished.fitted_later else first
             if key not in self._seen and (finished.shot is not None or finished.problem is not None):
                 self._seen.add(key)
                 new.append(finished)

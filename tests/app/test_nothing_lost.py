@@ -20,6 +20,7 @@ from analysis.shot.shot import AnalysisSettings, Cancelled, Shot
 from app.session.choices import Choices
 from app.session.log import NAME, ProgramLog, note
 from app.session.result_cache import ResultCache
+from app.session.rig import Rig
 from app.session.session import Entry, Session
 from app.session.session_files import Unlisted, listed_by, unlisted
 from app.session.settings import FIELDS, Settings
@@ -35,7 +36,8 @@ from app.words.wording import DASH, local, typed_number
 from instrument.bench.simulated_shots import simulate
 from instrument.capture.analysis_thread import AnalysisThread, ShotAnalysis
 from instrument.capture.snapshot import FinishedShot, WaitingShot
-from instrument.devices.digitizer import CaptureSettings
+from instrument.capture.stream_reader import CaptureOptions
+from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
 from instrument.files.recording_file import open_recording
 from instrument.files.recording_writer import RecordingWriter, write_recording
 from tests.app import synthetic
@@ -213,6 +215,27 @@ def test_a_shot_whose_fit_is_to_follow_is_listed_at_once_and_takes_it_in_its_pla
     assert "χ²" in panels.model._fit.text()
     presenter.take(_finished(whole, fitted_later=True), stay=False)  # a straggler finds nobody who waits
     assert len(workbench.session.entries) == 1
+
+
+def test_a_shot_whose_readings_and_fit_come_between_two_looks_of_the_screen_is_listed_with_both(
+    away: Away, read_shot: Shot
+) -> None:
+    """The window may stand still for a moment, with a question open or a disk that is full."""
+    workbench, _, presenter = away
+
+    def nothing_opens(_: str) -> Digitizer:
+        raise DigitizerError("no digitizer", "none is needed here")
+
+    rig = Rig(lambda *_: CaptureOptions(Path()), AnalysisSettings, lambda *_: None, open_digitizer=nothing_opens)
+    try:
+        presenter.take_captured(WaitingShot(1, read_shot.name, Path(read_shot.path or "")))
+        seen = replace(rig.latest(), finished=(_finished(fitted(read_shot), fitted_later=True),))
+        for finished in (*rig.take_finished(seen), *rig.take_finished(seen)):
+            presenter.take(finished, stay=True)
+    finally:
+        rig.close()
+    (entry,) = workbench.session.entries
+    assert entry.shot is not None and entry.shot.fit is not None
 
 
 def test_a_shot_its_fit_and_what_was_not_analysed_are_announced_once_each(

@@ -13,6 +13,7 @@ from scipy.optimize import least_squares
 
 from analysis.collision import FORMS, Argument, Form
 from analysis.diagnosis.learning.curve_fit import Learned
+from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import orthonormal
 from analysis.shot import Floats
 
@@ -32,6 +33,10 @@ class Fitting:
     parameters: dict[str, float]
     distance: float
     base_step: Floats
+
+    def cost(self, samples: int) -> float:
+        """Return the distance and the price of the form's parameters, as in the Bayesian information criterion."""
+        return self.distance + (1 + len(self.form.nonlinear_parameters)) * float(np.log(samples))
 
 
 def compress(learned: Learned, which: int = 0) -> list[Fitting]:
@@ -57,8 +62,23 @@ def compress(learned: Learned, which: int = 0) -> list[Fitting]:
         Fitting(form, values, distance, toll @ (into @ form.values(fine, values) - term.coefficients))
         for form, values, distance in laid
     ]
-    samples = learned.samples
-    return sorted(found, key=lambda one: one.distance + (1 + len(one.form.nonlinear_parameters)) * np.log(samples))
+    return sorted(found, key=lambda one: one.cost(learned.samples))
+
+
+def likely_forms(learned: Learned, most: int, which: int = 0) -> list[Fitting]:
+    """Return the forms of a law that lie nearest to the ``which``-th curve, the nearest first.
+
+    ``most`` of them, or all that it does not tell apart: a faint law's curve may lie as near to ten of them.
+    """
+    argument = learned.terms[which].argument
+    forms = [form for form in compress(learned, which) if is_law(form.form, argument)]
+    alike = sum(form.cost(learned.samples) < forms[0].cost(learned.samples) + CRITERIA.form_excluded for form in forms)
+    return forms[: max(most, alike)]
+
+
+def is_law(form: Form, argument: Argument) -> bool:
+    """Return whether a form is no part of the base model: a constant is new only as a force while the bodies touch."""
+    return form.name != "constant" or (argument.where == "contact" and not argument.factor)
 
 
 def _toll(learned: Learned, which: int) -> Floats:

@@ -17,7 +17,7 @@ import numpy as np
 
 from analysis.collision import ARGUMENTS, Argument, Infeasible
 from analysis.compiled import side_by_side
-from analysis.diagnosis.learning.closed_forms import Fitting, compress
+from analysis.diagnosis.learning.closed_forms import Fitting, likely_forms
 from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, refine, screen
 from analysis.diagnosis.learning.curve_motion import ground_of
 from analysis.diagnosis.learning.form_fits import fit_forms, over_kinks
@@ -35,7 +35,7 @@ _FINER_STEPS = 4  # from the curve in half as many pieces
 _GO_ON = 6  # arguments that are searched to the end at most
 _FINER_PAYS = 10.0  # of the criterion: worth twice the knots
 FOLLOWED = 3  # arguments that are given finer knots
-FORMS_FITTED = 6  # of an argument, by their distance from its curve
+FORMS_FITTED = 6  # of an argument, by their distance from its curve; more where that leaves more open
 _SHORT = 0.2  # of a free curve's gain: forms with a step or a kink may gain so much more
 _NEAR, _NEAR_NORMS = 4.0, 200.0  # times the nearest form's distance, and more: fitted before the others
 
@@ -110,7 +110,7 @@ def learn_law(
         if fits and learned.at_best > min(one.bic for one in fits) + CRITERIA.form_excluded:
             continue
         tell(f"reading the curve of the {_argument(learned).name}", 0.84 + 0.03 * place)
-        forms = [form for form in compress(learned) if is_law(form, _argument(learned))][:FORMS_FITTED]
+        forms = likely_forms(learned, FORMS_FITTED)
         near = [form for form in forms if form.distance <= _NEAR * forms[0].distance + _NEAR_NORMS]
         met = _refined(start, learned, near, fits, stop)
         if not any(_meets(one, curves) for one in met):  # distances were to first order
@@ -143,11 +143,6 @@ def arguments_of(start: Fitted) -> list[Argument]:
 def _meets(one: FormFit, curves: Sequence[Learned]) -> bool:
     """Return whether a closed form is as good as the best free curve."""
     return one.bic < min(curve.bic for curve in curves) + CRITERIA.form_meets
-
-
-def is_law(form: Fitting, argument: Argument) -> bool:
-    """Return whether a form is no part of the base model: a constant is new only as a force while the bodies touch."""
-    return form.form.name != "constant" or (argument.where == "contact" and not argument.factor)
 
 
 def _argument(learned: Learned) -> Argument:

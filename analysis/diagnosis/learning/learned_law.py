@@ -107,14 +107,14 @@ def in_joint_fit(law: LearnedLaw, beside: Fitted, named: bool) -> LearnedLaw:
 
 def _parameters(law: OwnLaw, fitted: Fitted) -> dict[str, tuple[Quantity, str]]:
     values = fitted.point.values[0][law]
+    std = fitted.under_likely_noises().std
     places = {
         free.name: fitted.problem.offset + k
         for k, (effect, free, _) in enumerate(fitted.problem.free_parameters)
         if effect == law
     }
     return {
-        p.name: (Quantity(values[p.name], float(fitted.std[places[p.name]]), "fit of the law"), p.unit)
-        for p in law.parameters
+        p.name: (Quantity(values[p.name], float(std[places[p.name]]), "fit of the law"), p.unit) for p in law.parameters
     }
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from analysis.collision import Infeasible
 from analysis.compiled import side_by_side
-from analysis.diagnosis.learning.closed_forms import compress
+from analysis.diagnosis.learning.closed_forms import likely_forms
 from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, likeliest_pairs
 from analysis.diagnosis.learning.curve_motion import Term, ground_of
 from analysis.diagnosis.learning.form_fits import fit_forms, over_kinks
@@ -21,7 +21,6 @@ from analysis.diagnosis.learning.law_learning import (
     arguments_of,
     finer,
     forms_may_reach,
-    is_law,
     learn_law,
     may_reach,
 )
@@ -77,10 +76,7 @@ def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float =
     curves = two_curves(start, stop, beat=beat)
     if curves is None or curves.bic > start.bic - 2 * CRITERIA.law_fall:
         return None
-    forms = [
-        [form for form in compress(curves, which) if is_law(form, term.argument)][:_FORMS]
-        for which, term in enumerate(curves.terms)
-    ]
+    forms = [likely_forms(curves, _FORMS, which) for which in (0, 1)]
     tried: dict[tuple[int, int], Fitted] = {}
 
     def ask(pairs: Sequence[tuple[int, int]]) -> None:

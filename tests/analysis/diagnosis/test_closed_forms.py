@@ -5,14 +5,31 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.collision.laws.curve import Basis
-from analysis.diagnosis.learning.closed_forms import compress
+from analysis.diagnosis.learning.closed_forms import compress, likely_forms
 from analysis.diagnosis.learning.curve_motion import Term
 
 BEND = next(one for one in ARGUMENTS if one.name == "bend against motion")  # the base model holds no part of it
 UNITS = np.array([1.0, 1e-7, 1e6])  # of base and starts, as far apart as m and N/m
+
+
+def _learned(curve: NDArray[np.float64], known: float) -> Any:
+    """Return a curve at 60 points from 0 to 2 mm whose coefficients the shots know ``known`` times as well as one."""
+    basis = Basis(tuple(np.linspace(0.0, 2e-3, 6)))
+    coefficients = np.linalg.lstsq(basis.design(np.linspace(0.0, 2e-3, 60)), curve, rcond=None)[0]
+    curvature = np.diag([1.0, *np.full(basis.count, known**2)])
+    return SimpleNamespace(z=np.zeros(1), terms=(Term(BEND, basis, coefficients),), curvature=curvature, samples=400)
+
+
+def test_forms_that_the_shots_do_not_tell_apart_are_all_fitted() -> None:
+    """Six were, and the true law of a faint magnet was the seventh."""
+    falling = 1e-3 * np.exp(-np.linspace(0.0, 2e-3, 60) / 5e-4)
+    sure, faint = (likely_forms(_learned(falling, known), 2) for known in (1e7, 5e3))
+    assert [form.form.name for form in sure] == ["exponential", "Yukawa"]  # the one with a number more
+    assert len(faint) > 6 and "inverse square" in [form.form.name for form in faint]
 
 
 def test_base_and_starts_take_over_what_they_can_of_the_difference_whatever_their_units() -> None:

@@ -74,7 +74,7 @@ class Case:
 
         patch.setattr(law_learning, "arguments_of", lambda _start: [PLACE])
         patch.setattr(law_learning, "_screened", lambda *_: [curve])
-        patch.setattr(law_learning, "compress", lambda _learned: [form])
+        patch.setattr(law_learning, "likely_forms", lambda *_: [form])
         patch.setattr(law_learning, "_refined", lambda _start, _learned, forms, *_: [one] * len(forms))
         patch.setattr(law_learning, "_led_on", lambda _one, _stop: end)
         patch.setattr(law_learning, "over_kinks", lambda fitted, _stop: fitted)

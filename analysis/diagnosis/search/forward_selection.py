@@ -33,6 +33,7 @@ WORTH_FITTING = 8.0  # of gain; a fit that promises less never makes the fall th
 UNLEARNED = 3  # more, of those that do best under a noise that has not absorbed what the model lacks
 OTHER_FIRSTS = 2  # first effects to begin with where those that were found leave a residual
 NARROW = 3  # of those that score best are fitted in such a search, where the right one leads
+EXPLAINED = 1.1  # chi^2 per sample under a noise that was not learnt: clean sets 0.91 to 1.05, a wrong valley 22
 CLOSE = 500.0  # of the criterion, to a fit with one effect less: further off, it may be the wrong valley
 
 
@@ -183,10 +184,11 @@ def polish(fitted: Fitted, trail: Trail, *, from_white: bool = False) -> Fitted:
 
     ``from_white``: also search anew from white noise, since noise learnt in a wrong valley may hold the search there,
     on a moving frame also the noise that the flights show.  That happens where the first effect of a search takes what
-    the start had left to the noise, hardly ever later.
+    the start had left to the noise, hardly ever later, and never where a noise that was not learnt explains all.
     """
     better = fitted.fitted_on(evaluations=60, anew=True, cancelled=trail.stop)
-    if from_white and better.noise.coloured and better.bic < trail.start.bic - CLOSE:
+    hidden = better.noise.coloured and better.chi2(better.unlearned_noise) > EXPLAINED * better.samples
+    if from_white and hidden and better.bic < trail.start.bic - CLOSE:
         white = better.from_white(evaluations=60, cancelled=trail.stop)
         white = white.fitted_on(evaluations=60, anew=True, cancelled=trail.stop)
         better = min(better, white, key=lambda one: one.bic)

@@ -7,7 +7,7 @@ white noise to be a hundred times what it is, a second search takes it as it is.
 """
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,6 +30,7 @@ _EARLY = 0.3  # of the contact time: the first bounces
 _EVALUATIONS, _ROUGHLY = 60, 30  # of a search, and of one whose end is only a start for the next
 _TOLERANCE = 1e-3  # of chi^2
 _FOLLOWED = 3  # first guesses from which a search begins
+_SAME_LEFT, _SAME_PLACE = 0.01, 0.03  # of chi^2 and of each parameter: searches that end so near ended at one minimum
 _LOUDER = 100.0  # times the white noise, in the first of two searches where the frame moves
 
 
@@ -52,19 +53,21 @@ def first_fit(
         if site is None:
             return _best_of_searches(JointData(shots, base), first_guesses(base, shots, stop), own, noise, stop)
         data = JointData(shots, base, site=site)
-        for shared in resembled(base, shots, _FOLLOWED):
+        guesses: list[Floats] = []
+
+        def starts() -> Iterator[Floats]:
+            yield from resembled(base, shots, _FOLLOWED)
+            guesses.extend(first_guesses(base, shots, stop, site.shaking.rms_m))
+            yield from guesses[:_FOLLOWED]
+
+        for shared in starts():
             with contextlib.suppress(Infeasible):
                 ends.append(_search_on_frames(data, shared, own, noise, stop))
-                if ends[-1].left < TRUSTED:
-                    return ends[-1]
-        guesses = first_guesses(base, shots, stop, site.shaking.rms_m)
-        for shared in guesses[:_FOLLOWED]:
-            with contextlib.suppress(Infeasible):
-                ends.append(_search_on_frames(data, shared, own, noise, stop))
-                if ends[-1].left < TRUSTED:
+                if ends[-1].left < TRUSTED or any(_are_one(ends[-1], other) for other in ends[:-1]):
                     break
         if not ends or min(end.left for end in ends) > STRONG:
             # from a poor guess the search may end where nothing collides, the more so where an effect is missing
+            guesses = guesses or first_guesses(base, shots, stop, site.shaking.rms_m)
             still = _best_of_searches(JointData(shots, base), guesses, own, noise, stop)
             ends.append(still)
             with contextlib.suppress(Infeasible):
@@ -111,6 +114,12 @@ def _best_of_searches(data: JointData, guesses: Sequence[Floats], own: Floats, n
             if best.left < STRONG:
                 break
     return best
+
+
+def _are_one(end: SearchStart, other: SearchStart) -> bool:
+    """Return whether two searches ended at one minimum: a third from yet another guess would end there, too."""
+    apart = np.abs(end.shared - other.shared) > _SAME_PLACE * np.abs(other.shared)
+    return abs(end.left - other.left) < _SAME_LEFT * other.left and not np.any(apart)
 
 
 def _first_bounces(shot: Samples) -> Samples:

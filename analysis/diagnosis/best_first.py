@@ -104,6 +104,8 @@ class BestFirst:
             lacking = building.leaves_something if named is None else not named.explained
             if lacking and not building.law_was_tried:
                 return partial(self._try_one_law_instead, building, building)
+            if building.named is None and building.searched.rounds:
+                return partial(self._search_on, building)
         if rest is None:
             return self._search_at_rest
         likelier = rest if building is None or rest.is_likelier_than(building) else building
@@ -125,11 +127,15 @@ class BestFirst:
         return partial(self._complete, building)
 
     def _search_in_building(self) -> None:
-        searched = self._search.under(self._question.site)
+        """Search as the frame moves; the last effect that may join waits: one law takes less time."""
+        searched = self._search.under(self._question.site, most=CRITERIA.most_effects - 1)
         self._in_building = Branch(searched, self._question.one_law_beside(searched.trail.start))
 
+    def _search_on(self, branch: Branch) -> None:
+        branch.searched = branch.searched.to_the_end()
+
     def _search_at_rest(self) -> None:
-        """Search as if nothing shook the rig; the last effect that may join waits: one law takes less time."""
+        """Search as if nothing shook the rig; where only that is possible the last effect that may join waits."""
         most = CRITERIA.most_effects - (self._question.site is None)
         searched = self._search.under(None, most=most)
         self._at_rest = Branch(searched, self._question.one_law_beside(searched.trail.start))

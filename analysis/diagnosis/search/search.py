@@ -97,7 +97,7 @@ class Search:
             # Plates seem to move where an effect is missing, and would call for a second effect.
             first, trail = explored(start, self.given, catalogue, self.stop, most=1, limit=self.limit)
             first, trail = with_sway_updated(first, trail)
-            more = CRITERIA.most_effects - len(trail.added(first))
+            more = most - len(trail.added(first))
             return (climb(first, trail, more) if trail.added(first) else first), trail
 
         along = own_flights(data.shots, CRITERIA.own_flights)

@@ -12,6 +12,9 @@ from tests.benchmarks.coverage_shots import CONDITIONS, SITES
 BEGIN, END = "<!-- coverage: begin -->", "<!-- coverage: end -->"
 K_95 = 1.96
 FAR = 5.0  # standard uncertainties: the worst that an instrument can do without a word
+SCATTER = (0.95, 1.05)  # over the stated uncertainty, asked of every number
+ALL = "all"  # sites
+FEWEST = 10  # readings of which a scatter is told
 # that the site shakes is no excuse, since a number's uncertainty claims to hold that
 NO_EXCUSE = ("vibration",)
 
@@ -25,6 +28,11 @@ def tables(outcomes: Sequence[Outcome], seed: int) -> str:
     parts = [f"{len(outcomes)} shots of seed {seed} (`python -m tests.benchmarks.coverage`).", ""]
     parts += ["Share of 95 % intervals that hold the truth (of how many):", ""]
     parts += _grid("number", SITES, names, lambda name, site: _held(_reads(outcomes, name, "site", site)))
+    least, most = SCATTER
+    asked = f"asked {least:g} to {most:g}, bold where it is surely outside"
+    parts += ["", f"Scatter over the stated standard uncertainty (rms) of plain shots, {asked}:", ""]
+    plain = [outcome for outcome in outcomes if outcome["condition"] == "plain"]
+    parts += _grid("number", (*SITES, ALL), names, lambda name, site: _scatter(_reads(plain, name, "site", site)))
     parts += ["", f"Share of numbers off by more than {FAR:g} standard uncertainties, and without a flag for it:", ""]
     parts += [*_grid("number", CONDITIONS, names, lambda name, what: _far(outcomes, name, what))]
     parts += ["", "Stated standard uncertainty over the least possible, median; refused although it could be read:", ""]
@@ -72,7 +80,7 @@ def _off(read: Read | list[float]) -> float:
 
 
 def _reads(outcomes: Iterable[Outcome], name: str, key: str, value: str) -> list[list[float]]:
-    found = [outcome["read"].get(name) for outcome in outcomes if outcome[key] == value]
+    found = [outcome["read"].get(name) for outcome in outcomes if value in (outcome[key], ALL)]
     return [read for read in found if read is not None]
 
 
@@ -80,6 +88,17 @@ def _held(reads: list[list[float]]) -> str:
     if not reads:
         return "–"
     return f"{100 * np.mean([_off(read) <= K_95 for read in reads]):.0f} % ({len(reads)})"
+
+
+def _scatter(reads: list[list[float]]) -> str:
+    """Return the rms of what numbers are off by, in their uncertainties, with the std that it has by chance."""
+    if len(reads) < FEWEST:
+        return "–"
+    squares = np.array([_off(read) for read in reads]) ** 2
+    rms = float(np.sqrt(squares.mean()))
+    std = float(squares.std(ddof=1)) / (2.0 * rms * np.sqrt(len(reads)))
+    outside = rms + 2.0 * std < SCATTER[0] or rms - 2.0 * std > SCATTER[1]
+    return f"**{rms:.2f} ± {std:.2f}**" if outside else f"{rms:.2f} ± {std:.2f}"
 
 
 def _far(outcomes: Sequence[Outcome], name: str, condition: str) -> str:

@@ -74,6 +74,18 @@ def test_tables_count_what_is_off_and_what_is_said_of_it(tmp_path):
     assert page.read_text() == f"before\n{BEGIN}\n{text}\n{END}\nafter\n"
 
 
+def test_the_scatter_of_plain_shots_is_told_with_what_it_has_by_chance():
+    random = np.random.default_rng(5)
+    plain = [_outcome(42 * k, 1.0 + off, 1.0, 1.0) for k, off in enumerate(random.normal(size=400))]
+    knocked = [_outcome(42 * k + 14, 9.0, 1.0, 1.0) for k in range(400)]  # are none of them
+    row = next(line for line in tables([*plain, *knocked], 1).splitlines() if "±" in line and "velocity" in line)
+    assert CONDITIONS[42 // 7 % 6] == "plain" and "**" not in row
+    told, std = map(float, row.split("|")[2].split("±"))
+    assert told == pytest.approx(1.0, abs=0.1) and std == pytest.approx(1.0 / np.sqrt(800), abs=0.01)
+    timid = [_outcome(42 * k, 1.0 + off, 3.0, 1.0) for k, off in enumerate(random.normal(size=400))]
+    assert "**0.3" in tables(timid, 1)
+
+
 def test_conditions_and_sites_are_all_drawn():
     drawn = {(Case(1, i).site, Case(1, i).condition) for i in range(42)}
     assert len(drawn) == len(SITES) * len(CONDITIONS)

@@ -16,6 +16,7 @@ from analysis.inference import (
     SearchStart,
     Site,
     TrialEffect,
+    base_named,
     first_fit,
     shakings_of,
     site_under,
@@ -45,8 +46,10 @@ class Question:
 
     @cached_property
     def catalogue(self) -> Sequence[TrialEffect]:
-        """Get every effect that may be tried."""
-        return trial_effects([*self.laws, *(one for one in self.accepted if one.acts is not Acts.IN_DRIVE)])
+        """Get every effect that may be tried: of a plate that does not move those alone that have a meaning there."""
+        kinds = trial_effects([*self.laws, *(one for one in self.accepted if one.acts is not Acts.IN_DRIVE)])
+        plate_moves = not base_named(self.model).one_body
+        return [kind for kind in kinds if plate_moves or kind.one_body or kind.effect in self.accepted]
 
     @property
     def accepted(self) -> tuple[Effect, ...]:

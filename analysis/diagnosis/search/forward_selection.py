@@ -204,8 +204,6 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
     trail.last = at
     there = {*here.effects, *narrower(here.effects)}
     free = [kind for kind in trail.catalogue if kind.effect not in there]
-    if here.problem.data.base.one_body:
-        free = [kind for kind in free if kind.one_body]
     ranked = _ranked(at, free, trail)
     if first:
         trail.scores.update({listed[0].kind.effect: listed[0] for listed in ranked})

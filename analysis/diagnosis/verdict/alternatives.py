@@ -44,8 +44,6 @@ def blind_spots(at: Linearised, catalogue: Sequence[TrialEffect], best: Fitted) 
     for kind in catalogue:
         if kind.effect in best.effects or len(kind.starts) > 12:
             continue
-        if best.problem.data.base.one_body and not kind.one_body:
-            continue
         out.append(BlindSpot(kind.effect, kind.amplitude[0], least_seen(at, kind)))
     return tuple(out)
 

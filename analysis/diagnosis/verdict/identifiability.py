@@ -73,8 +73,6 @@ def separation(
     alone = beside(fitted, at, effect)
     whole = float(alone.left @ alone.left)
     others = [k for k in catalogue if k.effect not in fitted.effects]
-    if fitted.problem.data.base.one_body:
-        others = [k for k in others if k.one_body]
     distance = {kind.effect: float(np.sqrt(whole)) for kind in others}
     starts: dict[Effect, tuple[Mapping[str, float], ...]] = {}
     for listed in alone.screen(others, stop):
@@ -101,6 +99,3 @@ def least_seen(at: Linearised, kind: TrialEffect, snr: float = CRITERIA.stands_o
     score = max(listed, key=lambda s: s.power)
     size = score.unit
     return float(snr * size / np.sqrt(best)) if not kind.inverse else float(size * np.sqrt(best) / snr)
-
-
-__all__ = ["Separation", "beside", "least_seen", "missed_without", "separation", "snr"]

@@ -182,11 +182,11 @@ def free_laws(problem: Problem, point: Point) -> dict[Freedom, list[Floats]]:
     for run, x, shot in zip(runs, away, shots, strict=True):
         speed, way = np.abs(run.velocity_m_per_s) / fastest, np.sign(run.velocity_m_per_s)[:, None]
         inside = _inside(run.gap_m)
-        bent = _hats(-x / deepest, _BEND)[:, 1:] * inside[:, None]
+        bent = hats(-x / deepest, _BEND)[:, 1:] * inside[:, None]
         forces = {
-            Freedom.SPEED_AGAINST_MOTION: way * _hats(speed, _SPEED),
-            Freedom.SPEED_ONE_WAY: _hats(speed, _SPEED),
-            Freedom.PLACE: _hats(x / farthest, _PLACE),
+            Freedom.SPEED_AGAINST_MOTION: way * hats(speed, _SPEED),
+            Freedom.SPEED_ONE_WAY: hats(speed, _SPEED),
+            Freedom.PLACE: hats(x / farthest, _PLACE),
             Freedom.BEND: bent,
             Freedom.BEND_AGAINST_MOTION: way * bent,
         }
@@ -206,6 +206,6 @@ def _inside(gap_m: Floats) -> Floats:
     return out
 
 
-def _hats(u: Floats, knots: Sequence[float] | Floats) -> Floats:
+def hats(u: Floats, knots: Sequence[float] | Floats) -> Floats:
     """Return hats over ``u`` that sum to one, shape (n, knots)."""
     return np.stack([np.interp(u, knots, unit) for unit in np.eye(len(knots))], axis=1)

@@ -11,7 +11,7 @@ from scipy.special import chdtri
 from analysis.collision import Effect
 from analysis.diagnosis.result import Errors, Phase, Remainder
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit, colour, gain, shared, worst
+from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit, colour, gain, hats, shared, worst
 from analysis.inference import Fitted, Floor, Linearised, Samples
 from analysis.shot import Floats, Motion
 from analysis.signal import derivatives
@@ -153,12 +153,7 @@ def _bumps(shot: Samples) -> Floats:
     after = 1.0 + np.linspace(0.0, (shot.centre_s[-1] - c.touch_time_s) / length - 1.0, 4)[1:]
     knots = np.concatenate([before, _CONTACT, after])
     u = (shot.centre_s - c.touch_time_s) / length
-    out = np.zeros((u.size, knots.size))
-    for k in range(knots.size):
-        value = np.zeros(knots.size)
-        value[k] = 1.0
-        out[:, k] = np.interp(u, knots, value)
-    return 0.5 - 0.5 * np.cos(np.pi * out)
+    return 0.5 - 0.5 * np.cos(np.pi * hats(u, knots))
 
 
 def remainder_of(fitted: Fitted, misfit: LackOfFit = NOTHING, imitated_by: Sequence[Effect] = ()) -> Remainder:

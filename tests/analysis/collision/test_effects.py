@@ -9,6 +9,9 @@ import pytest
 
 from analysis.collision import general
 from analysis.collision.effects import CATALOGUE, named
+from analysis.collision.effects.kernel import FORCE, MASS, ON_BLOCK, OUTPUTS, Q_RATE, STATES, W_RATE, Q, V, W, X
+from analysis.collision.effects.on_block import block_mode
+from analysis.collision.effects.on_plate import second_plate_mode
 from analysis.collision.effects.on_sensor import cyclic_error, demodulation_lag
 from analysis.collision.effects.row import Acts, Sensed
 from analysis.collision.general import Active
@@ -130,6 +133,22 @@ def test_hidden_oscillators_only_hold_energy(name: str) -> None:
         total = 0.5 * M * v**2 + 0.5 * k_p * (y - q) ** 2 + 0.5 / values[0] * (q**2 + (w / omega) ** 2)
     total += 0.5 * bare.plate_mass_kg * u**2
     assert total == pytest.approx(0.5 * M * 0.265**2, rel=1e-10)
+
+
+def test_dashpots_of_hidden_oscillators_take_the_power_that_they_should() -> None:
+    """Of the relative speed alone: what moves as one loses nothing."""
+    random = np.random.default_rng(3)
+    mass, hz, zeta = 1e-3, 700.0, 0.07
+    omega = 2 * math.pi * hz
+    s, of_block, of_plate = random.normal(size=STATES), np.zeros(OUTPUTS), np.zeros(OUTPUTS)
+    block_mode(s, (mass, hz, zeta), of_block)
+    v, q, w = s[V], s[Q] - s[X], s[W]
+    power = v * of_block[ON_BLOCK] + mass * w * of_block[W_RATE] + mass * omega**2 * q * (of_block[Q_RATE] - v)
+    assert power == pytest.approx(-2 * zeta * omega * mass * (w - v) ** 2)
+    assert of_block[MASS] == -mass
+    second_plate_mode(s, (mass, hz, zeta), of_plate)
+    power = mass * w * of_plate[W_RATE] + mass * omega**2 * s[Q] * of_plate[Q_RATE]
+    assert power == pytest.approx(-s[FORCE] * w - 2 * zeta * omega * mass * w**2)
 
 
 def test_hertz_contact_with_a_locked_plate_lasts_as_long_as_hertz_says() -> None:

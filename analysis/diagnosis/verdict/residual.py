@@ -192,12 +192,9 @@ def _root(squares: Sequence[float]) -> float:
 def _line(fitted: Fitted) -> float | None:
     """Return the frequency of a line that stands out of the whitened remainder of all shots, or None."""
     shots = fitted.problem.data.shots
-    total: Floats | None = None
     size = min(int(s.valid.sum()) for s in shots)
-    for white in fitted.whitened():
-        power = np.abs(np.fft.rfft(white[:size] * np.hanning(size))) ** 2
-        total = power if total is None else total + power
-    assert total is not None
+    spectra = [np.abs(np.fft.rfft(white[:size] * np.hanning(size))) ** 2 for white in fitted.whitened()]
+    total = np.sum(spectra, axis=0)
     middle = float(np.median(total[3:]))
     peak = 3 + int(np.argmax(total[3:]))
     if total[peak] < 12 * middle:

@@ -11,6 +11,7 @@ from scipy.stats import chi2
 from analysis.collision.effects import CATALOGUE
 from analysis.collision.effects.row import Effect
 from analysis.diagnosis.limit import SECONDS, Limit
+from analysis.diagnosis.result import Freedom
 from analysis.diagnosis.search import forward_selection
 from analysis.diagnosis.search.forward_selection import Trail, prune
 from analysis.diagnosis.verdict import acceptance, coincidence, lack_of_fit
@@ -19,8 +20,9 @@ from analysis.diagnosis.verdict.coincidence import Unforetold, by_chance
 from analysis.diagnosis.verdict.cross_validation import Prediction
 from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit, worst
 from analysis.diagnosis.verdict.residual import Residual
+from analysis.inference import joined
 from analysis.inference.noise.floor import Floor
-from tests.analysis.diagnosis.shots import calm
+from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 from tests.analysis.diagnosis.test_acceptance import CALM, TILT, WANDERING, Fit
 
 HELD = (1,)
@@ -288,6 +290,15 @@ def lacking(
     fitted = SimpleNamespace(problem=problem, point=None)
     at = cast(Any, SimpleNamespace(lines=()))
     return worst(cast(Any, fitted), at, at, slow)
+
+
+@pytest.mark.parametrize(("last", "missed"), [(5e-4, None), (5.5e-4, Freedom.EFFECT_APART)])
+def test_an_effect_that_is_another_one_in_one_shot_is_missed_as_that(last: float, missed: Freedom | None) -> None:
+    first, other = (shots({"viscous_drag": {"coefficient_n_s_per_m": c}}) for c in (5e-4, last))
+    fitted = joined(base_fit((*first[:2], other[2])), [KINDS["viscous_drag"]], calm)
+    at = fitted.linearise()
+    found = worst(fitted, at, at)
+    assert (found.shape if found.significant else None) is missed
 
 
 @pytest.mark.parametrize(("floor", "times"), [(CALM, 1.0), (WANDERING, 3.0)])

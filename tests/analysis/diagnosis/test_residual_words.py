@@ -60,3 +60,17 @@ def test_every_kind_of_remainder_and_standing_has_words() -> None:
     for standing in Standing:
         remark = remark_on(Candidate(CATALOGUE["tilt"], 1.0, None, standing=standing, number=0.25))
         assert remark and "{" not in remark and "None" not in remark
+
+
+@pytest.mark.parametrize("shots", [1, 2])
+def test_a_line_is_told_that_all_shots_have(shots: int) -> None:
+    one = _fit(1.0)
+    (white,) = one.whitened()
+    lined = white + 0.5 * np.sin(2 * np.pi * 417.0 * one.problem.data.shots[0].centre_s)
+    fit = _fit(1.0)
+    fit.problem.data.shots *= shots
+    fit.residual_m *= shots
+    fit.whitened = lambda: [lined] * shots
+    line_hz = remainder_of(cast(Any, fit)).line_hz
+    assert line_hz is not None and line_hz == pytest.approx(417.0, abs=5.0)
+    assert remainder_of(cast(Any, _fit(1.0))).line_hz is None

@@ -54,6 +54,10 @@ def test_a_typed_law_is_the_row_of_its_equation(name: str, values: Any, where: s
         )
 
 
+def test_of_two_parameters_that_turn_a_law_off_its_strength_is_the_linear_one() -> None:
+    assert [law("block", formula, b=2.0, a=3.0).amplitude for formula in ("-b**2*a*v", "-b*a**2*v")] == ["a", "b"]
+
+
 @pytest.mark.parametrize(
     "formula", ["-a*exp(b*x)*v", "a*tanh(v/b)", "-a*max(0, -x - b)", "a*cos(x/b)*u", "-a*sqrt(abs(y))*v + b*0"]
 )

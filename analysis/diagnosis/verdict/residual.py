@@ -18,6 +18,7 @@ from analysis.signal import derivatives
 
 _CONTACT = np.array([0.0, 0.03, 0.07, 0.12, 0.2, 0.32, 0.46, 0.6, 0.75, 0.9, 1.0])  # knots, in contact times
 _POWERS = (0, 1, 2)
+_LINE, _SLOWEST = 12.0, 3  # times the median power, at least; periods within a shot of what may be a line
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,16 +191,19 @@ def _root(squares: Sequence[float]) -> float:
 
 
 def _line(fitted: Fitted) -> float | None:
-    """Return the frequency of a line that stands out of the whitened remainder of all shots, or None."""
+    """Return the frequency of a line that stands out of the whitened remainder of all shots, or None.
+
+    Of one shot the loudest of two thousand frequencies of white noise is eleven times as loud as their median.
+    """
     shots = fitted.problem.data.shots
     size = min(int(s.valid.sum()) for s in shots)
     spectra = [np.abs(np.fft.rfft(white[:size] * np.hanning(size))) ** 2 for white in fitted.whitened()]
-    total = np.sum(spectra, axis=0)
-    middle = float(np.median(total[3:]))
-    peak = 3 + int(np.argmax(total[3:]))
-    if total[peak] < 12 * middle:
+    total = np.sum(spectra, axis=0)[_SLOWEST:]
+    peak = int(np.argmax(total))
+    by_chance = chdtri(2 * len(shots), CRITERIA.shape_chance / total.size) / chdtri(2 * len(shots), 0.5)
+    if total[peak] < max(_LINE, float(by_chance)) * float(np.median(total)):
         return None
-    return float(peak / (size * shots[0].spacing_s))
+    return float((_SLOWEST + peak) / (size * shots[0].spacing_s))
 
 
 def errors(

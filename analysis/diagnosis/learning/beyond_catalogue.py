@@ -1,8 +1,9 @@
 """Laws learned where the catalogue leaves a residual: alone, or together with effects of the catalogue."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law
 from analysis.diagnosis.learning.learned_law import in_joint_fit
@@ -47,32 +48,31 @@ def beyond_catalogue(
     doubt are not tried: so much freedom imitates nearly anything, and takes as long as all before it.  ``beat`` is the
     criterion that laws must come below (``law_learning``).
     """
-    before, held, tell, stop, limit = alone.start, alone.held, alone.tell, alone.stop, alone.limit
     found = []
-    if alone.or_two_may_reach(beat) and (first := alone.found) is not None:
-        if first.explains:
-            return _alone(first)
-        found.append(
-            _alone(limit.within("a second law", lambda: learn_another(first, held, tell, limit, beat=beat), first))
-        )
-        if found[-1].verdict is Verdict.LAW_LEARNED:
-            return found[-1]
-    helped = _helps(before, nearest, held, stop)
-    if helped is not None:
-        tell("learning a law beside the effects that came nearest", 0.83)
-        joined = limit.within(
-            "a law beside the effects that came nearest",
-            lambda: learn_law(nearest, held, tell, limit, beat=beat),
-            None,
-        )
-        if joined is not None:
-            found.append(_together(joined, effects, helped[0], held, stop, passed=False))
-            if found[-1].verdict is Verdict.LAW_LEARNED:
-                return found[-1]
-        rest = residual_of(nearest, nearest.linearise())
-        verdict = conclude(explained=False, effects=(), predicts_better=True)
-        found.append(Beyond(nearest, verdict, [], (), helped, rest, tuple(effects)))
+    for one in _in_turn(alone, nearest, effects, beat):
+        if one.verdict is Verdict.LAW_LEARNED:
+            return one
+        found.append(one)
     return min(found, key=lambda one: one.fitted.bic, default=None)
+
+
+def _in_turn(alone: SingleLaw, nearest: Fitted, effects: Sequence[FoundEffect], beat: float) -> Iterator[Beyond]:
+    before, held, tell, stop, limit = alone.start, alone.held, alone.tell, alone.stop, alone.limit
+    if alone.or_two_may_reach(beat) and (first := alone.found) is not None:
+        if not first.explains:
+            first = limit.within("a second law", partial(learn_another, first, held, tell, limit, beat=beat), first)
+        yield _alone(first)
+    helped = _helps(before, nearest, held, stop)
+    if helped is None:
+        return
+    tell("learning a law beside the effects that came nearest", 0.83)
+    what = "a law beside the effects that came nearest"
+    joined = limit.within(what, lambda: learn_law(nearest, held, tell, limit, beat=beat), None)
+    if joined is not None:
+        yield _together(joined, effects, helped[0], held, stop, passed=False)
+    rest = residual_of(nearest, nearest.linearise())
+    verdict = conclude(explained=False, effects=(), predicts_better=True)
+    yield Beyond(nearest, verdict, [], (), helped, rest, tuple(effects))
 
 
 def beside(

@@ -12,6 +12,7 @@ import pytest
 from analysis.collision.effects import named
 from analysis.diagnosis import words
 from analysis.diagnosis.learning import beyond_catalogue as beyond
+from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.result import Errors, FoundEffect, Freedom, Remainder, Verdict
 from analysis.diagnosis.result_file import diagnosis_result
 from analysis.diagnosis.verdict.conclusion import conclude
@@ -101,6 +102,54 @@ def test_effects_that_passed_no_gate_are_named_beside_a_law_only_where_nothing_r
     joined = beyond._together(cast(Any, found), [EFFECT], cast(Any, None), (), lambda: False, passed=passed)
     assert (len(joined.effects), len(joined.imitations)) == (named, imitating)
     assert joined.verdict is (Verdict.PARTLY_EXPLAINED if remains else Verdict.LAW_LEARNED)
+
+
+@pytest.mark.parametrize(
+    ("alone", "with_second", "joined", "told"),
+    [
+        (Verdict.LAW_LEARNED, Verdict.LAW_LEARNED, Verdict.LAW_LEARNED, "alone"),
+        (Verdict.PARTLY_EXPLAINED, Verdict.LAW_LEARNED, Verdict.LAW_LEARNED, "with a second"),
+        (Verdict.PARTLY_EXPLAINED, Verdict.PARTLY_EXPLAINED, Verdict.LAW_LEARNED, "joined"),
+        (Verdict.PARTLY_EXPLAINED, Verdict.PARTLY_EXPLAINED, Verdict.PARTLY_EXPLAINED, "with a second"),
+        (None, None, Verdict.LAW_LEARNED, "joined"),
+        (None, None, None, "effects"),
+    ],
+)
+def test_what_explains_all_first_is_told_and_else_the_likeliest(
+    alone: Verdict | None,
+    with_second: Verdict | None,
+    joined: Verdict | None,
+    told: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    likeliest = {"with a second": 1.0, "joined": 2.0, "effects": 3.0, "alone": 4.0}
+
+    def found(what: str, verdict: Verdict | None) -> Any:
+        explains = verdict is Verdict.LAW_LEARNED
+        fitted = SimpleNamespace(bic=likeliest[what], what=what, linearise=lambda: None)
+        return SimpleNamespace(verdict=verdict, explains=explains, fitted=fitted) if verdict else None
+
+    nearest = SimpleNamespace(bic=likeliest["effects"], what="effects", linearise=lambda: None)
+    for name, made in {
+        "learn_another": lambda *_, **__: found("with a second", with_second),
+        "learn_law": lambda *_, **__: found("joined", joined),
+        "_alone": lambda one: one,
+        "_together": lambda one, *_, **__: one,
+        "_helps": lambda *_: (None, None),
+        "residual_of": lambda *_: None,
+    }.items():
+        monkeypatch.setattr(beyond, name, made)
+    law = SimpleNamespace(
+        start=None,
+        held=(),
+        tell=lambda *_: None,
+        stop=lambda: False,
+        limit=Limit(60.0, lambda: False),
+        or_two_may_reach=lambda _beat: True,
+        found=found("alone", alone),
+    )
+    one = beyond.beyond_catalogue(cast(Any, law), cast(Any, nearest), [])
+    assert one is not None and cast(Any, one.fitted).what == told
 
 
 def test_what_merely_imitates_the_remainder_has_numbers_without_uncertainties() -> None:

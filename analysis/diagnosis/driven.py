@@ -98,7 +98,7 @@ def diagnose_driven(
             mass_check,
             table.stretches[0].bandwidth_hz,
             laws_named(searched.unidentifiable),
-            None if explained else _remainder(table, after.whole),
+            None if explained else remainder(table, after.whole),
         ),
     )
     tell("diagnosed", 1.0)
@@ -124,7 +124,7 @@ def _found(split: Split, whole: Regression, searched: LawSearch, law: str) -> Fo
     return FoundEffect(LAWS[law], whole.parameters(law), evidence, others)
 
 
-def _remainder(table: Table, found: Regression) -> DriveRemainder:
+def remainder(table: Table, found: Regression) -> DriveRemainder:
     """Return what the remaining force goes with: direction, reversals, place."""
     left = found.residual_n
     speed, place = table.velocity_m_per_s, table.displacement_m

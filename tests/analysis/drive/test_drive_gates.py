@@ -1,11 +1,15 @@
 """The criteria that a law of a drive must meet, each with a case that does and one that does not."""
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from analysis.diagnosis.driven import remainder
 from analysis.drive import law_search
 from analysis.drive.catalogue import LAWS
 from analysis.drive.law_search import Split, Trial, cross_validated_n, look_alikes, same_in_both_halves
@@ -170,3 +174,13 @@ def test_the_search_for_a_laws_shape_follows_the_true_slopes() -> None:
     slopes = np.array([[3.0, -0.2], [0.5, 40.0], [0.0, 1.0]])
     found = _differences(lambda z: slopes @ z, (2.0, 0.05))(np.array([0.3, -1.0]))
     np.testing.assert_allclose(found, slopes, atol=1e-9)
+
+
+@pytest.mark.parametrize("waves", [1, 2, 3])
+def test_what_is_left_goes_with_the_place_where_it_repeats_along_the_travel(drag: Table, waves: int) -> None:
+    place, speed = drag.displacement_m, drag.velocity_m_per_s
+    along = np.sin(2 * np.pi * waves * place / np.ptp(place))
+    one_way = np.where(speed > 0.0, 1.0, -1.0)
+    told = [remainder(drag, cast(Any, SimpleNamespace(residual_n=left))) for left in (along, one_way)]
+    assert told[0].place == pytest.approx(1.0) and told[0].direction < 0.3
+    assert told[1].direction == pytest.approx(1.0) and told[1].place < 0.3

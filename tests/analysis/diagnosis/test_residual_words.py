@@ -39,9 +39,14 @@ def _fit(scale: float) -> Any:
     )
 
 
-@pytest.mark.parametrize(("scale", "said"), [(2.0, "0.17 nm rms in displacement above"), (0.99, "in all no rms in")])
-def test_a_residual_within_the_noise_is_not_said_to_be_0_nm(scale: float, said: str) -> None:
-    text = words.remainder(remainder_of(cast(Any, _fit(scale))))
+@pytest.mark.parametrize(
+    ("scale", "weight", "said"),
+    [(2.0, 1.0, "0.17 nm rms in displacement above"), (0.99, 1.0, "in all no rms in"), (1.98, 2.0, "in all no rms in")],
+)
+def test_a_residual_within_the_noise_is_not_said_to_be_0_nm(scale: float, weight: float, said: str) -> None:
+    fit = _fit(scale)
+    fit.problem.data.shots[0].weight = weight  # times the noise of the others
+    text = words.remainder(remainder_of(cast(Any, fit)))
     assert text.startswith(said) and "above the white noise of 0.1 nm" in text
     assert not text.startswith("0 nm")
 

@@ -94,8 +94,10 @@ def test_a_made_up_effect_is_known_by_its_function_alone(monkeypatch: pytest.Mon
     check(SLOSHING, {}, -0.27, 3)
 
 
-def test_many_starts_at_once_are_each_as_if_alone() -> None:
-    shot = Shot(TIME_S, PAPER.vector[:4], np.array([-0.27, 0.01, 0.0]), {}, PAPER.block_mass_kg, OPTICS)
+@pytest.mark.parametrize("have", ["base", "lag"])
+def test_many_starts_at_once_are_each_as_if_alone(have: str) -> None:
+    values = {named(name): given for name, given in HAVE[have].items()}
+    shot = Shot(TIME_S, PAPER.vector[:4], np.array([-0.27, 0.01, 0.0]), values, PAPER.block_mass_kg, OPTICS)
     row = CATALOGUE["block_mode"]
     starts = trial_effect(row).starts[20:120:9]
     path = path_of(shot, 2)

@@ -1,11 +1,11 @@
 from . import general
-from .acting import Active, FastestRates, active_effects, chain_matrix, chain_rules, fastest_rates
+from .acting import Active, FastestRates, active_effects, chain_matrix, chain_rules, direction, fastest_rates
 from .effects import CATALOGUE, MOST_AT_ONCE, NUISANCES, WIDER, effects_named, findings, named, sensors
 from .effects.kernel import TOUCHING, V, X, address, complex_address
 from .effects.row import Acts, Effect, Parameter, Sensed
 from .first_order import along, steps_for
 from .gear import simulate
-from .general import Event, EventLog, TooManyEvents, Trajectory, UnboundedMotion, solve
+from .general import Event, EventLog, TooManyEvents, Trajectory, UnboundedMotion, averaged, solve
 from .laws.arguments import ARGUMENTS, Argument
 from .laws.curve import Basis, Curve, graded_basis, visited_range
 from .laws.forms import FORMS, Form
@@ -52,9 +52,11 @@ __all__ = [
     "active_effects",
     "address",
     "along",
+    "averaged",
     "chain_matrix",
     "chain_rules",
     "complex_address",
+    "direction",
     "effects_named",
     "fastest_rates",
     "findings",

@@ -75,14 +75,6 @@ class Collision:
         series = 1 / (1 / max(self.plate_stiffness_n_per_m, 1e-9) + 1 / self.contact_stiffness_n_per_m)
         return math.pi * math.sqrt((self.block_mass_kg + self.plate_mass_kg) / series)
 
-    @property
-    def fastest_rate_rad_per_s(self) -> float:
-        """Get the fastest angular frequency or decay rate of any phase."""
-        inverse = 1 / self.block_mass_kg + 1 / self.plate_mass_kg
-        plate = self.plate_stiffness_n_per_m / self.plate_mass_kg
-        oscillation = math.sqrt(self.contact_stiffness_n_per_m * inverse + plate)
-        return max(oscillation, self.contact_damping_n_s_per_m * inverse)
-
 
 kernel_order = (
     "plate_stiffness_n_per_m",

@@ -24,9 +24,8 @@ def tasks() -> dict[str, Callable[[], object]]:
     from analysis.collision import general
     from analysis.collision.effects import CATALOGUE
     from analysis.collision.parameters import PAPER
-    from analysis.inference.fit.situation import Optics
-    from analysis.inference.screen.first_order import Shot, path_of
-    from tests.analysis.inference.shown import shown
+    from analysis.inference.screen.first_order import path_of
+    from tests.analysis.inference.shown import model_of, shown
 
     out: dict[str, Callable[[], object]] = {
         "two bodies": lambda: general.solve(PAPER, (), TIME_S).displacement_m,
@@ -46,13 +45,13 @@ def tasks() -> dict[str, Callable[[], object]]:
         out[name] = solve
         out[f"{name}, {len(by)} derivatives"] = lambda s=solve, by=by: s(by=by)
         out[f"{name}, {len(by)} derivatives, means of 5"] = lambda s=solve, by=by: s(by=by, block=5)
-    own, optics = np.array([-0.27, 0.0101234, 3e-6]), Optics(632.8e-9, 1e5)
+    own = np.array([-0.27, 0.0101234, 3e-6])
     for name in ("cubic_stiffness", "contact_exponent"):
         values = {name: {p.name: p.scale for p in CATALOGUE[name].parameters}}
         out[f"a score by a trajectory: {name}"] = lambda v=values: (
-            shown(SCREENED_S, PAPER.vector[:4], own, v, PAPER.block_mass_kg, optics).displacement_m
+            shown(SCREENED_S, PAPER.vector[:4], own, v).displacement_m
         )
-    shot = Shot(SCREENED_S, PAPER.vector[:4], own, {}, PAPER.block_mass_kg, optics)
+    shot = model_of(SCREENED_S, PAPER.vector[:4], own, {})
     for steps in (1, 4):
         out[f"linear path, {steps} steps a sample"] = lambda s=steps: path_of(shot, s).length_s
     return out

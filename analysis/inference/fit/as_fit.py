@@ -6,7 +6,6 @@ import numpy as np
 
 from analysis.collision import Effect, Parameter
 from analysis.inference.fit.build_fit import Estimate, Part, Path, build_fit
-from analysis.inference.fit.derivatives import solved
 from analysis.inference.fit.problem import Fitted
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor
@@ -81,7 +80,7 @@ def as_fit(
 
 def _path(fitted: Fitted, index: int) -> Path:
     point = fitted.point
-    _, response = solved(fitted.problem, index, point, derivatives=True, averaged=False)
+    response = fitted.problem.run(index, point, derivatives=True)
     return Path.of(response, float(point.own[index][1]))
 
 

@@ -23,7 +23,6 @@ PLATE_NAMES = (
 BODY_NAMES = PLATE_NAMES[:2]  # which each plate has for itself
 CONTACT_NAMES = PLATE_NAMES[2:]
 OWN_NAMES = ("velocity_in_m_per_s", "touch_time_s", "offset_m")
-PLATE_START = ("plate_displacement_m", "plate_velocity_m_per_s")  # at first touch, where the plate swings
 Plates = tuple[tuple[float, float], ...]
 TRUSTED = 1.5  # chi^2 per sample, up to which likeliest plates are believed: above, they absorb missing effects
 
@@ -37,19 +36,13 @@ def named_on_plate(name: str, plate_number: int) -> str:
 class Base:
     """A base model: the paper's two bodies, or one body on a contact spring whose plate does not move.
 
-    ``swings``: the plate has a displacement and a velocity of its own at each first touch.  Shots on several
-    ``plates`` share the contact; stiffness and mass are each plate's, those of the second "plate_2_mass_kg" and so on.
+    Shots on several ``plates`` share the contact; stiffness and mass are each plate's, those of the second
+    "plate_2_mass_kg" and so on.
     """
 
     variant: Variant
     one_body: bool
-    swings: bool = False
     plates: int = 1
-
-    @property
-    def own_names(self) -> tuple[str, ...]:
-        """Get the names of each shot's own parameters, in the fit's order."""
-        return (*OWN_NAMES, *PLATE_START) if self.swings else OWN_NAMES
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -11,8 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from analysis.collision import Effect, Infeasible
-from analysis.inference.fit.situation import Values
 from analysis.shot import Floats
+
+Values = Mapping[Effect, Mapping[str, float]]  # of a shot's effects, by effect and parameter
 
 _SOFTEST = 0.9  # of the total compliance is the clamp's, at most
 

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import general
+from analysis.collision import averaged
 from analysis.inference.fit.course import Course, read_course
-from analysis.inference.fit.response import DEFAULT_WAVELENGTH_M, ShotData
 from analysis.shot import Floats, Motion, plate_numbers
 
 if TYPE_CHECKING:
@@ -69,7 +68,7 @@ class Samples:
 
     def averaged(self, columns: Floats) -> Floats:
         """Return ``columns``, shape (n,) or (n, k) on the motion's grid, averaged like the data."""
-        return general.averaged(columns, self.factor)
+        return averaged(columns, self.factor)
 
     def without_frame_motion(self, floor: "Floor", left_m: Floats) -> Floats:
         """Return a residual, shape (n,), minus the most likely contribution of the frame's motion."""
@@ -78,24 +77,6 @@ class Samples:
         out = left_m.copy()
         out[self.valid] -= self.sway.likely(left_m, floor)
         return out
-
-    @property
-    def for_model(self) -> ShotData:
-        """Get the shot in the form that the model takes."""
-        wavelength_m = self.wavelength_m or DEFAULT_WAVELENGTH_M
-        rate_hz = self.factor / self.spacing_s
-        return ShotData(
-            self.time_s,
-            self.displacement_m,
-            self.valid,
-            self.moving_mass_kg,
-            self.course,
-            wavelength_m,
-            rate_hz,
-            plate=self.plate,
-            plate_number=self.plate_number,
-            measured_m=self.displacement_m if self.factor == 1 else None,
-        )
 
     @property
     def length_s(self) -> float:

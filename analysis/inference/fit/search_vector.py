@@ -10,15 +10,13 @@ from analysis.collision import Effect, Parameter
 from analysis.inference.fit.arrow import Arrow, Places
 from analysis.inference.fit.base import OWN_NAMES, Base
 from analysis.inference.fit.coordinates import Coordinates
-from analysis.inference.fit.effective_parameters import Point, chained, to_actual, to_effective
+from analysis.inference.fit.effective_parameters import Point, Values, chained, to_actual, to_effective
 from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.response import Model
+from analysis.inference.fit.response import ShotModel
 from analysis.inference.fit.samples import Samples
-from analysis.inference.fit.situation import Optics, Values
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor, white_by_differences, white_floor
 from analysis.inference.noise.site import Site
-from analysis.inference.screen.first_order import Shot
 from analysis.shot import AnalysisError, Floats
 from analysis.signal import LEAST_NOISE_M
 
@@ -94,19 +92,6 @@ class SearchVector:
         for shot in range(len(self.data.shots)):
             out += [(kind.effect, free, shot) for kind in self.effects for free in kind.own]
         return out
-
-    @cached_property
-    def _models(self) -> dict[tuple[tuple[str, float], ...], Model]:
-        return {}
-
-    def model(self, chosen: tuple[tuple[str, float], ...] = (), laws: Sequence[Effect] = ()) -> Model:
-        """Return the model of base, effects and further ``laws``; models without laws are cached by ``chosen``."""
-        rows = tuple(kind.effect for kind in self.effects)
-        if laws:
-            return Model(self.data.base, (*rows, *laws), chosen)
-        if chosen not in self._models:
-            self._models[chosen] = Model(self.data.base, rows, chosen)
-        return self._models[chosen]
 
     @property
     def offset(self) -> int:
@@ -222,17 +207,7 @@ class SearchVector:
                 low[self.offset + k], high[self.offset + k] = np.log(slowest), np.log(fastest)
         return low, high
 
-    def shot_at(self, index: int, point: Point) -> Shot:
-        """Return one shot's parameters, at the centres of its averaged samples."""
-        shot = self.data.shots[index]
-        base = point.base[list(self.data.base.places(shot.plate_number))]
-        base = base if not self.data.base.one_body else np.array([0.0, np.inf, *base])
-        optics = Optics(shot.wavelength_m, shot.factor / shot.spacing_s)
-        return Shot(
-            shot.centre_s,
-            base,
-            np.append(point.own[index], shot.plate),
-            point.values[index],
-            shot.moving_mass_kg,
-            optics,
-        )
+    def shot_at(self, index: int, point: Point) -> ShotModel:
+        """Return the model of one shot with the parameters of a point."""
+        values = {kind.effect: point.values[index][kind.effect] for kind in self.effects}
+        return ShotModel(self.data.shots[index], self.data.base, point.base, point.own[index], values)

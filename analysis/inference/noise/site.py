@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import Acts, Effect
+from analysis.collision import Acts, Effect, named
 from analysis.compiled import side_by_side, solve_triangle
-from analysis.inference.fit.base import PLATE_START, Base
-from analysis.inference.fit.response import Model, respond
+from analysis.inference.fit.base import Base
+from analysis.inference.fit.response import ShotModel, respond
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.sway import BELOW_HZ, plate_swing_std, responses
@@ -33,6 +33,8 @@ _REMEMBERED = 4  # results kept, by noise and by shape of the noise
 _WANDER = 3.0  # times the least density in the fastest octave, both times f^2: below, the optical path wanders
 _NEARLY = 0.05  # greatest cosine between columns of which one Cholesky factorisation is enough
 _SEEN = 1e-3  # of the variance of white noise: directions with less are left out
+_PLATE_START = ("displacement_m", "velocity_m_per_s")  # of the plate at first touch
+_OF_PLATE = slice(-len(_PLATE_START), None)  # of the unit normal numbers: the last stand for the plate's start
 
 
 @dataclass(frozen=True)
@@ -136,8 +138,7 @@ class Sway:
     def likely_plate(self, left_m: Floats, noise: Floor) -> tuple[float, float]:
         """Return the plate's likeliest state at first touch (m, m/s), from the residual with the plate at rest."""
         scaled = self.scaled(noise)
-        of_plate = slice(-len(PLATE_START), None)
-        numbers = scaled[:, of_plate].T @ self._pull(scaled, self._along(left_m, noise))
+        numbers = scaled[:, _OF_PLATE].T @ self._pull(scaled, self._along(left_m, noise))
         x, v = numbers * np.exp(0.5 * noise.site[self.band[-1]]) * np.asarray(self.plate_std)
         return float(x), float(v)
 
@@ -155,7 +156,7 @@ class Sway:
     @cached_property
     def _plate_columns(self) -> Floats:
         """Get the displacement due to each unit number of the plate's start, shape (n, 2)."""
-        return np.asarray(self.basis @ self.factors[:, -len(PLATE_START) :])
+        return np.asarray(self.basis @ self.factors[:, _OF_PLATE])
 
     def _along(self, left_m: Floats, noise: Floor) -> Floats:
         white = noise.whiten(left_m[:, None], self.valid, self.weight)
@@ -257,23 +258,23 @@ def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats) -
 
     Cost: about 0.06 s.
     """
-    collision = base.collision(shared, float(own[0]), shot.moving_mass_kg, shot.plate, shot.plate_number)
+    model = ShotModel(shot, base, shared, own, {named("plate_motion"): dict.fromkeys(_PLATE_START, 0.0)})
+    collision = model.collision
     omega = 2 * np.pi * site.shaking.frequency_hz
     # the frame moves slowly: the mean over a block is its contribution at the centre, to a millionth
     moved, after = responses(collision, shot.centre_s - own[1], omega)
     each = np.sqrt(site.shaking.power_m2)
-    model = Model(replace(base, swings=True))
-    start = np.concatenate([own[:3], np.zeros(len(PLATE_START))])
-    swings = respond(model, shot.for_model, shared, start, block=shot.factor).derivatives[:, -len(PLATE_START) :]
+    by_start = [model.names.index(f"plate_motion.{name}") for name in _PLATE_START]
+    swings = respond(model, shot.time_s, block=shot.factor, derivatives=True).derivatives[:, by_start]
     plate_std = plate_swing_std(site.shaking, collision)
-    columns = np.empty((int(shot.valid.sum()), 2 * each.size + len(PLATE_START)))
+    columns = np.empty((int(shot.valid.sum()), 2 * each.size + len(_PLATE_START)))
     seen = moved[shot.valid]
     np.multiply(seen.real, each, out=columns[:, : each.size])
     np.multiply(seen.imag, each, out=columns[:, each.size : 2 * each.size])
     columns[:, 2 * each.size :] = swings[shot.valid] * plate_std
     own_hz = np.sqrt(collision.plate_stiffness_n_per_m / collision.plate_mass_kg) / (2 * np.pi)
     nearest = int(np.argmin(np.abs(site.shaking.frequency_hz[site.shaking.random] - own_hz)))
-    band = np.concatenate([site.band, site.band, np.repeat(site.band[nearest], len(PLATE_START))])
+    band = np.concatenate([site.band, site.band, np.repeat(site.band[nearest], len(_PLATE_START))])
     level, turn = np.linalg.eigh(columns.T @ columns)
     felt = level > _SEEN * shot.white_m**2
     felt[-1] = True  # the strongest even where nothing is felt: matrices without columns are not solved with

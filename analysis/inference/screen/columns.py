@@ -206,7 +206,7 @@ def _to_first_order(
     effect, problem, point = kind.effect, at.problem, at.point
     shot = problem.shot_at(index, point)
     steps = np.array(first_order.steps_for(problem.shot_at(0, point), effect, starts))
-    out = np.empty((shot.time_s.size, len(starts)))
+    out = np.empty((shot.samples.centre_s.size, len(starts)))
     paths = {} if paths is None else paths
     for some in (int(one) for one in np.unique(steps)):
         if len(problem.data.shots) <= FEW_SHOTS:

@@ -9,7 +9,6 @@ import numpy as np
 
 from analysis.collision import fastest_rates
 from analysis.inference.fit.arrow import Arrow, Span
-from analysis.inference.fit.situation import situation
 from analysis.inference.fit.weighed_model import AtVector, Lines, WeighedModel
 from analysis.inference.noise.floor import Floor
 from analysis.shot import Floats
@@ -40,9 +39,8 @@ class Trajectories:
         if not np.allclose(point.base, problem.unpack(z).base, rtol=_NEARBY, atol=0.0):
             return False
         for index, shot in enumerate(problem.data.shots):
-            at = self.problem.shot_at(index, point)
-            collision, _ = situation(at.base, at.own, {}, at.mass_kg)
-            swing_m = abs(shot.course.velocity_in_m_per_s) / fastest_rates(collision, []).contact
+            collision = self.problem.shot_at(index, point).collision
+            swing_m = abs(shot.course.velocity_in_m_per_s) / fastest_rates(collision, ()).contact
             moved_m = np.abs(self.lines[index][0] - lines[index][0])[shot.valid]
             if not float(moved_m.max(initial=0.0)) < _NEARBY * swing_m:
                 return False

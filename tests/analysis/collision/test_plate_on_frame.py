@@ -11,10 +11,10 @@ from analysis.collision.effects.kernel import Q_RATE, W_RATE, Q, W
 from analysis.collision.effects.on_sensor import plate_on_frame, plate_response_to_frame
 from analysis.collision.parameters import Variant
 from analysis.inference.fit.base import Base
-from analysis.inference.fit.course import Course
-from analysis.inference.fit.response import Model, ShotData, respond
+from analysis.inference.fit.response import ShotModel, respond
 from instrument.bench import frame
 from instrument.bench.mechanics import Trajectory
+from tests.analysis.inference.shown import samples_at
 from tests.bench.blind import Truth, clean_m, drawn, run
 
 NAME = "frame_vibration_with_plate"
@@ -26,23 +26,36 @@ def rig(effects: dict[str, dict[str, float]]) -> Truth:
     return replace(drawn((), 3), effects=effects)
 
 
-def vectors(truth: Truth, trajectory: Trajectory) -> tuple[np.ndarray, np.ndarray]:
-    """Return the model's shared and own parameters of a shot that the bench let happen."""
+def model_of(truth: Truth, trajectory: Trajectory, size: int) -> ShotModel:
+    """Return the model of a shot that the bench let happen, at so many samples."""
     b, line = truth.bodies, truth.effects[NAME]
     touch = trajectory.events[0][1]
     omega = 2 * math.pi * line["frequency_hz"]
     foot = -line["plate_factor"] * line["amplitude_m_per_s"] * math.sin(omega * touch + line["phase_rad"])
-    others = [v for name, values in truth.effects.items() if name != NAME for v in values.values()]
-    of_line = [line["amplitude_m_per_s"], line["frequency_hz"], line["plate_factor"]]
     shared = [b.plate_stiffness_n_per_m, b.plate_mass_kg, b.contact_stiffness_n_per_m, b.contact_damping_n_s_per_m]
-    own = [trajectory.velocity_in_m_per_s + foot, touch, 0.0, line["phase_rad"]]
-    return np.array([*shared, *of_line, *others]), np.array(own)
+    own = np.array([trajectory.velocity_in_m_per_s + foot, touch, 0.0])
+    samples = samples_at(np.arange(size) * 1e-5, 1, b.block_mass_kg)
+    values = {named(name): given for name, given in truth.effects.items()}
+    return ShotModel(samples, Base(Variant.PAPER, False), np.array(shared), own, values)
 
 
-def shot_of(x: np.ndarray, truth: Truth) -> ShotData:
-    t = np.arange(x.size) * 1e-5
-    course = Course(0.0, 0.0, -0.2, 0.0, 0.0, 0.0, 0.0, slice(0), slice(0))
-    return ShotData(t, x, np.ones(x.size, bool), truth.bodies.block_mass_kg, course)
+def moved(shot: ShotModel, name: str, by: float) -> ShotModel:
+    """Return the model with one of its parameters changed."""
+    base, line = shot.base.names, ("velocity_in_m_per_s", "touch_time_s", "offset_m")
+    if name in base:
+        return replace(shot, shared=shot.shared + by * np.array([other == name for other in base]))
+    if name in line:
+        return replace(shot, own=shot.own + by * np.array([other == name for other in line]))
+    effect, parameter = named(name.split(".")[0]), name.split(".")[1]
+    given = shot.values[effect]
+    return replace(shot, values={**shot.values, effect: {**given, parameter: given[parameter] + by}})
+
+
+def value_of(shot: ShotModel, name: str) -> float:
+    """Return the value of one of the model's parameters."""
+    values = {f"{effect.key}.{p}": v for effect, given in shot.values.items() for p, v in given.items()}
+    values |= dict(zip(shot.base.names, shot.shared, strict=True))
+    return float(({"velocity_in_m_per_s": shot.own[0]} | values)[name])
 
 
 @pytest.mark.parametrize("hz", [47.0, 90.0, 165.0, 700.0])
@@ -52,8 +65,8 @@ def test_the_motion_is_the_benchs(hz: float, factor: float, monkeypatch: pytest.
     monkeypatch.setattr(on_sensor, "_PLATE_QUALITY", 1e9)
     truth = rig({NAME: {**LINE, "frequency_hz": hz, "plate_factor": factor}})
     x = clean_m(truth, 0)
-    model = Model(Base(Variant.PAPER, False), (named(NAME),))
-    response = respond(model, shot_of(x, truth), *vectors(truth, run(truth, 0)), derivatives=False)
+    shot = model_of(truth, run(truth, 0), x.size)
+    response = respond(shot, shot.samples.time_s)
     off = x - response.displacement_m
     assert np.ptp(off) < 4e-12  # of a swing of 100 nm and a motion of millimetres
 
@@ -61,24 +74,19 @@ def test_the_motion_is_the_benchs(hz: float, factor: float, monkeypatch: pytest.
 @pytest.mark.parametrize("beside", [{}, REACH])
 def test_derivatives_are_those_of_the_solution(beside: dict[str, dict[str, float]]) -> None:
     truth = rig({NAME: LINE, **beside})
-    x = clean_m(truth, 0)
-    model = Model(Base(Variant.PAPER, False), (named(NAME), *map(named, beside)))
-    shared, own = vectors(truth, run(truth, 0))
-    shot, both = shot_of(x, truth), np.concatenate([shared, own])
-    of_all = respond(model, shot, shared, own).derivatives
-    out = respond(model, shot, shared, own).velocity_out
-    for place, name in enumerate((*model.shared_names, *model.own_names)):
-        h = {"touch_time_s": 2e-8, "offset_m": 1e-6}.get(name, 2e-5 * abs(both[place]))
+    shot = model_of(truth, run(truth, 0), clean_m(truth, 0).size)
+    response = respond(shot, shot.samples.time_s, derivatives=True)
+    out = response.velocity_out
+    for place, name in enumerate(shot.names):
+        h = {"touch_time_s": 2e-8, "offset_m": 1e-6}.get(name) or 2e-5 * abs(value_of(shot, name))
         h *= 200.0 if name.startswith(NAME) else 1.0
         shifted, left = [], []
         for times in (-2, -1, 1, 2):
-            moved = both.copy()
-            moved[place] += times * h
-            there = respond(model, shot, moved[: shared.size], moved[shared.size :])
+            there = respond(moved(shot, name, times * h), shot.samples.time_s)
             shifted.append(there.displacement_m)
             left.append(there.velocity_out[0])
         difference = (shifted[0] - 8 * shifted[1] + 8 * shifted[2] - shifted[3]) / (12 * h)
-        column = of_all[:, place]
+        column = response.derivatives[:, place]
         # Events cross the sampling instants between the four solutions; their kinks are what is left.
         assert np.abs(difference - column).max() < 1e-3 * np.abs(column).max() + 4e-15 / h, name
         slope = (left[0] - 8 * left[1] + 8 * left[2] - left[3]) / (12 * h)

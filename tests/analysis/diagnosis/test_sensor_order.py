@@ -3,7 +3,6 @@
 import numpy as np
 
 from analysis.collision.parameters import PAPER
-from analysis.inference.fit.situation import Optics
 from tests.analysis.inference.shown import shown
 
 LAG, RIPPLE = {"time_s": 8e-6}, {"amplitude_m": 1e-9, "order": 2.0, "phase_rad": 0.3}
@@ -13,16 +12,14 @@ def test_the_ripple_repeats_with_the_path_that_is_shown_whichever_was_found_firs
     time_s = np.arange(0.0, 0.05, 1e-5)
     own = np.array([-0.27, 0.01, 0.0])
     both = [
-        shown(time_s, PAPER.vector[:4], own, values, PAPER.block_mass_kg, Optics(632.8e-9, 1e5)).displacement_m
+        shown(time_s, PAPER.vector[:4], own, values).displacement_m
         for values in (
             {"cyclic_error": RIPPLE, "demodulation_lag": LAG},
             {"demodulation_lag": LAG, "cyclic_error": RIPPLE},
         )
     ]
     assert np.array_equal(both[0], both[1])
-    late = shown(
-        time_s, PAPER.vector[:4], own, {"demodulation_lag": LAG}, PAPER.block_mass_kg, Optics(632.8e-9, 1e5)
-    ).displacement_m
+    late = shown(time_s, PAPER.vector[:4], own, {"demodulation_lag": LAG}).displacement_m
     turn = int(np.argmin(late))
     near = slice(turn - 15, turn + 15)  # slow enough for the demodulator
     ripple = 1e-9 * np.sin(8 * np.pi / 632.8e-9 * late[near] + 0.3)

@@ -6,38 +6,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision.effects import named
+from analysis.collision.parameters import PAPER, Infeasible
 from analysis.inference.fit.base import base_named
-from analysis.inference.fit.response import DEFAULT_WAVELENGTH_M, Model, Response, ShotData, respond
-from analysis.inference.fit.situation import Optics, fastest_shown
+from analysis.inference.fit.course import Course
+from analysis.inference.fit.response import Response, ShotModel, respond
+from analysis.inference.fit.samples import Samples
 
 Floats = NDArray[np.float64]
+_A_SAMPLE = 10  # samples of the record in each of ``time_s``
 
 
-def shown(
-    time_s: Floats,
-    base: Floats,
-    own: Floats,
-    values: Mapping[str, Mapping[str, float]],
-    mass_kg: float,
-    optics: Optics,
-    stride: float = 2.0,
-) -> Response:
-    """Return the motion of the paper's two bodies with effects of these ``values``, by effect and parameter."""
-    model = Model(base_named("paper"), tuple(named(name) for name in values), tuple(_flat(values).items()))
-    given = _flat(values)
-    shared = [*base, *(given[name] for name in model.shared_effect_names)]
-    wavelength_m = optics.wavelength_m or DEFAULT_WAVELENGTH_M
-    shot = ShotData(
-        time_s, np.zeros(time_s.size), np.ones(time_s.size, np.bool_), mass_kg, None,
-        wavelength_m, optics.sample_rate_hz, plate=(float(own[3]), float(own[4])) if own.size > 3 else (0.0, 0.0),
-    )  # fmt: skip
-    of_shot = [*own[:3], *(given[name] for name in model.own_names[3:])]
-    fastest = fastest_shown(float(time_s[1] - time_s[0]), 1000)
-    return respond(
-        model, shot, np.array(shared), np.array(of_shot), derivatives=False, stride=stride, fastest_rad_per_s=fastest
+def model_of(
+    time_s: Floats, base: Floats, own: Floats, values: Mapping[str, Mapping[str, float]], model: str = "paper"
+) -> ShotModel:
+    """Return a base model with effects of these ``values``, by effect and parameter, at the times of averages."""
+    by_effect = {named(name): given for name, given in values.items()}
+    return ShotModel(samples_at(time_s, _A_SAMPLE), base_named(model), base, own, by_effect)
+
+
+def samples_at(time_s: Floats, factor: int, block_mass_kg: float = PAPER.block_mass_kg) -> Samples:
+    """Return averages of ``factor`` samples at these times, displacement zero."""
+    fine, coarse = np.ones(time_s.size * factor, np.bool_), np.ones(time_s.size, np.bool_)
+    spacing_s = float(time_s[1] - time_s[0])
+    course = Course(0.0, 0.0, -0.2, 0.0, 0.0, 0.0, 0.0, slice(0), slice(0))
+    grid_s = time_s[0] + spacing_s * ((np.arange(fine.size) + 0.5) / factor - 0.5)
+    return Samples(
+        grid_s, fine, factor, time_s, np.zeros(time_s.size), coarse, spacing_s, block_mass_kg, 632.8e-9, course, 1e-10
     )
 
 
-def _flat(values: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
-    """Return values by "effect.parameter"."""
-    return {f"{name}.{parameter}": value for name, given in values.items() for parameter, value in given.items()}
+def shown(
+    time_s: Floats, base: Floats, own: Floats, values: Mapping[str, Mapping[str, float]], model: str = "paper"
+) -> Response:
+    """Return the motion of ``model_of``."""
+    shot = model_of(time_s, base, own, values, model)
+    if shot.too_fast:
+        raise Infeasible("too fast")
+    return respond(shot, time_s)

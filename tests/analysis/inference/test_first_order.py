@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision.effects import CATALOGUE, named
+from analysis.collision.effects import CATALOGUE
 from analysis.collision.effects.kernel import ON_BLOCK, Q_RATE, W_RATE, Q, V, W
 from analysis.collision.effects.row import Acts, Effect, Parameter
 from analysis.collision.first_order import along
@@ -18,16 +18,14 @@ from analysis.inference.fit.free_parameters import trial_effect
 from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.search_vector import JointData
-from analysis.inference.fit.situation import Optics
 from analysis.inference.noise.floor import Floor
 from analysis.inference.screen import screening
-from analysis.inference.screen.first_order import Shot, path_of, responses, steps_for
+from analysis.inference.screen.first_order import path_of, responses, shown_by_optics, steps_for
 from tests.analysis.collision.simulated import shot as simulated
 from tests.analysis.diagnosis.test_made_up import SLOSHING
-from tests.analysis.inference.shown import shown
+from tests.analysis.inference.shown import model_of, shown
 
 TIME_S = np.arange(1200) * 5e-5
-OPTICS = Optics(632.8e-9, 1e6)
 SMALL = 0.02
 AXES = ("frequency_hz", "damping_ratio")
 HAVE: dict[str, Mapping[str, Mapping[str, float]]] = {
@@ -49,21 +47,18 @@ def small(row: Effect, start: Mapping[str, float], size: float) -> dict[str, flo
     return {**start, row.amplitude: (value / size if size else 1e9) if row.inverse else value * size}
 
 
-def difference(row: Effect, start: Mapping[str, float], have: Any, own: np.ndarray) -> np.ndarray:
+def difference(row: Effect, start: Mapping[str, float], have: Any, own: np.ndarray, model: str) -> np.ndarray:
     """Return what an effect does, by two solutions; both hold it, so that their steps are the same."""
     runs = [
-        shown(
-            TIME_S, PAPER.vector[:4], own, {**have, row.name: small(row, start, size)}, PAPER.block_mass_kg, OPTICS
-        ).displacement_m
+        shown(TIME_S, PAPER.vector[:4], own, {**have, row.name: small(row, start, size)}, model).displacement_m
         for size in (SMALL, 0.0)
     ]
     return np.asarray(runs[0] - runs[1])
 
 
-def check(row: Effect, have: Any, speed: float, points: int) -> None:
+def check(row: Effect, have: Any, speed: float, points: int, model: str = "paper") -> None:
     own = np.array([speed, 0.0101234, 3e-6])
-    values = {named(name): given for name, given in have.items()}
-    shot = Shot(TIME_S, PAPER.vector[:4], own, values, PAPER.block_mass_kg, OPTICS)
+    shot = model_of(TIME_S, PAPER.vector[:4], own, have, model)
     starts = trial_effect(row).starts
     for k in np.unique(np.linspace(0, len(starts) - 1, points).astype(int)):
         start = starts[k]
@@ -71,7 +66,7 @@ def check(row: Effect, have: Any, speed: float, points: int) -> None:
         if found is None and row.name not in LINEAR:
             pytest.skip(f"{row.name} is not linear in its hidden state: its trajectories are solved one by one")
         assert found is not None
-        wanted = difference(row, start, have, own)
+        wanted = difference(row, start, have, own, model)
         assert np.linalg.norm(found[:, 0] - wanted) < 0.02 * np.linalg.norm(wanted), start
 
 
@@ -79,6 +74,12 @@ def check(row: Effect, have: Any, speed: float, points: int) -> None:
 @pytest.mark.parametrize("name", MECHANICAL)
 def test_an_effect_on_the_base_model_does_what_two_trajectories_differ_by(name: str, speed: float) -> None:
     check(CATALOGUE[name], {}, speed, 9)
+
+
+@pytest.mark.parametrize("model", ["clamped", "no_tension"])
+def test_so_it_does_with_another_contact_law(model: str) -> None:
+    """The path is that of the model's own contact: along the paper's, a second mode was half of itself off."""
+    check(CATALOGUE["second_plate_mode"], {}, -0.27, 5, model)
 
 
 @pytest.mark.parametrize("have", [have for have in HAVE if have != "base"])
@@ -96,8 +97,7 @@ def test_a_made_up_effect_is_known_by_its_function_alone(monkeypatch: pytest.Mon
 
 @pytest.mark.parametrize("have", ["base", "lag"])
 def test_many_starts_at_once_are_each_as_if_alone(have: str) -> None:
-    values = {named(name): given for name, given in HAVE[have].items()}
-    shot = Shot(TIME_S, PAPER.vector[:4], np.array([-0.27, 0.01, 0.0]), values, PAPER.block_mass_kg, OPTICS)
+    shot = model_of(TIME_S, PAPER.vector[:4], np.array([-0.27, 0.01, 0.0]), HAVE[have])
     row = CATALOGUE["block_mode"]
     starts = trial_effect(row).starts[20:120:9]
     path = path_of(shot, 2)
@@ -120,8 +120,14 @@ def test_what_is_not_linear_in_its_hidden_state_has_no_first_order() -> None:
     row = Effect(
         "hardening", "", Acts.ON_BLOCK, (Parameter("force_n", "N", 1.0),), "force_n", hardening, hidden=2
     )  # fmt: skip
-    shot = Shot(TIME_S, PAPER.vector[:4], np.array([-0.27, 0.01, 0.0]), {}, PAPER.block_mass_kg, OPTICS)
+    shot = model_of(TIME_S, PAPER.vector[:4], np.array([-0.27, 0.01, 0.0]), {})
     assert along(path_of(shot, 1), row, PAPER, np.ones((1, 3)), TIME_S.size) is None
+
+
+def test_optics_that_see_no_sample_show_none() -> None:
+    nothing, own = np.empty(0), np.array([-0.27, 0.01, 0.0])
+    shot = model_of(TIME_S, PAPER.vector[:4], own, {})
+    assert shown_by_optics(shot, nothing, nothing).shape == (0,)
 
 
 def test_the_scores_are_those_of_trajectories_solved_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:

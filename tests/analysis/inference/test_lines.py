@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from analysis.collision.parameters import Collision
-from analysis.inference.fit.situation import Optics, shown_by_optics
 from analysis.inference.noise.sway import responses
 from analysis.inference.screen.lines import _waves
 
@@ -28,8 +27,3 @@ def test_a_frame_that_does_not_move_moves_nothing() -> None:
     collision = Collision(0.01785, -0.265, 221.4, 1.984e-4, 1e4, 0.4)
     moved, after = responses(collision, TIME_S - TIME_S[300], np.empty(0))
     assert moved.shape == (TIME_S.size, 0) and after.shape == (0,)
-
-
-def test_optics_that_see_no_sample_show_none() -> None:
-    nothing = np.empty(0)
-    assert shown_by_optics(nothing, nothing, nothing, {}, Optics(632.8e-9, 1e5)).shape == (0,)

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.collision.parameters import PAPER, Infeasible
+from analysis.collision.parameters import Infeasible
 from analysis.inference.fit.base import PLATE_NAMES
-from analysis.inference.fit.situation import Optics
 from instrument.bench.mechanics import Bodies
 from instrument.bench.observation import run_shot
 from tests.analysis.inference.shown import shown
@@ -13,18 +12,17 @@ from tests.analysis.inference.shown import shown
 TIME_S = np.arange(6000) * 1e-5
 OWN = np.array([-0.265, 0.0101234, 3e-6])
 BASE = np.array([221.4, 1.984e-4, 1e4, 0.4])
-OPTICS = Optics(632.8e-9, 1e5)
 
 
 def test_impossible_parameters_are_refused() -> None:
     with pytest.raises(Infeasible):
-        shown(TIME_S, BASE * [1, -1, 1, 1], OWN, {}, PAPER.block_mass_kg, OPTICS)
+        shown(TIME_S, BASE * [1, -1, 1, 1], OWN, {})
     heavy = {"block_mode": {"mass_kg": 1.0, "frequency_hz": 100.0, "damping_ratio": 0.01}}
     with pytest.raises(Infeasible):
-        shown(TIME_S, BASE, OWN, heavy, PAPER.block_mass_kg, OPTICS)
+        shown(TIME_S, BASE, OWN, heavy)
     nothing = {"second_plate_mode": {"mass_kg": 0.0, "frequency_hz": 900.0, "damping_ratio": 0.01}}
     with pytest.raises(Infeasible):
-        shown(TIME_S, BASE, OWN, nothing, PAPER.block_mass_kg, OPTICS)
+        shown(TIME_S, BASE, OWN, nothing)
 
 
 @pytest.mark.parametrize("reach_m", [1e-5, 1e-4])
@@ -34,5 +32,5 @@ def test_an_attraction_is_met_as_the_bench_meets_it(reach_m: float) -> None:
     base = np.array([getattr(bodies, name) for name in PLATE_NAMES])
     # "Velocity in" is that of the free flight, the touch the instant it would lead to.
     own = np.array([OWN[0], far_m / -OWN[0], 0.0])
-    run = shown(TIME_S, base, own, {"adhesion": adhesion}, bodies.block_mass_kg, OPTICS)
+    run = shown(TIME_S, base, own, {"adhesion": adhesion})
     np.testing.assert_allclose(run.displacement_m, truth.block_m(TIME_S), atol=2e-11)

@@ -1,18 +1,26 @@
 """Convert a fitted problem into a ``Fit``: parameters with uncertainties, overlays and residuals of each shot."""
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from analysis.collision import Effect, Parameter
-from analysis.inference.fit.build_fit import Estimate, Part, Path, build_fit
-from analysis.inference.fit.problem import Fitted
+from analysis.inference.fit.base import OWN_NAMES
+from analysis.inference.fit.problem import Fitted, Problem
+from analysis.inference.fit.response import Response
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor
-from analysis.shot import Fit, Floats, Motion, Quantity
+from analysis.shot import Fit, Floats, Motion, Overlay, Quantity, ShotFit
+from analysis.signal import derivatives
 
 _ROUNDING = 1e-13
 _POINTS = 128  # over the fitted stretch: the frame's motion varies slowly
+_WINDOW = 150  # samples
+_LOUD_SIGMAS = 8.0  # standard deviations that a window's chi^2 exceeds its expectation by
+_MOST_LOUD = 0.4  # of all windows: where more are loud the model is wrong throughout, not for a moment
+_ALL_SHOTS = -1  # in place of a shot's index: of the parameters that all shots share
 
 
 def effect_parameters(fitted: Fitted) -> dict[Effect, dict[str, Quantity]]:
@@ -27,6 +35,28 @@ def effect_parameters(fitted: Fitted) -> dict[Effect, dict[str, Quantity]]:
         if effect in out:
             out[effect].update({key: Quantity(value, 0.0, "tried") for key, value in fixed.items()})
     return out
+
+
+@dataclass(frozen=True, slots=True)
+class _Estimate:
+    """Values of a problem's parameters, shape (p,), and their covariance, shape (p, p), NaN if unknown.
+
+    ``how`` names the method in reports.
+    """
+
+    problem: Problem
+    values: Floats
+    covariance: Floats
+    how: str
+
+    def quantities(self, shot: int) -> dict[str, Quantity]:
+        """Return the parameters of one shot, or of ``_ALL_SHOTS``, by name."""
+        std = np.sqrt(np.diag(self.covariance))
+        return {
+            name: Quantity(float(self.values[place]), float(std[place]), self.how)
+            for place, (name, of) in enumerate(self.problem.names)
+            if of == shot
+        }
 
 
 def as_fit(
@@ -44,44 +74,98 @@ def as_fit(
 
     ``by`` is the noise to weigh with where it is known otherwise than from the residual of this fit; ``chi2`` is then
     in its units, and the covariance is multiplied by the reduced chi^2 where that exceeds one (Birge's ratio).
+    Parameters of effects that differ from shot to shot are in the shots' own parts.
     """
-    problem, point = fitted.problem, fitted.point
+    problem = fitted.problem
     birge = max(1.0, chi2 / max(1, fitted.samples - problem.size))
-    places = {(name, shot): place for place, (name, shot) in enumerate(problem.names)}
-    estimate = Estimate(
-        model=model,
-        effects=fitted.effects,
-        values=problem.flat(point),
-        covariance=birge * fitted.covariance,
-        shared={name: place for (name, shot), place in places.items() if shot < 0},
-        free=problem.size,
-        converged=fitted.converged,
-        how=how,
-        flags=tuple(flags),
-        chosen={f"{effect.key}.{key}": v for effect, given in problem.fixed.items() for key, v in given.items()},
-    )
-    parts = [
-        Part(
-            motion=motion,
-            own={name: place for (name, of), place in places.items() if of == index},
-            path=_path(fitted, index),
-            used=shot.used,
-            whitened=white,
-            plate_number=shot.plate_number,
-            frame_m_per_s=shot.sway.speeds_m_per_s(fitted.noise) if shot.sway is not None else (0.0, 0.0),
-            sway_std_m=sway_left_std_m(shot, fitted.noise, line[1]) if shot.sway is not None else None,
-        )
-        for index, (motion, shot, white, line) in enumerate(
-            zip(motions, problem.data.shots, fitted.whitened(by), problem.derivatives(fitted.z), strict=True)
-        )
+    estimate = _Estimate(problem, problem.flat(fitted.point), birge * fitted.covariance, how)
+    whitened, lines = fitted.whitened(by), problem.derivatives(fitted.z)
+    chosen = {f"{effect.key}.{key}": v for effect, given in problem.fixed.items() for key, v in given.items()}
+    parameters = estimate.quantities(_ALL_SHOTS)
+    parameters |= {name: Quantity(value, 0.0, "chosen") for name, value in chosen.items()}
+    converged = fitted.converged and bool(np.all(np.isfinite(np.diag(estimate.covariance))))
+    shots = [
+        _shot_fit(fitted, estimate, index, motion, white, line[1])
+        for index, (motion, white, line) in enumerate(zip(motions, whitened, lines, strict=True))
     ]
-    return build_fit(estimate, parts, _sample_noise_m(fitted), fitted.noise.wander, seconds)
+    chi2_by_noise = float(sum(white @ white for white in whitened))
+    return Fit(
+        model=model,
+        parameters=parameters,
+        covariance=np.pad(estimate.covariance[np.ix_(problem.shared, problem.shared)], (0, len(chosen))),
+        shots=tuple(shots),
+        reduced_chi2=chi2_by_noise / max(1, fitted.samples - problem.size),
+        noise_std_m=_sample_noise_m(fitted),
+        wander=fitted.noise.wander,
+        converged=converged,
+        effects=fitted.effects,
+        flags=(*(() if converged else ("fit_not_converged",)), *flags),
+        seconds=seconds,
+        chi2=chi2_by_noise,
+        samples=fitted.samples,
+        free_parameters=problem.size,
+        on_frames=any(_frame_m_per_s(shot, fitted.noise)[0] > 0.0 for shot in problem.data.shots),
+    )
 
 
-def _path(fitted: Fitted, index: int) -> Path:
-    point = fitted.point
-    response = fitted.problem.run(index, point, derivatives=True)
-    return Path.of(response, float(point.own[index][1]))
+def _shot_fit(
+    fitted: Fitted, estimate: _Estimate, index: int, motion: Motion, whitened: Floats, derivatives: Floats
+) -> ShotFit:
+    """Return one shot's part of the fit.
+
+    ``whitened`` is the residual of each fitted sample, of unit variance if it is noise; ``derivatives`` are those of
+    the averaged displacement by the fit's parameters.
+    """
+    problem, noise = fitted.problem, fitted.noise
+    shot, places = problem.data.shots[index], problem.places[index]
+    response = problem.run(index, fitted.point, derivatives=True)
+    own = estimate.quantities(index)
+    velocity_in, touch_time, offset = (own.pop(name) for name in OWN_NAMES)
+    before, after = _frame_m_per_s(shot, noise)
+    velocity_out = Quantity(math.nan, math.nan, "the record ends in contact")
+    if response.velocity_out is not None:
+        value, slope = response.velocity_out
+        variance = float(slope @ estimate.covariance[np.ix_(places, places)] @ slope)
+        velocity_out = Quantity(value, math.hypot(math.sqrt(max(variance, 0.0)), after), estimate.how)
+    # the model's speeds are relative to the frame, the speeds read from a motion are not
+    velocity_in = replace(velocity_in, std=math.hypot(velocity_in.std, before))
+    return ShotFit(
+        velocity_in_m_per_s=velocity_in,
+        velocity_out_m_per_s=velocity_out,
+        touch_time_s=touch_time,
+        offset_m=offset,
+        overlay=_overlay(motion, response, touch_time.value),
+        residual_m=np.where(shot.used, motion.displacement_m - response.displacement_m, np.nan),
+        reduced_chi2=float(whitened @ whitened) / max(1, whitened.size - places.size),
+        own_parameters=own,
+        rings=_has_loud_moment(whitened),
+        sway_std_m=sway_left_std_m(shot, noise, derivatives) if shot.sway is not None else None,
+        plate_number=shot.plate_number,
+    )
+
+
+def _overlay(motion: Motion, response: Response, touch_time_s: float) -> Overlay:
+    """Return the overlay of a solved shot.
+
+    Velocity and force are derivatives of the displacement through the motion's own filters, so that model and
+    measurement are smeared alike.
+    """
+    velocity, acceleration = derivatives(response.displacement_m, motion.sample_rate_hz, motion.bandwidth_hz)
+    shown = [event for event in response.log.events if event.kind in ("touch", "release")]
+    return Overlay(
+        time_s=motion.time_s,
+        displacement_m=response.displacement_m,
+        velocity_m_per_s=velocity,
+        force_n=motion.moving_mass_kg * acceleration,
+        deflection_m=response.plate_displacement_m,
+        gap_m=response.gap_m,
+        events_s=tuple((event.kind, event.time_s + touch_time_s) for event in shown),
+    )
+
+
+def _frame_m_per_s(shot: Samples, noise: Floor) -> tuple[float, float]:
+    """Return the stds of velocities relative to the frame minus those in space, before the touch and after it."""
+    return (0.0, 0.0) if shot.sway is None else shot.sway.speeds_m_per_s(noise)
 
 
 def _parameter_name(free: Parameter, shot: int) -> str:
@@ -117,3 +201,14 @@ def sway_left_std_m(shot: Samples, noise: Floor, derivatives: Floats) -> Floats:
     taken = root @ np.linalg.qr(whitened / np.linalg.norm(whitened, axis=0))[0]
     left_m2 = np.sum(sines**2, axis=1) - np.sum(taken**2, axis=1)
     return np.asarray(np.interp(shot.time_s, shot.centre_s[rows[some]], np.sqrt(np.maximum(left_m2, 0.0))))
+
+
+def _has_loud_moment(whitened: Floats) -> bool:
+    """Return whether a whitened residual, shape (n,), is too large only for a moment, as where a plate rings."""
+    count = whitened.size // _WINDOW
+    if count < 2:
+        return False
+    chi2 = (whitened[: count * _WINDOW] ** 2).reshape(count, _WINDOW).sum(axis=1)
+    quiet = float(np.median(chi2)) / _WINDOW
+    loud = chi2 / max(quiet, 1e-300) - _WINDOW > _LOUD_SIGMAS * math.sqrt(2.0 * _WINDOW)
+    return bool(loud.any() and loud.mean() <= _MOST_LOUD)

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import named
+from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.search.from_base import accept
-from analysis.inference.fit.as_fit import as_fit, effect_parameters
+from analysis.inference.fit.as_fit import _has_loud_moment, as_fit, effect_parameters
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.pipeline import analyse
 from analysis.shot.fit import Fit
+from analysis.shot.quantity import Quantity
 from instrument.bench.rig import Bench
 from instrument.bench.simulated_shots import record_shot
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
@@ -74,3 +76,30 @@ def test_an_effects_own_parameters_carry_the_number_of_their_shot_from_the_secon
     speeds = [values[effect]["velocity_m_per_s"] for values in fitted.point.values]
     assert [found[f"velocity_m_per_s{number}"].value for number in ("", ".2", ".3")] == speeds
     assert len(set(speeds)) == 3 and len(found) == 6  # with as many displacements
+
+
+def test_a_fit_with_a_chosen_parameter_is_saved_and_read_again() -> None:
+    """The order of a cyclic error is chosen, not fitted: it stands in the covariance like everything else."""
+    ripple = {"amplitude_m": 3e-9, "order": 2.0}
+    fit = fit_shots(shots({"cyclic_error": ripple}, count=1), effects=("cyclic_error",))
+    assert fit.converged
+    assert fit.parameters["cyclic_error.order"] == Quantity(2.0, 0.0, "chosen")
+    assert list(fit.parameters)[-1] == "cyclic_error.order"
+    again = from_text(to_text(saved(fit, ["a"])))
+    assert list(again.parameters) == list(fit.parameters)
+    assert np.array_equal(again.covariance, fit.covariance)
+    assert fit.covariance.shape == (6, 6) and np.all(np.diag(fit.covariance)[:5] > 0.0)
+    assert not fit.covariance[5].any() and not fit.covariance[:, 5].any()
+
+
+@pytest.mark.parametrize(
+    ("louder", "share", "rings"),
+    [(1.0, 0.0, False), (3.0, 0.05, True), (3.0, 0.35, True), (3.0, 0.45, False), (1.1, 0.05, False)],
+)
+def test_a_residual_rings_that_is_loud_for_a_moment_and_not_throughout(
+    louder: float, share: float, rings: bool
+) -> None:
+    whitened = np.random.default_rng(1).standard_normal(15_000)
+    whitened[: round(share * whitened.size)] *= louder
+    assert _has_loud_moment(whitened) is rings
+    assert not _has_loud_moment(whitened[:200])  # too short to tell

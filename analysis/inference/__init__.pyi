@@ -1,4 +1,4 @@
-from .fit.added_effect import refit, with_both_effects
+from .fit.added_effect import joined, refit, with_both_effects
 from .fit.arrow import Arrow, orthonormal
 from .fit.as_fit import as_fit, effect_parameters
 from .fit.base import OWN_NAMES, PLATE_NAMES, SearchStart, base_named, start_from_fit
@@ -13,7 +13,6 @@ from .fit.profile import with_profile_std
 from .fit.samples import FINE_RATE_HZ, RATE_HZ, Samples, averaged_shots
 from .fit.search_vector import JointData
 from .fit.shot_fit import fit_shots
-from .fit.with_effect import joined
 from .noise.floor import Floor, white_floor
 from .noise.joint_data import joint_data, shakings_of, site_under, with_plates
 from .noise.own_flights import own_flights

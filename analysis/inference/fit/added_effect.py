@@ -1,4 +1,4 @@
-"""Short fits with one more effect: from its best-scored start values, or from the fit that found it alone."""
+"""Add effects to a fit: from their best-scored start values, or from the fit that found them alone."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -11,13 +11,57 @@ from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.least_squares import Minimum, Square
 from analysis.inference.fit.problem import Fitted, Linearised, Problem
+from analysis.inference.screen.screening import distinct_starts
 from analysis.shot import Cancelled, Floats, Stop
 
-_SHORT = 7  # evaluations of a fit that only compares
+_FOLLOWED = 3  # start values from which an effect is fitted
+_COMPARING, _FROM_NATURAL_SIZE, _ENDING = 7, 30, 16  # evaluations of a search that only compares, and of others
 _FAR_BEHIND = 300.0  # BIC behind the other fit at which a search that promises little more is stopped
 _START_SHARES = (1.0, 0.3, 0.1)  # of the start amplitude, tried in turn
 _COMPENSATING_STEPS = 4  # steps at most
 _LEAST_SINGULAR = 1e-4  # of the largest singular value: directions with less are not moved
+_NO_FIT = (Infeasible, np.linalg.LinAlgError, FloatingPointError)  # raised where a search finds no trajectory
+
+
+def joined(here: Fitted, kinds: Sequence[TrialEffect], stop: Stop) -> Fitted:
+    """Return a fit with effects of these kinds added, one after the other, the noise learnt at each step.
+
+    Each begins at the start values that explain most of the residual.  Raises Infeasible where an effect has no
+    trajectory from any start values.
+    """
+    for kind in kinds:
+        here = _with_one_more(here, kind, stop)
+    return here
+
+
+def _with_one_more(here: Fitted, kind: TrialEffect, stop: Stop) -> Fitted:
+    at = here.linearise()
+    starts = [score.start for score in distinct_starts(at.scores(kind))[:_FOLLOWED]]
+    if here.noise.coloured:  # noise learnt from a residual may have taken up the effect
+        starts += [score.start for score in distinct_starts(at.under(here.unlearned_noise).scores(kind))[:1]]
+    trials = [trial for start in starts if (trial := refit(at, kind, start, stop)) is not None]
+    if not trials or min(trial.bic for trial in trials) > here.bic:
+        natural = (_from_natural_size(here, kind, start, stop) for start in kind.starts[:_FOLLOWED])
+        trials += [trial for trial in natural if trial is not None]
+    if not trials:
+        raise Infeasible(f"no start of {kind.effect.name} gives a trajectory")
+    trials.sort(key=lambda trial: trial.bic)
+    return trials[0].fitted_on(evaluations=_ENDING, cancelled=stop)
+
+
+def _from_natural_size(here: Fitted, kind: TrialEffect, start: Mapping[str, float], stop: Stop) -> Fitted | None:
+    """Return a fit from an effect's natural size, for where other parameters absorb it to first order; None if none."""
+    problem = here.problem.with_effect(kind, start)
+    try:
+        z = _vector_with(problem, here.effective, kind, [start] * len(problem.data.shots))
+        return problem.fit_once(z, evaluations=_FROM_NATURAL_SIZE, cancelled=stop)
+    except _NO_FIT:
+        return None
+
+
+def _vector_with(problem: Problem, effective: Point, kind: TrialEffect, start: Sequence[Mapping[str, float]]) -> Floats:
+    """Return the search vector of a point with one more effect at its start values, within the bounds."""
+    return np.clip(problem.pack_effective(effective.with_effect(kind.effect, start)), *problem.bounds)
 
 
 def refit(
@@ -28,8 +72,6 @@ def refit(
     ``least_bic`` is the criterion of the fit that it is compared with: a search far behind it is stopped early.
     """
     problem = at.problem.with_effect(kind, start[0])
-    effective = at.effective
-    low, high = problem.bounds
     if stop():
         raise Cancelled
 
@@ -39,12 +81,10 @@ def refit(
     stop_early = hopeless if math.isfinite(least_bic) else None
     for share in _START_SHARES:  # a linear step may lead to where there is no trajectory
         weaker = [kind.times(given, share) for given in start]
-        values = tuple({**v, kind.effect: given} for v, given in zip(effective.values, weaker, strict=True))
         try:
-            z = np.clip(problem.pack_effective(Point(effective.base, effective.own, values)), low, high)
-            z = _compensated(at, problem, z)
-            return problem.fit_once(z, evaluations=_SHORT, hopeless=stop_early, cancelled=stop)
-        except (Infeasible, np.linalg.LinAlgError, FloatingPointError):
+            z = _compensated(at, problem, _vector_with(problem, at.effective, kind, weaker))
+            return problem.fit_once(z, evaluations=_COMPARING, hopeless=stop_early, cancelled=stop)
+        except _NO_FIT:
             continue
     return None
 
@@ -54,12 +94,8 @@ def _compensated(at: Linearised, problem: Problem, z: Floats) -> Floats:
 
     The effect's whole displacement may be a thousand times the part that the fitted parameters cannot compensate.
     """
-    before = at.problem
-    places = {
-        (effect, free.name, shot): problem.offset + k for k, (effect, free, shot) in enumerate(problem.free_parameters)
-    }
-    free_parameters = [places[effect, free.name, shot] for effect, free, shot in before.free_parameters]
-    moving = np.array([*range(before.offset), *free_parameters])
+    before, places = at.problem, _places(problem)
+    moving = np.array([*range(before.offset), *(places[parameter] for parameter in _places(before))])
     compensation = at.once("compensation", lambda: _compensation(at.tangents))
     low, high = problem.bounds
     left = problem.whitened_residual(z)
@@ -100,24 +136,21 @@ def with_both_effects(here: Fitted, alone: Fitted, start: Fitted, stop: Stop) ->
     first, other = here.problem, alone.problem
     new = tuple(kind for kind in other.effects if kind not in first.effects)
     problem = first.with_effects((*first.effects, *new), {**other.fixed, **first.fixed})
-    low, high = problem.bounds
     z = np.empty(problem.size)
     z[: first.offset] = here.z[: first.offset] + alone.z[: first.offset] - start.z[: first.offset]
-    found = {**_free_parameters(alone), **_free_parameters(here)}
-    for k, (effect, free, shot) in enumerate(problem.free_parameters, first.offset):
-        z[k] = found[effect, free.name, shot]
+    found = {parameter: fitted.z[at] for fitted in (alone, here) for parameter, at in _places(fitted.problem).items()}
+    for parameter, at in _places(problem).items():
+        z[at] = found[parameter]
     if stop():
         raise Cancelled
     try:
-        return problem.fit_once(np.clip(z, low, high), evaluations=_SHORT, cancelled=stop)
-    except (Infeasible, np.linalg.LinAlgError, FloatingPointError):
+        return problem.fit_once(z, evaluations=_COMPARING, cancelled=stop)
+    except _NO_FIT:
         return None
 
 
-def _free_parameters(fitted: Fitted) -> dict[tuple[Effect, str, int], float]:
-    """Return the search coordinates of a fit's effects by (effect, parameter, shot)."""
-    problem = fitted.problem
+def _places(problem: Problem) -> dict[tuple[Effect, str, int], int]:
+    """Return the index in the vector of each effect parameter: (effect, parameter, shot or -1 if shared)."""
     return {
-        (effect, free.name, shot): float(fitted.z[k])
-        for k, (effect, free, shot) in enumerate(problem.free_parameters, problem.offset)
+        (effect, free.name, shot): at for at, (effect, free, shot) in enumerate(problem.free_parameters, problem.offset)
     }

@@ -7,7 +7,7 @@ per cent: a search in effective parameters has straight valleys.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from analysis.collision import Effect, Infeasible
@@ -25,6 +25,11 @@ class Point:
     base: Floats
     own: Floats
     values: tuple[Values, ...]
+
+    def with_effect(self, effect: Effect, starts: Sequence[Mapping[str, float]]) -> "Point":
+        """Return the point with one effect more, at the values given for each shot."""
+        values = tuple({**before, effect: start} for before, start in zip(self.values, starts, strict=True))
+        return Point(self.base, self.own, values)
 
 
 def to_effective(point: Point) -> Point:

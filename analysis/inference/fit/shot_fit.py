@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.collision import MOST_AT_ONCE, Effect, Infeasible, effects_named, findings, named
+from analysis.inference.fit.added_effect import joined
 from analysis.inference.fit.as_fit import as_fit
 from analysis.inference.fit.base import Plates, SearchStart
 from analysis.inference.fit.effective_parameters import Point
@@ -20,7 +21,6 @@ from analysis.inference.fit.free_parameters import trial_effect, trials_of
 from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import Fitted, Problem
 from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ, averaged_shots
-from analysis.inference.fit.with_effect import with_effect
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.joint_data import can_tell, joint_data, site_under, with_plates
 from analysis.inference.noise.site import Site, on_site
@@ -207,7 +207,8 @@ def _with_effects(
     problem: Problem, of_base: Minimum, effects: Sequence[Effect], stop: Stop
 ) -> tuple[Problem, Minimum, Floats]:
     """Return the minimum with the named effects, added one after the other, and the uncertainty of ``_settled``."""
-    here = with_effect(problem, of_base.parameters, trials_of(effects), stop)
+    here = problem.fit_once(of_base.parameters, evaluations=1, anew=True, cancelled=stop)
+    here = joined(here, trials_of(effects), stop)
     problem, undecided = here.problem.with_noise(problem.noise), np.zeros(here.z.size)
     found = _minimum_from(problem, here.z, stop)
     if problem.data.site is not None:  # what the base model lacked had moved the plates

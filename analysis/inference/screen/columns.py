@@ -154,10 +154,8 @@ def _sum_over_shots(starts: list[Mapping[str, float]], found: Sequence[_ShotProd
 
 def _moved(at: Projector, kind: TrialEffect, starts: Starts) -> Point | None:
     """Return a fit's point with an effect added at a start for each shot; None where there is no such motion."""
-    effective = at.effective
-    values = tuple({**v, kind.effect: start} for v, start in zip(effective.values, starts, strict=True))
     try:
-        return to_actual(Point(effective.base, effective.own, values))
+        return to_actual(at.effective.with_effect(kind.effect, starts))
     except Infeasible:
         return None
 

@@ -76,7 +76,7 @@ def refit(
         raise Cancelled
 
     def hopeless(z: Floats, square: Square) -> bool:
-        return problem.fitted(Minimum(z, square, False, 0)).bic > least_bic + _FAR_BEHIND
+        return problem.fitted(Minimum(z, square, False)).bic > least_bic + _FAR_BEHIND
 
     stop_early = hopeless if math.isfinite(least_bic) else None
     for share in _START_SHARES:  # a linear step may lead to where there is no trajectory

@@ -58,7 +58,6 @@ class Minimum:
     parameters: Floats
     square: Square
     converged: bool
-    evaluations: int
     at_bound: tuple[int, ...] = ()
 
 
@@ -104,7 +103,7 @@ def minimise(
         promised = -1.0 if newton is None else float(-newton @ square.gradient)
         unit = max(1.0, square.chi2 / square.samples)
         if newton is not None and 0 <= promised < tolerance * unit and _within(here + newton, low, high):
-            return Minimum(here, square, True, used, tuple(int(i) for i in np.flatnonzero(~free)))
+            return Minimum(here, square, True, tuple(int(i) for i in np.flatnonzero(~free)))
         if hopeless is not None and 0 <= promised < _LITTLE * unit:
             if hopeless(here, square):
                 break
@@ -126,8 +125,8 @@ def minimise(
             damping.ease(fell / expected)
         elif 0 < expected < 1e-12 * square.chi2 + tolerance * 1e-2 or not damping.refuse():
             # rounding hides falls below 1e-12 of chi^2, or no step lowers chi^2, however short
-            return Minimum(here, square, 0 <= promised < _ROUNDED * unit, used)
-    return Minimum(here, square, False, used)
+            return Minimum(here, square, 0 <= promised < _ROUNDED * unit)
+    return Minimum(here, square, False)
 
 
 class _Damping:

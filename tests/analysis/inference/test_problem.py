@@ -13,7 +13,7 @@ def test_a_fit_that_allows_for_its_own_error_is_led_on() -> None:
     best = base_fit(shots({}))
     off = best.z.copy()
     off[best.problem.data.count] += 2e-5  # of the speed of the first shot: it strays by hundreds of nm
-    there = best.problem.fitted(Minimum(off, best.problem.square(off), True, 1))
+    there = best.problem.fitted(Minimum(off, best.problem.square(off), True))
     assert max(there.noise.rms_m) > 10 * WHITE_M
     led = there.continued()
     assert led.log_likelihood > there.log_likelihood
@@ -52,6 +52,6 @@ def test_a_search_cut_off_is_an_end_within_a_fifth_of_a_standard_deviation(stds:
     assert inverse is not None
     birge = np.sqrt(square.chi2 / square.samples)
     away = stds * birge * inverse[0] / np.sqrt(inverse[0, 0])  # the first parameter so far off, the others followed
-    cut_off = Minimum(best.z, replace(square, gradient=-square.curvature @ away), False, 25)
+    cut_off = Minimum(best.z, replace(square, gradient=-square.curvature @ away), False)
     assert best.problem.fitted(cut_off).converged is near
     assert best.problem.fitted(replace(cut_off, converged=True)).converged

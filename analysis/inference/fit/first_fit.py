@@ -17,9 +17,9 @@ from analysis.inference.fit.base import TRUSTED, Plates, SearchStart, base_of
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.first_guesses import first_guesses, resembled
 from analysis.inference.fit.free_parameters import trials_of
+from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.problem import Fitted, Problem
 from analysis.inference.fit.samples import Samples, averaged_shots
-from analysis.inference.fit.search_vector import JointData
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.site import Site, on_site

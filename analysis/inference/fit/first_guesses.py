@@ -18,10 +18,10 @@ from analysis.compiled import side_by_side
 from analysis.inference.fit.base import Base
 from analysis.inference.fit.course import Course, NoCollision
 from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import Samples
-from analysis.inference.fit.search_vector import JointData
 from analysis.inference.noise.floor import white_floor
 from analysis.shot import Cancelled, Floats, Stop
 from analysis.signal import LEAST_NOISE_M

@@ -21,6 +21,7 @@ from analysis.inference.screen.screening import Score
 from analysis.shot import Floats, Stop
 
 _ROUNDS, _A_ROUND, _BRINGS = 8, 25, 0.05  # of ``continued``: rounds, evaluations in each, least gain of ln L
+_WANDERING_PARTS = 2  # at most, of a noise
 _NEAR = 0.04  # of chi^2 still to fall: no parameter is further than a fifth of its std from the minimum
 
 
@@ -49,10 +50,11 @@ class Problem(WeighedModel):
         """
         data = self.data
         if data.site is not None:
-            parts = data.parts if anew else 0
+            parts = _WANDERING_PARTS if anew else 0
             return site_strengths.learn(residual_m, data.shots, data.site, start=start, parts=parts)
         valid, weights = [shot.valid for shot in data.shots], [shot.weight for shot in data.shots]
-        return learn(residual_m, valid, data.shots[0].spacing_s, weights=weights, start=start, parts=data.parts)
+        spacing_s = data.shots[0].spacing_s
+        return learn(residual_m, valid, spacing_s, weights=weights, start=start, parts=_WANDERING_PARTS)
 
     def search(
         self,

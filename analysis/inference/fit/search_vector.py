@@ -1,6 +1,6 @@
 """The vector of parameters that a search moves: order, names, bounds, and conversion to physical parameters."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -8,66 +8,13 @@ import numpy as np
 
 from analysis.collision import Effect, Parameter
 from analysis.inference.fit.arrow import Arrow, Places
-from analysis.inference.fit.base import OWN_NAMES, Base
+from analysis.inference.fit.base import OWN_NAMES
 from analysis.inference.fit.coordinates import Coordinates
 from analysis.inference.fit.effective_parameters import Point, Values, chained, to_actual, to_effective
 from analysis.inference.fit.free_parameters import TrialEffect
+from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.response import ShotModel
-from analysis.inference.fit.samples import Samples
-from analysis.inference.noise.flights import noise_of_flights
-from analysis.inference.noise.floor import Floor, white_by_differences, white_floor
-from analysis.inference.noise.site import Site
-from analysis.shot import AnalysisError, Floats
-from analysis.signal import LEAST_NOISE_M
-
-_SAMPLES = 100  # at least, to learn a noise from
-
-
-@dataclass(frozen=True)
-class JointData:
-    """The shots that are fitted together, the base model, and how many wandering parts their noise may have.
-
-    ``site`` is what shakes the frame, or None.  ``like_kg`` is the block mass assumed in the search coordinates (None:
-    the first shot's); with it, vectors for a subset of shots mean the same as vectors for the whole set.
-    """
-
-    shots: tuple[Samples, ...]
-    base: Base
-    parts: int = 2
-    site: Site | None = None
-    like_kg: float | None = None
-
-    @property
-    def band_hz(self) -> tuple[float, float]:
-        """Get the band in Hz in which a sinusoid can be distinguished from a drift and is not aliased."""
-        return 2.5 / max(shot.length_s for shot in self.shots), 0.45 / self.shots[0].spacing_s
-
-    @property
-    def count(self) -> int:
-        """Get the number of shared base parameters."""
-        return len(self.base.names)
-
-    def left_m(self, displacement_m: Iterable[Floats]) -> tuple[Floats, ...]:
-        """Return measured minus model displacement, averaged, one array for each shot."""
-        return tuple(shot.left_m(x) for shot, x in zip(self.shots, displacement_m, strict=True))
-
-    @cached_property
-    def noise_of_flights(self) -> Floor:
-        """Get the noise that the quiet flights show, the frame as strong as they were read."""
-        return noise_of_flights(self.shots, self.site)[0]
-
-    @property
-    def stated_noise(self) -> Floor:
-        """Get white noise as strong as the first motion states it."""
-        return white_floor(self.shots[0].white_m, self.shots[0].spacing_s)
-
-    @property
-    def white_noise(self) -> Floor:
-        """Get white noise as strong as third differences show it; AnalysisError with too few samples."""
-        if sum(int(np.count_nonzero(s.valid[3:] & s.valid[:-3])) for s in self.shots) < _SAMPLES:
-            raise AnalysisError("too few samples for a diagnosis")
-        white_m = white_by_differences([s.displacement_m for s in self.shots], [s.valid for s in self.shots])
-        return white_floor(max(white_m, LEAST_NOISE_M), self.shots[0].spacing_s)
+from analysis.shot import Floats
 
 
 @dataclass(frozen=True)

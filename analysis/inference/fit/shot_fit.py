@@ -18,11 +18,11 @@ from analysis.inference.fit.base import Plates, SearchStart
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.first_fit import STRONG, first_fit, likely_plates
 from analysis.inference.fit.free_parameters import trial_effect, trials_of
+from analysis.inference.fit.joint_data import can_tell, joint_data, site_under, with_plates
 from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import Fitted, Problem
 from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ, averaged_shots
 from analysis.inference.noise.flights import noise_of_flights
-from analysis.inference.noise.joint_data import can_tell, joint_data, site_under, with_plates
 from analysis.inference.noise.site import Site, on_site
 from analysis.shot import PLATE_RINGS, AnalysisError, Cancelled, Fit, Floats, Motion, Progress, Shaking, Stop
 

@@ -14,7 +14,6 @@ from analysis.collision import Effect, Infeasible, LinearPath
 from analysis.compiled import side_by_side
 from analysis.inference.fit.effective_parameters import Point, to_actual
 from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.samples import Samples
 from analysis.inference.fit.weighed_model import WeighedModel
 from analysis.inference.screen import first_order
 from analysis.inference.screen.projector import FEW_SHOTS, Projector
@@ -122,14 +121,10 @@ def own_columns(at: Projector, kind: TrialEffect, starts: Starts) -> list[Floats
     return bare if all(np.all(np.isfinite(columns)) for columns in bare) else None
 
 
-def within(start: Mapping[str, float], shots: Sequence[Samples]) -> bool:
-    """Return whether the frequency of a start, if it has one, lies in the band of the records."""
-    f = start.get("frequency_hz")
-    return f is None or 2.5 / max(s.length_s for s in shots) < f < 0.45 / shots[0].spacing_s
-
-
 def _inside(at: Projector, starts: Starts) -> list[Mapping[str, float]]:
-    return [start for start in starts if within(start, at.problem.data.shots)]
+    """Return the starts whose frequency, if they have one, lies in the band of the records."""
+    slowest, fastest = at.problem.data.band_hz
+    return [start for start in starts if "frequency_hz" not in start or slowest < start["frequency_hz"] < fastest]
 
 
 def _shot_products(at: Projector, index: int, columns: WhitenedColumns) -> _ShotProducts:

@@ -34,7 +34,7 @@ def scan(at: Projector) -> tuple[Floats, Floats]:
 def _scan(at: Projector) -> tuple[Floats, Floats]:
     shots = at.problem.data.shots
     length = max(shot.length_s for shot in shots)
-    steps, f = [], 2.5 / length
+    steps, f = [], at.problem.data.band_hz[0]
     while f < min(2500.0, 0.4 / shots[0].spacing_s):
         steps.append(f)
         f += min(0.03 * f, 0.4 / length)

@@ -8,9 +8,9 @@ from analysis.inference.fit import first_fit as begin
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.first_fit import first_fit
 from analysis.inference.fit.free_parameters import trial_effects
+from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.problem import Fitted
 from analysis.inference.fit.samples import averaged_shots
-from analysis.inference.fit.search_vector import JointData
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisSettings
 from analysis.signal.record import motion_from_displacement

@@ -12,8 +12,8 @@ from analysis.diagnosis.learning import curve_fit
 from analysis.diagnosis.learning.curve_motion import Ground, ground_of
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.first_fit import base_fit, first_fit
+from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.samples import averaged_shots
-from analysis.inference.fit.search_vector import JointData
 from tests.law_rigs import LawRig
 
 PLACE = next(a for a in ARGUMENTS if a.name == "place")

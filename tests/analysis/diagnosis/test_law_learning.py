@@ -10,9 +10,9 @@ from analysis.diagnosis.learning.two_laws import learn_another, learn_laws, lear
 from analysis.diagnosis.verdict.cross_validation import choose
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.first_fit import base_fit, first_fit
+from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.problem import Fitted
 from analysis.inference.fit.samples import averaged_shots
-from analysis.inference.fit.search_vector import JointData
 from tests.law_rigs import LawRig
 
 

@@ -15,9 +15,9 @@ from analysis.diagnosis.result import Verdict
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trial_effects
+from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import averaged_shots
-from analysis.inference.fit.search_vector import JointData
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise.floor import Floor
 from tests.analysis.collision.simulated import shot

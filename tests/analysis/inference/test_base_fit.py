@@ -7,8 +7,8 @@ from analysis.diagnosis.search.from_base import explored
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.first_fit import base_fit, first_fit
+from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.samples import averaged_shots
-from analysis.inference.fit.search_vector import JointData
 from tests.analysis.diagnosis.shots import KINDS, calm, shots
 
 

@@ -7,9 +7,9 @@ from analysis.collision.effects import named
 from analysis.collision.parameters import PAPER, Infeasible
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point, to_actual, to_effective
+from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import averaged_shots
-from analysis.inference.fit.search_vector import JointData
 from tests.analysis.diagnosis.shots import KINDS, shots
 
 DELAY, SUPPORT = named("demodulation_lag"), named("support_compliance")

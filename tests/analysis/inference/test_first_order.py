@@ -15,9 +15,9 @@ from analysis.collision.parameters import PAPER
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trial_effect
+from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import averaged_shots
-from analysis.inference.fit.search_vector import JointData
 from analysis.inference.noise.floor import Floor
 from analysis.inference.screen import screening
 from analysis.inference.screen.first_order import path_of, responses, shown_by_optics, steps_for

@@ -14,12 +14,12 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import predict
 from analysis.inference.fit.base import base_of, start_from_fit
 from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.joint_data import can_tell, joint_data, shakings_of, site_under, with_plates
 from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise import site_strengths
 from analysis.inference.noise.floor import Floor
-from analysis.inference.noise.joint_data import can_tell, joint_data, shakings_of, site_under, with_plates
 from analysis.inference.noise.site import Site, Sway, site_of, swayed
 from analysis.pipeline import analyse
 from analysis.reading.read import shaking_in

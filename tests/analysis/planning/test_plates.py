@@ -13,9 +13,9 @@ from analysis.diagnosis.verdict.foretold import foretell
 from analysis.fitted.kinetic_contact import contact_cor, fitted_contact_cor
 from analysis.inference.fit.base import base_of
 from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import averaged_shots
-from analysis.inference.fit.search_vector import JointData
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.planning.model_comparison import refit_diagnosed

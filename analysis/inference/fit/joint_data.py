@@ -1,0 +1,113 @@
+"""Shots that are fitted together: averaged, weighted, and with the contribution of the frame's motion."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from analysis.collision import Infeasible
+from analysis.compiled import side_by_side
+from analysis.inference.fit.base import Base, SearchStart
+from analysis.inference.fit.samples import RATE_HZ, Samples, averaged_shots
+from analysis.inference.noise.flights import noise_of_flights
+from analysis.inference.noise.floor import Floor, white_by_differences, white_floor
+from analysis.inference.noise.site import Site, on_site, site_of
+from analysis.inference.noise.sway import BELOW_HZ
+from analysis.reading import shaking_in
+from analysis.shot import AnalysisError, Floats, Motion, Shaking
+from analysis.signal import LEAST_NOISE_M
+
+_FEWEST_A_TURN = 10.0  # samples per period of the fastest motion of a frame
+_SAMPLES = 100  # at least, to learn a noise from
+
+
+@dataclass(frozen=True)
+class JointData:
+    """The shots that are fitted together, and the base model.
+
+    ``site`` is what shakes the frame, or None.  ``like_kg`` is the block mass assumed in the search coordinates (None:
+    the first shot's); with it, vectors for a subset of shots mean the same as vectors for the whole set.
+    """
+
+    shots: tuple[Samples, ...]
+    base: Base
+    site: Site | None = None
+    like_kg: float | None = None
+
+    @property
+    def band_hz(self) -> tuple[float, float]:
+        """Get the band in Hz in which a sinusoid can be distinguished from a drift and is not aliased."""
+        return 2.5 / max(shot.length_s for shot in self.shots), 0.45 / self.shots[0].spacing_s
+
+    @property
+    def count(self) -> int:
+        """Get the number of shared base parameters."""
+        return len(self.base.names)
+
+    def left_m(self, displacement_m: Iterable[Floats]) -> tuple[Floats, ...]:
+        """Return measured minus model displacement, averaged, one array for each shot."""
+        return tuple(shot.left_m(x) for shot, x in zip(self.shots, displacement_m, strict=True))
+
+    @cached_property
+    def noise_of_flights(self) -> Floor:
+        """Get the noise that the quiet flights show, the frame as strong as they were read."""
+        return noise_of_flights(self.shots, self.site)[0]
+
+    @property
+    def stated_noise(self) -> Floor:
+        """Get white noise as strong as the first motion states it."""
+        return white_floor(self.shots[0].white_m, self.shots[0].spacing_s)
+
+    @property
+    def white_noise(self) -> Floor:
+        """Get white noise as strong as third differences show it; AnalysisError with too few samples."""
+        if sum(int(np.count_nonzero(s.valid[3:] & s.valid[:-3])) for s in self.shots) < _SAMPLES:
+            raise AnalysisError("too few samples for a diagnosis")
+        white_m = white_by_differences([s.displacement_m for s in self.shots], [s.valid for s in self.shots])
+        return white_floor(max(white_m, LEAST_NOISE_M), self.shots[0].spacing_s)
+
+
+def can_tell(motion: Motion) -> bool:
+    """Return whether a motion is sampled fast enough to separate the frame's motion from the optics' noise."""
+    return motion.sample_rate_hz >= _FEWEST_A_TURN * BELOW_HZ
+
+
+def shakings_of(
+    motions: Sequence[Motion], model: str, known: Sequence[Shaking | None] | None
+) -> tuple[Shaking | None, ...]:
+    """Return the frame's motion of each shot, as ``known`` or read from its flights; None where ``model`` has no plate.
+
+    Cost of reading: some 0.1 s per shot.
+    """
+    if model != "paper" or not all(can_tell(motion) for motion in motions):
+        return (None,) * len(motions)
+    return tuple(known if known is not None else side_by_side(shaking_in, motions))
+
+
+def site_under(
+    motions: Sequence[Motion], shakings: Sequence[Shaking | None], least_nm: float, *, whole: bool = False
+) -> Site | None:
+    """Return the common motion of the frame for shots with these shakings; arguments as ``site_of``'s."""
+    return site_of(shakings, max(float(np.ptp(motion.time_s)) for motion in motions), least_nm, whole=whole)
+
+
+def joint_data(motions: Sequence[Motion], begin: SearchStart, site: Site | None, rate_hz: float = RATE_HZ) -> JointData:
+    """Return averaged shots for a joint fit, the frame's contribution computed for the motion of ``begin``.
+
+    Where a plate swings far, its likeliest state in ``begin`` is the one about which that contribution is linear.
+    """
+    base = begin.base
+    plain = averaged_shots(motions, rate_hz)
+    if site is None:
+        return JointData(plain, base)
+    try:
+        shots = on_site(with_plates(plain, begin.plates), site, base, begin.shared, begin.own)
+        return JointData(shots, base, site=site)
+    except Infeasible:  # ``begin`` has no collision, so there is no frame contribution to compute
+        return JointData(plain, base)
+
+
+def with_plates(shots: Sequence[Samples], plates: Sequence[tuple[float, float]]) -> tuple[Samples, ...]:
+    """Return the shots with each plate's state at first touch (m, m/s), if ``plates`` is not empty."""
+    return tuple(replace(s, plate=plate) for s, plate in zip(shots, plates, strict=True)) if plates else tuple(shots)

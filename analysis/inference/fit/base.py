@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.collision import Collision, Floats, Infeasible, Variant
+from analysis.inference.fit.effective_parameters import Point
 from analysis.shot import Fit, Motion, plate_count
 
 MODELS = ("paper", "clamped", "no_tension", "contact")
@@ -124,6 +125,11 @@ class SearchStart:
     own: Floats
     plates: Plates = ()
     left: float = 1.0
+
+    @property
+    def point(self) -> Point:
+        """Get the parameters, without effects."""
+        return Point(self.shared, self.own, tuple({} for _ in self.own))
 
 
 def start_from_fit(fit: Fit, motions: Sequence[Motion]) -> SearchStart:

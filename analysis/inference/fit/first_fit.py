@@ -47,31 +47,35 @@ def first_fit(
     shots = averaged_shots(motions)
     own = np.array([shot.course.own for shot in shots])
     noise = noise or noise_of_flights(shots, site)[0]
+
+    def starts(guesses: Sequence[Floats]) -> list[SearchStart]:
+        return [SearchStart(base, shared, own) for shared in guesses]
+
     ends: list[SearchStart] = []
     why: Infeasible | None = None
     try:
         if site is None:
-            return _best_of_searches(JointData(shots, base), first_guesses(base, shots, stop), own, noise, stop)
+            return _best_of_searches(JointData(shots, base), starts(first_guesses(base, shots, stop)), noise, stop)
         data = JointData(shots, base, site=site)
-        guesses: list[Floats] = []
+        guessed: list[SearchStart] = []
 
-        def starts() -> Iterator[Floats]:
-            yield from resembled(base, shots, _FOLLOWED)
-            guesses.extend(first_guesses(base, shots, stop, site.shaking.rms_m))
-            yield from guesses[:_FOLLOWED]
+        def candidates() -> Iterator[SearchStart]:
+            yield from starts(resembled(base, shots, _FOLLOWED))
+            guessed.extend(starts(first_guesses(base, shots, stop, site.shaking.rms_m)))
+            yield from guessed[:_FOLLOWED]
 
-        for shared in starts():
+        for start in candidates():
             with contextlib.suppress(Infeasible):
-                ends.append(_search_on_frames(data, shared, own, noise, stop))
+                ends.append(_search_on_frames(data, start, noise, stop))
                 if ends[-1].left < TRUSTED or any(_are_one(ends[-1], other) for other in ends[:-1]):
                     break
         if not ends or min(end.left for end in ends) > STRONG:
             # from a poor guess the search may end where nothing collides, the more so where an effect is missing
-            guesses = guesses or first_guesses(base, shots, stop, site.shaking.rms_m)
-            still = _best_of_searches(JointData(shots, base), guesses, own, noise, stop)
+            guessed = guessed or starts(first_guesses(base, shots, stop, site.shaking.rms_m))
+            still = _best_of_searches(JointData(shots, base), guessed, noise, stop)
             ends.append(still)
             with contextlib.suppress(Infeasible):
-                ends.append(_search_on_frames(data, still.shared, still.own, noise, stop))
+                ends.append(_search_on_frames(data, still, noise, stop))
     except Infeasible as reason:
         why = reason
     if stop():
@@ -96,21 +100,21 @@ def base_fit(data: JointData, begin: SearchStart, stop: Stop, nuisances: Sequenc
         raise AnalysisError(f"no motion of the base model comes near these shots: {why}") from why
 
 
-def _best_of_searches(data: JointData, guesses: Sequence[Floats], own: Floats, noise: Floor, stop: Stop) -> SearchStart:
-    """Return the best end of searches from the first guesses, or from a fit of the first bounces alone."""
+def _best_of_searches(data: JointData, starts: Sequence[SearchStart], noise: Floor, stop: Stop) -> SearchStart:
+    """Return the best end of searches from the starts, or from a fit of the first bounces alone."""
     floor = noise.without_site
-    best = _search_from(data, guesses[0], own, floor, stop)
+    best = _search_from(data, starts[0], floor, stop)
     if best.left < STRONG:
         return best
+    further = starts[1:_FOLLOWED]
     early = replace(data, shots=tuple(_first_bounces(shot) for shot in data.shots))
     with contextlib.suppress(Infeasible):
-        there = _search_from(early, best.shared, best.own, floor, stop, _ROUGHLY)
+        there = _search_from(early, best, floor, stop, _ROUGHLY)
         if there.left < STRONG:
-            guesses = [guesses[0], there.shared]
-    for shared in guesses[1:_FOLLOWED]:
+            further = [replace(starts[0], shared=there.shared)]
+    for start in further:
         with contextlib.suppress(Infeasible):
-            trial = _search_from(data, shared, own, floor, stop)
-            best = min(best, trial, key=lambda end: end.left)
+            best = min(best, _search_from(data, start, floor, stop), key=lambda end: end.left)
             if best.left < STRONG:
                 break
     return best
@@ -127,32 +131,28 @@ def _first_bounces(shot: Samples) -> Samples:
     return replace(shot, valid=shot.valid & (shot.centre_s < until_s))
 
 
-def _search_on_frames(data: JointData, shared: Floats, own: Floats, noise: Floor, stop: Stop) -> SearchStart:
+def _search_on_frames(data: JointData, here: SearchStart, noise: Floor, stop: Stop) -> SearchStart:
     """Return where a search on moving frames ends: first with the white noise enlarged, then as it is."""
-    assert data.site is not None
-    here = SearchStart(data.base, shared, own)
     for louder in (_LOUDER, 1.0):
         floor = replace(noise, white_m=louder * noise.white_m)
         there = replace(data, shots=on_site(data.shots, data.site, data.base, here.shared, here.own))
-        here = _search_from(there, here.shared, here.own, floor, stop, _ROUGHLY if louder > 1.0 else _EVALUATIONS)
+        here = _search_from(there, here, floor, stop, _ROUGHLY if louder > 1.0 else _EVALUATIONS)
     return here
 
 
 def _search_from(
-    data: JointData, shared: Floats, own: Floats, floor: Floor, stop: Stop, evaluations: int = _EVALUATIONS
+    data: JointData, start: SearchStart, floor: Floor, stop: Stop, evaluations: int = _EVALUATIONS
 ) -> SearchStart:
     """Return where one search ends, with its chi^2 per sample; Infeasible where it cannot begin."""
     problem = Problem(data, (), floor)
-    values: tuple[dict[Effect, dict[str, float]], ...] = tuple({} for _ in data.shots)
-    z = problem.pack(problem.slow_enough(Point(shared, own, values)))
+    z = problem.pack(problem.slow_enough(start.point))
     found = problem.search(z, evaluations=evaluations, tolerance=_TOLERANCE, cancelled=stop)
     if stop():
         raise Cancelled
     end = problem.unpack(found.parameters)
     left = found.square.chi2 / found.square.samples
-    return SearchStart(
-        data.base, end.base, end.own, likely_plates(problem, found.parameters) if left < TRUSTED else (), left
-    )
+    plates = likely_plates(problem, found.parameters) if left < TRUSTED else ()
+    return SearchStart(data.base, end.base, end.own, plates, left)
 
 
 def likely_plates(problem: Problem, z: Floats) -> Plates:

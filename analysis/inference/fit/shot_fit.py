@@ -14,7 +14,7 @@ import numpy as np
 from analysis.collision import MOST_AT_ONCE, Effect, Infeasible, effects_named, findings, named
 from analysis.inference.fit.added_effect import joined
 from analysis.inference.fit.as_fit import as_fit
-from analysis.inference.fit.base import Plates, SearchStart
+from analysis.inference.fit.base import Plates
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.first_fit import STRONG, first_fit, likely_plates
 from analysis.inference.fit.free_parameters import trial_effect, trials_of
@@ -143,19 +143,13 @@ class _FitRequest:
             noise, trusted = noise_of_flights(data.shots, data.site)
         self.tell("fitting", 0.3)
         try:
-            problem, found, undecided = _fit_base(Problem(data, (), noise), begin, self.stop)
+            problem, found, undecided = _settled(Problem(data, (), noise), begin.point, begin.plates, self.stop)
             if self.effects:
                 self.tell("fitting the effects", 0.6)
                 problem, found, undecided = _with_effects(problem, found, self.effects, self.stop)
         except Infeasible as why:
             raise AnalysisError(f"no motion of the {self.model} model comes near these shots: {why}") from why
         return _SearchEnd(problem, found, trusted, undecided)
-
-
-def _fit_base(problem: Problem, begin: SearchStart, stop: Stop) -> tuple[Problem, Minimum, Floats]:
-    """Return the minimum of the base model, and the uncertainty of ``_settled``."""
-    values: tuple[dict[Effect, dict[str, float]], ...] = tuple({} for _ in problem.data.shots)
-    return _settled(problem, Point(begin.shared, begin.own, values), begin.plates, stop)
 
 
 def _settled(problem: Problem, here: Point, plates: Plates, stop: Stop) -> tuple[Problem, Minimum, Floats]:

@@ -62,8 +62,7 @@ class Arrow:
 
     def parts(self, rows: Floats) -> list[Floats]:
         """Return ``rows`` of all shots, one after another, as a list by shot."""
-        edges = np.cumsum([0, *(len(block) for block in self.blocks)])
-        return [rows[begin:end] for begin, end in pairwise(edges)]
+        return _split(rows, self.blocks)
 
     def along(self, numbers: Floats) -> Floats:
         """Return the matrix times ``numbers``, shape (size,): shape (rows,)."""
@@ -123,11 +122,7 @@ class Span:
 
     def projected(self, rows: Floats) -> Floats:
         """Return ``rows`` of all shots, shape (rows,) or (rows, k), with their projection on the basis subtracted."""
-        edges = np.cumsum([0, *(len(basis) for basis in self.own)])
-        parts = [
-            _projected_off(basis, rows[begin:end])
-            for basis, (begin, end) in zip(self.own, pairwise(edges), strict=True)
-        ]
+        parts = [_projected_off(basis, part) for basis, part in zip(self.own, _split(rows, self.own), strict=True)]
         along = sum(basis.T @ part for basis, part in zip(self.shared, parts, strict=True))
         return np.concatenate([part - basis @ along for basis, part in zip(self.shared, parts, strict=True)])
 
@@ -168,6 +163,12 @@ class ProjectedColumns:
             pull = turn.T @ (self.columns.pull(left)[at] / scale)
             out[at] = turn[:, kept] @ (pull[kept] / level[kept]) / scale
         return out
+
+
+def _split(rows: Floats, like: Sequence[Floats]) -> list[Floats]:
+    """Return ``rows`` of all shots as a list, for each shot as many as its matrix in ``like`` has."""
+    edges = np.cumsum([0, *(len(block) for block in like)])
+    return [rows[begin:end] for begin, end in pairwise(edges)]
 
 
 def orthonormal(columns: Floats) -> Floats:

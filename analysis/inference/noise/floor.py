@@ -97,11 +97,6 @@ class Floor:
         return tuple((rms, tau) for rms, tau in zip(self.rms_m, self.tau_s, strict=True) if rms > 0.0)
 
     @property
-    def parameters(self) -> int:
-        """Get the number of parameters learnt."""
-        return 1 + 2 * sum(rms > 0 for rms in self.rms_m) + len(self.site)
-
-    @property
     def coloured(self) -> bool:
         """Get whether there is more than white noise: a path that wanders, or a frame that moves."""
         return self.rms_m[0] > 0 or bool(self.site)
@@ -143,26 +138,6 @@ class Floor:
         gain, scale = np.empty((valid.size, 2)), np.empty(valid.size)
         _gains(valid, self.white_m**2 * weight**2, self.kalman[1:], gain, scale)
         return gain, scale
-
-    def psd(self, frequency_hz: Floats) -> Floats:
-        """Return the one-sided power spectral density in m^2/Hz."""
-        total = np.full(frequency_hz.shape, 2 * self.white_m**2 * self.spacing_s)
-        for rms, tau in zip(self.rms_m, self.tau_s, strict=True):
-            total += 4 * rms**2 * tau / (1 + (2 * np.pi * frequency_hz * tau) ** 2)
-        return total
-
-    def draw(self, samples: int, random: np.random.Generator) -> Floats:
-        """Return one random realisation, shape (samples,), in m."""
-        total = self.white_m * random.standard_normal(samples)
-        for rms, tau in zip(self.rms_m, self.tau_s, strict=True):
-            if rms > 0:
-                phi = math.exp(-self.spacing_s / tau)
-                step = rms * math.sqrt(-math.expm1(-2 * self.spacing_s / tau)) * random.standard_normal(samples)
-                step[0] = rms * random.standard_normal()
-                for i in range(1, samples):
-                    step[i] += phi * step[i - 1]
-                total += step
-        return total
 
 
 def white_floor(white_m: float, spacing_s: float) -> Floor:

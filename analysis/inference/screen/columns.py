@@ -87,15 +87,15 @@ def column_products(
 
 
 def products_along_paths(at: Projector, kinds: Sequence[TrialEffect]) -> dict[Effect, ColumnProducts]:
-    """Return the products of all effects computed to first order along common paths, by name; only for many shots.
+    """Return the products of all effects computed to first order along common paths, by effect; only for many shots.
 
     A shot's path, some 15 MB, serves all effects and is then released.
     """
     count = len(at.problem.data.shots)
-    inside = {kind.effect: _inside(at, kind.starts) for kind in kinds if kind.effect.wave is None}
-    many = [kind for kind in kinds if not kind.own and len(inside.get(kind.effect, ())) > MANY_STARTS]
     if count <= FEW_SHOTS:
         return {}
+    inside = {kind.effect: _inside(at, kind.starts) for kind in kinds if kind.effect.wave is None}
+    many = [kind for kind in kinds if not kind.own and len(inside.get(kind.effect, ())) > MANY_STARTS]
 
     def of_shot(index: int) -> dict[Effect, _ShotProducts]:
         paths: Paths = {}

@@ -33,14 +33,10 @@ def sensors(effects: Iterable[Effect]) -> list[Effect]:
 
 def named(name: str) -> Effect:
     """Return the effect of the catalogue called ``name``.  Raises ValueError."""
-    if name in NUISANCES:
-        return NUISANCES[name]
-    if name in WIDER:
-        return WIDER[name]
-    try:
-        return CATALOGUE[name]
-    except KeyError:
-        raise ValueError(f"no effect is called {name!r}; there are {', '.join(CATALOGUE)}") from None
+    for rows in (CATALOGUE, NUISANCES, WIDER):
+        if name in rows:
+            return rows[name]
+    raise ValueError(f"no effect is called {name!r}; there are {', '.join(CATALOGUE)}")
 
 
 def effects_named(effects: Iterable[Effect | str]) -> tuple[Effect, ...]:

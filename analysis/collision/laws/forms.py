@@ -27,8 +27,6 @@ class Form:
     lengths: tuple[str, ...] = ()
     positive: tuple[str, ...] = ()
     powers: tuple[str, ...] = ()
-    even: bool = False  # symmetric about zero: redundant if the argument has one sign
-    odd: bool = False
 
     @property
     def nonlinear_parameters(self) -> tuple[str, ...]:
@@ -104,25 +102,25 @@ _POWER = {"linear": 1, "quadratic": 2, "cubic": 3, "quadratic, odd": 2, "hinge":
 
 FORMS: tuple[Form, ...] = (
     Form("constant", "a"),
-    Form("linear", "a*{z}", odd=True),
-    Form("quadratic", "a*{z}**2", even=True),
-    Form("quadratic, odd", "a*{z}*abs({z})", odd=True),
-    Form("cubic", "a*{z}**3", odd=True),
-    Form("power", "a*abs({z})**n", powers=("n",), even=True),
-    Form("power, odd", "a*sign({z})*abs({z})**n", powers=("n",), odd=True),
-    Form("exponential", "a*exp(-abs({z})/b)", ("b",), ("b",), even=True),
+    Form("linear", "a*{z}"),
+    Form("quadratic", "a*{z}**2"),
+    Form("quadratic, odd", "a*{z}*abs({z})"),
+    Form("cubic", "a*{z}**3"),
+    Form("power", "a*abs({z})**n", powers=("n",)),
+    Form("power, odd", "a*sign({z})*abs({z})**n", powers=("n",)),
+    Form("exponential", "a*exp(-abs({z})/b)", ("b",), ("b",)),
     Form("rising exponential", "a*exp({z}/b)", ("b",), ("b",)),
     Form("falling exponential", "a*exp(-{z}/b)", ("b",), ("b",)),
-    Form("inverse", "a/(1 + abs({z})/b)", ("b",), ("b",), even=True),
-    Form("inverse square", "a/(1 + abs({z})/b)**2", ("b",), ("b",), even=True),
-    Form("inverse power", "a/(1 + abs({z})/b)**n", ("b",), ("b",), ("n",), even=True),
-    Form("Yukawa", "a*exp(-abs({z})/b)/(1 + abs({z})/c)", ("b", "c"), ("b", "c"), even=True),
-    Form("Gaussian", "a*exp(-({z}/b)**2)", ("b",), ("b",), even=True),
+    Form("inverse", "a/(1 + abs({z})/b)", ("b",), ("b",)),
+    Form("inverse square", "a/(1 + abs({z})/b)**2", ("b",), ("b",)),
+    Form("inverse power", "a/(1 + abs({z})/b)**n", ("b",), ("b",), ("n",)),
+    Form("Yukawa", "a*exp(-abs({z})/b)/(1 + abs({z})/c)", ("b", "c"), ("b", "c")),
+    Form("Gaussian", "a*exp(-({z}/b)**2)", ("b",), ("b",)),
     Form("Gaussian off zero", "a*exp(-(({z} - c)/b)**2)", ("b", "c"), ("b",)),
-    Form("Lorentzian", "a/(1 + ({z}/b)**2)", ("b",), ("b",), even=True),
+    Form("Lorentzian", "a/(1 + ({z}/b)**2)", ("b",), ("b",)),
     Form("Lorentzian off zero", "a/(1 + (({z} - c)/b)**2)", ("b", "c"), ("b",)),
-    Form("tanh", "a*tanh({z}/b)", ("b",), ("b",), odd=True),
-    Form("saturating", "a*{z}/(abs({z}) + b)", ("b",), ("b",), odd=True),
+    Form("tanh", "a*tanh({z}/b)", ("b",), ("b",)),
+    Form("saturating", "a*{z}/(abs({z}) + b)", ("b",), ("b",)),
     Form("sine", "a*sin({z}/b + c)", ("b",), ("b",), ("c",)),
     Form("hinge", "a*max(0, {z} - c)", ("c",)),
     Form("hinge below", "a*max(0, c - {z})", ("c",)),

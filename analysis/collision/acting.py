@@ -88,6 +88,11 @@ class FastestRates:
     every: float
     inside: float
 
+    @property
+    def of_modes(self) -> tuple[float, float, float, float]:
+        """Get the fastest rates in contact, apart, after the block has gone, and before the touch."""
+        return math.hypot(self.contact, self.every), math.hypot(self.plate, self.every), self.inside, 0.0
+
 
 def fastest_rates(collision: Collision, effects: Sequence[Active]) -> FastestRates:
     """Return the fastest rates of oscillation or decay of a collision with mechanical effects."""

@@ -60,20 +60,6 @@ class _EffectAtStarts(NamedTuple):
     by_state: Floats
 
 
-class _Path(NamedTuple):
-    """The arrays of a ``LinearPath``."""
-
-    length: Floats
-    sample: Any
-    early: Any
-    linked: Any
-    propagator: Floats
-    weights: Floats
-    effect_inputs: Floats
-    kick: Floats
-    watch: Floats
-
-
 class _Work(NamedTuple):
     """Arrays of the march; a "point" is the begin, the middle or the end of a step.
 
@@ -130,11 +116,7 @@ def along(path: LinearPath, effect: Effect, collision: Collision, parameters: Fl
         where, in_contact, in_flight, hidden, effect.rides, float(effect.shift), bool(constant), parameters, linear,
         by_state,
     )  # fmt: skip
-    arrays = _Path(
-        path.length_s, path.sample, path.early, path.linked, path.propagator, path.weights, path.effect_inputs,
-        path.kick, path.watch,
-    )  # fmt: skip
-    marched = _march(at_starts, np.array(_DRIVES), arrays, out, np.zeros(_room_for(arrays.propagator.shape[1], count)))
+    marched = _march(at_starts, np.array(_DRIVES), path, out, np.zeros(_room_for(path.propagator.shape[1], count)))
     assert marched
     return out
 
@@ -333,7 +315,7 @@ def _march(effect, drives, path, out, room):  # type: ignore[no-untyped-def]
     work = by_address(arrays)
     live_rows = _mark_active(effect, drives, work)
     last, begun = 0.0, False
-    for r in range(path.length.size):
+    for r in range(path.length_s.size):
         if not early[r] and not begun:
             begun = True
             for c in range(count):
@@ -343,9 +325,9 @@ def _march(effect, drives, path, out, room):  # type: ignore[no-untyped-def]
                     work.h[0, 0, c], work.h[0, 1, c] = path.effect_inputs[r, 0, X], path.effect_inputs[r, 0, V]
         if early[r] and not effect.in_flight:
             continue
-        if effect.hidden and not early[r] and abs(path.length[r] - last) > 1e-9 * abs(last):
-            hidden_steps(effect.linear, path.length[r], work.steps, work.power, work.series)
-            last = path.length[r]
+        if effect.hidden and not early[r] and abs(path.length_s[r] - last) > 1e-9 * abs(last):
+            hidden_steps(effect.linear, path.length_s[r], work.steps, work.power, work.series)
+            last = path.length_s[r]
         for point in range(3):
             if point == 0 and r > 0 and path.linked[r]:
                 for i in range(OUTPUTS):

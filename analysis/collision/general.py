@@ -201,7 +201,7 @@ def _solved(
     count = march.NOT_LINEAR
     if not any(active.effect.nonlinear for active in effects):
         room = np.zeros(march.room_for(system, record))
-        count = closed(system, record, _fastest(rates, request.spacing_s), room)
+        count = closed(system, record, np.array([*rates.of_modes, request.spacing_s]), room)
     if count == march.NOT_LINEAR:
         record = _record(times, 1, system, shown)
         stepped: Any = march.step_by_step
@@ -261,17 +261,10 @@ def _kind(code: int) -> str:
     return _KIND.get((code // 10, code % 10), "range")
 
 
-def _fastest(rates: FastestRates, spacing_s: float) -> Floats:
-    """Return the fastest rates in rad/s in contact, apart, after the block has gone, and before; then ``spacing_s``."""
-    contact, apart = math.hypot(rates.contact, rates.every), math.hypot(rates.plate, rates.every)
-    return np.array([contact, apart, rates.inside, 0.0, spacing_s])
-
-
 def _limits(rates: FastestRates, effects: Sequence[Active], stride: float) -> Floats:
     """Return the ``limits`` of ``RungeKutta``."""
     if any(active.effect.kinked for active in effects):
         stride = min(stride, 1.0)
-    fastest = [math.hypot(rates.contact, rates.every), math.hypot(rates.plate, rates.every), rates.inside, 0.0]
 
     def longest(base: float, own: float) -> float:
         return min(stride * min(_BASE_STEP / max(base, 1e-9), _HIDDEN_STEP / max(own, 1e-9)), _LONGEST_S)
@@ -283,4 +276,4 @@ def _limits(rates: FastestRates, effects: Sequence[Active], stride: float) -> Fl
     rough = any(active.effect.rough for active in effects)
     growth, nearing, shortest = (1.6, 0.4, 1e-8) if rough else (3.0, 0.0, 1e-4)
     allowed = _ERROR_M * stride**_ORDER
-    return np.array([*safe, *fastest, longest(0.0, rates.every), growth, nearing, allowed, shortest])
+    return np.array([*safe, *rates.of_modes, longest(0.0, rates.every), growth, nearing, allowed, shortest])

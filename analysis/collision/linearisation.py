@@ -8,8 +8,7 @@ written twice.  At an event d jumps as every derivative does (``march``).
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,8 +57,7 @@ _PUSH = Effect("push", "", Acts.ON_BLOCK, _TWO, "block", _push, hidden=2, shift=
 _PRESS = Effect("press", "", Acts.IN_CONTACT, _TWO[:1], "block", _press)
 
 
-@dataclass(frozen=True, slots=True)
-class LinearPath:
+class LinearPath(NamedTuple):
     """The m steps of one shot, states of n numbers: first those before the bodies act, backwards, then the others.
 
     ``length_s`` and ``sample`` (index of the sample at the end, or -1), shape (m,); ``early``: before the bodies act;

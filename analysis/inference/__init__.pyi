@@ -15,7 +15,8 @@ from .fit.samples import FINE_RATE_HZ, RATE_HZ, Samples, averaged_shots
 from .fit.shot_fit import fit_shots
 from .noise.floor import Floor, white_floor
 from .noise.own_flights import own_flights
-from .noise.site import Site, on_site, resembles_frame_motion
+from .noise.site import Site, resembles_frame_motion
+from .noise.sway import on_site
 from .screen.screening import Score, distinct_starts
 
 __all__ = [

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.samples import Samples, averaged_shots
 from analysis.inference.noise.floor import white_floor
-from analysis.inference.noise.site import Site, Sway, swayed
+from analysis.inference.noise.site import Site
+from analysis.inference.noise.sway import Sway, swayed
 from analysis.shot.impact import Shaking
 from analysis.shot.motion import Motion
 from instrument.bench.effects import CATALOGUE, scaled

@@ -22,7 +22,8 @@ from analysis.inference.fit.problem import Fitted, Problem
 from analysis.inference.fit.samples import Samples, averaged_shots
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor
-from analysis.inference.noise.site import Site, on_site
+from analysis.inference.noise.site import Site
+from analysis.inference.noise.sway import on_site
 from analysis.shot import AnalysisError, Cancelled, Floats, Motion, Stop
 
 STRONG = 30.0  # chi^2 per sample, above which missing effects may have pulled base parameters far from their values

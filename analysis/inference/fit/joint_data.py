@@ -12,8 +12,8 @@ from analysis.inference.fit.base import Base, SearchStart
 from analysis.inference.fit.samples import RATE_HZ, Samples, averaged_shots
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor, white_by_differences, white_floor
-from analysis.inference.noise.site import Site, on_site, site_of
-from analysis.inference.noise.sway import BELOW_HZ
+from analysis.inference.noise.site import BELOW_HZ, Site, site_of
+from analysis.inference.noise.sway import on_site
 from analysis.reading import shaking_in
 from analysis.shot import AnalysisError, Floats, Motion, Shaking
 from analysis.signal import LEAST_NOISE_M

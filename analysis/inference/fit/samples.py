@@ -14,7 +14,7 @@ from analysis.shot import Floats, Motion, plate_numbers
 
 if TYPE_CHECKING:
     from analysis.inference.noise.floor import Floor
-    from analysis.inference.noise.site import Sway
+    from analysis.inference.noise.sway import Sway
 
 Mask = NDArray[np.bool_]
 FITTED_CONTACT_TIMES = 5.0  # of flight on either side that are fitted: further off the track matters more

@@ -23,7 +23,8 @@ from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import Fitted, Problem
 from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ, averaged_shots
 from analysis.inference.noise.flights import noise_of_flights
-from analysis.inference.noise.site import Site, on_site
+from analysis.inference.noise.site import Site
+from analysis.inference.noise.sway import on_site
 from analysis.shot import PLATE_RINGS, AnalysisError, Cancelled, Fit, Floats, Motion, Progress, Shaking, Stop
 
 _PLATE_MOTION = named("plate_motion")

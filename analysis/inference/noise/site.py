@@ -1,40 +1,19 @@
-"""The motion of the frame under a set of shots: one spectrum for all, and its contribution to each shot.
+"""The motion of the frame under a set of shots: one spectrum for all, as sines in bands of one strength each."""
 
-A moving frame adds to the displacement, in flight and in contact, along directions that the base model gives
-(``sway.py``); so does a plate that the frame made swing before the touch.  The amplitudes are not fitted: they are
-normal numbers of known variance, integrated over wherever displacements are whitened.  Their variance is what the
-flights show of the frame, band by band, times a strength that is learnt anew from the residual of each hypothesis.
-The optical path wanders in a building as elsewhere: the frame's motion is one term of the covariance, added to white
-noise and wandering parts.
-"""
-
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import Acts, Effect, named
-from analysis.compiled import side_by_side, solve_triangle
-from analysis.inference.fit.base import Base
-from analysis.inference.fit.response import ShotModel, respond
-from analysis.inference.fit.samples import Samples
-from analysis.inference.noise.floor import Floor
-from analysis.inference.noise.sway import BELOW_HZ, plate_swing_std, responses
-from analysis.reading import root_of
+from analysis.collision import Acts, Effect
 from analysis.shot import Floats, Shaking
 
+BELOW_HZ = 1000.0  # faster motion of the frame is part of the noise of the beat
 _APART = 0.45  # spacing, times one over a shot's length, of the sines that stand for random motion
 _SAME_LINE = 0.3  # the same unit: lines of different shots closer than that are one line
 _IN_AN_OCTAVE = 3  # bands
-_REMEMBERED = 4  # results kept, by noise and by shape of the noise
 _WANDER = 3.0  # times the least density in the fastest octave, both times f^2: below, the optical path wanders
-_NEARLY = 0.05  # greatest cosine between columns of which one Cholesky factorisation is enough
-_SEEN = 1e-3  # of the variance of white noise: directions with less are left out
-_PLATE_START = ("displacement_m", "velocity_m_per_s")  # of the plate at first touch
-_OF_PLATE = slice(-len(_PLATE_START), None)  # of the unit normal numbers: the last stand for the plate's start
 
 
 @dataclass(frozen=True)
@@ -52,156 +31,6 @@ class Site:
     def bands(self) -> int:
         """Get the number of bands, each with a strength."""
         return int(self.band.max(initial=-1)) + 1
-
-
-@dataclass(frozen=True)
-class WhitenedDirections:
-    """A shot's directions of frame motion, whitened by a noise without the frame and of unit white noise.
-
-    ``columns``, shape (n, r), times the inverse of ``root``, shape (r, r), upper triangular, are orthonormal.
-    ``factors``, shape (r, m), give the frame's m unit normal numbers along these (stored in the order of Fortran).
-    ``logs`` is ln det of the covariance that whitened.
-    """
-
-    columns: Floats
-    root: Floats
-    factors: Floats
-    logs: float
-
-    def along(self, rows: Floats) -> Floats:
-        """Return the coordinates of whitened ``rows``, shape (n,) or (n, k), along the orthonormal directions."""
-        return solve_triangle(self.root, self.columns.T @ rows, lower=False, transposed=True)
-
-
-@dataclass(frozen=True)
-class Sway:
-    """What the frame's motion may add to one shot, at its valid averaged samples.
-
-    ``basis``, shape (n, r), are orthonormal directions; ``factors``, shape (r, m), give the contributions in m of m
-    independent unit normal numbers; ``band``, shape (m,), names the strength that scales each.  The last two are the
-    plate's displacement and velocity at first touch, in units of ``plate_std`` (m, m/s).  ``valid`` marks the n
-    averaged samples; ``weight`` is the shot's white noise over that of the set.  ``speed_powers``, shape (bands, 2),
-    are the variances of the difference between velocities relative to the frame and in space, at the touch and after
-    the release.
-    """
-
-    basis: Floats
-    factors: Floats
-    band: NDArray[np.int64]
-    valid: NDArray[np.bool_]
-    weight: float = 1.0
-    speed_powers: Floats = field(default_factory=lambda: np.zeros((0, 2)))
-    plate_std: tuple[float, float] = (0.0, 0.0)
-    _known: dict[Any, Any] = field(default_factory=dict, repr=False)
-
-    def speeds_m_per_s(self, noise: Floor) -> tuple[float, float]:
-        """Return the stds of velocities relative to the frame minus those in space, at touch and release."""
-        before, after = np.sqrt(np.exp(noise.site) @ self.speed_powers)
-        return float(before), float(after)
-
-    def whitened_directions(self, noise: Floor) -> WhitenedDirections:
-        """Return the directions whitened by the shape of ``noise`` without the frame, in units of its white noise.
-
-        Cost: some r^2 n multiply-adds where a part wanders; the last few shapes are kept.
-        """
-        known: WhitenedDirections = self._cached("directions", shape_of(noise), self._whiten_directions)
-        return known
-
-    def scaled(self, noise: Floor) -> Floats:
-        """Return the unit normal numbers' contributions along the orthonormal whitened directions, shape (r, m)."""
-        size = np.exp(0.5 * np.asarray(noise.site))[self.band] / noise.white_m
-        return np.asarray(self.whitened_directions(noise).root @ (self.factors * size))
-
-    def whiten(self, rows: Floats, noise: Floor) -> Floats:
-        """Return ``rows``, shape (n, k), already whitened by ``noise`` without the frame, whitened by the whole noise.
-
-        Cost: 2 n r multiply-adds per column.
-        """
-        columns = self.whitened_directions(noise).columns
-        return np.asarray(rows + columns @ (self.whitening_matrix(noise) @ (columns.T @ rows)))
-
-    def whitening_matrix(self, noise: Floor) -> Floats:
-        """Return the matrix L, shape (r, r), with which columns @ L @ columns.T @ rows whitens the frame's motion.
-
-        It is added to rows whitened by the other noise; ``columns`` are those of ``whitened_directions``.
-        """
-        known: Floats = self._cached("whitening", noise, self._whitening_matrix)
-        return known
-
-    def likely(self, left_m: Floats, noise: Floor) -> Floats:
-        """Return the frame's likeliest part of a residual, shape (all averaged samples,), at the valid samples."""
-        scaled = self.scaled(noise)
-        numbers = scaled.T @ self._pull(scaled, self._along(left_m, noise))
-        size = np.exp(0.5 * np.asarray(noise.site))[self.band]
-        return np.asarray(self.basis @ (self.factors @ (size * numbers)))
-
-    def likely_plate(self, left_m: Floats, noise: Floor) -> tuple[float, float]:
-        """Return the plate's likeliest state at first touch (m, m/s), from the residual with the plate at rest."""
-        scaled = self.scaled(noise)
-        numbers = scaled[:, _OF_PLATE].T @ self._pull(scaled, self._along(left_m, noise))
-        x, v = numbers * np.exp(0.5 * noise.site[self.band[-1]]) * np.asarray(self.plate_std)
-        return float(x), float(v)
-
-    def of_plate_m(self, plate: tuple[float, float]) -> Floats:
-        """Return the displacement due to this state of the plate at first touch (m, m/s), at all averaged samples."""
-        out = np.zeros(self.valid.size)
-        out[self.valid] = self._plate_columns @ np.divide(plate, self.plate_std)
-        return out
-
-    @cached_property
-    def shares(self) -> Floats:
-        """Get the variances that the bands give the unit normal numbers at strength one, shape (bands, m)."""
-        return np.equal.outer(np.arange(int(self.band.max()) + 1), self.band).astype(np.float64)
-
-    @cached_property
-    def _plate_columns(self) -> Floats:
-        """Get the displacement due to each unit number of the plate's start, shape (n, 2)."""
-        return np.asarray(self.basis @ self.factors[:, _OF_PLATE])
-
-    def _along(self, left_m: Floats, noise: Floor) -> Floats:
-        white = noise.whiten(left_m[:, None], self.valid, self.weight)
-        return self.whitened_directions(noise).along(white)[:, 0]
-
-    def _pull(self, scaled: Floats, along: Floats) -> Floats:
-        """Return the inverse covariance along the directions times ``along``."""
-        root = root_of(scaled)
-        return solve_triangle(root, solve_triangle(root, along, lower=True), lower=True, transposed=True)
-
-    def _whiten_directions(self, shape: Floor) -> WhitenedDirections:
-        if shape.rms_m[0] == 0.0:
-            columns = self.basis / self.weight
-        else:
-            raw = np.zeros((self.valid.size, self.basis.shape[1]))
-            raw[self.valid] = self.basis
-            columns = shape.whiten(raw, self.valid, self.weight)
-        root = np.asarray(np.linalg.cholesky(columns.T @ columns).T)
-        factors = np.asfortranarray(root @ self.factors)
-        return WhitenedDirections(columns, root, factors, shape.log_variances(self.valid, self.weight))
-
-    def _whitening_matrix(self, noise: Floor) -> Floats:
-        root = root_of(self.scaled(noise))
-        whitening_matrix = solve_triangle(root, np.eye(root.shape[0]), lower=True)
-        whitening_matrix[np.diag_indices_from(whitening_matrix)] -= 1.0
-        triangle = self.whitened_directions(noise).root
-        half = solve_triangle(triangle, whitening_matrix, lower=False)
-        return solve_triangle(triangle, half.T, lower=False).T
-
-    def _cached(self, what: str, noise: Floor, make: Callable[[Floor], Any]) -> Any:
-        """Return ``make(noise)``; the last few results are kept."""
-        lately = self._known.setdefault(what, {})
-        known = lately.get(noise)
-        if known is None:
-            known = make(noise)
-            while len(lately) >= _REMEMBERED:
-                lately.pop(tuple(lately)[0], None)  # noqa: RUF015 (a copy: other threads may add to it)
-            lately[noise] = known
-        return known
-
-
-def shape_of(noise: Floor) -> Floor:
-    """Return a noise in units of its white part, without the frame, to twelve digits against rounding."""
-    one, two = (float(f"{rms / noise.white_m:.12g}") for rms in noise.rms_m)
-    return Floor(1.0, (one, two), noise.tau_s, noise.spacing_s)
 
 
 def resembles_frame_motion(row: Effect) -> bool:
@@ -251,67 +80,3 @@ def _of_the_frame(frequency_hz: Floats, power: Floats) -> int:
     level = power * frequency_hz**2
     above = np.flatnonzero(level > _WANDER * level[frequency_hz >= 0.5 * frequency_hz[-1]].min())
     return int(above[-1]) + 1 if above.size else 1
-
-
-def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats) -> Sway:
-    """Return what the frame may add to a shot that moved as these base parameters say, its plate starting as known.
-
-    Cost: about 0.06 s.
-    """
-    model = ShotModel(shot, base, shared, own, {named("plate_motion"): dict.fromkeys(_PLATE_START, 0.0)})
-    collision = model.collision
-    omega = 2 * np.pi * site.shaking.frequency_hz
-    # the frame moves slowly: the mean over a block is its contribution at the centre, to a millionth
-    moved, after = responses(collision, shot.centre_s - own[1], omega)
-    each = np.sqrt(site.shaking.power_m2)
-    by_start = [model.names.index(f"plate_motion.{name}") for name in _PLATE_START]
-    swings = respond(model, shot.time_s, block=shot.factor, derivatives=True).derivatives[:, by_start]
-    plate_std = plate_swing_std(site.shaking, collision)
-    columns = np.empty((int(shot.valid.sum()), 2 * each.size + len(_PLATE_START)))
-    seen = moved[shot.valid]
-    np.multiply(seen.real, each, out=columns[:, : each.size])
-    np.multiply(seen.imag, each, out=columns[:, each.size : 2 * each.size])
-    columns[:, 2 * each.size :] = swings[shot.valid] * plate_std
-    own_hz = np.sqrt(collision.plate_stiffness_n_per_m / collision.plate_mass_kg) / (2 * np.pi)
-    nearest = int(np.argmin(np.abs(site.shaking.frequency_hz[site.shaking.random] - own_hz)))
-    band = np.concatenate([site.band, site.band, np.repeat(site.band[nearest], len(_PLATE_START))])
-    level, turn = np.linalg.eigh(columns.T @ columns)
-    felt = level > _SEEN * shot.white_m**2
-    felt[-1] = True  # the strongest even where nothing is felt: matrices without columns are not solved with
-    turn, size = turn[:, felt], np.sqrt(np.maximum(level[felt], np.finfo(np.float64).tiny))
-    basis, triangle = _orthonormal((columns @ turn) / size)
-    speeds = np.zeros((site.bands, 2))
-    np.add.at(speeds, site.band, site.shaking.power_m2[:, None] * np.stack([omega, np.abs(after)], axis=1) ** 2)
-    # Columns kept are basis times factors to rounding, however inaccurate the eigenvectors.
-    return Sway(basis, triangle @ (size[:, None] * turn.T), band, shot.valid, shot.weight, speeds, plate_std)
-
-
-def _orthonormal(columns: Floats) -> tuple[Floats, Floats]:
-    """Return an orthonormal basis, shape (n, r), of nearly orthogonal columns, and the triangle, (r, r), between them.
-
-    Columns are basis times triangle.  By Cholesky factors, twice where once is not exact to rounding (Yamamoto et al.,
-    ETNA 44, 2015): a sixth of the time of a Householder factorisation or less.
-    """
-    out, triangle = columns, np.eye(columns.shape[1])
-    try:
-        for _ in range(2):
-            products = out.T @ out
-            root = np.asarray(np.linalg.cholesky(products), np.float64)
-            out = np.asarray(out @ solve_triangle(root, np.eye(len(root)), lower=True).T)
-            triangle = root.T @ triangle
-            if np.abs(products - np.eye(len(products))).max() < _NEARLY:
-                break
-    except np.linalg.LinAlgError:
-        basis, triangle = np.linalg.qr(columns)
-        return np.asarray(basis), np.asarray(triangle)
-    return np.ascontiguousarray(out), triangle
-
-
-def on_site(
-    shots: Sequence[Samples], site: Site | None, base: Base, shared: Floats, own: Floats
-) -> tuple[Samples, ...]:
-    """Return the shots with what the frame may add, if they moved as these parameters say; ``own`` has a row a shot."""
-    if site is None:
-        return tuple(shots)
-    every = side_by_side(lambda index: swayed(shots[index], site, base, shared, own[index]), range(len(shots)))
-    return tuple(replace(shot, sway=sway) for shot, sway in zip(shots, every, strict=True))

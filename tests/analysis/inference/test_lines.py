@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.parameters import Collision
-from analysis.inference.noise.sway import responses
+from analysis.inference.noise.frame_response import responses
 from analysis.inference.screen.lines import _waves
 
 TIME_S = 3e-3 + np.arange(1000) / 20e3

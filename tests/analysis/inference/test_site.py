@@ -20,7 +20,8 @@ from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise import site_strengths
 from analysis.inference.noise.floor import Floor
-from analysis.inference.noise.site import Site, Sway, site_of, swayed
+from analysis.inference.noise.site import Site, site_of
+from analysis.inference.noise.sway import Sway, swayed
 from analysis.pipeline import analyse
 from analysis.reading.read import shaking_in
 from analysis.shot.impact import Shaking

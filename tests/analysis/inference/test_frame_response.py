@@ -8,7 +8,7 @@ import pytest
 from analysis.collision.general import solve
 from analysis.collision.parameters import PAPER
 from analysis.inference.fit.shot_fit import fit_shots
-from analysis.inference.noise.sway import STILL, plate_swing_std, responses
+from analysis.inference.noise.frame_response import STILL, plate_swing_std, responses
 from analysis.pipeline import analyse
 from analysis.shot.consistency import concerning
 from analysis.shot.impact import Shaking, VibrationLine

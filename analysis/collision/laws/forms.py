@@ -27,6 +27,7 @@ class Form:
     lengths: tuple[str, ...] = ()
     positive: tuple[str, ...] = ()
     powers: tuple[str, ...] = ()
+    grows_as: int | str = 0  # power of the argument that ``a`` multiplies: a number, or the parameter that it is
 
     @property
     def nonlinear_parameters(self) -> tuple[str, ...]:
@@ -88,26 +89,25 @@ class Form:
         )
 
     def _unit(self, name: str, argument: Argument) -> str:
-        if name == "a":
-            power = _POWER.get(self.name, 0)
-            extra = {"v": " s/m", "u": " s/m", "d_rate": " s/m"}.get(argument.factor, "")
-            if self.powers and "{z}**n" in self.text.replace("abs({z})", "{z}"):
-                return "N per (argument)^n"
-            unit = {"m": "/m", "m/s": " s/m"}[argument.unit] if power else ""
-            return f"N{unit}{'' if power < 2 else power}{extra}" if power else f"N{extra}"
-        return argument.unit if name in self.lengths else ""
+        if name != "a":
+            return argument.unit if name in self.lengths else ""
+        if isinstance(self.grows_as, str):
+            return f"N per (argument)^{self.grows_as}"
+        of_factor = " s/m" if argument.factor in ("v", "u", "d_rate") else ""
+        if self.grows_as == 0:
+            return f"N{of_factor}"
+        by_argument = {"m": "/m", "m/s": " s/m"}[argument.unit]
+        return f"N{by_argument}{self.grows_as if self.grows_as > 1 else ''}{of_factor}"
 
-
-_POWER = {"linear": 1, "quadratic": 2, "cubic": 3, "quadratic, odd": 2, "hinge": 1, "hinge below": 1}
 
 FORMS: tuple[Form, ...] = (
     Form("constant", "a"),
-    Form("linear", "a*{z}"),
-    Form("quadratic", "a*{z}**2"),
-    Form("quadratic, odd", "a*{z}*abs({z})"),
-    Form("cubic", "a*{z}**3"),
-    Form("power", "a*abs({z})**n", powers=("n",)),
-    Form("power, odd", "a*sign({z})*abs({z})**n", powers=("n",)),
+    Form("linear", "a*{z}", grows_as=1),
+    Form("quadratic", "a*{z}**2", grows_as=2),
+    Form("quadratic, odd", "a*{z}*abs({z})", grows_as=2),
+    Form("cubic", "a*{z}**3", grows_as=3),
+    Form("power", "a*abs({z})**n", powers=("n",), grows_as="n"),
+    Form("power, odd", "a*sign({z})*abs({z})**n", powers=("n",), grows_as="n"),
     Form("exponential", "a*exp(-abs({z})/b)", ("b",), ("b",)),
     Form("rising exponential", "a*exp({z}/b)", ("b",), ("b",)),
     Form("falling exponential", "a*exp(-{z}/b)", ("b",), ("b",)),
@@ -122,6 +122,6 @@ FORMS: tuple[Form, ...] = (
     Form("tanh", "a*tanh({z}/b)", ("b",), ("b",)),
     Form("saturating", "a*{z}/(abs({z}) + b)", ("b",), ("b",)),
     Form("sine", "a*sin({z}/b + c)", ("b",), ("b",), ("c",)),
-    Form("hinge", "a*max(0, {z} - c)", ("c",)),
-    Form("hinge below", "a*max(0, c - {z})", ("c",)),
+    Form("hinge", "a*max(0, {z} - c)", ("c",), grows_as=1),
+    Form("hinge below", "a*max(0, c - {z})", ("c",), grows_as=1),
 )

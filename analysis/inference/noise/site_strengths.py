@@ -65,7 +65,6 @@ class _ShotSet:
     tangents: Arrow
     shots: Sequence[Samples]
     site: Site
-    precision: Floats
     curve: Curvature = field(default_factory=Curvature)
 
     def under(self, shape: Floor) -> RestrictedLikelihood:
@@ -75,7 +74,7 @@ class _ShotSet:
             columns = np.column_stack([self.series[index], self.tangents.blocks[index]])
             return _shot_under(shape, columns, self.tangents.places[index], self.shots[index])
 
-        return RestrictedLikelihood(side_by_side(of_shot, range(len(self.shots))), self.precision)
+        return RestrictedLikelihood(side_by_side(of_shot, range(len(self.shots))), _prior(self.site))
 
     def found(self, shape: Floor, start: Floats | None) -> _LikeliestStrengths:
         """Return the likeliest strengths for this shape, searched from ``start``; some 20 ms for three shots."""
@@ -114,7 +113,8 @@ def learn(
     frame. With ``parts`` zero the wandering ones keep the shape they have in ``start``.  Cost: some 10 ms for three
     shots, a second for each part.
     """
-    left = _ShotSet(series, Arrow.of([values[:, None][:, 1:] for values in series], 0), shots, site, _prior(site))
+    no_parameters = Arrow.of([np.empty((values.size, 0)) for values in series], 0)
+    left = _ShotSet(series, no_parameters, shots, site)
     spacing_s = shots[0].spacing_s
     start = start if start is not None and start.site else None
     at = np.array([2.0 * math.log(start.white_m), *start.site]) if start is not None else None
@@ -163,7 +163,7 @@ def over_likely(
     values (law of total variance).  Cost: some 30 ms per shot.  Raises LinAlgError where the parameters are not
     determined.
     """
-    left, shape = _ShotSet(series, tangents, shots, site, _prior(site)), _shape_of(start)
+    left, shape = _ShotSet(series, tangents, shots, site), _shape_of(start)
     likelihood = left.under(shape)
     best = likelihood.greatest(np.array([2.0 * math.log(start.white_m), *start.site]), left.curve)
     points = points_about(best.at, likelihood.curvature(best), _PAIRS)

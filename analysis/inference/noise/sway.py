@@ -185,9 +185,9 @@ def shape_of(noise: Floor) -> Floor:
 
 
 def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats) -> Sway:
-    """Return what the frame may add to a shot that moved as these base parameters say, its plate starting as known.
+    """Return what the frame may have added to a shot, computed for the motion that these base parameters give.
 
-    Cost: about 0.06 s.
+    The plate begins at its known state, if it has one.  Cost: about 0.06 s.
     """
     model = ShotModel(shot, base, shared, own, {named("plate_motion"): dict.fromkeys(_PLATE_START, 0.0)})
     collision = model.collision
@@ -241,7 +241,10 @@ def _orthonormal(columns: Floats) -> tuple[Floats, Floats]:
 def on_site(
     shots: Sequence[Samples], site: Site | None, base: Base, shared: Floats, own: Floats
 ) -> tuple[Samples, ...]:
-    """Return the shots with what the frame may add, if they moved as these parameters say; ``own`` has a row a shot."""
+    """Return the shots with what the frame may have added, computed for the motion that these parameters give.
+
+    ``own`` has one row for each shot.
+    """
     if site is None:
         return tuple(shots)
     every = side_by_side(lambda index: swayed(shots[index], site, base, shared, own[index]), range(len(shots)))

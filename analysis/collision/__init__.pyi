@@ -12,13 +12,14 @@ from .laws.forms import FORMS, Form
 from .laws.functions import FUNCTIONS
 from .laws.own import MOST_PARAMETERS, LawError, OwnLaw, from_mapping, known_effect
 from .linearisation import LinearPath, linear_path
-from .parameters import PAPER, Collision, Floats, Infeasible, Variant
+from .parameters import KERNEL_ORDER, PAPER, Collision, Floats, Infeasible, Variant
 
 __all__ = [
     "ARGUMENTS",
     "CATALOGUE",
     "FORMS",
     "FUNCTIONS",
+    "KERNEL_ORDER",
     "MOST_AT_ONCE",
     "MOST_PARAMETERS",
     "NUISANCES",

@@ -12,11 +12,11 @@ import numpy as np
 
 from analysis.collision.effects.kernel import OUTPUTS, STATES, Kernel, address, complex_address
 from analysis.collision.effects.row import Acts, Effect
-from analysis.collision.parameters import Collision, Floats, kernel_order
+from analysis.collision.parameters import KERNEL_ORDER, Collision, Floats
 from analysis.collision.system import SLOT_COLUMNS, SLOT_PARAMETERS, System
 
 _STEP = 1e-40  # of a complex step
-_PLATE = kernel_order[:2]  # stiffness and mass
+_PLATE = KERNEL_ORDER[:2]  # stiffness and mass
 _MOST_PARAMETERS = 4096  # of one effect
 
 
@@ -42,7 +42,7 @@ def _place(direction: int, begins: Sequence[int]) -> int:
 def lay_out(collision: Collision, effects: Sequence[Active], which: Sequence[int]) -> System:
     """Lay out a collision with mechanical effects, and derivatives by ``which``.
 
-    Those are places in ``kernel_order``, -1 for none, or the ``direction`` of an effect's parameter.  Raises ValueError
+    Those are places in ``KERNEL_ORDER``, -1 for none, or the ``direction`` of an effect's parameter.  Raises ValueError
     for an effect that does not act on the motion.
     """
     count, first, hidden = len(effects), SLOT_PARAMETERS, 0
@@ -164,9 +164,9 @@ def chain_rules(
 def chain_matrix(chains: Sequence[ChainRule], names: Sequence[str], of_base: Mapping[str, int]) -> Floats:
     """Return the matrix, (p + 3 c, p), that turns derivatives by p ``names`` and c kernels' values into those by names.
 
-    ``of_base`` gives the place in ``kernel_order`` of those names that are the shot's plate or contact parameters.
+    ``of_base`` gives the place in ``KERNEL_ORDER`` of those names that are the shot's plate or contact parameters.
     """
-    rows, here = [np.eye(len(names))], {kernel_order[place]: name for name, place in of_base.items()}
+    rows, here = [np.eye(len(names))], {KERNEL_ORDER[place]: name for name, place in of_base.items()}
     for chain in chains:
         slopes = np.zeros((chain.slopes.shape[0], len(names)))
         for name, column in zip((here.get(name, name) for name in chain.names), chain.slopes.T, strict=True):

@@ -136,7 +136,7 @@ def solve(
 ) -> Trajectory:
     """Solve ``collision`` with mechanical ``effects`` at ``time_s``, shape (n,), ascending.
 
-    ``directions`` are indices into ``parameters.kernel_order`` (0 to 6; not the block's mass, 7) and
+    ``directions`` are indices into ``parameters.KERNEL_ORDER`` (0 to 6; not the block's mass, 7) and
     ``direction(slot, place)``, a slot being a place in ``effects``.  Before the touch only effects on the block without
     a hidden state act; a mass inside the block is at rest.  ``block``: all outputs except the events are means over so
     many samples; an incomplete last block is left out.  ``rates`` are the ``fastest_rates``, if they are known.

@@ -60,8 +60,8 @@ class Collision:
 
     @property
     def vector(self) -> Floats:
-        """Get the parameters as the kernels take them (order of ``kernel_order``), shape (8,)."""
-        return np.array([getattr(self, name) for name in kernel_order])
+        """Get the parameters as the kernels take them (order of ``KERNEL_ORDER``), shape (8,)."""
+        return np.array([getattr(self, name) for name in KERNEL_ORDER])
 
     def at_speed(self, velocity_in_m_per_s: float) -> "Collision":
         """Return the same collision at another velocity."""
@@ -76,7 +76,7 @@ class Collision:
         return math.pi * math.sqrt((self.block_mass_kg + self.plate_mass_kg) / series)
 
 
-kernel_order = (
+KERNEL_ORDER = (
     "plate_stiffness_n_per_m",
     "plate_mass_kg",
     "contact_stiffness_n_per_m",

@@ -20,7 +20,7 @@ TIME, LEFT_AT, STEPS_LEFT = 0, 1, 2  # of the clock
 
 
 class System(NamedTuple):
-    """A collision and its effects; ``p`` holds ``parameters.kernel_order``, then the parameters of each effect slot.
+    """A collision and its effects; ``p`` holds ``parameters.KERNEL_ORDER``, then the parameters of each effect slot.
 
     ``slots``, shape (effects, 8), describe how each acts; ``functions``, shape (2, effects), are the effects'
     addresses, compiled for real and for complex numbers; ``which`` are the indices in ``p`` by which derivatives are

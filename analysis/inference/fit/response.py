@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from analysis.collision import (
+    KERNEL_ORDER,
     Active,
     Acts,
     Collision,
@@ -42,7 +43,6 @@ _DEFAULT_WAVELENGTH_M = 632.8e-9
 _MOST_RADIANS = 1e5  # of the contact, or of an effect, over the whole record
 _MOST_RADIANS_A_SAMPLE = 60.0  # between two averaged samples: a trajectory follows no faster oscillation
 _STEP = 1e-40  # of a complex step
-_VELOCITY_IN, _PLATE_DISPLACEMENT, _PLATE_VELOCITY = 4, 5, 6  # in ``parameters.kernel_order``
 
 
 @dataclass(frozen=True)
@@ -169,14 +169,14 @@ def respond(
 
 def _directions(shot: ShotModel) -> dict[str, int | None]:
     """Return the integrator's direction of each of ``names``; None where a parameter does not act on the motion."""
-    known = {**shot.base.columns(shot.samples.plate_number), "velocity_in_m_per_s": _VELOCITY_IN}
+    places = {name: place for place, name in enumerate(KERNEL_ORDER)}
+    known = {**shot.base.columns(shot.samples.plate_number), "velocity_in_m_per_s": places["velocity_in_m_per_s"]}
     for slot, one in enumerate(shot.active):
         if one.effect.clocked is None:
             known |= {f"{one.effect.key}.{p.name}": direction(slot, k) for k, p in enumerate(one.effect.parameters)}
     for effect in shot.values:
         if effect.acts is Acts.AT_START:
-            known[f"{effect.key}.displacement_m"] = _PLATE_DISPLACEMENT
-            known[f"{effect.key}.velocity_m_per_s"] = _PLATE_VELOCITY
+            known |= {f"{effect.key}.{p.name}": places[f"plate_{p.name}"] for p in effect.parameters}
     return {name: known.get(name) for name in shot.names}
 
 

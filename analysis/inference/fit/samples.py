@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from analysis.inference.noise.sway import Sway
 
 Mask = NDArray[np.bool_]
-FITTED_CONTACT_TIMES = 5.0  # of flight on either side that are fitted: further off the track matters more
+_FITTED_CONTACT_TIMES = 5.0  # of flight on either side that are fitted: further off the track matters more
 RATE_HZ = 20e3  # effects of the catalogue act on the displacement below half of it, except the ripple of a fringe
 FINE_RATE_HZ = 100e3
 
@@ -88,7 +88,7 @@ def averaged_shot(motion: Motion, rate_hz: float = RATE_HZ) -> Samples:
     """Return the averaged samples of a motion; NoCollision (an AnalysisError) where it shows no collision."""
     valid = np.asarray(motion.valid & np.isfinite(motion.displacement_m))
     course = read_course(motion.time_s, motion.displacement_m, valid)
-    around = FITTED_CONTACT_TIMES * course.contact_time_s
+    around = _FITTED_CONTACT_TIMES * course.contact_time_s
     valid &= (motion.time_s > course.touch_time_s - around) & (motion.time_s < course.release_time_s + around)
     factor = max(1, round(motion.sample_rate_hz / rate_hz))
     count = valid.size // factor

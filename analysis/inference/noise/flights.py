@@ -20,7 +20,7 @@ from analysis.signal import LEAST_NOISE_M
 
 Mask = NDArray[np.bool_]
 Spectrum = tuple[Floats, Floats]  # angles, powers per sample
-FEWEST = 24  # samples of a flight from which noise is learnt
+_FEWEST = 24  # samples of a flight from which noise is learnt
 _TREND = 2  # degree of the polynomial that is subtracted: the flight, and drag too slow to distinguish from it
 _CORRELATION_TIMES_S = tuple(np.geomspace(1e-3, 30e-3, 7))  # corner frequencies between 160 and 5 Hz
 _WEIGHT = 0.5  # degrees of freedom per bin: a Hann taper correlates about two neighbouring bins
@@ -40,14 +40,14 @@ def noise_of_flights(shots: Sequence[Samples], site: Site | None = None) -> tupl
     Where flights are too short to show the corner frequency of a wandering part, the longest correlation time that they
     allow is taken, which errs towards larger uncertainties.  Outgoing flights are used where they are as quiet as
     incoming ones, or where these are too short and the outgoing ones show no line: a line may be an effect.  If no
-    flight has ``FEWEST`` samples, the noise is white, from third differences.
+    flight is long enough, the noise is white, from third differences.
     """
     spacing_s = shots[0].spacing_s
     turn = 2 * np.pi * spacing_s
     above = 0.0 if site is None else turn * float(site.shaking.frequency_hz[site.shaking.random][-1])
     lines = np.empty(0) if site is None else turn * site.shaking.frequency_hz[~site.shaking.random]
     flights = [[_flight(shot, part) for part in (shot.course.quiet_in, shot.course.quiet_out)] for shot in shots]
-    spectra = [[spectrum_of(f, above, lines) for f in side if f.size >= FEWEST] for side in zip(*flights, strict=True)]
+    spectra = [[spectrum_of(f, above, lines) for f in side if f.size >= _FEWEST] for side in zip(*flights, strict=True)]
     incoming, outgoing = ([s for s in side if s[0].size] for side in spectra)
     strengths = () if site is None else (0.0,) * site.bands
     if not incoming and not outgoing:

@@ -18,7 +18,7 @@ from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import learn, white_floor
 from analysis.shot import Floats
 
-FEWEST_SHOTS = 3  # two shots have no more flights than there are laws that could bend them
+_FEWEST_SHOTS = 3  # two shots have no more flights than there are laws that could bend them
 _MARGIN = 0.15  # of a contact time, after the release
 _SHORTEST = 30  # samples of a flight
 _TURNS = 3  # of fitting and learning the noise
@@ -42,7 +42,7 @@ def own_flights(shots: Sequence[Samples], chance: float) -> tuple[Effect, ...]:
     The bends count where laws common to all shots would leave them with a probability below ``chance``.
     For records without optics only.  Cost: some 0.1 s.
     """
-    if len(shots) < FEWEST_SHOTS or any(shot.wavelength_m is not None for shot in shots):
+    if len(shots) < _FEWEST_SHOTS or any(shot.wavelength_m is not None for shot in shots):
         return ()
     flights = [flight for shot in shots for flight in _flights(shot)]
     if len(flights) <= len(_ONE_WAY):

@@ -141,14 +141,10 @@ def learn(
 
 @dataclass(frozen=True, slots=True)
 class Likely:
-    """Parameters averaged over all likely strengths: the likeliest ``noise``, and covariance (q, q).
-
-    ``moves``, shape (q,), is the step of the parameters to their values under the likeliest noise.
-    """
+    """The likeliest ``noise``, and the parameters' covariance under all likely strengths, shape (q, q)."""
 
     noise: Floor
     covariance: Floats
-    moves: Floats
 
 
 def over_likely(
@@ -171,7 +167,7 @@ def over_likely(
     weights = np.array([0.0, *np.full(len(points), 1.0 / len(points))])
     covariance = mixture_covariance(weights, values, covariances, values[0])
     unseen, floor = tangents.size - values.shape[1], _LikeliestStrengths(shape, best.at, best.value).floor
-    return Likely(floor, np.pad(covariance, (0, unseen)), np.pad(values[0], (0, unseen)))
+    return Likely(floor, np.pad(covariance, (0, unseen)))
 
 
 def _with_a_part(shape: Floor, number: int, tau_s: float) -> Floor:

@@ -166,23 +166,17 @@ def added_by(at: Projector, kind: TrialEffect, starts: Starts) -> list[Floats] |
 
 def _by_trajectories(at: Projector, kind: TrialEffect, moved: Sequence[Point | None], index: int) -> Floats:
     """Return what an effect adds to one shot at each point, shape (n, k); NaN where there is no trajectory."""
-    with_it, finely, base = _with_and_without(at, kind, index)
+    before = at.problem
+    with_it = before.with_effect(kind, kind.starts[0])
+    # The ripple of a sensor's effect is finer than averaged samples: it is averaged like the data.
+    finely = kind.effect.sensor is not None
+    base = at.once(f"seen without it {finely} {index}", partial(_shown, before, index, at.point, finely))
     out = np.full((base.size, len(moved)), np.nan)
     for k, point in enumerate(moved):
         if point is not None:
             with contextlib.suppress(Infeasible):
                 out[:, k] = _shown(with_it, index, point, finely) - base
     return out
-
-
-def _with_and_without(at: Projector, kind: TrialEffect, index: int) -> tuple[WeighedModel, bool, Floats]:
-    """Return the model with the effect, whether it must be averaged like the data, and the shot without the effect."""
-    before = at.problem
-    with_it = before.with_effect(kind, kind.starts[0])
-    # The ripple of a sensor's effect is finer than averaged samples: it is averaged like the data.
-    finely = kind.effect.sensor is not None
-    show = partial(_shown, before, index, at.point, finely)
-    return with_it, finely, at.once(f"seen without it {finely} {index}", show)
 
 
 def _shown(model: WeighedModel, index: int, point: Point, finely: bool) -> Floats:

@@ -21,8 +21,8 @@ from analysis.inference.screen.lines import near_loud_lines, scan
 from analysis.inference.screen.projector import Projector
 from analysis.shot import Cancelled, Floats, Stop
 
-SPANNED = 1e-5  # of a column's length: with less after projection it depends linearly on what is fitted
-WORTH_REFINING = 12.0  # of gain on the grid, above which a line is searched between grid points
+_SPANNED = 1e-5  # of a column's length: with less after projection it depends linearly on what is fitted
+_WORTH_REFINING = 12.0  # of gain on the grid, above which a line is searched between grid points
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,7 @@ def scores(
         cost = 0.0 if to_join is None else freedom * math.log(at.left.size) + to_join
         lines = near_loud_lines(at, kind, louder_than=cost)
         out += more(lines) if lines else []
-    if out and "frequency_hz" in out[0].start[0] and max(score.gain for score in out) > WORTH_REFINING:
+    if out and "frequency_hz" in out[0].start[0] and max(score.gain for score in out) > _WORTH_REFINING:
         out += more(_between(out, kind))
     out.sort(key=lambda score: -score.gain)
     return out
@@ -127,7 +127,7 @@ def _linear(at: Projector, kind: TrialEffect, products: ColumnProducts, freedom:
     """Return the scores of columns in whose amplitude the displacement is linear, with allowed signs only."""
     shots = at.problem.data.shots
     # A column that the fitted parameters span is rounding after projection, and its score would be arbitrary.
-    power = np.where(products.power < SPANNED**2 * products.whole, 0.0, products.power)
+    power = np.where(products.power < _SPANNED**2 * products.whole, 0.0, products.power)
     along = products.along
     free = next(free for free in kind.free_parameters if free.name == kind.amplitude[0])
     grows_as = kind.effect.grows_as

@@ -99,29 +99,37 @@ def linear_path(collision: Collision, active: Sequence[Active], time_s: Floats, 
     acting = active or [Active(_PRESS, (0.0,))]
     try:
         events = general.recorded(collision, acting, time_s)
-        begin, end, sample, event = _cut_at_events(events, time_s, (pieces, apart))
-        early = event < 0
-        apart_now = events.modes[event, PHASE] == FREE
+        cut = _cut_at_events(events, time_s, (pieces, apart))
+        early = cut.event < 0
+        apart_now = events.modes[cut.event, PHASE] == FREE
         halves = np.where(early, pieces, np.where(apart_now, pieces // apart, 1))
-        instants, place = np.empty(2 * int(halves.sum()) + 1), np.empty(begin.size, dtype=np.int64)
-        _lay_instants(begin, end, halves, int(early.sum()), instants, place)
+        instants, place = np.empty(2 * int(halves.sum()) + 1), np.empty(early.size, dtype=np.int64)
+        _lay_instants(cut.begin_s, cut.end_s, halves, int(early.sum()), instants, place)
         run = general.recorded(collision, acting, instants, spacing / (2 * pieces))
     except (TooManyEvents, UnboundedMotion) as why:
         raise Infeasible(str(why)) from why
     way = np.where(early, -halves, halves)
     states = run.states[place[:, None] + way[:, None] * np.arange(3)]
-    return _with_matrices(collision, active, events, states, (begin, end, sample, event))
+    return _with_matrices(collision, active, events, states, cut)
+
+
+class _Cut(NamedTuple):
+    """The steps of a path, mode by mode: begin and end, the sample at the end or -1, the event that began the mode.
+
+    Before the first event that is -1.
+    """
+
+    begin_s: Floats
+    end_s: Floats
+    sample: Integers
+    event: Integers
 
 
 def _with_matrices(
-    collision: Collision,
-    active: Sequence[Active],
-    events: general.Recorded,
-    states: Floats,
-    steps: tuple[Floats, Floats, Integers, Integers],
+    collision: Collision, active: Sequence[Active], events: general.Recorded, states: Floats, cut: _Cut
 ) -> LinearPath:
-    """Return the path of steps (begin, end, sample, event) with ``states``, shape (m, 3, n)."""
-    begin, end, sample, event = steps
+    """Return the path of these steps with ``states``, shape (m, 3, n)."""
+    event, length_s = cut.event, cut.end_s - cut.begin_s
     early = event < 0
     hidden = sum(one.effect.hidden > 0 for one in active)
     probed = [*active[:hidden], Active(_PUSH, (0.0, 0.0)), *active[hidden:], Active(_PRESS, (0.0,))]
@@ -129,7 +137,7 @@ def _with_matrices(
     probes = [direction(hidden, 0), direction(hidden, 1), direction(len(probed) - 1, 0)]
     system = lay_out(collision, probed, [*[-1] * (n + 2), *probes])
     slots = [slot + (slot >= hidden) for slot in range(len(active))]
-    count, mode_of = begin.size, np.zeros((events.time_s.size + 1, NEAR_0 + len(probed)))
+    count, mode_of = event.size, np.zeros((events.time_s.size + 1, NEAR_0 + len(probed)))
     mode_of[:-1, :NEAR_0] = events.modes[:, :NEAR_0]
     mode_of[:-1, [NEAR_0 + slot for slot in slots]] = events.modes[:, NEAR_0 : NEAR_0 + len(active)]
     mode_of[:-1, PLATE] = 1.0  # the plate is always solved with the block here
@@ -143,9 +151,9 @@ def _with_matrices(
         np.zeros((count, n)), np.zeros((count, n + 1)),
     )  # fmt: skip
     room = np.zeros(room_for(n))
-    written = write_matrices(system, Steps(states, mode_of, event, end - begin, item), out, room)
+    written = write_matrices(system, Steps(states, mode_of, event, length_s, item), out, room)
     assert written
-    return LinearPath(end - begin, sample, early, ~fresh, *out)
+    return LinearPath(length_s, cut.sample, early, ~fresh, *out)
 
 
 def _guard_of(kind: int, slots: Sequence[int]) -> int:
@@ -160,20 +168,15 @@ def _guard_of(kind: int, slots: Sequence[int]) -> int:
     return OVERLAP_RATE if PARTING in (before, after) else FORCE
 
 
-def _cut_at_events(
-    events: general.Recorded, time_s: Floats, each: tuple[int, int]
-) -> tuple[Floats, Floats, Integers, Integers]:
-    """Return (begin, end, sample at the end or -1, event at which the mode began or -1) of steps, mode by mode.
-
-    ``each``: steps per sample in contact and apart.
-    """
+def _cut_at_events(events: general.Recorded, time_s: Floats, each: tuple[int, int]) -> _Cut:
+    """Return the steps to the samples and events; ``each``: steps per sample in contact and apart."""
     most = (time_s.size + events.time_s.size) * (max(each) + 1)
     begin, end = np.empty(most), np.empty(most)
     sample, event = np.full(most, -1), np.empty(most, dtype=np.int64)
     spacing = float(time_s[1] - time_s[0])
     whole = np.where(events.modes[:, PHASE] == FREE, spacing / each[1], spacing / each[0])
     count = _lay_steps(np.ascontiguousarray(time_s), events.time_s, whole, begin, end, sample, event)
-    return begin[:count], end[:count], sample[:count], event[:count]
+    return _Cut(begin[:count], end[:count], sample[:count], event[:count])
 
 
 @kernel

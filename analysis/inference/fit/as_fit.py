@@ -139,7 +139,7 @@ def _shot_fit(
         reduced_chi2=float(whitened @ whitened) / max(1, whitened.size - places.size),
         own_parameters=own,
         rings=_has_loud_moment(whitened),
-        sway_std_m=sway_left_std_m(shot, noise, derivatives) if shot.sway is not None else None,
+        sway_std_m=_sway_left_std_m(shot, noise, derivatives) if shot.sway is not None else None,
         plate_number=shot.plate_number,
     )
 
@@ -178,7 +178,7 @@ def _sample_noise_m(fitted: Fitted) -> float:
     return float(np.sqrt(factor * floor.white_m**2 + floor.rms_m[0] ** 2 + floor.rms_m[1] ** 2))
 
 
-def sway_left_std_m(shot: Samples, noise: Floor, derivatives: Floats) -> Floats:
+def _sway_left_std_m(shot: Samples, noise: Floor, derivatives: Floats) -> Floats:
     """Return the std in m of the frame's motion in a fit's residual, on the motion's own grid, shape (n,).
 
     ``derivatives`` are those of the averaged displacement by the fit's parameters.  Generalised least squares leaves

@@ -25,7 +25,7 @@ from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ, averaged_shots
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.site import Site
 from analysis.inference.noise.sway import on_site
-from analysis.shot import PLATE_RINGS, AnalysisError, Cancelled, Fit, Floats, Motion, Progress, Shaking, Stop
+from analysis.shot import PLATE_RINGS, AnalysisError, Cancelled, Fit, Floats, Motion, Shaking, Stop
 
 _PLATE_MOTION = named("plate_motion")
 _EVALUATIONS, _TO_CONTINUE = 60, 120  # of a search, and of its continuation where it had not converged
@@ -44,7 +44,6 @@ def fit_shots(
     *,
     model: str = "paper",
     effects: Sequence[Effect | str] = (),
-    progress: Progress | None = None,
     cancelled: Stop | None = None,
     shakings: Sequence[Shaking | None] = (),
 ) -> Fit:
@@ -65,18 +64,14 @@ def fit_shots(
     chosen = effects_named(effects)
     if len(findings(chosen)) > MOST_AT_ONCE or len(set(chosen)) != len(chosen):
         raise ValueError(f"effects must be at most {MOST_AT_ONCE} different ones")
-    tell, stop = progress or (lambda _what, _fraction: None), cancelled or (lambda: False)
-    request = _FitRequest(motions, model, chosen, tell, stop)
+    stop = cancelled or (lambda: False)
     shaken = model == "paper" and _PLATE_MOTION not in chosen and all(can_tell(motion) for motion in motions)
     site = site_under(motions, shakings, 0.0) if shaken and any(shakings) else None
-    best = request.fitted_on(site)
+    best = _fit_on(site, motions, model, chosen, stop)
     if site is not None and _POOR_FIT < best.reduced_chi2 < STRONG:
-        whole = request.fitted_on(site_under(motions, shakings, 0.0, whole=True))
+        whole = _fit_on(site_under(motions, shakings, 0.0, whole=True), motions, model, chosen, stop)
         best = whole if whole.found.converged and whole.reduced_chi2 < best.reduced_chi2 else best
-    tell("uncertainties", 0.8)
-    fit = best.as_fit(motions, model, began, stop)
-    tell("fitted", 1.0)
-    return fit
+    return best.as_fit(motions, model, began, stop)
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,34 +118,23 @@ class _SearchEnd:
         return any(score.worth(square.samples) > _RINGING and score.gain > _LEAST_SHARE * excess for score in listed)
 
 
-@dataclass(frozen=True, slots=True)
-class _FitRequest:
-    """Motions, model and effects of one call of ``fit_shots``."""
-
-    motions: Sequence[Motion]
-    model: str
-    effects: tuple[Effect, ...]
-    tell: Progress
-    stop: Stop
-
-    def fitted_on(self, site: Site | None) -> _SearchEnd:
-        """Return the end of the search with the frame moving as ``site`` says.  Raises AnalysisError and Cancelled."""
-        self.tell("finding a start", 0.1)
-        noise, trusted = noise_of_flights(averaged_shots(self.motions), site)
-        begin = first_fit(self.motions, self.model, site, self.stop, noise=noise)
-        finely = any(effect.ripples for effect in self.effects)
-        data = joint_data(self.motions, begin, site, FINE_RATE_HZ if finely else RATE_HZ)
-        if finely or data.site is not site:
-            noise, trusted = noise_of_flights(data.shots, data.site)
-        self.tell("fitting", 0.3)
-        try:
-            problem, found, undecided = _settled(Problem(data, (), noise), begin.point, begin.plates, self.stop)
-            if self.effects:
-                self.tell("fitting the effects", 0.6)
-                problem, found, undecided = _with_effects(problem, found, self.effects, self.stop)
-        except Infeasible as why:
-            raise AnalysisError(f"no motion of the {self.model} model comes near these shots: {why}") from why
-        return _SearchEnd(problem, found, trusted, undecided)
+def _fit_on(
+    site: Site | None, motions: Sequence[Motion], model: str, effects: Sequence[Effect], stop: Stop
+) -> _SearchEnd:
+    """Return the end of the search with the frame moving as ``site`` says.  Raises AnalysisError and Cancelled."""
+    noise, trusted = noise_of_flights(averaged_shots(motions), site)
+    begin = first_fit(motions, model, site, stop, noise=noise)
+    finely = any(effect.ripples for effect in effects)
+    data = joint_data(motions, begin, site, FINE_RATE_HZ if finely else RATE_HZ)
+    if finely or data.site is not site:
+        noise, trusted = noise_of_flights(data.shots, data.site)
+    try:
+        problem, found, undecided = _settled(Problem(data, (), noise), begin.point, begin.plates, stop)
+        if effects:
+            problem, found, undecided = _with_effects(problem, found, effects, stop)
+    except Infeasible as why:
+        raise AnalysisError(f"no motion of the {model} model comes near these shots: {why}") from why
+    return _SearchEnd(problem, found, trusted, undecided)
 
 
 def _settled(problem: Problem, here: Point, plates: Plates, stop: Stop) -> tuple[Problem, Minimum, Floats]:

@@ -96,8 +96,9 @@ class Form:
         of_factor = " s/m" if argument.factor in ("v", "u", "d_rate") else ""
         if self.grows_as == 0:
             return f"N{of_factor}"
-        by_argument = {"m": "/m", "m/s": " s/m"}[argument.unit]
-        return f"N{by_argument}{self.grows_as if self.grows_as > 1 else ''}{of_factor}"
+        power = ("", "", "²", "³")[self.grows_as]
+        by_argument = {"m": f"/m{power}", "m/s": f" s{power}/m{power}"}[argument.unit]
+        return f"N{by_argument}{of_factor}"
 
 
 FORMS: tuple[Form, ...] = (

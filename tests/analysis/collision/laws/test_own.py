@@ -9,6 +9,8 @@ import pytest
 
 from analysis.collision import general
 from analysis.collision.effects import named
+from analysis.collision.laws.arguments import ARGUMENTS
+from analysis.collision.laws.forms import FORMS
 from analysis.collision.laws.own import LawError, OwnLaw, from_mapping, known_effect
 from analysis.collision.parameters import PAPER, Collision
 from tests.law_rigs import Bodies, LawRig, Memory
@@ -52,6 +54,26 @@ def test_a_typed_law_is_the_row_of_its_equation(name: str, values: Any, where: s
         assert ours.displacement_derivatives[:, k] == pytest.approx(
             theirs.displacement_derivatives[:, k], abs=part * size
         )
+
+
+@pytest.mark.parametrize(
+    ("argument", "form", "unit"),
+    [
+        ("place", "linear", "N/m"),
+        ("place", "cubic", "N/m³"),
+        ("speed one way", "linear", "N s/m"),
+        ("speed one way", "quadratic", "N s²/m²"),
+        ("speed one way", "cubic", "N s³/m³"),
+        ("place times speed", "quadratic", "N/m² s/m"),
+        ("place", "exponential", "N"),
+        ("place", "power", "N per (argument)^n"),
+    ],
+)
+def test_the_strength_of_a_learned_law_has_the_unit_of_its_form(argument: str, form: str, unit: str) -> None:
+    of = next(one for one in ARGUMENTS if one.where == "block" and one.name == argument)
+    shape = next(one for one in FORMS if one.name == form)
+    learned = shape.law(of, {"a": 1.0, **shape.starts(-1e-3, 1e-2)[0]}, 1e-2)
+    assert next(one.unit for one in learned.parameters if one.name == "a") == unit
 
 
 def test_of_two_parameters_that_turn_a_law_off_its_strength_is_the_linear_one() -> None:

@@ -251,13 +251,18 @@ def _slope_white(
 
 
 def _slope_sway(motion: Motion, time_s: Floats, centred_m: Floats, slope: float, noise: FloorSpectrum) -> float:
-    """Return the std in N/m of the slope from a floor that moves by s: m s'' is in F, s in the deflection."""
+    """Return the std in N/m of the slope from a floor or an optical path that moves by s.
+
+    Where the floor moves, F lacks m s'', and the plate's bend is measured as it is; where the path does, s is in the
+    bend as well.  The flights do not tell which of them it was: at every frequency the larger error counts.
+    """
     every = max(1, round(SWAY_S * motion.sample_rate_hz))
     time, weight = time_s[::every] - time_s[0], centred_m[::every] / float(centred_m[::every] @ centred_m[::every])
     f = np.geomspace(0.5, 0.25 / SWAY_S, 120)
     seen = np.abs(np.exp(-2j * np.pi * f[:, None] * time) @ weight) ** 2
     sways = noise.psd(f) - 2.0 * noise.white_std_m**2 / noise.sample_rate_hz
-    density = sways * seen * (slope - motion.moving_mass_kg * (2 * np.pi * f) ** 2) ** 2
+    of_floor = motion.moving_mass_kg * (2 * np.pi * f) ** 2
+    density = sways * seen * np.maximum(of_floor, np.abs(slope - of_floor)) ** 2
     return float(np.sqrt(np.trapezoid(density, f)))
 
 

@@ -1,4 +1,3 @@
-from . import general
 from .acting import Active, FastestRates, active_effects, chain_matrix, chain_rules, direction, fastest_rates
 from .effects import CATALOGUE, MOST_AT_ONCE, NUISANCES, WIDER, effects_named, findings, named, sensors
 from .effects.kernel import TOUCHING, V, X, address, complex_address
@@ -62,7 +61,6 @@ __all__ = [
     "fastest_rates",
     "findings",
     "from_mapping",
-    "general",
     "graded_basis",
     "known_effect",
     "linear_path",

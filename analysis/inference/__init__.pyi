@@ -17,6 +17,7 @@ from .noise.floor import Floor, white_floor
 from .noise.own_flights import own_flights
 from .noise.site import Site, resembles_frame_motion
 from .noise.sway import on_site
+from .screen.first_order import path_of
 from .screen.screening import Score, distinct_starts
 
 __all__ = [
@@ -52,6 +53,7 @@ __all__ = [
     "on_site",
     "orthonormal",
     "own_flights",
+    "path_of",
     "refit",
     "resembles_frame_motion",
     "shakings_of",

@@ -18,14 +18,11 @@ from analysis.collision import (
     Effect,
     Infeasible,
     LinearPath,
-    active_effects,
     along,
-    general,
-    linear_path,
     visited_range,
 )
 from analysis.compiled import side_by_side
-from analysis.inference import Fitted, Point, Problem
+from analysis.inference import Fitted, Point, Problem, path_of
 from analysis.shot import Floats
 
 Path = tuple[LinearPath, Collision]
@@ -137,11 +134,5 @@ def _columns(term: Term, row: Effect, path: Path, samples: int) -> Floats:
 
 
 def _path(problem: Problem, point: Point, laws: Sequence[Effect], index: int) -> Path:
-    shot, own = problem.data.shots[index], point.own[index]
-    base = problem.data.base
-    collision = base.collision(point.base, own[0], shot.moving_mass_kg, plate_number=shot.plate_number)
-    rows = [kind.effect for kind in problem.effects]
-    active = active_effects(rows, point.values[index], collision, float(own[1]))
-    active += [general.Active(row, tuple(p.scale for p in row.parameters)) for row in laws]
-    active.sort(key=lambda one: one.effect.hidden == 0)
-    return linear_path(collision, active, shot.centre_s - own[1]), collision
+    shot = problem.shot_at(index, point).with_laws(laws)
+    return path_of(shot, 1), shot.collision

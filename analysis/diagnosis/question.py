@@ -49,7 +49,7 @@ class Question:
         """Get every effect that may be tried: of a plate that does not move those alone that have a meaning there."""
         kinds = trial_effects([*self.laws, *(one for one in self.accepted if one.acts is not Acts.IN_DRIVE)])
         plate_moves = not base_named(self.model).one_body
-        return [kind for kind in kinds if plate_moves or kind.one_body or kind.effect in self.accepted]
+        return [kind for kind in kinds if plate_moves or kind.effect.one_body or kind.effect in self.accepted]
 
     @property
     def accepted(self) -> tuple[Effect, ...]:

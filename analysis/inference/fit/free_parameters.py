@@ -19,7 +19,6 @@ class TrialEffect:
     free_parameters: tuple[Parameter, ...]
     amplitude: tuple[str, ...]
     starts: tuple[Mapping[str, float], ...]
-    one_body: bool = True  # has a meaning where the plate does not move
     inverse: bool = False  # the effect is inversely proportional to its first amplitude (a mass)
 
     @property
@@ -53,7 +52,6 @@ def trial_effect(row: Effect) -> TrialEffect:
         free_parameters=tuple(free),
         amplitude=tuple(p.name for p in free) if row.own else (row.amplitude,),
         starts=tuple(dict(zip(names, values, strict=True)) for values in itertools.product(*axes)),
-        one_body=row.one_body,
         inverse=row.inverse,
     )
 

@@ -4,6 +4,7 @@ A diagnosis has the numbers of its candidates, not their curves.  The base model
 shots jointly, the best candidate first.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -32,7 +33,7 @@ class Remainder:
 
 def by_evidence(candidates: Sequence[Candidate]) -> list[Candidate]:
     """Return the candidates in the order of their evidence: those fitted in full first, by the fall of the BIC."""
-    return sorted(candidates, key=lambda c: (c.delta_bic is None, c.delta_bic or 0.0, -abs(c.score)))
+    return sorted(candidates, key=lambda c: (math.inf if c.delta_bic is None else c.delta_bic, -abs(c.score)))
 
 
 def remainder_of(

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PySide6.QtGui import QTextDocumentFragment
 from pytestqt.qtbot import QtBot
 
 from analysis.shot.recording import Role
@@ -19,7 +20,7 @@ from instrument.files.motion_file import read_motion
 
 
 def test_channels_are_asked_for_once_and_the_file_is_opened(qtbot: QtBot, tmp_path: Path) -> None:
-    path = tmp_path / "beats.csv"
+    path = tmp_path / "beats &amp; light.csv"  # which is no markup
     time_s = np.arange(400) / 10e6
     rows = [f"{np.sin(17e6 * t):.5f},{np.cos(17e6 * t):.5f}" for t in time_s]
     path.write_text("one,two\n" + "\n".join(rows) + "\n")
@@ -45,6 +46,8 @@ def test_channels_are_asked_for_once_and_the_file_is_opened(qtbot: QtBot, tmp_pa
             return bool(ready())
 
         qtbot.waitUntil(lambda: pulled(sheet.isVisible), timeout=20_000)
+        said = QTextDocumentFragment.fromHtml(sheet._file.text()).toPlainText()
+        assert said.startswith("beats &amp; light.csv (") and "saved with the file" in said
         assert [sheet.boxes[role].currentData() for role in sheet.boxes] == ["one", "two", None]
         sheet.boxes[Role.REFERENCE].setCurrentIndex(sheet.boxes[Role.REFERENCE].findData("one"))
         sheet.apply()

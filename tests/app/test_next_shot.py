@@ -15,7 +15,7 @@ from analysis.planning.shot_log import PlannedStep, PlanningState
 from analysis.shot.recording import Setup
 from app.command_line.cli import main
 from app.command_line.replay import plan_shots
-from app.session.next_shots import NextShots, planned_setup
+from app.session.next_shots import NextShots, planned_record, planned_setup
 from app.session.settings import Settings
 from app.session.verdict_basis import Diagnosed, Diagnoses
 from app.window.panels.next_steps import NextShotCard
@@ -129,6 +129,17 @@ def test_a_planned_shot_is_set_taken_joined_and_told(planned, said, tmp_path):
     workbench.diagnoses.append(Diagnosed(said, (1, 2, 3)))
     assert plans.poll() == (1, 2, 3)
     assert workbench.jobs[-1].work.args[2] == (STEP,)
+
+
+@pytest.mark.parametrize(
+    ("trigger_time_s", "way_m"),
+    [(0.055, 0.265 * (synthetic.TOUCH_S - 0.055)), (synthetic.TOUCH_S + 0.01, 0.0), (None, 0.0)],
+)
+def test_a_planned_shot_is_recorded_from_the_planned_time_before_the_touch(trigger_time_s, way_m):
+    """The record begins by the light switch, which the block passes before it touches."""
+    shots = [replace(synthetic.shot(), trigger_time_s=trigger_time_s)]
+    settings = planned_record(FAST, shots, 1e6)
+    assert settings.pre_trigger_samples == pytest.approx(1e6 * (FAST.before_s - way_m / FAST.speed_m_per_s), abs=1.0)
 
 
 def test_a_plan_asks_only_for_speeds_and_weights_at_hand(planned):

@@ -210,6 +210,13 @@ def test_the_samples_in_view_are_saved_undecimated_with_units(shot_panel, tmp_pa
     assert force.max() > 0.25
 
 
+def test_a_saved_column_names_what_its_plot_shows_and_the_unit(shot_panel, tmp_path):
+    shot_panel.set_view("gap")
+    save.save_csv(shot_panel.gap.stack, tmp_path / "view.csv")
+    head, *_ = (tmp_path / "view.csv").read_text().splitlines()
+    assert head == "time (ms),gap simulated (µm),force simulated (N),force measured (N)"
+
+
 def test_plots_are_saved_as_picture_and_drawing(shot_panel, tmp_path):
     save.save_png(shot_panel.stack, tmp_path / "plot.png")
     save.save_svg(shot_panel.stack, tmp_path / "plot.svg")

@@ -295,6 +295,12 @@ def test_a_figure_alone_has_the_colours_that_the_sheet_gives_it() -> None:
     assert {f".{kind}" for kind in kinds - {"key", "label"}} <= {*rules}
 
 
+def test_a_rule_that_is_not_about_figures_changes_none() -> None:
+    svg = '<svg viewBox="0 0 9 9"><path class="residual" d="M0 0L9 9"/></svg>'
+    rules = "table > tr:hover { fill: #123456 } .residual, a[href] { stroke: #1b5fa8 }"
+    assert 'stroke="#1b5fa8"' in with_own_style(svg, rules) and "#123456" not in with_own_style(svg, rules)
+
+
 def test_a_unit_ends_no_line_after_its_newton():
     page = tag_table(["number", "N s/m"], [["\u03b3_N (N s/m)", "0.4 N s/m", "12 N soft"]])
     assert page.count("N\u00a0s/m") == 3 and "N s/m" not in page

@@ -142,7 +142,8 @@ class MappingSheet(SideSheet):
         """Show the form for a file; ``looks`` describe its channels, for the proposed assignment."""
         self._contents = contents
         self.problem.setText("")
-        self._file.setText(f"<b>{contents.path.name}</b> ({contents.format}). The answer is saved with the file.")
+        name = escape(contents.path.name)
+        self._file.setText(f"<b>{name}</b> ({contents.format}). The answer is saved with the file.")
         self._looks.setText("<br>".join(map(_look_words, looks)))
         self._looks.setVisible(bool(looks))
         proposal = proposed(looks)

@@ -25,9 +25,8 @@ def _raw_curves_of(_: Entry, recording: Recording, __: Progress, ___: Stop) -> R
     return curves_of(recording)
 
 
-def _drive_curves_of(_: Entry, shot: Shot, __: Progress, ___: Stop) -> tuple[Shot, DriveCurves] | None:
-    if shot.motion is None or shot.fit is None:
-        return None
+def _drive_curves_of(_: Entry, shot: Shot, __: Progress, ___: Stop) -> tuple[Shot, DriveCurves]:
+    assert shot.motion is not None and shot.fit is not None
     return shot, drive_curves(shot.motion, shot.fit)
 
 
@@ -43,7 +42,7 @@ class SelectionPresenter(QObject):
         self._workbench, self._panels = workbench, panels
         self._spectra = ShotJob[Recording, Spectra](workbench.jobs, "spectrum", _spectra_of)
         self._raw_view = ShotJob[Recording, RawCurves](workbench.short_jobs, "raw signals", _raw_curves_of)
-        self._drive = ShotJob[Shot, tuple[Shot, DriveCurves] | None](workbench.short_jobs, "force", _drive_curves_of)
+        self._drive = ShotJob[Shot, tuple[Shot, DriveCurves]](workbench.short_jobs, "force", _drive_curves_of)
         self._shown: tuple[int, object, object] | None = None
         self._undrawn: set[int] = set()  # pages that are not drawn for this selection yet
         self._raw: tuple[int, Recording | None] | None = None
@@ -67,7 +66,7 @@ class SelectionPresenter(QObject):
         if raw is not None:
             self._panels.shot.show_raw(raw[1])
         drive = self._drive.take()
-        if drive is not None and drive[1] is not None:
+        if drive is not None:
             self._panels.shot.show_drive(*drive[1])
 
     def front(self) -> Entry | None:

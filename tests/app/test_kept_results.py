@@ -50,7 +50,7 @@ def saved(tmp_path, shot):
 
 def _wait(workbench: Workbench) -> None:
     end = time.monotonic() + 20.0
-    while workbench.short_jobs.open_jobs and time.monotonic() < end:
+    while (workbench.short_jobs.open_jobs or workbench.jobs.open_jobs) and time.monotonic() < end:
         time.sleep(0.005)
     time.sleep(0.02)
     workbench.poll()
@@ -188,6 +188,24 @@ def test_a_session_reopens_at_once_with_its_evidence_and_its_version(tmp_path, s
         assert diagnosed is not None and diagnosed.version == program_version()
         assert diagnosed.diagnosis.sentence == found.sentence
         assert again.jobs.open_jobs == 0
+    finally:
+        again.close()
+
+
+def test_a_recording_that_was_opened_is_there_at_once_at_the_next_start(tmp_path, saved, monkeypatch):
+    kept = ResultCache(tmp_path / "kept")
+    Path(saved.path).with_suffix(".toml").write_text('model = "paper"\n')
+    monkeypatch.setattr("app.session.workbench.load_and_analyse", lambda *_, **__: saved)
+    first = Workbench(Session(tmp_path / "session.json"), lambda: saved.settings, results=kept)
+    assert first.open_paths([Path(saved.path)]) == 1
+    _wait(first)
+    assert first.close()
+    again = Workbench(Session.reopen(tmp_path / "session.json"), lambda: saved.settings, results=kept)
+    try:
+        monkeypatch.setattr("app.session.workbench.load_and_analyse", None)
+        again.read_unread()
+        _wait(again)
+        assert [entry.version for entry in again.session.entries] == [program_version()]
     finally:
         again.close()
 

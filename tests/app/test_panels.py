@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from PySide6.QtCore import Qt
+from PySide6.QtGui import QTextDocumentFragment
 from PySide6.QtWidgets import QLabel, QPushButton
 
 from analysis.collision.effects import named
+from analysis.collision.laws.own import from_mapping
 from analysis.diagnosis.result import Candidate, Errors, Verdict
 from analysis.drive.catalogue import LAWS
 from analysis.drive.curves import drive_curves
@@ -26,6 +28,7 @@ from app.window.panels.model import ModelPanel
 from app.window.panels.numbers import NumbersPanel
 from app.window.panels.session_model import FLAGS
 from app.window.panels.session_table import NOTE, SessionTable
+from app.window.panels.setup_sheet import SetupSheet
 from app.window.panels.shot import VIEWS, ShotPanel
 from app.window.panels.shot_motion import RESIDUALS
 from app.window.panels.tables import BudgetPanel
@@ -33,6 +36,7 @@ from app.window.panels.work_line import NoticeLine
 from app.window.plots import save
 from app.window.theme import LIGHT, MARKS, Tone
 from app.words.wording import number, unbroken, value_text
+from instrument.devices.device_search import FoundDevice
 from tests.app import synthetic
 
 
@@ -674,6 +678,53 @@ def test_two_numbers_of_one_kind_have_two_names(qtbot, shot):
     page.show_diagnosis(synthetic.diagnosis(shot), [shot])
     assert "χ²/ν of this shot's fit" in panel._fit.text()
     assert "joint χ²/ν" in page.residuals._errors.text()
+
+
+def test_a_law_with_a_less_than_in_its_words_is_named_whole(qtbot, shot):
+    """Qt takes a "<" for markup of its own: "pull where x<0 & v>0" lost its end."""
+    words = "pull where x<0 & v>0"
+    parameters = {"a": {"unit": "N", "start": 1e-3}}
+    law = from_mapping(
+        {"name": "pull", "words": words, "where": "block", "formula": "a*sign(v)", "parameters": parameters}
+    )
+    found = synthetic.diagnosis(shot)
+    curve = (np.zeros(500, np.float32),)
+    found = replace(
+        found,
+        effects=(replace(found.effects[0], effect=law, indistinguishable_from=(law,)),),
+        candidates=(Candidate(law, 60.0, -80.0, explains_m=curve),),
+    )
+    page, model = DiagnosisPanel(LIGHT), ModelPanel(LIGHT)
+    for widget in (page, model):
+        qtbot.addWidget(widget)
+    page.show_diagnosis(found, [shot])
+    page.why.point_at(law)
+    model.show_shot(replace(shot, fit=replace(shot.fit, effects=(law,))))
+    (row,) = [label.text() for label in page.effects.findChildren(QLabel) if "ull where" in label.text()]
+    (hover,) = {label.toolTip() for label in page.bars.findChildren(QLabel) if "pull where" in label.toolTip()}
+    assert _seen(row).lower().count(words) == 2
+    for text in (page.why.said.text(), model._model.text(), hover):
+        assert words in _seen(text), text
+
+
+def test_names_with_markup_in_them_are_shown_as_they_are(qtbot, shot):
+    panel, sheet, session = ComparePanel(LIGHT), SetupSheet(LIGHT), Session()
+    for widget in (panel, sheet):
+        qtbot.addWidget(widget)
+    panel.resize(700, 150)  # low: the legend comes on hovering
+    panel.show()
+    for name in ("R&D-1", "v<u>0"):
+        session.add(replace(shot, name=name))
+        panel.show_entries(list(session.entries))
+        assert name in _seen(panel.stack.toolTip())
+    sheet.show_devices([FoundDevice("visa?a", "scope <1>", "at <2>", "no answer from <3>", "look")], (), "bench")
+    shown = " ".join(_seen(label.text()) for label in sheet.findChildren(QLabel))
+    assert all(name in shown for name in ("scope <1>", "at <2>", "from <3>"))
+
+
+def _seen(text):
+    """Return what Qt shows of a text, which begins with a tag where it has any."""
+    return QTextDocumentFragment.fromHtml(text).toPlainText() if text.startswith("<") else text
 
 
 def test_the_papers_kinetic_cor_is_marked_and_the_others_are_folded_under_it(qtbot, shot):

@@ -1,6 +1,7 @@
 """COMPARE: several shots overlaid from first touch on, and the trend of a number against impact speed."""
 
 import math
+from html import escape
 
 import numpy as np
 import pyqtgraph as pg
@@ -240,7 +241,8 @@ class ComparePanel(QWidget):
         low = self.height() < LOW_LINES * self.fontMetrics().lineSpacing()
         self._legend.setVisible(not low)
         self.repeatability.setVisible(not low)
-        self.stack.setToolTip("<br>".join(words for words, _ in self._legend.entries) if low else "")
+        entries = "<br>".join(escape(words) for words, _ in self._legend.entries)
+        self.stack.setToolTip(f"<span>{entries}</span>" if low and entries else "")
         self.trend.setToolTip(self.repeatability.text() if low else "")
 
     @Slot()

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from html import escape
 
 from PySide6.QtCore import QEvent, QObject, QRectF, QSize, Qt, Signal, Slot
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QResizeEvent
@@ -59,7 +60,7 @@ class EffectRows(QWidget):
         row = QWidget(self)
         line = horizontal(row)
         title = effect.words.capitalize()
-        label = text_label(f"<b>{title}</b>  {words}", row, selectable=True, wrap=True)
+        label = text_label(f"<b>{escape(title)}</b>  {escape(words)}", row, selectable=True, wrap=True)
         if in_model:
             hover = "Remove the effect; all shots are refitted"
             button = push_button("Remove from the model", hover, row, self._remove)
@@ -233,7 +234,11 @@ class CandidateBars(QWidget):
         size = QLabel(number(abs(candidate.score), 3), inner)
         remark = remark_on(candidate) or ("not fitted in full: its first score was too small" if fall is None else "")
         hover = "<br>".join(
-            (f"<b>{candidate.effect.words}</b>", remark, effect_numbers(candidate.effect, candidate.parameters))
+            (
+                f"<b>{escape(candidate.effect.words)}</b>",
+                escape(remark),
+                escape(effect_numbers(candidate.effect, candidate.parameters)),
+            )
         )
         right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
         grid.addWidget(name, 2 * line, 0)

@@ -77,7 +77,7 @@ class ModelPanel(QFrame):
             self._model.setText("no shot selected" if shot is None else f"{base_words(base)}: {how}")
             self._fit.setText("")
             return
-        self._model.setText(f"<b>{model_in_words(fit.model, fit.effects, self._tried)}</b>")
+        self._model.setText(f"<b>{escape(model_in_words(fit.model, fit.effects, self._tried))}</b>")
         if not fit.converged:
             self._fit.setText(f"{MARKS[Tone.BAD]} the fit did not converge: its numbers are not shown")
             self._fit.setStyleSheet(f"color: {self._colours.signs[Tone.BAD]}")

@@ -1,6 +1,7 @@
 """The sheet of the guided set-up: choose the source, check its signals, ARM."""
 
 from collections.abc import Sequence
+from html import escape
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QGuiApplication
@@ -126,9 +127,11 @@ class SetupSheet(SideSheet):
             self._add_device(line, device.source, device.name, device.where, words, present)
 
     def _add_device(self, line: int, source: str, name: str, where: str, problem: str, present: str) -> None:
-        words = f"<b>{name}</b><br>{where}"
+        words = f"<b>{escape(name)}</b><br>{escape(where)}"
         if problem:
-            words += f"<br><span style='color:{self._colours.signs[Tone.BAD]}'>{MARKS[Tone.BAD]} {problem}</span>"
+            words += (
+                f"<br><span style='color:{self._colours.signs[Tone.BAD]}'>{MARKS[Tone.BAD]} {escape(problem)}</span>"
+            )
         label = text_label(words, self, wrap=True)
         used = "In use" if source == present else "Use"
         button = push_button(used, f"Take the samples from {name}", self, self._use)

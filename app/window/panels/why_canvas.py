@@ -4,6 +4,7 @@ A button shows the residuals under the best two candidates side by side.
 """
 
 from collections.abc import Mapping, Sequence
+from html import escape
 
 import numpy as np
 from PySide6.QtCore import Signal, Slot
@@ -163,7 +164,7 @@ class WhyCanvas(QWidget):
             return (), f"{words}: not fitted in full yet"
         colour, rest = self._colours.simulated, self._colours.signs[Tone.GOOD]
         return overlays, (
-            f"<b>{words}</b>: <span style='color:{colour}'>━</span> would explain, "
+            f"<b>{escape(words)}</b>: <span style='color:{colour}'>━</span> would explain, "
             f"<span style='color:{rest}'>━</span> would remain; {how}"
         )
 

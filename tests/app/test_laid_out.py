@@ -16,6 +16,7 @@ from app.window.layout import Layout
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import DARK, LIGHT, Theme, Tone
+from app.window.widgets import FlowLayout
 from instrument.devices.device_search import FoundDevice
 from tests.app import synthetic
 
@@ -194,3 +195,19 @@ def test_live_has_its_curves_to_the_left_its_numbers_to_the_right_and_the_raw_si
     assert left == 0 and {column for _, column, _, _ in right} == {1}
     lines = [row for row, _, _, _ in right]
     assert lines == sorted(set(lines)) and lines[-1] == rows - 1  # the curves reach down to the raw signals' end
+
+
+def test_buttons_without_room_go_to_the_next_line(qtbot):
+    row = QWidget()
+    qtbot.addWidget(row)
+    flow = FlowLayout(row)
+    buttons = [QPushButton(row) for _ in range(5)]
+    for width, button in zip((60, 80, 70, 40, 90), buttons, strict=True):
+        button.setFixedSize(width, 20)
+        flow.addWidget(button)
+    buttons[1].hide()
+    row.resize(190, 300)
+    row.show()
+    places = [button.geometry().getRect()[:2] for button in buttons if button.isVisible()]
+    assert places == [(0, 0), (66, 0), (142, 0), (0, 26)]
+    assert flow.heightForWidth(190) == 46 and flow.heightForWidth(1000) == flow.sizeHint().height() == 20

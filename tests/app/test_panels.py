@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from PySide6.QtCore import Qt
-from PySide6.QtGui import QTextDocumentFragment
+from PySide6.QtGui import QColor, QTextDocumentFragment
 from PySide6.QtWidgets import QLabel, QPushButton
 
 from analysis.collision.effects import named
@@ -26,6 +26,7 @@ from app.window.panels.effects import CandidateBars
 from app.window.panels.large import LargePanel
 from app.window.panels.model import ModelPanel
 from app.window.panels.numbers import NumbersPanel
+from app.window.panels.rig import Banner
 from app.window.panels.session_model import FLAGS
 from app.window.panels.session_table import NOTE, SessionTable
 from app.window.panels.setup_sheet import SetupSheet
@@ -469,6 +470,16 @@ def test_a_shots_residual_takes_the_place_of_a_drives(qtbot, shot):
     assert [len(curve.samples) for curve in panel.residuals.forces._curves] == [0, 0]
 
 
+def test_a_reset_shows_the_whole_residual_again(qtbot, shot):
+    panel = DiagnosisPanel(LIGHT)
+    qtbot.addWidget(panel)
+    panel.show_diagnosis(synthetic.diagnosis(shot), [shot])
+    stack, ends = panel.residuals.stack, 1e3 * (shot.motion.time_s[[0, -1]] - synthetic.TOUCH_S)
+    stack.zoom(1.0, 2.0)
+    stack.reset()
+    assert stack.span == pytest.approx(ends, abs=0.1)
+
+
 def test_a_chi2_near_one_beside_unexplained_says_why(qtbot, shot):
     panel = DiagnosisPanel(LIGHT)
     qtbot.addWidget(panel)
@@ -725,6 +736,23 @@ def test_names_with_markup_in_them_are_shown_as_they_are(qtbot, shot):
 def _seen(text):
     """Return what Qt shows of a text, which begins with a tag where it has any."""
     return QTextDocumentFragment.fromHtml(text).toPlainText() if text.startswith("<") else text
+
+
+def test_the_banner_flashes_once_in_exchanged_colours(qtbot):
+    banner = Banner(LIGHT)
+    qtbot.addWidget(banner)
+    banner.resize(700, banner.height())
+    banner.show_state("CAPTURED", "The light switch fired; recording the shot.", Tone.GOOD)
+    banner._flashing.setInterval(0)
+
+    def background():
+        return banner.grab().toImage().pixelColor(350, 3).name()
+
+    colours = [QColor(colour).name() for colour in LIGHT.tones[Tone.GOOD]]
+    assert background() == colours[0] != colours[1]
+    banner.flash()
+    assert background() == colours[1]
+    qtbot.waitUntil(lambda: background() == colours[0])
 
 
 def test_the_papers_kinetic_cor_is_marked_and_the_others_are_folded_under_it(qtbot, shot):

@@ -295,6 +295,16 @@ def test_a_figure_alone_has_the_colours_that_the_sheet_gives_it() -> None:
     assert {f".{kind}" for kind in kinds - {"key", "label"}} <= {*rules}
 
 
+def test_a_figure_bears_its_title_and_says_what_it_shows() -> None:
+    captions = [re.findall(r"<b>([^.]+[.])</b> ([^<]+[.]) <", str(figure))[0] for figure in figures(shot())]
+    titles = ["The shot.", "Residual.", "First contact.", "Force against deflection.", "Gap."]
+    assert [title for title, _ in captions] == titles
+    for (_, words), said in zip(
+        captions, ("over the whole shot", "noise", "bounces", "slope", "Distance"), strict=True
+    ):
+        assert said in words
+
+
 def test_a_rule_that_is_not_about_figures_changes_none() -> None:
     svg = '<svg viewBox="0 0 9 9"><path class="residual" d="M0 0L9 9"/></svg>'
     rules = "table > tr:hover { fill: #123456 } .residual, a[href] { stroke: #1b5fa8 }"

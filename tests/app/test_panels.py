@@ -23,6 +23,7 @@ from app.session.session import Session
 from app.window.panels.compare import ComparePanel
 from app.window.panels.diagnosis import DiagnosisPanel
 from app.window.panels.effects import CandidateBars
+from app.window.panels.help import licence_words
 from app.window.panels.large import LargePanel
 from app.window.panels.model import ModelPanel
 from app.window.panels.numbers import NumbersPanel
@@ -753,6 +754,16 @@ def test_the_banner_flashes_once_in_exchanged_colours(qtbot):
     banner.flash()
     assert background() == colours[1]
     qtbot.waitUntil(lambda: background() == colours[0])
+
+
+def test_about_names_every_part_and_its_licence_in_a_line_each():
+    """Some packages state their whole licence where its name belongs."""
+    _, parts = licence_words().split("It uses:\n")
+    lines = dict(line.split(" ", 1) for line in parts.splitlines())
+    assert {"numpy", "scipy", "PySide6-Essentials", "pyqtgraph"} <= set(lines)
+    for words in lines.values():
+        version, licence = words.split(": ")
+        assert version[0].isdigit() and 2 < len(licence) < 200
 
 
 def test_the_papers_kinetic_cor_is_marked_and_the_others_are_folded_under_it(qtbot, shot):

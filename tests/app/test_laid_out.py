@@ -10,11 +10,13 @@ from PySide6.QtWidgets import QGraphicsView, QGridLayout, QLabel, QLayout, QPush
 
 from analysis.drive.curves import drive_curves
 from analysis.uncertainty.numbers import NUMBERS
+from app.session.choices import Choices
 from app.session.session import Session
 from app.session.settings import FIELDS
 from app.window.layout import Layout
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.time_stack import TimeStack
+from app.window.presenters.help import TourPresenter
 from app.window.theme import DARK, LIGHT, Theme, Tone
 from app.window.widgets import FlowLayout
 from instrument.devices.device_search import FoundDevice
@@ -195,6 +197,20 @@ def test_live_has_its_curves_to_the_left_its_numbers_to_the_right_and_the_raw_si
     assert left == 0 and {column for _, column, _, _ in right} == {1}
     lines = [row for row, _, _, _ in right]
     assert lines == sorted(set(lines)) and lines[-1] == rows - 1  # the curves reach down to the raw signals' end
+
+
+def test_each_callout_of_the_tour_shows_all_its_words_inside_the_window(panels, qtbot, tmp_path):
+    panels.resize(1300, 850)
+    panels.show()
+    tour = panels.tour
+    TourPresenter(Choices(tmp_path / "settings.json"), panels, panels).start()
+    for _ in tour._steps:
+        QCoreApplication.processEvents()
+        words = tour._words
+        assert words.height() >= words.heightForWidth(words.width()) > 0, words.text()
+        assert panels.rect().contains(tour.geometry())
+        tour.next()
+    assert tour.isHidden()
 
 
 def test_buttons_without_room_go_to_the_next_line(qtbot):

@@ -216,11 +216,15 @@ def test_the_samples_in_view_are_saved_undecimated_with_units(shot_panel, tmp_pa
     assert force.max() > 0.25
 
 
-def test_a_saved_column_names_what_its_plot_shows_and_the_unit(shot_panel, tmp_path):
+@pytest.mark.parametrize(
+    ("fitted", "head"),
+    [(True, "gap simulated (µm),force simulated (N),force measured (N)"), (False, "force measured (N)")],
+)
+def test_a_gap_is_shown_and_saved_of_no_shot_but_this_one(shot_panel, shot, tmp_path, fitted, head):
     shot_panel.set_view("gap")
+    shot_panel.show_shot(shot if fitted else replace(shot, fit=None))
     save.save_csv(shot_panel.gap.stack, tmp_path / "view.csv")
-    head, *_ = (tmp_path / "view.csv").read_text().splitlines()
-    assert head == "time (ms),gap simulated (µm),force simulated (N),force measured (N)"
+    assert (tmp_path / "view.csv").read_text().splitlines()[0] == f"time (ms),{head}"
 
 
 def test_plots_are_saved_as_picture_and_drawing(shot_panel, tmp_path):
@@ -358,8 +362,9 @@ def test_compare_overlays_and_shows_the_trend_against_speed(qtbot):
     panel.which.setCurrentIndex(panel.which.findData("plate_stiffness_n_per_m"))
     assert panel.trend.points[1][1] == pytest.approx(221.44)
     assert "3 shots" in panel.repeatability.text()
+    assert panel._say.text() == ""
     panel.show_entries([])
-    assert panel.trend.points == []
+    assert panel.trend.points == [] and "Select shots in the table" in panel._say.text()
 
 
 def test_the_last_eight_are_overlaid_from_their_touch_on_and_bars_reach_one_std_up_and_down(qtbot):

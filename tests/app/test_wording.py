@@ -67,6 +67,12 @@ def test_every_flag_has_words_and_stands_in_the_page_of_formats():
     assert [flag for flag in FLAG_WORDS if f"`{flag}`" not in page] == []
 
 
+def test_a_long_name_keeps_its_two_ends():
+    name = "collision-of-2026-03-01-shot-0123"
+    assert wording.short_name(name) == "collision-o…01-shot-0123"
+    assert wording.short_name(name[: wording.LONGEST_NAME]) == name[: wording.LONGEST_NAME]
+
+
 def test_a_sentence_of_the_diagnosis_is_put_as_the_screen_puts_numbers(german):
     told = "stiffness below 9e+01 N/m³; friction below 3e-08 N; 0.0001; (2.0 ± 0.1)e-4; file shot-1.csv"
     assert wording.local_words(told) == (

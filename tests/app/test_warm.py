@@ -4,6 +4,7 @@ import subprocess
 import sys
 import threading
 import time
+from functools import partial
 
 import llvmlite
 import numba
@@ -143,6 +144,19 @@ def test_what_a_shot_without_a_window_needs_is_compiled_once(folder, order):
         assert list(dict.fromkeys(reached)) == [kernels_module.Stage.READINGS, kernels_module.Stage.FIT]
     assert order == [piece.name for piece in kernels_module.PIECES if piece.stage is not kernels_module.Stage.ALL]
     assert not kernels_module.complete()
+
+
+def test_the_process_that_analyses_loads_the_fit_where_it_is_on_disk_and_leaves_its_compiling_to_others(
+    folder, monkeypatch
+):
+    loaded = []
+    for name in ("readings", "fit"):
+        monkeypatch.setattr(kernels_module.warm_up, name, partial(loaded.append, name))
+    kernels_module.warm_up_analysis()
+    assert loaded == ["readings"]
+    kernels_module.mark_complete(kernels_module.Stage.FIT)
+    kernels_module.warm_up_analysis()
+    assert loaded == ["readings", "readings", "fit"]
 
 
 NEW_KERNELS = """

@@ -642,6 +642,22 @@ def test_the_band_of_a_drive_lies_over_all_of_its_record_at_twice_its_repeatabil
         assert np.all(y == sign * 2.0 * curves.repeatability.force_n)
 
 
+def test_every_point_of_a_drive_is_in_view_with_a_little_room_about_it(qtbot):
+    driven = synthetic.driven_shot()
+    curves = drive_curves(driven.motion, driven.fit)
+    panel = ShotPanel(LIGHT)
+    qtbot.addWidget(panel)
+    panel.show_shot(driven)
+    for offset_n in (0.0, -2 * float(np.nanmax(curves.measured_n))):  # forces of both signs, and of one
+        moved = replace(curves, measured_n=curves.measured_n + offset_n, modelled_n=curves.modelled_n + offset_n)
+        panel.show_drive(driven, moved)
+        for plot in (*panel.drive.speed.plots, *panel.drive.place.plots):
+            place, *drawn = plot.columns.values()
+            for values, (low, high) in zip((place, np.concatenate(drawn)), plot.plot.view.viewRange(), strict=True):
+                room = 0.02 * (high - low)
+                assert low + room < np.nanmin(values) < np.nanmax(values) < high - room
+
+
 @pytest.mark.parametrize("height", [200, 700])
 def test_an_empty_drive_says_why_on_a_page_of_any_height(qtbot, height):
     panel = ShotPanel(LIGHT)

@@ -122,6 +122,7 @@ def test_a_displacement_in_mm_gives_the_numbers_of_the_same_in_m(
     asked = ["--map", str(table), "--channel", "displacement=Weg", "--mass", "0.1"]
     assert main([*asked, "--unit", "furlong"]) == 2
     assert main([*asked, "--volts", "measurement=1"]) == 2
+    assert main([*asked, "--channel", "measurement=Weg"]) == 2
     assert main([*asked, "--model", "driven"]) == 2
     assert not table.with_suffix(".toml").exists()
     assert main(asked) == 0

@@ -596,6 +596,15 @@ def test_a_diagnosis_without_a_residual_to_draw_leaves_no_other_sets_picture(qtb
     assert "χ²/ν is relative to noise" in panel._blind.text()
 
 
+def test_a_diagnosis_whose_shots_are_removed_names_none(qtbot, shot):
+    panel = DiagnosisPanel(LIGHT)
+    qtbot.addWidget(panel)
+    panel.show_diagnosis(synthetic.diagnosis(shot), [shot])
+    assert panel._of.text() == f"of {shot.name}"
+    panel.show_diagnosis(synthetic.diagnosis(shot), [], holds=False)
+    assert panel._of.text() == "" and "<s>" in panel._verdict.text()
+
+
 def test_candidates_stand_in_the_order_of_their_bars_and_a_tick_never_beside_a_worse_bic(qtbot, shot):
     bars = CandidateBars(LIGHT)
     qtbot.addWidget(bars)

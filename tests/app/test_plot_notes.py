@@ -188,6 +188,21 @@ def test_a_note_keeps_its_place_when_the_residual_counts_in_another_unit(panels,
     assert y == pytest.approx(3e-10 * per_unit)
 
 
+@pytest.mark.parametrize("dot", [(0.2, 0.2), (0.8, 0.2), (0.2, 0.8), (0.8, 0.8)])
+def test_a_note_is_taken_hold_of_at_its_dot_or_its_text_and_nowhere_else(panels, session, dot):
+    stack, force = panels.shot.stack, panels.shot.motion.force
+    (left, right), (bottom, top) = force.view.viewRange()
+    x, y = left + dot[0] * (right - left), bottom + dot[1] * (top - bottom)
+    zero, _ = time_zero(session.entry(1).shot)
+    session.change_plot_note(1, None, PlotNote("force", 1e-3 * x + zero, y, "here"))
+    panels.presenter.refresh()
+    (drawn,) = stack.notes._drawn
+    at, words = stack.mapToScene(_pixels(stack, force, x, y)), drawn._text.mapRectToScene(drawn._text.boundingRect())
+    assert stack.notes.note_at(at) is stack.notes.note_at(words.center()) is drawn.note
+    for aside in (QPointF(200.0, 0.0), QPointF(-200.0, 0.0), QPointF(0.0, 60.0), QPointF(0.0, -60.0)):
+        assert stack.notes.note_at(at + aside) is None
+
+
 def test_a_note_is_text_and_no_markup(panels, session):
     session.change_plot_note(1, None, replace(BOUNCE, text='v < 0 <img src="/etc/passwd">'))
     panels.presenter.refresh()

@@ -72,7 +72,7 @@ def test_the_signal_line_judges_each_beat():
     assert tone(_channel(Role.MEASUREMENT, 40.0, 3.5e6, 0.2)) is Tone.WARNING
 
 
-@pytest.mark.parametrize(("frequency_hz", "shown"), [(2.73e6, "µm/s"), (3.5e6, "–")])
+@pytest.mark.parametrize(("frequency_hz", "shown"), [(2.73e6, "µm/s at 10 kHz"), (3.5e6, "–")])
 def test_no_noise_floor_is_told_while_the_block_moves(frequency_hz, shown):
     """A beat that sweeps has its own spectrum beside its line: that passed for 56 µm/s of noise."""
     line = SignalLine((_channel(Role.REFERENCE), _channel(Role.MEASUREMENT, 12.0, frequency_hz)))

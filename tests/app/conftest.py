@@ -8,14 +8,21 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
 
 @pytest.fixture(scope="session")
-def warm_kernels():
+def compiled_kernels():
     """Compile, or load from the cache, what the first shot needs; windows opened later in this process have it."""
     from app import session
     from app.session import kernels, warm_up
 
-    assert session.complete is kernels.complete  # the package remembers it as it is before it is replaced here
+    assert session.complete is kernels.complete  # the package remembers it as it is before it is replaced
     warm_up.readings()
     warm_up.fit()
+
+
+@pytest.fixture(scope="module")
+def warm_kernels(compiled_kernels):
+    """Let windows take the kernels for ready; undone before another module of tests looks at what is exported."""
+    from app.session import kernels
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(kernels, "readings", lambda: None)  # each window would read a made-up shot to load them
         patch.setattr(kernels, "complete", lambda *_: True)  # and, where not all is on disk, compile all

@@ -49,11 +49,18 @@ def saved(tmp_path, shot):
 
 
 def _wait(workbench: Workbench) -> None:
+    """Wait for all work, what taking its results asks for included."""
     end = time.monotonic() + 20.0
-    while (workbench.short_jobs.open_jobs or workbench.jobs.open_jobs) and time.monotonic() < end:
+    while time.monotonic() < end:
+        if not _open_jobs(workbench):
+            workbench.poll()
+            if not _open_jobs(workbench):
+                return
         time.sleep(0.005)
-    time.sleep(0.02)
-    workbench.poll()
+
+
+def _open_jobs(workbench: Workbench) -> int:
+    return workbench.short_jobs.open_jobs + workbench.jobs.open_jobs
 
 
 def test_a_shot_and_a_diagnosis_come_back_whole(shot):

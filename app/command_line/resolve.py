@@ -15,7 +15,7 @@ from analysis.planning import (
 from analysis.report import result
 from analysis.shot import AnalysisError, Shot
 from app.command_line.acquire import LEAST_ARMING_S, CaptureRequest, capture_settings
-from app.command_line.outputs import check_outputs, json_text, say, say_problem, write_json
+from app.command_line.outputs import check_outputs, in_a_line, json_text, say, say_problem, write_json
 from app.session import load_and_analyse, planned_record, planned_setup
 from instrument.capture import AcquireError, acquire
 from instrument.devices import DigitizerError, is_bench, pushed
@@ -41,6 +41,9 @@ def resolve(first: int, most: int, request: CaptureRequest, json_to: str | None,
             diagnosis, standing = _standing(shots, (*standing.steps, step), most - number - 1, reach)
     except (AcquireError, DigitizerError, RecordingError, AnalysisError) as error:
         say(error)
+        return 1
+    except OSError as error:
+        say(in_a_line(error, request.out))
         return 1
     if json_to != "-":
         for shot in shots:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from analysis.fitted import awaits_fit
 from analysis.pipeline import read
 from analysis.shot import AnalysisSettings, Cancelled, Channel, Progress, Recording, Shot
 from app.session.jobs import drained
@@ -83,7 +84,7 @@ class Rig:
         self._wake = threading.Condition()
         self._fault: tuple[str, str] | None = None
         self._since_s = clock()
-        self._seen: set[tuple[int, int, bool]] = set()
+        self._taken: dict[tuple[int, int], bool] = {}  # finished shots: whether they still awaited their fit
         self._captured: set[tuple[int, int]] = set()
         self._serial = 0
         self._arm_pressed: tuple[float, float] | None = None  # (time of ARM, ``since_s`` of the state then)
@@ -242,14 +243,12 @@ class Rig:
         """Return each finished shot once, when it is analysed or its analysis has failed, and again with its fit."""
         new = []
         for finished in snapshot.finished:
-            first, later = ((self._serial, finished.index, fitted_later) for fitted_later in (False, True))
-            if finished.fitted_later and first not in self._seen:  # readings and fit came between two looks
-                finished = replace(finished, fitted_later=False)
-                self._seen.add(later)
-            key = later if finished.fitted_later else first
-            if key not in self._seen and (finished.shot is not None or finished.problem is not None):
-                self._seen.add(key)
-                new.append(finished)
+            key, shot = (self._serial, finished.index), finished.shot
+            awaits = shot is not None and awaits_fit(shot)
+            known = self._taken.get(key)
+            if (known is None or (known and not awaits)) and (shot is not None or finished.problem is not None):
+                self._taken[key] = awaits
+                new.append(replace(finished, fitted_later=known is not None))
         return new
 
     def take_problems(self) -> list[str]:

@@ -64,9 +64,7 @@ class FinishedShots:
             if shot is not None and awaits_fit(shot):
                 self._awaiting_fit[number] = self._finished
         elif (index := self._awaiting_fit.pop(number, None)) is not None:
-            self.newest = tuple(
-                replace(done, shot=shot, fitted_later=True) if done.index == index else done for done in self.newest
-            )
+            self.newest = tuple(replace(done, shot=shot) if done.index == index else done for done in self.newest)
 
     def save_pending(self, folder: Path) -> list[Path]:
         """Save the shots that are only in memory; PartlySaved at the first that cannot be saved."""

@@ -41,7 +41,7 @@ class FinishedShot:
     settings: CaptureSettings
     shot: Shot | None
     problem: str | None = None  # why it was not saved or not analysed
-    fitted_later: bool = False  # True: the shot appeared before, without its fit
+    fitted_later: bool = False  # True: the reader took the shot before, without its fit
 
 
 @dataclass(frozen=True, slots=True)

@@ -72,7 +72,8 @@ def likely_forms(learned: Learned, most: int, which: int = 0) -> list[Fitting]:
     """
     argument = learned.terms[which].argument
     forms = [form for form in compress(learned, which) if is_law(form.form, argument)]
-    alike = sum(form.cost(learned.samples) < forms[0].cost(learned.samples) + CRITERIA.form_excluded for form in forms)
+    within = forms[0].cost(learned.samples) + CRITERIA.form_excluded
+    alike = sum(form.cost(learned.samples) < within for form in forms)
     return forms[: max(most, alike)]
 
 

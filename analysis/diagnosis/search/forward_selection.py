@@ -187,8 +187,7 @@ def polish(fitted: Fitted, trail: Trail, *, from_white: bool = False) -> Fitted:
     the start had left to the noise, hardly ever later, and never where a noise that was not learnt explains all.
     """
     better = fitted.fitted_on(evaluations=60, anew=True, cancelled=trail.stop)
-    hidden = better.noise.coloured and better.chi2(better.unlearned_noise) > EXPLAINED * better.samples
-    if from_white and hidden and better.bic < trail.start.bic - CLOSE:
+    if from_white and better.bic < trail.start.bic - CLOSE and _may_hide_something(better):
         white = better.from_white(evaluations=60, cancelled=trail.stop)
         white = white.fitted_on(evaluations=60, anew=True, cancelled=trail.stop)
         better = min(better, white, key=lambda one: one.bic)
@@ -196,6 +195,11 @@ def polish(fitted: Fitted, trail: Trail, *, from_white: bool = False) -> Fitted:
         return fitted
     trail.fits[frozenset(better.effects)] = better
     return better
+
+
+def _may_hide_something(fitted: Fitted) -> bool:
+    """Return whether the learnt noise has taken up what a noise that was not learnt does not explain."""
+    return fitted.noise.coloured and fitted.chi2(fitted.unlearned_noise) > EXPLAINED * fitted.samples
 
 
 def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFITTED + STRONGER) -> Fitted | None:

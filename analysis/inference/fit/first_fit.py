@@ -9,6 +9,7 @@ white noise to be a hundred times what it is, a second search takes it as it is.
 import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -58,12 +59,11 @@ def first_fit(
         if site is None:
             return _best_of_searches(JointData(shots, base), starts(first_guesses(base, shots, stop)), noise, stop)
         data = JointData(shots, base, site=site)
-        guessed: list[SearchStart] = []
+        guessed = cache(lambda: starts(first_guesses(base, shots, stop, site.shaking.rms_m)))  # not always needed
 
         def candidates() -> Iterator[SearchStart]:
             yield from starts(resembled(base, shots, _FOLLOWED))
-            guessed.extend(starts(first_guesses(base, shots, stop, site.shaking.rms_m)))
-            yield from guessed[:_FOLLOWED]
+            yield from guessed()[:_FOLLOWED]
 
         for start in candidates():
             with contextlib.suppress(Infeasible):
@@ -72,8 +72,7 @@ def first_fit(
                     break
         if not ends or min(end.left for end in ends) > STRONG:
             # from a poor guess the search may end where nothing collides, the more so where an effect is missing
-            guessed = guessed or starts(first_guesses(base, shots, stop, site.shaking.rms_m))
-            still = _best_of_searches(JointData(shots, base), guessed, noise, stop)
+            still = _best_of_searches(JointData(shots, base), guessed(), noise, stop)
             ends.append(still)
             with contextlib.suppress(Infeasible):
                 ends.append(_search_on_frames(data, still, noise, stop))

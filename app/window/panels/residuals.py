@@ -108,7 +108,7 @@ class Residuals(QWidget):
         for fit, plot, curve, band in zip(fits, self._plots, self._curves, self._bands, strict=True):
             if shown < len(fit.shots):
                 left = np.asarray(fit.shots[shown].residual_m)
-                factor, unit = prefix_for(float(np.nanmax(np.abs(left))), "m")
+                factor, unit = prefix_for(float(np.nanmax(np.abs(left), initial=0.0)), "m")
                 plot.count_in(unit)
                 curve.show_samples(start, step, factor * left)
                 band.show_band(start, step, 2.0 * factor * noise_m)

@@ -96,8 +96,11 @@ def _diagnosis(question: Question, explanation: Explanation) -> Diagnosis:
         if verdict is Verdict.UNEXPLAINED
         else blind_spots(explanation.linearised, explanation.trail.catalogue, explanation.nearest)
     )
-    error_before, error_after = (_errors(motions, fitted, after.noise) for fitted in (before, after))
-    fit_after = replace(as_fit(after, motions, question.model, 0.0), seconds=question.seconds)
+    error_before = error_after = _errors(motions, before, after.noise)
+    fit_before = fit_after = as_fit(before, motions, question.model, 0.0)
+    if after is not before:
+        error_after = _errors(motions, after, after.noise)
+        fit_after = as_fit(after, motions, question.model, 0.0)
     diagnosis = Diagnosis(
         verdict=verdict,
         effects=explanation.effects,
@@ -106,8 +109,8 @@ def _diagnosis(question: Question, explanation: Explanation) -> Diagnosis:
         error_after=error_after,
         error_held_out_before=_held_out_errors(question, explanation, predictions[0]),
         error_held_out_after=_held_out_errors(question, explanation, predictions[1]),
-        fit_before=as_fit(before, motions, question.model, 0.0),
-        fit_after=fit_after,
+        fit_before=fit_before,
+        fit_after=replace(fit_after, seconds=question.seconds),
         remainder=explanation.remainder,
         blind_spots=detectable,
         speeds_m_per_s=tuple(abs(shot.course.velocity_in_m_per_s) for shot in shots),

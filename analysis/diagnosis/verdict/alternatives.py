@@ -4,6 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from analysis.collision import Effect
+from analysis.compiled import side_by_side
 from analysis.diagnosis.result import BlindSpot, Candidate, Standing
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict.identifiability import least_seen
@@ -16,10 +18,11 @@ MOST_SHOTS = 12  # have curves: as many as a page draws
 
 def candidates(best: Fitted, trail: Trail) -> tuple[Candidate, ...]:
     """Return every effect tried, best first: by itself on top of the model before."""
-    out = []
     before = trail.start
     at = trail.linearised(before)
-    for effect, score in trail.scores.items():
+
+    def candidate(scored: tuple[Effect, Score]) -> Candidate:
+        effect, score = scored
         fitted = trail.of((*before.effects, effect))
         if fitted is not None and fitted.log_likelihood < before.log_likelihood:
             fitted = None  # at zero strength it would be as likely: the search did not converge
@@ -33,9 +36,10 @@ def candidates(best: Fitted, trail: Trail) -> tuple[Candidate, ...]:
             pays = delta is not None and delta <= -trail.least_fall()
             standing = Standing.BEHIND_ANOTHER if pays else Standing.DOES_NOT_PAY
         curves = curve_of_fit(fitted, before) if fitted is not None else curve_to_first_order(at, score)
-        out.append(Candidate(effect, float(score.gain), delta, parameters, standing, explains_m=curves))
-    out.sort(key=lambda c: (c.delta_bic if c.delta_bic is not None else 0.0, -c.score))
-    return tuple(out)
+        return Candidate(effect, float(score.gain), delta, parameters, standing, explains_m=curves)
+
+    out = side_by_side(candidate, trail.scores.items())
+    return tuple(sorted(out, key=lambda c: (c.delta_bic if c.delta_bic is not None else 0.0, -c.score)))
 
 
 def blind_spots(at: Linearised, catalogue: Sequence[TrialEffect], best: Fitted) -> tuple[BlindSpot, ...]:

@@ -65,12 +65,14 @@ def first_fit(
             yield from starts(resembled(base, shots, _FOLLOWED))
             yield from guessed()[:_FOLLOWED]
 
+        sure = False
         for start in candidates():
             with contextlib.suppress(Infeasible):
                 ends.append(_search_on_frames(data, start, noise, stop))
-                if ends[-1].left < TRUSTED or any(_are_one(ends[-1], other) for other in ends[:-1]):
-                    break
-        if not ends or min(end.left for end in ends) > STRONG:
+                sure = ends[-1].left < TRUSTED or any(_are_one(ends[-1], other) for other in ends[:-1])
+            if sure:
+                break
+        if not sure and (not ends or min(end.left for end in ends) > STRONG):
             # from a poor guess the search may end where nothing collides, the more so where an effect is missing
             still = _best_of_searches(JointData(shots, base), guessed(), noise, stop)
             ends.append(still)

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from analysis.compiled import side_by_side
 from analysis.diagnosis.search.forward_selection import Trail, polish, prune, without
 from analysis.inference import (
     FINE_RATE_HZ,
@@ -23,7 +24,7 @@ from analysis.inference import (
     refit,
     with_plates,
 )
-from analysis.shot import Motion, Stop
+from analysis.shot import Floats, Motion, Stop
 
 _MATTERS = 0.02  # of the white noise: that the site's directions are wrong by
 _FAR = 0.6  # of a plate's std: nearer to where it was taken to be, straight lines will do
@@ -60,21 +61,25 @@ def with_sway_updated(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
     swing, which a plate that swings far is not.  The bodies that the frame shakes are linear: those of the fit, or
     those that come nearest to it without the effect (for a plate that stiffens with its deflection), as is likelier.
     """
+    here, start, site = best, trail.start, best.problem.data.site
+    if site is None or best is start:
+        return best, trail
     for _ in range(_TURNS):
-        here, start = best.problem.data, trail.start
-        if here.site is None or best is start:
-            break
-        parameters = float(np.max(np.abs(best.point.base / start.point.base - 1.0)))
-        plates, moved = _plates(best)
-        apart = parameters * here.site.shaking.rms_m >= _MATTERS * best.noise.white_m
+        parameters = float(np.max(np.abs(here.point.base / start.point.base - 1.0)))
+        plates, moved = _plates(here)
+        apart = parameters * site.shaking.rms_m >= _MATTERS * here.noise.white_m
         if not apart and moved < _FAR:
             break
-        shots = with_plates(here.shots, plates)
-        bodies = (best.point.base, start.point.base) if apart else (best.point.base,)
-        swayed = [on_site(shots, here.site, here.base, base, best.point.own) for base in bodies]
-        fits = [_at(best, replace(here, shots=each), trail.stop) for each in swayed]
-        best, trail = _anew(min(fits, key=lambda fitted: fitted.bic), trail)
-    return best, trail
+        shots = with_plates(here.problem.data.shots, plates)
+        bodies = (here.point.base, start.point.base) if apart else (here.point.base,)
+
+        def swayed_by(base: Floats, shots: Sequence[Samples] = shots, here: Fitted = here) -> Fitted:
+            data = here.problem.data
+            swayed = on_site(shots, site, data.base, base, here.point.own)
+            return _at(here, replace(data, shots=swayed), trail.stop)
+
+        here = min(side_by_side(swayed_by, bodies), key=lambda fitted: fitted.bic)
+    return (best, trail) if here is best else _anew(here, trail)
 
 
 def _plates(fitted: Fitted) -> tuple[list[tuple[float, float]], float]:
@@ -90,7 +95,7 @@ def _plates(fitted: Fitted) -> tuple[list[tuple[float, float]], float]:
 
 def _anew(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
     """Return the best fit, which is of other data of the same shots, with a trail of these data."""
-    anew = replace(trail, start=_at(trail.start, best.problem.data, trail.stop), fits={}, last=None, asked=set())
+    anew = replace(trail, start=_at(trail.start, best.problem.data, trail.stop), fits={}, asked=set())
     anew.keep(best)
     return polish(prune(best, anew), anew), anew
 

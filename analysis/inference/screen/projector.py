@@ -30,15 +30,16 @@ class Trajectories:
     known: dict[str, Any] = field(default_factory=dict)
 
     def serve(self, problem: WeighedModel, z: Floats, lines: Lines) -> bool:
-        """Return whether a model of the same shots has nearly the same trajectories and base parameters at ``z``."""
+        """Return whether a model of the same samples has nearly the same trajectories and base parameters at ``z``."""
         if self.problem is problem and self.z is z:
             return True
-        if self.problem.data is not problem.data:
+        mine, others = self.problem.data.shots, problem.data.shots
+        if [id(shot.displacement_m) for shot in mine] != [id(shot.displacement_m) for shot in others]:
             return False
         point = self.problem.unpack(self.z)
         if not np.allclose(point.base, problem.unpack(z).base, rtol=_NEARBY, atol=0.0):
             return False
-        for index, shot in enumerate(problem.data.shots):
+        for index, shot in enumerate(others):
             collision = self.problem.shot_at(index, point).collision
             swing_m = abs(shot.course.velocity_in_m_per_s) / fastest_rates(collision, ()).contact
             moved_m = np.abs(self.lines[index][0] - lines[index][0])[shot.valid]

@@ -48,7 +48,7 @@ class Layout(QWidget):
         c = theme.colours
         self.controls = Controls(self)
         self.banner = Banner(c, self)
-        self.signals = SignalLine(c, self)
+        self.signals = SignalLine(self)
         self.live = LivePanel(c, self)
         self.shot = ShotPanel(c, self)
         self.compare = ComparePanel(c, self)
@@ -56,11 +56,11 @@ class Layout(QWidget):
         self.diagnosis = DiagnosisPanel(c, self)
         self.budget = BudgetPanel(self)
         self.paper = PaperPanel(c, self)
-        self.large = LargePanel(c, self)
+        self.large = LargePanel(self)
         self.numbers = NumbersPanel(c, self)
-        self.model = ModelPanel(c, self)
+        self.model = ModelPanel(self)
         self.table = SessionTable(self)
-        self.work = WorkLine(c, self)
+        self.work = WorkLine(self)
         self.tabs = SteadyTabs(self)
         self.tabs.setDocumentMode(True)
         self.tabs.setAccessibleName("Pages")
@@ -70,14 +70,14 @@ class Layout(QWidget):
             index = self.tabs.addTab(getattr(self, name.lower()), name)
             self.tabs.setTabToolTip(index, f"{name}  (Ctrl+{index + 1})")
         self._place()
-        self.settings = SettingsSheet(c, self)
-        self.setup = SetupSheet(c, self)
-        self.mapping = MappingSheet(c, self)
-        self.law = LawSheet(c, self)
+        self.settings = SettingsSheet(self)
+        self.setup = SetupSheet(self)
+        self.mapping = MappingSheet(self)
+        self.law = LawSheet(self)
         self.keys = KeySheet(self)
         self.about = AboutSheet(self)
         self.messages = NoticeList(self.work.notices, c, self)
-        self.tour = Tour(c, self)
+        self.tour = Tour(self)
         self._theme = theme
 
     def _place(self) -> None:
@@ -117,23 +117,14 @@ class Layout(QWidget):
         """Apply the theme's colours to every panel."""
         for panel in (
             self.banner,
-            self.signals,
             self.live,
             self.shot,
             self.compare,
             self.spectrum,
             self.diagnosis,
             self.paper,
-            self.large,
             self.numbers,
-            self.model,
-            self.work.notices,
-            self.settings,
-            self.setup,
-            self.mapping,
-            self.law,
             self.messages,
-            self.tour,
         ):
             panel.dress(self._theme.colours)
 

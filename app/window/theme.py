@@ -179,12 +179,15 @@ def style_sheet(colours: Colours) -> str:
     """Return the style sheet with what a palette cannot express."""
     plain = {field.name: getattr(colours, field.name) for field in fields(colours)}
     neutral, neutral_text = colours.tones[Tone.NEUTRAL]
-    return _STYLE.substitute(plain, neutral=neutral, neutral_text=neutral_text)
+    tones = "".join(f'QLabel[tone="{tone}"] {{ color: {colour}; }}\n' for tone, colour in colours.signs.items())
+    return _STYLE.substitute(plain, neutral=neutral, neutral_text=neutral_text) + tones
 
 
 _STYLE = Template("""
 QToolTip { color: $text; background: $panel; border: 1px solid $edge; padding: 4px; }
 QFrame[card="true"] { background: $panel; border: 1px solid $edge; border-radius: 6px; }
+QFrame#tour { background: $panel; border: 2px solid $accent; border-radius: 8px; }
+QFrame#ring { border: 3px solid $accent; border-radius: 8px; }
 QWidget[panel="true"] { background: $panel; }
 QLabel[faint="true"] { color: $faint; }
 QLabel[heading="true"] { color: $faint; font-weight: bold; letter-spacing: 1px; }

@@ -20,7 +20,7 @@ from PySide6.QtWidgets import (
 )
 from shiboken6 import isValid
 
-from app.window.theme import sized
+from app.window.theme import MARKS, Tone, sized
 
 
 def text_label(
@@ -30,17 +30,35 @@ def text_label(
     wrap: bool = False,
     faint: bool = False,
     heading: bool = False,
+    bold: bool = False,
     selectable: bool = False,
 ) -> QLabel:
     """Return a label; ``faint`` and ``heading`` are looks of the style sheet, ``selectable`` text can be copied."""
     label = QLabel(text, parent)
     label.setWordWrap(wrap)
+    if bold:
+        label.setFont(sized(label.font(), 1.0, bold=True))
     for name, on in (("faint", faint), ("heading", heading)):
         if on:
             label.setProperty(name, True)
     if selectable:
         label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
     return label
+
+
+def set_tone(label: QLabel, tone: Tone | None) -> None:
+    """Give a label the colour that the style sheet has for a tone; None: that of other text."""
+    name = None if tone is None else tone.value
+    if label.property("tone") != name:
+        label.setProperty("tone", name)
+        label.style().unpolish(label)  # a label is dressed by its properties only when it is polished
+        label.style().polish(label)
+
+
+def show_toned(label: QLabel, words: str, tone: Tone) -> None:
+    """Show words in the colour of a tone, after its mark; "" empties the label."""
+    label.setText(f"{MARKS[tone]} {words}" if words else "")
+    set_tone(label, tone)
 
 
 def push_button(

@@ -26,7 +26,6 @@ from app.session.settings import FIELDS, Settings
 from app.session.verdict_basis import VerdictBasis
 from app.session.workbench import Workbench
 from app.window.panels.settings_sheet import SettingsSheet
-from app.window.theme import LIGHT
 from levimass.settings import AnalysisSettings, number, setting_of, settings_of
 from tests.app import synthetic
 
@@ -149,7 +148,7 @@ def test_a_flag_is_parsed_helped_and_bounded_as_it_is_declared(monkeypatch, caps
 
 
 def test_the_sheet_offers_what_is_declared(qtbot):
-    sheet = SettingsSheet(LIGHT)
+    sheet = SettingsSheet()
     qtbot.addWidget(sheet)
     sheet.offer(FIELDS)
     sheet.show_values(Settings().values())

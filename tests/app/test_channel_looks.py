@@ -17,7 +17,7 @@ from app.window.panels.mapping_sheet import MappingSheet
 from app.window.presenters.mapping import MappingPresenter
 from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
-from app.window.theme import LIGHT, Theme
+from app.window.theme import Theme
 from instrument.bench.simulated_shots import simulate
 from instrument.files.foreign_file import ForeignMapping, MappedChannel, mapping_path, read_mapping, write_mapping
 from instrument.files.foreign_reading import foreign_channels, read_foreign
@@ -65,7 +65,7 @@ def test_the_sheet_shows_what_each_channel_is_and_proposes_it(qtbot, tmp_path):
     path = tmp_path / "scope.csv"
     _scope_csv(path, recording, (1, 0, 2))
     held = foreign_channels(path)
-    sheet = MappingSheet(LIGHT)
+    sheet = MappingSheet()
     qtbot.addWidget(sheet)
     sheet.ask(held, 17.85e-3, None, looks_of(held))
     assert [sheet.boxes[role].currentData() for role in sheet.boxes] == ["CH1", "CH2", "CH3"]

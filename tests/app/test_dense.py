@@ -15,7 +15,7 @@ from app.window.layout import Layout
 from app.window.panels.setup_sheet import SetupSheet
 from app.window.panels.work_line import NoticeLine
 from app.window.plots.cursors import CursorReadout
-from app.window.theme import LIGHT, Theme, Tone
+from app.window.theme import Theme, Tone
 from app.words.wording import concise_text
 from instrument.devices.doctor import Check, Grade
 from tests.app import synthetic
@@ -59,7 +59,7 @@ def test_messages_have_an_age_and_a_list(panels, monkeypatch):
 
 
 def test_a_message_that_is_too_long_keeps_its_beginning(qtbot):
-    line = NoticeLine(LIGHT)
+    line = NoticeLine()
     qtbot.addWidget(line)
     line.resize(500, 30)
     line.show()
@@ -100,7 +100,7 @@ def test_the_set_up_writes_numbers_as_the_system_does(qtbot):
     before = QLocale()
     QLocale.setDefault(QLocale("de_DE"))
     try:
-        sheet = SetupSheet(LIGHT)
+        sheet = SetupSheet()
         qtbot.addWidget(sheet)
         sheet.show_checks((Check("PD0", Grade.OK, "beat at 2.7300 MHz, 0.45 V (45 % of the range), 41 dB"),))
         assert "2,7300 MHz, 0,45 V" in sheet.lines[0]

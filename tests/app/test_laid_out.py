@@ -17,8 +17,8 @@ from app.window.layout import Layout
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.time_stack import TimeStack
 from app.window.presenters.help import TourPresenter
-from app.window.theme import DARK, LIGHT, Theme, Tone
-from app.window.widgets import FlowLayout
+from app.window.theme import DARK, LIGHT, MARKS, Theme, Tone, sized, style_sheet
+from app.window.widgets import FlowLayout, set_tone, show_toned, text_label
 from instrument.devices.device_search import FoundDevice
 from tests.app import synthetic
 
@@ -129,14 +129,32 @@ def _all_of(colours) -> set[str]:
 
 
 def test_a_change_of_colours_reaches_every_word_that_is_coloured(panels):
-    assert len(_all_of(LIGHT).intersection(_coloured(panels))) > 4
+    assert len(_all_of(LIGHT).intersection(_coloured(panels))) > 2
     panels._theme._colours = DARK
     panels.dress()
     QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
     found = _coloured(panels)
     assert {colour: found[colour] for colour in found.keys() & (_all_of(LIGHT) - _all_of(DARK))} == {}
-    assert len(_all_of(DARK).intersection(found)) > 4
-    assert "no samples yet" in panels.setup.lines
+    assert len(_all_of(DARK).intersection(found)) > 2
+
+
+def test_a_label_has_the_colour_of_its_tone_and_keeps_its_size_in_either_scheme(qapp, qtbot):
+    holder, before = QWidget(), qapp.styleSheet()
+    qtbot.addWidget(holder)
+    label = text_label("", holder, bold=True)
+    label.setFont(sized(label.font(), 1.5, bold=True))
+    size = label.font().pointSizeF()
+    for colours in (LIGHT, DARK):
+        qapp.setStyleSheet(style_sheet(colours))
+        for tone in Tone:
+            show_toned(label, "words", tone)
+            assert label.palette().color(label.foregroundRole()).name() == colours.signs[tone]
+            assert label.text() == f"{MARKS[tone]} words" and label.font().pointSizeF() == size and label.font().bold()
+        set_tone(label, None)
+        assert label.palette().color(label.foregroundRole()).name() not in colours.signs.values()
+    show_toned(label, "", Tone.BAD)
+    assert label.text() == ""
+    qapp.setStyleSheet(before)
 
 
 def _paints(of: object):

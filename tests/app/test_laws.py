@@ -115,7 +115,7 @@ def test_the_folder_of_laws_is_asked_and_a_spoilt_file_told(tmp_path):
 
 
 def test_the_sheet_says_what_is_wrong_while_it_is_typed(qtbot):
-    sheet = LawSheet(LIGHT)
+    sheet = LawSheet()
     qtbot.addWidget(sheet)
     assert not sheet.save.isEnabled() and sheet.said.text() == ""
     sheet.fill(SHAKEN)

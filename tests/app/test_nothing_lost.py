@@ -30,7 +30,7 @@ from app.window.panels.session_model import VERDICT
 from app.window.panels.settings_sheet import SettingsSheet
 from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
-from app.window.theme import LIGHT, Theme
+from app.window.theme import Theme
 from app.window.widgets import SideSheet
 from app.words.wording import DASH, local, typed_number
 from instrument.bench.simulated_shots import simulate
@@ -48,7 +48,7 @@ CHANNELS = (Channel(Role.MEASUREMENT, 1e-3),)
 
 def _sheet(qtbot: QtBot) -> tuple[SettingsSheet, list[dict[str, object]]]:
     """Return the settings as they come, and the list into which it lays what is applied."""
-    sheet = SettingsSheet(LIGHT)
+    sheet = SettingsSheet()
     qtbot.addWidget(sheet)
     sheet.offer(FIELDS)
     sheet.show_values(Settings().values())

@@ -77,7 +77,7 @@ def test_a_parameter_without_a_budget_says_that_its_uncertainty_is_noise_alone(e
 
 
 def test_large_letters_are_rounded_to_the_combined_uncertainty(qtbot, entry, combined):
-    panel = LargePanel(LIGHT)
+    panel = LargePanel()
     qtbot.addWidget(panel)
     panel.show_shot(entry.shot, "Shot 1")
     whole = str(combined["velocity_in_m_per_s"]).partition(" ±")[0]

@@ -527,7 +527,7 @@ def test_what_stays_open_offers_the_next_step(qtbot, shot):
 
 
 def test_large_numbers_fill_the_page_and_are_never_cut(qtbot, shot):
-    panel = LargePanel(LIGHT)
+    panel = LargePanel()
     qtbot.addWidget(panel)
     panel.show()
     panel.show_shot(replace(shot, flags=("momentum_disagrees",)), "Shot 7   shot-0007")
@@ -568,7 +568,7 @@ def test_several_effects_are_added_by_one_press(qtbot):
 
 
 def test_a_long_message_widens_nothing_and_is_whole_on_hover(qtbot):
-    line = NoticeLine(LIGHT)
+    line = NoticeLine()
     qtbot.addWidget(line)
     line.resize(400, 30)
     line.show()
@@ -713,7 +713,7 @@ def test_the_band_is_what_the_verdict_was_judged_by(qtbot, shot):
 
 def test_two_numbers_of_one_kind_have_two_names(qtbot, shot):
     """The panel said 599.8 and the diagnosis 5688, both of "χ²/ν"."""
-    panel, page = ModelPanel(LIGHT), DiagnosisPanel(LIGHT)
+    panel, page = ModelPanel(), DiagnosisPanel(LIGHT)
     for widget in (panel, page):
         qtbot.addWidget(widget)
     panel.show_shot(shot)
@@ -736,7 +736,7 @@ def test_a_law_with_a_less_than_in_its_words_is_named_whole(qtbot, shot):
         effects=(replace(found.effects[0], effect=law, indistinguishable_from=(law,)),),
         candidates=(Candidate(law, 60.0, -80.0, explains_m=curve),),
     )
-    page, model = DiagnosisPanel(LIGHT), ModelPanel(LIGHT)
+    page, model = DiagnosisPanel(LIGHT), ModelPanel()
     for widget in (page, model):
         qtbot.addWidget(widget)
     page.show_diagnosis(found, [shot])
@@ -750,7 +750,7 @@ def test_a_law_with_a_less_than_in_its_words_is_named_whole(qtbot, shot):
 
 
 def test_names_with_markup_in_them_are_shown_as_they_are(qtbot, shot):
-    panel, sheet, session = ComparePanel(LIGHT), SetupSheet(LIGHT), Session()
+    panel, sheet, session = ComparePanel(LIGHT), SetupSheet(), Session()
     for widget in (panel, sheet):
         qtbot.addWidget(widget)
     panel.resize(700, 150)  # low: the legend comes on hovering
@@ -828,7 +828,7 @@ def test_a_number_of_which_little_is_known_is_marked(qtbot, shot):
 def test_the_model_panel_unfolds_the_correlations_that_the_report_states(qtbot, shot):
     spread = np.array([[4.0, -1.2, 0.0, 0.0], [-1.2, 1.0, 0.0, 0.0], [0.0, 0.0, 9.0, 0.0], [0.0, 0.0, 0.0, 0.0]])
     fit = replace(shot.fit, covariance=spread, converged=True)
-    panel = ModelPanel(LIGHT)
+    panel = ModelPanel()
     qtbot.addWidget(panel)
     panel.show()
     panel.show_shot(replace(shot, fit=fit))

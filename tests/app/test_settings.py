@@ -17,7 +17,6 @@ from app.session.settings import FIELDS, SITES, Settings, WrongSettings, correct
 from app.window.file_dialog import Want
 from app.window.panels import settings_sheet
 from app.window.panels.settings_sheet import SettingsSheet
-from app.window.theme import LIGHT
 
 
 def test_what_is_saved_comes_back(tmp_path):
@@ -152,7 +151,7 @@ def test_a_corrected_mass_scales_the_force_of_a_motion_record_and_is_flagged(tmp
 
 
 def test_a_folder_is_chosen_by_the_button_beside_its_field(qtbot, monkeypatch, tmp_path):
-    sheet = SettingsSheet(LIGHT)
+    sheet = SettingsSheet()
     qtbot.addWidget(sheet)
     sheet.offer(FIELDS)
     sheet.show_values(Settings(folder="/before").values())

@@ -140,7 +140,7 @@ def test_the_tour_is_shown_once_and_leaves_the_keys_alone(qtbot: QtBot, window: 
 
 
 def test_verdicts_are_worded_by_the_worst_of_the_checks(qtbot: QtBot) -> None:
-    sheet = SetupSheet(LIGHT)
+    sheet = SetupSheet()
     qtbot.addWidget(sheet)
     assert "no samples yet" in sheet.lines
     good = Check("PD0", Grade.OK, "beat at 2.73 MHz")

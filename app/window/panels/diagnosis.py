@@ -13,8 +13,8 @@ from app.window.panels.next_steps import NextShotCard, NextSteps
 from app.window.panels.residuals import Residuals
 from app.window.panels.why_canvas import WhyCanvas
 from app.window.plots.plot_view import PlotView, in_front
-from app.window.theme import MARKS, Colours, Tone, sized
-from app.window.widgets import FoldButton, keep_place, push_button, scrolled, text_label, vertical
+from app.window.theme import Colours, Tone, sized
+from app.window.widgets import FoldButton, keep_place, push_button, scrolled, show_toned, text_label, vertical
 from app.words import OUTDATED, VERDICTS, kept_words, local_words, short_name
 from levimass import is_drive
 
@@ -162,8 +162,7 @@ class DiagnosisPanel(QWidget):
 
     def show_problem(self, problem: str) -> None:
         """Show why there is no diagnosis."""
-        self._verdict.setText(f"{MARKS[Tone.BAD]} NO DIAGNOSIS")
-        self._verdict.setStyleSheet(f"color: {self._colours.signs[Tone.BAD]}")
+        show_toned(self._verdict, "NO DIAGNOSIS", Tone.BAD)
         self.sentence.setText(problem)
 
     def show_diagnosis(
@@ -187,10 +186,7 @@ class DiagnosisPanel(QWidget):
         self.why.setVisible(not self._driven)
         self.law_curve.show_laws(diagnosis.laws if diagnosis is not None else (), shots)
         if diagnosis is None:
-            self._verdict.setText(
-                f"{MARKS[Tone.BUSY]} diagnosing" if self._busy else f"{MARKS[Tone.NEUTRAL]} not diagnosed"
-            )
-            self._verdict.setStyleSheet(f"color: {self._colours.signs[Tone.NEUTRAL]}")
+            show_toned(self._verdict, *(("diagnosing", Tone.BUSY) if self._busy else ("not diagnosed", Tone.NEUTRAL)))
             self.sentence.setText(
                 "The selected shots are analysed together; you can keep working and take shots meanwhile."
                 if self._busy
@@ -209,8 +205,7 @@ class DiagnosisPanel(QWidget):
             found = diagnosis.verdict in (Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED)
             tone, words = (Tone.GOOD, f"{words}, IN THE MODEL") if found else (tone, f"{words}, THOUGH IN THE MODEL")
         tone, words = (tone, words) if holds else (Tone.NEUTRAL, f"<s>{words}</s>")
-        self._verdict.setText(f"{MARKS[tone]} {words}")
-        self._verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
+        show_toned(self._verdict, words, tone)
         said = in_words(diagnosis)
         self.sentence.setText(local_words(said.sentence))
         self.bars.show_candidates(diagnosis.candidates, {found.effect for found in diagnosis.effects})

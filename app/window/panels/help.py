@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QPlainTe
 
 from app.report import program_words
 from app.window.commands import COMMANDS, MOUSE, ON_PLOT
-from app.window.theme import Colours, sized
+from app.window.theme import sized
 from app.window.widgets import SideSheet, push_button, text_label, vertical
 
 
@@ -154,7 +154,7 @@ class Tour(QFrame):
 
     ended = Signal()
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setObjectName("tour")
         self.setAccessibleName("Short tour")
@@ -180,15 +180,8 @@ class Tour(QFrame):
         row.addWidget(self.onward)
         column.addLayout(row)
         self.setFixedWidth(self.fontMetrics().horizontalAdvance("M") * 32)
-        self.dress(colours)
         self._ring.hide()
         self.hide()
-
-    def dress(self, colours: Colours) -> None:
-        self.setStyleSheet(
-            f"#tour {{ background: {colours.panel}; border: 2px solid {colours.accent}; border-radius: 8px; }}"
-        )
-        self._ring.setStyleSheet(f"#ring {{ border: 3px solid {colours.accent}; border-radius: 8px; }}")
 
     def begin(self, steps: Sequence[Step]) -> None:
         """Show the first callout; Enter continues, Esc ends, all other keys work as usual."""

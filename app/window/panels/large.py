@@ -6,8 +6,8 @@ from PySide6.QtWidgets import QGridLayout, QLabel, QWidget
 
 from analysis.shot import CONCERNS, Quantity, Reading, Shot
 from analysis.uncertainty import Group, ResultNumber, combined_of, shown_numbers, stated
-from app.window.theme import MARKS, Colours, Tone
-from app.window.widgets import text_label
+from app.window.theme import MARKS, Tone
+from app.window.widgets import set_tone, text_label
 from app.words import DASH, MILD_FLAGS, local, number
 from levimass import is_drive
 
@@ -21,10 +21,8 @@ LEAST_PX, SPARE = 12, 0.92
 class LargePanel(QWidget):
     """A title and a line per number."""
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._colours = colours
-        self._doubtful = False
         self._rows: tuple[ResultNumber, ...] = COLLISION
         grid = QGridLayout(self)
         grid.setContentsMargins(16, 6, 16, 6)
@@ -32,7 +30,7 @@ class LargePanel(QWidget):
         grid.addWidget(self._title, 0, 0, 1, 3)
         self._cells: list[tuple[QLabel, QLabel, QLabel]] = []
         for line in range(1, 1 + max(len(COLLISION), len(DRIVEN))):
-            cells = QLabel(self), text_label(DASH, self, selectable=True), QLabel(self)
+            cells = QLabel(self), text_label(DASH, self, selectable=True), text_label("", self, faint=True)
             cells[1].setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
             for place, cell in enumerate(cells):
                 cell.setMinimumSize(1, 1)  # the font follows the page
@@ -45,8 +43,9 @@ class LargePanel(QWidget):
     def show_shot(self, shot: Shot | None, title: str) -> None:
         """Show a shot's numbers, rounded to their combined uncertainty; a doubt is a mark at the title."""
         self._rows = DRIVEN if shot is not None and is_drive(shot.settings.model) else COLLISION
-        self._doubtful = shot is not None and any(self._casts_doubt(flag) for flag in shot.flags)
-        self._title.setText((f"{MARKS[Tone.WARNING]} " if self._doubtful else "") + (title or "No shot yet"))
+        doubtful = shot is not None and any(self._casts_doubt(flag) for flag in shot.flags)
+        self._title.setText((f"{MARKS[Tone.WARNING]} " if doubtful else "") + (title or "No shot yet"))
+        set_tone(self._title, Tone.WARNING if doubtful else None)
         combined = combined_of(shot) if shot is not None else {}
         for line, (name, value, unit) in enumerate(self._cells):
             there = line < len(self._rows)
@@ -59,7 +58,6 @@ class LargePanel(QWidget):
                 value.setAccessibleName(f"{name.text()} {row.shown_unit}".strip())
                 reading = stated(row.find(shot), row.key, combined) if shot is not None else None
                 value.setText(plain_digits(reading, row.scale))
-        self.dress(self._colours)
         self._fit()
 
     def _casts_doubt(self, flag: str) -> bool:
@@ -70,12 +68,6 @@ class LargePanel(QWidget):
     def text(self, name: str) -> str:
         """Return what is shown for a number."""
         return next(value.text() for label, value, _ in self._cells if label.text() == name)
-
-    def dress(self, colours: Colours) -> None:
-        self._colours = colours
-        self._title.setStyleSheet(f"color: {colours.signs[Tone.WARNING]}" if self._doubtful else "")
-        for _, _, unit in self._cells:
-            unit.setStyleSheet(f"color: {colours.faint}")
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         super().resizeEvent(event)

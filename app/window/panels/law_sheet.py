@@ -6,8 +6,8 @@ from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QCheckBox, QFormLayout, QGridLayout, QLabel, QLineEdit, QWidget
 
 from analysis.collision import FUNCTIONS, MOST_PARAMETERS, LawError, from_mapping
-from app.window.theme import MARKS, Colours, Tone
-from app.window.widgets import SideSheet, combo_box, line_edit, push_button, text_label
+from app.window.theme import Tone
+from app.window.widgets import SideSheet, combo_box, line_edit, push_button, show_toned, text_label
 from app.words import typed_number
 
 PLACES = (("on the block", "block"), ("on the plate", "plate"), ("between block and plate, in contact", "contact"))
@@ -24,9 +24,8 @@ class LawSheet(SideSheet):
 
     wanted = Signal(dict)  # the law as ``from_mapping`` reads it
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("Propose a law", parent)
-        self._colours = colours
         column, _ = self.head("Propose a law", "Close; what is typed stays  (Esc)")
         column.addWidget(text_label(HINT, self, faint=True, wrap=True))
         form = QFormLayout()
@@ -60,7 +59,7 @@ class LawSheet(SideSheet):
             grid.addWidget(own, row, len(COLUMNS))
             self.own.append(own)
         column.addLayout(grid)
-        self.said = text_label("", self, wrap=True)
+        self.said = text_label("", self, wrap=True, bold=True)
         self.said.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
         column.addWidget(self.said)
         column.addStretch(1)
@@ -140,12 +139,7 @@ class LawSheet(SideSheet):
 
     def say(self, words: str, tone: Tone) -> None:
         """Show a message below the fields."""
-        self.said.setText(f"{MARKS[tone]} {words}" if words else "")
-        self.said.setStyleSheet(f"color: {self._colours.signs[tone]}; font-weight: bold")
-
-    def dress(self, colours: Colours) -> None:
-        self._colours = colours
-        self._check()
+        show_toned(self.said, words, tone)
 
     def open(self) -> None:
         """Show the sheet with the focus in the first empty field."""

@@ -9,8 +9,8 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QWid
 
 from analysis.shot import Role, Setup
 from app.session import ChannelKind, ChannelLook, proposed
-from app.window.theme import MARKS, Colours, Tone
-from app.window.widgets import SideSheet, combo_box, line_edit, push_button, text_label
+from app.window.theme import Tone
+from app.window.widgets import SideSheet, combo_box, line_edit, push_button, show_toned, text_label
 from app.words import local, number, typed_number
 from instrument.files import (
     LENGTHS_M,
@@ -76,9 +76,8 @@ class MappingSheet(SideSheet):
 
     applied = Signal(object)
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("Channels of a file from another program", parent)
-        self._colours = colours
         self._contents: ForeignContents | None = None
         column, _ = self.head("Assign channels", "Do not open this file  (Esc)")
         self._file = text_label("", self, wrap=True)
@@ -103,7 +102,7 @@ class MappingSheet(SideSheet):
         self.for_folder = QCheckBox("for every file of this format in its folder", self)
         self.for_folder.setToolTip("The other files there have the same channels: do not ask again")
         column.addWidget(self.for_folder)
-        self.problem = text_label("", self, wrap=True)
+        self.problem = text_label("", self, wrap=True, bold=True)
         self.problem.setMinimumHeight(3 * self.fontMetrics().lineSpacing())
         column.addWidget(self.problem)
         hover = "Save the assignment with the file, and open the file  (Enter in a field)"
@@ -131,10 +130,6 @@ class MappingSheet(SideSheet):
         for key, words in UNITS.items():
             self.unit.addItem(words, key)
         self.unit.setCurrentIndex(max(0, self.unit.findData(unit)) if unit is not None else 0)
-
-    def dress(self, colours: Colours) -> None:
-        self._colours = colours
-        self.problem.setStyleSheet(f"color: {colours.signs[Tone.BAD]}; font-weight: bold")
 
     def ask(
         self, contents: ForeignContents, mass_kg: float, rest_hz: float | None, looks: Sequence[ChannelLook] = ()
@@ -174,8 +169,7 @@ class MappingSheet(SideSheet):
 
     def refuse(self, problem: str) -> None:
         """Show why the file cannot be read with this assignment."""
-        self.problem.setText(f"{MARKS[Tone.BAD]} {problem}")
-        self.problem.setStyleSheet(f"color: {self._colours.signs[Tone.BAD]}; font-weight: bold")
+        show_toned(self.problem, problem, Tone.BAD)
 
     @Slot()
     def apply(self) -> None:

@@ -8,8 +8,8 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QWidget
 from analysis.collision import Effect
 from analysis.fitted import awaits_fit
 from analysis.shot import Fit, Shot
-from app.window.theme import MARKS, Colours, Tone
-from app.window.widgets import push_button, text_label, vertical
+from app.window.theme import MARKS, Tone
+from app.window.widgets import push_button, set_tone, show_toned, text_label, vertical
 from app.words import OUTDATED, base_words, correlation_words, model_in_words, number, parameter_parts, with_prefix
 
 LACKING_CHI2 = 1.5  # above, the residual is far more than noise
@@ -28,12 +28,8 @@ def _matrix(fit: Fit) -> str:
 class ModelPanel(QFrame):
     """Base and effects, chi2 of the fit, verdict, correlations."""
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._colours = colours
-        self._shot: Shot | None = None
-        self._tried: tuple[Effect, ...] = ()
-        self._verdict_shown = self._known_shown = ("", Tone.NEUTRAL)
         column = vertical(self, (10, 2, 8, 4), 1)
         top = QHBoxLayout()
         top.addWidget(text_label("MODEL", self, heading=True), 1)
@@ -57,15 +53,8 @@ class ModelPanel(QFrame):
         self.show_verdict("", Tone.NEUTRAL)
         self.show_known("", Tone.NEUTRAL)
 
-    def dress(self, colours: Colours) -> None:
-        self._colours = colours
-        self.show_shot(self._shot, self._tried)
-        self.show_verdict(*self._verdict_shown)
-        self.show_known(*self._known_shown)
-
     def show_shot(self, shot: Shot | None, tried: tuple[Effect, ...] = ()) -> None:
         """Show the model of a shot's fit; ``tried`` are effects that no diagnosis named."""
-        self._shot, self._tried = shot, tried
         fit = shot.fit if shot is not None else None
         shown = fit is not None and fit.converged
         self.correlations.setText(_matrix(fit) if fit is not None and shown else "")
@@ -77,13 +66,12 @@ class ModelPanel(QFrame):
             self._model.setText("no shot selected" if shot is None else f"{base_words(base)}: {how}")
             self._fit.setText("")
             return
-        self._model.setText(f"<b>{escape(model_in_words(fit.model, fit.effects, self._tried))}</b>")
+        self._model.setText(f"<b>{escape(model_in_words(fit.model, fit.effects, tried))}</b>")
         if not fit.converged:
-            self._fit.setText(f"{MARKS[Tone.BAD]} the fit did not converge: its numbers are not shown")
-            self._fit.setStyleSheet(f"color: {self._colours.signs[Tone.BAD]}")
+            show_toned(self._fit, "the fit did not converge: its numbers are not shown", Tone.BAD)
             return
         lacking = fit.reduced_chi2 > LACKING_CHI2
-        self._fit.setStyleSheet(f"color: {self._colours.signs[Tone.WARNING]}" if lacking else "")
+        set_tone(self._fit, Tone.WARNING if lacking else None)
         chi2, noise = number(fit.reduced_chi2, 4), with_prefix(fit.noise_std_m, "m")
         words = f"χ²/ν of this shot's fit {chi2}, noise {noise} per sample"
         self._fit.setText(f"{MARKS[Tone.WARNING]} {words}\nmisfit exceeds noise: run Diagnose" if lacking else words)
@@ -93,17 +81,15 @@ class ModelPanel(QFrame):
         )
 
     def show_verdict(self, sentence: str, tone: Tone) -> None:
-        self._verdict_shown = (sentence, tone)
-        self.verdict.setText(f"{MARKS[tone]} {sentence}" if sentence else "not diagnosed yet")
+        show_toned(self.verdict, sentence, tone)
+        if not sentence:
+            self.verdict.setText("not diagnosed yet")
         self.verdict.setToolTip(OUTDATED if sentence.startswith("<s>") else "")
-        self.verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
 
     def show_known(self, words: str, tone: Tone) -> None:
         """Show how the shot agrees with the model file in use; "" without one."""
-        self._known_shown = (words, tone)
         self.known.setVisible(bool(words))
-        self.known.setText(f"{MARKS[tone]} {words}" if words else "")
-        self.known.setStyleSheet(f"color: {self._colours.signs[tone]}")
+        show_toned(self.known, words, tone)
 
     @Slot(bool)
     def _unfold(self, unfolded: bool) -> None:

@@ -11,7 +11,7 @@ from analysis.shot import Quantity, Reading, Shot, concerning
 from analysis.uncertainty import Group, ResultNumber, combined_of, shown_numbers, stated
 from app.window.state_words import flag_line, flag_tone
 from app.window.theme import MARKS, Colours, Tone, sized
-from app.window.widgets import FoldButton, push_button, text_label, vertical
+from app.window.widgets import FoldButton, push_button, set_tone, show_toned, text_label, vertical
 from app.words import (
     COMBINED,
     NOISE_ONLY,
@@ -119,7 +119,7 @@ class NumbersPanel(QScrollArea):
                 self._groups[heading] += self._add_row(grid, line, row, inner)
                 line += 1
                 if row.key == "cor_impulse":
-                    self.agreement = QLabel("", inner)
+                    self.agreement = text_label("", inner, bold=True)
                     self.agreement.setAlignment(Qt.AlignmentFlag.AlignRight)
                     grid.addWidget(self.agreement, line, 0, 1, 3)
                     self._groups[heading].append(self.agreement)
@@ -218,7 +218,8 @@ class NumbersPanel(QScrollArea):
         name = self._names[row.name]
         doubted = wide or any(flag_tone(flag) is Tone.WARNING for flag in doubts)
         name.setText(f"{row.name} {MARKS[Tone.WARNING]}" if doubted else row.name)
-        name.setStyleSheet(f"color: {self._colours.signs[Tone.WARNING]}; font-weight: bold" if doubted else "")
+        set_tone(name, Tone.WARNING if doubted else None)
+        name.setFont(sized(self.font(), 1.0, bold=doubted))  # after the tone, with which a label takes its first font
         name.setToolTip(hover)
 
     def _fit_title(self) -> None:
@@ -256,8 +257,7 @@ class NumbersPanel(QScrollArea):
             apart = abs(first.value - second.value) / spread if spread > 0 else math.inf
             tone = Tone.GOOD if apart <= 3 else Tone.WARNING
             words = "quasi-static and impulse COR agree" if tone is Tone.GOOD else f"they differ by {apart:.0f} σ"
-            self.agreement.setText(f"{MARKS[tone]} {words}")
-            self.agreement.setStyleSheet(f"color: {self._colours.signs[tone]}; font-weight: bold")
+            show_toned(self.agreement, words, tone)
             self.agreement.setToolTip("Difference between quasi-static and impulse COR, relative to their noise")
 
     def _show_flags(self, shot: Shot | None) -> None:

@@ -7,7 +7,7 @@ from PySide6.QtGui import QFontMetrics, QResizeEvent
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFrame, QLabel, QSizePolicy, QVBoxLayout, QWidget
 
 from app.window.theme import MARKS, Colours, Tone, sized
-from app.window.widgets import combo_box, horizontal, push_button, text_label
+from app.window.widgets import combo_box, horizontal, push_button, set_tone, text_label
 
 
 class Controls(QWidget):
@@ -202,17 +202,16 @@ TILES = (
 class SignalLine(QFrame):
     """Tiles of fixed width, and the folder of the shots."""
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setProperty("card", True)
-        self._colours = colours
         self._signs: dict[str, Sign] = {}
         self._saving = ""  # where shots go, in words
         row = horizontal(self, (6, 2, 6, 2), 3)
         self._marks: dict[str, QLabel] = {}
         self.values: dict[str, QLabel] = {}
         for name, title, widest in TILES:
-            mark, heading = QLabel(self), text_label(title, self, faint=True)
+            mark, heading = text_label("", self, bold=True), text_label(title, self, faint=True)
             value = text_label("–", self, selectable=True)
             mark.setFixedWidth(self.fontMetrics().horizontalAdvance("✓M"))
             mark.setAlignment(Qt.AlignmentFlag.AlignCenter)
@@ -228,23 +227,16 @@ class SignalLine(QFrame):
         for name, _, _ in TILES:
             self.show_sign(name, Sign("–", Tone.NEUTRAL))
 
-    def dress(self, colours: Colours) -> None:
-        self._colours = colours
-        for name, sign in self._signs.items():
-            self._marks[name].setStyleSheet(f"color: {colours.signs[sign.tone]}; font-weight: bold")
-
     def show_sign(self, name: str, sign: Sign) -> None:
         """Show the words of a tile; touches only what changed."""
-        before = self._signs.get(name)
-        if before == sign:
+        if self._signs.get(name) == sign:
             return
         self._signs[name] = sign
         self.values[name].setText(sign.words)
         self.values[name].setToolTip(sign.hover)
         self.values[name].setAccessibleDescription(f"{sign.words}. {sign.hover}")
-        if before is None or before.tone is not sign.tone:
-            self._marks[name].setText(MARKS[sign.tone])
-            self._marks[name].setStyleSheet(f"color: {self._colours.signs[sign.tone]}; font-weight: bold")
+        self._marks[name].setText(MARKS[sign.tone])
+        set_tone(self._marks[name], sign.tone)
 
     def show_folder(self, folder: str) -> None:
         words = f"saving to {folder}" if folder else "not saving"

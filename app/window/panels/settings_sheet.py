@@ -6,8 +6,8 @@ from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QScrollArea, QSizePolicy, QWidget
 
 from app.window.file_dialog import Want, ask_for_one
-from app.window.theme import MARKS, Colours, Tone
-from app.window.widgets import SideSheet, horizontal, push_button, text_label
+from app.window.theme import Tone
+from app.window.widgets import SideSheet, horizontal, push_button, show_toned, text_label
 from app.words import local, typed_number, typed_numbers
 from levimass import Setting, Value
 
@@ -17,12 +17,10 @@ class SettingsSheet(SideSheet):
 
     applied = Signal(dict)
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("Settings", parent)
-        self._colours = colours
         self._fields: tuple[Setting, ...] = ()
         self._editors: dict[str, QWidget] = {}
-        self._tone = Tone.NEUTRAL  # of the message below the fields
         self._browsed = ""  # the field whose folder is being chosen
         column, _ = self.head("Settings", "Close without applying  (F2 or Esc)")
         hint = "They hold for the next shots; each shot keeps the settings it was taken with."
@@ -32,7 +30,7 @@ class SettingsSheet(SideSheet):
         self._scroll.setWidgetResizable(True)
         self._scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         column.addWidget(self._scroll, 1)
-        self.problem = text_label("", self, wrap=True)
+        self.problem = text_label("", self, wrap=True, bold=True)
         self.problem.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
         column.addWidget(self.problem)
         hover = "Use these from the next shot on  (Enter in a field)"
@@ -145,21 +143,13 @@ class SettingsSheet(SideSheet):
                     return
             elif isinstance(editor, QLineEdit):
                 values[field.key] = editor.text().strip()
-        self._say("Applied. Ctrl+R analyses the selected shots again with them, as copies.", Tone.GOOD)
+        words = "Applied. Ctrl+R analyses the selected shots again with them, as copies."
+        show_toned(self.problem, words, Tone.GOOD)
         self.applied.emit(values)
 
     def refuse(self, problem: str) -> None:
         """Show why the settings were refused."""
-        self._say(problem, Tone.BAD)
-
-    def _say(self, words: str, tone: Tone) -> None:
-        self._tone = tone
-        self.problem.setText(f"{MARKS[tone]} {words}")
-        self.problem.setStyleSheet(f"color: {self._colours.signs[tone]}; font-weight: bold")
-
-    def dress(self, colours: Colours) -> None:
-        self._colours = colours
-        self.problem.setStyleSheet(f"color: {colours.signs[self._tone]}; font-weight: bold")
+        show_toned(self.problem, problem, Tone.BAD)
 
     def open(self) -> None:
         """Show the sheet with the focus in its first field."""

@@ -7,8 +7,8 @@ from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
-from app.window.theme import MARKS, Colours, Tone, sized
-from app.window.widgets import SideSheet, clear_layout, line_edit, push_button, text_label
+from app.window.theme import MARKS, Tone, sized
+from app.window.widgets import SideSheet, clear_layout, line_edit, push_button, set_tone, show_toned, text_label
 from app.words import local_words
 from instrument.devices import Check, FoundDevice, Grade
 
@@ -23,12 +23,8 @@ class SetupSheet(SideSheet):
     source_wanted = Signal(str)
     address_wanted = Signal(str)  # as it was typed
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("Set-up", parent)
-        self._colours = colours
-        self._checks: tuple[Check, ...] = ()
-        self._waiting = ""
-        self._listed: tuple[Sequence[FoundDevice], Sequence[FoundDevice], str, str] | None = None
         column, self._close = self.head("Set-up", "Close the set-up  (F3 or Esc)")
         column.setSpacing(6)
         self._add_sources(column)
@@ -113,7 +109,6 @@ class SetupSheet(SideSheet):
     ) -> None:
         """List the bench, the devices found and known addresses; ``problem``: why the search failed."""
         self.look.setEnabled(True)
-        self._listed = (found, known, present, problem)
         clear_layout(self._devices)
         if problem:
             self._found.setText(f"{MARKS[Tone.WARNING]} The search for devices failed: {problem}")
@@ -127,24 +122,22 @@ class SetupSheet(SideSheet):
             self._add_device(line, device.source, device.name, device.where, words, present)
 
     def _add_device(self, line: int, source: str, name: str, where: str, problem: str, present: str) -> None:
-        words = f"<b>{escape(name)}</b><br>{escape(where)}"
-        if problem:
-            words += (
-                f"<br><span style='color:{self._colours.signs[Tone.BAD]}'>{MARKS[Tone.BAD]} {escape(problem)}</span>"
-            )
-        label = text_label(words, self, wrap=True)
+        label = text_label(f"<b>{escape(name)}</b><br>{escape(where)}", self, wrap=True)
         used = "In use" if source == present else "Use"
         button = push_button(used, f"Take the samples from {name}", self, self._use)
         button.setEnabled(source != present)
         button.setAccessibleName(f"Use {name}")
         button.setProperty("source", source)
-        self._devices.addWidget(label, line, 0)
-        self._devices.addWidget(button, line, 1, Qt.AlignmentFlag.AlignTop)
+        self._devices.addWidget(label, 2 * line, 0)
+        self._devices.addWidget(button, 2 * line, 1, Qt.AlignmentFlag.AlignTop)
+        if problem:
+            below = text_label("", self, wrap=True)
+            show_toned(below, problem, Tone.BAD)
+            self._devices.addWidget(below, 2 * line + 1, 0)
 
     def refuse_address(self, words: str) -> None:
         """Show why an address is invalid, or ""."""
-        self.refusal.setText(f"{MARKS[Tone.BAD]} {words}" if words else "")
-        self.refusal.setStyleSheet(f"color: {self._colours.signs[Tone.BAD]}")
+        show_toned(self.refusal, words, Tone.BAD)
         self.refusal.setVisible(bool(words))
 
     def use_buttons(self) -> list[QPushButton]:
@@ -161,41 +154,24 @@ class SetupSheet(SideSheet):
 
     def show_checks(self, checks: tuple[Check, ...], waiting: str = "") -> None:
         """Show the checks of the signals, or why there are none yet."""
-        self._checks, self._waiting = checks, waiting
         for index, line in enumerate(self._lines):
             line.setVisible(index < len(checks) or (index == 0 and not checks))
             if index < len(checks):
                 check = checks[index]
-                tone = TONES[check.grade]
                 name = TITLES.get(check.name, check.name[:1].upper() + check.name[1:])
-                words = f"{MARKS[tone]} {name}: {local_words(check.line)}"
+                show_toned(line, f"{name}: {local_words(check.line)}", TONES[check.grade])
             else:
-                tone, words = Tone.NEUTRAL, waiting if index == 0 else ""
-            if line.text() != words:
-                line.setText(words)
-                line.setStyleSheet(f"color: {self._colours.signs[tone]}")
+                line.setText(waiting if index == 0 else "")
+                set_tone(line, Tone.NEUTRAL)
         tone, words = _verdict(checks)
-        if self.verdict.text() != words:
-            self.verdict.setText(words)
-            self.verdict.setStyleSheet(f"color: {self._colours.signs[tone]}")
+        self.verdict.setText(words)
+        set_tone(self.verdict, tone)
 
     @property
     def lines(self) -> list[str]:
         return [line.text() for line in self._lines if line.text()]
 
     # the sheet --------------------------------------------------------------------------------------------------
-
-    def dress(self, colours: Colours) -> None:
-        self._colours = colours
-        for line in (*self._lines, self.verdict):
-            line.setText("")
-        self.refusal.setStyleSheet(f"color: {colours.signs[Tone.BAD]}")
-        self.show_checks(self._checks, self._waiting)
-        looking = not self.look.isEnabled()
-        if self._listed is not None:
-            self.show_devices(*self._listed)
-        if looking:
-            self.show_looking()
 
     def open(self) -> None:
         self.open_at(self.look if self.look.isEnabled() else self._close)

@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QFrame, QListWidget, QListWidgetItem, QProgressBar
 
 from app.session import Job, Jobs
 from app.window.theme import MARKS, Colours, Tone
-from app.window.widgets import SideSheet, horizontal, keep_place, push_button, text_label
+from app.window.widgets import SideSheet, horizontal, keep_place, push_button, set_tone, text_label
 
 KEPT = 20
 LISTED = 200  # messages that the list keeps
@@ -36,14 +36,13 @@ class NoticeLine(QFrame):
 
     changed = Signal()
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._colours = colours
         self._notices: list[Notice] = []
         self._shown_s: dict[int, float] = {}  # when each was shown, by its id
         self.history: deque[tuple[datetime, Notice]] = deque(maxlen=LISTED)
         row = horizontal(self, (12, 0, 4, 0))
-        self._words = text_label("", self, selectable=True)
+        self._words = text_label("", self, selectable=True, bold=True)
         self._words.setAccessibleName("Newest message")
         self._words.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)  # a path must not widen it
         self._whole = ""
@@ -105,10 +104,6 @@ class NoticeLine(QFrame):
         if notice.do is not None:
             notice.do()
 
-    def dress(self, colours: Colours) -> None:
-        self._colours = colours
-        self._refresh()
-
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Shorten the message to the width; hovering shows all of it."""
         super().resizeEvent(event)
@@ -144,7 +139,7 @@ class NoticeLine(QFrame):
         self._whole = f"{MARKS[newest.tone]} {newest.words}{more}{self._age()}"
         self._words.setToolTip("\n".join(notice.words for notice in reversed(self._notices)))
         self._words.setAccessibleDescription(self._whole)
-        self._words.setStyleSheet(f"color: {self._colours.signs[newest.tone]}; font-weight: bold")
+        set_tone(self._words, newest.tone)
         self._fit()
 
 
@@ -202,10 +197,10 @@ def _remaining(job: Job) -> str:
 class WorkLine(QWidget):
     """Messages, progress, and the buttons for set-up, settings and keys."""
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         row = horizontal(self)
-        self.notices = NoticeLine(colours, self)
+        self.notices = NoticeLine(self)
         self.progress = QProgressBar(self)
         self.progress.setRange(0, 1000)
         self.progress.setMaximumWidth(

@@ -32,7 +32,7 @@ from app.window.panels.spectrum import SpectrumPanel
 from app.window.panels.tables import BudgetPanel, PaperPanel
 from app.window.panels.work_line import NoticeList, WorkLine
 from app.window.plots.plot_view import PlotView
-from app.window.theme import Theme
+from app.window.theme import Theme, dress_all
 from app.window.widgets import vertical
 
 
@@ -45,19 +45,18 @@ class Layout(QWidget):
     def __init__(self, theme: Theme, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._number: int | None = None  # of the last selected shot
-        c = theme.colours
         self.controls = Controls(self)
-        self.banner = Banner(c, self)
+        self.banner = Banner(self)
         self.signals = SignalLine(self)
-        self.live = LivePanel(c, self)
-        self.shot = ShotPanel(c, self)
-        self.compare = ComparePanel(c, self)
-        self.spectrum = SpectrumPanel(c, self)
-        self.diagnosis = DiagnosisPanel(c, self)
+        self.live = LivePanel(self)
+        self.shot = ShotPanel(self)
+        self.compare = ComparePanel(self)
+        self.spectrum = SpectrumPanel(self)
+        self.diagnosis = DiagnosisPanel(self)
         self.budget = BudgetPanel(self)
-        self.paper = PaperPanel(c, self)
+        self.paper = PaperPanel(self)
         self.large = LargePanel(self)
-        self.numbers = NumbersPanel(c, self)
+        self.numbers = NumbersPanel(self)
         self.model = ModelPanel(self)
         self.table = SessionTable(self)
         self.work = WorkLine(self)
@@ -76,9 +75,10 @@ class Layout(QWidget):
         self.law = LawSheet(self)
         self.keys = KeySheet(self)
         self.about = AboutSheet(self)
-        self.messages = NoticeList(self.work.notices, c, self)
+        self.messages = NoticeList(self.work.notices, self)
         self.tour = Tour(self)
         self._theme = theme
+        self.dress()
 
     def _place(self) -> None:
         column = vertical(self, (6, 4, 6, 4), 4)
@@ -114,19 +114,8 @@ class Layout(QWidget):
 
     @Slot()
     def dress(self) -> None:
-        """Apply the theme's colours to every panel."""
-        for panel in (
-            self.banner,
-            self.live,
-            self.shot,
-            self.compare,
-            self.spectrum,
-            self.diagnosis,
-            self.paper,
-            self.numbers,
-            self.messages,
-        ):
-            panel.dress(self._theme.colours)
+        """Apply the theme's colours to whatever draws in colours of its own."""
+        dress_all(self, self._theme.colours)
 
     def name_shot(self, number: int | None) -> None:
         """Show the number of the selected shot in the tab SHOT, where there is room."""

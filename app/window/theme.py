@@ -6,7 +6,7 @@ from string import Template
 
 from PySide6.QtCore import QObject, Qt, Signal, Slot
 from PySide6.QtGui import QColor, QFont, QGuiApplication, QPalette
-from PySide6.QtWidgets import QApplication
+from PySide6.QtWidgets import QApplication, QWidget
 
 
 class Tone(StrEnum):
@@ -190,6 +190,7 @@ QFrame#tour { background: $panel; border: 2px solid $accent; border-radius: 8px;
 QFrame#ring { border: 3px solid $accent; border-radius: 8px; }
 QWidget[panel="true"] { background: $panel; }
 QLabel[faint="true"] { color: $faint; }
+QLabel[quantity="true"][tone="warning"] { font-weight: bold; }
 QLabel[heading="true"] { color: $faint; font-weight: bold; letter-spacing: 1px; }
 QPushButton, QToolButton { padding: 4px 9px; border: 1px solid $edge; border-radius: 5px;
     background: $panel; color: $text; }
@@ -246,6 +247,23 @@ QProgressBar { border: 1px solid $edge; border-radius: 4px; text-align: center;
     background: $window; color: $text; min-height: 1.2em; }
 QProgressBar::chunk { background: $band; border-radius: 3px; }
 """)
+
+
+class Dressed:
+    """A widget that draws in colours which no style sheet can give it."""
+
+    colours = LIGHT
+
+    def dress(self, colours: Colours) -> None:
+        """Draw in these colours from now on."""
+        self.colours = colours
+
+
+def dress_all(window: QWidget, colours: Colours) -> None:
+    """Dress every widget of a window that draws in colours of its own."""
+    for widget in window.findChildren(QWidget):
+        if isinstance(widget, Dressed):
+            widget.dress(colours)
 
 
 class Theme(QObject):

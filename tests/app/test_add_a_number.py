@@ -17,7 +17,6 @@ from app.session.session import Session
 from app.window.panels.compare import ComparePanel
 from app.window.panels.numbers import NumbersPanel
 from app.window.panels.session_table import SessionTable
-from app.window.theme import LIGHT
 from app.words.wording import concise_text
 from tests.app import synthetic
 
@@ -65,7 +64,7 @@ def test_a_number_stands_in_report_terminal_and_window(shots, qtbot):
     session = Session()
     for shot in shots:
         session.add(shot)
-    panel, table, compare = NumbersPanel(LIGHT), SessionTable(), ComparePanel(LIGHT)
+    panel, table, compare = NumbersPanel(), SessionTable(), ComparePanel()
     for widget in (panel, table, compare):
         qtbot.addWidget(widget)
     panel.show_shot(shots[0])

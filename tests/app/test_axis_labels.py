@@ -26,7 +26,7 @@ def _label(plot) -> tuple[QRectF, QRectF]:
 
 @pytest.fixture
 def stack(qapp):
-    stack = TimeStack("residuals", LIGHT)
+    stack = TimeStack("residuals")
     for name in ("before", "after", "held out"):
         stack.add_plot(name, "nm")
     stack.resize(*HIGH)
@@ -46,7 +46,7 @@ def _whole(stack) -> bool:
 
 def test_a_longer_name_stands_in_the_middle_as_the_first_did(stack):
     for plot in stack.plots:
-        plot.call("residual of displacement")
+        plot.name_value("residual of displacement", plot.unit)
     QTest.qWait(20)
     for plot in stack.plots:
         words, axis = _label(plot)
@@ -57,7 +57,7 @@ def test_a_name_that_comes_to_a_low_plot_is_cut_in_no_picture(stack):
     stack.resize(*LOW)
     QTest.qWait(20)
     for plot in stack.plots:
-        plot.call("residual of displacement")  # and a picture is taken before anything else happens
+        plot.name_value("residual of displacement", plot.unit)  # and a picture is taken before anything else happens
     assert _whole(stack)
     assert [plot.caption.shown for plot in stack.plots] == 3 * ["residual of displacement (nm)"]
 

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from PySide6.QtGui import QTextDocumentFragment
 
-from app.window.plots.cursors import CursorAxis, between
+from app.window.plots.cursors import CursorAxis, CursorReadout, between
+from app.window.plots.lines import MEASURED
 from app.window.plots.plain_plot import LogPlot
 from app.window.plots.time_stack import TimeStack
-from app.window.theme import LIGHT
 
 
 def test_measures_of_a_ramp():
@@ -32,7 +33,7 @@ def test_nothing_between_is_nan_and_not_zero():
 
 
 def test_a_cursor_dragged_in_one_plot_moves_in_all_of_them_and_the_other_stays(qtbot) -> None:
-    stack = TimeStack("stack", LIGHT)
+    stack = TimeStack("stack")
     qtbot.addWidget(stack)
     for title in ("velocity", "force"):
         stack.add_plot(title, "N")
@@ -58,3 +59,14 @@ def test_a_plot_over_decades_is_told_in_plain_numbers(qtbot) -> None:
     assert plot.cursors.text().startswith("A\t1.000000 Hz\tB\t10.000000 Hz")
     ticks = plot.plot.getAxis("bottom").tickValues(0.0, 2.0, 300.0)[0][1]
     assert plot.plot.getAxis("bottom").tickStrings(ticks, 1.0, 1.0) == ["1", "2", "5", "10", "20", "50", "100"]
+
+
+def test_the_table_names_a_curve_as_it_is_called_whatever_its_name_looks_like(qtbot) -> None:
+    stack = TimeStack("stack")
+    qtbot.addWidget(stack)
+    stack.add_plot("force", "N").add_curve("1 v<u>0 & a", MEASURED).show_samples(0.0, 0.1, np.zeros(100))
+    readout = CursorReadout(stack)
+    qtbot.addWidget(readout)
+    stack.show()
+    stack.show_cursors(True)
+    assert "force, 1 v<u>0 & a" in QTextDocumentFragment.fromHtml(readout.words).toPlainText()

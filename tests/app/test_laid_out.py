@@ -14,6 +14,7 @@ from app.session.choices import Choices
 from app.session.session import Session
 from app.session.settings import FIELDS
 from app.window.layout import Layout
+from app.window.panels.numbers import NumbersPanel
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.time_stack import TimeStack
 from app.window.presenters.help import TourPresenter
@@ -154,6 +155,22 @@ def test_a_label_has_the_colour_of_its_tone_and_keeps_its_size_in_either_scheme(
         assert label.palette().color(label.foregroundRole()).name() not in colours.signs.values()
     show_toned(label, "", Tone.BAD)
     assert label.text() == ""
+    qapp.setStyleSheet(before)
+
+
+def test_the_name_of_a_number_in_doubt_is_bold_in_either_scheme_and_until_it_is_in_doubt_no_longer(qapp, qtbot):
+    panel, before = NumbersPanel(), qapp.styleSheet()
+    qtbot.addWidget(panel)
+    shot = synthetic.shot()
+    for colours in (LIGHT, DARK):
+        for flags in (("momentum_disagrees",), ()):
+            panel.show_shot(replace(shot, flags=flags))
+            qapp.setStyleSheet(style_sheet(colours))  # as after a change of the system's colours
+            doubted = [name for name in panel._names.values() if MARKS[Tone.WARNING] in name.text()]
+            assert bool(doubted) is bool(flags)
+            for name in panel._names.values():
+                name.ensurePolished()
+                assert name.font().bold() is (name in doubted)
     qapp.setStyleSheet(before)
 
 

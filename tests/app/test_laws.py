@@ -22,7 +22,6 @@ from app.session.session import Session
 from app.session.verdict_basis import ModelEffects, VerdictBasis
 from app.window.panels.law_curve import LawCurve
 from app.window.panels.law_sheet import LawSheet
-from app.window.theme import LIGHT
 from instrument.files.law_file import read_law, write_law
 from instrument.files.recording_error import RecordingError
 from tests.app.synthetic import diagnosis, learned_law, shot
@@ -139,7 +138,7 @@ def test_the_sheet_says_what_is_wrong_while_it_is_typed(qtbot):
 
 
 def test_the_curve_has_its_band_and_the_forms_that_fit(qtbot):
-    panel = LawCurve(LIGHT)
+    panel = LawCurve()
     qtbot.addWidget(panel)
     assert panel.isHidden()
     law = learned_law()

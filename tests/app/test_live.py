@@ -12,7 +12,6 @@ from analysis.signal.stream import LiveChunk
 from app.window.panels import live
 from app.window.panels.live import LivePanel
 from app.window.panels.site_floor import SHOWN
-from app.window.theme import LIGHT
 from instrument.bench.frame import frame_of
 from instrument.bench.site import Site
 from instrument.live.live_view import LiveView, LiveWindow
@@ -22,7 +21,7 @@ RATE_HZ, PER_FRAME = 1e4, 350
 
 @pytest.fixture
 def panel(qtbot):
-    shown = LivePanel(LIGHT)
+    shown = LivePanel()
     qtbot.addWidget(shown)
     shown.resize(1000, 700)
     shown.show()

@@ -24,7 +24,6 @@ from app.window.panels.large import LargePanel
 from app.window.panels.numbers import NumbersPanel
 from app.window.panels.session_table import SessionTable
 from app.window.state_words import last_shot
-from app.window.theme import LIGHT
 from app.words.wording import concise_text, value_text
 from tests.app import synthetic
 
@@ -48,7 +47,7 @@ def test_every_number_of_the_panel_that_was_read_has_a_budget(entry, combined):
 
 
 def test_banner_panel_list_and_terminal_state_the_same_uncertainty(qtbot, entry, combined):
-    panel, table = NumbersPanel(LIGHT), SessionTable()
+    panel, table = NumbersPanel(), SessionTable()
     for widget in (panel, table):
         qtbot.addWidget(widget)
     panel.resize(900, 700)
@@ -88,7 +87,7 @@ def test_a_trend_says_which_uncertainty_its_bars_are(qtbot):
     session = Session()
     for index, speed in enumerate((0.2, 0.25, 0.3), 1):
         session.add(synthetic.shot(f"shot-{index}", speed, index))
-    panel = ComparePanel(LIGHT)
+    panel = ComparePanel()
     qtbot.addWidget(panel)
     panel.show_entries(list(session.entries))
     panel.which.setCurrentIndex(panel.which.findData("plate_stiffness_n_per_m"))

@@ -49,7 +49,7 @@ def shot():
 
 @pytest.fixture
 def shot_panel(qtbot, shot):
-    panel = ShotPanel(LIGHT)
+    panel = ShotPanel()
     qtbot.addWidget(panel)
     panel.resize(1000, 700)
     panel.show()
@@ -68,7 +68,7 @@ def test_nothing_a_panel_replaces_ever_appears_as_a_window_of_its_own(qtbot, app
 
 
 def test_numbers_state_value_uncertainty_and_how_they_were_read(qtbot, shot):
-    panel = NumbersPanel(LIGHT)
+    panel = NumbersPanel()
     qtbot.addWidget(panel)
     panel.resize(panel.minimumWidth(), 700)
     panel.show()
@@ -95,7 +95,7 @@ def test_numbers_state_value_uncertainty_and_how_they_were_read(qtbot, shot):
 
 
 def test_a_flag_stands_at_the_number_it_is_about(qtbot, shot):
-    panel = NumbersPanel(LIGHT)
+    panel = NumbersPanel()
     qtbot.addWidget(panel)
     panel.show_shot(replace(shot, flags=("momentum_disagrees", "vibration")))
     marked = {name for name, label in panel._names.items() if MARKS[Tone.WARNING] in label.text()}
@@ -110,7 +110,7 @@ def test_a_flag_stands_at_the_number_it_is_about(qtbot, shot):
 
 
 def test_what_only_widens_an_uncertainty_is_no_alarm(qtbot, shot):
-    panel, table, session = NumbersPanel(LIGHT), SessionTable(), Session()
+    panel, table, session = NumbersPanel(), SessionTable(), Session()
     qtbot.addWidget(panel)
     qtbot.addWidget(table)
     signs = LIGHT.signs
@@ -128,7 +128,7 @@ def test_what_only_widens_an_uncertainty_is_no_alarm(qtbot, shot):
 
 
 def test_the_numbers_name_what_the_effects_in_the_model_came_to(qtbot):
-    panel = NumbersPanel(LIGHT)
+    panel = NumbersPanel()
     qtbot.addWidget(panel)
     driven = synthetic.driven_shot()
     fit = replace(
@@ -152,7 +152,7 @@ def test_no_line_ends_within_a_number_and_its_unit(qtbot):
 
 
 def test_numbers_of_a_fit_that_did_not_converge_are_not_shown(qtbot, shot):
-    panel = NumbersPanel(LIGHT)
+    panel = NumbersPanel()
     qtbot.addWidget(panel)
     panel.show_shot(replace(shot, fit=replace(shot.fit, converged=False)))
     assert panel.values["k_p"].text() == "–"
@@ -160,7 +160,7 @@ def test_numbers_of_a_fit_that_did_not_converge_are_not_shown(qtbot, shot):
 
 
 def test_numbers_warn_where_the_two_ratios_differ(qtbot, shot):
-    panel = NumbersPanel(LIGHT)
+    panel = NumbersPanel()
     qtbot.addWidget(panel)
     apart = replace(shot.impact.cor_impulse, value=0.9)
     panel.show_shot(replace(shot, impact=replace(shot.impact, cor_impulse=apart)))
@@ -351,7 +351,7 @@ def test_compare_overlays_and_shows_the_trend_against_speed(qtbot):
     session = Session()
     for index, speed in enumerate((0.2, 0.25, 0.3), 1):
         session.add(synthetic.shot(f"shot-{index}", speed, index))
-    panel = ComparePanel(LIGHT)
+    panel = ComparePanel()
     qtbot.addWidget(panel)
     panel.show()
     panel.show_entries(list(session.entries))
@@ -375,7 +375,7 @@ def test_the_last_eight_are_overlaid_from_their_touch_on_and_bars_reach_one_std_
         touch = shot.impact.touch_time_s
         impact = replace(shot.impact, touch_time_s=replace(touch, value=touch.value + 0.3 * index))
         session.add(replace(shot, motion=later, impact=impact))
-    panel = ComparePanel(LIGHT)
+    panel = ComparePanel()
     qtbot.addWidget(panel)
     panel.show()
     panel.show_entries(list(session.entries))
@@ -417,7 +417,7 @@ def test_the_budget_states_three_digits_of_a_source_and_two_of_what_it_contribut
 
 
 def test_the_diagnosis_says_the_verdict_first_and_offers_to_add_the_effect(qtbot, shot):
-    panel = DiagnosisPanel(LIGHT)
+    panel = DiagnosisPanel()
     qtbot.addWidget(panel)
     panel.show()
     panel.show_diagnosis(synthetic.diagnosis(shot), [shot])
@@ -436,7 +436,7 @@ def test_the_diagnosis_says_the_verdict_first_and_offers_to_add_the_effect(qtbot
 
 
 def test_the_errors_before_and_after_are_told_in_one_unit(qtbot, shot):
-    panel = DiagnosisPanel(LIGHT)
+    panel = DiagnosisPanel()
     qtbot.addWidget(panel)
     before, after = Errors(141e-9, 33e-6, 2.4e-3, 22280.0), Errors(152e-12, 1.3e-6, 1e-3, 1.004)
     panel.show_diagnosis(replace(synthetic.diagnosis(shot), error_before=before, error_after=after), [shot])
@@ -446,7 +446,7 @@ def test_the_errors_before_and_after_are_told_in_one_unit(qtbot, shot):
 
 
 def test_a_residual_is_counted_in_the_unit_that_suits_its_size(qtbot, shot):
-    panel = DiagnosisPanel(LIGHT)
+    panel = DiagnosisPanel()
     qtbot.addWidget(panel)
     found = synthetic.diagnosis(shot)
     for size, unit in ((3e-11, "pm"), (3e-9, "nm"), (3e-6, "µm")):
@@ -466,7 +466,7 @@ def test_a_residual_is_counted_in_the_unit_that_suits_its_size(qtbot, shot):
 
 
 def test_a_shots_residual_takes_the_place_of_a_drives(qtbot, shot):
-    panel = DiagnosisPanel(LIGHT)
+    panel = DiagnosisPanel()
     qtbot.addWidget(panel)
     driven = synthetic.driven_shot()
     curves = drive_curves(driven.motion, driven.fit)
@@ -477,7 +477,7 @@ def test_a_shots_residual_takes_the_place_of_a_drives(qtbot, shot):
 
 
 def test_a_reset_shows_the_whole_residual_again(qtbot, shot):
-    panel = DiagnosisPanel(LIGHT)
+    panel = DiagnosisPanel()
     qtbot.addWidget(panel)
     panel.show_diagnosis(synthetic.diagnosis(shot), [shot])
     stack, ends = panel.residuals.stack, 1e3 * (shot.motion.time_s[[0, -1]] - synthetic.TOUCH_S)
@@ -487,7 +487,7 @@ def test_a_reset_shows_the_whole_residual_again(qtbot, shot):
 
 
 def test_a_chi2_near_one_beside_unexplained_says_why(qtbot, shot):
-    panel = DiagnosisPanel(LIGHT)
+    panel = DiagnosisPanel()
     qtbot.addWidget(panel)
     found = replace(synthetic.diagnosis(shot), verdict=Verdict.UNEXPLAINED, effects=())
     for chi2, said in ((0.86, True), (7.0, False)):
@@ -497,7 +497,7 @@ def test_a_chi2_near_one_beside_unexplained_says_why(qtbot, shot):
 
 
 def test_what_stays_open_offers_the_next_step(qtbot, shot):
-    panel = DiagnosisPanel(LIGHT)
+    panel = DiagnosisPanel()
     qtbot.addWidget(panel)
     panel.resize(900, 700)
     panel.show()
@@ -552,7 +552,7 @@ def test_large_numbers_fill_the_page_and_are_never_cut(qtbot, shot):
 
 
 def test_several_effects_are_added_by_one_press(qtbot):
-    panel = DiagnosisPanel(LIGHT)
+    panel = DiagnosisPanel()
     qtbot.addWidget(panel)
     shot = synthetic.shot()
     found = synthetic.diagnosis(shot)
@@ -581,7 +581,7 @@ def test_a_long_message_widens_nothing_and_is_whole_on_hover(qtbot):
 
 
 def test_a_diagnosis_without_a_residual_to_draw_leaves_no_other_sets_picture(qtbot, shot):
-    panel = DiagnosisPanel(LIGHT)
+    panel = DiagnosisPanel()
     qtbot.addWidget(panel)
     found = synthetic.diagnosis(shot)
     panel.show_diagnosis(found, [shot])
@@ -597,7 +597,7 @@ def test_a_diagnosis_without_a_residual_to_draw_leaves_no_other_sets_picture(qtb
 
 
 def test_a_diagnosis_whose_shots_are_removed_names_none(qtbot, shot):
-    panel = DiagnosisPanel(LIGHT)
+    panel = DiagnosisPanel()
     qtbot.addWidget(panel)
     panel.show_diagnosis(synthetic.diagnosis(shot), [shot])
     assert panel._of.text() == f"of {shot.name}"
@@ -606,7 +606,7 @@ def test_a_diagnosis_whose_shots_are_removed_names_none(qtbot, shot):
 
 
 def test_candidates_stand_in_the_order_of_their_bars_and_a_tick_never_beside_a_worse_bic(qtbot, shot):
-    bars = CandidateBars(LIGHT)
+    bars = CandidateBars()
     qtbot.addWidget(bars)
     tilt, adhesion = named("tilt"), named("adhesion")
     bars.show_candidates((Candidate(tilt, 9.0, 4.0), Candidate(adhesion, 60.0, -80.0)), {tilt, adhesion})
@@ -618,7 +618,7 @@ def test_candidates_stand_in_the_order_of_their_bars_and_a_tick_never_beside_a_w
 def test_the_band_of_a_diagnosed_residual_says_what_it_is(qtbot, shot):
     line = Shaking(np.array([100.0]), np.array([(5e-9) ** 2]), np.array([False]))
     shaken = replace(shot, impact=replace(shot.impact, disturbance=Disturbance((), 5e-9, 3e-6, shaking=line)))
-    panels = ShotPanel(LIGHT), DiagnosisPanel(LIGHT)
+    panels = ShotPanel(), DiagnosisPanel()
     for panel in panels:
         qtbot.addWidget(panel)
     of_shot, of_diagnosis = panels[0].motion, panels[1].residuals
@@ -641,7 +641,7 @@ def test_the_band_of_a_diagnosed_residual_says_what_it_is(qtbot, shot):
 def test_the_band_of_a_drive_lies_over_all_of_its_record_at_twice_its_repeatability(qtbot):
     driven = synthetic.driven_shot()
     curves = drive_curves(driven.motion, driven.fit)
-    panel = ShotPanel(LIGHT)
+    panel = ShotPanel()
     qtbot.addWidget(panel)
     panel.show_shot(driven)
     panel.show_drive(driven, curves)
@@ -654,7 +654,7 @@ def test_the_band_of_a_drive_lies_over_all_of_its_record_at_twice_its_repeatabil
 def test_every_point_of_a_drive_is_in_view_with_a_little_room_about_it(qtbot):
     driven = synthetic.driven_shot()
     curves = drive_curves(driven.motion, driven.fit)
-    panel = ShotPanel(LIGHT)
+    panel = ShotPanel()
     qtbot.addWidget(panel)
     panel.show_shot(driven)
     for offset_n in (0.0, -2 * float(np.nanmax(curves.measured_n))):  # forces of both signs, and of one
@@ -669,7 +669,7 @@ def test_every_point_of_a_drive_is_in_view_with_a_little_room_about_it(qtbot):
 
 @pytest.mark.parametrize("height", [200, 700])
 def test_an_empty_drive_says_why_on_a_page_of_any_height(qtbot, height):
-    panel = ShotPanel(LIGHT)
+    panel = ShotPanel()
     qtbot.addWidget(panel)
     panel.resize(700, height)
     panel.show()
@@ -683,7 +683,7 @@ def test_an_empty_drive_says_why_on_a_page_of_any_height(qtbot, height):
 
 
 def test_the_shot_opens_on_the_residual_that_shows_most_and_then_on_what_was_chosen(qtbot, shot):
-    panel = ShotPanel(LIGHT)
+    panel = ShotPanel()
     qtbot.addWidget(panel)
     fit, motion = shot.fit, shot.motion
     wave = 1e-7 * np.sin(2 * np.pi * 20 * motion.time_s)
@@ -699,7 +699,7 @@ def test_the_shot_opens_on_the_residual_that_shows_most_and_then_on_what_was_cho
 
 
 def test_the_band_is_what_the_verdict_was_judged_by(qtbot, shot):
-    panel = ShotPanel(LIGHT)
+    panel = ShotPanel()
     qtbot.addWidget(panel)
     found = synthetic.diagnosis(shot)
     wandering = replace(found, fit_after=replace(found.fit_after, noise_std_m=7e-9))
@@ -713,7 +713,7 @@ def test_the_band_is_what_the_verdict_was_judged_by(qtbot, shot):
 
 def test_two_numbers_of_one_kind_have_two_names(qtbot, shot):
     """The panel said 599.8 and the diagnosis 5688, both of "χ²/ν"."""
-    panel, page = ModelPanel(), DiagnosisPanel(LIGHT)
+    panel, page = ModelPanel(), DiagnosisPanel()
     for widget in (panel, page):
         qtbot.addWidget(widget)
     panel.show_shot(shot)
@@ -736,7 +736,7 @@ def test_a_law_with_a_less_than_in_its_words_is_named_whole(qtbot, shot):
         effects=(replace(found.effects[0], effect=law, indistinguishable_from=(law,)),),
         candidates=(Candidate(law, 60.0, -80.0, explains_m=curve),),
     )
-    page, model = DiagnosisPanel(LIGHT), ModelPanel()
+    page, model = DiagnosisPanel(), ModelPanel()
     for widget in (page, model):
         qtbot.addWidget(widget)
     page.show_diagnosis(found, [shot])
@@ -750,7 +750,7 @@ def test_a_law_with_a_less_than_in_its_words_is_named_whole(qtbot, shot):
 
 
 def test_names_with_markup_in_them_are_shown_as_they_are(qtbot, shot):
-    panel, sheet, session = ComparePanel(LIGHT), SetupSheet(), Session()
+    panel, sheet, session = ComparePanel(), SetupSheet(), Session()
     for widget in (panel, sheet):
         qtbot.addWidget(widget)
     panel.resize(700, 150)  # low: the legend comes on hovering
@@ -770,7 +770,7 @@ def _seen(text):
 
 
 def test_the_banner_flashes_once_in_exchanged_colours(qtbot):
-    banner = Banner(LIGHT)
+    banner = Banner()
     qtbot.addWidget(banner)
     banner.resize(700, banner.height())
     banner.show_state("CAPTURED", "The light switch fired; recording the shot.", Tone.GOOD)
@@ -797,7 +797,7 @@ def test_about_names_every_part_and_its_licence_in_a_line_each():
 
 
 def test_the_papers_kinetic_cor_is_marked_and_the_others_are_folded_under_it(qtbot, shot):
-    panel = NumbersPanel(LIGHT)
+    panel = NumbersPanel()
     qtbot.addWidget(panel)
     panel.resize(500, 800)
     panel.show()
@@ -816,7 +816,7 @@ def test_the_papers_kinetic_cor_is_marked_and_the_others_are_folded_under_it(qtb
 
 def test_a_number_of_which_little_is_known_is_marked(qtbot, shot):
     """Flights 0.68 with 0.34 stood there like any other number."""
-    panel = NumbersPanel(LIGHT)
+    panel = NumbersPanel()
     qtbot.addWidget(panel)
     kinetic = replace(shot.impact.cor_kinetic, flights=Quantity(0.68, 0.34, "two flights"))
     panel.show_shot(replace(shot, impact=replace(shot.impact, cor_kinetic=kinetic)))
@@ -850,7 +850,7 @@ def test_the_first_contact_of_the_last_shot_is_what_is_zoomed_to(qtbot, shot, mo
     monkeypatch.setattr(
         "app.window.panels.compare.contact_span_ms", lambda of: (-1.0, {"a": 2.0, "b": 3.0}.get(of.name, 4.0))
     )
-    panel = ComparePanel(LIGHT)
+    panel = ComparePanel()
     qtbot.addWidget(panel)
     panel.show()
     panel.show_entries(list(session.entries))

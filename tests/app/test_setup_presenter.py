@@ -152,7 +152,7 @@ def test_verdicts_are_worded_by_the_worst_of_the_checks(qtbot: QtBot) -> None:
 
 def test_a_long_fault_stays_readable_beside_the_button_that_saves_elsewhere(qapp: QApplication, qtbot: QtBot) -> None:
     qapp.setStyleSheet(style_sheet(LIGHT))  # as in the window, also where no test before has opened one
-    banner = Banner(LIGHT)
+    banner = Banner()
     qtbot.addWidget(banner)
     banner.resize(700, banner.height())
     banner.show()

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 from PySide6.QtCore import QRect, QRectF, Qt
-from PySide6.QtGui import QColor, QFontMetricsF, QPen
+from PySide6.QtGui import QColor, QFontMetricsF
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import (
     QAbstractButton,
@@ -246,13 +246,12 @@ def test_a_learned_law_says_which_line_is_which(window):
 
 
 def test_orange_is_what_was_computed_from_a_model_and_nothing_else(window):
-    panels, c = window.panels, LIGHT
-    orange = QColor(c.simulated)
-    entries = [*panels.compare._legend.entries, *panels.spectrum._legend.entries, *panels.shot.drive.legend(c)]
+    panels, orange = window.panels, QColor(LIGHT.simulated)
+    entries = [*panels.compare._legend.entries, *panels.spectrum._legend.entries, *panels.shot.drive.legend()]
     for view in ("whole", "contact", "deflection", "gap", "raw"):
         panels.shot.set_view(view)
         entries += panels.shot._legend.entries
-    said = {words for words, look in entries if isinstance(look, QPen) and look.color() == orange}
+    said = {words for words, look in entries if look.pen(LIGHT).color() == orange}
     assert said and all("simulated" in words or "modelled" in words for words in said), said
     assert all(curve.opts["pen"].color() != orange for curve in panels.live.floor._criteria)
     panels.shot.set_view("whole")

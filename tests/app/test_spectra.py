@@ -9,7 +9,6 @@ from analysis.shot.recording import Channel, Recording, Role, Setup
 from analysis.shot.shot import Cancelled
 from app.session.spectra import BINS, spectra_of
 from app.window.panels.spectrum import SpectrumPanel
-from app.window.theme import LIGHT
 from app.words.physics_words import CHANNEL_NAMES
 
 RATE_HZ, ROWS, ZERO_S = 1e6, 64, 0.1
@@ -96,7 +95,7 @@ def test_spectra_of_less_are_less_and_they_end_when_told(recording):
 
 
 def test_the_page_shows_both_and_clears_them(qtbot, spectra):
-    panel = SpectrumPanel(LIGHT)
+    panel = SpectrumPanel()
     qtbot.addWidget(panel)
     panel.resize(900, 700)
     panel.show()

@@ -10,7 +10,7 @@ from analysis.paper.paper import reproduce
 from analysis.uncertainty.gum_budget import budget
 from app.report.exports import export
 from app.window.panels.tables import BudgetPanel, PaperPanel
-from app.window.theme import DARK, LIGHT
+from app.window.theme import DARK
 from tests.analysis.shots import at_speed, shot_of
 
 
@@ -36,7 +36,7 @@ def test_budget_panel_shows_every_result_with_its_sources(qtbot: QtBot) -> None:
 
 def test_paper_panel_shows_every_row(qtbot: QtBot) -> None:
     result = reproduce(shot_of())
-    panel = PaperPanel(LIGHT)
+    panel = PaperPanel()
     qtbot.addWidget(panel)
     panel.show_reproduction(result)
     sections = [panel.table.topLevelItem(i) for i in range(panel.table.topLevelItemCount())]

@@ -9,7 +9,6 @@ from app.window.main_window import open_window
 from app.window.panels import live
 from app.window.panels.live import LivePanel
 from app.window.panels.shot_raw import RawView, curves_of
-from app.window.theme import LIGHT
 from instrument.live.live_view import LiveWindow
 from tests.app.rigs import still_bench
 
@@ -42,7 +41,7 @@ def lines_of(plot):
 def test_a_shot_shows_the_level_at_which_it_was_triggered(qtbot, trigger):
     parent = QWidget()
     qtbot.addWidget(parent)
-    view = RawView(LIGHT, parent)
+    view = RawView(parent)
     taken = recording(trigger)
     view.show_recording(taken, 0.0)
     assert view.show_curves(curves_of(taken))
@@ -57,7 +56,7 @@ def test_a_shot_shows_the_level_at_which_it_was_triggered(qtbot, trigger):
 
 
 def test_live_shows_the_thresholds_that_were_set_and_keeps_them_in_view(qtbot, roomy):
-    panel = LivePanel(LIGHT)
+    panel = LivePanel()
     qtbot.addWidget(panel)
     panel.resize(1000, 1000)
     panel.show()
@@ -77,7 +76,7 @@ def test_live_shows_the_thresholds_that_were_set_and_keeps_them_in_view(qtbot, r
 
 
 def test_live_shows_learned_thresholds_as_such(qtbot, roomy):
-    panel = LivePanel(LIGHT)
+    panel = LivePanel()
     qtbot.addWidget(panel)
     panel.resize(1000, 1000)
     panel.show()

@@ -52,7 +52,7 @@ def _wave(part):
 
 
 def _page(qtbot, told, shots, effects=()):
-    page = DiagnosisPanel(LIGHT)
+    page = DiagnosisPanel()
     qtbot.addWidget(page)
     page.resize(1100, 600)
     page.show()
@@ -67,7 +67,7 @@ def test_candidates_stand_in_the_order_of_their_evidence():
 
 
 def test_columns_have_headings_and_a_line_says_where_evidence_begins(qtbot):
-    bars = CandidateBars(LIGHT)
+    bars = CandidateBars()
     qtbot.addWidget(bars)
     bars.resize(500, 400)
     bars.show()
@@ -155,7 +155,7 @@ def test_tables_and_limits_are_folded_beneath(qtbot, told, shots):
 
 
 def test_a_diagnosis_names_its_shots_from_the_first_second(qtbot):
-    page = DiagnosisPanel(LIGHT)
+    page = DiagnosisPanel()
     qtbot.addWidget(page)
     page.show()
     page.show_progress("starting", 0.0, "diagnosis of shots 1, 2, 3")
@@ -237,7 +237,7 @@ def _flat(value_m):
 
 
 def test_each_shot_stands_in_its_place_and_each_value_at_its_height(qtbot):
-    grid = ResidualGrid(LIGHT)
+    grid = ResidualGrid()
     qtbot.addWidget(grid)
     grid.resize(1000, 300)
     grid.show()

@@ -23,7 +23,6 @@ from app.window.main_window import open_window
 from app.window.panels.compare import ComparePanel
 from app.window.panels.shot import ShotPanel
 from app.window.panels.shot_raw import curves_of
-from app.window.theme import LIGHT
 from tests.app import rigs, synthetic
 
 FRAMES = 40
@@ -58,7 +57,7 @@ def main() -> None:
     application = QApplication.instance() or QApplication([])
     assert isinstance(application, QApplication)
     shots = [synthetic.shot(f"shot-{index}", 0.15 + 0.03 * index, index) for index in range(1, 9)]
-    panel = ShotPanel(LIGHT)
+    panel = ShotPanel()
     panel.resize(1400, 800)
     panel.show()
     recording = _recording()
@@ -87,7 +86,7 @@ def main() -> None:
     session = Session()
     for shot in shots:
         session.add(shot)
-    compare = ComparePanel(LIGHT)
+    compare = ComparePanel()
     compare.resize(1400, 800)
     compare.show()
     compare.show_entries(list(session.entries))

@@ -15,14 +15,14 @@ from app.report import contact_span_ms, time_zero
 from app.session import Entry
 from app.window.plots.cursors import CursorAxis, CursorReadout
 from app.window.plots.curve import SampledCurve
-from app.window.plots.framed_plot import ON_TOP
+from app.window.plots.framed_plot import AXIS_WIDTH, ON_TOP
 from app.window.plots.legend import Legend
-from app.window.plots.lines import series_pen, straight
+from app.window.plots.lines import series, straight
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_view import PlotView, in_front
-from app.window.plots.time_plot import AXIS_WIDTH, TimePlot
+from app.window.plots.time_plot import TimePlot
 from app.window.plots.time_stack import TimeStack
-from app.window.theme import Colours
+from app.window.theme import Colours, Dressed
 from app.window.widgets import combo_box, push_button, text_label, vertical
 from app.words import local, number, short_name
 
@@ -35,7 +35,7 @@ class TrendPlot(PlainPlot):
     Errors that all shots share (mass, wavelength, clock) cause no scatter and would hide a spread.
     """
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("Trend against impact velocity", ("", ""), "impact speed |v in| (m/s)", SPEED, parent)
         self.plot.getAxis("left").setWidth(AXIS_WIDTH + 8)
         self._bars = pg.ErrorBarItem(x=np.zeros(0), y=np.zeros(0), beam=0.0)
@@ -44,7 +44,6 @@ class TrendPlot(PlainPlot):
         self.plot.addItem(self._points)
         self._curve = self.add_curve("shots")
         self.points: list[tuple[float, float]] = []
-        self.dress(colours)
 
     def dress(self, colours: Colours) -> None:
         super().dress(colours)
@@ -67,7 +66,7 @@ class TrendPlot(PlainPlot):
         xs, ys, halves = np.array(x), np.array(y), np.array(half)
         self._bars.setData(x=xs, y=ys, height=2 * halves)
         self._curve.show_points(xs, ys)
-        self.label_value(trend.title, trend.shown_unit)
+        self.plot.name_value(trend.title, trend.shown_unit)
         self.columns = {
             "impact speed (m/s)": xs,
             with_unit(trend.title, trend.shown_unit): ys,
@@ -114,7 +113,7 @@ class _CurveNumbers(QObject):
         for index, item in enumerate(self._items):
             item.setVisible(index < len(curves))
             if index < len(curves):
-                item.setText(numbers[index], colours.series[index % len(colours.series)])
+                item.setText(numbers[index], series(index).of(colours))
                 item.fill = pg.mkBrush(colours.plot)
         self.place()
 
@@ -131,12 +130,11 @@ class _CurveNumbers(QObject):
                 self._items[index].setPos(at, value)
 
 
-class ComparePanel(QWidget):
+class ComparePanel(Dressed, QWidget):
     """Overlay to the left, trend to the right."""
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._colours = colours
         self._entries: list[Entry] = []
         column = vertical(self, (6, 6, 6, 2))
         bar = QHBoxLayout()
@@ -157,16 +155,16 @@ class ComparePanel(QWidget):
         self._legend = Legend(self)
         column.addWidget(self._legend)
         split = QSplitter(Qt.Orientation.Horizontal, self)
-        self.stack = TimeStack("Overlaid shots", colours, split)
+        self.stack = TimeStack("Overlaid shots", split)
         velocity, force = self.stack.add_plot("velocity", "m/s", 2), self.stack.add_plot("force", "N", 3)
         self.stack.label_time("time from first touch (ms)")
         self._velocity_curves, self._force_curves = (
-            [plot.add_curve("", series_pen(colours, index)) for index in range(MOST)] for plot in (velocity, force)
+            [plot.add_curve("", series(index)) for index in range(MOST)] for plot in (velocity, force)
         )
         self._numbers = _CurveNumbers(velocity, self)
         right = QWidget(split)
         right_column = vertical(right, (6, 0, 0, 0))
-        self.trend = TrendPlot(colours, right)
+        self.trend = TrendPlot(right)
         self.repeatability = text_label("", right, selectable=True, wrap=True)
         right_column.addWidget(self.trend, 1)
         right_column.addWidget(self.repeatability)
@@ -176,24 +174,16 @@ class ComparePanel(QWidget):
         for plot in (self.stack, self.trend):
             column.addWidget(CursorReadout(plot, self))
         self.stack.reset_wanted.connect(self.show_whole)
-        self.dress(colours)
         self.show_entries([])
 
     def dress(self, colours: Colours) -> None:
-        self._colours = colours
-        self.stack.dress(colours)
-        self.trend.dress(colours)
-        for curves in (self._velocity_curves, self._force_curves):
-            for index, curve in enumerate(curves):
-                curve.setPen(series_pen(colours, index))
+        super().dress(colours)
         self._label_lines()
 
     def _label_lines(self) -> None:
         shown = self._entries[-MOST:]
-        self._numbers.show(self._velocity_curves[: len(shown)], [str(e.number) for e in shown], self._colours)
-        entries = [
-            (f"{e.number}  {short_name(e.name)}", series_pen(self._colours, index)) for index, e in enumerate(shown)
-        ]
+        self._numbers.show(self._velocity_curves[: len(shown)], [str(e.number) for e in shown], self.colours)
+        entries = [(f"{e.number}  {short_name(e.name)}", series(index)) for index, e in enumerate(shown)]
         self._legend.show_entries(entries)
         self.stack.legend = entries
 

@@ -13,7 +13,7 @@ from app.window.panels.next_steps import NextShotCard, NextSteps
 from app.window.panels.residuals import Residuals
 from app.window.panels.why_canvas import WhyCanvas
 from app.window.plots.plot_view import PlotView, in_front
-from app.window.theme import Colours, Tone, sized
+from app.window.theme import Tone, sized
 from app.window.widgets import FoldButton, keep_place, push_button, scrolled, show_toned, text_label, vertical
 from app.words import OUTDATED, VERDICTS, kept_words, local_words, short_name
 from levimass import is_drive
@@ -26,9 +26,8 @@ NEAR_ONE = 1.5  # a chi2 that looks as if no residual were left
 class DiagnosisPanel(QWidget):
     """The page of a diagnosis."""
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._colours = colours
         self._diagnosis: Diagnosis | None = None
         self._shots: list[Shot] = []
         self._model_effects: tuple[Effect, ...] = ()
@@ -46,13 +45,12 @@ class DiagnosisPanel(QWidget):
         self.next_steps = NextSteps(self)
         for widget in (self.effects, self.next_shot, self.next_steps):
             column.addWidget(widget)
-        self.law_curve = LawCurve(colours, self)
+        self.law_curve = LawCurve(self)
         column.addWidget(self.law_curve, 1)
         self._add_evidence(column)
         self._add_details(column)
         column.addStretch(0)
         self.show_progress(None, 0.0)
-        self.dress(colours)
         self.show_diagnosis(None, [])
 
     def _add_head(self, column: QVBoxLayout) -> None:
@@ -87,9 +85,9 @@ class DiagnosisPanel(QWidget):
         left = QWidget(split)
         left_column = vertical(left)
         left_column.addWidget(text_label("CANDIDATES, BY EVIDENCE", left, heading=True, wrap=True))
-        self.bars = CandidateBars(self._colours, left)
+        self.bars = CandidateBars(left)
         left_column.addWidget(self.bars, 1)
-        self.why = WhyCanvas(self._colours, self.bars, split)
+        self.why = WhyCanvas(self.bars, split)
         split.setSizes([380, 600])
         split.setChildrenCollapsible(False)
         column.addWidget(split, 1)
@@ -101,7 +99,7 @@ class DiagnosisPanel(QWidget):
         self.fold = FoldButton("Errors, one shot in detail, detection limits", hover, self)
         self.fold.toggled.connect(self._folded)
         column.addWidget(self.fold)
-        self.residuals = Residuals(self._colours, self)
+        self.residuals = Residuals(self)
         column.addWidget(self.residuals, 1)
         self._blind = text_label("", self, faint=True, selectable=True, wrap=True)
         column.addWidget(self._blind)
@@ -117,14 +115,6 @@ class DiagnosisPanel(QWidget):
     @property
     def _driven(self) -> bool:
         return self._diagnosis is not None and is_drive(self._diagnosis.fit_after.model)
-
-    def dress(self, colours: Colours) -> None:
-        self._colours = colours
-        self.residuals.dress(colours)
-        self.why.dress(colours)
-        self.bars.dress(colours)
-        self.law_curve.dress(colours)
-        self.show_diagnosis(self._diagnosis, self._shots, self._model_effects, self._version, self._holds)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         super().resizeEvent(event)

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QSizePol
 from analysis.collision import Effect
 from analysis.diagnosis import CRITERIA, Candidate, FoundEffect, remark_on
 from app.session import by_evidence
-from app.window.theme import MARKS, Colours, Tone
+from app.window.theme import MARKS, Dressed, Tone
 from app.window.widgets import clear_layout, horizontal, push_button, text_label, vertical
 from app.words import DASH, effect_numbers, number
 
@@ -108,18 +108,19 @@ HEADINGS = (
 NARROWEST = 12  # letters of a name that are always shown
 
 
-class Bar(QWidget):
+class Bar(Dressed, QWidget):
     """A horizontal bar; a number beside it says the same."""
 
-    def __init__(self, share: float, colour: str, parent: QWidget | None = None) -> None:
+    def __init__(self, share: float, chosen: bool, parent: QWidget) -> None:
         super().__init__(parent)
-        self._share, self._colour = min(1.0, max(0.0, share)), colour
+        self._share, self._chosen = min(1.0, max(0.0, share)), chosen
         self.setMinimumSize(QSize(24, 7))
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
 
     def paintEvent(self, _: QPaintEvent) -> None:
         painter = QPainter(self)
-        painter.fillRect(QRectF(0, 1, max(1.0, self._share * self.width()), self.height() - 2), QColor(self._colour))
+        colour = self.colours.accent if self._chosen else self.colours.marker
+        painter.fillRect(QRectF(0, 1, max(1.0, self._share * self.width()), self.height() - 2), QColor(colour))
 
 
 class _Name(QLabel):
@@ -137,14 +138,13 @@ class _Name(QLabel):
         self.setText(self.fontMetrics().elidedText(self._words, Qt.TextElideMode.ElideRight, self.width()))
 
 
-class CandidateBars(QWidget):
+class CandidateBars(Dressed, QWidget):
     """A row per candidate: name, logarithmic bar, evidence, size; a line at the threshold of evidence."""
 
     pointed = Signal(object)  # the effect of the candidate under the mouse or the keyboard; None for none
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._colours = colours
         self._candidates: tuple[Candidate, ...] = ()
         self._named: set[Effect] = set()
         self._all = False
@@ -152,10 +152,6 @@ class CandidateBars(QWidget):
         self._column = vertical(self)
         self._column.addStretch(1)
         self.setAccessibleName("Candidates in the order of their evidence")
-
-    def dress(self, colours: Colours) -> None:
-        """Set the colours; the next ``show_candidates`` uses them."""
-        self._colours = colours
 
     @property
     def threshold(self) -> float:
@@ -228,7 +224,8 @@ class CandidateBars(QWidget):
         font.setBold(chosen)
         name.setFont(font)
         share = math.log10(1.0 + max(0.0, _evidence(candidate))) / math.log10(1.0 + max(most, 10.0))
-        bar = Bar(share, self._colours.accent if chosen else self._colours.marker, inner)
+        bar = Bar(share, chosen, inner)
+        bar.dress(self.colours)
         fall = candidate.delta_bic
         evidence = QLabel(DASH if fall is None else number(-fall, 3), inner)
         size = QLabel(number(abs(candidate.score), 3), inner)

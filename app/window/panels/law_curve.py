@@ -10,15 +10,16 @@ from analysis.diagnosis import LearnedLaw
 from analysis.shot import Shot
 from app.report import law_columns
 from app.window.plots.cursors import CursorAxis, CursorReadout
-from app.window.plots.legend import Legend, Look
-from app.window.plots.lines import series_pen, straight, under
+from app.window.plots.legend import Legend
+from app.window.plots.lines import SIMULATED, Look, series
 from app.window.plots.plain_plot import PlainPlot
-from app.window.theme import Colours
 from app.window.widgets import push_button, text_label, vertical
 from app.words import local_words, prefix_for, short_name
 
 MOST_FORMS = 4
 ALONG = CursorAxis("mm", "mm")
+EDGES, SHOWN = Look("band_edge", width=1), Look("measured", width=1)
+OTHERS = [series(index + 2) for index in range(MOST_FORMS)]
 
 
 class LawCurve(QWidget):
@@ -26,9 +27,8 @@ class LawCurve(QWidget):
 
     keep_wanted = Signal(object)  # the OwnLaw
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._colours = colours
         self._laws: tuple[LearnedLaw, ...] = ()
         self._which = 0
         column = vertical(self)
@@ -45,29 +45,17 @@ class LawCurve(QWidget):
         self._legend = Legend(self)
         column.addWidget(self._legend)
         self.plot = PlainPlot("Learned law", ("force", "mN"), "", ALONG, self)
-        self._band = [self.plot.add_curve(f"{sign} 2 σ") for sign in ("-", "+")]
-        self._curve = self.plot.add_curve("what the shots show")
-        self._form = self.plot.add_curve("closed form")
-        self._others = [self.plot.add_curve(f"form {number}") for number in range(2, 2 + MOST_FORMS)]
+        self._band = [self.plot.add_curve(f"{sign} 2 σ", EDGES) for sign in ("-", "+")]
+        self._curve = self.plot.add_curve("what the shots show", SHOWN)
+        self._form = self.plot.add_curve("closed form", SIMULATED)
+        self._form.setZValue(-1)
+        self._others = [self.plot.add_curve(f"form {number}", look) for number, look in enumerate(OTHERS, 2)]
         self.plot.setMinimumHeight(9 * self.fontMetrics().lineSpacing())
         column.addWidget(self.plot, 1)
         column.addWidget(CursorReadout(self.plot, self))
         self._words = text_label("", self, faint=True, wrap=True)
         column.addWidget(self._words)
-        self.dress(colours)
         self.show_laws(())
-
-    def dress(self, colours: Colours) -> None:
-        self._colours = colours
-        self.plot.dress(colours)
-        for curve in self._band:
-            curve.setPen(straight(colours.band_edge))
-        self._curve.setPen(straight(colours.measured))
-        self._form.setPen(under(colours.simulated))
-        self._form.setZValue(-1)
-        for index, curve in enumerate(self._others):
-            curve.setPen(series_pen(colours, index + 2))
-        self._draw()
 
     def show_laws(self, laws: Sequence[LearnedLaw], shots: Sequence[Shot] = ()) -> None:
         """Show the first of these laws, learned from ``shots``; hidden without laws."""
@@ -114,17 +102,13 @@ class LawCurve(QWidget):
                 assert other.curve_force_n is not None
                 curve.label = other.form
                 curve.show_points(x, force_scale * other.curve_force_n)
-        c = self._colours
-        legend: list[tuple[str, Look]] = [
-            ("what the shots show", straight(c.measured)),
-            ("± 2 σ", straight(c.band_edge)),
-        ]
-        legend.append((f"{'closed form' if law.form else 'nearest form'}: {law.nearest_form}", under(c.simulated)))
+        legend = [("what the shots show", SHOWN), ("± 2 σ", EDGES)]
+        legend.append((f"{'closed form' if law.form else 'nearest form'}: {law.nearest_form}", SIMULATED))
         if self.compare.isChecked():
-            legend += [(other.form, series_pen(c, index + 2)) for index, other in enumerate(others)]
+            legend += [(other.form, look) for other, look in zip(others, OTHERS, strict=False)]
         self._legend.show_entries(legend)
         self.plot.legend = legend
-        self.plot.label_value("force", force_unit)
+        self.plot.plot.name_value("force", force_unit)
         self.plot.plot.setLabel("bottom", f"{law.argument} ({unit})")
         self.plot.columns = {name: np.array(values) for name, values in law_columns(law).items()}
         force = force_scale * law.curve_force_n

@@ -12,10 +12,10 @@ from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QSizePolicy, QWidget
 from analysis.shot import Channel, Role
 from app.window.panels.site_floor import SiteFloorPanel
 from app.window.plots.cursors import CursorReadout
-from app.window.plots.lines import thin
+from app.window.plots.lines import MEASURED
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.plots.time_stack import TimeStack
-from app.window.theme import Colours, sized
+from app.window.theme import sized
 from app.window.widgets import push_button, scrolled, text_label, vertical
 from app.words import CHANNEL_NAMES, DASH, local, number
 from instrument.live import LiveView
@@ -52,16 +52,15 @@ def _too_soon(now_s: float, last_s: float) -> bool:
 class LivePanel(QWidget):
     """Three rolling plots, three large numbers, the raw signals."""
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._colours = colours
         self._draw_due: Callable[[], None] | None = None  # of raw signals for which there was no room
         grid = QGridLayout(scrolled("Live", self))  # on a low screen the floor is reached by scrolling
         grid.setContentsMargins(6, 4, 6, 4)
         grid.setHorizontalSpacing(8)
-        self.stack = TimeStack("Beat frequency, velocity and force, live", colours, self)
+        self.stack = TimeStack("Beat frequency, velocity and force, live", self)
         self._plots = {name: self.stack.add_plot(title, unit) for name, title, unit, *_ in ROWS}
-        self._curves = {name: plot.add_points("measured", thin(colours.measured)) for name, plot in self._plots.items()}
+        self._curves = {name: plot.add_points("measured", MEASURED) for name, plot in self._plots.items()}
         for plot, span in zip(self._plots.values(), (0.02, 0.01, 0.05), strict=True):
             plot.minimum_span = span
             plot.steady = True
@@ -78,10 +77,10 @@ class LivePanel(QWidget):
         hover = "Freeze the curves to measure on them; samples and shots go on, ARM lets them run  (H)"
         self.hold = push_button("Hold", hover, self, checkable=True)
         grid.addWidget(self.hold, 3, 1)
-        self.raw = TimeStack("Raw signals, live", colours, self)
+        self.raw = TimeStack("Raw signals, live", self)
         self.raw.reset_wanted.connect(self.reset)
         self._raw_plots = [self.raw.add_plot(title, "V") for title in CHANNEL_NAMES.values()]
-        self._raw_curves = [plot.add_curve("samples", thin(colours.measured)) for plot in self._raw_plots]
+        self._raw_curves = [plot.add_curve("samples", MEASURED) for plot in self._raw_plots]
         for plot in self._raw_plots:
             plot.minimum_span = 0.1
             plot.steady = True
@@ -91,14 +90,13 @@ class LivePanel(QWidget):
         for line, plot in enumerate(self.plots, 5):
             grid.addWidget(readout := CursorReadout(plot, self), line, 0, 1, 2)
             self._readouts.append(readout)
-        self.floor = SiteFloorPanel(colours, self)
+        self.floor = SiteFloorPanel(self)
         grid.addWidget(self.floor, 7, 0, 1, 2)
         grid.setColumnStretch(0, 1)
         grid.setRowStretch(4, 1)
         self._waiting = text_label("No samples yet.", self, faint=True)
         self._waiting.setAlignment(Qt.AlignmentFlag.AlignCenter)
         grid.addWidget(self._waiting, 0, 0, 5, 1)
-        self.dress(colours)
 
     def _tile(self, name: str, title: str, unit: str, widest: str) -> QFrame:
         tile = QFrame(self)
@@ -137,14 +135,6 @@ class LivePanel(QWidget):
         self.raw.setVisible(room >= LEAST_RAW * self.fontMetrics().lineSpacing())
         if self._draw_due is not None and not self.raw.isHidden():
             self._draw_due()
-
-    def dress(self, colours: Colours) -> None:
-        self._colours = colours
-        self.stack.dress(colours)
-        self.raw.dress(colours)
-        self.floor.dress(colours)
-        for curve in (*self._curves.values(), *self._raw_curves):
-            curve.setPen(thin(colours.measured))
 
     def show_live(self, view: LiveView | None) -> None:
         """Show the newest part of the stream; None or an empty view: there is no stream."""
@@ -218,7 +208,7 @@ class LivePanel(QWidget):
             if present:
                 name = CHANNEL_NAMES[channels[index].role]
                 if plot.title != name:
-                    plot.call(name)
+                    plot.name_value(name, plot.unit)
                 of_switch = channels[index].role is Role.SWITCH
                 plot.show_levels(levels if of_switch else {})
                 curve.show_samples(0.0, step, view.raw_v[-RAW_SHOWN:, index])

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QCheckBox, QGridLayout, QHBoxLayout, QLabel, QScro
 from analysis.shot import Quantity, Reading, Shot, concerning
 from analysis.uncertainty import Group, ResultNumber, combined_of, shown_numbers, stated
 from app.window.state_words import flag_line, flag_tone
-from app.window.theme import MARKS, Colours, Tone, sized
+from app.window.theme import MARKS, Colours, Dressed, Tone, sized
 from app.window.widgets import FoldButton, push_button, set_tone, show_toned, text_label, vertical
 from app.words import (
     COMBINED,
@@ -54,12 +54,11 @@ def wide_words(reading: Reading | None) -> str:
     return f"Poorly determined: ± is {100 * share:.0f} % of the value" if WIDE < share < math.inf else ""
 
 
-class NumbersPanel(QScrollArea):
+class NumbersPanel(Dressed, QScrollArea):
     """A column of numbers at fixed places."""
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._colours = colours
         self._shot: Shot | None = None
         self._title = "No shot"
         self._version = ""
@@ -133,6 +132,7 @@ class NumbersPanel(QScrollArea):
 
     def _add_row(self, grid: QGridLayout, line: int, row: ResultNumber, inner: QWidget) -> list[QWidget]:
         name = QLabel(row.name, inner)
+        name.setProperty("quantity", True)
         value = text_label("–", inner, selectable=True)
         unit = text_label(row.shown_unit, inner, faint=True)
         value.setFont(sized(self.font(), 1.4 if row.headline else 1.06, bold=True))
@@ -180,8 +180,8 @@ class NumbersPanel(QScrollArea):
         return stated(row.find(self._shot), row.key, self._combined) if self._shot is not None else None
 
     def dress(self, colours: Colours) -> None:
-        self._colours = colours
-        self.show_shot(self._shot, self._title, self._version)
+        super().dress(colours)
+        self._show_flags(self._shot)
 
     def show_shot(self, shot: Shot | None, title: str = "", version: str = "") -> None:
         """Show the numbers of a shot, or dashes; ``version`` is that of a cached result."""
@@ -219,7 +219,6 @@ class NumbersPanel(QScrollArea):
         doubted = wide or any(flag_tone(flag) is Tone.WARNING for flag in doubts)
         name.setText(f"{row.name} {MARKS[Tone.WARNING]}" if doubted else row.name)
         set_tone(name, Tone.WARNING if doubted else None)
-        name.setFont(sized(self.font(), 1.0, bold=doubted))  # after the tone, with which a label takes its first font
         name.setToolTip(hover)
 
     def _fit_title(self) -> None:
@@ -269,7 +268,7 @@ class NumbersPanel(QScrollArea):
             lines += [(flag_tone(flag), flag_line(flag)) for flag in by_weight(shot.flags)]
         if self._version:
             lines.append((Tone.NEUTRAL, f"{MARKS[Tone.NEUTRAL]} {kept_words(self._version)}; Ctrl+R analyses anew"))
-        signs = self._colours.signs
+        signs = self.colours.signs
         self.flags.setText(
             "<br>".join(f"<span style='color: {signs[tone]}'>{escape(line)}</span>" for tone, line in lines)
         )

@@ -13,9 +13,8 @@ from analysis.shot import Shot
 from analysis.uncertainty import diagnosed_band
 from app.report import time_zero
 from app.window.plots.cursors import SECONDS, CursorReadout
-from app.window.plots.lines import thin
+from app.window.plots.lines import RESIDUAL
 from app.window.plots.time_stack import TimeStack
-from app.window.theme import Colours
 from app.window.widgets import text_label, vertical
 from app.words import number, prefix_for, repeatability_words, short_name
 from levimass import is_drive
@@ -26,21 +25,21 @@ CELL = "<td align='right' style='padding: 0 6px'>"
 class Residuals(QWidget):
     """Two linked plots with the band of noise and building, and the table of errors."""
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         column = vertical(self, (6, 0, 0, 0))
         self._heading = text_label("RESIDUAL OF DISPLACEMENT", self, heading=True, wrap=True)
         column.addWidget(self._heading)
-        self.stack = TimeStack("Residual before and after", colours, self)
+        self.stack = TimeStack("Residual before and after", self)
         self._plots = [self.stack.add_plot(name, "nm", 1) for name in ("before", "after")]
-        self._bands = [plot.add_band(colours.band, colours.band_edge) for plot in self._plots]
-        self._curves = [plot.add_curve("residual", thin(colours.residual)) for plot in self._plots]
+        self._bands = [plot.add_band() for plot in self._plots]
+        self._curves = [plot.add_curve("residual", RESIDUAL) for plot in self._plots]
         self.stack.setMinimumHeight(8 * self.fontMetrics().lineSpacing())
         self.stack.label_time("time from first touch (ms)")
         self.stack.reset_wanted.connect(self.reset)
         column.addWidget(self.stack, 1)
         column.addWidget(CursorReadout(self.stack, self))
-        self.forces = ForceResiduals(colours, self)
+        self.forces = ForceResiduals(self)
         column.addWidget(self.forces.stack, 1)
         column.addWidget(CursorReadout(self.forces.stack, self))
         self._errors = text_label("", self, selectable=True)
@@ -50,12 +49,6 @@ class Residuals(QWidget):
             "against the noise that the diagnosis found; the panel MODEL shows that of one shot's own fit."
         )
         column.addWidget(self._errors)
-
-    def dress(self, colours: Colours) -> None:
-        self.stack.dress(colours)
-        for curve in self._curves:
-            curve.setPen(thin(colours.residual))
-        self.forces.dress(colours)
 
     @property
     def stack_in_view(self) -> TimeStack:
@@ -109,7 +102,7 @@ class Residuals(QWidget):
             if shown < len(fit.shots):
                 left = np.asarray(fit.shots[shown].residual_m)
                 factor, unit = prefix_for(float(np.nanmax(np.abs(left), initial=0.0)), "m")
-                plot.count_in(unit)
+                plot.name_value(plot.title, unit)
                 curve.show_samples(start, step, factor * left)
                 band.show_band(start, step, 2.0 * factor * noise_m)
         self.reset()
@@ -125,22 +118,17 @@ class Residuals(QWidget):
 class ForceResiduals(QObject):
     """Two linked plots of a drive: residual of the force before and after, over the whole record."""
 
-    def __init__(self, colours: Colours, parent: QWidget) -> None:
+    def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
-        self.stack = TimeStack("Residual of force before and after", colours, parent, SECONDS)
+        self.stack = TimeStack("Residual of force before and after", parent, SECONDS)
         self._plots = [self.stack.add_plot(name, "N", 1) for name in ("before", "after")]
-        self._bands = [plot.add_band(colours.band, colours.band_edge) for plot in self._plots]
-        self._curves = [plot.add_points("measured − modelled", thin(colours.residual)) for plot in self._plots]
+        self._bands = [plot.add_band() for plot in self._plots]
+        self._curves = [plot.add_points("measured − modelled", RESIDUAL) for plot in self._plots]
         self._span = (0.0, 1.0)
         self.stack.setMinimumHeight(8 * parent.fontMetrics().lineSpacing())
         self.stack.label_time("time from the first sample (s)")
         self.stack.reset_wanted.connect(self.reset)
         self.stack.hide()
-
-    def dress(self, colours: Colours) -> None:
-        self.stack.dress(colours)
-        for curve in self._curves:
-            curve.setPen(thin(colours.residual))
 
     def show_curves(self, shot: Shot | None, before: DriveCurves | None, after: DriveCurves | None) -> None:
         self.stack.tell((shot,) if shot is not None else (), shot.name if shot is not None else "")
@@ -151,7 +139,7 @@ class ForceResiduals(QObject):
                 continue
             self._span = float(found.time_s[0]), float(found.time_s[-1])
             factor, unit = prefix_for(float(np.nanmax(np.abs(found.residual_n), initial=0.0)), "N")
-            plot.count_in(unit)
+            plot.name_value(plot.title, unit)
             curve.show_points(found.time_s, factor * found.residual_n)
             half = np.full(2, 2.0 * factor * found.repeatability.force_n)
             band.show_band(self._span[0], self._span[1] - self._span[0], half)

@@ -6,7 +6,7 @@ from PySide6.QtCore import Qt, QTimer, Signal, Slot
 from PySide6.QtGui import QFontMetrics, QResizeEvent
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFrame, QLabel, QSizePolicy, QVBoxLayout, QWidget
 
-from app.window.theme import MARKS, Colours, Tone, sized
+from app.window.theme import MARKS, Colours, Dressed, Tone, sized
 from app.window.widgets import combo_box, horizontal, push_button, set_tone, text_label
 
 
@@ -77,12 +77,11 @@ FLASH_MS = 400  # one slow change, no flicker
 FACTORS = (1.15, 1.0, 0.85)  # of the system's font, for the sentence
 
 
-class Banner(QFrame):
+class Banner(Dressed, QFrame):
     """The banner; its parts keep their places when the words change."""
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._colours = colours
         self.tone = Tone.NEUTRAL
         self._flashing = QTimer(self)
         self._flashing.setSingleShot(True)
@@ -120,7 +119,7 @@ class Banner(QFrame):
         self.show_state("READY", "", Tone.NEUTRAL)
 
     def dress(self, colours: Colours) -> None:
-        self._colours = colours
+        super().dress(colours)
         background, text = colours.tones[self.tone]
         if self._flashing.isActive():
             background, text = text, background
@@ -132,11 +131,11 @@ class Banner(QFrame):
     def flash(self) -> None:
         """Exchange text and background colour for a moment."""
         self._flashing.start()
-        self.dress(self._colours)
+        self.dress(self.colours)
 
     @Slot()
     def _flashed(self) -> None:
-        self.dress(self._colours)
+        self.dress(self.colours)
 
     def offer_saving(self, unsaved: int) -> None:
         """Show the button that saves to another folder while shots are only in memory."""
@@ -170,7 +169,7 @@ class Banner(QFrame):
         if tone is not self.tone or not self._sign.text():
             self.tone = tone
             self._sign.setText(SIGNS[tone])
-            self.dress(self._colours)
+            self.dress(self.colours)
         if word != self.word.text() or detail != self.detail.text():
             self.word.setText(word)
             self.detail.setText(detail)

@@ -9,14 +9,13 @@ from analysis.drive import DriveCurves
 from analysis.shot import Recording, Shot
 from app.report import time_zero
 from app.window.panels.shot_drive import DriveView
-from app.window.panels.shot_motion import DeflectionView, GapView, MotionView
+from app.window.panels.shot_motion import SLOPE, DeflectionView, GapView, MotionView
 from app.window.panels.shot_raw import RawCurves, RawView
 from app.window.plots.cursors import CursorReadout
-from app.window.plots.legend import Legend, Look
-from app.window.plots.lines import thin, under
+from app.window.plots.legend import Legend
+from app.window.plots.lines import BAND, MEASURED, RESIDUAL, SIMULATED, Look
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
-from app.window.theme import Colours
 from app.window.widgets import FlowLayout, keep_place, push_button, text_label, vertical
 from levimass import is_drive
 
@@ -47,20 +46,19 @@ class ShotPanel(QWidget):
     raw_wanted = Signal(object)  # the recording whose raw curves are needed
     drive_wanted = Signal(object)  # the shot whose modelled force is needed
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._colours = colours
         self._shot: Shot | None = None
         self._of = ""  # the shot's name, for its plots
         self._driven = False
         self._view = "whole"
         self._undrawn: set[str] = set()  # views that are not drawn yet
-        self.motion = MotionView(colours, self)
+        self.motion = MotionView(self)
         self.stack = self.motion.stack
-        self.deflection = DeflectionView(colours, self)
-        self.gap = GapView(colours, self)
-        self.raw = RawView(colours, self)
-        self.drive = DriveView(colours, self)
+        self.deflection = DeflectionView(self)
+        self.gap = GapView(self)
+        self.raw = RawView(self)
+        self.drive = DriveView(self)
         self._page_of = {"deflection": self.deflection, "gap": self.gap.stack, "raw": self.raw.stack}  # else the stack
         self._pages = QStackedWidget(self)
         pages: tuple[PlotView, ...] = (self.stack, *self._page_of.values())
@@ -77,7 +75,6 @@ class ShotPanel(QWidget):
             stack.reset_wanted.connect(self.reset)
         for plot in self._plots:
             plot.cursors.moved.connect(self._cursors_moved)
-        self.dress(colours)
         self._judged_by: Diagnosis | None = None
         self.show_shot(None)
 
@@ -133,28 +130,18 @@ class ShotPanel(QWidget):
         for plot in self._plots:
             column.addWidget(CursorReadout(plot, self))
 
-    def dress(self, colours: Colours) -> None:
-        self._colours = colours
-        for view in (self.motion, self.deflection, self.gap, self.raw, self.drive):
-            view.dress(colours)
-        self._label_lines()
-
     def _label_lines(self) -> None:
-        c = self._colours
-        entries: list[tuple[str, Look]] = [
-            ("measured", thin(c.measured)),
-            ("simulated", under(c.simulated)),
-        ]
+        entries: list[tuple[str, Look]] = [("measured", MEASURED), ("simulated", SIMULATED)]
         if self._driven:
-            entries = self.drive.legend(c)
+            entries = self.drive.legend()
         elif self._view == "raw":
-            entries = [("reading the samples …" if self._reading else "every sample, extremes kept", thin(c.measured))]
+            entries = [("reading the samples …" if self._reading else "every sample, extremes kept", MEASURED)]
         elif self._view == "deflection":
-            entries.append(("slope", thin(c.residual, Qt.PenStyle.DashLine)))
+            entries.append(("slope", SLOPE))
         elif self._view != "gap":
-            entries[1] = ("simulated (fitted to this shot)", under(c.simulated))
-            entries.append(("measured − simulated", thin(c.residual)))
-            entries.append((f"{self.motion.band_words or 'noise, wander and building'}, ±2 σ", (c.band, c.band_edge)))
+            entries[1] = ("simulated (fitted to this shot)", SIMULATED)
+            entries.append(("measured − simulated", RESIDUAL))
+            entries.append((f"{self.motion.band_words or 'noise, wander and building'}, ±2 σ", BAND))
         self._legend.show_entries(entries)
         for plot in self._plots:
             plot.legend = entries

@@ -9,14 +9,11 @@ from PySide6.QtWidgets import QSplitter, QWidget
 from analysis.drive import DriveCurves
 from analysis.shot import Floats
 from app.window.plots.cursors import SECONDS, CursorAxis
-from app.window.plots.curve import Band
-from app.window.plots.legend import Look
-from app.window.plots.lines import thin, under
+from app.window.plots.lines import BAND, MEASURED, RESIDUAL, SIMULATED, Look
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.plots.time_stack import TimeStack
-from app.window.theme import Colours
 from app.window.widgets import text_label
 from app.words import number, repeatability_words
 
@@ -28,24 +25,24 @@ NOTHING: Floats = np.empty(0)
 class DriveView(QObject):
     """Three pages, by the names of SHOT's views: against time, speed, position."""
 
-    def __init__(self, colours: Colours, parent: QWidget) -> None:
+    def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
         self._curves: DriveCurves | None = None
-        self.stack = TimeStack("Velocity, force and residual of a drive over time", colours, parent, SECONDS)
+        self.stack = TimeStack("Velocity, force and residual of a drive over time", parent, SECONDS)
         velocity = self.stack.add_plot("velocity", "m/s", 3)
         force = self.stack.add_plot("force", "N", 4)
         residual = self.stack.add_plot("residual", "N", 3)
         self._note_axes = {velocity: NoteAxes("velocity"), force: NoteAxes("force")}
         self._note_axes[residual] = NoteAxes("residual of force")
-        self._velocity = velocity.add_points("measured", thin(colours.measured))
-        self._modelled = force.add_points("modelled", under(colours.simulated))
-        self._measured = force.add_points("measured", thin(colours.measured))
-        self._band = residual.add_band(colours.band, colours.band_edge)
-        self._residual = residual.add_points("measured − modelled", thin(colours.residual))
+        self._velocity = velocity.add_points("measured", MEASURED)
+        self._modelled = force.add_points("modelled", SIMULATED)
+        self._measured = force.add_points("measured", MEASURED)
+        self._band = residual.add_band()
+        self._residual = residual.add_points("measured − modelled", RESIDUAL)
         self.stack.label_time("time from the first sample (s)")
         self.stack.reset_wanted.connect(self.reset)
-        self.speed = ForceAgainst("speed", "velocity (m/s)", SPEED, colours, parent)
-        self.place = ForceAgainst("position", "position along the guide (mm)", PLACE, colours, parent)
+        self.speed = ForceAgainst("speed", "velocity (m/s)", SPEED, parent)
+        self.place = ForceAgainst("position", "position along the guide (mm)", PLACE, parent)
         self.pages: dict[str, QWidget] = {"whole": self.stack, "contact": self.speed, "deflection": self.place}
         self.say = text_label("", parent, faint=True, selectable=True, wrap=True)
 
@@ -63,25 +60,16 @@ class DriveView(QObject):
         page = self.pages[view]
         return in_front(page.plots) if isinstance(page, ForceAgainst) else self.stack
 
-    def legend(self, colours: Colours) -> list[tuple[str, Look]]:
+    def legend(self) -> list[tuple[str, Look]]:
         below = "band"
         if self._curves is not None:
             below = f"±2 × {repeatability_words(self._curves.repeatability.repeats, self._curves.repeatability.what)}"
         return [
-            ("measured", thin(colours.measured)),
-            ("modelled (fitted to this record)", under(colours.simulated)),
-            ("measured − modelled", thin(colours.residual)),
-            (below, (colours.band, colours.band_edge)),
+            ("measured", MEASURED),
+            ("modelled (fitted to this record)", SIMULATED),
+            ("measured − modelled", RESIDUAL),
+            (below, BAND),
         ]
-
-    def dress(self, colours: Colours) -> None:
-        self.stack.dress(colours)
-        for curve in (self._velocity, self._measured):
-            curve.setPen(thin(colours.measured))
-        self._modelled.setPen(under(colours.simulated))
-        self._residual.setPen(thin(colours.residual))
-        for page in (self.speed, self.place):
-            page.dress(colours)
 
     def show_curves(self, curves: DriveCurves | None) -> None:
         self._curves = curves
@@ -124,37 +112,24 @@ class DriveView(QObject):
 class ForceAgainst(QSplitter):
     """Force above and residual below, against speed or position."""
 
-    def __init__(self, what: str, bottom: str, axis: CursorAxis, colours: Colours, parent: QWidget) -> None:
+    def __init__(self, what: str, bottom: str, axis: CursorAxis, parent: QWidget) -> None:
         super().__init__(Qt.Orientation.Vertical, parent)
         self._bottom = bottom
         self._note_axes = NoteAxes(f"force vs {what}", 0.0, 1.0 / axis.scale)
         self._force = PlainPlot(f"Force against {what}", ("force", "N"), bottom, axis, self)
         self._residual_plot = PlainPlot(f"Residual of force against {what}", ("residual", "N"), bottom, axis, self)
-        self._modelled = self._force.add_curve("modelled", under(colours.simulated))
-        self._measured = self._force.add_curve("measured", thin(colours.measured))
-        self._band = Band(colours.band, colours.band_edge)
-        for item in (self._band, *self._band.edges):
-            self._residual_plot.plot.addItem(item)
-        self._residual = self._residual_plot.add_curve("measured − modelled", thin(colours.residual))
+        self._modelled = self._force.add_curve("modelled", SIMULATED)
+        self._measured = self._force.add_curve("measured", MEASURED)
+        self._band = self._residual_plot.plot.add_band()
+        self._residual = self._residual_plot.add_curve("measured − modelled", RESIDUAL)
         self._residual_plot.plot.setXLink(self._force.plot)
-        above = self._force.plot.getAxis("bottom")  # the plot below has the numbers
-        above.setStyle(showValues=False)
-        above.setHeight(6)
-        above.showLabel(False)
+        self._force.plot.hide_bottom_values()
         self.setSizes([300, 200])
         self.setChildrenCollapsible(False)
 
     @property
     def plots(self) -> tuple[PlainPlot, PlainPlot]:
         return self._force, self._residual_plot
-
-    def dress(self, colours: Colours) -> None:
-        for plot in self.plots:
-            plot.dress(colours)
-        self._band.dress(colours.band, colours.band_edge)
-        self._measured.setPen(thin(colours.measured))
-        self._modelled.setPen(under(colours.simulated))
-        self._residual.setPen(thin(colours.residual))
 
     def show_force(self, x: Floats, measured_n: Floats, modelled_n: Floats, half_n: float) -> None:
         """Show forces (n,) at x (n,), NaN where curves part, and the band of half width ``half_n``."""

@@ -11,11 +11,11 @@ from analysis.shot import Fit, Floats, Motion, Quantity, Shot
 from analysis.uncertainty import NoiseBand, judged_band
 from app.report import contact_span_ms, time_zero
 from app.window.plots.cursors import CursorAxis
-from app.window.plots.lines import CrispCurve, thin, under
-from app.window.plots.plain_plot import PlainPlot, XyCurve
+from app.window.plots.curve import PointCurve
+from app.window.plots.lines import MEASURED, RESIDUAL, SIMULATED, CrispCurve, Look
+from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.time_stack import TimeStack
-from app.window.theme import Colours
 from app.window.widgets import combo_box
 from app.words import prefix_for
 
@@ -31,38 +31,28 @@ BOUNCE_MS = 0.6  # on either side of a bounce that was clicked on
 class MotionView(QObject):
     """The whole shot or its first contact; the lowest plot shows a residual of choice."""
 
-    def __init__(self, colours: Colours, parent: QWidget) -> None:
+    def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
-        self._colours = colours
         self._shot: Shot | None = None
         self._judged_by: Diagnosis | None = None
         self._chosen = False  # whether the operator chose the residual
         self.band_words = ""
         self.contact_only = False
-        self.stack = TimeStack("Velocity, force and residual over time", colours, parent)
+        self.stack = TimeStack("Velocity, force and residual over time", parent)
         self.velocity = self.stack.add_plot("velocity", "m/s", 3)
         self.force = self.stack.add_plot("force", "N", 4)
         self.residual = self.stack.add_plot("residual", "mN", 2)
         both = (self.velocity, self.force)
-        self._simulated = [plot.add_curve("simulated", under(colours.simulated)) for plot in both]
-        self._measured = [plot.add_curve("measured", thin(colours.measured)) for plot in both]
-        self._band = self.residual.add_band(colours.band, colours.band_edge)
-        self._residual = self.residual.add_curve("measured − simulated", thin(colours.residual))
+        self._simulated = [plot.add_curve("simulated", SIMULATED) for plot in both]
+        self._measured = [plot.add_curve("measured", MEASURED) for plot in both]
+        self._band = self.residual.add_band()
+        self._residual = self.residual.add_curve("measured − simulated", RESIDUAL)
         hover = "Slow effects show in displacement, where the optics' noise is white; fast ones in force"
         items = [(words, name) for name, words, _ in RESIDUALS]
         self.kind = combo_box("Which residual the lowest plot shows", hover, parent, items)
         self.kind.currentIndexChanged.connect(self._show_residual)
         self.kind.activated.connect(self._kind_chosen)
         self.stack.clicked.connect(self._zoom_on_bounce)
-
-    def dress(self, colours: Colours) -> None:
-        self._colours = colours
-        self.stack.dress(colours)
-        for curve in self._measured:
-            curve.setPen(thin(colours.measured))
-        for curve in self._simulated:
-            curve.setPen(under(colours.simulated))
-        self._residual.setPen(thin(colours.residual))
 
     def show_shot(self, shot: Shot, judged_by: Diagnosis | None = None) -> None:
         """Show an analysed shot; the noise band is that of the diagnosis ``judged_by``."""
@@ -115,7 +105,7 @@ class MotionView(QObject):
         zero, _ = time_zero(shot)
         start, step = _grid(motion, zero)
         scale, words = prefix_for(float(np.nanmax(np.abs(rest), initial=0.0)), unit)
-        self.residual.count_in(words)
+        self.residual.name_value("residual", words)
         self.stack.notes.describe(self.residual, NoteAxes(f"residual of {kind}", zero, 1e3, scale))
         self._residual.show_samples(start, step, scale * rest)
         self._band.show_band(start, step, 2 * scale * std)
@@ -141,7 +131,7 @@ class MotionView(QObject):
                 if isinstance(reading, Quantity):
                     times.append(1e3 * (reading.value - zero))
         for plot in self.stack.plots:
-            plot.mark(times, self._colours.marker)
+            plot.mark(times)
 
     @Slot(int)
     def _kind_chosen(self, _: int) -> None:
@@ -185,21 +175,15 @@ def _grid(motion: Motion, zero: float) -> tuple[float, float]:
 class GapView:
     """The gap in the fitted model (the paper's Fig. 7), as the plate is not measured, and the force below it."""
 
-    def __init__(self, colours: Colours, parent: QWidget) -> None:
-        self.stack = TimeStack("Gap between block and plate", colours, parent)
+    def __init__(self, parent: QWidget) -> None:
+        self.stack = TimeStack("Gap between block and plate", parent)
         self._gap_plot = self.stack.add_plot("gap", "µm", 3)
         self._force_plot = self.stack.add_plot("force", "N", 2)
-        self._gap = self._gap_plot.add_curve("simulated", under(colours.simulated))
-        self._simulated = self._force_plot.add_curve("simulated", under(colours.simulated))
-        self._measured = self._force_plot.add_curve("measured", thin(colours.measured))
+        self._gap = self._gap_plot.add_curve("simulated", SIMULATED)
+        self._simulated = self._force_plot.add_curve("simulated", SIMULATED)
+        self._measured = self._force_plot.add_curve("measured", MEASURED)
         self._gap_plot.mark_level(0.0, "below: overlap")
         self._span = (-1.0, 8.0)
-
-    def dress(self, colours: Colours) -> None:
-        self.stack.dress(colours)
-        self._gap.setPen(under(colours.simulated))
-        self._measured.setPen(thin(colours.measured))
-        self._simulated.setPen(under(colours.simulated))
 
     def show_shot(self, shot: Shot) -> None:
         """Show an analysed shot."""
@@ -225,6 +209,7 @@ class GapView:
 
 DEFLECTION = CursorAxis("mm", "m", 1e-3)
 BRANCHES = ("loading", "unloading")
+SLOPE = Look("residual", Qt.PenStyle.DashLine)
 
 
 class DeflectionView(PlainPlot):
@@ -233,22 +218,13 @@ class DeflectionView(PlainPlot):
     Loading and unloading are separate curves, so that the cursors give the slope of each.
     """
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         words = "deflection of the plate from first touch (mm)"
         super().__init__("Force against deflection", ("force", "N"), words, DEFLECTION, parent)
-        self._simulated = [self.add_curve(f"simulated, {branch}") for branch in BRANCHES]
-        self._measured = [self.add_curve(f"measured, {branch}") for branch in BRANCHES]
-        self._slope = CrispCurve()
+        self._simulated = [self.add_curve(f"simulated, {branch}", SIMULATED) for branch in BRANCHES]
+        self._measured = [self.add_curve(f"measured, {branch}", MEASURED) for branch in BRANCHES]
+        self._slope = CrispCurve(look=SLOPE)
         self.plot.addItem(self._slope)
-        self.dress(colours)
-
-    def dress(self, colours: Colours) -> None:
-        super().dress(colours)
-        for curve in self._measured:
-            curve.setPen(thin(colours.measured))
-        for curve in self._simulated:
-            curve.setPen(under(colours.simulated))
-        self._slope.setPen(thin(colours.residual, Qt.PenStyle.DashLine))
 
     def show_shot(self, shot: Shot) -> None:
         for curve in (*self._measured, *self._simulated):
@@ -290,7 +266,7 @@ class DeflectionView(PlainPlot):
         self._slope.setData(ends, middle_y + 1e-3 * slope.value * (ends - middle_x))
 
 
-def _show_branches(curves: list[XyCurve], deflection: Floats, force: Floats) -> None:
+def _show_branches(curves: list[PointCurve], deflection: Floats, force: Floats) -> None:
     """Split the contact into loading and unloading at the greatest deflection."""
     if not np.isfinite(deflection).any():
         return

@@ -6,11 +6,10 @@ import numpy as np
 from PySide6.QtWidgets import QWidget
 
 from analysis.shot import Recording, Role
-from app.window.plots.lines import thin
+from app.window.plots.lines import MEASURED
 from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.pyramid import Pyramid
 from app.window.plots.time_stack import TimeStack
-from app.window.theme import Colours
 from app.words import CHANNEL_NAMES, number
 
 
@@ -48,19 +47,14 @@ def trigger_level_v(recording: Recording) -> float | None:
 class RawView:
     """Three linked plots; a channel that the recording lacks is hidden."""
 
-    def __init__(self, colours: Colours, parent: QWidget) -> None:
-        self.stack = TimeStack("Raw signals", colours, parent)
+    def __init__(self, parent: QWidget) -> None:
+        self.stack = TimeStack("Raw signals", parent)
         self._plots = {role: self.stack.add_plot(name, "V", 2) for role, name in CHANNEL_NAMES.items()}
-        self._curves = {role: plot.add_curve("samples", thin(colours.measured)) for role, plot in self._plots.items()}
+        self._curves = {role: plot.add_curve("samples", MEASURED) for role, plot in self._plots.items()}
         self._recording: Recording | None = None
         self._zero = 0.0
         self._drawn = False
         self.has_samples = False
-
-    def dress(self, colours: Colours) -> None:
-        self.stack.dress(colours)
-        for curve in self._curves.values():
-            curve.setPen(thin(colours.measured))
 
     def show_recording(self, recording: Recording | None, zero_s: float) -> None:
         """Set the recording; its curves are made in a job once the view is shown (``wanted``)."""

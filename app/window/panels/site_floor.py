@@ -7,9 +7,9 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from analysis.reading import CENTRES_HZ, CRITERIA_M_PER_S, SiteFloor
 from app.window.plots.cursors import CursorAxis, CursorReadout
-from app.window.plots.lines import thin, under
+from app.window.plots.lines import Look
 from app.window.plots.plain_plot import LogPlot
-from app.window.theme import Colours
+from app.window.theme import Colours, Dressed
 from app.window.widgets import horizontal, text_label
 from app.words import local, with_prefix
 
@@ -36,10 +36,10 @@ def floor_words(floor: SiteFloor) -> str:
     return local(f"Floor of the site {meets}. Expected now: u(COR) {floor.cor_std:.1g}")
 
 
-class SiteFloorPanel(QWidget):
+class SiteFloorPanel(Dressed, QWidget):
     """A plot of third-octaves and words; shows the last floor until there is another."""
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._shown: SiteFloor | None = None
         row = horizontal(self)
@@ -48,8 +48,8 @@ class SiteFloorPanel(QWidget):
         )
         self.plot.setFixedHeight(150)
         self._names: list[pg.TextItem] = []
-        self._criteria = [self.plot.add_curve(name) for name in SHOWN]
-        self._curve = self.plot.add_curve("floor of the site")
+        self._criteria = [self.plot.add_curve(name, Look("marker")) for name in SHOWN]
+        self._curve = self.plot.add_curve("floor of the site", Look("measured", width=3))
         for name, curve in zip(SHOWN, self._criteria, strict=True):
             level = UM_PER_S * CRITERIA_M_PER_S[name]
             curve.show_points(np.array([8.0, 80.0]), np.array([level, level]))
@@ -69,13 +69,9 @@ class SiteFloorPanel(QWidget):
         words.addStretch(1)
         row.addLayout(words, 1)
         self._show_levels(np.empty(0))
-        self.dress(colours)
 
     def dress(self, colours: Colours) -> None:
-        self.plot.dress(colours)
-        self._curve.setPen(under(colours.measured))
-        for curve in self._criteria:
-            curve.setPen(thin(colours.marker))
+        super().dress(colours)
         for label in self._names:
             label.setColor(colours.faint)
 

@@ -10,26 +10,27 @@ from app.report import time_zero
 from app.session import BEATS, Spectra
 from app.window.plots.cursors import TIME, CursorAxis, CursorReadout
 from app.window.plots.legend import Legend
-from app.window.plots.lines import thin, under
+from app.window.plots.lines import MEASURED, Look
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.plot_view import PlotView, in_front
-from app.window.theme import Colours
 from app.window.widgets import text_label, vertical
 from app.words import CHANNEL_NAMES
 
 FREQUENCY = CursorAxis("MHz", "MHz")
+LOOKS = {Role.REFERENCE: Look("residual", width=3), Role.MEASUREMENT: MEASURED}
+LEGEND = [("PD0, at rest", LOOKS[Role.REFERENCE]), ("PD1, moving", LOOKS[Role.MEASUREMENT])]
 
 
 class SpectrumPanel(QWidget):
     """Spectrum above, spectrogram of PD1 below."""
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._colours = colours
         column = vertical(self, (6, 6, 6, 2))
         self.said = text_label("", self, faint=True)
         self._legend = Legend(self)
+        self._legend.show_entries(LEGEND)
         column.addWidget(self._legend)
         column.addWidget(self.said)
         split = QSplitter(Qt.Orientation.Vertical, self)
@@ -39,26 +40,15 @@ class SpectrumPanel(QWidget):
         self._image = PlainPlot(
             "Spectrogram of PD1", ("frequency of PD1", "MHz"), "time from first touch (ms)", TIME, split, False
         )
-        self._curves = {role: self._spectrum.add_curve(CHANNEL_NAMES[role]) for role in BEATS}
+        self._curves = {role: self._spectrum.add_curve(CHANNEL_NAMES[role], LOOKS[role]) for role in BEATS}
+        self._spectrum.legend = LEGEND
         self.picture = pg.ImageItem()
         self.picture.setColorMap(pg.colormap.get("viridis"))
         self._image.plot.addItem(self.picture)
         column.addWidget(split, 1)
         for plot in self.plots:
             column.addWidget(CursorReadout(plot, self))
-        self.dress(colours)
         self.show_spectra(None)
-
-    def dress(self, colours: Colours) -> None:
-        self._colours = colours
-        pens = {Role.REFERENCE: under(colours.residual), Role.MEASUREMENT: thin(colours.measured)}
-        for role, curve in self._curves.items():
-            curve.setPen(pens[role])
-        for plot in self.plots:
-            plot.dress(colours)
-        entries = [("PD0, at rest", pens[Role.REFERENCE]), ("PD1, moving", pens[Role.MEASUREMENT])]
-        self._legend.show_entries(entries)
-        self._spectrum.legend = entries
 
     def show_spectra(self, spectra: Spectra | None, shot: Shot | None = None, words: str = "") -> None:
         """Show the spectra of a shot under the name ``words``, or that there are none."""

@@ -18,7 +18,7 @@ from analysis.paper import Reproduction, Status
 from analysis.shot import Quantity, Shot, shown_in
 from analysis.uncertainty import COVERAGE_FACTOR, BudgetRow, QuantityBudget, budget
 from app.report import PAPER_SECTIONS, paper_cells, readable_unit
-from app.window.theme import Colours, Tone, sized
+from app.window.theme import Colours, Dressed, Tone, sized
 from app.window.widgets import text_label, vertical
 from app.words import DASH, cell, concise_text, local, number, value_text
 
@@ -185,12 +185,11 @@ RECORDED = PAPER_COLUMNS.index("recording") - 1
 _TONES = {Status.AGREES: Tone.GOOD, Status.TRACED: Tone.GOOD, Status.OPEN: Tone.BAD}
 
 
-class PaperPanel(QWidget):
+class PaperPanel(Dressed, QWidget):
     """The table of the comparison."""
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._colours = colours
         self._result: Reproduction | None = None
         column = vertical(self, (6, 6, 6, 6))
         self.said = text_label("", self, wrap=True)
@@ -200,7 +199,7 @@ class PaperPanel(QWidget):
         column.addWidget(self.table, 1)
 
     def dress(self, colours: Colours) -> None:
-        self._colours = colours
+        super().dress(colours)
         if self._result is not None:
             self.show_reproduction(self._result)
 
@@ -223,7 +222,7 @@ class PaperPanel(QWidget):
                     shown[RECORDED] = concise_text(row.recorded, readable_unit(row)[0])
                 trace = (Line((row.traced_to, *[""] * 6)),) if row.traced_to else ()
                 tone = _TONES.get(row.status)
-                colour = self._colours.signs[tone] if tone is not None else None
+                colour = self.colours.signs[tone] if tone is not None else None
                 parts.append(Line((texts[0], *shown), row.traced_to, trace, colour=colour))
             lines.append(Line((words, *[""] * 6), "", tuple(parts), True))
         self.table.show_lines(lines)

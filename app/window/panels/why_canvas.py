@@ -18,7 +18,7 @@ from app.report import time_zero
 from app.session import Remainder, by_evidence
 from app.window.panels.effects import CandidateBars
 from app.window.plots.residual_grid import MOST, Cell, Overlay, ResidualGrid
-from app.window.theme import Colours, Tone
+from app.window.theme import Colours, Dressed, Tone
 from app.window.widgets import push_button, text_label, vertical
 from app.words import number, short_name
 
@@ -32,14 +32,13 @@ def explained(left_m: Floats, curve_m: Floats) -> Overlay:
     return Overlay(signature_m, left_m - signature_m)
 
 
-class WhyCanvas(QWidget):
+class WhyCanvas(Dressed, QWidget):
     """Heading, canvas, and the button that puts two remainders side by side; candidates stand to its left."""
 
     pointed = Signal(object)  # the effect of a candidate
 
-    def __init__(self, colours: Colours, bars: CandidateBars, parent: QWidget | None = None) -> None:
+    def __init__(self, bars: CandidateBars, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._colours = colours
         self._diagnosis: Diagnosis | None = None
         self._shots: list[Shot] = []
         self._accepted = False
@@ -54,7 +53,7 @@ class WhyCanvas(QWidget):
         top.addWidget(self._heading, 1)
         top.addWidget(self.neighbour)
         column.addLayout(top)
-        self.grid = ResidualGrid(colours, self)
+        self.grid = ResidualGrid(self)
         column.addWidget(self.grid, 1)
         self.said = text_label("", self, wrap=True)
         self.said.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
@@ -62,8 +61,7 @@ class WhyCanvas(QWidget):
         bars.pointed.connect(self.point_at)
 
     def dress(self, colours: Colours) -> None:
-        self._colours = colours
-        self.grid.dress(colours)
+        super().dress(colours)
         self._draw()
 
     def show_diagnosis(self, diagnosis: Diagnosis | None, shots: list[Shot], accepted: bool) -> None:
@@ -162,7 +160,7 @@ class WhyCanvas(QWidget):
             return (), f"{words}: its fit did not converge"
         else:
             return (), f"{words}: not fitted in full yet"
-        colour, rest = self._colours.simulated, self._colours.signs[Tone.GOOD]
+        colour, rest = self.colours.simulated, self.colours.signs[Tone.GOOD]
         return overlays, (
             f"<b>{escape(words)}</b>: <span style='color:{colour}'>━</span> would explain, "
             f"<span style='color:{rest}'>━</span> would remain; {how}"

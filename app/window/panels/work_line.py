@@ -12,7 +12,7 @@ from PySide6.QtGui import QColor, QGuiApplication, QResizeEvent
 from PySide6.QtWidgets import QFrame, QListWidget, QListWidgetItem, QProgressBar, QSizePolicy, QWidget
 
 from app.session import Job, Jobs
-from app.window.theme import MARKS, Colours, Tone
+from app.window.theme import MARKS, Colours, Dressed, Tone
 from app.window.widgets import SideSheet, horizontal, keep_place, push_button, set_tone, text_label
 
 KEPT = 20
@@ -143,12 +143,12 @@ class NoticeLine(QFrame):
         self._fit()
 
 
-class NoticeList(SideSheet):
+class NoticeList(Dressed, SideSheet):
     """The list of all messages of this run."""
 
-    def __init__(self, notices: NoticeLine, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, notices: NoticeLine, parent: QWidget | None = None) -> None:
         super().__init__("Messages", parent)
-        self._notices, self._colours = notices, colours
+        self._notices = notices
         column, _ = self.head("Messages", "Close the list  (F6 or Esc)")
         self.list = QListWidget(self)
         self.list.setAccessibleName("Messages, newest first")
@@ -165,7 +165,7 @@ class NoticeList(SideSheet):
         self.open_at(self.list)
 
     def dress(self, colours: Colours) -> None:
-        self._colours = colours
+        super().dress(colours)
         self._refresh()
 
     @Slot()
@@ -175,7 +175,7 @@ class NoticeList(SideSheet):
         self.list.clear()
         for at, notice in reversed(self._notices.history):
             item = QListWidgetItem(f"{at:%H:%M:%S}  {MARKS[notice.tone]} {notice.words}")
-            item.setForeground(QColor(self._colours.signs[notice.tone]))
+            item.setForeground(QColor(self.colours.signs[notice.tone]))
             self.list.addItem(item)
         if not self._notices.history:
             self.list.addItem("No message yet.")

@@ -1,6 +1,7 @@
 """Two cursors in linked plots, the readings between them, and the table of these below a plot."""
 
 from dataclasses import dataclass
+from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,15 +11,14 @@ from PySide6.QtWidgets import QFrame, QWidget
 
 from analysis.shot import Floats
 from app.window.plots.lines import straight
-from app.window.theme import Colours
+from app.window.theme import LIGHT, Colours
 from app.window.widgets import horizontal, push_button, text_label
 from app.words import DASH, local, number
 
 if TYPE_CHECKING:
-    from app.window.plots.curve import SampledCurve
-    from app.window.plots.plain_plot import NamedPlot, XyCurve
+    from app.window.plots.curve import PointCurve, SampledCurve
+    from app.window.plots.framed_plot import FramedPlot
     from app.window.plots.plot_view import PlotView
-    from app.window.plots.time_plot import TimePlot
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,14 +85,14 @@ class Cursors(QObject):
     def __init__(self, parent: QObject, axis: CursorAxis = TIME) -> None:
         super().__init__(parent)
         self.axis = axis
-        self._plots: list[NamedPlot | TimePlot] = []
+        self._plots: list[FramedPlot] = []
         self._lines: dict[str, list[pg.InfiniteLine]] = {"A": [], "B": []}
-        self._colours: Colours | None = None
+        self._colours = LIGHT
         self._at = {"A": 0.0, "B": 1.0}
         self.shown = False
         self._following = False
 
-    def join(self, plot: "NamedPlot | TimePlot") -> None:
+    def join(self, plot: "FramedPlot") -> None:
         """Draw the cursors in this plot too."""
         self._plots.append(plot)
 
@@ -106,8 +106,7 @@ class Cursors(QObject):
                 plot.addItem(line, ignoreBounds=True)
                 line.sigPositionChanged.connect(self._dragged_a if name == "A" else self._dragged_b)
                 lines.append(line)
-        if self._colours is not None:
-            self.dress(self._colours)
+        self.dress(self._colours)
 
     def dress(self, colours: Colours) -> None:
         """Set the colours; A is solid, B dashed."""
@@ -173,9 +172,7 @@ class Cursors(QObject):
                     found.append(self._measure(plot, curve, left, right))
         return found
 
-    def _measure(
-        self, plot: "NamedPlot | TimePlot", curve: "SampledCurve | XyCurve", left: float, right: float
-    ) -> Between:
+    def _measure(self, plot: "FramedPlot", curve: "SampledCurve | PointCurve", left: float, right: float) -> Between:
         a, b = self.places
         x, values = curve.between(left, right)
         name = f"{plot.title}, {curve.label}"
@@ -240,7 +237,7 @@ class CursorReadout(QFrame):
         for m in measures:
             cells = (m.at_a, m.at_b, m.difference, m.mean, m.rms, m.slope)
             text = "".join(f"<td align='right' style='padding: 0 9px'>{number(cell, 5)}</td>" for cell in cells)
-            rows.append(f"<tr><td>{m.name}</td>{text}<td>{m.unit}</td></tr>")
+            rows.append(f"<tr><td>{escape(m.name)}</td>{text}<td>{m.unit}</td></tr>")
         table = f"<table cellspacing='0'>{''.join(rows)}</table>"
         low = self.window().height() < LOW_LINES * self.fontMetrics().lineSpacing()
         self._table.setText(f"<table cellspacing='0'>{rows[0]}</table>" if low else table)

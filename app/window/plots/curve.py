@@ -1,13 +1,14 @@
-"""Curves that hold all samples and draw at most two points per pixel; noise bands."""
+"""Curves of uniform samples, which draw at most two points per pixel, and of single points; noise bands."""
 
 import numpy as np
 import pyqtgraph as pg
 from numpy.typing import NDArray
 from PySide6.QtCore import Qt
-from PySide6.QtGui import QPen
 
-from app.window.plots.lines import ColumnCurve, CrispCurve
+from analysis.shot import Floats
+from app.window.plots.lines import BAND, ColumnCurve, CrispCurve, Look
 from app.window.plots.pyramid import Array, Pyramid, is_whole
+from app.window.theme import Colours
 
 
 class SampledCurve(ColumnCurve):
@@ -16,10 +17,9 @@ class SampledCurve(ColumnCurve):
     The samples are not copied or decimated; their pyramid gives what is drawn at each change of the view.
     """
 
-    def __init__(self, name: str, unit: str, pen: QPen) -> None:
-        super().__init__(pen=pen, connect="finite", antialias=False, skipFiniteCheck=False)
-        self.label = name
-        self.unit = unit
+    def __init__(self, label: str, look: Look) -> None:
+        super().__init__(look=look, connect="finite", antialias=False, skipFiniteCheck=False)
+        self.label = label
         self._pyramid = Pyramid()
         self._start = 0.0
         self._step = 1.0
@@ -85,38 +85,29 @@ class SampledCurve(ColumnCurve):
         show(self._start + self._step * positions, values)
 
 
-class PointCurve(SampledCurve):
-    """A curve of points that are decimated already (least and greatest value of each bin)."""
+class PointCurve(CrispCurve):
+    """Points in any order of x; without a look they are not drawn, but the cursors read them."""
 
-    def __init__(self, name: str, unit: str, pen: QPen) -> None:
-        super().__init__(name, unit, pen)
-        self._x: NDArray[np.float64] = np.empty(0)
-        self._y: NDArray[np.float64] = np.empty(0)
+    def __init__(self, label: str, look: Look | None = None) -> None:
+        super().__init__(look=look, connect="finite")
+        self.label = label
+        self._x: Floats = np.empty(0)
+        self._y: Floats = np.empty(0)
 
-    @property
-    def samples(self) -> Array:
-        """Get the values, shape (n,)."""
-        return self._y
-
-    @property
-    def grid(self) -> tuple[float, float]:
-        """Get the first and the last x, which identify the set of points."""
-        return (float(self._x[0]), float(self._x[-1])) if len(self._x) else (0.0, 0.0)
-
-    def show_points(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
-        """Show points with rising x (n,)."""
+    def show_points(self, x: Floats, y: Floats) -> None:
+        """Show points (n,) by (n,)."""
         self._x, self._y = x, y
         self.setData(x, y)
 
-    def index_range(self, left: float, right: float) -> tuple[int, int]:
-        """Return the points (start, stop) that lie between two x."""
-        first, last = np.searchsorted(self._x, (left, right), side="left")
-        return int(first), int(last)
+    @property
+    def samples(self) -> Floats:
+        """Get the values, shape (n,)."""
+        return self._y
 
-    def between(self, left: float, right: float) -> tuple[NDArray[np.float64], Array]:
-        """Return x and values between two x."""
-        first, last = self.index_range(left, right)
-        return self._x[first:last], self._y[first:last]
+    def between(self, left: float, right: float) -> tuple[Floats, Floats]:
+        """Return the points between two x, in their own order."""
+        inside = (self._x >= left) & (self._x <= right)
+        return self._x[inside], self._y[inside]
 
     def extremes(self, left: float, right: float) -> tuple[float, float]:
         """Return the smallest and the largest value between two x; NaN where there are none."""
@@ -125,10 +116,11 @@ class PointCurve(SampledCurve):
         return (float(seen.min()), float(seen.max())) if len(seen) else (float("nan"), float("nan"))
 
     def value_at(self, x: float) -> float:
-        """Return the value of the point nearest to x; NaN outside."""
-        if len(self._x) == 0 or not self._x[0] <= x <= self._x[-1]:
+        """Return the value of the point nearest in x; NaN outside."""
+        placed = np.isfinite(self._x)
+        if not placed.any() or not self._x[placed].min() <= x <= self._x[placed].max():
             return float("nan")
-        return float(self._y[int(np.argmin(np.abs(self._x - x)))])
+        return float(self._y[placed][int(np.argmin(np.abs(self._x[placed] - x)))])
 
     def redraw(self) -> None:
         """Do nothing: all points are drawn."""
@@ -137,33 +129,24 @@ class PointCurve(SampledCurve):
 class Band(pg.FillBetweenItem):
     """An opaque noise band about zero of at most 600 points; its edges are above the curves."""
 
-    def __init__(self, colour: str, edge: str) -> None:
-        self._upper = CrispCurve()
-        self._lower = CrispCurve()
-        super().__init__(self._upper, self._lower, brush=pg.mkBrush(colour), pen=pg.mkPen(None))
+    def __init__(self) -> None:
+        self.edges = tuple(CrispCurve(look=Look(BAND.edges, Qt.PenStyle.DashLine)) for _ in ("upper", "lower"))
+        super().__init__(*self.edges, pen=pg.mkPen(None))
         self.setZValue(-10)
-        self.edges = (self._upper, self._lower)
-        self._typical = float("nan")
-        self.dress(colour, edge)
-
-    def dress(self, colour: str, edge: str) -> None:
-        self.setBrush(pg.mkBrush(colour))
+        self.typical = float("nan")  # the median half width
         for line in self.edges:
-            line.setPen(pg.mkPen(edge, width=1, style=Qt.PenStyle.DashLine))
             line.setZValue(10)
+
+    def dress(self, colours: Colours) -> None:
+        self.setBrush(pg.mkBrush(BAND.of(colours)))
 
     def show_band(self, start: float, step: float, half: NDArray[np.float64]) -> None:
         """Show ±half (n,) at x = start + i*step; a value that is not finite has no width."""
         finite = half[np.isfinite(half)]
-        self._typical = float(np.median(finite)) if len(finite) else float("nan")
+        self.typical = float(np.median(finite)) if len(finite) else float("nan")
         stride = max(1, len(half) // 300)
         index = np.arange(0, len(half), stride)
         width = np.nan_to_num(half[index], nan=0.0, posinf=0.0)
         x = start + step * index
-        self._upper.setData(x, width)
-        self._lower.setData(x, -width)
-
-    @property
-    def typical(self) -> float:
-        """Get the median half width; NaN without one."""
-        return self._typical
+        for line, sign in zip(self.edges, (1.0, -1.0), strict=True):
+            line.setData(x, sign * width)

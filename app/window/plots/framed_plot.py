@@ -4,12 +4,14 @@ import math
 from typing import Any
 
 import pyqtgraph as pg
-from PySide6.QtCore import Qt, QTimer, Signal, Slot
+from pyqtgraph import Point
+from PySide6.QtCore import QPointF, QRectF, Qt, QTimer, Signal, Slot
 from PySide6.QtGui import QFontMetricsF, QPainter
 from PySide6.QtWidgets import QGraphicsGridLayout
 
-from app.window.plots.lines import straight
-from app.window.theme import Colours
+from app.window.plots.curve import Band, PointCurve, SampledCurve
+from app.window.plots.lines import CrispCurve, straight
+from app.window.theme import LIGHT, Colours
 from app.words import local
 
 BEHIND = -1000
@@ -122,38 +124,135 @@ class PlainAxis(pg.AxisItem):
         return [local(text) for text in super().tickStrings(values, scale, spacing)]
 
 
+class QuietView(pg.ViewBox):
+    """A view box that emits clicks; dragging moves one axis, with Shift it draws a box to zoom to."""
+
+    clicked = Signal(float, float)
+    y_taken = Signal(bool)
+    moved = Signal()  # by hand, perhaps not finished
+    placed = Signal()  # by hand, finished
+
+    def __init__(self) -> None:
+        super().__init__(enableMenu=False, defaultPadding=0.0)
+        self.disableAutoRange()
+
+    def mouseClickEvent(self, event: object) -> None:
+        """Emit a left click in the plot's units."""
+        if event.button() == Qt.MouseButton.LeftButton:  # type: ignore[attr-defined]
+            point: QPointF = self.mapSceneToView(event.scenePos())  # type: ignore[attr-defined]
+            self.clicked.emit(point.x(), point.y())
+            event.accept()  # type: ignore[attr-defined]
+
+    def wheelEvent(self, event: object, axis: int | None = None) -> None:
+        """Zoom time with the wheel; with Ctrl, or over the left axis, zoom the value."""
+        by_control = event.modifiers() & Qt.KeyboardModifier.ControlModifier  # type: ignore[attr-defined]
+        chosen = 1 if (axis == 1 or by_control) else 0
+        if chosen == 1:
+            self.y_taken.emit(True)
+        super().wheelEvent(event, axis=chosen)
+        self.moved.emit()
+
+    def mouseDragEvent(self, event: object, axis: int | None = None) -> None:
+        """Drag in time; over the left axis, or with Ctrl, drag the value; with Shift draw a box to zoom to."""
+        if axis is None and event.modifiers() & Qt.KeyboardModifier.ShiftModifier:  # type: ignore[attr-defined]
+            self._draw_box(event)
+            return
+        by_control = event.modifiers() & Qt.KeyboardModifier.ControlModifier  # type: ignore[attr-defined]
+        chosen = 1 if (axis == 1 or by_control) else 0
+        if chosen == 1:
+            self.y_taken.emit(True)
+        super().mouseDragEvent(event, axis=chosen)
+        self.moved.emit()
+
+    def _draw_box(self, event: Any) -> None:
+        """Draw the box, and zoom to it when the button is released."""
+        event.accept()
+        if not event.isFinish():
+            self.updateScaleBox(event.buttonDownPos(), event.pos())
+            return
+        self.rbScaleBox.hide()
+        box = QRectF(Point(event.buttonDownPos(event.button())), Point(event.pos()))
+        self.zoom_to(self.childGroup.mapRectFromParent(box.normalized()))
+
+    def zoom_to(self, box: QRectF) -> None:
+        """Zoom to a box in the plot's units; one without area is ignored."""
+        if box.width() > 0.0 and box.height() > 0.0:
+            self.y_taken.emit(True)
+            self.setRange(xRange=(box.left(), box.right()), yRange=(box.top(), box.bottom()), padding=0)
+            self.placed.emit()
+
+
 VIEW_AT = (0, 1)  # row and column
 AXES_AT = {"left": (0, 0), "bottom": (1, 1)}
+AXIS_WIDTH = 74  # wide enough for "-0.00025", so that linked plots stay aligned while values change
 
 
 class FramedPlot(pg.GraphicsWidget):
-    """Curves with a bottom and a left axis.
+    """Curves with a bottom and a left axis, the name of their value and its unit.
 
     A PlotItem takes 15 ms to make, more than half of it for its menu: half a second for thirty plots.
     """
 
-    def __init__(self, view: pg.ViewBox, axes: dict[str, PlainAxis]) -> None:
+    def __init__(self, title: str, unit: str, axis_kind: type[PlainAxis] = PlainAxis) -> None:
         super().__init__()
-        self.view = view
-        self._axes = axes
+        self.colours = LIGHT
+        self.view = QuietView()
+        self.sampled: list[SampledCurve | PointCurve] = []  # what the cursors read
+        self._axes = {side: axis_kind(side) for side in AXES_AT}
         grid = QGraphicsGridLayout()
         grid.setContentsMargins(1, 1, 1, 1)
         grid.setSpacing(0)
         self.setLayout(grid)
-        grid.addItem(view, *VIEW_AT)
+        grid.addItem(self.view, *VIEW_AT)
         grid.setRowStretchFactor(VIEW_AT[0], 100)
         grid.setColumnStretchFactor(VIEW_AT[1], 100)
-        for side, axis in axes.items():
+        for side, axis in self._axes.items():
             grid.addItem(axis, *AXES_AT[side])
-            axis.linkToView(view)
+            axis.linkToView(self.view)
             axis.enableAutoSIPrefix(False)
+        self.getAxis("left").setWidth(AXIS_WIDTH)
+        self.caption = Caption(self)
+        self.name_value(title, unit)
+
+    def name_value(self, title: str, unit: str) -> None:
+        """Set name and unit of the value."""
+        self.title, self.unit = title, unit
+        words = f"{title} ({unit})" if unit else title
+        self.caption.say(words)
+        self.setLabel("left", words)
+
+    def dress(self, colours: Colours) -> None:
+        """Set the colours of axes, grid, curves and bands."""
+        self.colours = colours
+        for axis in self._axes.values():
+            axis.dress(colours.edge, colours.text, colours.grid)
+        self.caption.dress(colours)
+        for item in self.view.addedItems:
+            if isinstance(item, CrispCurve | Band):
+                item.dress(colours)
 
     def addItem(self, item: Any, ignoreBounds: bool = False) -> None:
         """Draw an item in the plot's own units."""
         self.view.addItem(item, ignoreBounds)
+        if isinstance(item, CrispCurve | Band):
+            item.dress(self.colours)
+
+    def add_band(self) -> Band:
+        """Add an empty noise band behind the curves, its edges above them."""
+        band = Band()
+        for item in (band, *band.edges):
+            self.addItem(item)
+        return band
 
     def getAxis(self, side: str) -> PlainAxis:
         return self._axes[side]
+
+    def hide_bottom_values(self) -> None:
+        """Show no numbers at the bottom axis: those of the plot below, with the same axis, serve both."""
+        bottom = self.getAxis("bottom")
+        bottom.setStyle(showValues=False)
+        bottom.setHeight(6)
+        bottom.showLabel(False)
 
     def setLabel(self, side: str, text: str) -> None:
         self._axes[side].setLabel(text)

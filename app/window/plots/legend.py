@@ -6,11 +6,9 @@ from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QColor, QFont, QFontMetrics, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QHBoxLayout, QWidget
 
-from app.window.plots.lines import density
+from app.window.plots.lines import Look, density
+from app.window.theme import Colours, Dressed
 from app.window.widgets import FlowLayout, clear_layout, text_label
-
-Look = QPen | tuple[str, str]
-
 
 _SAMPLE, _GAP = 26, 6
 
@@ -20,18 +18,18 @@ def legend_height(entries: Sequence[tuple[str, Look]], width: int, font: QFont) 
     return sum(1 for _ in _rows(entries, width, QFontMetrics(font))) * (QFontMetrics(font).height() + 4)
 
 
-def paint_legend(painter: QPainter, entries: Sequence[tuple[str, Look]], width: int) -> None:
+def paint_legend(painter: QPainter, entries: Sequence[tuple[str, Look]], width: int, colours: Colours) -> None:
     """Draw the entries at the top of a picture, in the painter's font and pen."""
     metrics, words = painter.fontMetrics(), painter.pen()
     line = metrics.height() + 4
     for number, row in enumerate(_rows(entries, width, metrics)):
         middle = number * line + line // 2
         for x, name, look in row:
-            if isinstance(look, QPen):
-                painter.setPen(_sample_pen(look))
-                painter.drawLine(x, middle, x + _SAMPLE, middle)
+            if look.edges:
+                painter.fillRect(x, middle - 4, _SAMPLE, 8, QColor(look.of(colours)))
             else:
-                painter.fillRect(x, middle - 4, _SAMPLE, 8, QColor(look[0]))
+                painter.setPen(_sample_pen(look, colours))
+                painter.drawLine(x, middle, x + _SAMPLE, middle)
             painter.setPen(words)
             painter.drawText(x + _SAMPLE + _GAP, middle + metrics.ascent() // 2 - 1, name)
 
@@ -52,34 +50,35 @@ def _rows(
         yield row
 
 
-def _sample_pen(look: QPen) -> QPen:
-    pen = QPen(look)
+def _sample_pen(look: Look, colours: Colours) -> QPen:
+    pen = look.pen(colours)
     pen.setWidthF(max(2.0, pen.widthF() / density()))  # in logical pixels, unlike a plot's
     return pen
 
 
-class LineSample(QWidget):
+class LineSample(Dressed, QWidget):
     """A sample of a line or of a band."""
 
-    def __init__(self, look: Look, parent: QWidget | None = None) -> None:
+    def __init__(self, look: Look, colours: Colours, parent: QWidget) -> None:
         super().__init__(parent)
-        self._band = None if isinstance(look, QPen) else QColor(look[0])
-        self._pen = _sample_pen(look) if isinstance(look, QPen) else QPen(QColor(look[1]), 1, Qt.PenStyle.DashLine)
+        self._look = look
+        self.colours = colours
         self.setFixedSize(QSize(_SAMPLE, 14))
 
     def paintEvent(self, _: QPaintEvent) -> None:
         painter = QPainter(self)
-        painter.setPen(self._pen)
-        if self._band is None:
+        if not self._look.edges:
+            painter.setPen(_sample_pen(self._look, self.colours))
             painter.drawLine(0, self.height() // 2, self.width(), self.height() // 2)
             return
         inside = self.rect().adjusted(0, 2, 0, -3)
-        painter.fillRect(inside, self._band)
+        painter.setPen(QPen(QColor(Look(self._look.edges).of(self.colours)), 1, Qt.PenStyle.DashLine))
+        painter.fillRect(inside, QColor(self._look.of(self.colours)))
         for y in (inside.top(), inside.bottom()):
             painter.drawLine(inside.left(), y, inside.right(), y)
 
 
-class Legend(QWidget):
+class Legend(Dressed, QWidget):
     """The entries side by side."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -92,7 +91,7 @@ class Legend(QWidget):
         return list(self._entries)
 
     def show_entries(self, entries: Sequence[tuple[str, Look]]) -> None:
-        """Show these entries: a pen for a line; the colours of surface and edges for a band."""
+        """Show these entries, each with its name."""
         if list(entries) == self._entries:
             return
         self._entries = list(entries)
@@ -102,7 +101,7 @@ class Legend(QWidget):
             pair = QHBoxLayout(entry)
             pair.setContentsMargins(0, 0, 2 * _GAP, 0)
             pair.setSpacing(_GAP)
-            pair.addWidget(LineSample(look, entry), 0, Qt.AlignmentFlag.AlignVCenter)
+            pair.addWidget(LineSample(look, self.colours, entry), 0, Qt.AlignmentFlag.AlignVCenter)
             pair.addWidget(text_label(name, entry, faint=True))
             self._row.addWidget(entry)
             entry.show()

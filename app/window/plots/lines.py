@@ -5,6 +5,9 @@ one device pixel to the left and above.  Where samples are closer than pixels, e
 least to its greatest value instead.
 """
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.Qt.internals import PrimitiveArray
@@ -13,7 +16,7 @@ from PySide6.QtGui import QColor, QGuiApplication, QPainter, QPen, QTransform
 from PySide6.QtWidgets import QWidget
 
 from analysis.shot import Floats
-from app.window.theme import Colours
+from app.window.theme import LIGHT, Colours
 
 DASHES = (
     Qt.PenStyle.SolidLine,
@@ -37,27 +40,54 @@ def thin(colour: str, dash: Qt.PenStyle = Qt.PenStyle.SolidLine) -> QPen:
     return pg.mkPen(QColor(colour), width=1, style=dash)
 
 
-def under(colour: str) -> QPen:
-    """Return the pen of a smooth curve below another, wider so that both are visible where they agree."""
-    return straight(colour, width=3)
-
-
 def straight(colour: str, dash: Qt.PenStyle = Qt.PenStyle.SolidLine, width: int = 1) -> QPen:
     """Return the pen for few segments: a straight line, a smooth curve."""
     return pg.mkPen(QColor(colour), width=max(1, round(width * density())), style=dash)
 
 
-def series_pen(colours: Colours, index: int) -> QPen:
-    """Return the pen of the index-th overlaid shot: another colour each, another dash when the colours repeat."""
-    turn, place = divmod(index, len(colours.series))
-    return thin(colours.series[place], DASHES[turn % len(DASHES)])
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How a line is drawn in any scheme of colours."""
+
+    colour: str  # a field of ``Colours``
+    dash: Qt.PenStyle = Qt.PenStyle.SolidLine
+    width: int = 0  # of few segments, in logical pixels; 0: as thin as many points need
+    place: int = 0  # of the colour, where the field has several
+    edges: str = ""  # the colour of a band's edges, which makes it a band
+
+    def of(self, colours: Colours) -> str:
+        """Return the colour itself."""
+        colour: str | tuple[str, ...] = getattr(colours, self.colour)
+        return colour if isinstance(colour, str) else colour[self.place % len(colour)]
+
+    def pen(self, colours: Colours) -> QPen:
+        colour = self.of(colours)
+        return straight(colour, self.dash, self.width) if self.width else thin(colour, self.dash)
+
+
+MEASURED, RESIDUAL = Look("measured"), Look("residual")
+SIMULATED = Look("simulated", width=3)  # smooth and below another, so that both are visible where they agree
+BAND = Look("band", edges="band_edge")
+
+
+def series(index: int) -> Look:
+    """Return the look of the index-th overlaid shot: another colour each, another dash when the colours repeat."""
+    turn, place = divmod(index, len(LIGHT.series))
+    return Look("series", DASHES[turn % len(DASHES)], place=place)
 
 
 DENSE = 1.5  # device pixels to a logical one
 
 
 class CrispCurve(pg.PlotCurveItem):
-    """A curve that is visible at any density of the screen."""
+    """A curve that is visible at any density of the screen; without a look it is not drawn."""
+
+    def __init__(self, *points: Floats, look: Look | None = None, **how: Any) -> None:
+        super().__init__(*points, **how)
+        self.look = look
+
+    def dress(self, colours: Colours) -> None:
+        self.setPen(self.look.pen(colours) if self.look is not None else pg.mkPen(None))
 
     def boundingRect(self) -> QRectF:
         """Return the whole of the view, which is quicker than a look at all points for every new set of them."""
@@ -81,7 +111,7 @@ class CrispCurve(pg.PlotCurveItem):
 class ColumnCurve(CrispCurve):
     """A curve drawn as columns of pixels where it is decimated to extremes."""
 
-    def __init__(self, **how: object) -> None:
+    def __init__(self, **how: Any) -> None:
         super().__init__(**how)
         self._columns: tuple[Floats, Floats, Floats] | None = None
         self._rectangles = PrimitiveArray(QRectF, 4)

@@ -3,69 +3,23 @@
 import math
 
 import numpy as np
-import pyqtgraph as pg
 from PySide6.QtCore import Slot
-from PySide6.QtGui import QPen
 from PySide6.QtWidgets import QWidget
 
 from analysis.shot import Floats
 from app.window.plots.cursors import CursorAxis
-from app.window.plots.framed_plot import Caption, FramedPlot, PlainAxis
-from app.window.plots.lines import CrispCurve
+from app.window.plots.curve import PointCurve
+from app.window.plots.framed_plot import FramedPlot, PlainAxis
+from app.window.plots.lines import Look
 from app.window.plots.plot_view import PlotView, Span, ViewState
-from app.window.plots.time_plot import AXIS_WIDTH, QuietView
 from app.window.theme import Colours
 from app.words import number
-
-
-class XyCurve(CrispCurve):
-    """Points in any order of x; without a pen they are not drawn, but the cursors read them."""
-
-    def __init__(self, label: str, pen: QPen | None = None) -> None:
-        super().__init__(pen=pen, connect="finite")
-        if pen is None:
-            self.setPen(pg.mkPen(None))
-        self.label = label
-        self._x: Floats = np.empty(0)
-        self._y: Floats = np.empty(0)
-
-    def show_points(self, x: Floats, y: Floats) -> None:
-        """Show points (n,) by (n,)."""
-        self._x, self._y = x, y
-        self.setData(x, y)
-
-    @property
-    def samples(self) -> Floats:
-        """Get the values, shape (n,)."""
-        return self._y
-
-    def between(self, left: float, right: float) -> tuple[Floats, Floats]:
-        """Return the points between two x, in their own order."""
-        inside = (self._x >= left) & (self._x <= right)
-        return self._x[inside], self._y[inside]
-
-    def value_at(self, x: float) -> float:
-        """Return the value of the point nearest in x; NaN outside."""
-        seen = np.isfinite(self._x) & np.isfinite(self._y)
-        if not seen.any() or not self._x[seen].min() <= x <= self._x[seen].max():
-            return float("nan")
-        return float(self._y[seen][int(np.argmin(np.abs(self._x[seen] - x)))])
-
-
-class NamedPlot(FramedPlot):
-    """A plot with title, unit, and the curves that the cursors read."""
-
-    def __init__(self, title: str, unit: str, axes: dict[str, PlainAxis]) -> None:
-        super().__init__(QuietView(), axes)
-        self.title, self.unit = title, unit
-        self.caption = Caption(self)
-        self.sampled: list[XyCurve] = []
 
 
 class PlainPlot(PlotView):
     """One plot; ``columns`` is the content of its CSV."""
 
-    axis_kind = PlainAxis
+    axis_kind, curve_kind = PlainAxis, PointCurve
 
     def __init__(
         self,
@@ -79,39 +33,25 @@ class PlainPlot(PlotView):
         """``value`` is (name, unit) of y, ``bottom`` the label of x; ``tabulated``: it can be saved as CSV."""
         super().__init__(name, axis, parent)
         self.table_words = "Save the values as CSV …" if tabulated else ""
-        axes = {side: self.axis_kind(side) for side in ("left", "bottom")}
-        self.plot = NamedPlot(*value, axes)
+        self.plot = FramedPlot(*value, self.axis_kind)
         self.addItem(self.plot)
         self.plot.view.moved.connect(self.note_view)
         self.plot.view.placed.connect(self.note_now)
-        self.label_value(*value)
         self.plot.setLabel("bottom", bottom)
-        self.plot.getAxis("left").setWidth(AXIS_WIDTH)
         self.cursors.join(self.plot)
         self.columns: dict[str, Floats] = {}
         self._whole: tuple[Span, Span] | None = None
 
-    def label_value(self, title: str, unit: str) -> None:
-        """Set name and unit of y."""
-        self.plot.title, self.plot.unit = title, unit
-        words = f"{title} ({unit})" if unit else title
-        self.plot.caption.say(words)
-        self.plot.setLabel("left", words)
-
-    def add_curve(self, label: str, pen: QPen | None = None) -> XyCurve:
+    def add_curve(self, label: str, look: Look | None = None) -> PointCurve:
         """Add an empty curve that the cursors read."""
-        return self._added(XyCurve(label, pen))
-
-    def _added(self, curve: XyCurve) -> XyCurve:
+        curve = self.curve_kind(label, look)
         self.plot.addItem(curve)
         self.plot.sampled.append(curve)
         return curve
 
     def dress(self, colours: Colours) -> None:
-        for side in ("left", "bottom"):
-            self.plot.getAxis(side).dress(colours.edge, colours.text, colours.grid)
-        self.plot.caption.dress(colours)
         super().dress(colours)
+        self.plot.dress(colours)
 
     def show_range(self, x: Span, y: Span) -> None:
         """Show this range, to which ``reset`` returns."""
@@ -160,7 +100,7 @@ class LogAxis(PlainAxis):
         return [number(10.0**value, 2) for value in values]
 
 
-class LogCurve(XyCurve):
+class LogCurve(PointCurve):
     """Points above zero, shape (n,) by (n,), whose logarithms are drawn."""
 
     def show_points(self, x: Floats, y: Floats) -> None:
@@ -185,11 +125,7 @@ class LogCurve(XyCurve):
 class LogPlot(PlainPlot):
     """One plot; curves and ranges are given in plain numbers."""
 
-    axis_kind = LogAxis
-
-    def add_curve(self, label: str, pen: QPen | None = None) -> XyCurve:
-        """Add an empty curve that the cursors read."""
-        return self._added(LogCurve(label, pen))
+    axis_kind, curve_kind = LogAxis, LogCurve
 
     def show_range(self, x: Span, y: Span) -> None:
         """Show this range, to which ``reset`` returns."""

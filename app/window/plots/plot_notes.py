@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QLineEdit, QWidget
 from analysis.shot import LONGEST, PlotNote
 from app.window.plots.framed_plot import FramedPlot
 from app.window.plots.lines import straight
-from app.window.theme import Colours
+from app.window.theme import LIGHT, Colours
 
 _IN_FRONT = 15  # of the curves, behind the cursors
 _NEAR_PX = 9  # this far from a note's dot a press still means the note
@@ -51,7 +51,7 @@ class PlotNotes(QObject):
         self._axes: dict[FramedPlot, NoteAxes] = {}
         self._notes: tuple[PlotNote, ...] = ()
         self._drawn: list[_DrawnNote] = []
-        self._colours: Colours | None = None
+        self._colours = LIGHT
         self._editor: NoteEditor | None = None
         self._at: tuple[FramedPlot, float, float] | None = None
         self._before: PlotNote | None = None
@@ -166,7 +166,7 @@ class PlotNotes(QObject):
 class _DrawnNote:
     """A dot at the note's place, its text beside it on the side that has room."""
 
-    def __init__(self, plot: FramedPlot, axes: NoteAxes, note: PlotNote, colours: Colours | None) -> None:
+    def __init__(self, plot: FramedPlot, axes: NoteAxes, note: PlotNote, colours: Colours) -> None:
         self.plot, self.note, self.place = plot, note, axes.place(note)
         self._dot = pg.ScatterPlotItem([self.place[0]], [self.place[1]], size=7, pxMode=True)
         self._text = pg.TextItem(note.text)
@@ -177,8 +177,7 @@ class _DrawnNote:
         self._dot.setToolTip(f"<span>{html.escape(note.text)}</span>")  # Qt would take a "<" for its own markup
         plot.view.sigRangeChanged.connect(self._turn)
         plot.view.sigResized.connect(self._fit)
-        if colours is not None:
-            self.dress(colours)
+        self.dress(colours)
         self._turn()
         self._fit()
 

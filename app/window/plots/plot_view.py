@@ -10,9 +10,9 @@ from PySide6.QtGui import QContextMenuEvent, QGuiApplication, QHideEvent, QKeyEv
 from PySide6.QtWidgets import QMenu, QWidget
 
 from app.window.plots.cursors import TIME, CursorAxis, Cursors
-from app.window.plots.legend import Look
+from app.window.plots.lines import Look
 from app.window.plots.plot_notes import PlotNotes
-from app.window.theme import Colours
+from app.window.theme import Colours, Dressed
 
 Span = tuple[float, float]
 ViewState = tuple[Span, Span, bool]  # x, y, and whether y was set by hand
@@ -22,7 +22,7 @@ ZOOM = 0.8
 NUDGE = 0.01  # of the view, per press that moves a cursor
 
 
-class PlotView(pg.GraphicsLayoutWidget):
+class PlotView(Dressed, pg.GraphicsLayoutWidget):
     """One plot, or several with one x axis; subclasses draw the curves."""
 
     export_wanted = Signal(object, str)  # this plot, and "png", "svg" or "csv"
@@ -68,6 +68,7 @@ class PlotView(pg.GraphicsLayoutWidget):
         self.setAccessibleDescription(words)
 
     def dress(self, colours: Colours) -> None:
+        super().dress(colours)
         self.setBackground(colours.plot)
         self.cursors.dress(colours)
         self.notes.dress(colours)

@@ -13,7 +13,7 @@ from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from analysis.shot import Floats
-from app.window.theme import Colours, Tone
+from app.window.theme import Colours, Dressed, Tone
 from app.words import number, prefix_for
 
 MOST = 12  # shots drawn
@@ -39,12 +39,11 @@ class Overlay:
     remains_m: Floats
 
 
-class ResidualGrid(QWidget):
+class ResidualGrid(Dressed, QWidget):
     """The small plots of DIAGNOSIS."""
 
-    def __init__(self, colours: Colours, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._colours = colours
         self.cells: tuple[Cell, ...] = ()
         self.overlays: tuple[Overlay | None, ...] = ()
         self.scale = SymLog(1.0, 10.0)
@@ -53,7 +52,7 @@ class ResidualGrid(QWidget):
         self.setAccessibleName("Residuals of all shots, before and after")
 
     def dress(self, colours: Colours) -> None:
-        self._colours = colours
+        super().dress(colours)
         self.update()
 
     def show_cells(self, cells: Sequence[Cell]) -> None:
@@ -82,7 +81,7 @@ class ResidualGrid(QWidget):
 
     def paintEvent(self, _: QPaintEvent) -> None:
         painter = QPainter(self)
-        painter.fillRect(self.rect(), QColor(self._colours.plot))
+        painter.fillRect(self.rect(), QColor(self.colours.plot))
         if not self.cells:
             return
         metrics = self.fontMetrics()
@@ -105,11 +104,11 @@ class ResidualGrid(QWidget):
                 ends = cell.time_ms[[0, -1]] if cell.time_ms.size else np.array([0.0, 1.0])
                 span = f"{number(float(ends[0]), 3)} … {number(float(ends[1]), 3)} ms"
                 under = QRectF(area.left(), area.bottom(), area.width(), bottom)
-                painter.setPen(QColor(self._colours.faint))
+                painter.setPen(QColor(self.colours.faint))
                 painter.drawText(under, Qt.AlignmentFlag.AlignCenter, span)
 
     def _draw_axis(self, painter: QPainter, area: QRectF, labels: Sequence[str], unit: str) -> None:
-        painter.setPen(QColor(self._colours.faint))
+        painter.setPen(QColor(self.colours.faint))
         height = self.fontMetrics().height()
         last = math.inf
         for tick, label in zip(self.scale.ticks(), labels, strict=True):
@@ -125,7 +124,7 @@ class ResidualGrid(QWidget):
         return area.center().y() - 0.5 * area.height() * self.scale.place(values)
 
     def _draw(self, painter: QPainter, area: QRectF, cell: Cell, over: Overlay | None) -> None:
-        c = self._colours
+        c = self.colours
         self._band(painter, area, cell.noise_m)
         painter.setPen(QPen(QColor(c.grid)))
         for tick in self.scale.ticks():
@@ -148,7 +147,7 @@ class ResidualGrid(QWidget):
         x, high = np.linspace(area.left(), area.right(), at.size), np.nan_to_num(2.0 * noise_m[at])
         edge = [*zip(x, self._y(area, high), strict=True), *zip(x[::-1], self._y(area, -high[::-1]), strict=True)]
         painter.setPen(Qt.PenStyle.NoPen)
-        painter.setBrush(QColor(self._colours.band))
+        painter.setBrush(QColor(self.colours.band))
         painter.drawPolygon(QPolygonF([QPointF(*corner) for corner in edge]))
         painter.setBrush(Qt.BrushStyle.NoBrush)
 

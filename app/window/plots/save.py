@@ -11,8 +11,8 @@ from PySide6.QtCore import QRectF, QSize
 from PySide6.QtGui import QImage, QPainter
 from PySide6.QtSvg import QSvgGenerator
 
-from app.window.plots.curve import SampledCurve
-from app.window.plots.legend import Look, legend_height, paint_legend
+from app.window.plots.legend import legend_height, paint_legend
+from app.window.plots.lines import Look
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
 from instrument.files import write_text_atomic
@@ -58,7 +58,8 @@ def _draw(painter: QPainter, view: pg.GraphicsView, size: QSize) -> None:
         painter.drawText(QRectF(6, 2, size.width() - 12, heading), view.accessibleDescription())
     painter.save()
     painter.translate(0, heading)
-    paint_legend(painter, _legend(view), size.width())
+    if isinstance(view, PlotView):
+        paint_legend(painter, view.legend, size.width(), view.colours)
     painter.restore()
     view.render(painter, QRectF(0, above, view.width(), view.height()))  # without a target it uses the device's pixels
 
@@ -79,24 +80,19 @@ def save_svg(view: pg.GraphicsView, path: Path) -> None:
 
 
 def save_csv(stack: TimeStack, path: Path) -> None:
-    """Write every sample in view, with a column of time per sampling grid.  Raises RecordingError."""
-    left, right = stack.span
-    groups: dict[tuple[float, float, int, int], list[tuple[str, SampledCurve]]] = {}
+    """Write every sample in view, with a column of time for all curves that have the same.  Raises RecordingError."""
+    groups: list[tuple[np.ndarray, list[tuple[str, np.ndarray]]]] = []  # times, and (head, values) at them
     for plot in stack.plots:
         for curve in plot.sampled:
             if curve.isVisible() and len(curve.samples):
-                key = (*curve.grid, *curve.index_range(left, right))
-                groups.setdefault(key, []).append((f"{plot.title} {curve.label} ({plot.unit})", curve))
-    heads: list[str] = []
-    columns: list[np.ndarray] = []
-    for members in groups.values():
-        x, _ = members[0][1].between(left, right)
-        heads.append(f"time ({stack.cursors.axis.unit})")
-        columns.append(x)
-        for head, curve in members:
-            heads.append(head)
-            columns.append(curve.between(left, right)[1])
-    _write(heads, columns, path)
+                x, values = curve.between(*stack.span)
+                group = next((of for times, of in groups if np.array_equal(times, x)), None)
+                if group is None:
+                    groups.append((x, group := []))
+                group.append((f"{plot.title} {curve.label} ({plot.unit})", values))
+    time = f"time ({stack.cursors.axis.unit})"
+    columns = [column for x, group in groups for column in ((time, x), *group)]
+    _write([head for head, _ in columns], [values for _, values in columns], path)
 
 
 def save_columns(columns: dict[str, np.ndarray], path: Path) -> None:

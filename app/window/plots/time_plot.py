@@ -2,83 +2,20 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import pyqtgraph as pg
-from pyqtgraph import Point
-from PySide6.QtCore import QPointF, QRectF, Qt, Signal, Slot
-from PySide6.QtGui import QPen
+from PySide6.QtCore import Qt, Slot
 
 from app.window.plots.curve import Band, PointCurve, SampledCurve
-from app.window.plots.framed_plot import Caption, FramedPlot, PlainAxis
-from app.window.plots.lines import straight
+from app.window.plots.framed_plot import FramedPlot
+from app.window.plots.lines import Look, straight
 from app.window.plots.plot_view import ViewState
 from app.window.theme import Colours
 
 _ROOM = 1.5  # span of a steady axis over that of the values, so that noise does not move it
 _LOOSEST = 4.0  # span of a steady axis over that of the values, from which it is fitted again
-AXIS_WIDTH = 74  # wide enough for "-0.00025", so that linked plots stay aligned while values change
-
-
-class QuietView(pg.ViewBox):
-    """A view box that emits clicks; dragging moves one axis, with Shift it draws a box to zoom to."""
-
-    clicked = Signal(float, float)
-    y_taken = Signal(bool)
-    moved = Signal()  # by hand, perhaps not finished
-    placed = Signal()  # by hand, finished
-
-    def __init__(self) -> None:
-        super().__init__(enableMenu=False, defaultPadding=0.0)
-        self.disableAutoRange()
-
-    def mouseClickEvent(self, event: object) -> None:
-        """Emit a left click in the plot's units."""
-        if event.button() == Qt.MouseButton.LeftButton:  # type: ignore[attr-defined]
-            point: QPointF = self.mapSceneToView(event.scenePos())  # type: ignore[attr-defined]
-            self.clicked.emit(point.x(), point.y())
-            event.accept()  # type: ignore[attr-defined]
-
-    def wheelEvent(self, event: object, axis: int | None = None) -> None:
-        """Zoom time with the wheel; with Ctrl, or over the left axis, zoom the value."""
-        by_control = event.modifiers() & Qt.KeyboardModifier.ControlModifier  # type: ignore[attr-defined]
-        chosen = 1 if (axis == 1 or by_control) else 0
-        if chosen == 1:
-            self.y_taken.emit(True)
-        super().wheelEvent(event, axis=chosen)
-        self.moved.emit()
-
-    def mouseDragEvent(self, event: object, axis: int | None = None) -> None:
-        """Drag in time; over the left axis, or with Ctrl, drag the value; with Shift draw a box to zoom to."""
-        if axis is None and event.modifiers() & Qt.KeyboardModifier.ShiftModifier:  # type: ignore[attr-defined]
-            self._draw_box(event)
-            return
-        by_control = event.modifiers() & Qt.KeyboardModifier.ControlModifier  # type: ignore[attr-defined]
-        chosen = 1 if (axis == 1 or by_control) else 0
-        if chosen == 1:
-            self.y_taken.emit(True)
-        super().mouseDragEvent(event, axis=chosen)
-        self.moved.emit()
-
-    def _draw_box(self, event: Any) -> None:
-        """Draw the box, and zoom to it when the button is released."""
-        event.accept()
-        if not event.isFinish():
-            self.updateScaleBox(event.buttonDownPos(), event.pos())
-            return
-        self.rbScaleBox.hide()
-        box = QRectF(Point(event.buttonDownPos(event.button())), Point(event.pos()))
-        self.zoom_to(self.childGroup.mapRectFromParent(box.normalized()))
-
-    def zoom_to(self, box: QRectF) -> None:
-        """Zoom to a box in the plot's units; one without area is ignored."""
-        if box.width() > 0.0 and box.height() > 0.0:
-            self.y_taken.emit(True)
-            self.setRange(xRange=(box.left(), box.right()), yRange=(box.top(), box.bottom()), padding=0)
-            self.placed.emit()
-
-
-Drawn = TypeVar("Drawn", bound=SampledCurve)
+Drawn = TypeVar("Drawn", SampledCurve, PointCurve)
 LEAST_NAMED_LINES = 4  # least height for names of levels, in lines of text
 
 
@@ -86,11 +23,7 @@ class TimePlot(FramedPlot):
     """A plot of sampled curves over a shared time axis."""
 
     def __init__(self, title: str, unit: str) -> None:
-        super().__init__(QuietView(), {side: PlainAxis(side) for side in ("left", "bottom")})
-        self.title = title
-        self.unit = unit
-        self.caption = Caption(self)
-        self.sampled: list[SampledCurve] = []
+        super().__init__(title, unit)
         self.bands: list[Band] = []
         self.marks: list[pg.InfiniteLine] = []
         self._levels: list[pg.InfiniteLine] = []
@@ -98,49 +31,38 @@ class TimePlot(FramedPlot):
         self.minimum_span = 0.0
         self.steady = False  # for running curves: the value axis moves only when necessary
         self._y_by_hand = False
-        left = self.getAxis("left")
-        left.setWidth(AXIS_WIDTH)
-        self.count_in(unit)
         self.view.sigXRangeChanged.connect(self._x_changed)
         self.view.sigResized.connect(self._resized)
         self.view.y_taken.connect(self._take_y)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours of axes, grid and bands."""
-        for side in ("left", "bottom"):
-            self.getAxis(side).dress(colours.edge, colours.text, colours.grid)
-        self.caption.dress(colours)
-        for band in self.bands:
-            band.dress(colours.band, colours.band_edge)
+        super().dress(colours)
         for mark in self.marks:
             mark.setPen(straight(colours.marker, Qt.PenStyle.DotLine))
 
-    def add_curve(self, name: str, pen: QPen) -> SampledCurve:
+    def add_curve(self, label: str, look: Look) -> SampledCurve:
         """Add an empty curve."""
-        return self._added(SampledCurve(name, self.unit, pen))
+        return self._added(SampledCurve(label, look))
 
-    def add_points(self, name: str, pen: QPen) -> PointCurve:
+    def add_points(self, label: str, look: Look) -> PointCurve:
         """Add an empty curve of points that are decimated already."""
-        return self._added(PointCurve(name, self.unit, pen))
+        return self._added(PointCurve(label, look))
 
     def _added(self, curve: Drawn) -> Drawn:
         self.addItem(curve)
         self.sampled.append(curve)
         return curve
 
-    def add_band(self, colour: str, edge: str) -> Band:
-        """Add an empty noise band behind the curves, its edges above them."""
-        band = Band(colour, edge)
-        self.addItem(band)
-        for line in band.edges:
-            self.addItem(line)
+    def add_band(self) -> Band:
+        """Add an empty noise band, which the value axis includes."""
+        band = super().add_band()
         self.bands.append(band)
         return band
 
-    def mark(self, times: list[float], colour: str) -> None:
+    def mark(self, times: list[float]) -> None:
         """Show vertical dotted lines at these x only."""
         while len(self.marks) < len(times):
-            line = pg.InfiniteLine(angle=90, pen=straight(colour, Qt.PenStyle.DotLine))
+            line = pg.InfiniteLine(angle=90, pen=straight(self.colours.marker, Qt.PenStyle.DotLine))
             line.setZValue(-5)
             self.addItem(line, ignoreBounds=True)
             self.marks.append(line)
@@ -183,17 +105,6 @@ class TimePlot(FramedPlot):
         self._y_by_hand = True  # so that the values are not fitted meanwhile
         self.view.setRange(xRange=x, yRange=y, padding=0)
         self._y_by_hand = by_hand
-
-    def call(self, title: str) -> None:
-        self.title = title
-        self.count_in(self.unit)
-
-    def count_in(self, unit: str) -> None:
-        """Set the unit of the curves."""
-        self.unit = unit
-        words = f"{self.title} ({unit})"
-        self.caption.say(words)
-        self.setLabel("left", words)
 
     def free_y(self) -> None:
         """Let the value axis follow the data again."""

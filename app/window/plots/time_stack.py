@@ -16,10 +16,9 @@ class TimeStack(PlotView):
     clicked = Signal(float)
     reset_wanted = Signal()
 
-    def __init__(self, name: str, colours: Colours, parent: QWidget | None = None, axis: CursorAxis = TIME) -> None:
+    def __init__(self, name: str, parent: QWidget | None = None, axis: CursorAxis = TIME) -> None:
         super().__init__(name, axis, parent)
         self.plots: list[TimePlot] = []
-        self.colours = colours
         self._value_axes: list[PlainAxis] = []
 
     def add_plot(self, title: str, unit: str, stretch: int = 3) -> TimePlot:
@@ -29,10 +28,7 @@ class TimeStack(PlotView):
         self.ci.layout.setRowStretchFactor(row, stretch)
         if self.plots:
             plot.setXLink(self.plots[0])
-            before = self.plots[-1].getAxis("bottom")
-            before.setStyle(showValues=False)
-            before.setHeight(6)
-            before.showLabel(False)
+            self.plots[-1].hide_bottom_values()
         self.plots.append(plot)
         plot.view.clicked.connect(self._clicked)
         plot.view.moved.connect(self.note_view)
@@ -47,10 +43,9 @@ class TimeStack(PlotView):
         self.plots[-1].setLabel("bottom", text)
 
     def dress(self, colours: Colours) -> None:
-        self.colours = colours
+        super().dress(colours)
         for plot in self.plots:
             plot.dress(colours)
-        super().dress(colours)
 
     def zoom(self, left: float, right: float) -> None:
         """Show this range of time in every plot, and fit the values."""

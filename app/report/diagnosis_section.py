@@ -16,11 +16,10 @@ from analysis.diagnosis import (
 )
 from analysis.shot import Quantity, Shot, plates_words, weights_words
 from analysis.uncertainty import diagnosed_band
-from app.report.markup import Markup, joined, table, tag
 from app.report.number_tables import fitted
 from app.report.shot_figures import NOISE, figure
 from app.report.svg_plot import Band, Line, Plot
-from app.words import VERDICTS, parameter_parts, prefix_for
+from app.words import VERDICTS, Markup, joined, parameter_parts, prefix_for, table, tag
 from instrument.files import one_line
 
 ERRORS = (

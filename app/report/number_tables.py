@@ -19,8 +19,7 @@ from analysis.uncertainty import (
     stated,
     with_unit,
 )
-from app.report.markup import Markup, joined, table, tag
-from app.words import by_weight, correlation_words, flag_words, parameter_parts
+from app.words import Markup, by_weight, correlation_words, flag_words, joined, parameter_parts, table, tag
 
 SMALL = 0.02  # of the combined uncertainty: smaller contributions share one row
 

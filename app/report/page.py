@@ -10,11 +10,11 @@ from analysis.shot import UNITS, PlotNote, Shot
 from analysis.uncertainty import budget
 from app.report import provenance
 from app.report.diagnosis_section import diagnosis_section, prediction_section
-from app.report.markup import Markup, joined, style_sheet, table, tag
 from app.report.number_tables import budgets, disturbance_section, fitted, model_of_readings, numbers
 from app.report.session_section import session_section
 from app.report.shot_figures import figures
-from app.words import by_weight, flag_words
+from app.report.svg_plot import style_sheet
+from app.words import Markup, by_weight, flag_words, joined, table, tag
 
 MOST_DRAWN = 24  # shots with figures: more would make the file too large for a browser
 NO_LOADING = "default-src 'none'; style-src 'unsafe-inline'"

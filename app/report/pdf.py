@@ -13,8 +13,7 @@ from PySide6.QtCore import QByteArray, QMarginsF, QSizeF, QUrl
 from PySide6.QtGui import QGuiApplication, QImage, QPageLayout, QPageSize, QPainter, QPdfWriter, QTextDocument
 from PySide6.QtSvg import QSvgRenderer
 
-from app.report.markup import style_sheet
-from app.report.svg_plot import WIDTH
+from app.report.svg_plot import WIDTH, style_sheet
 from instrument.files import write_atomic
 
 _FIGURE = re.compile(r"<svg\b.*?</svg>", re.DOTALL)

@@ -11,7 +11,7 @@ from typing import Any
 from analysis.collision import Effect
 from analysis.diagnosis import saved, to_text
 from analysis.shot import DEFAULT_WAVELENGTH_AIR_M, BeatQuality, NotSeen, Setup, Shot, program_version
-from app.report.markup import Markup, joined, table, tag
+from app.words import Markup, joined, table, tag
 from instrument.files import (
     RecordingError,
     data_hash,

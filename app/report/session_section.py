@@ -19,11 +19,10 @@ from analysis.uncertainty import (
     stated,
     with_unit,
 )
-from app.report.markup import Markup, joined, table, tag
 from app.report.number_tables import scaled
 from app.report.shot_figures import contact_span_ms, figure, time_zero
 from app.report.svg_plot import Dot, Line, Plot, draw
-from app.words import by_weight, flag_name
+from app.words import Markup, by_weight, flag_name, joined, table, tag
 
 COLOURS = 8  # of the style sheet: series-0 to series-7, then again
 NAMED = 8  # most curves in a legend

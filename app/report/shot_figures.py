@@ -7,8 +7,8 @@ import numpy as np
 
 from analysis.shot import Floats, Overlay, Quantity, Shot
 from analysis.uncertainty import band_of
-from app.report.markup import Markup, tag
 from app.report.svg_plot import WIDTH, Band, Line, Plot, Remark, draw
+from app.words import Markup, tag
 
 MEASURED, SIMULATED = ("measured", "measured"), ("simulated", "simulated")  # class in the style sheet, words
 RESIDUAL, NOISE = ("residual", "measured \u2212 simulated"), ("band", "noise and building, \u00b12 standard deviations")

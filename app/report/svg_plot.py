@@ -6,15 +6,23 @@ and because elements of the page itself take their colours from its one style sh
 
 import math
 from dataclasses import dataclass, field
+from functools import cache
+from importlib import resources
 
 import numpy as np
 
 from analysis.shot import Floats
-from app.report.markup import Markup, tag
+from app.words import Markup, tag
 
 WIDTH = 760  # of a plot that spans the page, in CSS pixels
 _LEFT, _RIGHT, _TOP, _BOTTOM = 66, 10, 8, 40  # _LEFT at least: long labels take more
 _DIGIT = 6.4  # width of a label's character
+
+
+@cache
+def style_sheet() -> str:
+    """Return the style sheet of a report and its figures."""
+    return resources.files("resources").joinpath("report.css").read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True, slots=True)

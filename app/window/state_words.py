@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from html import escape
 
 from analysis.collision import Effect
 from analysis.shot import DEFAULT_WAVELENGTH_AIR_M, Quantity, Role
@@ -11,7 +10,7 @@ from analysis.uncertainty import combined_of, stated
 from app.session import Entry
 from app.window.panels.rig import Sign
 from app.window.theme import MARKS, Tone
-from app.words import MILD_FLAGS, VERDICTS, flag_words, local, number, size_words, value_text
+from app.words import MILD_FLAGS, VERDICTS, flag_words, joined, local, number, size_words, tag, value_text
 from instrument.capture import KEPT_IN_MEMORY, SignalLine, Snapshot, State
 from instrument.live import ChannelSignal
 from instrument.trigger import Level
@@ -191,7 +190,7 @@ def verdict_line(entry: Entry | None, effects: Iterable[Effect] = (), holds: boo
     if entry is None or not entry.verdict:
         return "", Tone.NEUTRAL
     if not holds:
-        return f"<s>{escape(entry.verdict)}</s> outdated: diagnose again", Tone.NEUTRAL
+        return joined(tag("s", entry.verdict), " outdated: diagnose again"), Tone.NEUTRAL
     of = entry.verdict_of
     if of is None or of.conclusion is None:  # from a file of an earlier version
         return entry.verdict, Tone.WARNING

@@ -21,6 +21,24 @@ from PySide6.QtWidgets import (
 from shiboken6 import isValid
 
 from app.window.theme import MARKS, Tone, sized
+from app.words import Markup, lines, tag
+
+
+class TextLabel(QLabel):
+    """A label that takes nothing for markup but ``Markup``, whatever a name of a shot or a law looks like."""
+
+    def setText(self, text: str) -> None:
+        self.setTextFormat(Qt.TextFormat.RichText if isinstance(text, Markup) else Qt.TextFormat.PlainText)
+        super().setText(text)
+
+    def setToolTip(self, text: str) -> None:
+        super().setToolTip(hover_text(text))
+
+
+def hover_text(text: str) -> str:
+    """Return text for a hover, in which Qt takes nothing for markup but ``Markup``."""
+    harmless = isinstance(text, Markup) or ("<" not in text and "&lt;" not in text)
+    return text if harmless else tag("span", lines(text.split("\n")))
 
 
 def text_label(
@@ -32,9 +50,10 @@ def text_label(
     heading: bool = False,
     bold: bool = False,
     selectable: bool = False,
-) -> QLabel:
+) -> TextLabel:
     """Return a label; ``faint`` and ``heading`` are looks of the style sheet, ``selectable`` text can be copied."""
-    label = QLabel(text, parent)
+    label = TextLabel(parent)
+    label.setText(text)
     label.setWordWrap(wrap)
     if bold:
         label.setFont(sized(label.font(), 1.0, bold=True))
@@ -57,7 +76,8 @@ def set_tone(label: QLabel, tone: Tone | None) -> None:
 
 def show_toned(label: QLabel, words: str, tone: Tone) -> None:
     """Show words in the colour of a tone, after its mark; "" empties the label."""
-    label.setText(f"{MARKS[tone]} {words}" if words else "")
+    marked = f"{MARKS[tone]} {words}" if words else ""
+    label.setText(Markup(marked) if isinstance(words, Markup) else marked)
     set_tone(label, tone)
 
 

@@ -1,4 +1,5 @@
 from .flags import MILD_FLAGS, by_weight, flag_name, flag_words, flags_in_short
+from .markup import Markup, joined, lines, table, tag
 from .physics_words import (
     CHANNEL_NAMES,
     OUTDATED,
@@ -40,6 +41,7 @@ __all__ = [
     "NOISE_ONLY",
     "OUTDATED",
     "VERDICTS",
+    "Markup",
     "PlainStream",
     "base_words",
     "by_weight",
@@ -52,7 +54,9 @@ __all__ = [
     "flag_words",
     "flags_in_short",
     "how_text",
+    "joined",
     "kept_words",
+    "lines",
     "local",
     "local_words",
     "model_in_words",
@@ -62,6 +66,8 @@ __all__ = [
     "repeatability_words",
     "short_name",
     "size_words",
+    "table",
+    "tag",
     "typed_number",
     "typed_numbers",
     "value_text",

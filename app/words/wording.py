@@ -8,6 +8,7 @@ from PySide6.QtCore import QLocale
 
 from analysis.collision import Effect, OwnLaw
 from analysis.shot import NotSeen, Quantity, Reading
+from app.words.markup import Markup, lines, tag
 from app.words.physics_words import parameter_parts, prefix_for
 
 DASH = "–"
@@ -65,20 +66,20 @@ def concise_text(reading: Reading | None, scale: float = 1.0) -> str:
     return local(f"{value:.{decimals}f}({digits})")
 
 
-def how_text(name: str, reading: Reading | None, meaning: str = "", std: str = "± is the standard uncertainty.") -> str:
+def how_text(
+    name: str, reading: Reading | None, meaning: str = "", std: str = "± is the standard uncertainty."
+) -> Markup:
     """Return the hover text of a number: its meaning, how it was read or why not; ``std`` says what ± is."""
-    lines = [f"<b>{name}</b>"]
-    if meaning:
-        lines.append(meaning)
+    said = [tag("b", name), meaning]
     if isinstance(reading, Quantity):
-        lines.append(f"Read from: {reading.how}" if reading.how else "")
+        said.append(f"Read from: {reading.how}" if reading.how else "")
         if reading.std > 0 and math.isfinite(reading.std):
-            lines.append(std)
+            said.append(std)
     elif isinstance(reading, NotSeen):
-        lines.append(f"Not seen: {reading.reason}")
+        said.append(f"Not seen: {reading.reason}")
     else:
-        lines.append("No shot yet.")
-    return "<br>".join(line for line in lines if line)
+        said.append("No shot yet.")
+    return lines(filter(None, said))
 
 
 def effect_numbers(effect: Effect, parameters: Mapping[str, Quantity]) -> str:

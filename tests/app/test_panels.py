@@ -28,7 +28,7 @@ from app.window.panels.large import LargePanel
 from app.window.panels.model import ModelPanel
 from app.window.panels.numbers import NumbersPanel
 from app.window.panels.rig import Banner
-from app.window.panels.session_model import FLAGS
+from app.window.panels.session_model import FLAGS, NAME
 from app.window.panels.session_table import NOTE, SessionTable
 from app.window.panels.setup_sheet import SetupSheet
 from app.window.panels.shot import VIEWS, ShotPanel
@@ -764,6 +764,26 @@ def test_names_with_markup_in_them_are_shown_as_they_are(qtbot, shot):
     assert all(name in shown for name in ("scope <1>", "at <2>", "from <3>"))
 
 
+def test_a_name_that_looks_like_markup_is_read_whole_in_labels_and_hovers(qtbot, shot):
+    name = "of <b>v</b> & more"
+    page, large, numbers, table, session = DiagnosisPanel(), LargePanel(), NumbersPanel(), SessionTable(), Session()
+    for widget in (page, large, numbers, table):
+        qtbot.addWidget(widget)
+    named = replace(shot, name=name, path=name)
+    session.add(named)
+    session.set_note(1, name)
+    table.show_session(session)
+    page.show_diagnosis(synthetic.diagnosis(shot), [named])
+    large.show_shot(named, name)
+    numbers.resize(3000, 600)
+    numbers.show_shot(named, name)
+    labels = [label for widget in (page, large, numbers) for label in widget.findChildren(QLabel)]
+    assert [label.textFormat() for label in labels if name in label.text()] == 4 * [Qt.TextFormat.PlainText]
+    hovers = [table.model.index(0, column).data(Qt.ItemDataRole.ToolTipRole) for column in (NAME, NOTE)]
+    for hover in (*hovers, numbers.title.toolTip()):
+        assert name in QTextDocumentFragment.fromHtml(hover).toPlainText()
+
+
 def _seen(text):
     """Return what Qt shows of a text, which begins with a tag where it has any."""
     return QTextDocumentFragment.fromHtml(text).toPlainText() if text.startswith("<") else text
@@ -835,7 +855,7 @@ def test_the_model_panel_unfolds_the_correlations_that_the_report_states(qtbot, 
     assert not panel.correlations.isVisible()
     panel.correlated.click()
     assert panel.correlations.isVisible()
-    cells = re.findall(r"<td align='right'>(.*?)</td>", panel.correlations.text())
+    cells = re.findall(r'<td align="right">(.*?)</td>', panel.correlations.text())
     assert cells == ["-0.60", "0.00", "0.00", "–", "–", "–"]
     page = str(fitted(fit))
     assert page.count("-0.60") == 2 and page.count("1.00") >= 3

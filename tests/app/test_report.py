@@ -18,12 +18,12 @@ from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Plate
 from analysis.uncertainty.gum_budget import budget
 from app.command_line.cli import main
-from app.report.markup import Markup, style_sheet, tag
-from app.report.markup import table as tag_table
 from app.report.page import MOST_DRAWN, report_of
 from app.report.pdf import rules_of, with_own_style, write_pdf
 from app.report.shot_figures import figures
-from app.report.svg_plot import Line, Plot, draw, thin_out, ticks
+from app.report.svg_plot import Line, Plot, draw, style_sheet, thin_out, ticks
+from app.words.markup import Markup, tag
+from app.words.markup import table as tag_table
 from instrument.files.recording_file import read_recording
 from instrument.files.recording_writer import write_recording
 from tests.app.synthetic import diagnosis, shot

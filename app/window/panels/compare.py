@@ -1,7 +1,6 @@
 """COMPARE: several shots overlaid from first touch on, and the trend of a number against impact speed."""
 
 import math
-from html import escape
 
 import numpy as np
 import pyqtgraph as pg
@@ -24,7 +23,7 @@ from app.window.plots.time_plot import TimePlot
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import Colours, Dressed
 from app.window.widgets import combo_box, push_button, text_label, vertical
-from app.words import local, number, short_name
+from app.words import lines, local, number, short_name, tag
 
 SPEED = CursorAxis("m/s", "m/s")
 
@@ -231,8 +230,8 @@ class ComparePanel(Dressed, QWidget):
         low = self.height() < LOW_LINES * self.fontMetrics().lineSpacing()
         self._legend.setVisible(not low)
         self.repeatability.setVisible(not low)
-        entries = "<br>".join(escape(words) for words, _ in self._legend.entries)
-        self.stack.setToolTip(f"<span>{entries}</span>" if low and entries else "")
+        entries = [words for words, _ in self._legend.entries]
+        self.stack.setToolTip(tag("span", lines(entries)) if low and entries else "")
         self.trend.setToolTip(self.repeatability.text() if low else "")
 
     @Slot()

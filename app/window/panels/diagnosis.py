@@ -2,7 +2,7 @@
 
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QSplitter, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QProgressBar, QSplitter, QVBoxLayout, QWidget
 
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis, Verdict, in_words
@@ -15,7 +15,7 @@ from app.window.panels.why_canvas import WhyCanvas
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.theme import Tone, sized
 from app.window.widgets import FoldButton, keep_place, push_button, scrolled, show_toned, text_label, vertical
-from app.words import OUTDATED, VERDICTS, kept_words, local_words, short_name
+from app.words import OUTDATED, VERDICTS, kept_words, local_words, short_name, tag
 from levimass import is_drive
 
 MOST_NAMED = 5  # shots
@@ -56,7 +56,7 @@ class DiagnosisPanel(QWidget):
     def _add_head(self, column: QVBoxLayout) -> None:
         """Add verdict, progress and buttons, the shots it is about, and the sentence."""
         top = QHBoxLayout()
-        self._verdict = QLabel(self)
+        self._verdict = text_label("", self)
         self._verdict.setFont(sized(self.font(), 1.5, bold=True))
         self._verdict.setMinimumWidth(self._verdict.fontMetrics().horizontalAdvance("✗ UNEXPLAINED  "))
         top.addWidget(self._verdict)
@@ -194,7 +194,7 @@ class DiagnosisPanel(QWidget):
         if diagnosis.findings and all(found.effect in model_effects for found in diagnosis.findings):
             found = diagnosis.verdict in (Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED)
             tone, words = (Tone.GOOD, f"{words}, IN THE MODEL") if found else (tone, f"{words}, THOUGH IN THE MODEL")
-        tone, words = (tone, words) if holds else (Tone.NEUTRAL, f"<s>{words}</s>")
+        tone, words = (tone, words) if holds else (Tone.NEUTRAL, tag("s", words))
         show_toned(self._verdict, words, tone)
         said = in_words(diagnosis)
         self.sentence.setText(local_words(said.sentence))

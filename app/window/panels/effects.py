@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from html import escape
 
 from PySide6.QtCore import QEvent, QObject, QRectF, QSize, Qt, Signal, Slot
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QResizeEvent
@@ -13,7 +12,7 @@ from analysis.diagnosis import CRITERIA, Candidate, FoundEffect, remark_on
 from app.session import by_evidence
 from app.window.theme import MARKS, Dressed, Tone
 from app.window.widgets import clear_layout, horizontal, push_button, text_label, vertical
-from app.words import DASH, effect_numbers, number
+from app.words import DASH, effect_numbers, joined, lines, number, tag
 
 TRIED = "tried; not named by a diagnosis"
 
@@ -60,7 +59,7 @@ class EffectRows(QWidget):
         row = QWidget(self)
         line = horizontal(row)
         title = effect.words.capitalize()
-        label = text_label(f"<b>{escape(title)}</b>  {escape(words)}", row, selectable=True, wrap=True)
+        label = text_label(joined(tag("b", title), f"  {words}"), row, selectable=True, wrap=True)
         if in_model:
             hover = "Remove the effect; all shots are refitted"
             button = push_button("Remove from the model", hover, row, self._remove)
@@ -230,13 +229,8 @@ class CandidateBars(Dressed, QWidget):
         evidence = QLabel(DASH if fall is None else number(-fall, 3), inner)
         size = QLabel(number(abs(candidate.score), 3), inner)
         remark = remark_on(candidate) or ("not fitted in full: its first score was too small" if fall is None else "")
-        hover = "<br>".join(
-            (
-                f"<b>{escape(candidate.effect.words)}</b>",
-                escape(remark),
-                escape(effect_numbers(candidate.effect, candidate.parameters)),
-            )
-        )
+        numbers = effect_numbers(candidate.effect, candidate.parameters)
+        hover = lines((tag("b", candidate.effect.words), remark, numbers))
         right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
         grid.addWidget(name, 2 * line, 0)
         grid.addWidget(bar, 2 * line + 1, 0)

@@ -26,7 +26,7 @@ class LargePanel(QWidget):
         self._rows: tuple[ResultNumber, ...] = COLLISION
         grid = QGridLayout(self)
         grid.setContentsMargins(16, 6, 16, 6)
-        self._title = QLabel(self)
+        self._title = text_label("", self)
         grid.addWidget(self._title, 0, 0, 1, 3)
         self._cells: list[tuple[QLabel, QLabel, QLabel]] = []
         for line in range(1, 1 + max(len(COLLISION), len(DRIVEN))):

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 
 from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QWidget
@@ -11,7 +10,7 @@ from analysis.shot import Role, Setup
 from app.session import ChannelKind, ChannelLook, proposed
 from app.window.theme import Tone
 from app.window.widgets import SideSheet, combo_box, line_edit, push_button, show_toned, text_label
-from app.words import local, number, typed_number
+from app.words import Markup, joined, lines, local, number, tag, typed_number
 from instrument.files import (
     LENGTHS_M,
     MODELS,
@@ -60,7 +59,7 @@ class Answer:
     for_folder: bool
 
 
-def _look_words(look: ChannelLook) -> str:
+def _look_words(look: ChannelLook) -> Markup:
     """Return a line on one channel: what it looks like, beat and amplitude."""
     parts = [str(look.kind), f"amplitude {number(look.amplitude, 3)}"]
     if look.low is not None and look.high is not None and look.in_hz:
@@ -68,7 +67,7 @@ def _look_words(look: ChannelLook) -> str:
         if look.kind is ChannelKind.MOVING:
             span = f"{span} to {number(1e-6 * look.high, 4)}"
         parts.insert(1, f"{span} MHz")
-    return f"<b>{escape(look.name)}</b>: {', '.join(parts)}"
+    return joined(tag("b", look.name), f": {', '.join(parts)}")
 
 
 class MappingSheet(SideSheet):
@@ -137,9 +136,9 @@ class MappingSheet(SideSheet):
         """Show the form for a file; ``looks`` describe its channels, for the proposed assignment."""
         self._contents = contents
         self.problem.setText("")
-        name = escape(contents.path.name)
-        self._file.setText(f"<b>{name}</b> ({contents.format}). The answer is saved with the file.")
-        self._looks.setText("<br>".join(map(_look_words, looks)))
+        said = f" ({contents.format}). The answer is saved with the file."
+        self._file.setText(joined(tag("b", contents.path.name), said))
+        self._looks.setText(lines(map(_look_words, looks)))
         self._looks.setVisible(bool(looks))
         proposal = proposed(looks)
         for place, (role, box) in enumerate(self.boxes.items()):

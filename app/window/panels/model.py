@@ -1,7 +1,5 @@
 """The model in use, its fit to the selected shot, and the verdict of the last diagnosis."""
 
-from html import escape
-
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QWidget
 
@@ -10,19 +8,29 @@ from analysis.fitted import awaits_fit
 from analysis.shot import Fit, Shot
 from app.window.theme import MARKS, Tone
 from app.window.widgets import push_button, set_tone, show_toned, text_label, vertical
-from app.words import OUTDATED, base_words, correlation_words, model_in_words, number, parameter_parts, with_prefix
+from app.words import (
+    OUTDATED,
+    Markup,
+    base_words,
+    correlation_words,
+    model_in_words,
+    number,
+    parameter_parts,
+    tag,
+    with_prefix,
+)
 
 LACKING_CHI2 = 1.5  # above, the residual is far more than noise
 
 
-def _matrix(fit: Fit) -> str:
+def _matrix(fit: Fit) -> Markup:
     """Return the correlations as a triangular table; columns are numbered as the rows."""
-    head = "".join(f"<th align='right'>{n}</th>" for n in range(1, len(fit.parameters)))
-    rows = []
+    head = [tag("th", str(n), align="right") for n in range(1, len(fit.parameters))]
+    rows = [tag("tr", tag("th"), tag("th"), head)]
     for index, name in enumerate(fit.parameters):
-        cells = "".join(f"<td align='right'>{correlation_words(r)}</td>" for r in fit.correlations[index, :index])
-        rows.append(f"<tr><td>{index + 1}</td><td>{escape(parameter_parts(name)[0])}</td>{cells}</tr>")
-    return f"<table cellspacing='4'><tr><th></th><th></th>{head}</tr>{''.join(rows)}</table>"
+        cells = [tag("td", correlation_words(r), align="right") for r in fit.correlations[index, :index]]
+        rows.append(tag("tr", tag("td", str(index + 1)), tag("td", parameter_parts(name)[0]), cells))
+    return tag("table", rows, cellspacing=4)
 
 
 class ModelPanel(QFrame):
@@ -66,7 +74,7 @@ class ModelPanel(QFrame):
             self._model.setText("no shot selected" if shot is None else f"{base_words(base)}: {how}")
             self._fit.setText("")
             return
-        self._model.setText(f"<b>{escape(model_in_words(fit.model, fit.effects, tried))}</b>")
+        self._model.setText(tag("b", model_in_words(fit.model, fit.effects, tried)))
         if not fit.converged:
             show_toned(self._fit, "the fit did not converge: its numbers are not shown", Tone.BAD)
             return
@@ -84,7 +92,7 @@ class ModelPanel(QFrame):
         show_toned(self.verdict, sentence, tone)
         if not sentence:
             self.verdict.setText("not diagnosed yet")
-        self.verdict.setToolTip(OUTDATED if sentence.startswith("<s>") else "")
+        self.verdict.setToolTip(OUTDATED if isinstance(sentence, Markup) else "")
 
     def show_known(self, words: str, tone: Tone) -> None:
         """Show how the shot agrees with the model file in use; "" without one."""

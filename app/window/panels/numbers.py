@@ -1,7 +1,6 @@
 """The numbers of a shot with uncertainty and unit, and on hovering how each was read."""
 
 import math
-from html import escape
 
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QResizeEvent
@@ -21,7 +20,9 @@ from app.words import (
     flag_words,
     how_text,
     kept_words,
+    lines,
     local,
+    tag,
     value_text,
 )
 from levimass import is_drive
@@ -201,8 +202,8 @@ class NumbersPanel(Dressed, QScrollArea):
             which = COMBINED if row.key in self._combined else NOISE_ONLY
             doubts = concerning(row.key, shot.flags) if shot is not None else ()
             wide = wide_words(reading)
-            said = "".join(f"<br>{flag_line(flag)}" for flag in doubts) + (f"<br>{wide}" if wide else "")
-            hover = how_text(row.name, reading, row.meaning, which) + said
+            said = (*map(flag_line, doubts), *([wide] if wide else []))
+            hover = lines((how_text(row.name, reading, row.meaning, which), *said))
             label.setToolTip(hover)
             self._mark(row, doubts, hover, bool(wide))
             remarks = "; ".join((*map(flag_words, doubts), *([wide] if wide else [])))
@@ -261,14 +262,12 @@ class NumbersPanel(Dressed, QScrollArea):
 
     def _show_flags(self, shot: Shot | None) -> None:
         """Show problem, flags and the version of a cached result."""
-        lines: list[tuple[Tone, str]] = []
+        said: list[tuple[Tone, str]] = []
         if shot is not None and shot.problem:
-            lines.append((Tone.BAD, f"{MARKS[Tone.BAD]} {shot.problem}"))
+            said.append((Tone.BAD, f"{MARKS[Tone.BAD]} {shot.problem}"))
         if shot is not None:
-            lines += [(flag_tone(flag), flag_line(flag)) for flag in by_weight(shot.flags)]
+            said += [(flag_tone(flag), flag_line(flag)) for flag in by_weight(shot.flags)]
         if self._version:
-            lines.append((Tone.NEUTRAL, f"{MARKS[Tone.NEUTRAL]} {kept_words(self._version)}; Ctrl+R analyses anew"))
+            said.append((Tone.NEUTRAL, f"{MARKS[Tone.NEUTRAL]} {kept_words(self._version)}; Ctrl+R analyses anew"))
         signs = self.colours.signs
-        self.flags.setText(
-            "<br>".join(f"<span style='color: {signs[tone]}'>{escape(line)}</span>" for tone, line in lines)
-        )
+        self.flags.setText(lines(tag("span", words, style=f"color: {signs[tone]}") for tone, words in said))

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from PySide6.QtCore import QObject, Qt, Slot
+from PySide6.QtCore import QObject, Slot
 from PySide6.QtWidgets import QWidget
 
 from analysis.diagnosis import Diagnosis
@@ -16,10 +16,8 @@ from app.window.plots.cursors import SECONDS, CursorReadout
 from app.window.plots.lines import RESIDUAL
 from app.window.plots.time_stack import TimeStack
 from app.window.widgets import text_label, vertical
-from app.words import number, prefix_for, repeatability_words, short_name
+from app.words import Markup, lines, number, prefix_for, repeatability_words, short_name, tag
 from levimass import is_drive
-
-CELL = "<td align='right' style='padding: 0 6px'>"
 
 
 class Residuals(QWidget):
@@ -43,7 +41,6 @@ class Residuals(QWidget):
         column.addWidget(self.forces.stack, 1)
         column.addWidget(CursorReadout(self.forces.stack, self))
         self._errors = text_label("", self, selectable=True)
-        self._errors.setTextFormat(Qt.TextFormat.RichText)
         self._errors.setToolTip(
             "Rms residuals over the same samples at the same bandwidth.\nJoint χ²/ν: of all shots fitted together, "
             "against the noise that the diagnosis found; the panel MODEL shows that of one shot's own fit."
@@ -150,7 +147,7 @@ class ForceResiduals(QObject):
         self.stack.zoom(*self._span)
 
 
-def _errors_table(diagnosis: Diagnosis) -> str:
+def _errors_table(diagnosis: Diagnosis) -> Markup:
     rows = (
         ("before", diagnosis.error_before),
         ("after", diagnosis.error_after),
@@ -167,16 +164,16 @@ def _errors_table(diagnosis: Diagnosis) -> str:
     )
     columns = [_column(*column) for column in measured if any(map(math.isfinite, column[2]))]  # a drive has its force
     chi2 = [number(getattr(errors, "reduced_chi2", math.nan), 4) for _, errors in rows]
-    table = list(zip(*columns, ["<b>joint χ²/ν</b>", *chi2], strict=True))
-    body = "".join(
-        f"<tr><td>{name}</td>{''.join(f'{CELL}{cell}</td>' for cell in cells)}</tr>"
-        for name, cells in zip(("rms", *(name for name, _ in rows)), table, strict=True)
-    )
-    return f"<table cellspacing='0'>{body}</table>"
+    cells = zip(*columns, [tag("b", "joint χ²/ν"), *chi2], strict=True)
+    body = [
+        tag("tr", tag("td", name), [tag("td", cell, align="right", style="padding: 0 6px") for cell in line])
+        for name, line in zip(("rms", *(name for name, _ in rows)), cells, strict=True)
+    ]
+    return tag("table", body, cellspacing=0)
 
 
 def _column(head: str, unit: str, values: Sequence[float]) -> list[str]:
     """Return a column with one unit: "141 nm" above "152 pm" would look like an increase."""
     most = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
     factor, words = prefix_for(most, unit)
-    return [f"<b>{head}</b><br>({words})", *(number(factor * value, 3) for value in values)]
+    return [lines((tag("b", head), f"({words})")), *(number(factor * value, 3) for value in values)]

@@ -12,6 +12,7 @@ from analysis.shot import Quantity, Reading, Shot
 from analysis.uncertainty import Origin, ResultNumber, combined_of, of_collision, stated
 from app.session import Entry
 from app.window.state_words import flag_line
+from app.window.widgets import hover_text
 from app.words import (
     COMBINED,
     DASH,
@@ -302,7 +303,7 @@ class SessionModel(QAbstractTableModel):
             font.setStrikeOut(True)
             return font
         if role == Qt.ItemDataRole.ToolTipRole:
-            return self._hover(entry, column)
+            return hover_text(self._hover(entry, column))
         if role == Qt.ItemDataRole.TextAlignmentRole and self.columns[column].number is not None:
             return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
         return None
@@ -313,21 +314,21 @@ class SessionModel(QAbstractTableModel):
             return self.columns[column].text(entry)
         return concise_text(self._stated(entry, number), number.scale)
 
-    def _hover(self, entry: Entry, column: int) -> str | None:
+    def _hover(self, entry: Entry, column: int) -> str:
         number = self.columns[column].number
         if number is not None:
             reading, shot = self._stated(entry, number), entry.shot
             which = COMBINED if shot is not None and number.key in self._combined.of(shot) else NOISE_ONLY
             return how_text(number.head, reading, value_text(reading, number.scale), which)
         if column == FLAGS and entry.shot is not None:
-            return "\n".join(map(flag_line, by_weight(entry.shot.flags))) or None
+            return "\n".join(map(flag_line, by_weight(entry.shot.flags)))
         if column == VERDICT and entry.number in self._struck:
             return f"{self._text(entry, column)}\n{OUTDATED}"
         if column == NAME:
             s = entry.settings
             copy = f"Shot {entry.copy_of} with other settings.\n" if entry.copy_of is not None else ""
             return f"{copy}{entry.path or 'not saved'}\nbandwidth {s.bandwidth_hz:g} Hz, model {s.model}"
-        return self._text(entry, column) or None
+        return self._text(entry, column)
 
     def setData(self, index: QModelIndex, value: Any, role: int = Qt.ItemDataRole.EditRole) -> bool:
         """Emit an edited note."""

@@ -1,7 +1,6 @@
 """The sheet of the guided set-up: choose the source, check its signals, ARM."""
 
 from collections.abc import Sequence
-from html import escape
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QGuiApplication
@@ -9,7 +8,7 @@ from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QVB
 
 from app.window.theme import MARKS, Tone, sized
 from app.window.widgets import SideSheet, clear_layout, line_edit, push_button, set_tone, show_toned, text_label
-from app.words import local_words
+from app.words import lines, local_words, tag
 from instrument.devices import Check, FoundDevice, Grade
 
 TONES = {Grade.OK: Tone.GOOD, Grade.WARN: Tone.WARNING, Grade.FAIL: Tone.BAD}
@@ -122,7 +121,7 @@ class SetupSheet(SideSheet):
             self._add_device(line, device.source, device.name, device.where, words, present)
 
     def _add_device(self, line: int, source: str, name: str, where: str, problem: str, present: str) -> None:
-        label = text_label(f"<b>{escape(name)}</b><br>{escape(where)}", self, wrap=True)
+        label = text_label(lines((tag("b", name), where)), self, wrap=True)
         used = "In use" if source == present else "Use"
         button = push_button(used, f"Take the samples from {name}", self, self._use)
         button.setEnabled(source != present)

@@ -17,6 +17,7 @@ from app.window.plots.lines import BAND, MEASURED, RESIDUAL, SIMULATED, Look
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
 from app.window.widgets import FlowLayout, keep_place, push_button, text_label, vertical
+from app.words import lines, tag
 from levimass import is_drive
 
 VIEWS = (
@@ -214,8 +215,8 @@ class ShotPanel(QWidget):
         shown = self._pages.currentWidget() is not self._empty
         self._legend.setVisible(shown and (not low or self._reading))
         self.drive.say.setVisible(shown and self._driven and (not low or self.drive.empty))
-        entries = "<br>".join(f"{words}" for words, _ in self._legend.entries)
-        said = f"{entries}<br>{self.drive.say.text()}" if self._driven else entries
+        entries = [words for words, _ in self._legend.entries]
+        said = tag("span", lines([*entries, self.drive.say.text()] if self._driven else entries))
         for plot in self._plots:
             plot.setToolTip(said if low else "")
 

@@ -4,7 +4,6 @@ A button shows the residuals under the best two candidates side by side.
 """
 
 from collections.abc import Mapping, Sequence
-from html import escape
 
 import numpy as np
 from PySide6.QtCore import Signal, Slot
@@ -20,7 +19,7 @@ from app.window.panels.effects import CandidateBars
 from app.window.plots.residual_grid import MOST, Cell, Overlay, ResidualGrid
 from app.window.theme import Colours, Dressed, Tone
 from app.window.widgets import push_button, text_label, vertical
-from app.words import number, short_name
+from app.words import joined, number, short_name, tag
 
 BESIDE_SHOTS = 4  # whose two remainders stand side by side
 
@@ -161,10 +160,8 @@ class WhyCanvas(Dressed, QWidget):
         else:
             return (), f"{words}: not fitted in full yet"
         colour, rest = self.colours.simulated, self.colours.signs[Tone.GOOD]
-        return overlays, (
-            f"<b>{escape(words)}</b>: <span style='color:{colour}'>━</span> would explain, "
-            f"<span style='color:{rest}'>━</span> would remain; {how}"
-        )
+        lines = [tag("span", "━", style=f"color:{shown}") for shown in (colour, rest)]
+        return overlays, joined(tag("b", words), ": ", lines[0], " would explain, ", lines[1], f" would remain; {how}")
 
     def _draw_overlay(self) -> None:
         found = self._diagnosis

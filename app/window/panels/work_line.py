@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QFrame, QListWidget, QListWidgetItem, QProgressBar
 
 from app.session import Job, Jobs
 from app.window.theme import MARKS, Colours, Dressed, Tone
-from app.window.widgets import SideSheet, horizontal, keep_place, push_button, set_tone, text_label
+from app.window.widgets import SideSheet, horizontal, hover_text, keep_place, push_button, set_tone, text_label
 
 KEPT = 20
 LISTED = 200  # messages that the list keeps
@@ -243,5 +243,5 @@ class WorkLine(QWidget):
         fitting = f"{metrics.elidedText(doing, Qt.TextElideMode.ElideRight, room)}{left}"
         if self.progress.format() != fitting:
             self.progress.setFormat(fitting)
-            self.progress.setToolTip(words)
+            self.progress.setToolTip(hover_text(words))
         self.progress.setValue(round(1000 * share))

@@ -1,7 +1,6 @@
 """Two cursors in linked plots, the readings between them, and the table of these below a plot."""
 
 from dataclasses import dataclass
-from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +12,7 @@ from analysis.shot import Floats
 from app.window.plots.lines import straight
 from app.window.theme import LIGHT, Colours
 from app.window.widgets import horizontal, push_button, text_label
-from app.words import DASH, local, number
+from app.words import DASH, Markup, joined, local, number, tag
 
 if TYPE_CHECKING:
     from app.window.plots.curve import PointCurve, SampledCurve
@@ -193,6 +192,7 @@ class Cursors(QObject):
         return "\n".join(rows)
 
 
+GAP = "\u00a0 \u00a0"  # between the places of A and B
 LOW_LINES = 40  # of text: in a lower window the table is only shown on hovering
 
 
@@ -205,7 +205,6 @@ class CursorReadout(QFrame):
         self.setProperty("card", True)
         row = horizontal(self, (8, 4, 8, 4))
         self._table = text_label("", self, selectable=True)
-        self._table.setTextFormat(Qt.TextFormat.RichText)
         hover = "Copy places, values, differences, mean, rms and slope between the cursors  (Ctrl+Shift+C)"
         copy = push_button("Copy as text", hover, self, plot.copy_cursors)
         row.addWidget(self._table, 1)
@@ -225,21 +224,25 @@ class CursorReadout(QFrame):
         axis = self._cursors.axis
         a, b = map(axis.value, self._cursors.places)
         span = abs(b - a) * axis.scale
-        rate = f" &nbsp; ({number(1 / span, 5) if span else DASH} {axis.inverse})" if axis.inverse else ""
-        heads = ("", "at A", "at B", "B − A", "mean", "rms", axis.slope_words, "")
-        head = "".join(f"<td align='right' style='padding: 0 9px'><b>{text}</b></td>" for text in heads)
         named = (("A", a), ("B", b), ("B − A", b - a))
-        places = " &nbsp; ".join(f"<b>{name}</b> {local(f'{place:.4f}')} {axis.unit}" for name, place in named)
-        rows = [f"<tr><td colspan='8'>{places}{rate}</td></tr>"]
+        places = [joined(tag("b", name), f" {local(f'{place:.4f}')} {axis.unit}{GAP}") for name, place in named]
+        rate = f"({number(1 / span, 5) if span else DASH} {axis.inverse})" if axis.inverse else ""
+        rows = [tag("tr", tag("td", places, rate, colspan=8))]
         measures = self._cursors.measures()
         if measures:
-            rows.append(f"<tr>{head}</tr>")
+            heads = ("", "at A", "at B", "B − A", "mean", "rms", axis.slope_words, "")
+            rows.append(tag("tr", [_right(tag("b", head)) for head in heads]))
         for m in measures:
             cells = (m.at_a, m.at_b, m.difference, m.mean, m.rms, m.slope)
-            text = "".join(f"<td align='right' style='padding: 0 9px'>{number(cell, 5)}</td>" for cell in cells)
-            rows.append(f"<tr><td>{escape(m.name)}</td>{text}<td>{m.unit}</td></tr>")
-        table = f"<table cellspacing='0'>{''.join(rows)}</table>"
+            numbers = [_right(number(cell, 5)) for cell in cells]
+            rows.append(tag("tr", tag("td", m.name), numbers, tag("td", m.unit)))
+        table = tag("table", rows, cellspacing=0)
         low = self.window().height() < LOW_LINES * self.fontMetrics().lineSpacing()
-        self._table.setText(f"<table cellspacing='0'>{rows[0]}</table>" if low else table)
+        self._table.setText(tag("table", rows[0], cellspacing=0) if low else table)
         self._table.setToolTip(table if low else "")
         self.words = table
+
+
+def _right(text: str) -> Markup:
+    """Return a cell aligned right."""
+    return tag("td", text, align="right", style="padding: 0 9px")

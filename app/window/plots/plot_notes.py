@@ -1,6 +1,5 @@
 """The operator's notes on a plot: a dot and a short text in its place, written into a line that opens there."""
 
-import html
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -13,6 +12,7 @@ from analysis.shot import LONGEST, PlotNote
 from app.window.plots.framed_plot import FramedPlot
 from app.window.plots.lines import straight
 from app.window.theme import LIGHT, Colours
+from app.window.widgets import hover_text
 
 _IN_FRONT = 15  # of the curves, behind the cursors
 _NEAR_PX = 9  # this far from a note's dot a press still means the note
@@ -174,7 +174,7 @@ class _DrawnNote:
         for item in (self._dot, self._text):
             item.setZValue(_IN_FRONT)
             plot.addItem(item, ignoreBounds=True)
-        self._dot.setToolTip(f"<span>{html.escape(note.text)}</span>")  # Qt would take a "<" for its own markup
+        self._dot.setToolTip(hover_text(note.text))
         plot.view.sigRangeChanged.connect(self._turn)
         plot.view.sigResized.connect(self._fit)
         self.dress(colours)

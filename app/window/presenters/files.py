@@ -13,6 +13,7 @@ from app.session import Choices, Entry, Workbench, drift_words, is_session
 from app.window.file_dialog import Want, ask_for_one
 from app.window.layout import Layout
 from app.window.theme import Tone
+from app.window.widgets import hover_text
 from app.words import local_words
 
 SESSIONS = "Levimass session (*.json)"
@@ -84,7 +85,7 @@ class FilesPresenter(QObject):
         self.recent.clear()
         for path in self._choices.recent:
             action = self.recent.addAction(path.name)
-            action.setToolTip(str(path))
+            action.setToolTip(hover_text(str(path)))
             action.triggered.connect(partial(self._open_again, path))
         self.recent.setEnabled(bool(self._choices.recent))
 

@@ -1,4 +1,4 @@
-"""HTML and SVG elements, and their style sheet; all text that is not ``Markup`` already is escaped.
+"""HTML and SVG elements for reports and screen; all text that is not ``Markup`` already is escaped.
 
 A template engine would be one more dependency, and escapes only on request.
 """
@@ -6,8 +6,6 @@ A template engine would be one more dependency, and escapes only on request.
 import html
 import re
 from collections.abc import Iterable, Sequence
-from functools import cache
-from importlib import resources
 
 
 class Markup(str):
@@ -47,6 +45,11 @@ def joined(*pieces: Piece) -> Markup:
     return Markup("".join(escaped(p) if isinstance(p, str) else joined(*p) for p in pieces))
 
 
+def lines(pieces: Iterable[str]) -> Markup:
+    """Return texts below each other."""
+    return Markup("<br>".join(map(escaped, pieces)))
+
+
 def table(header: Sequence[str], rows: Iterable[Sequence[str]], class_: str | None = None) -> Markup:
     """Return a table; the first cell of a row is its heading.  No line breaks within a unit."""
     header, rows = _unbroken(header), map(_unbroken, rows)
@@ -57,8 +60,3 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]], class_: str | No
 
 def _unbroken(cells: Sequence[str]) -> list[str]:
     return [cell if isinstance(cell, Markup) else _INSIDE_UNIT.sub("\u00a0", cell) for cell in cells]
-
-
-@cache
-def style_sheet() -> str:
-    return resources.files("resources").joinpath("report.css").read_text(encoding="utf-8")

@@ -172,7 +172,6 @@ class ComparePanel(Dressed, QWidget):
         column.addWidget(split, 1)
         for plot in (self.stack, self.trend):
             column.addWidget(CursorReadout(plot, self))
-        self.stack.reset_wanted.connect(self.show_whole)
         self.show_entries([])
 
     def dress(self, colours: Colours) -> None:
@@ -218,7 +217,10 @@ class ComparePanel(Dressed, QWidget):
         self.stack.tell([e.shot for e in shown], f"Shots {', '.join(str(e.number) for e in shown)}")
         self.trend.tell([e.shot for e in self._entries], f"Shots {numbered}")
         self._trend_chosen(0)
-        self.show_whole()
+        curves = [curve for curve in self._velocity_curves if len(curve.samples)]
+        if curves:
+            left = min(curve.grid[0] for curve in curves)
+            self.stack.show_whole(left, max(curve.grid[0] + curve.grid[1] * len(curve.samples) for curve in curves))
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Keep room for the plots."""
@@ -236,11 +238,7 @@ class ComparePanel(Dressed, QWidget):
 
     @Slot()
     def show_whole(self) -> None:
-        curves = [curve for curve in self._velocity_curves if len(curve.samples)]
-        if curves:
-            left = min(curve.grid[0] for curve in curves)
-            right = max(curve.grid[0] + curve.grid[1] * len(curve.samples) for curve in curves)
-            self.stack.zoom(left, right)
+        self.stack.reset()
 
     @Slot()
     def show_contact(self) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from PySide6.QtCore import Qt, Slot
+from PySide6.QtCore import Qt
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QSizePolicy, QWidget
 
@@ -65,8 +65,7 @@ class LivePanel(QWidget):
             plot.minimum_span = span
             plot.steady = True
         self.stack.label_time("time before now (ms)")
-        self.stack.show_span(-WINDOW_MS, 0.0)
-        self.stack.reset_wanted.connect(self.reset)
+        self.stack.show_whole(-WINDOW_MS, 0.0)
         grid.addWidget(self.stack, 0, 0, 5, 1)
         self._readouts: list[CursorReadout] = []
         self.numbers: dict[str, QLabel] = {}
@@ -78,7 +77,6 @@ class LivePanel(QWidget):
         self.hold = push_button("Hold", hover, self, checkable=True)
         grid.addWidget(self.hold, 3, 1)
         self.raw = TimeStack("Raw signals, live", self)
-        self.raw.reset_wanted.connect(self.reset)
         self._raw_plots = [self.raw.add_plot(title, "V") for title in CHANNEL_NAMES.values()]
         self._raw_curves = [plot.add_curve("samples", MEASURED) for plot in self._raw_plots]
         for plot in self._raw_plots:
@@ -117,13 +115,6 @@ class LivePanel(QWidget):
         """Get the rolling plots and the raw signals."""
         return self.stack, self.raw
 
-    @Slot()
-    def reset(self) -> None:
-        """Let the value axes follow their curves again, and show the whole time window."""
-        self.stack.zoom(-WINDOW_MS, 0.0)
-        for plot in self.raw.plots:
-            plot.free_y()
-
     def plot_in_front(self) -> PlotView:
         """Return the focused plot, else the rolling ones."""
         return in_front(self.plots)
@@ -153,7 +144,7 @@ class LivePanel(QWidget):
         self.floor.show_floor(view.floor)
         time_ms = 1e3 * (view.time_s - view.time_s[-1])
         if self.stack.span != (-WINDOW_MS, 0.0):
-            self.stack.plots[0].view.setXRange(-WINDOW_MS, 0.0, padding=0)
+            self.stack.show_span(-WINDOW_MS, 0.0)
         values = {"beat": view.beat_frequency_hz, "velocity": view.velocity_m_per_s, "force": view.force_n}
         recent = time_ms > -50.0
         now_s = float(view.time_s[-1])
@@ -201,7 +192,7 @@ class LivePanel(QWidget):
         step = 1e3 * float(view.raw_time_s[1] - view.raw_time_s[0])
         length = step * min(RAW_SHOWN, len(view.raw_time_s))
         if abs(self.raw.span[1] - length) > 1e-3 * length:  # more than rounding of the times
-            self.raw.plots[0].view.setXRange(0.0, length, padding=0)
+            self.raw.show_span(0.0, length)
         for index, (plot, curve) in enumerate(zip(self._raw_plots, self._raw_curves, strict=True)):
             present = index < len(channels)
             plot.setVisible(present)

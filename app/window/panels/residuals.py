@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from PySide6.QtCore import QObject, Slot
+from PySide6.QtCore import QObject
 from PySide6.QtWidgets import QWidget
 
 from analysis.diagnosis import Diagnosis
@@ -34,7 +34,6 @@ class Residuals(QWidget):
         self._curves = [plot.add_curve("residual", RESIDUAL) for plot in self._plots]
         self.stack.setMinimumHeight(8 * self.fontMetrics().lineSpacing())
         self.stack.label_time("time from first touch (ms)")
-        self.stack.reset_wanted.connect(self.reset)
         column.addWidget(self.stack, 1)
         column.addWidget(CursorReadout(self.stack, self))
         self.forces = ForceResiduals(self)
@@ -102,14 +101,7 @@ class Residuals(QWidget):
                 plot.name_value(plot.title, unit)
                 curve.show_samples(start, step, factor * left)
                 band.show_band(start, step, 2.0 * factor * noise_m)
-        self.reset()
-
-    @Slot()
-    def reset(self) -> None:
-        samples = self._curves[0].samples
-        if len(samples):
-            start, step = self._curves[0].grid
-            self.stack.zoom(start, start + step * len(samples))
+        self.stack.show_whole(start, start + step * motion.time_s.size)
 
 
 class ForceResiduals(QObject):
@@ -121,10 +113,8 @@ class ForceResiduals(QObject):
         self._plots = [self.stack.add_plot(name, "N", 1) for name in ("before", "after")]
         self._bands = [plot.add_band() for plot in self._plots]
         self._curves = [plot.add_points("measured − modelled", RESIDUAL) for plot in self._plots]
-        self._span = (0.0, 1.0)
         self.stack.setMinimumHeight(8 * parent.fontMetrics().lineSpacing())
         self.stack.label_time("time from the first sample (s)")
-        self.stack.reset_wanted.connect(self.reset)
         self.stack.hide()
 
     def show_curves(self, shot: Shot | None, before: DriveCurves | None, after: DriveCurves | None) -> None:
@@ -134,17 +124,13 @@ class ForceResiduals(QObject):
                 curve.show_points(np.zeros(0), np.zeros(0))
                 band.show_band(0.0, 1.0, np.zeros(0))
                 continue
-            self._span = float(found.time_s[0]), float(found.time_s[-1])
+            begin, end = float(found.time_s[0]), float(found.time_s[-1])
             factor, unit = prefix_for(float(np.nanmax(np.abs(found.residual_n), initial=0.0)), "N")
             plot.name_value(plot.title, unit)
             curve.show_points(found.time_s, factor * found.residual_n)
             half = np.full(2, 2.0 * factor * found.repeatability.force_n)
-            band.show_band(self._span[0], self._span[1] - self._span[0], half)
-        self.reset()
-
-    @Slot()
-    def reset(self) -> None:
-        self.stack.zoom(*self._span)
+            band.show_band(begin, end - begin, half)
+            self.stack.show_whole(begin, end)
 
 
 def _errors_table(diagnosis: Diagnosis) -> Markup:

@@ -72,8 +72,6 @@ class ShotPanel(QWidget):
         self._empty.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self._pages.addWidget(self._empty)
         self._build()
-        for stack in self.stacks:
-            stack.reset_wanted.connect(self.reset)
         for plot in self._plots:
             plot.cursors.moved.connect(self._cursors_moved)
         self._judged_by: Diagnosis | None = None
@@ -192,12 +190,12 @@ class ShotPanel(QWidget):
         self._view = view if not self._driven or view in DRIVE_VIEWS else "whole"
         view = self._view
         self._buttons[view].setChecked(True)
-        self.motion.contact_only = view == "contact"
         others = self.drive.pages if self._driven else self._page_of
         analysed = self._shot is not None and self._shot.motion is not None
         there = analysed or (view == "raw" and self.raw.has_samples)
         page: QWidget = others.get(view, self.stack) if there else self._empty
         self._draw(view)
+        self.motion.choose(contact_only=view == "contact")
         self._pages.setCurrentWidget(page)
         self.motion.kind.setVisible(page is self.stack)
         self._show_words()
@@ -246,7 +244,7 @@ class ShotPanel(QWidget):
         self.drive.show_curves(curves)
         for plot in self.drive.plots:
             plot.tell((shot,), self._of)
-        self.drive.reset()
+        self.reset()
         self._label_lines()
 
     def _name_views(self) -> None:
@@ -264,15 +262,10 @@ class ShotPanel(QWidget):
             self.raw.stack.tell((self._shot,), self._of)
         self._label_lines()
 
-    @Slot()
     def reset(self) -> None:
-        if self._driven:
-            self.drive.reset()
-            return
-        views: dict[str, DeflectionView | GapView | RawView]
-        views = {"deflection": self.deflection, "gap": self.gap, "raw": self.raw}
-        view = views.get(self._view)
-        (self.motion if view is None else view).reset()
+        """Show the whole of the view again; of a drive that of all its views."""
+        for plot in self.drive.plots if self._driven else (self._page_of.get(self._view, self.stack),):
+            plot.reset()
 
     @Slot(bool)
     def show_cursors(self, shown: bool) -> None:

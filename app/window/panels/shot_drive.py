@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from PySide6.QtCore import QObject, Qt, Slot
+from PySide6.QtCore import QObject, Qt
 from PySide6.QtWidgets import QSplitter, QWidget
 
 from analysis.drive import DriveCurves
@@ -40,7 +40,6 @@ class DriveView(QObject):
         self._band = residual.add_band()
         self._residual = residual.add_points("measured − modelled", RESIDUAL)
         self.stack.label_time("time from the first sample (s)")
-        self.stack.reset_wanted.connect(self.reset)
         self.speed = ForceAgainst("speed", "velocity (m/s)", SPEED, parent)
         self.place = ForceAgainst("position", "position along the guide (mm)", PLACE, parent)
         self.pages: dict[str, QWidget] = {"whole": self.stack, "contact": self.speed, "deflection": self.place}
@@ -83,6 +82,7 @@ class DriveView(QObject):
         for plot, axes in self._note_axes.items():
             self.stack.notes.describe(plot, axes)
         time, half = curves.time_s, 2.0 * curves.repeatability.force_n
+        self.stack.show_whole(float(time[0]), float(time[-1]))
         self._velocity.show_points(time, curves.velocity_m_per_s)
         self._measured.show_points(time, curves.measured_n)
         self._modelled.show_points(time, curves.modelled_n)
@@ -98,15 +98,6 @@ class DriveView(QObject):
             f"({number(curves.repeatability.force_n, 2)} N under this shot's own fit); "
             f"compared up to {number(curves.bandwidth_hz, 3)} Hz"
         )
-
-    @Slot()
-    def reset(self) -> None:
-        """Show the whole record in every page."""
-        if self._curves is not None:
-            self.stack.zoom(float(self._curves.time_s[0]), float(self._curves.time_s[-1]))
-        for page in (self.speed, self.place):
-            for plot in page.plots:
-                plot.reset()
 
 
 class ForceAgainst(QSplitter):

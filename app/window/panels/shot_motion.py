@@ -37,7 +37,6 @@ class MotionView(QObject):
         self._judged_by: Diagnosis | None = None
         self._chosen = False  # whether the operator chose the residual
         self.band_words = ""
-        self.contact_only = False
         self.stack = TimeStack("Velocity, force and residual over time", parent)
         self.velocity = self.stack.add_plot("velocity", "m/s", 3)
         self.force = self.stack.add_plot("force", "N", 4)
@@ -78,15 +77,12 @@ class MotionView(QObject):
         self._show_residual()
         self._mark_events(zero)
 
-    def reset(self) -> None:
+    def choose(self, contact_only: bool) -> None:
+        """Choose what ``reset`` of the plots shows, the first contact only or the whole shot."""
         shot = self._shot
-        if shot is None or shot.motion is None:
-            return
-        if self.contact_only:
-            self.stack.zoom(*contact_span_ms(shot))
-        else:
-            zero, _ = time_zero(shot)
-            self.stack.zoom(1e3 * (shot.motion.time_s[0] - zero), 1e3 * (shot.motion.time_s[-1] - zero))
+        if shot is not None and shot.motion is not None:
+            begin_s, end_s = shot.motion.time_s[[0, -1]] - time_zero(shot)[0]
+            self.stack.whole = contact_span_ms(shot) if contact_only else (1e3 * begin_s, 1e3 * end_s)
 
     @Slot()
     def _show_residual(self) -> None:
@@ -183,7 +179,6 @@ class GapView:
         self._simulated = self._force_plot.add_curve("simulated", SIMULATED)
         self._measured = self._force_plot.add_curve("measured", MEASURED)
         self._gap_plot.mark_level(0.0, "below: overlap")
-        self._span = (-1.0, 8.0)
 
     def show_shot(self, shot: Shot) -> None:
         """Show an analysed shot."""
@@ -201,10 +196,7 @@ class GapView:
             overlay = fit.shots[0].overlay
             self._gap.show_samples(start, step, 1e6 * np.asarray(overlay.gap_m))
             self._simulated.show_samples(start, step, overlay.force_n)
-        self._span = contact_span_ms(shot)
-
-    def reset(self) -> None:
-        self.stack.zoom(*self._span)
+        self.stack.whole = contact_span_ms(shot)
 
 
 DEFLECTION = CursorAxis("mm", "m", 1e-3)

@@ -59,6 +59,9 @@ class RawView:
     def show_recording(self, recording: Recording | None, zero_s: float) -> None:
         """Set the recording; its curves are made in a job once the view is shown (``wanted``)."""
         self._recording, self._zero = recording, zero_s
+        if recording is not None:
+            left = -1e3 * zero_s
+            self.stack.whole = left, left + 1e3 * recording.samples / recording.sample_rate_hz
         self._drawn = False
         self.has_samples = recording is not None and recording.samples > 0
         for curve in self._curves.values():
@@ -82,11 +85,5 @@ class RawView:
                 curve.show_samples(-1e3 * self._zero, 1e3 / curves.recording.sample_rate_hz, pyramid)
         level = trigger_level_v(curves.recording)
         self._plots[Role.SWITCH].show_levels({} if level is None else {f"trigger, {number(level, 3)} V": level})
-        self.reset()
+        self.stack.reset()
         return True
-
-    def reset(self) -> None:
-        recording = self._recording
-        if recording is not None and recording.samples > 0:
-            left = -1e3 * self._zero
-            self.stack.zoom(left, left + 1e3 * recording.samples / recording.sample_rate_hz)

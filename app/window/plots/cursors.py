@@ -10,7 +10,6 @@ from PySide6.QtWidgets import QFrame, QWidget
 
 from analysis.shot import Floats
 from app.window.plots.lines import straight
-from app.window.theme import LIGHT, Colours
 from app.window.widgets import horizontal, push_button, text_label
 from app.words import DASH, Markup, joined, local, number, tag
 
@@ -77,39 +76,34 @@ def between(name: str, unit: str, x: Floats, values: Floats, at_a: float, at_b: 
 
 
 class Cursors(QObject):
-    """Cursors A and B at the same x in every joined plot; their lines are made when first shown."""
+    """Cursors A and B at the same x in every plot of a view; their lines are made when first shown."""
 
     moved = Signal()
 
-    def __init__(self, parent: QObject, axis: CursorAxis = TIME) -> None:
-        super().__init__(parent)
+    def __init__(self, view: "PlotView", axis: CursorAxis) -> None:
+        super().__init__(view)
         self.axis = axis
-        self._plots: list[FramedPlot] = []
+        self._view = view
         self._lines: dict[str, list[pg.InfiniteLine]] = {"A": [], "B": []}
-        self._colours = LIGHT
         self._at = {"A": 0.0, "B": 1.0}
         self.shown = False
         self._following = False
 
-    def join(self, plot: "FramedPlot") -> None:
-        """Draw the cursors in this plot too."""
-        self._plots.append(plot)
-
     def _draw(self) -> None:
         """Make the missing lines; only those in the first plot have a name."""
         for name, lines in self._lines.items():
-            for plot in self._plots[len(lines) :]:
+            for plot in self._view.plots[len(lines) :]:
                 named = {"label": name, "labelOpts": {"position": 0.94, "movable": False}} if not lines else {}
                 line = pg.InfiniteLine(angle=90, movable=True, **named)
                 line.setZValue(20)
                 plot.addItem(line, ignoreBounds=True)
                 line.sigPositionChanged.connect(self._dragged_a if name == "A" else self._dragged_b)
                 lines.append(line)
-        self.dress(self._colours)
+        self.dress()
 
-    def dress(self, colours: Colours) -> None:
-        """Set the colours; A is solid, B dashed."""
-        self._colours = colours
+    def dress(self) -> None:
+        """Set the colours of the view; A is solid, B dashed."""
+        colours = self._view.colours
         full, dashed = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
         for name, colour, dash in (("A", colours.cursor_a, full), ("B", colours.cursor_b, dashed)):
             for line in self._lines[name]:
@@ -161,11 +155,11 @@ class Cursors(QObject):
         self._set("B", float(line.value()))
 
     def measures(self) -> list[Between]:
-        """Return the readings of every visible curve of the joined plots."""
+        """Return the readings of every visible curve."""
         a, b = self.places
         left, right = min(a, b), max(a, b)
         found = []
-        for plot in self._plots:
+        for plot in self._view.plots:
             for curve in plot.sampled:
                 if curve.isVisible() and len(curve.samples):
                     found.append(self._measure(plot, curve, left, right))

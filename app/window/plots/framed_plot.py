@@ -182,6 +182,8 @@ class QuietView(pg.ViewBox):
             self.placed.emit()
 
 
+Span = tuple[float, float]
+ViewState = tuple[Span, Span, bool]  # x, y, and whether y was set by hand
 VIEW_AT = (0, 1)  # row and column
 AXES_AT = {"left": (0, 0), "bottom": (1, 1)}
 AXIS_WIDTH = 74  # wide enough for "-0.00025", so that linked plots stay aligned while values change
@@ -243,6 +245,17 @@ class FramedPlot(pg.GraphicsWidget):
         for item in (band, *band.edges):
             self.addItem(item)
         return band
+
+    @property
+    def state(self) -> ViewState:
+        """Get what is in view."""
+        (left, right), (low, high) = self.view.viewRange()
+        return (left, right), (low, high), True
+
+    def bring(self, state: ViewState) -> None:
+        """Show again what was in view."""
+        x, y, _ = state
+        self.view.setRange(xRange=x, yRange=y, padding=0)
 
     def getAxis(self, side: str) -> PlainAxis:
         return self._axes[side]

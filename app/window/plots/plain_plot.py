@@ -9,10 +9,9 @@ from PySide6.QtWidgets import QWidget
 from analysis.shot import Floats
 from app.window.plots.cursors import CursorAxis
 from app.window.plots.curve import PointCurve
-from app.window.plots.framed_plot import FramedPlot, PlainAxis
+from app.window.plots.framed_plot import FramedPlot, PlainAxis, Span
 from app.window.plots.lines import Look
-from app.window.plots.plot_view import PlotView, Span, ViewState
-from app.window.theme import Colours
+from app.window.plots.plot_view import PlotView
 from app.words import number
 
 
@@ -34,11 +33,8 @@ class PlainPlot(PlotView):
         super().__init__(name, axis, parent)
         self.table_words = "Save the values as CSV …" if tabulated else ""
         self.plot = FramedPlot(*value, self.axis_kind)
-        self.addItem(self.plot)
-        self.plot.view.moved.connect(self.note_view)
-        self.plot.view.placed.connect(self.note_now)
+        self.join(self.plot)
         self.plot.setLabel("bottom", bottom)
-        self.cursors.join(self.plot)
         self.columns: dict[str, Floats] = {}
         self._whole: tuple[Span, Span] | None = None
 
@@ -48,10 +44,6 @@ class PlainPlot(PlotView):
         self.plot.addItem(curve)
         self.plot.sampled.append(curve)
         return curve
-
-    def dress(self, colours: Colours) -> None:
-        super().dress(colours)
-        self.plot.dress(colours)
 
     def show_range(self, x: Span, y: Span) -> None:
         """Show this range, to which ``reset`` returns."""
@@ -64,23 +56,6 @@ class PlainPlot(PlotView):
             x, y = self._whole
             self.plot.view.setRange(xRange=x, yRange=y, padding=0)
             self.note_now()
-
-    @property
-    def states(self) -> tuple[ViewState, ...]:
-        x, y = self.plot.view.viewRange()
-        return (((x[0], x[1]), (y[0], y[1]), True),)
-
-    def bring(self, states: tuple[ViewState, ...]) -> None:
-        ((x, y, _),) = states
-        self.plot.view.setRange(xRange=x, yRange=y, padding=0)
-
-    @property
-    def span(self) -> Span:
-        (left, right), _ = self.plot.view.viewRange()
-        return float(left), float(right)
-
-    def show_span(self, left: float, right: float) -> None:
-        self.plot.view.setXRange(left, right, padding=0)
 
 
 FEW_DECADES = 2.6  # up to which 2 and 5 are labelled too

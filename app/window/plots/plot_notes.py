@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QObject, QPointF, Qt, Signal, Slot
@@ -11,8 +12,11 @@ from PySide6.QtWidgets import QLineEdit, QWidget
 from analysis.shot import LONGEST, PlotNote
 from app.window.plots.framed_plot import FramedPlot
 from app.window.plots.lines import straight
-from app.window.theme import LIGHT, Colours
+from app.window.theme import Colours
 from app.window.widgets import hover_text
+
+if TYPE_CHECKING:
+    from app.window.plots.plot_view import PlotView
 
 _IN_FRONT = 15  # of the curves, behind the cursors
 _NEAR_PX = 9  # this far from a note's dot a press still means the note
@@ -45,13 +49,12 @@ class PlotNotes(QObject):
 
     changed = Signal(object, object)  # the note before and after: None where it is new, or removed
 
-    def __init__(self, widget: pg.GraphicsView) -> None:
-        super().__init__(widget)
-        self._widget = widget
+    def __init__(self, view: "PlotView") -> None:
+        super().__init__(view)
+        self._view = view
         self._axes: dict[FramedPlot, NoteAxes] = {}
         self._notes: tuple[PlotNote, ...] = ()
         self._drawn: list[_DrawnNote] = []
-        self._colours = LIGHT
         self._editor: NoteEditor | None = None
         self._at: tuple[FramedPlot, float, float] | None = None
         self._before: PlotNote | None = None
@@ -78,16 +81,16 @@ class PlotNotes(QObject):
         """Get text and place, in the plot's units, of what is drawn."""
         return [(drawn.note.text, *drawn.place) for drawn in self._drawn]
 
-    def dress(self, colours: Colours) -> None:
-        self._colours = colours
+    def dress(self) -> None:
+        """Set the colours of the view."""
         for drawn in self._drawn:
-            drawn.dress(colours)
+            drawn.dress(self._view.colours)
 
     def _draw(self) -> None:
         for drawn in self._drawn:
             drawn.remove()
         self._drawn = [
-            _DrawnNote(plot, axes, note, self._colours)
+            _DrawnNote(plot, axes, note, self._view.colours)
             for plot, axes in self._axes.items()
             for note in self._notes
             if note.plot == axes.plot
@@ -124,11 +127,11 @@ class PlotNotes(QObject):
         self._close_editor()
         self._at, self._before = place, before
         plot, x, y = place
-        editor = NoteEditor("" if before is None else before.text, self._widget)
+        editor = NoteEditor("" if before is None else before.text, self._view)
         editor.done.connect(self._written)
         editor.left.connect(self._close_editor)
         self._editor = editor
-        editor.place(self._widget.mapFromScene(plot.view.mapViewToScene(pg.Point(x, y))))
+        editor.place(self._view.mapFromScene(plot.view.mapViewToScene(pg.Point(x, y))))
         editor.show()
         editor.setFocus()
 
@@ -160,7 +163,7 @@ class PlotNotes(QObject):
             had_focus = editor.hasFocus()
             editor.end()
             if had_focus:
-                self._widget.setFocus()
+                self._view.setFocus()
 
 
 class _DrawnNote:

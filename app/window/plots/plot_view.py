@@ -10,12 +10,11 @@ from PySide6.QtGui import QContextMenuEvent, QGuiApplication, QHideEvent, QKeyEv
 from PySide6.QtWidgets import QMenu, QWidget
 
 from app.window.plots.cursors import TIME, CursorAxis, Cursors
+from app.window.plots.framed_plot import FramedPlot, Span, ViewState
 from app.window.plots.lines import Look
 from app.window.plots.plot_notes import PlotNotes
 from app.window.theme import Colours, Dressed
 
-Span = tuple[float, float]
-ViewState = tuple[Span, Span, bool]  # x, y, and whether y was set by hand
 SETTLED_MS = 300  # without movement, after which a view is added to the history
 PAN = 0.1  # of the view, per press of an arrow key
 ZOOM = 0.8
@@ -23,9 +22,10 @@ NUDGE = 0.01  # of the view, per press that moves a cursor
 
 
 class PlotView(Dressed, pg.GraphicsLayoutWidget):
-    """One plot, or several with one x axis; subclasses draw the curves."""
+    """One plot, or several above each other with one x axis; subclasses draw the curves."""
 
     export_wanted = Signal(object, str)  # this plot, and "png", "svg" or "csv"
+    plots: tuple[FramedPlot, ...] = ()  # from the top
     table_words = "Save the samples in view as CSV …"  # empty where there is no CSV
 
     def __init__(self, name: str, axis: CursorAxis = TIME, parent: QWidget | None = None) -> None:
@@ -45,14 +45,23 @@ class PlotView(Dressed, pg.GraphicsLayoutWidget):
         self._settling.setInterval(SETTLED_MS)
         self._settling.timeout.connect(self.note_now)
 
+    def join(self, plot: FramedPlot) -> None:
+        """Add a plot below the others."""
+        self.addItem(plot, row=len(self.plots), col=0)
+        self.plots = (*self.plots, plot)
+        plot.view.moved.connect(self.note_view)
+        plot.view.placed.connect(self.note_now)
+        plot.dress(self.colours)
+
     @property
     def span(self) -> Span:
         """Get the range of x in view."""
-        raise NotImplementedError
+        (left, right), _ = self.plots[0].view.viewRange()
+        return float(left), float(right)
 
     def show_span(self, left: float, right: float) -> None:
-        """Show this range of x."""
-        raise NotImplementedError
+        """Show this range of x; a value axis set by hand stays."""
+        self.plots[0].view.setXRange(left, right, padding=0)
 
     def reset(self) -> None:
         """Show the whole again."""
@@ -70,19 +79,17 @@ class PlotView(Dressed, pg.GraphicsLayoutWidget):
     def dress(self, colours: Colours) -> None:
         super().dress(colours)
         self.setBackground(colours.plot)
-        self.cursors.dress(colours)
-        self.notes.dress(colours)
+        for plot in self.plots:
+            plot.dress(colours)
+        self.cursors.dress()
+        self.notes.dress()
 
     # history of views --------------------------------------------------------------------------------------------
 
     @property
     def states(self) -> tuple[ViewState, ...]:
         """Get what is in view of each plot."""
-        raise NotImplementedError
-
-    def bring(self, states: tuple[ViewState, ...]) -> None:
-        """Restore the view of each plot."""
-        raise NotImplementedError
+        return tuple(plot.state for plot in self.plots)
 
     @Slot()
     def note_view(self) -> None:
@@ -100,7 +107,8 @@ class PlotView(Dressed, pg.GraphicsLayoutWidget):
         self.note_now()
         states = self._history.step(by)
         if states is not None:
-            self.bring(states)
+            for plot, state in zip(self.plots, states, strict=True):
+                plot.bring(state)
         return states is not None
 
     # cursors ----------------------------------------------------------------------------------------------------

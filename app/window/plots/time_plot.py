@@ -8,9 +8,8 @@ import pyqtgraph as pg
 from PySide6.QtCore import Qt, Slot
 
 from app.window.plots.curve import Band, PointCurve, SampledCurve
-from app.window.plots.framed_plot import FramedPlot
+from app.window.plots.framed_plot import FramedPlot, ViewState
 from app.window.plots.lines import Look, straight
-from app.window.plots.plot_view import ViewState
 from app.window.theme import Colours
 
 _ROOM = 1.5  # span of a steady axis over that of the values, so that noise does not move it
@@ -97,14 +96,13 @@ class TimePlot(FramedPlot):
     @property
     def state(self) -> ViewState:
         """Get what is in view, and whether the value axis was set by hand."""
-        (left, right), (low, high) = self.view.viewRange()
-        return (left, right), (low, high), self._y_by_hand
+        x, y, _ = super().state
+        return x, y, self._y_by_hand
 
     def bring(self, state: ViewState) -> None:
-        x, y, by_hand = state
         self._y_by_hand = True  # so that the values are not fitted meanwhile
-        self.view.setRange(xRange=x, yRange=y, padding=0)
-        self._y_by_hand = by_hand
+        super().bring(state)
+        self._y_by_hand = state[2]
 
     def free_y(self) -> None:
         """Let the value axis follow the data again."""

@@ -15,17 +15,19 @@ from .page import report_of
 from .pdf import document_of, write_pdf
 from .provenance import program_words
 from .session_section import shared_stds
-from .shot_figures import contact_span_ms, time_zero
+from .shot_figures import contact_span_ms, deflection_of, grid_ms, time_zero
 
 __all__ = [
     "PAPER_SECTIONS",
     "contact_span_ms",
+    "deflection_of",
     "document_of",
     "export",
     "export_hdf5",
     "export_laws",
     "export_prediction",
     "fit_lines",
+    "grid_ms",
     "law_columns",
     "motion_file_names",
     "paper_cells",

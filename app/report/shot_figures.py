@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.shot import Floats, Overlay, Quantity, Shot
+from analysis.shot import Floats, Motion, Overlay, Quantity, Shot
 from analysis.uncertainty import band_of
 from app.report.svg_plot import WIDTH, Band, Line, Plot, Remark, draw
 from app.words import Markup, tag
@@ -120,30 +120,48 @@ def _first_contact(course: _Course) -> Markup:
     return figure("First contact.", "The bounces with which the contact begins.", plots, _legend(course), 190)
 
 
-def _deflection(course: _Course) -> Markup | None:
-    shot, motion, over = course.shot, course.shot.motion, course.overlay
-    assert shot.impact is not None and motion is not None
-    touch, release = shot.impact.touch_time_s, shot.impact.release_time_s
-    if not isinstance(touch, Quantity):
+@dataclass(frozen=True, slots=True)
+class Deflection:
+    """Force in N against deflection in mm of the plate from first touch on, positive into the plate."""
+
+    measured: tuple[Floats, Floats]  # deflection and force, (n,) each; NaN where they were not measured
+    simulated: tuple[Floats, Floats] | None
+    slope: tuple[Floats, Floats] | None  # the ends of a line through the second half of the way in
+
+
+def deflection_of(shot: Shot, overlay: Overlay | None) -> Deflection | None:
+    """Return the contact of a shot, and that of its fitted model; None where no touch was seen."""
+    motion, impact = shot.motion, shot.impact
+    if motion is None or impact is None or not isinstance(touch := impact.touch_time_s, Quantity):
         return None
+    release = impact.release_time_s
     until = release.value if isinstance(release, Quantity) else touch.value + 0.03
-    chosen = (motion.time_s > touch.value - 1e-3) & (motion.time_s < until + 1e-3)
-    if np.count_nonzero(chosen) < 2:
-        return None
     at_touch = float(np.interp(touch.value, motion.time_s, motion.displacement_m))
-    lines = [Line(1e3 * (at_touch - motion.displacement_m[chosen]), motion.force_n[chosen], MEASURED[0])]
-    legend = _legend(course)
-    if over is not None:
-        among = (over.time_s > touch.value - 1e-3) & (over.time_s < until + 1e-3)
-        lines.insert(0, Line(1e3 * (at_touch - over.displacement_m[among]), over.force_n[among], SIMULATED[0]))
-    slope = shot.impact.stiffness_slope_n_per_m
-    x, y = lines[-1].x, lines[-1].y
+
+    def contact(course: Motion | Overlay) -> tuple[Floats, Floats]:
+        chosen = (course.time_s > touch.value - 1e-3) & (course.time_s < until + 1e-3)
+        return 1e3 * (at_touch - course.displacement_m[chosen]), course.force_n[chosen]
+
+    x, y = contact(motion)
+    if len(x) < 2:
+        return None
+    line, slope = None, impact.stiffness_slope_n_per_m
     if isinstance(slope, Quantity) and math.isfinite(slope.value) and np.isfinite(x).any():
         deep = x > 0.5 * float(np.nanmax(x))
         ends = np.array([0.0, float(np.nanmax(x))])
-        middle = float(np.nanmean(y[deep])) + 1e-3 * slope.value * (ends - float(np.nanmean(x[deep])))
-        lines.append(Line(ends, middle, "slope"))
-        legend.append(("slope", f"slope, {slope} N/m"))
+        line = ends, float(np.nanmean(y[deep])) + 1e-3 * slope.value * (ends - float(np.nanmean(x[deep])))
+    return Deflection((x, y), contact(overlay) if overlay is not None else None, line)
+
+
+def _deflection(course: _Course) -> Markup | None:
+    shot, found = course.shot, deflection_of(course.shot, course.overlay)
+    if found is None or shot.impact is None:
+        return None
+    drawn = ((found.simulated, SIMULATED[0]), (found.measured, MEASURED[0]), (found.slope, "slope"))
+    lines = [Line(*points, kind) for points, kind in drawn if points is not None]
+    legend = _legend(course)
+    if found.slope is not None:
+        legend.append(("slope", f"slope, {shot.impact.stiffness_slope_n_per_m} N/m"))
     noted = (note for note in shot.plot_notes if note.plot == "force vs deflection")
     remarks = tuple(Remark(1e3 * note.x, note.y, note.text) for note in noted)
     plot = Plot("deflection of the plate from first touch (mm)", "force (N)", tuple(lines), remarks=remarks)
@@ -183,6 +201,12 @@ def time_zero(shot: Shot) -> tuple[float, str]:
     if shot.trigger_time_s is not None:
         return shot.trigger_time_s, "time from the light switch (ms)"
     return 0.0, "time from the first sample (ms)"
+
+
+def grid_ms(shot: Shot) -> tuple[float, float]:
+    """Return the time of a motion's first sample from ``time_zero``, and its step, both in ms."""
+    assert shot.motion is not None
+    return 1e3 * (float(shot.motion.time_s[0]) - time_zero(shot)[0]), 1e3 / shot.motion.sample_rate_hz
 
 
 def contact_span_ms(shot: Shot) -> tuple[float, float]:

@@ -18,7 +18,7 @@ from app.session.jobs import Jobs, Work
 from app.session.why import Remainder, Why, by_evidence
 from app.window.panels.diagnosis import DiagnosisPanel
 from app.window.panels.effects import CandidateBars
-from app.window.plots.residual_grid import MOST, Cell, ResidualGrid, SymLog, _thinned, scale_of
+from app.window.plots.residual_grid import MOST, Cell, ResidualGrid, SymLog, scale_of
 from app.window.theme import LIGHT
 from tests.app import synthetic
 
@@ -256,21 +256,6 @@ def test_each_shot_stands_in_its_place_and_each_value_at_its_height(qtbot):
     assert grid.accessibleDescription().startswith("6 shots; up to 1")
     grid.show_cells([_flat(0.0) for _ in range(MOST + 3)])
     assert len(grid.cells) == MOST
-
-
-def test_a_curve_of_many_points_keeps_the_extremes_of_every_column():
-    values = np.zeros(100_000)
-    values[[12, 55_555]], values[99_999] = (3.0, -2.0), 5.0
-    values[70_000:80_000] = np.nan  # a hole of ten columns of a hundred
-    place, shown = _thinned(values, 100)
-    assert shown.size == 200 and np.all(np.diff(place) >= 0.0) and place[0] > 0.0 and place[-1] < 1.0
-    assert {3.0, -2.0, 5.0} <= set(shown)
-    assert [place[shown == value][0] for value in (3.0, -2.0, 5.0)] == pytest.approx([0.005, 0.555, 0.995])
-    assert np.isnan(shown).sum() == 20 and place[np.isnan(shown)] == pytest.approx(
-        np.repeat(np.arange(0.705, 0.8, 0.01), 2)
-    )
-    few = np.array([1.0, 2.0, 3.0])
-    assert [column.tolist() for column in _thinned(few, 100)] == [[0.0, 0.5, 1.0], [1.0, 2.0, 3.0]]
 
 
 def _pixels(widget, colour):

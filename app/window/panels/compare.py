@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QHBoxLayout, QSplitter, QWidget
 
 from analysis.shot import Quantity, Shot
 from analysis.uncertainty import ResultNumber, of_series, with_unit
-from app.report import contact_span_ms, time_zero
+from app.report import contact_span_ms, grid_ms
 from app.session import Entry
 from app.window.plots.cursors import CursorAxis, CursorReadout
 from app.window.plots.curve import SampledCurve
@@ -200,8 +200,7 @@ class ComparePanel(Dressed, QWidget):
                 continue
             shot = shown[index].shot
             assert shot is not None and shot.motion is not None
-            zero, _ = time_zero(shot)
-            start, step = 1e3 * (float(shot.motion.time_s[0]) - zero), 1e3 / shot.motion.sample_rate_hz
+            start, step = grid_ms(shot)
             velocity.label = force.label = f"{shown[index].number} {shown[index].name}"
             velocity.show_samples(start, step, shot.motion.velocity_m_per_s)
             force.show_samples(start, step, shot.motion.force_n)

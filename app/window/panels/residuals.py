@@ -11,7 +11,7 @@ from analysis.diagnosis import Diagnosis
 from analysis.drive import DriveCurves
 from analysis.shot import Shot
 from analysis.uncertainty import diagnosed_band
-from app.report import time_zero
+from app.report import grid_ms, time_zero
 from app.window.plots.cursors import SECONDS, CursorReadout
 from app.window.plots.lines import RESIDUAL
 from app.window.plots.time_stack import TimeStack
@@ -88,11 +88,10 @@ class Residuals(QWidget):
         motion = shot.motion
         assert motion is not None
         self.stack.tell((shot,), shot.name)
-        zero, words = time_zero(shot)
-        self.stack.label_time(words)
+        self.stack.label_time(time_zero(shot)[1])
         noise_m, what = diagnosed_band(diagnosis, shot)
         self._heading.setText(f"RESIDUAL OF DISPLACEMENT, {short_name(shot.name)} (band: {what}, ±2 σ)")
-        start, step = 1e3 * (float(motion.time_s[0]) - zero), 1e3 / motion.sample_rate_hz
+        start, step = grid_ms(shot)
         fits = (diagnosis.fit_before, diagnosis.fit_after)
         for fit, plot, curve, band in zip(fits, self._plots, self._curves, self._bands, strict=True):
             if shown < len(fit.shots):

@@ -1,15 +1,13 @@
 """A shot, measured and simulated: velocity, force and residual over time; gap; force against deflection."""
 
-import math
-
 import numpy as np
 from PySide6.QtCore import QObject, Qt, Slot
 from PySide6.QtWidgets import QWidget
 
 from analysis.diagnosis import Diagnosis
-from analysis.shot import Fit, Floats, Motion, Quantity, Shot
+from analysis.shot import Fit, Floats, Motion, Overlay, Quantity, Shot
 from analysis.uncertainty import NoiseBand, judged_band
-from app.report import contact_span_ms, time_zero
+from app.report import contact_span_ms, deflection_of, grid_ms, time_zero
 from app.window.plots.cursors import CursorAxis
 from app.window.plots.curve import PointCurve
 from app.window.plots.lines import MEASURED, RESIDUAL, SIMULATED, CrispCurve, Look
@@ -59,12 +57,12 @@ class MotionView(QObject):
         motion = shot.motion
         assert motion is not None
         zero, _ = time_zero(shot)
-        start, step = _grid(motion, zero)
+        start, step = grid_ms(shot)
         self.stack.notes.describe(self.velocity, NoteAxes("velocity", zero, 1e3))
         self.stack.notes.describe(self.force, NoteAxes("force", zero, 1e3))
         self._measured[0].show_samples(start, step, motion.velocity_m_per_s)
         self._measured[1].show_samples(start, step, motion.force_n)
-        overlay = shot.fit.shots[0].overlay if shot.fit is not None and shot.fit.shots else None
+        overlay = _overlay_of(shot)
         if overlay is not None:
             begin = 1e3 * (float(overlay.time_s[0]) - zero)
             self._simulated[0].show_samples(begin, step, overlay.velocity_m_per_s)
@@ -99,7 +97,7 @@ class MotionView(QObject):
         band, self.band_words = judged_band(shot, self._judged_by)
         rest, std = _residual_of(motion, fit, kind, band)
         zero, _ = time_zero(shot)
-        start, step = _grid(motion, zero)
+        start, step = grid_ms(shot)
         scale, words = prefix_for(float(np.nanmax(np.abs(rest), initial=0.0)), unit)
         self.residual.name_value("residual", words)
         self.stack.notes.describe(self.residual, NoteAxes(f"residual of {kind}", zero, 1e3, scale))
@@ -163,9 +161,8 @@ def _size(rest: Floats, std: Floats) -> float:
     return float(np.sqrt(np.mean((rest[seen] / std[seen]) ** 2))) if seen.any() else 0.0
 
 
-def _grid(motion: Motion, zero: float) -> tuple[float, float]:
-    """Return time of the first sample and step, both in ms."""
-    return 1e3 * (float(motion.time_s[0]) - zero), 1e3 / motion.sample_rate_hz
+def _overlay_of(shot: Shot) -> Overlay | None:
+    return shot.fit.shots[0].overlay if shot.fit is not None and shot.fit.shots else None
 
 
 class GapView:
@@ -184,16 +181,15 @@ class GapView:
         """Show an analysed shot."""
         assert shot.motion is not None
         zero, _ = time_zero(shot)
-        start, step = 1e3 * (float(shot.motion.time_s[0]) - zero), 1e3 / shot.motion.sample_rate_hz
+        start, step = grid_ms(shot)
         self.stack.notes.describe(self._gap_plot, NoteAxes("gap", zero, 1e3, 1e6))
         self.stack.notes.describe(self._force_plot, NoteAxes("force", zero, 1e3))
         self._measured.show_samples(start, step, shot.motion.force_n)
-        fit = shot.fit
-        if fit is None or not fit.shots:
+        overlay = _overlay_of(shot)
+        if overlay is None:
             self._gap.clear_samples()
             self._simulated.clear_samples()
         else:
-            overlay = fit.shots[0].overlay
             self._gap.show_samples(start, step, 1e6 * np.asarray(overlay.gap_m))
             self._simulated.show_samples(start, step, overlay.force_n)
         self.stack.whole = contact_span_ms(shot)
@@ -223,39 +219,23 @@ class DeflectionView(PlainPlot):
             curve.show_points(np.empty(0), np.empty(0))
         self._slope.setData(np.empty(0), np.empty(0))
         self.columns = {}
-        motion, impact = shot.motion, shot.impact
-        if motion is None or impact is None or not isinstance(impact.touch_time_s, Quantity):
+        found = deflection_of(shot, _overlay_of(shot))
+        if found is None:
             return
-        touch = impact.touch_time_s.value
-        release = impact.release_time_s.value if isinstance(impact.release_time_s, Quantity) else touch + 0.03
-        chosen = (motion.time_s > touch - 1e-3) & (motion.time_s < release + 1e-3)
-        if not np.any(chosen):
-            return
-        at_touch = np.interp(touch, motion.time_s, motion.displacement_m)
-        deflection = 1e3 * (at_touch - motion.displacement_m[chosen])
-        force = motion.force_n[chosen]
         self.notes.describe(self.plot, NoteAxes("force vs deflection", 0.0, 1e3))
-        _show_branches(self._measured, deflection, force)
+        _show_branches(self._measured, *found.measured)
+        deflection, force = found.measured
         self.columns = {"deflection_mm": deflection, "force_n": force}
-        if shot.fit is not None and shot.fit.shots:
-            overlay = shot.fit.shots[0].overlay
-            model = 1e3 * (at_touch - overlay.displacement_m[chosen])
-            _show_branches(self._simulated, model, overlay.force_n[chosen])
-            self.columns |= {"deflection_simulated_mm": model, "force_simulated_n": overlay.force_n[chosen]}
-        self._draw_slope(impact.stiffness_slope_n_per_m, deflection, force)
+        if found.simulated is not None:
+            _show_branches(self._simulated, *found.simulated)
+            self.columns |= dict(zip(("deflection_simulated_mm", "force_simulated_n"), found.simulated, strict=True))
+        if found.slope is not None:
+            self._slope.setData(*found.slope)
         finite = np.isfinite(deflection) & np.isfinite(force)
         if finite.any():
             x, y = deflection[finite], force[finite]
             spare_x, spare_y = 0.05 * np.ptp(x) + 1e-6, 0.08 * np.ptp(y) + 1e-6
             self.show_range((x.min() - spare_x, x.max() + spare_x), (y.min() - spare_y, y.max() + spare_y))
-
-    def _draw_slope(self, slope: object, deflection: Floats, force: Floats) -> None:
-        if not isinstance(slope, Quantity) or not math.isfinite(slope.value):
-            return
-        deep = deflection > 0.5 * np.nanmax(deflection)
-        middle_x, middle_y = float(np.nanmean(deflection[deep])), float(np.nanmean(force[deep]))
-        ends = np.array([0.0, float(np.nanmax(deflection))])
-        self._slope.setData(ends, middle_y + 1e-3 * slope.value * (ends - middle_x))
 
 
 def _show_branches(curves: list[PointCurve], deflection: Floats, force: Floats) -> None:

@@ -20,7 +20,7 @@ class SampledCurve(ColumnCurve):
     def __init__(self, label: str, look: Look) -> None:
         super().__init__(look=look, connect="finite", antialias=False, skipFiniteCheck=False)
         self.label = label
-        self._pyramid = Pyramid()
+        self._pyramid = Pyramid(np.empty(0))
         self._start = 0.0
         self._step = 1.0
 

@@ -1,7 +1,5 @@
 """Minima and maxima of a long record at every zoom, so that no peak is lost on the screen."""
 
-from typing import cast
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,17 +8,22 @@ BASE = 16  # values of one level per value of the next
 
 
 class Pyramid:
-    """Minima and maxima of uniform samples over blocks of 16, 256, 4096, ... samples; samples can be appended.
+    """Minima and maxima of uniform samples over blocks of 16, 256, 4096, ... samples.
 
-    Only whole blocks are in a level; the rest is read from the level below, so that appending in parts gives the same
-    result.  NaN is ignored where a block has other values.
+    Only whole blocks are in a level; the rest is read from the level below.  NaN is ignored where a block has other
+    values.
     """
 
-    def __init__(self, values: Array | None = None) -> None:
-        self._values: Array = np.empty(0) if values is None else values
+    def __init__(self, values: Array) -> None:
+        self._values = values
         self._lows: list[Array] = []
         self._highs: list[Array] = []
-        self._grow()
+        low = high = values
+        while (whole := len(low) // BASE * BASE) > 0:
+            low = np.fmin.reduce(low[:whole].reshape(-1, BASE), axis=1)
+            high = np.fmax.reduce(high[:whole].reshape(-1, BASE), axis=1)
+            self._lows.append(low)
+            self._highs.append(high)
 
     def __len__(self) -> int:
         return len(self._values)
@@ -29,30 +32,6 @@ class Pyramid:
     def values(self) -> Array:
         """Get all values, shape (n,)."""
         return self._values
-
-    def append(self, values: Array) -> None:
-        """Add values at the end; the cost is that of the new ones plus one copy of the level arrays."""
-        self._values = values if len(self._values) == 0 else cast(Array, np.concatenate((self._values, values)))
-        self._grow()
-
-    def _grow(self) -> None:
-        low: Array = self._values
-        high: Array = self._values
-        level = 0
-        while len(low) >= BASE:
-            if level == len(self._lows):
-                self._lows.append(low[:0])
-                self._highs.append(high[:0])
-            done = len(self._lows[level])
-            whole = len(low) // BASE
-            if whole > done:
-                fresh = slice(done * BASE, whole * BASE)
-                lows = np.fmin.reduce(low[fresh].reshape(-1, BASE), axis=1)
-                highs = np.fmax.reduce(high[fresh].reshape(-1, BASE), axis=1)
-                self._lows[level] = np.concatenate((self._lows[level], lows))
-                self._highs[level] = np.concatenate((self._highs[level], highs))
-            low, high = self._lows[level], self._highs[level]
-            level += 1
 
     def extremes(self, start: int, stop: int) -> tuple[float, float]:
         """Return the smallest and largest of samples ``start`` to ``stop`` (exclusive); NaN where there are none."""

@@ -13,6 +13,7 @@ from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from analysis.shot import Floats
+from app.window.plots.pyramid import Pyramid
 from app.window.theme import Colours, Dressed, Tone
 from app.words import number, prefix_for
 
@@ -154,8 +155,8 @@ class ResidualGrid(Dressed, QWidget):
     def _curve(self, painter: QPainter, area: QRectF, values: Floats, colour: QColor, width: int) -> None:
         """Draw a curve with at most two points per pixel, keeping its extremes."""
         columns = max(16, int(area.width()))
-        x, y = _thinned(values, columns)
-        at = self._y(area, y)
+        places, y = Pyramid(values).view(0, values.size, columns)
+        x, at = places / max(1, values.size - 1), self._y(area, y)
         pen = QPen(colour)
         pen.setWidth(width)
         painter.setPen(pen)
@@ -167,18 +168,6 @@ class ResidualGrid(Dressed, QWidget):
                 painter.drawPolyline(points)
                 points = QPolygonF()
         painter.drawPolyline(points)
-
-
-def _thinned(values: Floats, columns: int) -> tuple[Floats, Floats]:
-    """Return (x from 0 to 1, value) with at most two points per column, least and greatest."""
-    size = values.size
-    if size <= 2 * columns:
-        return np.linspace(0.0, 1.0, size), values
-    edges = np.linspace(0, size, columns + 1).astype(int)[:-1]
-    filled = np.where(np.isfinite(values), values, np.nan)
-    low = np.fmin.reduceat(filled, edges)
-    high = np.fmax.reduceat(filled, edges)
-    return np.repeat((np.arange(columns) + 0.5) / columns, 2), np.column_stack([low, high]).ravel()
 
 
 LEAST_DECADES = 0.7  # beyond the linear part

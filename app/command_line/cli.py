@@ -57,19 +57,12 @@ def _replay(options: argparse.Namespace) -> Run:
     from app.command_line.outputs import Outputs
 
     outputs = Outputs(options.json, options.export, options.hdf5, options.report, options.save_model)
+    how = {"model": options.model, "settings": settings_from(options), "checked": not options.unchecked}
     if options.jobs is not None or options.scheduler is not None:
         from app.command_line.campaign.run import WorkerChoice, campaign
 
         workers = WorkerChoice(options.jobs, options.scheduler, options.insecure)
-        return partial(
-            campaign,
-            options.replay,
-            workers,
-            outputs,
-            model=options.model,
-            settings=settings_from(options),
-            checked=not options.unchecked,
-        )
+        return partial(campaign, options.replay, workers, outputs, **how)
     from app.command_line.replay import ReplayRequest, replay
 
     request = ReplayRequest(
@@ -79,15 +72,7 @@ def _replay(options: argparse.Namespace) -> Run:
         plan=options.plan,
         reach=reach_of(options) if options.plan is not None else None,
     )
-    return partial(
-        replay,
-        options.replay,
-        request,
-        outputs,
-        model=options.model,
-        settings=settings_from(options),
-        checked=not options.unchecked,
-    )
+    return partial(replay, options.replay, request, outputs, **how)
 
 
 def _acquire(options: argparse.Namespace) -> Run:

@@ -14,11 +14,8 @@ from analysis.diagnosis import (
     diagnose,
     drift,
     prediction_words,
-    saved,
-    to_text,
 )
-from analysis.diagnosis import foretell as foretell_motions
-from analysis.fitted import SECONDS, fit_again, read_together, run_in_time
+from analysis.fitted import fit_again, read_together
 from analysis.planning import Reach, plan_next, plan_precision, refit_diagnosed, shots_in_words
 from analysis.report import result
 from analysis.shot import AnalysisError, AnalysisSettings, Shot, why_not_together
@@ -34,7 +31,7 @@ from app.command_line.outputs import (
     write_json,
 )
 from app.report import export, export_hdf5, export_laws, export_prediction, report_of, summary
-from app.session import DRIFT_SIGMAS, load_and_analyse, with_combined
+from app.session import DRIFT_SIGMAS, load_and_analyse, predicted, write_model
 from instrument.files import RecordingError, find_recordings, read_law, write_text_atomic
 from levimass import is_drive
 
@@ -143,13 +140,7 @@ def _diagnosis(shots: Sequence[Shot], laws: Sequence[Effect], seconds: float) ->
 
 def _prediction(shots: Sequence[Shot], known: SavedModel) -> Foretold | None:
     """Return how well the model file predicts these shots; None, and one line on standard error, where it cannot."""
-    seen = [shot for shot in shots if shot.motion is not None and not shot.problem]
-    motions = [shot.motion for shot in seen if shot.motion is not None]
-    names = [shot.path or shot.name for shot in seen]
-    seconds = SECONDS * (1 + len(seen))
-    prediction = _or_said(
-        lambda: run_in_time(lambda: foretell_motions(motions, names, known), seconds), "no prediction"
-    )
+    prediction = _or_said(lambda: predicted([shot for shot in shots if not shot.problem], known), "no prediction")
     for shot in prediction.shots if prediction is not None else ():
         if shot.took_part:
             say(f"{shot.name}: took part in the model's fit, so it is no test of it")
@@ -181,10 +172,8 @@ def _save_model(found: _Results, path: Path) -> bool:
     if diagnosis is None or not diagnosis.fit_after.converged:
         say(f"{path}: no model to save without a diagnosis whose fit converged")
         return False
-    names = [shot.path or shot.name for shot in found.shots if shot.fit is not None]
     try:
-        model = to_text(saved(diagnosis.fit_after, names, diagnosis, found.tried))
-        write_text_atomic(path, with_combined(model, diagnosis.fit_after, found.shots), sync=True)
+        write_model(path, diagnosis.fit_after, found.shots, diagnosis, found.tried)
     except RecordingError as error:
         say(error)
         return False

@@ -4,13 +4,14 @@ from .jobs import Event, EventKind, Job, Jobs, Saver, ShotJob
 from .kernels import Kernels, Stage, complete, prepare, prepare_first_shot, warm_up_analysis
 from .load import analysed, cause_of, load_and_analyse, raw_of, unanalysed
 from .log import NAME, ProgramLog, note
-from .model_in_use import DRIFT_SIGMAS, OwnLaws, drift_words, load_model, with_combined
+from .model_in_use import DRIFT_SIGMAS, OwnLaws, drift_words, load_model, write_model
 from .next_shots import PLAN, NextShots, planned_record, planned_setup
 from .result_cache import ResultCache
 from .rig import Open, Rig
 from .session import NOT_SAVED, Entry, Session
 from .session_files import is_session, last_session
 from .settings import FIELDS
+from .shot_work import predicted
 from .spectra import BEATS, Spectra, spectra_of
 from .spool import Spool
 from .verdict_basis import Diagnosed, verdict_of
@@ -62,6 +63,7 @@ __all__ = [
     "note",
     "planned_record",
     "planned_setup",
+    "predicted",
     "prepare",
     "prepare_first_shot",
     "proposed",
@@ -70,5 +72,5 @@ __all__ = [
     "unanalysed",
     "verdict_of",
     "warm_up_analysis",
-    "with_combined",
+    "write_model",
 ]

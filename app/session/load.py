@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from analysis.collision import Effect
 from analysis.pipeline import analyse, analyse_motion
@@ -23,31 +24,11 @@ BASE_OF_RECORD = {"plate": "paper"}  # a motion record's name of a base model wh
 
 
 def load_and_analyse(
-    path: Path,
-    model: str | None = None,
-    *,
-    settings: AnalysisSettings | None = None,
-    effects_of: Callable[[str], tuple[Effect, ...]] | None = None,
-    checked: bool = True,
-    progress: Progress | None = None,
-    cancelled: Stop | None = None,
+    path: Path, model: str | None = None, *, settings: AnalysisSettings | None = None, **how: Any
 ) -> Shot:
-    """Read one recording or motion record and analyse it; a failure is the shot's ``problem``.
-
-    ``model`` overrides the base model of ``settings``; without it a motion record's own rules.  ``effects_of`` gives
-    the effects in the model by its base, instead of those of ``settings``.  ``checked`` compares the data with their
-    hash (flag "data_altered"), which adds a third to the time.  Raises Cancelled.
-    """
+    """Return the shot in a file as ``analysed`` does; a failure is its ``problem``.  Raises Cancelled."""
     try:
-        return analysed(
-            path,
-            model,
-            settings=settings,
-            effects_of=effects_of,
-            checked=checked,
-            progress=progress,
-            cancelled=cancelled,
-        )
+        return analysed(path, model, settings=settings, **how)
     except Cancelled:
         raise
     except Exception as error:
@@ -64,7 +45,12 @@ def analysed(
     progress: Progress | None = None,
     cancelled: Stop | None = None,
 ) -> Shot:
-    """Read and analyse as ``load_and_analyse`` does, but raise what stops it."""
+    """Read one recording or motion record and analyse it.
+
+    ``model`` overrides the base model of ``settings``; without it a motion record's own rules.  ``effects_of`` gives
+    the effects in the model by its base, instead of those of ``settings``.  ``checked`` compares the data with their
+    hash (flag "data_altered"), which adds a third to the time.  Raises Cancelled, and any error of file or analysis.
+    """
     started = time.perf_counter()
     chosen = settings or AnalysisSettings()
     if not is_motion_record(path):

@@ -1,7 +1,7 @@
 """Model files of a session: saving, loading, parameters that have drifted; and the user's own laws."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -50,9 +50,18 @@ def save_model(
     if not fit.converged:
         raise AnalysisError("the joint fit did not converge: misfit exceeds noise, run Diagnose first")
     named = {finding.effect for finding in diagnosis.findings} if diagnosis is not None else set()
-    model = saved(fit, [shot.path or shot.name for shot in fitted], diagnosis, set(accepted.tried) - named)
-    write_text_atomic(path, with_combined(to_text(model), fit, fitted), sync=True)
+    model = write_model(path, fit, fitted, diagnosis, set(accepted.tried) - named)
     return f"Model {model_words(model)} saved as {path}"
+
+
+def write_model(
+    path: Path, fit: Fit, shots: Sequence[Shot], diagnosis: Diagnosis | None, tried: Collection[Effect]
+) -> SavedModel:
+    """Write the model of a fit to these shots, and return it.  Raises RecordingError."""
+    names = [shot.path or shot.name for shot in shots if shot.fit is not None]
+    model = saved(fit, names, diagnosis, tried)
+    write_text_atomic(path, with_combined(to_text(model), fit, shots), sync=True)
+    return model
 
 
 def with_combined(text: str, fit: Fit, shots: Sequence[Shot]) -> str:

@@ -5,14 +5,17 @@ Slow imports are inside the functions that need them, so that the window starts 
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from analysis.collision import Effect
-from analysis.diagnosis import Diagnosis
+from analysis.diagnosis import Diagnosis, SavedModel
 from analysis.fitted import SECONDS, fit_again, run_in_time
 from analysis.shot import AnalysisError, Progress, Shot, Stop
 from app.session.model_in_use import load_model, model_words
 from instrument.files import write_text_atomic
+
+if TYPE_CHECKING:
+    from analysis.diagnosis import Foretold
 
 
 def refit_shot(shot: Shot, effects: tuple[Effect, ...], *, progress: Progress, cancelled: Stop) -> Shot:
@@ -91,15 +94,27 @@ def predictions_of(path: Path, shots: Sequence[Shot], progress: Progress, cancel
 
     Raises RecordingError where the file is no model, AnalysisError where no shot can be predicted, Cancelled.
     """
-    from analysis.diagnosis import foretell, prediction_words  # slow to import
+    from analysis.diagnosis import prediction_words
 
     progress("predicting", 0.0)
     model = load_model(path)
-    seen = [(shot.motion, shot) for shot in shots if shot.motion is not None and shot.settings.model == model.base]
-    if not seen:
+    of_base = [shot for shot in shots if shot.motion is not None and shot.settings.model == model.base]
+    if not of_base:
         raise AnalysisError(f"none of these shots is of the file's base model, {model.base}")
-    motions, names = [motion for motion, _ in seen], [shot.path or shot.name for _, shot in seen]
-    prediction = run_in_time(lambda: foretell(motions, names, model, cancelled), SECONDS * (1 + len(seen)), cancelled)
+    prediction = predicted(of_base, model, cancelled)
     took_part = sum(shot.took_part for shot in prediction.shots)
     warning = f" ({took_part} of them took part in the model's fit: no test)" if took_part else ""
     return f"{model_words(model)}: {prediction_words(prediction)}{warning}"
+
+
+def predicted(shots: Sequence[Shot], model: SavedModel, cancelled: Stop | None = None) -> "Foretold":
+    """Return how well a model file's model, unchanged, predicts these shots.
+
+    Raises AnalysisError where it cannot in time, Cancelled.
+    """
+    from analysis.diagnosis import foretell  # slow to import
+
+    seen = [(shot.motion, shot.path or shot.name) for shot in shots if shot.motion is not None]
+    motions, names = [motion for motion, _ in seen], [name for _, name in seen]
+    seconds = SECONDS * (1 + len(seen))
+    return run_in_time(lambda: foretell(motions, names, model, cancelled), seconds, cancelled)

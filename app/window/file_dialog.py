@@ -66,6 +66,28 @@ def ask(parent: QWidget, title: str, want: Want, then: Then, start: Path | str =
     return dialog
 
 
+class FileDialogs:
+    """Dialogs that first show the folder chosen last, and before that one the folder that ``start`` returns."""
+
+    def __init__(self, parent: QWidget, start: Callable[[], Path]) -> None:
+        self._parent, self._start = parent, start
+        self.chosen: Path | None = None
+
+    @property
+    def folder(self) -> Path:
+        """Get the folder that the next dialog shows."""
+        return self.chosen or self._start()
+
+    def ask(self, title: str, want: Want, then: Callable[[Path], object], name: str = "", kinds: str = "") -> None:
+        """Ask for a file or a folder, with which ``then`` is called; ``name`` is proposed for a new file."""
+
+        def chosen(path: Path) -> None:
+            self.chosen = path if want is Want.FOLDER else path.parent
+            then(path)
+
+        ask_for_one(self._parent, title, want, chosen, self.folder / name, kinds)
+
+
 def ask_for_one(
     parent: QWidget, title: str, want: Want, then: Callable[[Path], object], start: Path | str = "", kinds: str = ""
 ) -> None:

@@ -262,8 +262,8 @@ def test_a_prediction_that_does_not_end_is_given_up_and_costs_no_output(
         while not ended.is_set():
             pass
 
-    monkeypatch.setattr("app.command_line.replay.foretell_motions", endless)
-    monkeypatch.setattr("app.command_line.replay.SECONDS", 0.1)
+    monkeypatch.setattr("analysis.diagnosis.foretell", endless)
+    monkeypatch.setattr("app.session.shot_work.SECONDS", 0.1)
     (tmp_path / "m.toml").write_text(BAD_MODEL.format(stiffness="221.4"))
     command = ["--replay", str(_meta(good)), "--no-diagnose", "--model", str(tmp_path / "m.toml"), "--foretell"]
     try:
@@ -282,7 +282,7 @@ def test_a_fault_in_one_output_costs_no_other(
     def fault(*_: object, **__: object) -> None:
         raise ZeroDivisionError("division by zero")
 
-    for name in ("export", "foretell_motions"):
+    for name in ("export", "predicted"):
         monkeypatch.setattr(f"app.command_line.replay.{name}", fault)
     (tmp_path / "m.toml").write_text(BAD_MODEL.format(stiffness="221.4"))
     wanted = ["--json", str(tmp_path / "o.json"), "--report", str(tmp_path / "o.html"), "--export", str(tmp_path / "x")]

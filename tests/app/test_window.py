@@ -85,7 +85,7 @@ def test_a_whole_shot_by_keys_from_arming_to_the_exported_file(opened, qtbot, tm
     qtbot.keyClick(window, Qt.Key.Key_C)
     assert panels.shot.stack.cursors.shown
     assert "B-A" in panels.shot.stack.cursors.text()
-    window.session_presenter.export_to(tmp_path / "csv")
+    window.workbench.exports.export(window.panels.table.numbers, tmp_path / "csv")
     qtbot.waitUntil(lambda: (tmp_path / "csv" / "shots.csv").exists(), timeout=WAIT_MS)
     with (tmp_path / "csv" / "shots.csv").open() as file:
         (row,) = csv.DictReader(file)

@@ -1,7 +1,6 @@
 """Diagnose the selected shots; show the result; add effects or the operator's own laws; plan and take the next shot."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from PySide6.QtCore import QObject, Signal, Slot
@@ -16,26 +15,13 @@ from app.window.theme import Tone
 from instrument.files import RecordingError
 from levimass import is_drive
 
-
-@dataclass(frozen=True, slots=True)
-class _Drive:
-    shot: Shot
-    diagnosis: Diagnosis
+Forces = tuple[Diagnosis, DriveCurves, DriveCurves]  # of a drive, before and after its diagnosis
 
 
-@dataclass(frozen=True, slots=True)
-class _Forces:
-    shot: Shot
-    diagnosis: Diagnosis
-    before: DriveCurves
-    after: DriveCurves
-
-
-def _forces_of(_: Entry, wanted: _Drive, __: Progress, ___: Stop) -> _Forces:
-    motion = wanted.shot.motion
-    assert motion is not None
-    before, after = (drive_curves(motion, fit) for fit in (wanted.diagnosis.fit_before, wanted.diagnosis.fit_after))
-    return _Forces(wanted.shot, wanted.diagnosis, before, after)
+def _forces_of(entry: Entry, diagnosis: Diagnosis, _: Progress, __: Stop) -> Forces:
+    assert entry.shot is not None and entry.shot.motion is not None
+    before, after = (drive_curves(entry.shot.motion, fit) for fit in (diagnosis.fit_before, diagnosis.fit_after))
+    return diagnosis, before, after
 
 
 class DiagnosisPresenter(QObject):
@@ -46,7 +32,7 @@ class DiagnosisPresenter(QObject):
         self._workbench, self._panels = workbench, panels
         # diagnosis and effects shown, and whether the diagnosis holds for them
         self._shown: tuple[object, tuple[Effect, ...], bool] = (None, (), True)
-        self._forces = ShotJob[_Drive, _Forces](workbench.short_jobs, "residual of the force", _forces_of)
+        self._forces = ShotJob[Diagnosis, Forces](workbench.short_jobs, "residual of the force", _forces_of)
         panels.model.diagnose.clicked.connect(self.diagnose)
         page = panels.diagnosis
         page.diagnose.clicked.connect(self.diagnose)
@@ -69,9 +55,7 @@ class DiagnosisPresenter(QObject):
         found = self.found()
         if self._panels.tabs.currentIndex() == Layout.DIAGNOSIS:
             self._explain(found)
-        forces = self._forces.take()
-        if forces is not None and found is not None and forces[1].diagnosis is found.diagnosis:
-            self._panels.diagnosis.residuals.show_forces(forces[1].shot, forces[1].before, forces[1].after)
+        self._show_forces(found)
         effects = self._workbench.model.effects_of(self._base())
         holds = found is None or self._holds(found, effects)
         if self._shown[0] is found and self._shown[1:] == (effects, holds):
@@ -85,9 +69,16 @@ class DiagnosisPresenter(QObject):
         shots = self._shots_of(found)
         self._panels.diagnosis.show_diagnosis(found.diagnosis, shots, effects, found.version, holds)
         drive = next((e for e in entries if e is not None and e.shot is not None and e.shot.motion is not None), None)
-        if drive is not None and drive.shot is not None and is_drive(found.diagnosis.fit_after.model):
+        if drive is not None and is_drive(found.diagnosis.fit_after.model):
             self._forces.forget()
-            self._forces.ask(drive, _Drive(drive.shot, found.diagnosis))
+            self._forces.ask(drive, found.diagnosis)
+
+    def _show_forces(self, found: Diagnosed | None) -> None:
+        """Show the forces of a drive once they are computed, if they are still those of the diagnosis shown."""
+        if (taken := self._forces.take()) is not None:
+            drive, (diagnosis, before, after) = taken
+            if found is not None and diagnosis is found.diagnosis and drive.shot is not None:
+                self._panels.diagnosis.residuals.show_forces(drive.shot, before, after)
 
     def _explain(self, found: Diagnosed | None) -> None:
         """Let the candidates of the diagnosis be fitted while there is no other work, and show their residuals."""

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QMenu
 from analysis.diagnosis import SavedModel
 from analysis.shot import Fit
 from app.session import Choices, Entry, Workbench, drift_words, is_session
-from app.window.file_dialog import Want, ask_for_one
+from app.window.file_dialog import FileDialogs, Want, ask_for_one
 from app.window.layout import Layout
 from app.window.theme import Tone
 from app.window.widgets import hover_text
@@ -118,11 +118,7 @@ class ModelPresenter(QObject):
         self._workbench, self._choices, self._panels, self._front = workbench, choices, panels, front
         self._shown: tuple[SavedModel | None, Fit | None, bool] = (None, None, False)
         self._known: SavedModel | None = None
-        self._chosen: Path | None = None
-
-    @property
-    def _folder(self) -> Path:
-        return self._chosen or self._choices.start_folder
+        self._dialogs = FileDialogs(panels, lambda: choices.start_folder)
 
     def refresh(self) -> None:
         """Show how the selected shot agrees with the model file in use."""
@@ -149,27 +145,22 @@ class ModelPresenter(QObject):
     @Slot()
     def save_model(self) -> None:
         """Ask for a file and save the model of the selected shots, or of all."""
-        then, start = partial(self._of_selected, self._workbench.exports.save_model), self._folder / "model.toml"
-        ask_for_one(self._panels, "Save the model", Want.NEW_FILE, then, start, MODELS)
+        then = partial(self._of_selected, self._workbench.exports.save_model)
+        self._dialogs.ask("Save the model", Want.NEW_FILE, then, "model.toml", MODELS)
 
     @Slot()
     def load_model(self) -> None:
         """Ask for a model file and use it."""
-        ask_for_one(self._panels, "Open a model", Want.FILE, self._load_asked, self._folder, MODELS)
+        self._dialogs.ask("Open a model", Want.FILE, self._workbench.model.load, kinds=MODELS)
 
     @Slot()
     def test_model(self) -> None:
         """Ask for a model file and test its predictions on the selected shots, or on all."""
         then = partial(self._of_selected, self._workbench.exports.test_model)
-        ask_for_one(self._panels, "Test a model's predictions", Want.FILE, then, self._folder, MODELS)
+        self._dialogs.ask("Test a model's predictions", Want.FILE, then, kinds=MODELS)
 
     def _of_selected(self, act: Callable[[Sequence[int], Path], None], path: Path) -> None:
-        self._chosen = path.parent
         act(self._panels.table.numbers, path)
-
-    def _load_asked(self, path: Path) -> None:
-        self._chosen = path.parent
-        self._workbench.model.load(path)
 
 
 def _agreement(known: SavedModel | None, fit: Fit | None, behind: bool) -> tuple[str, Tone]:

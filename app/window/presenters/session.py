@@ -1,5 +1,6 @@
 """Commands on the session's shots: open, export, report, note, remove, analyse again."""
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from PySide6.QtPrintSupport import QPrintDialog, QPrinter
 
 from app.report import document_of
 from app.session import NOT_SAVED, Choices, Event, EventKind, Workbench, is_swapped
-from app.window.file_dialog import Want, ask, ask_for_one
+from app.window.file_dialog import FileDialogs, Want, ask
 from app.window.layout import Layout
 from app.window.presenters.rig import RECORDINGS
 from app.window.presenters.selection import SelectionPresenter
@@ -49,7 +50,7 @@ class SessionPresenter(QObject):
         self._not_saved = False  # at the last refresh
         self._choose_next = False  # whether to select the next opened shot
         self._choices = choices
-        self._chosen: Path | None = None  # the folder chosen last
+        self._dialogs = FileDialogs(panels, lambda: choices.start_folder)
         self.rig_doing: str | None = None  # progress of the rig's analysis, for the status line
         self.rig_share: float | None = None
         for name, slot in (
@@ -151,20 +152,16 @@ class SessionPresenter(QObject):
         if tabs.currentIndex() == Layout.LIVE and not stay:  # stay on any other page
             tabs.setCurrentIndex(Layout.SHOT)
 
-    @property
-    def _folder(self) -> Path:
-        return self._chosen or self._choices.start_folder
-
     # commands --------------------------------------------------------------------------------------------------
 
     @Slot()
     def open_recordings(self) -> None:
-        ask(self._panels, "Open recordings", Want.FILES, self.open_paths, self._folder, OPENED)
+        ask(self._panels, "Open recordings", Want.FILES, self.open_paths, self._dialogs.folder, OPENED)
 
     def open_paths(self, paths: list[Path]) -> None:
         """Open recordings and folders of recordings."""
         if paths:
-            self._chosen = paths[0].parent
+            self._dialogs.chosen = paths[0].parent
             self._choices.remember_recent(paths)
             for path in [path for path in paths if path.is_file() and not path.name.lower().endswith(ENDINGS)]:
                 self.said.emit(f"{path.name} is not a recording (they end in {', '.join(ENDINGS)})", Tone.BAD)
@@ -178,36 +175,27 @@ class SessionPresenter(QObject):
     @Slot()
     def open_folder(self) -> None:
         """Ask for a folder and open every recording in it."""
-        ask(self._panels, "Open a folder of recordings", Want.FOLDER, self.open_paths, self._folder)
+        ask(self._panels, "Open a folder of recordings", Want.FOLDER, self.open_paths, self._dialogs.folder)
 
     @Slot()
     def export_selected(self) -> None:
         """Ask for a folder and export the selected shots, or all."""
-        ask_for_one(self._panels, "Export CSV to", Want.FOLDER, self.export_to, self._folder)
+        self._dialogs.ask("Export CSV to", Want.FOLDER, self._of_selected(self._workbench.exports.export))
 
     @Slot()
     def export_hdf5(self) -> None:
         """Ask for a folder and write the selected shots, or all, as HDF5."""
-        ask_for_one(self._panels, "Export HDF5 to", Want.FOLDER, self._hdf5_asked, self._folder)
-
-    def _hdf5_asked(self, folder: Path) -> None:
-        self._chosen = folder
-        self._workbench.exports.export_hdf5(self._panels.table.numbers, folder)
-
-    def export_to(self, folder: Path) -> None:
-        self._chosen = folder
-        self._workbench.exports.export(self._panels.table.numbers, folder)
+        self._dialogs.ask("Export HDF5 to", Want.FOLDER, self._of_selected(self._workbench.exports.export_hdf5))
 
     @Slot()
     def report_selected(self) -> None:
         """Ask for a file and write the report of the selected shots, or of all."""
-        start = self._folder / "report.html"
-        kinds = "HTML (*.html);;PDF (*.pdf)"
-        ask_for_one(self._panels, "Save the report", Want.NEW_FILE, self._report_asked, start, kinds)
+        then, kinds = self._of_selected(self._workbench.exports.report), "HTML (*.html);;PDF (*.pdf)"
+        self._dialogs.ask("Save the report", Want.NEW_FILE, then, "report.html", kinds)
 
-    def _report_asked(self, path: Path) -> None:
-        self._chosen = path.parent
-        self._workbench.exports.report(self._panels.table.numbers, path)
+    def _of_selected(self, act: Callable[[list[int], Path], None]) -> Callable[[Path], None]:
+        """Return what does this with the shots that are selected once the path is known."""
+        return lambda path: act(self._panels.table.numbers, path)
 
     @Slot()
     def print_report(self) -> None:

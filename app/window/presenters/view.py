@@ -7,7 +7,7 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Signal, Slot
 from PySide6.QtGui import QGuiApplication
 
-from app.window.file_dialog import Want, ask_for_one
+from app.window.file_dialog import FileDialogs, Want
 from app.window.layout import Layout
 from app.window.plots import save
 from app.window.plots.plain_plot import PlainPlot
@@ -25,8 +25,7 @@ class ViewPresenter(QObject):
     def __init__(self, panels: Layout, start: Callable[[], Path], parent: QObject) -> None:
         super().__init__(parent)
         self._panels = panels
-        self._start = start  # the first folder of file dialogs
-        self._folder: Path | None = None
+        self._dialogs = FileDialogs(panels, start)
         p = panels
         for plot in panels.findChildren(PlotView):
             plot.export_wanted.connect(self._ask_and_save)
@@ -128,13 +127,11 @@ class ViewPresenter(QObject):
 
     @Slot(object, str)
     def _ask_and_save(self, plot: PlotView, kind: str) -> None:
-        start, kinds = (self._folder or self._start()) / f"plot.{kind}", f"{kind.upper()} (*.{kind})"
-        title = f"Save the plot as {kind.upper()}"
-        ask_for_one(self._panels, title, Want.NEW_FILE, partial(self.save, plot), start, kinds)
+        title, kinds = f"Save the plot as {kind.upper()}", f"{kind.upper()} (*.{kind})"
+        self._dialogs.ask(title, Want.NEW_FILE, partial(self.save, plot), f"plot.{kind}", kinds)
 
     def save(self, plot: PlotView, path: Path) -> None:
         """Save a plot in the format of the path's ending."""
-        self._folder = path.parent
         try:
             if path.suffix == ".svg":
                 save.save_svg(plot, path)

@@ -32,9 +32,7 @@ def acquire(shots: int, request: CaptureRequest) -> int:
     """Record ``shots`` shots; print each recording's path; return the exit status."""
     saved: list[Path] = []
     try:
-        digitizer = open_in_subprocess(request.source, arm_s=max(request.timeout_s, LEAST_ARMING_S))
-        settings = capture_settings(digitizer, request.rate_hz, request.samples)
-        saved = record(digitizer, request.out, shots, settings, request.timeout_s, report=say)
+        saved = record_shots(shots, request)
     except AcquireError as error:
         saved = error.saved
         say(error)
@@ -43,6 +41,21 @@ def acquire(shots: int, request: CaptureRequest) -> int:
     for path in saved:
         print(path)
     return 0 if len(saved) == shots else 1
+
+
+def record_shots(count: int, request: CaptureRequest) -> list[Path]:
+    """Record shots that no plan sets, and return their paths.
+
+    Raises AcquireError, DigitizerError and RecordingError.
+    """
+    digitizer = opened(request.source, request)
+    settings = capture_settings(digitizer, request.rate_hz, request.samples)
+    return record(digitizer, request.out, count, settings, request.timeout_s, report=say)
+
+
+def opened(source: str, request: CaptureRequest) -> Digitizer:
+    """Return a digitizer in another process that may wait as long as requested.  Raises DigitizerError."""
+    return open_in_subprocess(source, arm_s=max(request.timeout_s, LEAST_ARMING_S))
 
 
 def capture_settings(digitizer: Digitizer, rate_hz: float | None, samples: int | None) -> CaptureSettings | None:

@@ -14,13 +14,12 @@ from analysis.planning import (
 )
 from analysis.report import result
 from analysis.shot import AnalysisError, Shot
-from app.command_line.acquire import LEAST_ARMING_S, CaptureRequest, capture_settings
+from app.command_line.acquire import CaptureRequest, opened, record_shots
 from app.command_line.outputs import check_outputs, in_a_line, json_text, say, say_problem, write_json
 from app.session import load_and_analyse, planned_record, planned_setup
 from instrument.capture import AcquireError, acquire
 from instrument.devices import DigitizerError, is_bench, pushed
 from instrument.files import RecordingError
-from instrument.process import open_in_subprocess
 
 
 def resolve(first: int, most: int, request: CaptureRequest, json_to: str | None, reach: Reach | None = None) -> int:
@@ -31,7 +30,7 @@ def resolve(first: int, most: int, request: CaptureRequest, json_to: str | None,
     """
     try:
         check_outputs(json_to, None)
-        shots = _analysed(_first(first, request))
+        shots = _analysed(record_shots(first, request))
         diagnosis, standing = _standing(shots, (), most, reach)
         for number in range(most):
             if standing.settled:
@@ -52,19 +51,13 @@ def resolve(first: int, most: int, request: CaptureRequest, json_to: str | None,
     return _write(shots, diagnosis, standing, json_to)
 
 
-def _first(count: int, request: CaptureRequest) -> list[Path]:
-    digitizer = open_in_subprocess(request.source, arm_s=max(request.timeout_s, LEAST_ARMING_S))
-    settings = capture_settings(digitizer, request.rate_hz, request.samples)
-    return acquire(digitizer, request.out, count, settings, request.timeout_s, report=say)
-
-
 def _planned(shot: NextShot, shots: Sequence[Shot], request: CaptureRequest, number: int) -> Path:
     """Take one planned shot, after setting speed and weights at the bench, or saying elsewhere what to set."""
     source = None
     if is_bench(request.source):
         source = pushed(request.source, shot.speed_m_per_s, shot.added_mass_kg, number)
     say(f"{'taking' if source else 'please set, then push:'} {shot.words}")
-    digitizer = open_in_subprocess(source or request.source, arm_s=max(request.timeout_s, LEAST_ARMING_S))
+    digitizer = opened(source or request.source, request)
     setup = None if source else planned_setup(digitizer.setup, shot, shots)
     settings = planned_record(shot, shots, request.rate_hz)
     (path,) = acquire(digitizer, request.out, 1, settings, request.timeout_s, report=say, setup=setup)

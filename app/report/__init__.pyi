@@ -9,6 +9,7 @@ from .exports import (
     shot_row,
     write_motion,
     write_shots,
+    write_table,
 )
 from .number_tables import PAPER_SECTIONS, fit_lines, paper_cells, readable_unit, shown_number, summary
 from .page import report_of
@@ -43,4 +44,5 @@ __all__ = [
     "write_motion",
     "write_pdf",
     "write_shots",
+    "write_table",
 ]

@@ -62,7 +62,7 @@ class Exports:
 
     def _entries(self, numbers: Sequence[int]) -> list[Entry]:
         """Return these entries, or all where none of them is there."""
-        return [entry for entry in self._session.entries if entry.number in numbers] or list(self._session.entries)
+        return self._session.among(numbers) or list(self._session.entries)
 
     def _reported(self, numbers: Sequence[int]) -> tuple[list[Shot], Diagnosis | None]:
         entries = self._entries(numbers)

@@ -62,7 +62,7 @@ class NextShots:
 
     def plan(self, found: Diagnosed, steps: Sequence[PlannedStep] = ()) -> None:
         """Queue the planning of a shot that decides between the candidates of a diagnosis."""
-        motions = [shot.motion for shot in self._shots(found.numbers) if shot.motion is not None]
+        motions = [shot.motion for shot in self._workbench.session.shots(found.numbers) if shot.motion is not None]
         left = max(0, MOST_SHOTS - len(steps))
         work = partial(plan_next, motions, found.diagnosis, tuple(steps), left=left, reach=self._choices.settings.reach)
         self._workbench.aside("next shot", work, PLAN, partial(self._take_plan, frozenset(found.numbers)))
@@ -75,7 +75,7 @@ class NextShots:
         standing = self.standing(found)
         if standing is None or standing.settled or self.taking is not None:
             return
-        step, shots, source = next_step(standing), self._shots(found.numbers), self._rig.source
+        step, shots, source = next_step(standing), self._workbench.session.shots(found.numbers), self._rig.source
         shot = step.shot
         wanted = pushed(source, shot.speed_m_per_s, shot.added_mass_kg, len(shots)) if self.sets_itself else source
 
@@ -118,10 +118,6 @@ class NextShots:
         self._under = None
         self.plan(found, (*under.before, under.step))
         return under.numbers
-
-    def _shots(self, numbers: Sequence[int]) -> list[Shot]:
-        entries = (self._workbench.session.entry(number) for number in numbers)
-        return [entry.shot for entry in entries if entry is not None and entry.shot is not None]
 
 
 _LEAST_BEFORE_SWITCH_S = 1e-3

@@ -1,7 +1,7 @@
 """The shots of a session, with notes and verdicts; saved at each change, with undo."""
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -102,21 +102,33 @@ class Session:
     def entry(self, number: int) -> Entry | None:
         return next((entry for entry in self._entries if entry.number == number), None)
 
+    def among(self, numbers: Collection[int]) -> list[Entry]:
+        """Return the entries with these numbers, oldest first."""
+        return [entry for entry in self._entries if entry.number in numbers]
+
+    def shots(self, numbers: Sequence[int]) -> list[Shot]:
+        """Return the shots of these entries that were read, in the order of the numbers."""
+        entries = (self.entry(number) for number in numbers)
+        return [entry.shot for entry in entries if entry is not None and entry.shot is not None]
+
+    def _new_number(self) -> int:
+        self._next = 1 + max(self._next, *(entry.number for entry in self._entries), 0)
+        return self._next
+
     def add(self, shot: Shot, note: str | None = None, copy_of: int | None = None) -> Entry:
         """Add an analysed shot and return its entry."""
-        number = self._next = 1 + max(self._next, *(entry.number for entry in self._entries), 0)
         words = shot.note if note is None else note
         original = None if copy_of is None else self.entry(copy_of)
         on_plots = () if original is None else original.plot_notes
         shot = self.held(shot)
+        number = self._new_number()
         entry = Entry(number, shot.name, shot.path, shot.settings, shot, words, on_plots, copy_of=copy_of)
         self._set((*self._entries, entry))
         return entry
 
     def add_captured(self, name: str, path: str | None, settings: AnalysisSettings) -> Entry:
         """Add a captured shot before its analysis; return its entry."""
-        number = self._next = 1 + max(self._next, *(entry.number for entry in self._entries), 0)
-        entry = Entry(number, name, path, settings)
+        entry = Entry(self._new_number(), name, path, settings)
         self._set((*self._entries, entry))
         return entry
 

@@ -168,7 +168,7 @@ class Workbench:
         An entry that was never analysed gets the result itself.
         """
         count = 0
-        for entry in self._entries(numbers):
+        for entry in self.session.among(numbers):
             if entry.path is None:
                 continue
             if entry.shot is not None and entry.shot.motion is None:
@@ -238,7 +238,9 @@ class Workbench:
 
     def diagnose(self, numbers: Sequence[int]) -> str | None:
         """Queue the diagnosis of these entries; return a problem, or None."""
-        chosen = [entry for entry in self._entries(numbers) if entry.shot is not None and entry.shot.motion is not None]
+        chosen = [
+            entry for entry in self.session.among(numbers) if entry.shot is not None and entry.shot.motion is not None
+        ]
         if not chosen:
             return "select at least one analysed shot"
         shots = [entry.shot for entry in chosen if entry.shot is not None]
@@ -380,9 +382,6 @@ class Workbench:
             self._tell(EventKind.CHANGED, "")
 
     # the jobs ---------------------------------------------------------------------------------------------------
-
-    def _entries(self, numbers: Sequence[int]) -> list[Entry]:
-        return [entry for entry in self.session.entries if entry.number in numbers]
 
     def aside(self, name: str, work: Callable[..., Any], kind: str, take: Take) -> None:
         """Queue long work, called with ``progress`` and ``cancelled``."""

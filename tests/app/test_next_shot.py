@@ -77,7 +77,7 @@ class _Workbench:
     """A workbench that keeps what it is asked for."""
 
     def __init__(self, shots):
-        self.session = SimpleNamespace(entry=lambda n: SimpleNamespace(number=n, shot=shots.get(n)))
+        self.session = SimpleNamespace(shots=lambda numbers: [shots[n] for n in numbers])
         self.diagnoses = Diagnoses()
         self.asked, self.jobs = [], []
 
@@ -123,7 +123,7 @@ def test_a_planned_shot_is_set_taken_joined_and_told(planned, said, tmp_path):
     assert settings.samples / settings.sample_rate_hz > FAST.before_s + FAST.after_s
     plans.take(found)
     assert len(rig.taken) == 1  # one is under way
-    plans.arrived(SimpleNamespace(number=3, shot=workbench.session.entry(3).shot))
+    plans.arrived(SimpleNamespace(number=3, shot=workbench.session.shots((3,))[0]))
     assert workbench.asked == [(1, 2, 3)] and rig.opened == ["bench?seed=4"] and plans.taking is None
     assert plans.poll() is None  # not diagnosed yet
     workbench.diagnoses.append(Diagnosed(said, (1, 2, 3)))
@@ -154,11 +154,11 @@ def test_weights_typed_into_the_settings_as_well_count_once(planned, tmp_path):
     rig.source = "hantek6022"
     plans.take(found)
     ((source, change),) = rig.taken
-    as_found = workbench.session.entry(1).shot.motion.moving_mass_kg
+    as_found = workbench.session.shots((1,))[0].motion.moving_mass_kg
     for stated in (as_found, as_found + FAST.added_mass_kg):
         taken = change(CaptureOptions(tmp_path, setup=Setup(stated)))
         assert source == "hantek6022" and taken.setup.moving_mass_kg == pytest.approx(as_found + 0.05, rel=1e-12)
-    shots = [workbench.session.entry(1).shot]
+    shots = workbench.session.shots((1,))
     assert planned_setup(Setup(9.0), FAST, shots).moving_mass_kg == pytest.approx(as_found + 0.05)
 
 
@@ -170,7 +170,7 @@ def test_a_shot_that_cannot_be_read_joins_nothing_and_one_may_give_up(planned):
     plans.take(found)
     plans.give_up()
     assert plans.taking is None and len(rig.opened) == 2
-    plans.arrived(SimpleNamespace(number=3, shot=workbench.session.entry(3).shot))
+    plans.arrived(SimpleNamespace(number=3, shot=workbench.session.shots((3,))[0]))
     assert workbench.asked == []
 
 

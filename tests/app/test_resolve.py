@@ -14,7 +14,7 @@ def test_what_the_system_refuses_is_said_in_a_line_that_names_the_folder(
     def refused(*_: object) -> list[Path]:
         raise OSError("the folder went away")
 
-    monkeypatch.setattr(module, "_first", refused)
+    monkeypatch.setattr(module, "record_shots", refused)
     request = CaptureRequest("bench", tmp_path / "shots", None, None, 10.0)
     assert module.resolve(2, 3, request, None) == 1
     assert capsys.readouterr().err.splitlines() == [f"levimass: {tmp_path / 'shots'}: the folder went away"]

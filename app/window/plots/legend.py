@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from PySide6.QtCore import QSize, Qt
+from PySide6.QtCore import QRect, QSize, Qt
 from PySide6.QtGui import QColor, QFont, QFontMetrics, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QHBoxLayout, QWidget
 
@@ -25,11 +25,7 @@ def paint_legend(painter: QPainter, entries: Sequence[tuple[str, Look]], width: 
     for number, row in enumerate(_rows(entries, width, metrics)):
         middle = number * line + line // 2
         for x, name, look in row:
-            if look.edges:
-                painter.fillRect(x, middle - 4, _SAMPLE, 8, QColor(look.of(colours)))
-            else:
-                painter.setPen(_sample_pen(look, colours))
-                painter.drawLine(x, middle, x + _SAMPLE, middle)
+            _paint_sample(painter, look, colours, QRect(x, middle - 4, _SAMPLE, 8))
             painter.setPen(words)
             painter.drawText(x + _SAMPLE + _GAP, middle + metrics.ascent() // 2 - 1, name)
 
@@ -50,10 +46,19 @@ def _rows(
         yield row
 
 
-def _sample_pen(look: Look, colours: Colours) -> QPen:
-    pen = look.pen(colours)
-    pen.setWidthF(max(2.0, pen.widthF() / density()))  # in logical pixels, unlike a plot's
-    return pen
+def _paint_sample(painter: QPainter, look: Look, colours: Colours, place: QRect) -> None:
+    """Draw a line through the middle of a place, or a band that fills it."""
+    if look.edges:
+        painter.fillRect(place, QColor(look.of(colours)))
+        painter.setPen(QPen(QColor(Look(look.edges).of(colours)), 1, Qt.PenStyle.DashLine))
+        heights = [place.top(), place.bottom()]
+    else:
+        pen = look.pen(colours)
+        pen.setWidthF(max(2.0, pen.widthF() / density()))  # in logical pixels, unlike a plot's
+        painter.setPen(pen)
+        heights = [place.top() + place.height() // 2]
+    for y in heights:
+        painter.drawLine(place.left(), y, place.left() + place.width(), y)
 
 
 class LineSample(Dressed, QWidget):
@@ -66,16 +71,7 @@ class LineSample(Dressed, QWidget):
         self.setFixedSize(QSize(_SAMPLE, 14))
 
     def paintEvent(self, _: QPaintEvent) -> None:
-        painter = QPainter(self)
-        if not self._look.edges:
-            painter.setPen(_sample_pen(self._look, self.colours))
-            painter.drawLine(0, self.height() // 2, self.width(), self.height() // 2)
-            return
-        inside = self.rect().adjusted(0, 2, 0, -3)
-        painter.setPen(QPen(QColor(Look(self._look.edges).of(self.colours)), 1, Qt.PenStyle.DashLine))
-        painter.fillRect(inside, QColor(self._look.of(self.colours)))
-        for y in (inside.top(), inside.bottom()):
-            painter.drawLine(inside.left(), y, inside.right(), y)
+        _paint_sample(QPainter(self), self._look, self.colours, self.rect().adjusted(0, 3, 0, -3))
 
 
 class Legend(Dressed, QWidget):

@@ -1,8 +1,7 @@
 """Save a plot as PNG, SVG or CSV."""
 
-import csv
-import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +10,11 @@ from PySide6.QtCore import QRectF, QSize
 from PySide6.QtGui import QImage, QPainter
 from PySide6.QtSvg import QSvgGenerator
 
+from app.report import write_table
 from app.window.plots.legend import legend_height, paint_legend
 from app.window.plots.lines import Look
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
-from instrument.files import write_text_atomic
 
 
 def save_png(view: pg.GraphicsView, path: Path, scale: float = 2.0) -> None:
@@ -95,23 +94,11 @@ def save_csv(stack: TimeStack, path: Path) -> None:
     _write([head for head, _ in columns], [values for _, values in columns], path)
 
 
-def save_columns(columns: dict[str, np.ndarray], path: Path) -> None:
+def save_columns(columns: Mapping[str, np.ndarray], path: Path) -> None:
     """Write named columns.  Raises RecordingError."""
     _write(list(columns), list(columns.values()), path)
 
 
-def _write(heads: list[str], columns: list[np.ndarray], path: Path) -> None:
-    longest = max((len(column) for column in columns), default=0)
-
-    def rows() -> Iterator[list[str]]:
-        yield heads
-        for index in range(longest):
-            yield [f"{column[index]:.12g}" if index < len(column) else "" for column in columns]
-
-    write_text_atomic(path, map(_line, rows()), sync=True)  # an existing file survives a full disk
-
-
-def _line(cells: Sequence[str]) -> str:
-    text = io.StringIO()
-    csv.writer(text).writerow(cells)
-    return text.getvalue()
+def _write(heads: Sequence[str], columns: Sequence[np.ndarray], path: Path) -> None:
+    rows = zip_longest(*columns)  # None below the end of a shorter column
+    write_table(heads, ([f"{value:.12g}" if value is not None else "" for value in row] for row in rows), path)

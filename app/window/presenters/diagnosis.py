@@ -88,8 +88,7 @@ class DiagnosisPresenter(QObject):
             self._panels.diagnosis.why.show_found(why.found)
 
     def _shots_of(self, found: Diagnosed | None) -> list[Shot]:
-        entries = [self._workbench.session.entry(number) for number in found.numbers] if found is not None else []
-        return [entry.shot for entry in entries if entry is not None and entry.shot is not None]
+        return self._workbench.session.shots(found.numbers) if found is not None else []
 
     def _holds(self, found: Diagnosed, effects: tuple[Effect, ...]) -> bool:
         there = {entry.number for entry in self._workbench.session.entries}

@@ -142,8 +142,7 @@ class SelectionPresenter(QObject):
                         entry.shot, self._recording(entry), _title(entry), self._judged_by(entry)
                     )
             else:
-                numbers = self._panels.table.numbers
-                self._panels.compare.show_entries([e for e in self._workbench.session.entries if e.number in numbers])
+                self._panels.compare.show_entries(self._workbench.session.among(self._panels.table.numbers))
         if page != Layout.SPECTRUM:
             return
         entry = self.front()
@@ -193,9 +192,8 @@ class TablesPresenter(QObject):
         return entry.shot if entry is not None else None
 
     def _show_budget(self) -> None:
-        shot, numbers = self._front_shot(), self._panels.table.numbers
-        entries = self._workbench.session.entries
-        others = [e.shot for e in entries if e.number in numbers and e.shot is not None and e.shot is not shot]
+        shot, entries = self._front_shot(), self._workbench.session.among(self._panels.table.numbers)
+        others = [e.shot for e in entries if e.shot is not None and e.shot is not shot]
         now = others if shot is None else [shot, *others]
         before = self._budget_of
         if before is not None and len(now) == len(before) and all(a is b for a, b in zip(now, before, strict=True)):

@@ -1,5 +1,6 @@
 from .channel_looks import ChannelKind, ChannelLook, is_swapped, looks_of, proposed
 from .choices import Choices
+from .entry import Entry
 from .jobs import Event, EventKind, Job, Jobs, Saver, ShotJob
 from .kernels import Kernels, Stage, complete, prepare, prepare_first_shot, warm_up_analysis
 from .load import analysed, cause_of, load_and_analyse, raw_of, unanalysed
@@ -8,7 +9,7 @@ from .model_in_use import DRIFT_SIGMAS, OwnLaws, drift_words, load_model, write_
 from .next_shots import PLAN, NextShots, planned_record, planned_setup
 from .result_cache import ResultCache
 from .rig import Open, Rig
-from .session import NOT_SAVED, Entry, Session
+from .session import NOT_SAVED, Session
 from .session_files import is_session, last_session
 from .settings import FIELDS
 from .shot_work import predicted

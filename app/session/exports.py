@@ -8,9 +8,10 @@ from pathlib import Path
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis
 from analysis.shot import Progress, Shot, Stop
+from app.session.entry import Entry
 from app.session.jobs import EventKind, Jobs, Tell, Work
 from app.session.model_in_use import save_model
-from app.session.session import Entry, Session
+from app.session.session import Session
 from app.session.shot_work import predictions_of, report_text, write_csv, write_hdf5, write_report
 from app.session.verdict_basis import Diagnoses
 from instrument.files import PartlySaved

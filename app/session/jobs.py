@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from analysis.shot import Cancelled, Progress, Stop
-from app.session.session import Entry
+from app.session.entry import Entry
 from instrument.process import SubprocessWorker
 
 ESTIMATE_AFTER_S, LEAST_FRACTION = 2.0, 0.05  # before that the remaining time is not known

@@ -10,7 +10,7 @@ from analysis.collision import Effect
 from analysis.pipeline import analyse, analyse_motion
 from analysis.shot import SETUP_CORRECTED, AnalysisError, AnalysisSettings, Cancelled, Progress, Recording, Shot, Stop
 from analysis.signal import motion_from_displacement
-from app.session.session import Entry
+from app.session.entry import Entry
 from instrument.files import (
     RecordingError,
     analyse_and_check_hash,

@@ -13,9 +13,10 @@ from analysis.collision import Effect
 from analysis.diagnosis import SavedModel
 from analysis.fitted import awaits_fit, can_be_fitted
 from analysis.shot import Progress, Shot, Stop
+from app.session.entry import Entry
 from app.session.jobs import EventKind, Job, Tell, Work
 from app.session.model_in_use import load_model, model_words
-from app.session.session import Entry, Session
+from app.session.session import Session
 from app.session.shot_work import refit_shot
 
 

@@ -17,8 +17,8 @@ from analysis.planning import (
 )
 from analysis.shot import Setup, Shot
 from app.session.choices import Choices
+from app.session.entry import Entry
 from app.session.rig import Rig
-from app.session.session import Entry
 from app.session.verdict_basis import Diagnosed
 from app.session.workbench import Workbench
 from instrument.capture import CaptureOptions

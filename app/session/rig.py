@@ -103,9 +103,13 @@ class Rig:
 
     def open(self, source: str) -> None:
         """Close the present source and open another; ``latest`` has the outcome."""
+        self._order(source, None)
+
+    def _order(self, source: str, planned: Change | None) -> None:
+        """Let the thread open a source, and arm it where a shot is planned."""
         self.source = source
         with self._wake:
-            self._planned, self._arm_opened = None, False
+            self._planned, self._arm_opened = planned, planned is not None
             self._orders.append(source)
             self._wake.notify()
 
@@ -134,11 +138,7 @@ class Rig:
 
     def take(self, source: str, change: Change) -> None:
         """Open a source and arm it with changed options, which hold until ``open`` is called."""
-        self.source = source
-        with self._wake:
-            self._planned, self._arm_opened = change, True
-            self._orders.append(source)
-            self._wake.notify()
+        self._order(source, change)
 
     def abort(self) -> None:
         if self._running is not None:

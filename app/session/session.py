@@ -1,39 +1,20 @@
 """The shots of a session, with notes and verdicts; saved at each change, with undo."""
 
 import os
-from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-from analysis.collision import Effect, findings
 from analysis.fitted import awaits_fit
-from analysis.shot import LONGEST, NAMES, UNITS, AnalysisSettings, PlotNote, Shot
-from app.session.verdict_basis import ModelEffects, VerdictBasis, known_effects
+from analysis.shot import AnalysisSettings, PlotNote, Shot
+from app.session.entry import Entry, entry_from_json, entry_to_json, keys_of, model_effects
+from app.session.verdict_basis import ModelEffects, VerdictBasis
 from instrument.files import Checked, RecordingError, read_json, shown, write_json_atomic
-from levimass import DRIVE
 
 SCHEMA = "levimass.session/1"
 UNDO_DEPTH = 100
 MOST_LEFT_OUT = 10_000
 NOT_SAVED = "the session could not be saved"  # how such a problem begins
-
-
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """One line of the session.  ``shot`` is None until its recording has been read (again)."""
-
-    number: int
-    name: str
-    path: str | None
-    settings: AnalysisSettings
-    shot: Shot | None = None
-    note: str = ""
-    plot_notes: tuple[PlotNote, ...] = ()  # oldest first
-    verdict: str = ""
-    verdict_of: VerdictBasis | None = None  # the model and shots of the verdict; None where the file lacks it
-    copy_of: int | None = None  # the entry whose recording this one analyses with other settings
-    version: str = ""  # of the program that analysed it, where it is a cached result
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,11 +250,11 @@ class Session:
             self._save()
 
     def _write(self, path: Path, entries: tuple[Entry, ...], effects: ModelEffects, left_out: tuple[str, ...]) -> None:
-        shots = [_to_json(entry) for entry in entries if entry.path]
+        shots = [entry_to_json(entry) for entry in entries if entry.path]
         accepted = {
-            "effects": _keys(effects.collision),
-            "drive_effects": _keys(effects.drive),
-            "tried": list(dict.fromkeys(_keys(effects.tried))),
+            "effects": keys_of(effects.collision),
+            "drive_effects": keys_of(effects.drive),
+            "tried": list(dict.fromkeys(keys_of(effects.tried))),
         }
         document = {"schema": SCHEMA, **accepted, "shots": shots, "left_out": list(left_out)}
         problem = None
@@ -316,9 +297,9 @@ class Session:
             if (schema := document.text("schema", 100)) != SCHEMA:
                 raise document.refuse("schema", f"{shown(schema)} is not {SCHEMA}")
             unknown: set[str] = set()
-            session._entries = tuple(_from_json(item, unknown) for item in document.objects("shots") or ())
+            session._entries = tuple(entry_from_json(item, unknown) for item in document.objects("shots") or ())
             session._next = max((entry.number for entry in session._entries), default=0)
-            session._effects = _model_effects(document)
+            session._effects = model_effects(document)
             session._left_out = document.names("left_out")[-MOST_LEFT_OUT:]
             unknown.update(document.unread())
             if unknown:
@@ -335,111 +316,3 @@ class Session:
 
 def _capture_of(shot: Shot) -> tuple[str, str | None, int | None]:
     return shot.name, shot.started_at, shot.samples
-
-
-_NOT_SAVED = ("shot", "version")  # fields of an entry: read from recording or cache
-
-
-def _to_json(entry: Entry) -> dict[str, Any]:
-    saved = {field.name: getattr(entry, field.name) for field in fields(entry) if field.name not in _NOT_SAVED}
-    settings = entry.settings.written() | {"corrections": dict(entry.settings.corrections)}
-    notes = [asdict(note) for note in entry.plot_notes]
-    return saved | {
-        "settings": settings,
-        "verdict_of": entry.verdict_of and _basis_to_json(entry.verdict_of),
-        "plot_notes": notes,
-    }
-
-
-def _from_json(item: Checked, unknown: set[str]) -> Entry:
-    """Return an entry; names that this version does not know are added to ``unknown``."""
-
-    def settings(item: Checked) -> AnalysisSettings:
-        chosen = item.object("settings")
-        if chosen is None:
-            raise item.refuse("settings", "missing")
-        built = chosen.built(AnalysisSettings, {"corrections": _corrections, "effects": _effects})
-        unknown.update(chosen.unread())
-        return built
-
-    if item.get("path") is None:
-        raise item.refuse("path", "missing")
-
-    def plot_notes(item: Checked) -> tuple[PlotNote, ...]:
-        notes = []
-        for listed in item.objects("plot_notes") or ():
-            note = listed.built(PlotNote, {"text": _text})
-            unknown.update(listed.unread())
-            if note.plot in UNITS:
-                notes.append(note)
-            else:
-                unknown.add(f"a note on the plot {shown(note.plot)}")
-        return tuple(notes)
-
-    def verdict_of(item: Checked) -> VerdictBasis | None:
-        basis = item.object("verdict_of")
-        if basis is None:
-            return None
-        chosen = item.object("settings")
-        base = _base(chosen) if chosen is not None else ""
-        keys = basis.names("effects"), basis.names("found")
-        effects, found = (known_effects(given, base) for given in keys)
-        built = basis.built(VerdictBasis, {"effects": lambda _: effects, "found": lambda _: found})
-        unknown.update(basis.unread())
-        return built if (len(effects), len(found)) == tuple(map(len, keys)) else None
-
-    own = {
-        "settings": settings,
-        "verdict_of": verdict_of,
-        "shot": lambda _: None,
-        "version": lambda _: "",
-        "name": _name,
-        "plot_notes": plot_notes,
-    }
-    entry = item.built(Entry, own)
-    unknown.update(item.unread())
-    return entry
-
-
-def _keys(effects: Iterable[Effect]) -> list[str]:
-    return [effect.key for effect in effects]
-
-
-def _basis_to_json(basis: VerdictBasis) -> dict[str, Any]:
-    values = {field.name: getattr(basis, field.name) for field in fields(basis)}
-    return values | {"effects": _keys(basis.effects), "found": _keys(basis.found)}
-
-
-def _model_effects(document: Checked) -> ModelEffects:
-    """Return the effects in the model; an effect of both kinds of base that is marked as tried is so in both."""
-    collision = findings(known_effects(document.names("effects"), ""))
-    drive = known_effects(document.names("drive_effects"), DRIVE)
-    tried = document.names("tried")
-    both = (*collision, *drive)
-    return ModelEffects(collision, drive, tuple(effect for key in tried for effect in both if effect.key == key))
-
-
-def _base(settings: Checked) -> str:
-    return settings.text("model") or AnalysisSettings().model
-
-
-def _effects(settings: Checked) -> tuple[Effect, ...]:
-    return known_effects(settings.names("effects"), _base(settings))
-
-
-def _name(item: Checked) -> str:
-    return item.text("name", 10_000) or ""
-
-
-def _text(item: Checked) -> str:
-    return item.text("text", LONGEST) or ""
-
-
-def _corrections(chosen: Checked) -> tuple[tuple[str, float | None], ...]:
-    given = chosen.object("corrections")
-    if given is None:
-        return ()
-    found = tuple((name, given.number(name, -1e3, 1e12)) for name in NAMES if name in given.values)
-    if unknown := given.unread():
-        raise given.refuse(next(iter(unknown)), "nothing of the rig is called so")
-    return found

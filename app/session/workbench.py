@@ -14,13 +14,14 @@ from typing import Any
 from analysis.diagnosis import Diagnosis
 from analysis.fitted import awaits_fit
 from analysis.shot import AnalysisSettings, Progress, Shot, Stop, why_not_together
+from app.session.entry import Entry
 from app.session.exports import Exports, UnsavedShots
 from app.session.jobs import Event, EventKind, Saver, Take, Work
 from app.session.load import load_and_analyse, unanalysed
 from app.session.model_in_use import OwnLaws
 from app.session.model_work import ModelWork
 from app.session.result_cache import CachedShot, CacheWork, Key, ResultCache
-from app.session.session import Entry, Session
+from app.session.session import Session
 from app.session.session_files import Unlisted, listed_by, lock_session, named_session, own_session, unlisted
 from app.session.settings import correction_words
 from app.session.shot_work import diagnose_shots

@@ -271,8 +271,8 @@ class Theme(QObject):
 
     changed = Signal()
 
-    def __init__(self, choice: str = "system", parent: QObject | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, choice: str = "system") -> None:
+        super().__init__()
         self._choice = choice
         self._colours = LIGHT
         QGuiApplication.styleHints().colorSchemeChanged.connect(self._system_changed)

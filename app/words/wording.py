@@ -126,12 +126,12 @@ def kept_words(version: str) -> str:
     return f"cached result, version {version}"
 
 
-def with_prefix(value: float | None, unit: str, digits: int = 3) -> str:
+def with_prefix(value: float | None, unit: str) -> str:
     """Return "111 µm" for 1.11e-4 m; a dash for None."""
     if value is None or not math.isfinite(value):
         return DASH
     factor, words = prefix_for(value, unit)
-    return f"{number(factor * value, digits)} {words}"
+    return f"{number(factor * value, 3)} {words}"
 
 
 def typed_number(text: str) -> float:

@@ -8,8 +8,8 @@ from PySide6.QtCore import QRectF
 from PySide6.QtGui import QPainter, QPicture
 from PySide6.QtTest import QTest
 
+from app.window.plots.axis import PlainAxis
 from app.window.plots.cursors import TIME
-from app.window.plots.framed_plot import PlainAxis
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import LIGHT

@@ -36,7 +36,7 @@ from app.session.settings import FIELDS, Settings
 from app.window import commands
 from app.window.layout import Layout
 from app.window.panels.session_model import FLAGS, VERDICT
-from app.window.plots.framed_plot import PlainAxis
+from app.window.plots.axis import PlainAxis
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import DARK, LIGHT, Theme, Tone

@@ -7,9 +7,10 @@ from PySide6.QtCore import Slot
 from PySide6.QtWidgets import QWidget
 
 from analysis.shot import Floats
+from app.window.plots.axis import PlainAxis
 from app.window.plots.cursors import CursorAxis
 from app.window.plots.curve import PointCurve
-from app.window.plots.framed_plot import FramedPlot, PlainAxis, Span
+from app.window.plots.framed_plot import FramedPlot, Span
 from app.window.plots.lines import Look
 from app.window.plots.plot_view import PlotView
 from app.words import number

@@ -3,8 +3,9 @@
 from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QWidget
 
+from app.window.plots.axis import PlainAxis
 from app.window.plots.cursors import TIME, CursorAxis
-from app.window.plots.framed_plot import PlainAxis, Span
+from app.window.plots.framed_plot import Span
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_plot import TimePlot
 

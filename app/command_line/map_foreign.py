@@ -42,6 +42,10 @@ class MapOptions:
     model: str | None = None  # base model, only with a displacement
 
 
+class WrongOption(Exception):
+    """Why the options do not make a mapping, in one line."""
+
+
 DISPLACEMENT = "displacement"
 _MODELS = {"paper": "plate", "contact": "contact"}  # the program's names, the motion record's
 
@@ -58,83 +62,77 @@ def map_foreign(
 
     Returns the exit status: 1 where the file cannot be read with this mapping, 2 where an option is wrong.
     """
-    if any(item.startswith(f"{DISPLACEMENT}=") for item in channels or ()):
-        return _map_displacement(path, channels or (), bool(volts) or for_folder, given)
     try:
-        roles, scales = _pairs(channels), _pairs(volts)
-        factors = {role: _number(role, text) for role, text in scales.items()}
-        if channels is not None and (Role.MEASUREMENT not in roles or given.mass_kg is None):
-            raise ValueError("a mapping needs at least --channel measurement=NAME and --mass KG")
-        if given.unit is not None or given.model is not None:
-            raise ValueError("--unit and --model go with --channel displacement=NAME")
-        if given.bits is not None and given.bits > 16:
-            raise ValueError(f"--bits {given.bits}: not from 1 to 16")
-        if channels is None and (factors or for_folder or replace(given, rate_hz=None) != MapOptions()):
-            raise ValueError("which channel is which? --channel measurement=NAME")
-        if unmapped := sorted(set(factors) - set(roles)):
-            raise ValueError(f"--volts {unmapped[0]}: no --channel has this role")
-    except ValueError as error:
+        if any(item.startswith(f"{DISPLACEMENT}=") for item in channels or ()):
+            _map_displacement(path, channels or (), bool(volts) or for_folder, given)
+        elif given.unit is not None or given.model is not None:
+            raise WrongOption("--unit and --model go with --channel displacement=NAME")
+        elif channels is not None:
+            _map_beats(path, channels, volts, given, for_folder)
+        elif volts or for_folder or replace(given, rate_hz=None) != MapOptions():
+            raise WrongOption("which channel is which? --channel measurement=NAME")
+        else:
+            print(_listing(foreign_channels(path)))
+    except WrongOption as error:
         say(f"--map: {error}")
         return 2
-    try:
-        contents = foreign_channels(path)
-        if channels is None:
-            print(_listing(contents))
-            return 0
-        assert given.mass_kg is not None
-        mapping = ForeignMapping(
-            contents.format,
-            tuple(MappedChannel(role, name, factors.get(role)) for role, name in roles.items()),
-            Setup(
-                given.mass_kg,
-                wavelength_air_m=given.wavelength_m,
-                rest_frequency_hz=given.rest_hz,
-                digitizer_bits=given.bits or 16,
-            ),
-            given.rate_hz,
-        )
-        shot = read_foreign(path, mapping)  # a mapping that does not work is not saved
-        mapping_file = path.with_name(FOLDER_MAPPING) if for_folder else mapping_path(path)
-        write_mapping(mapping, mapping_file)
     except RecordingError as error:
         say(error)
         return 1
-    trigger = "" if shot.trigger_sample is None else f", light switch at sample {shot.trigger_sample}"
-    print(f"{path}: {shot.samples} samples at {shot.sample_rate_hz:g} samples/s{trigger}")
-    print(f"remembered in {mapping_file}")
     return 0
 
 
-def _map_displacement(path: Path, channels: Sequence[str], of_beats: bool, given: MapOptions) -> int:
-    """Save which column of a table is the displacement, and its unit; return the exit status."""
+def _map_beats(
+    path: Path, channels: Sequence[str], volts: Sequence[str] | None, given: MapOptions, for_folder: bool
+) -> None:
+    """Save which channels are the beats and the light switch, once the file is read so."""
+    roles = _pairs(channels)
+    factors = {role: _number(role, text) for role, text in _pairs(volts).items()}
+    if Role.MEASUREMENT not in roles or given.mass_kg is None:
+        raise WrongOption("a mapping needs at least --channel measurement=NAME and --mass KG")
+    if given.bits is not None and given.bits > 16:
+        raise WrongOption(f"--bits {given.bits}: not from 1 to 16")
+    if unmapped := sorted(set(factors) - set(roles)):
+        raise WrongOption(f"--volts {unmapped[0]}: no --channel has this role")
+    mapping = ForeignMapping(
+        foreign_channels(path).format,
+        tuple(MappedChannel(role, name, factors.get(role)) for role, name in roles.items()),
+        Setup(
+            given.mass_kg,
+            wavelength_air_m=given.wavelength_m,
+            rest_frequency_hz=given.rest_hz,
+            digitizer_bits=given.bits or 16,
+        ),
+        given.rate_hz,
+    )
+    shot = read_foreign(path, mapping)  # a mapping that does not work is not saved
+    mapping_file = path.with_name(FOLDER_MAPPING) if for_folder else mapping_path(path)
+    write_mapping(mapping, mapping_file)
+    trigger = "" if shot.trigger_sample is None else f", light switch at sample {shot.trigger_sample}"
+    print(f"{path}: {shot.samples} samples at {shot.sample_rate_hz:g} samples/s{trigger}")
+    print(f"remembered in {mapping_file}")
+
+
+def _map_displacement(path: Path, channels: Sequence[str], of_beats: bool, given: MapOptions) -> None:
+    """Save which column of a table is the displacement, and its unit."""
     own = replace(given, mass_kg=None, rate_hz=None, unit=None, model=None)
-    try:
-        if len(channels) > 1 or of_beats or own != MapOptions():
-            raise ValueError("a displacement goes with --unit, --model, --mass and --rate alone")
-        if given.model is not None and given.model not in _MODELS:
-            raise ValueError(f"--model: a displacement without a force has {' or '.join(_MODELS)}")
-        if given.unit is not None and given.unit not in LENGTHS_M:
-            raise ValueError(f"--unit {given.unit}: none of {', '.join(LENGTHS_M)}")
-    except ValueError as error:
-        say(f"--map: {error}")
-        return 2
-    try:
-        channel = foreign_channels(path).channel(channels[0].partition("=")[2])
-        unit = given.unit or length_unit(channel)
-        if unit is None:
-            say("--map: the header states no unit of the displacement: --unit mm")
-            return 2
-        model = _MODELS[given.model or "contact"]
-        mapping_file = save_columns(path, MotionColumns(channel.name, unit, model, given.mass_kg, given.rate_hz))
-        record = read_motion(path)
-    except RecordingError as error:
-        say(error)
-        return 1
+    if len(channels) > 1 or of_beats or own != MapOptions():
+        raise WrongOption("a displacement goes with --unit, --model, --mass and --rate alone")
+    if given.model is not None and given.model not in _MODELS:
+        raise WrongOption(f"--model: a displacement without a force has {' or '.join(_MODELS)}")
+    if given.unit is not None and given.unit not in LENGTHS_M:
+        raise WrongOption(f"--unit {given.unit}: none of {', '.join(LENGTHS_M)}")
+    channel = foreign_channels(path).channel(channels[0].partition("=")[2])
+    unit = given.unit or length_unit(channel)
+    if unit is None:
+        raise WrongOption("the header states no unit of the displacement: --unit mm")
+    model = _MODELS[given.model or "contact"]
+    mapping_file = save_columns(path, MotionColumns(channel.name, unit, model, given.mass_kg, given.rate_hz))
+    record = read_motion(path)
     assert record.displacement_m is not None
     span = float(np.ptp(record.displacement_m))
     print(f"{path}: {record.time_s.size} rows, displacement in {unit} over {span:.6g} m")
     print(f"remembered in {mapping_file}")
-    return 0
 
 
 def _pairs(given: Sequence[str] | None) -> dict[Role, str]:
@@ -142,9 +140,9 @@ def _pairs(given: Sequence[str] | None) -> dict[Role, str]:
     for item in given or ():
         role, equals, value = item.partition("=")
         if role not in tuple(Role) or not equals or not value:
-            raise ValueError(f"{item!r} is not ROLE=..., ROLE being one of {', '.join(Role)}")
+            raise WrongOption(f"{item!r} is not ROLE=..., ROLE being one of {', '.join(Role)}")
         if role in pairs:
-            raise ValueError(f"a second {role}")
+            raise WrongOption(f"a second {role}")
         pairs[Role(role)] = value
     return pairs
 
@@ -155,7 +153,7 @@ def _number(role: str, text: str) -> float:
     except ValueError:
         value = 0.0
     if not 1e-30 < abs(value) < 1e9:
-        raise ValueError(f"--volts {role}={text}: not a number of volts")
+        raise WrongOption(f"--volts {role}={text}: not a number of volts")
     return value
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 
 from PySide6.QtCore import QMargins, QRect, QSize, Qt, SignalInstance, Slot
-from PySide6.QtGui import QHideEvent
+from PySide6.QtGui import QHideEvent, QResizeEvent
 from PySide6.QtWidgets import (
     QComboBox,
     QFrame,
@@ -14,6 +14,7 @@ from PySide6.QtWidgets import (
     QLineEdit,
     QPushButton,
     QScrollArea,
+    QSizePolicy,
     QToolButton,
     QVBoxLayout,
     QWidget,
@@ -27,12 +28,34 @@ from app.words import Markup, lines, tag
 class TextLabel(QLabel):
     """A label that takes nothing for markup but ``Markup``, whatever a name of a shot or a law looks like."""
 
+    whole = ""  # all of its text, also where it is shortened
+
     def setText(self, text: str) -> None:
+        self.whole = text
         self.setTextFormat(Qt.TextFormat.RichText if isinstance(text, Markup) else Qt.TextFormat.PlainText)
         super().setText(text)
 
     def setToolTip(self, text: str) -> None:
         super().setToolTip(hover_text(text))
+
+
+class ElidedLabel(TextLabel):
+    """A label of one line, shortened to its width; empty where not even the text ``least`` has room."""
+
+    def __init__(self, parent: QWidget, elide: Qt.TextElideMode, least: str) -> None:
+        super().__init__(parent)
+        self._elide, self._least = elide, least
+        self.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+
+    def setText(self, text: str) -> None:
+        metrics, room = self.fontMetrics(), self.width()
+        enough = room >= metrics.horizontalAdvance(self._least)
+        super().setText(metrics.elidedText(text, self._elide, room) if enough else "")
+        self.whole = text
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        self.setText(self.whole)
 
 
 def hover_text(text: str) -> str:
@@ -50,9 +73,14 @@ def text_label(
     heading: bool = False,
     bold: bool = False,
     selectable: bool = False,
+    elide: Qt.TextElideMode = Qt.TextElideMode.ElideNone,
+    least: str = "",
 ) -> TextLabel:
-    """Return a label; ``faint`` and ``heading`` are looks of the style sheet, ``selectable`` text can be copied."""
-    label = TextLabel(parent)
+    """Return a label; ``faint`` and ``heading`` are looks of the style sheet, ``selectable`` text can be copied.
+
+    With ``elide`` it is an ElidedLabel, shortened at that place.
+    """
+    label = TextLabel(parent) if elide is Qt.TextElideMode.ElideNone else ElidedLabel(parent, elide, least)
     label.setText(text)
     label.setWordWrap(wrap)
     if bold:

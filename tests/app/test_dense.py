@@ -45,11 +45,11 @@ def test_messages_have_an_age_and_a_list(panels, monkeypatch):
     line = panels.work.notices
     line.say("the disk is full", Tone.BAD)
     line.say("saved elsewhere", Tone.GOOD)
-    assert "ago" not in line._whole
+    assert "ago" not in line._words.whole
     now = time.monotonic()
     monkeypatch.setattr(time, "monotonic", lambda: now + 185)
     line._aged()
-    assert line._whole.endswith("(3 min ago)")
+    assert line._words.whole.endswith("(3 min ago)")
     line.next()
     line.next()
     panels.messages.open()

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 from PySide6.QtCore import QEvent, QObject, QRectF, QSize, Qt, Signal, Slot
-from PySide6.QtGui import QColor, QPainter, QPaintEvent, QResizeEvent
+from PySide6.QtGui import QColor, QPainter, QPaintEvent
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
 from analysis.collision import Effect
@@ -122,21 +122,6 @@ class Bar(Dressed, QWidget):
         painter.fillRect(QRectF(0, 1, max(1.0, self._share * self.width()), self.height() - 2), QColor(colour))
 
 
-class _Name(QLabel):
-    """A candidate's name, shortened to the width; hovering shows all of it."""
-
-    def __init__(self, words: str, parent: QWidget) -> None:
-        super().__init__(parent)
-        self._words = words
-        self.setMinimumWidth(NARROWEST * self.fontMetrics().horizontalAdvance("n"))
-        self.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Fixed)
-        self.setText(words)
-
-    def resizeEvent(self, event: QResizeEvent) -> None:
-        super().resizeEvent(event)
-        self.setText(self.fontMetrics().elidedText(self._words, Qt.TextElideMode.ElideRight, self.width()))
-
-
 class CandidateBars(Dressed, QWidget):
     """A row per candidate: name, logarithmic bar, evidence, size; a line at the threshold of evidence."""
 
@@ -216,12 +201,11 @@ class CandidateBars(Dressed, QWidget):
     def _add_row(self, grid: QGridLayout, line: int, candidate: Candidate, most: float, inner: QWidget) -> None:
         pays = candidate.delta_bic is None or candidate.delta_bic < 0.0
         chosen = candidate.effect in self._named and pays
-        name = _Name((f"{MARKS[Tone.GOOD]} " if chosen else "") + candidate.effect.words, inner)
+        words = (f"{MARKS[Tone.GOOD]} " if chosen else "") + candidate.effect.words
+        name = text_label(words, inner, bold=chosen, elide=Qt.TextElideMode.ElideRight)
+        name.setMinimumWidth(NARROWEST * self.fontMetrics().horizontalAdvance("n"))
         name.setFocusPolicy(Qt.FocusPolicy.TabFocus)
         name.setAccessibleName(f"{candidate.effect.words}: show what it would explain")
-        font = name.font()
-        font.setBold(chosen)
-        name.setFont(font)
         share = math.log10(1.0 + max(0.0, _evidence(candidate))) / math.log10(1.0 + max(most, 10.0))
         bar = Bar(share, chosen, inner)
         bar.dress(self.colours)

@@ -4,7 +4,7 @@ import math
 
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QCheckBox, QGridLayout, QHBoxLayout, QLabel, QScrollArea, QSizePolicy, QWidget
+from PySide6.QtWidgets import QCheckBox, QGridLayout, QHBoxLayout, QLabel, QScrollArea, QWidget
 
 from analysis.shot import Quantity, Reading, Shot, concerning
 from analysis.uncertainty import Group, ResultNumber, combined_of, shown_numbers, stated
@@ -72,8 +72,8 @@ class NumbersPanel(Dressed, QScrollArea):
         self._foldable: list[QWidget] = []  # numbers that a button unfolds, with their sentences
         inner = QWidget(self)
         column = vertical(inner, (10, 4, 8, 4))
-        self.title = text_label("No shot", inner, selectable=True)
-        self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        # shots differ at the end of their names
+        self.title = text_label("No shot", inner, selectable=True, elide=Qt.TextElideMode.ElideMiddle)
         self.title.setFont(sized(self.font(), 1.25, bold=True))
         top = QHBoxLayout()
         self.budget = push_button("Budget", "Where each ± comes from, source by source  (B)", inner)
@@ -188,7 +188,8 @@ class NumbersPanel(Dressed, QScrollArea):
         """Show the numbers of a shot, or dashes; ``version`` is that of a cached result."""
         self._shot, self._version = shot, version
         self._title = title or (shot.name if shot is not None else "No shot")
-        self._fit_title()
+        self.title.setText(self._title)
+        self.title.setToolTip(self._title)
         self._combined = combined_of(shot) if shot is not None and not self.noise_only.isChecked() else {}
         driven = shot is not None and is_drive(shot.settings.model)
         for group, widgets in self._groups.items():
@@ -222,12 +223,6 @@ class NumbersPanel(Dressed, QScrollArea):
         set_tone(name, Tone.WARNING if doubted else None)
         name.setToolTip(hover)
 
-    def _fit_title(self) -> None:
-        """Shorten a long name in its middle, as shots differ at the end."""
-        room, metrics = self.title.width(), self.title.fontMetrics()
-        self.title.setText(metrics.elidedText(self._title, Qt.TextElideMode.ElideMiddle, room))
-        self.title.setToolTip(self._title)
-
     @staticmethod
     def _fitting(label: QLabel, reading: Reading | None, scale: float) -> str:
         """Return 0.98755563 ± 0.00000016 where it fits, else 0.98755563(16)."""
@@ -241,7 +236,6 @@ class NumbersPanel(Dressed, QScrollArea):
         super().resizeEvent(event)
         self.widget().setFixedWidth(self.width() - self.verticalScrollBar().sizeHint().width())
         self.widget().layout().activate()
-        self._fit_title()
         for row in self._rows:
             label = self.values[row.name]
             label.setText(self._fitting(label, self._reading(row), row.scale))

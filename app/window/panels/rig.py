@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from PySide6.QtCore import Qt, QTimer, Signal, Slot
 from PySide6.QtGui import QFontMetrics, QResizeEvent
-from PySide6.QtWidgets import QCheckBox, QComboBox, QFrame, QLabel, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QCheckBox, QComboBox, QFrame, QLabel, QVBoxLayout, QWidget
 
 from app.window.theme import MARKS, Colours, Dressed, Tone, sized
 from app.window.widgets import combo_box, horizontal, push_button, set_tone, text_label
@@ -205,7 +205,6 @@ class SignalLine(QFrame):
         super().__init__(parent)
         self.setProperty("card", True)
         self._signs: dict[str, Sign] = {}
-        self._saving = ""  # where shots go, in words
         row = horizontal(self, (6, 2, 6, 2), 3)
         self._marks: dict[str, QLabel] = {}
         self.values: dict[str, QLabel] = {}
@@ -220,8 +219,8 @@ class SignalLine(QFrame):
                 row.addWidget(widget)
             row.addSpacing(4)
             self._marks[name], self.values[name] = mark, value
-        self._folder = text_label("", self, faint=True, selectable=True)
-        self._folder.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        middle, least = Qt.TextElideMode.ElideMiddle, "saving to /home …/data"
+        self._folder = text_label("", self, faint=True, selectable=True, elide=middle, least=least)
         row.addWidget(self._folder, 1)
         for name, _, _ in TILES:
             self.show_sign(name, Sign("–", Tone.NEUTRAL))
@@ -239,18 +238,6 @@ class SignalLine(QFrame):
 
     def show_folder(self, folder: str) -> None:
         words = f"saving to {folder}" if folder else "not saving"
-        if self._saving != words:
-            self._saving = words
+        if self._folder.whole != words:
+            self._folder.setText(words)
             self._folder.setToolTip(folder)
-            self._fit_folder()
-
-    def resizeEvent(self, event: QResizeEvent) -> None:
-        """Shorten the folder in its middle, or leave it out where there is no room."""
-        super().resizeEvent(event)
-        self.layout().activate()
-        self._fit_folder()
-
-    def _fit_folder(self) -> None:
-        metrics, room = self._folder.fontMetrics(), self._folder.width()
-        enough = room >= metrics.horizontalAdvance("saving to /home …/data")
-        self._folder.setText(metrics.elidedText(self._saving, Qt.TextElideMode.ElideMiddle, room) if enough else "")

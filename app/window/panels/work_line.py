@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from PySide6.QtCore import Qt, QTimer, Signal, Slot
-from PySide6.QtGui import QColor, QGuiApplication, QResizeEvent
-from PySide6.QtWidgets import QFrame, QListWidget, QListWidgetItem, QProgressBar, QSizePolicy, QWidget
+from PySide6.QtGui import QColor, QGuiApplication
+from PySide6.QtWidgets import QFrame, QListWidget, QListWidgetItem, QProgressBar, QWidget
 
 from app.session import Job, Jobs
 from app.window.theme import MARKS, Colours, Dressed, Tone
@@ -42,10 +42,8 @@ class NoticeLine(QFrame):
         self._shown_s: dict[int, float] = {}  # when each was shown, by its id
         self.history: deque[tuple[datetime, Notice]] = deque(maxlen=LISTED)
         row = horizontal(self, (12, 0, 4, 0))
-        self._words = text_label("", self, selectable=True, bold=True)
+        self._words = text_label("", self, selectable=True, bold=True, elide=Qt.TextElideMode.ElideRight)
         self._words.setAccessibleName("Newest message")
-        self._words.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)  # a path must not widen it
-        self._whole = ""
         self._do = push_button("Do it", "Do what the message offers", self, self._done)
         self._close = push_button("Dismiss", "Dismiss this message", self, self.next)
         self.all = push_button("All …", "All messages of this run, with their times  (F6)", self)
@@ -104,16 +102,6 @@ class NoticeLine(QFrame):
         if notice.do is not None:
             notice.do()
 
-    def resizeEvent(self, event: QResizeEvent) -> None:
-        """Shorten the message to the width; hovering shows all of it."""
-        super().resizeEvent(event)
-        self._fit()
-
-    def _fit(self) -> None:
-        self.layout().activate()
-        shown = self._words.fontMetrics().elidedText(self._whole, Qt.TextElideMode.ElideRight, self._words.width())
-        self._words.setText(shown)
-
     @Slot()
     def next(self) -> None:
         """Dismiss the newest message."""
@@ -127,7 +115,6 @@ class NoticeLine(QFrame):
         self._close.setVisible(bool(self._notices))
         self._do.setVisible(bool(self._notices and self._notices[-1].label))
         if not self._notices:
-            self._whole = ""
             self._words.setText("")
             self._words.setToolTip("")
             self._words.setAccessibleDescription("")
@@ -136,11 +123,11 @@ class NoticeLine(QFrame):
         self._do.setText(newest.label)
         self._do.setAccessibleName(newest.label or "Do what the message offers")
         more = f"   ({len(self._notices) - 1} more)" if len(self._notices) > 1 else ""
-        self._whole = f"{MARKS[newest.tone]} {newest.words}{more}{self._age()}"
+        whole = f"{MARKS[newest.tone]} {newest.words}{more}{self._age()}"
+        self._words.setText(whole)
         self._words.setToolTip("\n".join(notice.words for notice in reversed(self._notices)))
-        self._words.setAccessibleDescription(self._whole)
+        self._words.setAccessibleDescription(whole)
         set_tone(self._words, newest.tone)
-        self._fit()
 
 
 class NoticeList(Dressed, SideSheet):

@@ -17,7 +17,7 @@ from analysis.shot.shot import PlotNote
 from app.command_line import options, parser
 from app.command_line.campaign.task import tasks_of
 from app.session import choices
-from app.session import session as session_module
+from app.session import entry as entry_module
 from app.session import workbench as workbench_module
 from app.session.jobs import EventKind
 from app.session.result_archive import packed, unpacked
@@ -70,7 +70,7 @@ def changed(kind=AnalysisSettings):
 
 @pytest.mark.parametrize("kind", [AnalysisSettings, WithGain])
 def test_every_field_survives_a_session(kind, tmp_path, monkeypatch):
-    monkeypatch.setattr(session_module, "AnalysisSettings", kind)
+    monkeypatch.setattr(entry_module, "AnalysisSettings", kind)
     session = Session(tmp_path / "session.json")
     session.add(replace(synthetic.bare_shot("shot-1"), path="/data/1"))
     session.add(replace(synthetic.bare_shot("shot-2"), path="/data/2", settings=changed(kind)), "a note", copy_of=1)

@@ -15,7 +15,7 @@ from app.session import Entry
 from app.window.plots.cursors import CursorAxis, CursorReadout
 from app.window.plots.curve import SampledCurve
 from app.window.plots.framed_plot import AXIS_WIDTH, ON_TOP
-from app.window.plots.legend import Legend
+from app.window.plots.legend import Legend, is_low
 from app.window.plots.lines import series, straight
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_view import PlotView, in_front
@@ -89,7 +89,6 @@ class TrendPlot(PlainPlot):
 
 
 MOST = 8
-LOW_LINES = 18  # of text: a page lower than these has no room for words beside its plots
 
 
 class _CurveNumbers(QObject):
@@ -228,7 +227,7 @@ class ComparePanel(Dressed, QWidget):
 
     def _show_words(self) -> None:
         """Show legend and repeatability; on a low page the plots need their room, and the words come on hovering."""
-        low = self.height() < LOW_LINES * self.fontMetrics().lineSpacing()
+        low = is_low(self)
         self._legend.setVisible(not low)
         self.repeatability.setVisible(not low)
         entries = [words for words, _ in self._legend.entries]

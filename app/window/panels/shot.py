@@ -12,7 +12,7 @@ from app.window.panels.shot_drive import DriveView
 from app.window.panels.shot_motion import SLOPE, DeflectionView, GapView, MotionView
 from app.window.panels.shot_raw import RawCurves, RawView
 from app.window.plots.cursors import CursorReadout
-from app.window.plots.legend import Legend
+from app.window.plots.legend import Legend, is_low
 from app.window.plots.lines import BAND, MEASURED, RESIDUAL, SIMULATED, Look
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_stack import TimeStack
@@ -37,7 +37,6 @@ DRIVE_VIEWS = {  # views of a drive, on the same keys
     "contact": ("Force vs speed", "Measured and modelled force against speed, and the residual"),
     "deflection": ("Force vs position", "Measured and modelled force against position, and the residual"),
 }
-LOW_LINES = 18  # of text: a lower page has no room for a legend
 NO_SHOT = "No shot yet. Press ARM (space), then push the block through the light switch."
 
 
@@ -209,7 +208,7 @@ class ShotPanel(QWidget):
 
     def _show_words(self) -> None:
         """Show legend and summary; on a low screen only on hovering, except for an empty plot."""
-        low = self.height() < LOW_LINES * self.fontMetrics().lineSpacing()
+        low = is_low(self)
         shown = self._pages.currentWidget() is not self._empty
         self._legend.setVisible(shown and (not low or self._reading))
         self.drive.say.setVisible(shown and self._driven and (not low or self.drive.empty))

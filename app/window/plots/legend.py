@@ -74,6 +74,14 @@ class LineSample(Dressed, QWidget):
         _paint_sample(QPainter(self), self._look, self.colours, self.rect().adjusted(0, 3, 0, -3))
 
 
+LOW_LINES = 18  # of text
+
+
+def is_low(page: QWidget) -> bool:
+    """Return whether a page has no room for words beside its plots; they are shown on hovering then."""
+    return page.height() < LOW_LINES * page.fontMetrics().lineSpacing()
+
+
 class Legend(Dressed, QWidget):
     """The entries side by side."""
 

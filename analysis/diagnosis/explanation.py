@@ -138,11 +138,10 @@ def _found(
     trail.go_on()
     fewer = without(best, effect, trail)
     others, lead = other_names(best, effect, residual, separation, trail)
-    evidence = {
-        "snr": min(separation.snr, missed_without(best, fewer)),
-        "delta_bic": -float(fewer.bic - best.bic if fewer else 0.0),
-        "least_separation": float(min(separation.from_other.values(), default=0.0)),
-    }
+    evidence = {"snr": min(separation.snr, missed_without(best, fewer))}
+    if fewer is not None:
+        evidence["delta_bic"] = float(best.bic - fewer.bic)
+    evidence["least_separation"] = float(min(separation.from_other.values(), default=0.0))
     if lead is not None:
         evidence["lead_over_runner_up"] = lead
     return FoundEffect(effect, parameters, evidence, others)

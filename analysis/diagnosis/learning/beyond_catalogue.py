@@ -149,11 +149,10 @@ def _anew(
     found: FoundEffect, parameters: Mapping[str, Quantity], fitted: Fitted, at: Linearised, fewer: Fitted | None
 ) -> FoundEffect:
     """Return an effect with its numbers and evidence in another fit."""
-    evidence = {
-        "snr": min(snr(fitted, at, found.effect), missed_without(fitted, fewer)),
-        "delta_bic": -_worth(fitted, fewer) if fewer is not None else found.evidence["delta_bic"],
-    }
-    return replace(found, parameters=parameters, evidence={**found.evidence, **evidence})
+    evidence = {**found.evidence, "snr": min(snr(fitted, at, found.effect), missed_without(fitted, fewer))}
+    if fewer is not None:
+        evidence["delta_bic"] = -_worth(fitted, fewer)
+    return replace(found, parameters=parameters, evidence=evidence)
 
 
 def _helps(before: Fitted, nearest: Fitted, held: tuple[int, ...], stop: Stop) -> tuple[Prediction, Prediction] | None:

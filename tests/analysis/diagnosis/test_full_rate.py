@@ -1,6 +1,6 @@
 """A ripple finer than the averaged samples is asked at the record's rate; the frame's sway follows the parameters."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace as Some
 from typing import Any
 
@@ -11,6 +11,7 @@ from analysis.collision.effects import named
 from analysis.diagnosis.search import full_rate
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.search.full_rate import at_full_rate
+from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
@@ -58,3 +59,33 @@ def test_the_sway_is_computed_anew_for_parameters_that_fell_as_for_those_that_ro
     trail: Any = Some(start=start, stop=calm)
     assert full_rate.with_sway_updated(best, trail) == (best, trail)
     assert set(tried) == ({float(base[1]), 1e4} if anew else set())
+
+
+def test_what_remains_to_be_fitted_at_the_records_rate_ends_when_asked_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search that is begun after that computes where it begins, and no more."""
+    motions = shots({RIPPLE: {"amplitude_m": 1e-9, "order": 2.0}}, count=2)
+    best = base_fit(motions)
+    before = replace(best, z=best.z + 30.0 * np.sqrt(np.diag(best.inverse)))  # with a way to go
+    asked: list[bool] = []
+    computed: list[int] = []
+    refit, search, square = full_rate.refit, Problem.search, Problem.square
+
+    def fitted(*arguments: Any) -> Any:
+        found = refit(*arguments)
+        asked.append(True)
+        return found
+
+    def begun(*arguments: Any, **options: Any) -> Any:
+        computed.append(0)
+        return search(*arguments, **options)
+
+    def counted(*arguments: Any) -> Any:
+        computed[-1] += 1
+        return square(*arguments)
+
+    monkeypatch.setattr(full_rate, "refit", fitted)
+    monkeypatch.setattr(Problem, "search", begun)
+    monkeypatch.setattr(Problem, "square", counted)
+    at_full_rate(before, Trail(before, [KINDS[RIPPLE]], lambda: bool(asked)), motions)
+    refitted, *after = computed
+    assert refitted > 1 and len(after) >= 2 and set(after) == {1}

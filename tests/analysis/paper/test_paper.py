@@ -90,6 +90,36 @@ def test_the_audit_has_every_number_of_the_list(table: Reproduction) -> None:
     assert wavelength.recomputed == pytest.approx(632.820e-9, abs=5e-13) and "1.000271373" in wavelength.traced_to
 
 
+@pytest.mark.parametrize(
+    ("key", "words"),
+    [
+        ("velocity_out", "Gear at 1e-7 s gives 0.2617022) and not the contact law (clamped 0.261137,"),
+        ("cor_quasi_static", "0.9883 from the paper's own two velocities"),  # 0.262 / 0.2651
+        ("clamp", "v_f 0.261137 m/s, T2/T1 0.618"),
+        ("cor_force_peaks", "0.9059 ms / 1.6086 ms"),  # 2.67670 - 1.77080 and 1.77080 - 0.16220
+        ("cor_onsets", "-12% of the printed 0.5667"),
+        ("cor_flights", "-70% of the printed 0.5667"),
+        ("contact_time", "= 28.36 ms; the contact spring and the bounces add the rest, 28.71 ms"),
+        ("fwhm_simulated", "23.81 ms; the smooth pulse is 19.11 ms wide (18.9 to 19.1 for low-passes"),
+        ("fwhm_measured", "a half-sine of 28.4 ms is 18.9 ms wide"),  # two thirds
+        ("coefficient_c", "c = 0.00042; at 0.3 mm it is 0.4225"),
+        ("stiffness", "a factor of 2367, after +1.4%"),
+        ("stiffness_disc", "takes 0.56%; with the neck between arm and disc bending too, 223.1 N/m"),
+        ("mass_ratio", "0.236 is a bare uniform beam"),  # 33/140
+        ("mass_ratio", "97% of m_p*: Rayleigh's method with the static shape gives 0.772 ("),  # 0.2140 g / 0.277 g
+        ("mass_ratio", "of 0.277 g); what is left, +7%,"),  # 0.772 / 0.72
+        ("effective_mass", "0.72 x 0.277 g = 0.1994 g, +0.5%: rounding, the factor used is 0.7162"),
+        ("plate_mass", "volume 32.56 mm^3 at 0.3 mm"),  # (15 x 2 + pi 5^2) x 0.3
+        ("period", "alone is 0.947 ms: pi is missing in Eq. 12, with it 2.974 ms"),
+        ("record_length", "5 M samples at 30 MS/s last 0.167 s; 0.25 s would be 20 MS/s or 7.5 M samples"),
+        ("wavelength", "632.991354 nm in vacuum over n = 1.000271373"),
+        ("wavelength", "+31 ppm"),
+    ],
+)
+def test_what_a_difference_was_traced_to_has_the_numbers_of_the_text(key: str, words: str, table: Reproduction) -> None:
+    assert words in table.of(key).traced_to
+
+
 def test_open_differences_are_reported_as_open(table: Reproduction) -> None:
     assert {row.key for row in table.open_rows} == {
         "velocity_out",

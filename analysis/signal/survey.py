@@ -133,5 +133,5 @@ def _harmonics(power: NDArray[np.float32], peak: NDArray[np.float64], noise: NDA
 def _peak_offset(power: NDArray[np.float32], rows: NDArray[np.int64], peak: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the peak's distance in bins from the highest bin: a parabola through the logarithms of three bins."""
     left, mid, right = (np.log(np.maximum(power[rows, peak + k].astype(np.float64), 1e-30)) for k in (-1, 0, 1))
-    bend = left - 2 * mid + right
-    return np.clip(np.where(bend < 0, 0.5 * (left - right) / np.where(bend < 0, bend, -1.0), 0.0), -0.5, 0.5)
+    bend = np.minimum(left - 2 * mid + right, -1e-30)  # 0 of three bins that are equal
+    return np.asarray(np.clip(0.5 * (left - right) / bend, -0.5, 0.5))

@@ -1,11 +1,13 @@
 """``levimass --paper`` without a screen: the table, the result file, the figures, and clear failures."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
 from PySide6.QtGui import QImage
 
+from app.command_line import figures
 from app.command_line.paper import paper, table
 
 
@@ -44,6 +46,18 @@ def test_figures_show_something(capsys: pytest.CaptureFixture[str], tmp_path: Pa
         assert sum(columns[:100]) == 0 and sum(columns[100:]) > 50  # simulated on the right, nothing on the left
         assert "<svg" in (tmp_path / "figures" / f"figure-{number}.svg").read_text(encoding="utf-8")
     assert "simulation alone" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("given", "used"), [(None, "offscreen"), ("", "offscreen"), ("minimal", "minimal")])
+def test_figures_need_no_screen(given: str | None, used: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Where no platform is chosen Qt would look for a display, and end the program where there is none."""
+    chosen = []
+    monkeypatch.setattr(figures, "write_figures", lambda *_: chosen.append(os.environ.get("QT_QPA_PLATFORM")) or [])
+    monkeypatch.setenv("QT_QPA_PLATFORM", given or "")
+    if given is None:
+        monkeypatch.delenv("QT_QPA_PLATFORM")
+    paper(None, tmp_path, None)
+    assert chosen == [used]
 
 
 def test_figures_to_a_place_that_cannot_be(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

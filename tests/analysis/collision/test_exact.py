@@ -100,6 +100,27 @@ def test_without_damping_the_film_runs_backwards(seed: int) -> None:
     assert x == pytest.approx(y, abs=1e-17)
 
 
+def touches(stiffness_n_per_m: float, rate_hz: float, block: int = 1, directions: tuple[int, ...] = ()) -> int:
+    """Return how often block and plate touch or part on a plate of this stiffness."""
+    collision, time_s = replace(PAPER, plate_stiffness_n_per_m=stiffness_n_per_m), np.arange(0, 0.04, 1 / rate_hz)
+    return len(general.solve(collision, (), time_s, directions=directions, block=block).events)
+
+
+@pytest.mark.parametrize(("softer", "stiffer"), [(84.0, 85.0), (270.0, 271.0)])
+def test_a_touch_that_lasts_less_than_a_step_is_not_missed(softer: float, stiffer: float) -> None:
+    """Somewhere between these plates one touch less occurs: there the last one to do so only grazes."""
+    fine = 1e6
+    grazed, missed = touches(softer, fine), touches(stiffer, fine)
+    assert grazed == missed + 2
+    while stiffer - softer > 1e-9:
+        middle = 0.5 * (softer + stiffer)
+        softer, stiffer = (middle, stiffer) if touches(middle, fine) == grazed else (softer, middle)
+    for plate, expected in ((softer - 1e-8, grazed), (stiffer + 1e-8, missed)):
+        assert touches(plate, 2e4) == touches(plate, 1e4) == touches(plate, 5e3) == expected
+        assert touches(plate, 2e4, directions=(0, 1)) == expected
+        assert touches(plate, 1e5, block=5) == touches(plate, 1e5, block=5, directions=(0, 1)) == expected
+
+
 def test_stiff_contact_of_a_light_plate_is_the_half_sine_on_the_plate() -> None:
     omega = math.sqrt(PAPER.plate_stiffness_n_per_m / PAPER.block_mass_kg)
     errors = []

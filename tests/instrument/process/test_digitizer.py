@@ -290,6 +290,18 @@ def test_a_killed_parent_leaves_no_child_and_no_memory():
     until(lambda: gone(child))
 
 
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
+def test_closing_gives_the_memory_back(opened):
+    """A window that changes its source often may keep closed digitizers alive for a while."""
+    digitizer = opened(FakeDigitizer)
+    digitizer.arm(ONE)
+    ring = digitizer._ring.name.lstrip("/")
+    mapped = Path("/proc/self/maps")
+    assert ring in mapped.read_text()
+    digitizer.close()
+    assert ring not in mapped.read_text()
+
+
 def test_a_shot_is_captured_through_it(opened, tmp_path):
     said: list[str] = []
     digitizer = opened(FakeDigitizer)

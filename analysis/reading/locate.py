@@ -116,7 +116,7 @@ def _slows(x: Floats) -> bool:
 def _refined_turn(x: Floats, high: int, low: int, end: int, step: int, *, rises: bool = True) -> _Turn:
     first = max(0, (low - 1) * step)
     at = first + int(x[first : (low + 1) * step + 1].argmin())
-    return _Turn(high * step, at, min(end * step, x.size - 1), rises)
+    return _Turn(high * step, at, end * step, rises)
 
 
 def _span(motion: Motion, x: Floats, turn: _Turn) -> CollisionSpan | None:

@@ -10,6 +10,7 @@ _COMPARED = {"Lt": ">=", "LtE": ">", "Gt": "<=", "GtE": "<", "Eq": "!=", "NotEq"
 _ADDED = {"Add": "-", "Sub": "+", "Mult": "/", "Div": "*"}
 _EITHER_WAY = ("max", "min", "maximum", "minimum", "hypot", "isclose")  # the order of their arguments is none
 _COUNTED = 9  # an integer up to which one more is one too many; a larger one is a size, and doubled
+_GUARD = "strict"  # of zip: what it guards against is another fault of the program
 _THROUGH = ("abs", "sqrt", "sorted", "deg2rad", "clip", "square", "reversed", "conj")
 
 
@@ -103,7 +104,7 @@ def _changes(node: ast.AST, source: bytes, starts: list[int]) -> Iterator[tuple[
                 rest = [text(a) for a in arguments[2:]] + [text(k) for k in named]
                 swapped = ", ".join([text(arguments[1]), text(arguments[0]), *rest])
                 yield "swapped", node, f"{text(called)}({swapped})"
-            if named and named[-1].arg is not None:
+            if named and named[-1].arg not in (None, _GUARD):
                 left = ", ".join(text(a) for a in (*arguments, *named[:-1]))
                 yield "ignored argument", node, f"{text(called)}({left})"
         case ast.Tuple(elts=[one, two], ctx=ast.Load()) if text(one) != text(two):
@@ -111,9 +112,10 @@ def _changes(node: ast.AST, source: bytes, starts: list[int]) -> Iterator[tuple[
 
 
 def _not_run(tree: ast.AST) -> Iterator[ast.AST]:
-    """Yield annotations, docstrings, imports and what only names types."""
+    """Yield annotations, docstrings, imports, what only names types, and guards."""
     for node in ast.walk(tree):
-        if isinstance(node, ast.Import | ast.ImportFrom):
+        guards = isinstance(node, ast.keyword) and node.arg == _GUARD
+        if guards or isinstance(node, ast.Import | ast.ImportFrom | ast.Raise):
             yield node
         elif isinstance(node, ast.AnnAssign | ast.arg) and node.annotation is not None:
             yield node.annotation
@@ -123,5 +125,5 @@ def _not_run(tree: ast.AST) -> Iterator[ast.AST]:
             yield from node.decorator_list
         elif isinstance(node, ast.ClassDef):
             yield from node.decorator_list
-        elif (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)) or isinstance(node, ast.Raise):
+        elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             yield node

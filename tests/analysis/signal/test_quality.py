@@ -1,16 +1,19 @@
 """Light and noise of a motion are those of its recording."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from analysis.shot.motion import Motion
+from analysis.shot.recording import Role
 from analysis.shot.shot import AnalysisSettings
 from analysis.signal.demodulation import demodulate
 from analysis.signal.filters import derivative_filters
 from analysis.signal.survey import survey
 from analysis.signal.track import local_variance
 from app.words.flags import FLAG_WORDS
-from tests.analysis.signal.beats import free_flight, make_recording
+from tests.analysis.signal.beats import WAVELENGTH_M, free_flight, make_recording
 
 
 def bounds(motion: Motion, input_rate_hz: float) -> tuple[float, float, float]:
@@ -104,3 +107,24 @@ def test_a_beat_in_step_with_the_sample_clock_is_not_called_clipped(turns: float
 def test_harmonics_are_a_share_of_the_usual_beat_however_bright_a_moment_is() -> None:
     flash = np.where(np.arange(200_000) < 30_000, 3.0, 1.0)
     assert survey(beat(300.0 * flash, second=0.05), 10e6, 12, "PD1").harmonics == pytest.approx(0.05, rel=0.1)
+
+
+@pytest.mark.parametrize("velocity_m_per_s", [-0.3, 0.05, 0.25])
+def test_each_beat_is_told_with_its_own_frequency_height_and_noise(velocity_m_per_s: float) -> None:
+    """The moving beat is shifted by 2 v / lambda, by thousands of times what its frequency is known to."""
+    recording = make_recording(
+        free_flight(velocity_m_per_s),
+        300_000,
+        amplitude=4000.0,
+        snr_db=30.0,
+        alter=lambda role, _, signal: signal if role is Role.REFERENCE else 0.5 * signal,
+    )
+    inverted = replace(recording.channels[1], volts_per_count=-2e-4)
+    motion = demodulate(replace(recording, channels=(recording.channels[0], inverted)), AnalysisSettings())
+    assert motion.reference is not None and motion.measurement is not None
+    assert motion.reference.frequency_hz == pytest.approx(2.73e6, abs=10.0)
+    assert motion.measurement.frequency_hz == pytest.approx(2.73e6 - 2 * velocity_m_per_s / WAVELENGTH_M, abs=10.0)
+    for told in (motion.reference, motion.measurement):
+        assert told.amplitude_v == pytest.approx(0.4, rel=0.01)  # 4,000 times 0.1 mV, 2,000 times 0.2 mV
+        assert told.snr_db == pytest.approx(30.0, abs=0.6)
+        assert told.clipped_fraction == 0.0

@@ -131,6 +131,13 @@ def test_a_planned_shot_is_set_taken_joined_and_told(planned, said, tmp_path):
     assert workbench.jobs[-1].work.args[2] == (STEP,)
 
 
+def test_the_set_diagnosed_again_before_the_planned_shot_comes_is_not_that_shot(planned, said):
+    plans, workbench, _, found = planned
+    plans.take(found)
+    workbench.diagnoses.append(Diagnosed(said, (1, 2)))
+    assert plans.poll() is None and plans.taking == FAST
+
+
 @pytest.mark.parametrize(
     ("trigger_time_s", "way_m"),
     [(0.055, 0.265 * (synthetic.TOUCH_S - 0.055)), (synthetic.TOUCH_S + 0.01, 0.0), (None, 0.0)],

@@ -52,11 +52,14 @@ def test_ni_cards_are_named_with_what_they_lack(monkeypatch: pytest.MonkeyPatch,
 
 
 def test_every_check_is_one_line(tmp_path: Path) -> None:
-    checks = examine(tmp_path / "not" / "yet", ScriptedUsb([Plugged(0x1D50, 0x608E, forbidden=True)]))
+    bus = ScriptedUsb([Plugged(0x1D50, 0x608E, forbidden=True), Plugged(0x1AB1, 0x04CE, address=3, **TMC)])
+    checks = examine(tmp_path / "not" / "yet", bus)
     names = {check.name for check in checks}
     assert {"Python", "numpy", "USB library", "device", "Hantek firmware", "niscope", "disk"} <= names
     assert all(check.line and "\n" not in check.line for check in checks)
-    assert [c.grade for c in checks if c.name == "device"] == [Grade.FAIL]
+    barred, ready = (check for check in checks if check.name == "device")
+    assert barred.grade is Grade.FAIL and "no permission" in barred.line and "udev" in barred.line
+    assert ready.grade is Grade.OK and ready.line.endswith("source scpi:usb:1ab1:04ce")
 
 
 def test_a_missing_usb_library_is_a_warning_with_its_remedy(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -52,3 +52,19 @@ def test_base_and_starts_take_over_what_they_can_of_the_difference_whatever_thei
     assert linear.base_step == pytest.approx(taken * UNITS, rel=1e-6)
     left = difference + by_base @ taken
     assert linear.distance == pytest.approx(left @ left, rel=1e-6)
+
+
+@pytest.mark.parametrize(("sign", "name"), [(1, "hinge"), (-1, "hinge below")])
+@pytest.mark.parametrize("place_m", [1e-4, 1e-3, 1.9e-3])
+def test_a_place_is_looked_for_all_over_the_range_that_was_visited(sign: int, name: str, place_m: float) -> None:
+    """A stop that only the deepest shot touches lies near the end of what was visited."""
+    visited = sign * np.linspace(0.0, 2e-3, 400)
+    basis = Basis(tuple(np.sort(sign * np.linspace(0.0, 2e-3, 6))))
+    force = 50.0 * np.maximum(0.0, np.abs(visited) - place_m)
+    coefficients = np.linalg.lstsq(basis.design(visited), force, rcond=None)[0]
+    curvature = np.diag([1.0, *np.full(basis.count, 1e14)])
+    learned: Any = SimpleNamespace(
+        z=np.zeros(1), terms=(Term(BEND, basis, coefficients),), curvature=curvature, samples=400
+    )
+    found = next(one for one in compress(learned) if one.form.name == name)
+    assert found.parameters["c"] == pytest.approx(sign * place_m, abs=2e-5)

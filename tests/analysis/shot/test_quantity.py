@@ -5,7 +5,7 @@ import math
 import pytest
 
 from analysis.collision.effects import CATALOGUE
-from analysis.shot.quantity import NotSeen, Quantity, to_json, words_and_unit
+from analysis.shot.quantity import NotSeen, Quantity, power_of_time, to_json, words_and_unit
 
 
 @pytest.mark.parametrize(
@@ -54,3 +54,29 @@ def test_rows_and_names_agree() -> None:
     for effect in CATALOGUE.values():
         for parameter in effect.parameters:
             assert words_and_unit(parameter.name)[1] == parameter.unit, f"{effect.name}.{parameter.name}"
+
+
+@pytest.mark.parametrize(
+    ("name", "power"),
+    [
+        ("plate_mass_kg", 0),
+        ("deflection_m", 0),
+        ("stiffness_n_per_m", -2),  # kg/s²
+        ("force_n", -2),
+        ("velocity_in_m_per_s", -1),
+        ("coefficient_n_s_per_m", -1),  # kg/s
+        ("coefficient_n_s2_per_m2", 0),  # kg/m
+        ("coefficient_n_s3_per_m3", 1),
+        ("coefficient_n_s4_per_m4", 2),
+        ("ramp_m_per_s2", -2),
+        ("jerk_m_per_s3", -3),
+        ("snap_m_per_s4", -4),
+        ("mobility_m_per_n_s", 1),  # s/kg
+        ("frequency_hz", -1),
+        ("relaxation_time_s", 1),
+        ("plate_damping.coefficient_n_s_per_m", -1),
+        ("order", 0),
+    ],
+)
+def test_a_number_scales_with_the_clock_by_the_seconds_in_its_unit(name: str, power: int) -> None:
+    assert power_of_time(name) == power

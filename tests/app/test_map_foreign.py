@@ -1,7 +1,9 @@
 """Data from elsewhere, from ``--map`` to the same numbers; and a motion record as HDF5."""
 
 import json
+import shlex
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -47,12 +49,18 @@ def test_the_listing_shows_what_to_say(tmp_path: Path, capsys: pytest.CaptureFix
     table.write_text("PD0 (V),PD1 (V)\n" + "0.1,0.2\n0.3,0.1\n" * 50)
     assert main(["--map", str(table)]) == 0
     said = capsys.readouterr().out
-    assert "'PD1': 100 samples" in said and "rate not stated" in said and "--rate HZ" in said
+    assert "'PD1': 100 samples" in said and "rate not stated" in said
+    intro, example = next(pair for pair in pairwise(said.splitlines()) if "--channel measurement" in pair[1])
+    assert "no mapping is remembered" in intro and intro.endswith("for example")
+    assert main(shlex.split(example.replace("HZ", "1e7"))[1:]) == 0
+    table.with_name(f"{table.name}.levimass.toml").unlink()
+    capsys.readouterr()
     asked = ["--map", str(table), "--channel", "measurement=PD1", "--mass", "0.02", "--rate", "1e6", "--rest", "2e5"]
     assert main([*asked, "--for-folder", "--volts", "measurement=-2"]) == 0
     assert (tmp_path / FOLDER_MAPPING).exists() and "100 samples at 1e+06" in capsys.readouterr().out
     assert main(["--map", str(table)]) == 0
-    assert FOLDER_MAPPING in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert FOLDER_MAPPING in said and "measurement: 'PD1'" in said and "no mapping" not in said
 
 
 @pytest.mark.parametrize(

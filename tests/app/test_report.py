@@ -15,11 +15,12 @@ from analysis.collision.effects import effects_named
 from analysis.collision.effects.row import Acts, Effect
 from analysis.diagnosis.result import BlindSpot, FoundEffect, Remainder
 from analysis.shot.quantity import Quantity
-from analysis.shot.recording import Plate
+from analysis.shot.recording import Air, Plate, Setup
 from analysis.uncertainty.gum_budget import budget
 from app.command_line.cli import main
 from app.report.page import MOST_DRAWN, report_of
 from app.report.pdf import rules_of, with_own_style, write_pdf
+from app.report.provenance import taken_with
 from app.report.shot_figures import figures
 from app.report.svg_plot import Line, Plot, draw, style_sheet, thin_out, ticks
 from app.words.markup import Markup, tag
@@ -314,3 +315,35 @@ def test_a_rule_that_is_not_about_figures_changes_none() -> None:
 def test_a_unit_ends_no_line_after_its_newton():
     page = tag_table(["number", "N s/m"], [["\u03b3_N (N s/m)", "0.4 N s/m", "12 N soft"]])
     assert page.count("N\u00a0s/m") == 3 and "N s/m" not in page
+
+
+def _rows(markup: Markup) -> dict[str, str]:
+    """Return the cell of each row of a table by the row's heading."""
+    return dict(re.findall(r"<tr><th[^>]*>(.*?)</th><td>(.*?)</td></tr>", str(markup)))
+
+
+def test_the_rig_is_told_in_its_usual_units():
+    """Whoever repeats the analysis types these numbers."""
+    rig = Setup(
+        17.85e-3,
+        2e-6,
+        wavelength_vacuum_m=632.991354e-9,
+        wavelength_air_m=632.8206e-9,
+        air=Air(21.5, 1.0132e5, 45.0),
+        rest_frequency_hz=2.73e6,
+        plate=Plate(12e-3, 2e-3, 0.3e-3, 10e-3, 8510.0, 131e9),
+        digitizer_bits=12,
+        extra={"operator": "me"},
+    )
+    said = _rows(taken_with(replace(shot("one"), setup=rig)))
+    assert said["moving mass"] == "17.85 g, u = 0.002 g"
+    assert said["wavelength in vacuum"] == "632.991354 nm"
+    assert said["wavelength in air, as given"] == "632.820600 nm"
+    assert said["air"] == "21.5 °C, 101320 Pa, 45 % humidity"
+    assert said["rest frequency, as given"] == "2730000 Hz"
+    assert "arm length m 0.012" in said["plate"] and said["digitizer"] == "12 bits" and said["operator"] == "me"
+    assert said["sample rate"] == "30000000 samples/s" and said["samples per channel"] == "5000000"
+    assert said["light switch"] == "20 ms after the first sample"
+    bare = _rows(taken_with(replace(shot("one"), setup=Setup(17.85e-3))))
+    assert bare["wavelength in air"].startswith("not given: 632.8 nm")
+    assert "air" not in bare and "plate" not in bare and "rest frequency, as given" not in bare

@@ -7,9 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from analysis.collision import Infeasible
 from analysis.collision.effects import effects_named, named
 from analysis.diagnosis.result import FoundEffect
 from analysis.inference.fit.shot_fit import fit_shots
+from analysis.planning import distances as planned
 from analysis.planning import predictions
 from analysis.planning.distances import Distances, nearest, refitted, screen_shots
 from analysis.planning.model_comparison import ModelComparison, compare_models, refit_diagnosed
@@ -90,6 +92,25 @@ def test_no_shot_separates_a_dashpot_from_an_arm_that_relaxes_at_once():
     hopeless = plan(open_class, REACH)
     assert not hopeless.settles and hopeless.best < 5.0
     assert hopeless.inseparable == tuple(hopeless.expected) and "two readings" in hopeless.words
+
+
+def test_where_no_shot_has_a_solution_no_shot_is_planned(friction, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where a weight is so heavy that the plate has no room for the block."""
+
+    def no_room(*_: object) -> None:
+        raise Infeasible("the block never leaves the plate")
+
+    monkeypatch.setattr(planned, "blank_shot", no_room)
+    none = plan(friction[1], REACH)
+    assert none.shots == () and none.best == 0.0 and none.now == friction[2].now
+    assert "No shot of this rig" in none.words
+
+
+@pytest.mark.parametrize("run_up_m", [12e-3, 30e-3])
+@pytest.mark.parametrize("speed_m_per_s", [0.1, 0.6])
+def test_a_flight_before_the_touch_ends_within_the_free_path(run_up_m: float, speed_m_per_s: float) -> None:
+    way_m = Reach(run_up_m=run_up_m).before_s(speed_m_per_s) * speed_m_per_s
+    assert 0.9 * run_up_m < way_m < run_up_m
 
 
 def test_a_plan_states_the_settings_and_can_be_cancelled(friction):

@@ -3,13 +3,22 @@
 import ctypes
 import time
 from collections import deque
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from instrument.devices.bulk_stream import _COMPLETED, _NO_DEVICE, _STALL, BulkStream, _Transfer, transfer_size
+from instrument.devices.bulk_stream import (
+    _CANCELLED,
+    _COMPLETED,
+    _NO_DEVICE,
+    _STALL,
+    BulkStream,
+    _Transfer,
+    transfer_size,
+)
 from instrument.devices.digitizer import DigitizerError
 
 BYTES_PER_S = 2e6
@@ -114,3 +123,40 @@ def test_a_device_that_is_unplugged_is_told_after_what_came_before() -> None:
 @pytest.mark.parametrize(("bytes_per_s", "size"), [(0.0, 8 << 10), (2e6, 64 << 10), (30e6, 1 << 20), (1e9, 1 << 20)])
 def test_a_transfer_holds_about_20_ms_between_8_kib_and_1_mib(bytes_per_s: float, size: int) -> None:
     assert transfer_size(bytes_per_s) == size
+
+
+class Silent(Libusb):
+    """Bring nothing; what is cancelled ends as cancelled."""
+
+    def __init__(self) -> None:
+        super().__init__({})
+        self.cancelled = 0
+
+    def cancel_transfer(self, pointer: Any) -> int:
+        self.cancelled += 1
+        return 0
+
+    def finish_one(self, *_: Any) -> int:
+        time.sleep(1e-3)
+        if self.cancelled > 0:
+            self.cancelled -= 1
+            pointer = self.queued.popleft()
+            pointer.contents.status, pointer.contents.actual_length = _CANCELLED, 0
+            pointer.contents.callback(pointer)
+        return 0
+
+
+def test_a_reader_that_waits_for_a_silent_device_is_woken_at_once() -> None:
+    """Otherwise a stop would last as long as the reader is willing to wait."""
+    libusb = Silent()
+    stream = BulkStream(libusb.device(), 0x86, BYTES_PER_S, "scope")
+    stream.start()
+    assert stream.take(0.01) is None
+    with ThreadPoolExecutor(1) as reader:
+        waiting = reader.submit(stream.take, 60.0)
+        time.sleep(0.1)
+        assert not waiting.done()
+        stream.wake()
+        assert waiting.result(10.0) is None
+    stream.stop()
+    assert libusb.freed == len(libusb.made) and not libusb.queued

@@ -7,8 +7,29 @@ LABORATORY = Air(20.0, 101325.0, 50.0)
 ZEEMAN_VACUUM_M = 632.991354e-9
 
 
-def test_index_at_the_check_value() -> None:
-    assert refractive_index(633.0e-9, LABORATORY) == pytest.approx(1.000271373, abs=1.0e-9)
+@pytest.mark.parametrize(
+    ("celsius", "kilopascal", "percent", "nanometre", "index"),
+    [
+        (20.0, 101.325, 0.0, 633.0, 1.000271800),
+        (20.0, 60.0, 0.0, 633.0, 1.000160924),
+        (20.0, 120.0, 0.0, 633.0, 1.000321916),
+        (50.0, 100.0, 0.0, 633.0, 1.000243285),
+        (5.0, 100.0, 0.0, 633.0, 1.000282756),
+        (-40.0, 100.0, 0.0, 633.0, 1.000337580),
+        (20.0, 101.325, 50.0, 633.0, 1.000271373),
+        (50.0, 120.0, 100.0, 633.0, 1.000287924),
+        (40.0, 120.0, 75.0, 633.0, 1.000299418),
+        (20.0, 100.0, 100.0, 633.0, 1.000267394),
+        (40.0, 110.0, 100.0, 1700.0, 1.000270247),
+        (20.0, 101.325, 0.0, 1700.0, 1.000268479),
+    ],
+)
+def test_the_index_is_that_of_the_published_table(
+    celsius: float, kilopascal: float, percent: float, nanometre: float, index: float
+) -> None:
+    """Stone and Zimmerman, "Index of refraction of air", NIST Engineering Metrology Toolbox: Ciddor's equation."""
+    air = Air(celsius, 1e3 * kilopascal, percent)
+    assert refractive_index(1e-9 * nanometre, air) == pytest.approx(index, abs=1.0e-9)
 
 
 @pytest.mark.parametrize(

@@ -101,7 +101,7 @@ def _turns(motion: Motion, x: Floats) -> list[_Turn]:
                 turns[-1] = _Turn(turns[-1].begin, turns[-1].at, high * step, True)
             falling, low = True, k
     if falling and _slows(coarse[high:]):
-        turns.append(_refined_turn(x, high, low, coarse.size - 1, step, rises=False))
+        turns.append(_refined_turn(x, high, low, coarse.size - 1, step))
     elif turns:
         turns[-1] = _Turn(turns[-1].begin, turns[-1].at, x.size - 1, True)
     return turns
@@ -113,10 +113,11 @@ def _slows(x: Floats) -> bool:
     return x.size > 2 * reach and x[-1 - reach] - x[-1] < SLOWER * np.median(x[:-reach] - x[reach:])
 
 
-def _refined_turn(x: Floats, high: int, low: int, end: int, step: int, *, rises: bool = True) -> _Turn:
+def _refined_turn(x: Floats, high: int, low: int, end: int, step: int) -> _Turn:
+    """Return the turn between coarse points as far as it is known: it rises at least to ``end``, or not at all."""
     first = max(0, (low - 1) * step)
     at = first + int(x[first : (low + 1) * step + 1].argmin())
-    return _Turn(high * step, at, end * step, rises)
+    return _Turn(high * step, at, end * step, False)
 
 
 def _span(motion: Motion, x: Floats, turn: _Turn) -> CollisionSpan | None:

@@ -71,7 +71,9 @@ def test_one_shot_is_judged_without_a_held_out_one() -> None:
 
 def test_an_accepted_effect_is_part_of_the_model_before() -> None:
     motions = shots({"viscous_drag": {"coefficient_n_s_per_m": 2e-4}}, count=2)
-    found = diagnose(motions, accepted=("viscous_drag",))
+    done: list[float] = []
+    found = diagnose(motions, accepted=("viscous_drag",), progress=lambda _what, fraction: done.append(fraction))
+    assert done[0] == 0.0 and done == sorted(done) and 0.5 < done[-1] <= 1.0
     assert found.verdict is Verdict.ADEQUATE
     assert found.fit_before.effects == (named("viscous_drag"),)
     assert math.isclose(found.fit_before.parameters["viscous_drag.coefficient_n_s_per_m"].value, 2e-4, rel_tol=0.02)

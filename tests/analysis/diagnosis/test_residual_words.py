@@ -8,7 +8,7 @@ import pytest
 
 from analysis.collision.effects import CATALOGUE
 from analysis.diagnosis import words
-from analysis.diagnosis.result import Candidate, Freedom, Standing
+from analysis.diagnosis.result import Candidate, Freedom, Phase, Standing
 from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit
 from analysis.diagnosis.verdict.residual import remainder_of
 from analysis.diagnosis.wording import remark_on
@@ -79,3 +79,26 @@ def test_a_line_is_told_that_all_shots_have(shots: int) -> None:
     line_hz = remainder_of(cast(Any, fit)).line_hz
     assert line_hz is not None and line_hz == pytest.approx(417.0, abs=5.0)
     assert remainder_of(cast(Any, _fit(1.0))).line_hz is None
+
+
+@pytest.mark.parametrize(
+    ("at_s", "phase"),
+    [
+        (0.0490, Phase.FLIGHT_IN),
+        (0.0505, Phase.BOUNCES),
+        (0.0540, Phase.BOUNCES),  # the last bounce of the paper's plate lasts until a seventh of the contact
+        (0.0600, Phase.LOADING),
+        (0.0640, Phase.LOADING),
+        (0.0660, Phase.UNLOADING),
+        (0.0760, Phase.UNLOADING),
+        (0.0790, Phase.RELEASE),
+        (0.0810, Phase.RELEASE),
+        (0.0840, Phase.FLIGHT_OUT),
+    ],
+)
+def test_a_residual_is_largest_where_something_happened(at_s: float, phase: Phase) -> None:
+    fit = _fit(1.0)
+    shot = fit.problem.data.shots[0]
+    fit.residual_m[0][np.abs(shot.centre_s - at_s) < 3e-4] += 5e-9
+    told = dict(remainder_of(cast(Any, fit)).phases)
+    assert max(told, key=told.__getitem__) is phase

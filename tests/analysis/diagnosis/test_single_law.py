@@ -10,7 +10,7 @@ from analysis.diagnosis.limit import SECONDS, Limit
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.cross_validation import choose
 from analysis.inference.fit.free_parameters import trial_effects
-from tests.analysis.diagnosis.shots import calm, shots
+from tests.analysis.diagnosis.shots import base_fit, calm, shots
 from tests.analysis.diagnosis.test_law_learning import begun
 from tests.law_rigs import LawRig
 
@@ -32,6 +32,14 @@ def test_two_rows_that_look_like_a_third_are_named_before_a_law_is() -> None:
     found = diagnose(shots(effects, count=2))
     assert found.verdict is Verdict.EFFECT_FOUND and not found.laws
     assert {effect.name for effect in found.effects} == set(effects)
+
+
+def test_one_shot_alone_shows_no_law_that_could_beat_anything() -> None:
+    """No other shot could confirm it, so a search must not wait for it."""
+    motions = shots({}, count=1)
+    alone = SingleLaw(base_fit(motions), (), lambda _what, _fraction: None, calm, Limit(SECONDS, calm))
+    assert alone.curves == [] and alone.found is None
+    assert not alone.or_two_may_reach(math.inf)
 
 
 @pytest.mark.slow

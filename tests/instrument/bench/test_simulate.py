@@ -219,6 +219,15 @@ def test_what_differs_from_shot_to_shot_does():
     assert second["plate_motion"] != first["plate_motion"] and second["tilt"] == first["tilt"]
 
 
+def test_what_differs_from_shot_to_shot_is_never_larger_than_in_the_first_and_of_either_sign():
+    effects = parse("plate_motion:velocity_m_per_s=1e-3,displacement_m=1e-6")
+    drawn = [effects_of_shot(effects, shot, 5)["plate_motion"] for shot in range(1, 200)]
+    for key, first in effects["plate_motion"].items():
+        shares = np.array([values[key] / first for values in drawn])
+        assert 0.3 <= np.abs(shares).min() < 0.35 and 0.95 < np.abs(shares).max() <= 1.0
+        assert 60 < np.count_nonzero(shares < 0.0) < 140
+
+
 def test_a_recording_says_where_the_bench_stood(tmp_path):
     shaken, quiet = (simulate(tmp_path / name, 1, 3, site=site_named(name)) for name in ("VC-B", "quiet"))
     one, other = (read_recording(paths[0]) for paths in (shaken, quiet))

@@ -141,7 +141,6 @@ class ByteClock:
             if lag_s - self._level_s > step_s + creep_s:
                 lost = round((lag_s - self._level_s) * self._rate)
                 self._level_s = lag_s
-                self._recent.clear()
                 return lost
         behind_s = soon_s - self._level_s
         self._level_s += behind_s if behind_s < -LASTING_STEP_S else max(-creep_s, min(creep_s, behind_s))

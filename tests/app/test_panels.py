@@ -127,6 +127,26 @@ def test_what_only_widens_an_uncertainty_is_no_alarm(qtbot, shot):
     assert "clipped, wander, vibration" in table.as_text()  # whole, by the names that files have
 
 
+def test_a_number_in_the_session_s_table_says_on_hovering_what_it_is(qtbot, shot):
+    table, session = SessionTable(), Session()
+    qtbot.addWidget(table)
+    session.add(shot)
+    table.show_session(session)
+    model, told = table.model, 0
+    for column, of in enumerate(model.columns):
+        if of.number is None:
+            continue
+        hover, reading = model.index(0, column).data(Qt.ItemDataRole.ToolTipRole), of.number.find(shot)
+        assert f"<b>{of.number.head}</b>" in hover
+        if isinstance(reading, Quantity):
+            told += 1
+            assert model.index(0, column).data().partition("(")[0] in hover
+            assert ("standard uncertainty" in hover) == (reading.std > 0.0)
+        else:
+            assert "Not seen" in hover or "No shot" in hover
+    assert told >= 4
+
+
 def test_the_numbers_name_what_the_effects_in_the_model_came_to(qtbot):
     panel = NumbersPanel()
     qtbot.addWidget(panel)

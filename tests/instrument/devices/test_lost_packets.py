@@ -102,6 +102,20 @@ def test_the_clock_finds_a_loss_among_late_deliveries(lost_s: float, told_after_
     assert told[0][1] == pytest.approx(lost_s * rate, rel=0.15)
 
 
+@pytest.mark.parametrize(("lost_s", "told_after"), [(0.012, range(120, 170)), (0.05, range(10, 40))])
+def test_a_late_delivery_soon_after_a_loss_is_no_further_loss(lost_s: float, told_after: range) -> None:
+    """The few chunks that came since do not tell a late delivery from a loss."""
+    rate, chunks, size = 20e6, 900, 1 << 18
+    due = np.arange(1, chunks + 1) * size / rate
+    for chunk in told_after:
+        late = np.abs(np.random.default_rng(11).normal(0, 0.5e-3, chunks))
+        late[500 + chunk : 506 + chunk] += 0.06  # the host was away
+        times = np.maximum.accumulate(due + late)
+        times[500:] += lost_s
+        ((_, lost),) = _clocked(np.full(chunks, size), times, rate)
+        assert lost == pytest.approx(lost_s * rate, rel=0.15)
+
+
 def test_a_loss_the_clock_tells_becomes_a_gap_without_a_reference() -> None:
     rng = np.random.default_rng(2)
     stream = StreamedCodes(2e6, None)

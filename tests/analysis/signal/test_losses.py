@@ -29,6 +29,16 @@ def test_each_loss_is_found_to_a_few_samples_and_counted(snr_db: float) -> None:
     assert np.abs(np.array(list(found)) - stored).max() <= 3
 
 
+@pytest.mark.parametrize("snr_db", [15.0, 10.0])
+@pytest.mark.parametrize("size", [1, 3, 4])
+def test_a_loss_is_found_in_little_light(size: int, snr_db: float) -> None:
+    """Four samples are 0.09 of a period more than a whole one."""
+    recording = recording_of(SHORT, snr_db=snr_db)
+    assert find_losses(recording, REST_HZ) == ()
+    (found,) = find_losses(without_samples(recording, {90_001: size}), REST_HZ)
+    assert found.samples_lost == size and abs(found.sample_start - 90_001) <= 3
+
+
 @pytest.mark.parametrize("apart", [12, 40, 90, 104, 150, 190, 230])
 def test_two_losses_close_together_are_two(apart: int) -> None:
     """Taken for one or for none, they leave the rest beat a step, and every displacement behind it wrong."""

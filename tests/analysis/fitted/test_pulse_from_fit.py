@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.fitted.pulse_from_fit import with_model_readings
+from analysis.fitted.pulse_from_fit import _READ, _pulse, with_model_readings
 from analysis.pipeline import analyse_motion
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import Quantity
@@ -63,3 +63,20 @@ def test_peak_and_width_are_checked_by_the_impulse_where_the_model_gives_no_puls
     checked = with_model_readings(read, replace(shot.fit, parameters={}), motion)
     assert checked.force_fwhm_s == width and checked.force_peak_n == read.force_peak_n
     assert ("pulse_disagrees" in checked.flags) is flagged
+
+
+def test_a_speed_that_is_unsure_makes_what_scales_with_it_unsure(low_noise: tuple[Shot, Motion, float]) -> None:
+    """Peak, impulse and deflection of a linear contact are in proportion to the speed, width and duration are not."""
+    shot, motion, _ = low_noise
+    assert shot.fit is not None
+    (own,) = shot.fit.shots
+    unsure = replace(own.velocity_in_m_per_s, std=0.01 * abs(own.velocity_in_m_per_s.value))
+    sure = np.zeros_like(shot.fit.covariance)
+    fit = replace(shot.fit, covariance=sure, shots=(replace(own, velocity_in_m_per_s=unsure),), reduced_chi2=1.0)
+    pulse = _pulse(fit, motion)
+    share = np.sqrt(np.diag(pulse.covariance)) / np.abs(pulse.values)
+    of = dict(zip(_READ, share, strict=True))
+    for name in ("force_peak_n", "impulse_ns", "deflection_max_m"):
+        assert of[name] == pytest.approx(0.01, rel=1e-3), name
+    for name in ("force_fwhm_s", "contact_time_s"):
+        assert of[name] < 1e-4, name

@@ -84,6 +84,17 @@ def test_columns_that_are_spanned_already_are_not_new_and_get_nothing() -> None:
     assert np.all(numbers[::2] == 0.0) and np.all(numbers[1::2] != 0.0)
 
 
+def test_new_columns_that_depend_on_each_other_share_what_they_explain() -> None:
+    """As the forces of two laws that are one on what was visited: any large difference of both would do as well."""
+    arrow, random = drawn(3), np.random.default_rng(6)
+    same = Arrow.of([np.outer(random.standard_normal(len(block)), [1.0, 1.0, 2.0]) for block in arrow.blocks], 0)
+    left = arrow.span().projected(random.standard_normal(len(dense(arrow))))
+    numbers = arrow.span().projected_columns(same).solve(left)
+    new = beside(dense(arrow), dense(same))
+    assert np.allclose(new @ numbers, new @ np.linalg.lstsq(new, left, rcond=1e-9)[0])
+    assert np.allclose(numbers[::3], numbers[1::3]) and np.abs(numbers).max() < 1.0
+
+
 def test_columns_left_out_leave_the_others_where_they_were() -> None:
     arrow = mixed(drawn(8), 8)
     gone = [int(arrow.places[0][1]), int(arrow.places[2][5])]  # a shared one and one of the last shot's own

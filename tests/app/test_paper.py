@@ -49,15 +49,27 @@ def test_figures_show_something(capsys: pytest.CaptureFixture[str], tmp_path: Pa
 
 
 @pytest.mark.parametrize(("given", "used"), [(None, "offscreen"), ("", "offscreen"), ("minimal", "minimal")])
-def test_figures_need_no_screen(given: str | None, used: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_figures_need_no_screen(
+    given: str | None,
+    used: str,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     """Where no platform is chosen Qt would look for a display, and end the program where there is none."""
     chosen = []
-    monkeypatch.setattr(figures, "write_figures", lambda *_: chosen.append(os.environ.get("QT_QPA_PLATFORM")) or [])
+
+    def write_figures(_shot: object, folder: Path) -> list[Path]:
+        chosen.append(os.environ.get("QT_QPA_PLATFORM"))
+        return [folder / "figure-4.png"]
+
+    monkeypatch.setattr(figures, "write_figures", write_figures)
     monkeypatch.setenv("QT_QPA_PLATFORM", given or "")
     if given is None:
         monkeypatch.delenv("QT_QPA_PLATFORM")
     paper(None, tmp_path, None)
     assert chosen == [used]
+    assert capsys.readouterr().out.splitlines()[-1] == str(tmp_path / "figure-4.png")
 
 
 def test_figures_to_a_place_that_cannot_be(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from PySide6.QtWidgets import QPushButton
+from PySide6.QtWidgets import QPushButton, QWidget
 
 from analysis.planning.next_shot import Reach
 from analysis.shot.recording import SETUP_CORRECTED, Air, Setup, corrected
@@ -148,6 +148,19 @@ def test_a_corrected_mass_scales_the_force_of_a_motion_record_and_is_flagged(tmp
     session = Session(tmp_path / "session.json")
     session.add(after)
     assert Session.reopen(tmp_path / "session.json").entries[0].settings == after.settings
+
+
+def test_the_sheet_opens_in_its_first_field(qtbot):
+    page = QWidget()
+    qtbot.addWidget(page)
+    sheet = SettingsSheet(LIGHT, page)
+    sheet.offer(FIELDS)
+    page.show()
+    sheet.open()
+    assert sheet.isVisible() and page.focusWidget() is sheet._editors[FIELDS[0].key]
+    empty = SettingsSheet(LIGHT, page)
+    empty.open()  # nothing to be in
+    assert empty.isVisible()
 
 
 def test_a_folder_is_chosen_by_the_button_beside_its_field(qtbot, monkeypatch, tmp_path):

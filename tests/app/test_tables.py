@@ -34,6 +34,18 @@ def test_budget_panel_shows_every_result_with_its_sources(qtbot: QtBot) -> None:
     assert panel.table.topLevelItemCount() == 0
 
 
+def test_the_first_column_takes_what_is_left_but_is_never_cut(qtbot: QtBot) -> None:
+    panel = BudgetPanel()
+    qtbot.addWidget(panel)
+    panel.show()
+    panel.show_shot(shot_of())
+    table = panel.table
+    for width in (1600, 300, 1600):
+        panel.resize(width, 500)
+        others = sum(table.columnWidth(column) for column in range(1, table.columnCount()))
+        assert table.columnWidth(0) == max(table.viewport().width() - others, table.sizeHintForColumn(0)) > 0
+
+
 def test_paper_panel_shows_every_row(qtbot: QtBot) -> None:
     result = reproduce(shot_of())
     panel = PaperPanel()

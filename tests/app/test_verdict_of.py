@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from PySide6.QtCore import Qt
@@ -95,6 +96,35 @@ def test_taken_out_of_the_model_an_effect_takes_its_verdict_with_it_here_and_aft
         bench.undo()
         struck, beside, heading = looks()
         assert not struck and beside.endswith("adequate") and "<s>" not in heading
+    finally:
+        bench._work._apart.close()
+        bench.close()
+
+
+def test_forces_modelled_for_an_older_diagnosis_are_not_shown_beside_a_newer(qtbot, tmp_path, monkeypatch):
+    panels = Layout(Theme("light"))
+    qtbot.addWidget(panels)
+    bench = Workbench(Session(tmp_path / "session.json"), AnalysisSettings, apart=SteppedWork())  # type: ignore[arg-type]
+    page, shown = DiagnosisPresenter(bench, panels, panels), []
+    monkeypatch.setattr(panels.diagnosis.residuals, "show_forces", lambda *given: shown.append(given))
+    try:
+        shot = synthetic.shot()
+        bench.add_shot(shot)
+        older, newer = _found(), _found()
+
+        def come(diagnosis):
+            there = SimpleNamespace(shot=shot, diagnosis=diagnosis, before="before", after="after")
+            monkeypatch.setattr(page._forces, "take", lambda: (None, there))
+            page.refresh()
+            monkeypatch.setattr(page._forces, "take", lambda: None)
+
+        come(older)
+        assert shown == []  # nothing is diagnosed any more
+        bench._take_diagnosis((1,), newer)
+        come(older)
+        assert shown == []
+        come(newer)
+        assert shown == [(shot, "before", "after")]
     finally:
         bench._work._apart.close()
         bench.close()

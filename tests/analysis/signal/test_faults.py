@@ -169,15 +169,20 @@ def test_a_whole_beat_is_not_called_clipped(amplitude: float, bits: int) -> None
     assert "clipped" not in demodulate(recording, AnalysisSettings()).flags
 
 
-@pytest.mark.parametrize("share", [0.01, 0.03])
-def test_a_polarisation_leak_is_removed(share: float) -> None:
+@pytest.mark.parametrize(
+    ("share", "gap_s"), [(0.01, None), (0.03, None), (0.03, 0.3e-3), (0.03, 5e-3), (0.03, 20.6e-3)]
+)
+def test_a_polarisation_leak_is_removed(share: float, gap_s: float | None) -> None:
+    """It is read in a stretch of flight without a gap, which need not be the first."""
     recording = make_recording(TRUTH, SAMPLES, snr_db=35)
     random = np.random.default_rng(1)
     leak = share * 8000 * np.cos(2 * np.pi * 2.73e6 * np.arange(SAMPLES) / 10e6 + random.uniform(0, 2 * np.pi) + 2.0)
     counts = recording.counts.copy()
     counts[:, 1] = np.rint(counts[:, 1] + leak)
-    clean = demodulate(recording, AnalysisSettings())
-    motion = demodulate(dataclasses.replace(recording, counts=counts), AnalysisSettings())
+    both = recording, dataclasses.replace(recording, counts=counts)
+    if gap_s is not None:
+        both = tuple(_with_gap(one, round(gap_s * recording.sample_rate_hz), 500) for one in both)
+    clean, motion = (demodulate(one, AnalysisSettings()) for one in both)
     assert "leak_removed" in motion.flags
     near = np.abs(motion.time_s - 20e-3) < 0.8e-3  # |v| below 0.07 m/s: the leak's ripple is within the band
     slow = np.abs(clean.velocity_m_per_s) < 0.01

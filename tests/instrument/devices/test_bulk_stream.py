@@ -33,6 +33,7 @@ class Libusb:
         self.plan = plan
         self.made: list[Any] = []
         self.queued: deque[Any] = deque()
+        self.queued_at_halt: list[int] = []
         self.most_queued = self.brought = self.freed = self.halts_cleared = 0
         # ctypes' functions carry the types of their arguments as attributes, which bound methods cannot
         for name in ("alloc_transfer", "submit_transfer", "cancel_transfer", "free_transfer", "clear_halt"):
@@ -62,6 +63,7 @@ class Libusb:
 
     def clear_halt(self, _handle: Any, endpoint: ctypes.c_ubyte) -> int:
         assert endpoint.value == 0x86
+        self.queued_at_halt.append(len(self.queued))
         self.halts_cleared += 1
         return 0
 
@@ -110,7 +112,7 @@ def test_after_a_stall_the_halt_is_cleared_and_the_loss_is_flagged_once() -> Non
     libusb = Libusb({10: _STALL})
     firsts, lost, fault = read(libusb, 100)
     assert firsts == [n for n in range(101) if n != 10] and fault is None
-    assert libusb.halts_cleared == 1
+    assert libusb.halts_cleared == 1 and libusb.queued_at_halt == [0]  # with one queued it would halt again
     assert len(lost) == 1
 
 

@@ -397,3 +397,21 @@ def test_an_attribute_of_hdf5_is_a_sample_rate_if_it_is_a_possible_number(
         file["beat"].attrs[name] = stated
     (channel,) = foreign_channels(path).channels
     assert channel.sample_rate_hz == (None if rate_hz is None else pytest.approx(rate_hz, rel=1e-12))
+
+
+@pytest.mark.parametrize(("off", "agree"), [(0.0, True), (1e-12, True), (1e-6, False), (1.0, False)])
+def test_channels_sampled_at_different_rates_are_no_shot(off: float, agree: bool, tmp_path: Path) -> None:
+    """A rate that went through a text or a step between samples is off by rounding alone."""
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "two.h5"
+    with h5py.File(path, "w") as file:
+        for name, rate in (("PD0", RATE), ("PD1", RATE * (1.0 + off))):
+            file[name] = np.sin(np.arange(1000))
+            file[name].attrs["sample_rate"] = rate
+    mapped = MappedChannel(Role.MEASUREMENT, "PD1"), MappedChannel(Role.REFERENCE, "PD0")
+    mapping = ForeignMapping("hdf5", mapped, SETUP)
+    if agree:
+        assert read_foreign(path, mapping).sample_rate_hz == pytest.approx(RATE)
+        return
+    with pytest.raises(RecordingError, match="different rates"):
+        read_foreign(path, mapping)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numba import njit
+from numba import config, njit
 
 from analysis.signal.integer_filter import TOGETHER, WIDTH, IntegerTaps, has_multiply_add, integer_taps, make_four_dots
 from analysis.signal.tuning import PHASE_STEPS, Tuning, tune
@@ -107,3 +107,22 @@ def test_the_largest_allowed_sum_is_exact(form: str, sample: int, tap: int):
     out = np.empty((2, TOGETHER), np.int32)
     FORMS[form](samples, 0, 1, taps, out)
     assert np.all(out == 2 * WIDTH * sample * tap)
+
+
+@pytest.mark.parametrize(
+    ("avx", "name", "features", "has"),
+    [
+        (1, None, "+sse2,+avx,+avx2,+fma", True),
+        (1, None, "+sse2,+avx,-avx2", False),  # a processor without the instruction would end the program
+        (1, None, "+avx2vnni", False),
+        (0, None, "+sse2,+avx,+avx2", False),  # numba is told to do without
+        (1, "generic", None, False),  # kernels for any processor of the kind
+        (1, "generic", "+avx2", True),
+    ],
+)
+def test_products_of_pairs_are_added_at_once_where_the_processor_compiled_for_does_so(
+    avx: int, name: str | None, features: str | None, has: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for key, value in (("ENABLE_AVX", avx), ("CPU_NAME", name), ("CPU_FEATURES", features)):
+        monkeypatch.setattr(config, key, value)
+    assert has_multiply_add() is has

@@ -245,3 +245,15 @@ def test_a_rest_frequency_that_was_measured_moves_both_velocities_by_one_amount(
         assert table_of_one is not None
         assert contribution(table_of_one, "rest frequency") == pytest.approx(share * moved, rel=1e-3)
         assert table_of_one.std_a == pytest.approx(share * moved, rel=0.01)
+
+
+@pytest.mark.parametrize("key", ["velocity_in_m_per_s", "velocity_out_m_per_s", "force_peak_n", "contact_time_s"])
+@pytest.mark.parametrize(("value", "std"), [(math.nan, 1e-8), (0.3, math.nan), (0.3, math.inf)])
+def test_a_number_that_is_none_has_no_budget_and_spoils_no_other(key: str, value: float, std: float) -> None:
+    sound = shot_of(setup=LASER)
+    assert sound.impact is not None
+    spoilt = replace(sound, impact=replace(sound.impact, **{key: Quantity(value, std)}))
+    found = budget(spoilt)
+    assert found.of(key) is None
+    for quantity in found.quantities:
+        assert math.isfinite(quantity.std_a) and math.isfinite(quantity.std_b), quantity.words

@@ -1,6 +1,7 @@
 """Panels, each by itself, on shots whose numbers are known."""
 
 import csv
+import math
 import re
 from dataclasses import replace
 
@@ -26,7 +27,7 @@ from app.window.panels.effects import CandidateBars
 from app.window.panels.help import licence_words
 from app.window.panels.large import LargePanel
 from app.window.panels.model import ModelPanel
-from app.window.panels.numbers import NumbersPanel
+from app.window.panels.numbers import NumbersPanel, wide_words
 from app.window.panels.rig import Banner
 from app.window.panels.session_model import FLAGS, NAME
 from app.window.panels.session_table import NOTE, SessionTable
@@ -107,6 +108,29 @@ def test_a_flag_stands_at_the_number_it_is_about(qtbot, shot):
     assert "impulse of the force" in panel.values["peak force"].accessibleDescription()
     panel.show_shot(shot)
     assert not any(MARKS[Tone.WARNING] in label.text() for label in panel._names.values())
+
+
+@pytest.mark.parametrize(
+    ("reading", "said"),
+    [
+        (Quantity(-0.2, 0.03), ""),
+        (Quantity(-0.2, 0.05), "Poorly determined: ± is 25 % of the value"),
+        (Quantity(1e-4, 3e-4), "Poorly determined: ± is 300 % of the value"),
+        (Quantity(0.0, 0.1), ""),  # a share of nothing is none
+        (Quantity(math.nan, 0.1), ""),
+        (Quantity(0.2, math.nan), ""),
+        (Quantity(0.2, math.inf), ""),
+        (NotSeen("no bounce"), ""),
+        (None, ""),
+    ],
+)
+def test_a_number_whose_uncertainty_is_a_large_part_of_it_is_poorly_determined(qtbot, shot, reading, said):
+    assert wide_words(reading) == said
+    panel = NumbersPanel(LIGHT)
+    qtbot.addWidget(panel)
+    if isinstance(reading, Quantity) and reading.value != 0.0:  # a block at rest strikes nothing
+        panel.show_shot(replace(shot, impact=replace(shot.impact, velocity_in_m_per_s=reading)))
+        assert ("Poorly determined" in panel.values["velocity in"].toolTip()) is bool(said)
 
 
 def test_what_only_widens_an_uncertainty_is_no_alarm(qtbot, shot):

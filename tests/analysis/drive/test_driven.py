@@ -148,7 +148,9 @@ def test_a_wrong_stated_mass_is_contradicted() -> None:
     mass = diagnosis.fit_after.parameters["moving_mass_kg"]
     assert abs(mass.value - MASS) < 4.0 * mass.std
     (gain,) = (c for c in diagnosis.candidates if c.name == "gain_error")
-    assert gain.parameters["fraction"].value == pytest.approx(80.0 / MASS - 1.0, abs=0.01)
+    fraction = gain.parameters["fraction"]
+    assert fraction.value == pytest.approx(80.0 / MASS - 1.0, abs=0.01)
+    assert gain.score == pytest.approx(abs(fraction.value) / fraction.std) and gain.score > 4.0
 
 
 def test_the_scatter_between_cycles_is_the_repeatability() -> None:

@@ -257,3 +257,20 @@ def test_a_number_that_is_none_has_no_budget_and_spoils_no_other(key: str, value
     assert found.of(key) is None
     for quantity in found.quantities:
         assert math.isfinite(quantity.std_a) and math.isfinite(quantity.std_b), quantity.words
+
+
+@pytest.mark.parametrize("how", ["force_peaks", "onsets", "flights"])
+def test_bounces_after_the_third_change_nothing_of_what_the_first_ones_say(how: str) -> None:
+    three = shot_of(setup=LASER)
+    impact = three.impact
+    assert impact is not None and len(impact.bounce_onsets_s) == 3
+    more = {
+        name: (*times, times[-1] + 4e-3, times[-1] + 5e-3)
+        for name in ("bounce_onsets_s", "bounce_releases_s", "bounce_peaks_s")
+        if (times := getattr(impact, name))
+    }
+    five = replace(three, impact=replace(impact, **more))
+    one, other = (of(shot, f"cor_kinetic.{how}") for shot in (three, five))
+    assert [(row.source, row.contribution) for row in one.rows] == [
+        (row.source, row.contribution) for row in other.rows
+    ]

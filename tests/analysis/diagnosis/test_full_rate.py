@@ -61,6 +61,16 @@ def test_the_sway_is_computed_anew_for_parameters_that_fell_as_for_those_that_ro
     assert set(tried) == ({float(base[1]), 1e4} if anew else set())
 
 
+def test_without_a_found_effect_the_sway_stays_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plate that seems to have moved far then tells of an effect that is missing, and must not absorb it."""
+    monkeypatch.setattr(full_rate, "_plates", lambda fitted: ([(1e-6, 1e-4)], 9.0))
+    monkeypatch.setattr(full_rate, "_at", lambda *_: pytest.fail("nothing is fitted anew"))
+    point = Some(base=np.array([221.4, 1e4]), own=())
+    start: Any = Some(problem=Some(data=_Data(site=Some(shaking=Some(rms_m=1e-9)))), point=point, noise=None)
+    trail: Any = Some(start=start, stop=calm)
+    assert full_rate.with_sway_updated(start, trail) == (start, trail)
+
+
 def test_what_remains_to_be_fitted_at_the_records_rate_ends_when_asked_to(monkeypatch: pytest.MonkeyPatch) -> None:
     """A search that is begun after that computes where it begins, and no more."""
     motions = shots({RIPPLE: {"amplitude_m": 1e-9, "order": 2.0}}, count=2)

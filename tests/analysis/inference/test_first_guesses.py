@@ -36,6 +36,8 @@ def test_a_rig_of_another_scale_has_the_same_pattern_of_bounces() -> None:
     one, other = ranked(PAPER)[0], ranked(heavy)[0]
     ratios = [g.collision.contact_stiffness_n_per_m / g.collision.plate_stiffness_n_per_m for g in (one, other)]
     assert ratios[0] == pytest.approx(ratios[1], rel=1e-9)
+    shares = [g.collision.plate_mass_kg / g.collision.block_mass_kg for g in (one, other)]
+    assert shares[0] == pytest.approx(shares[1], rel=1e-9)
     assert other.left_m == pytest.approx(one.left_m, rel=0.02)  # half the time at twice the speed
     assert one.collision.plate_mass_kg == pytest.approx(PAPER.plate_mass_kg, rel=0.6)
 

@@ -1,5 +1,8 @@
 """The floor of the site: criterion, lines and their causes, and what the next shot could be read to."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -9,6 +12,7 @@ from analysis.reading.site import (
     MachineLine,
     PlannedFlights,
     PlannedShot,
+    _covariance,
     _most_by_chance,
     _periodogram,
     likely_cause,
@@ -183,3 +187,20 @@ def test_a_band_of_so_many_bins_shows_more_by_chance_as_seldom_as_is_said(powers
     assert band.mean() == pytest.approx(1.0, abs=0.03)
     expected = 30_000 * 0.05 / 11  # bands of the criteria, 5 % for all of them
     assert np.count_nonzero(band > _most_by_chance(bins)) == pytest.approx(expected, rel=0.35)
+
+
+@pytest.mark.parametrize("turns", [0.05, 0.3, 0.5, 0.8])  # of the motion in a step
+def test_a_mean_over_a_step_keeps_what_does_not_average_out(turns: float) -> None:
+    """The variance of means over a step, and how two of them vary together, against the motion itself."""
+    step_s, rms_m, lags = 5e-3, 2e-9, 4
+    frequency = np.arange(1.0, 400.0)
+    density = np.where(frequency == round(turns / step_s), rms_m**2, 0.0)
+    floor: Any = SimpleNamespace(frequency_hz=frequency, density_m2_per_hz=density)
+    time_s = np.arange(1000) / 1000 * step_s
+    phases = np.linspace(0.0, 2 * np.pi, 360, endpoint=False)
+    moved = [
+        np.sqrt(2) * rms_m * np.sin(2 * np.pi * round(turns / step_s) * (time_s + k * step_s) + phases[:, None])
+        for k in range(lags)
+    ]
+    means = np.array([one.mean(axis=1) for one in moved])
+    assert _covariance(floor, step_s, lags) == pytest.approx((means[0] * means).mean(axis=1), rel=0.01, abs=1e-22)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.reading import SLOPE_SPAN
 from analysis.shot.air import STANDARD_AIR, wavelength_in_air_m
 from analysis.shot.motion import BeatQuality
 from analysis.shot.plate import PlateTolerance
@@ -112,6 +113,19 @@ def test_rest_frequency_given_and_measured() -> None:
     # the same velocity added to both flights: (v_in - v_out) / v_in^2
     expected = 0.5 * 632.8e-9 * 50.0 * (0.265 + 0.261702) / 0.265**2
     assert contribution(cor, "rest frequency") == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_slope_is_sheared_by_an_error_of_the_rest_frequency() -> None:
+    """It lets the deflection grow by the same velocity all the time, here over half a sine, refitted."""
+    impact = paper_impact()
+    contact, deepest = impact.contact_time_s, impact.deflection_max_m
+    assert isinstance(contact, Quantity) and isinstance(deepest, Quantity)
+    at = np.linspace(*SLOPE_SPAN, 500)
+    force = deepest.value * np.sin(np.pi * at)  # at 1 N/m
+    velocity = 0.5 * 632.8e-9 * 50.0
+    (sheared, _) = np.polyfit(force - velocity * contact.value * at, force, 1)
+    slope = of(shot_of(motion=motion_of(Synthetic())), "stiffness_slope_n_per_m", rest_frequency_u_hz=50.0)
+    assert contribution(slope, "rest frequency") == pytest.approx(slope.value * abs(sheared - 1.0), rel=0.01)
 
 
 def test_kinetic_cor_includes_the_shift_by_the_band_limit() -> None:

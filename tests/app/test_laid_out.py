@@ -14,6 +14,7 @@ from app.session.choices import Choices
 from app.session.session import Session
 from app.session.settings import FIELDS
 from app.window.layout import Layout
+from app.window.panels.help import Step, Tour
 from app.window.panels.numbers import NumbersPanel
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.time_stack import TimeStack
@@ -232,6 +233,20 @@ def test_live_has_its_curves_to_the_left_its_numbers_to_the_right_and_the_raw_si
     assert left == 0 and {column for _, column, _, _ in right} == {1}
     lines = [row for row, _, _, _ in right]
     assert lines == sorted(set(lines)) and lines[-1] == rows - 1  # the curves reach down to the raw signals' end
+
+
+@pytest.mark.parametrize("corner", [(0, 0), (1160, 0), (0, 660), (1160, 660), (580, 330)])
+def test_a_callout_stays_inside_the_window_and_off_the_widget_that_it_points_at(qtbot, corner):
+    page = QWidget()
+    qtbot.addWidget(page)
+    page.resize(1200, 700)
+    target = QWidget(page)
+    target.setGeometry(*corner, 40, 40)
+    tour = Tour(LIGHT, page)
+    page.show()
+    tour.begin([Step(target, "Here", "Words of one line and a half about what is here, and what it is for.")])
+    assert page.rect().contains(tour.geometry())
+    assert not tour.geometry().intersects(target.geometry())
 
 
 def test_each_callout_of_the_tour_shows_all_its_words_inside_the_window(panels, qtbot, tmp_path):

@@ -12,7 +12,7 @@ from hypothesis.extra.numpy import arrays
 from analysis.diagnosis.driven import remainder
 from analysis.drive import law_search
 from analysis.drive.catalogue import LAWS
-from analysis.drive.law_search import Split, Trial, cross_validated_n, look_alikes, same_in_both_halves
+from analysis.drive.law_search import Split, Trial, cross_validated_n, law_force, look_alikes, same_in_both_halves
 from analysis.drive.regression import Regression, _differences, regress
 from analysis.drive.repeatability import repeatability_of
 from analysis.drive.stretch import Table, prepare
@@ -43,6 +43,14 @@ def test_a_law_must_have_the_same_force_in_both_halves(drag: Table, later: float
     split = Split.of(changed)
     found = regress(changed, ("coulomb_friction",), split.kept)
     assert same_in_both_halves(split, found, "coulomb_friction") is same
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 2e-3, 8e-3])
+def test_the_force_of_a_delay_is_what_the_motion_has_not_followed_yet(drag: Table, delay_s: float) -> None:
+    given: Any = SimpleNamespace(nonlinear={"drive_delay": (delay_s,)})
+    force = law_force(drag, given, "drive_delay")
+    assert force == pytest.approx(drag.force() - drag.force(delay_s))
+    assert force.any() == (delay_s > 0.0)  # without a delay there is none
 
 
 def trial(split: Split, delta_bic: float, held: float, across: float) -> Trial:

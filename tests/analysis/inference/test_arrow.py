@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.inference.fit.arrow import Arrow
+from analysis.inference.fit.arrow import Arrow, orthonormal
 
 Floats = NDArray[np.float64]
 
@@ -93,6 +93,17 @@ def test_new_columns_that_depend_on_each_other_share_what_they_explain() -> None
     new = beside(dense(arrow), dense(same))
     assert np.allclose(new @ numbers, new @ np.linalg.lstsq(new, left, rcond=1e-9)[0])
     assert np.allclose(numbers[::3], numbers[1::3]) and np.abs(numbers).max() < 1.0
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1.0, 1e12])
+def test_a_basis_does_not_depend_on_the_units_of_its_columns(unit: float) -> None:
+    random = np.random.default_rng(9)
+    columns = random.standard_normal((30, 5))
+    columns[:, 4] = columns[:, 0] - columns[:, 2]  # dependent
+    basis = orthonormal(columns * np.array([1.0, unit, 1.0 / unit, 1.0, 1.0]))
+    assert basis.shape == (30, 4) and np.allclose(basis.T @ basis, np.eye(4))
+    assert np.allclose(beside(columns, basis), 0.0, atol=1e-8)
+    assert orthonormal(np.zeros((30, 2))).shape == (30, 0)
 
 
 def test_columns_left_out_leave_the_others_where_they_were() -> None:

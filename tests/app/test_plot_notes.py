@@ -9,15 +9,18 @@ from PySide6.QtGui import QImage
 from PySide6.QtWidgets import QWidget
 
 from analysis.drive.curves import drive_curves
+from analysis.shot.recording import Role
 from analysis.shot.shot import UNITS, PlotNote
 from app.report.page import report_of
 from app.report.shot_figures import time_zero
 from app.session.session import Session
 from app.window.layout import Layout
+from app.window.panels.shot_raw import curves_of
 from app.window.plots.plot_notes import NoteEditor
 from app.window.plots.save import save_png, save_svg
 from app.window.presenters.selection import PlotNotesPresenter
 from app.window.theme import Theme
+from tests.analysis.signal.beats import free_flight, make_recording
 from tests.app import synthetic
 
 BOUNCE = PlotNote("force", 0.0123, 20.0, "second bounce looks low")
@@ -230,6 +233,23 @@ def test_every_plot_of_a_shot_takes_notes(panels):
     shot.show_drive(driven, drive_curves(driven.motion, driven.fit))
     look()
     assert named == set(UNITS) - {"PD0", "PD1", "light switch", "spectrum", "spectrogram"}
+
+
+def test_a_note_on_a_raw_signal_stands_where_the_recording_has_it(panels, session, qtbot):
+    """Time counts from first touch on the plot and from the recording's first sample in the note."""
+    recording = make_recording(free_flight(-0.2), 5000, order=(Role.REFERENCE, Role.MEASUREMENT, Role.SWITCH))
+    shot = session.entry(1).shot
+    panels.shot.show_shot(shot, recording)
+    panels.shot.set_view("raw")
+    assert panels.shot.raw.wanted is recording
+    panels.shot.show_raw(curves_of(recording))
+    names = ("PD0", "PD1", "light switch")
+    for name in names:
+        session.change_plot_note(1, None, PlotNote(name, 1e-4, 0.1, name))
+    panels.presenter.refresh()
+    zero, _ = time_zero(shot)
+    drawn = {text: (x, y) for text, x, y in panels.shot.raw.stack.notes.drawn}
+    assert drawn == dict.fromkeys(names, (pytest.approx(1e3 * (1e-4 - zero)), pytest.approx(0.1)))
 
 
 def test_a_note_is_in_the_saved_picture_the_drawing_and_the_report(panels, session, tmp_path, qtbot):

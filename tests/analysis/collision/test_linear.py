@@ -87,6 +87,17 @@ def test_means_are_those_of_the_samples(names: tuple[str, ...], asked: list[int]
     assert np.abs(means.contact_point_m - expected)[together].max() < 1e-10 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize("spacing_s", [0.9e-4, 1.4e-4, 2.5e-4])  # one, two and three steps to a sample in contact
+@pytest.mark.parametrize("names", [(), ("viscous_drag",)])
+def test_means_of_coarse_samples_are_those_of_the_samples(names: tuple[str, ...], spacing_s: float) -> None:
+    time_s = np.arange(-12, 480) * spacing_s
+    every = general.solve(PAPER, active(*names), time_s, directions=(0, 1))
+    for asked_for in ((), (0, 1)):
+        means = general.solve(PAPER, active(*names), time_s, directions=asked_for, block=4)
+        expected = general.averaged(every.displacement_m, 4)
+        assert np.abs(means.displacement_m - expected).max() < 1e-10 * np.abs(expected).max()
+
+
 @pytest.mark.parametrize("names", [(), ("coulomb_friction",), ("viscous_drag", "tilt"), ("block_mode",)])
 def test_means_without_derivatives_are_those_with_them(names: tuple[str, ...], asked: list[int]) -> None:
     effects, random, touched = active(*names), np.random.default_rng(5), []

@@ -16,6 +16,8 @@ Mask = NDArray[np.bool_]
 CLEAR_SIGMAS = 6.0  # a departure from flight beyond noise
 SHAPED_SIGMAS = 200.0  # a departure that shows its shape to a per cent: it is fitted up to there
 SHAPED_DEPTH = 3e-5  # ... or to this part of the way to the turn, before a stiff contact rebounds
+FURTHER = 10.0  # times that departure: there a force that also bends describes it, and tells the instant better
+DESCRIBED = 3.0  # of the standard deviation of chi^2, up to which it does
 DEEP = 3e-3  # of the way to the turn: a departure that no floor makes
 SHORTENED, SLOWER = 0.7, 1.1  # of the time that a plate without mass takes to be so far
 LONGEST_REACH_S = 1.0e-3  # of flight before the edge, for the line from which the displacement departs
@@ -50,7 +52,9 @@ def edge_of_flight(
     edge makes a departure of ``(a/2) u^2 + (b/6) u^3`` (times 1/m); the edge is the instant of least squares over the
     samples up to a departure of SHAPED_SIGMAS, or SHAPED_DEPTH of the whole ``depth_m``, and not beyond ``until``.  The
     force grows away from the edge (b >= 0), and a contact begins with a push (a >= 0; a release may end in tension):
-    else a flight could be taken for a contact without force.  None without a clear departure.
+    else a flight could be taken for a contact without force.  A plate gives way as it is pushed: a touch is fitted up
+    to a departure FURTHER with a third term, ``-(c/24) u^4`` (c >= 0), where that describes it; without, the instant
+    would be late by half its uncertainty on a quiet floor.  None without a clear departure.
     """
     step = 1.0 / motion.sample_rate_hz
     into = until > coarse
@@ -75,7 +79,8 @@ def edge_of_flight(
     most = SHAPED_SIGMAS * std
     if into:
         most = max(2.0 * CLEAR_SIGMAS * std, min(most, SHAPED_DEPTH * depth_m))
-    found = _edge_with_error(motion, window, departure, (std, most, omega), sign, bend)
+    found = _bending_edge(motion, window, departure, (std, FURTHER * most, omega), sign, bend) if into else None
+    found = found or _edge_with_error(motion, window, departure, (std, most, omega), sign, bend)
     if found is None:
         return None
     edge, apart = found
@@ -121,11 +126,29 @@ def edge_of_line(motion: Motion, line: Flight, *, until: int, bend: int) -> Edge
     window = window[motion.valid[window] & np.isfinite(motion.displacement_m[window])]
     departure = motion.displacement_m[window] - line.position_m(motion.time_s[window])
     std = max(line.noise_std_m, LEAST_NOISE_M)
-    levels = (std, SHAPED_SIGMAS * std, 0.0)
-    if bend == 0:
-        return _edge_in(motion, window, departure, levels, sign, bend)
-    found = _edge_with_error(motion, window, departure, levels, sign, bend)
+    further = FURTHER if sign > 0 else 1.0
+    found = _bending_edge(motion, window, departure, (std, further * SHAPED_SIGMAS * std, 0.0), sign, bend)
+    if found is None:
+        levels = (std, SHAPED_SIGMAS * std, 0.0)
+        if bend == 0:
+            return _edge_in(motion, window, departure, levels, sign, bend)
+        found = _edge_with_error(motion, window, departure, levels, sign, bend)
     return None if found is None else found[0].less_sure(found[1])
+
+
+def _bending_edge(
+    motion: Motion, window: Ints, departure_m: Floats, levels: tuple[float, float, float], sign: int, bend: int
+) -> tuple[Edge, float] | None:
+    """Return the edge where a force grows and bends, and in s what a line of one degree more shifts it by.
+
+    A plate gives way at a touch (c >= 0 in ``edge_of_flight``), and before a release its pull fades (c <= 0, with u
+    running into the contact).  None where such a force does not describe the departure.
+    """
+    edge = _edge_in(motion, window, departure_m, levels, sign, bend, bending=True)
+    other = _edge_in(motion, window, departure_m, levels, sign, bend + 1, bending=True) if bend else None
+    if edge is None:
+        return None
+    return edge, 0.0 if other is None else abs(edge.time_s - other.time_s)
 
 
 def _edge_with_error(
@@ -147,13 +170,20 @@ def _edge_with_error(
 
 
 def _edge_in(
-    motion: Motion, window: Ints, departure_m: Floats, levels: tuple[float, float, float], sign: int, bend: int
+    motion: Motion,
+    window: Ints,
+    departure_m: Floats,
+    levels: tuple[float, float, float],
+    sign: int,
+    bend: int,
+    *,
+    bending: bool = False,
 ) -> Edge | None:
     """Return the edge shown by a departure (n,) from flight, in the direction ``sign`` of time.
 
     ``levels`` are its noise and the departure up to which it is fitted, in m, and the angular frequency of the
     contact's spring; ``bend`` is the degree of the line that is fitted together with the edge, 0 where the line is
-    known.
+    known.  A ``bending`` force has a third term, and has to describe the departure.
     """
     std_m, shaped_m, omega = levels
     step = 1.0 / motion.sample_rate_hz
@@ -174,7 +204,7 @@ def _edge_in(
         departure_m[start : shaped + 1],
         std_m,
         (-reach * step, latest * step),
-        (max(bend, 1), omega),
+        (max(bend, 1), omega, -sign * bending),
         tension=sign < 0,
     )
     return None if found is None else Edge(anchor + sign * found.time_s, found.std_s)
@@ -185,12 +215,13 @@ def _least_squares_edge(
     departure_m: Floats,
     std_m: float,
     within_s: tuple[float, float],
-    shape: tuple[int, float],
+    shape: tuple[int, float, int],
     *,
     tension: bool,
 ) -> Edge | None:
-    bend, omega = shape
-    if u_s.size < bend + 4 or not np.any(u_s):
+    bend, omega, bends = shape
+    terms = 2 + abs(bends)
+    if u_s.size < bend + 2 + terms or not np.any(u_s):
         return None
     trials = np.linspace(*within_s, TRIALS)
     # vibration of the building curves the flight beyond the known line: the line before the edge is fitted as well
@@ -199,15 +230,19 @@ def _least_squares_edge(
     scaled = scaled - line @ (line.T @ scaled)
     found: Edge | None = None
     for narrowing in range(2):
-        flat = _force_terms(u_s[:, None] - trials, omega).reshape(u_s.size, -1)
+        flat = _force_terms(u_s[:, None] - trials, omega, bends).reshape(u_s.size, -1)
         flat -= line @ (line.T @ flat)
         costs = np.empty((trials.size, 2))
-        _costs_of_one(_grams_of_each(flat), flat.T @ scaled, float(scaled @ scaled), tension, costs)
-        least = max(1.0, float(costs.min()) / max(u_s.size - bend - 4, 1))
+        _costs_of_one(_grams_of_each(flat, terms), flat.T @ scaled, float(scaled @ scaled), tension, costs)
+        freedom = max(u_s.size - bend - 2 - terms, 1)
+        least = max(1.0, float(costs.min()) / freedom)
         # both models, with a step of force and without, weighed by likelihood and prior odds
         cost = -2.0 * least * np.logaddexp(*(np.array([[0.0], [PLAINER]]) - 0.5 * costs.T / least))
         best = int(cost.argmin())
         if best == 0 and narrowing == 0:
+            return None
+        beyond = int(np.count_nonzero(u_s > trials[best]))
+        if bends and costs.min() > freedom + DESCRIBED * np.sqrt(2.0 * beyond):
             return None
         spread = float(np.sqrt(least))  # larger where the series does not describe the departure
         likely = np.flatnonzero(cost < cost[best] + LIKELY * spread**2)
@@ -253,16 +288,19 @@ def edges_of_short_flight(
     return Edge(first.time_s + zero, first.std_s), Edge(second.time_s + zero, second.std_s)
 
 
-def _force_terms(u_s: Floats, omega: float = 0.0) -> Floats:
-    """Return the departures of a step and of a slope of force at u = 0, scaled to about 1: (n, k) gives (n, k, 2).
+def _force_terms(u_s: Floats, omega: float = 0.0, bends: int = 0) -> Floats:
+    """Return the departures of a step and of a slope of force at u = 0, scaled to about 1: (n, k) gives (n, k, 2 or 3).
 
-    With ``omega`` they are those of a spring: 2 (1 - cos) and 6 (x - sin x), to the fourth order.
+    Where the force ``bends`` (1 or -1) also that of one that grows or falls with the square of the time.  With
+    ``omega`` step and slope are those of a spring: 2 (1 - cos) and 6 (x - sin x), to the fourth order.
     """
     since = np.maximum(u_s, 0.0)
     u = since / np.maximum(since.max(axis=0), 1e-300)
-    out = np.empty((*u.shape, 2))
+    out = np.empty((*u.shape, 2 + abs(bends)))
     out[..., 0] = u * u
     out[..., 1] = out[..., 0] * u
+    if bends:
+        out[..., 2] = bends * out[..., 1] * u
     if omega:
         square = (omega * since) ** 2
         out[..., 0] *= 1.0 - square / 12.0 + square**2 / 360.0
@@ -270,25 +308,23 @@ def _force_terms(u_s: Floats, omega: float = 0.0) -> Floats:
     return out
 
 
-def _grams_of_each(flat: Floats) -> Floats:
-    """Return the products of each trial's step and slope with each other, (trials, 2, 2), of columns (n, 2 trials)."""
-    step, slope = flat[:, ::2], flat[:, 1::2]
-    out = np.empty((step.shape[1], 2, 2))
-    out[:, 0, 0] = np.einsum("ij,ij->j", step, step)
-    out[:, 1, 1] = np.einsum("ij,ij->j", slope, slope)
-    out[:, 0, 1] = out[:, 1, 0] = np.einsum("ij,ij->j", step, slope)
-    return out
+def _grams_of_each(flat: Floats, terms: int) -> Floats:
+    """Return the products of each trial's terms with each other, (trials, terms, terms), of (n, terms trials)."""
+    of_trial = flat.reshape(flat.shape[0], -1, terms).transpose(1, 2, 0)
+    return of_trial @ of_trial.transpose(0, 2, 1)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _costs_of_one(gram: Floats, across: Floats, whole: float, tension: bool, cost: Floats) -> None:
-    """Write what a step with a slope of force, and a slope alone, leave of the squares at every trial, (trials, 2).
+    """Write what all terms of the force leave of the squares at every trial, and all but its step, (trials, 2).
 
-    ``gram`` (trials, 2, 2) and ``across`` (2 trials,) hold trial k's step and slope.  About 0.2 us a trial.
+    ``gram`` (trials, k, k) and ``across`` (k trials,) hold a trial's k terms.  About 0.2 us a trial of two.
     """
-    index, free = np.array([0, 1]), np.array([tension, False])
+    terms = gram.shape[1]
+    index, free = np.arange(terms), np.zeros(terms, np.bool_)
+    free[0] = tension
     for k in range(cost.shape[0]):
-        mine = across[2 * k : 2 * k + 2]
+        mine = across[terms * k : terms * (k + 1)]
         cost[k, 0] = whole - _explained(gram[k], mine, index, free)
         cost[k, 1] = whole - _explained(gram[k], mine, index[1:], free[1:])
 

@@ -242,7 +242,7 @@ def test_a_callout_stays_inside_the_window_and_off_the_widget_that_it_points_at(
     page.resize(1200, 700)
     target = QWidget(page)
     target.setGeometry(*corner, 40, 40)
-    tour = Tour(LIGHT, page)
+    tour = Tour(page)
     page.show()
     tour.begin([Step(target, "Here", "Words of one line and a half about what is here, and what it is for.")])
     assert page.rect().contains(tour.geometry())

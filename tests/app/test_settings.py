@@ -153,12 +153,12 @@ def test_a_corrected_mass_scales_the_force_of_a_motion_record_and_is_flagged(tmp
 def test_the_sheet_opens_in_its_first_field(qtbot):
     page = QWidget()
     qtbot.addWidget(page)
-    sheet = SettingsSheet(LIGHT, page)
+    sheet = SettingsSheet(page)
     sheet.offer(FIELDS)
     page.show()
     sheet.open()
     assert sheet.isVisible() and page.focusWidget() is sheet._editors[FIELDS[0].key]
-    empty = SettingsSheet(LIGHT, page)
+    empty = SettingsSheet(page)
     empty.open()  # nothing to be in
     assert empty.isVisible()
 

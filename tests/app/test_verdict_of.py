@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from types import SimpleNamespace
 
 import pytest
 from PySide6.QtCore import Qt
@@ -108,13 +107,12 @@ def test_forces_modelled_for_an_older_diagnosis_are_not_shown_beside_a_newer(qtb
     page, shown = DiagnosisPresenter(bench, panels, panels), []
     monkeypatch.setattr(panels.diagnosis.residuals, "show_forces", lambda *given: shown.append(given))
     try:
-        shot = synthetic.shot()
-        bench.add_shot(shot)
+        bench.add_shot(synthetic.shot())
         older, newer = _found(), _found()
 
         def come(diagnosis):
-            there = SimpleNamespace(shot=shot, diagnosis=diagnosis, before="before", after="after")
-            monkeypatch.setattr(page._forces, "take", lambda: (None, there))
+            taken = bench.session.entries[0], (diagnosis, "before", "after")
+            monkeypatch.setattr(page._forces, "take", lambda: taken)
             page.refresh()
             monkeypatch.setattr(page._forces, "take", lambda: None)
 
@@ -124,7 +122,7 @@ def test_forces_modelled_for_an_older_diagnosis_are_not_shown_beside_a_newer(qtb
         come(older)
         assert shown == []
         come(newer)
-        assert shown == [(shot, "before", "after")]
+        assert shown == [(bench.session.entries[0].shot, "before", "after")]
     finally:
         bench._work._apart.close()
         bench.close()

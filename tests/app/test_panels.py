@@ -126,7 +126,7 @@ def test_a_flag_stands_at_the_number_it_is_about(qtbot, shot):
 )
 def test_a_number_whose_uncertainty_is_a_large_part_of_it_is_poorly_determined(qtbot, shot, reading, said):
     assert wide_words(reading) == said
-    panel = NumbersPanel(LIGHT)
+    panel = NumbersPanel()
     qtbot.addWidget(panel)
     if isinstance(reading, Quantity) and reading.value != 0.0:  # a block at rest strikes nothing
         panel.show_shot(replace(shot, impact=replace(shot.impact, velocity_in_m_per_s=reading)))

@@ -40,7 +40,7 @@ def test_a_planned_shot_is_taken_as_it_was_planned(
     planned, taken = NextShot(0.6, 0.05, 20e-3, 0.1), [synthetic.shot("one"), synthetic.shot("two")]
     asked: list[str] = []
 
-    def open_one(source: str, *, arm_s: float) -> object:
+    def open_one(source: str, _request: CaptureRequest) -> object:
         asked.append(source)
         return SimpleNamespace(setup=Setup(17.85e-3))
 
@@ -53,7 +53,7 @@ def test_a_planned_shot_is_taken_as_it_was_planned(
         assert weighs_kg == (None if is_bench(source) else pytest.approx(67.85e-3))
         return [tmp_path / "third"]
 
-    monkeypatch.setattr(module, "open_in_subprocess", open_one)
+    monkeypatch.setattr(module, "opened", open_one)
     monkeypatch.setattr(module, "acquire", acquire)
     request = CaptureRequest(source, tmp_path, 1e6, None, 10.0)
     assert module._planned(planned, taken, request, 2) == tmp_path / "third"

@@ -110,6 +110,16 @@ def test_a_flag_stands_at_the_number_it_is_about(qtbot, shot):
     assert not any(MARKS[Tone.WARNING] in label.text() for label in panel._names.values())
 
 
+def test_a_long_name_of_a_shot_makes_the_numbers_no_wider(qtbot, shot):
+    widths = []
+    for name in ("a", "a shot whose name says all that was done to the rig before it was taken, and by whom"):
+        panel = NumbersPanel()
+        qtbot.addWidget(panel)
+        panel.show_shot(shot, name)
+        widths.append(panel.widget().minimumSizeHint().width())
+    assert widths[0] == widths[1]
+
+
 @pytest.mark.parametrize(
     ("reading", "said"),
     [

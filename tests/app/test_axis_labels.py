@@ -177,3 +177,27 @@ def test_a_line_of_the_grid_stands_at_a_number_and_nowhere_else(qapp):
     finally:
         plot.close()
         plot.deleteLater()
+
+
+def test_the_grid_of_a_plot_without_numbers_is_that_of_the_plot_below(qapp):
+    """In a stack the numbers of the lowest plot serve all."""
+
+    def lines(hidden: bool) -> tuple[list[float], set[str]]:
+        plot = PlainPlot("Trend", ("restitution", ""), "speed (m/s)", TIME)
+        plot.dress(LIGHT)
+        plot.resize(*HIGH)
+        if hidden:
+            plot.plot.hide_bottom_values()
+        plot.show()
+        plot.plot.view.setRange(xRange=(0.0, 1.0), yRange=(0.0, 1.0), padding=0.0)
+        QTest.qWait(20)
+        picture = QPicture()
+        painter = QPainter(picture)
+        _, ticks, _ = plot.plot.getAxis("bottom").generateDrawSpecs(painter)
+        painter.end()
+        plot.close()
+        plot.deleteLater()
+        return sorted(start[0] for _, start, _ in ticks), {pen.color().name() for pen, _, _ in ticks}
+
+    (with_numbers, colour), (without, other) = lines(False), lines(True)
+    assert len(without) == len(with_numbers) > 3 and colour == other == {LIGHT.grid}

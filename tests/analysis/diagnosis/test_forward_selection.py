@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import named
+from analysis.diagnosis.search import forward_selection
 from analysis.diagnosis.search.forward_selection import Trail, another_way, explore, polish
 from analysis.inference.fit.added_effect import refit, with_both_effects
 from analysis.inference.fit.problem import Fitted, Floats, Problem
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
+from tests.analysis.diagnosis.test_acceptance import Fit
 
 
 def test_two_effects_that_look_like_a_third_are_found_by_another_way() -> None:
@@ -99,3 +101,24 @@ def test_a_search_that_is_cut_off_must_not_have_lost_likelihood(gain: float, con
     further = ended(100.0 + gain, converged=converged)
     before = ended(100.0, converged=False, fitted_on=lambda **_: further)
     assert polish(before, Trail(before, (), calm)) is (further if taken else before)
+
+
+def test_the_first_effect_alone_is_also_fitted_from_white_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The noise of the start holds what the first effect explains, and may keep the search in a wrong valley."""
+    tilt, drag, adhesion = (named(name) for name in ("tilt", "viscous_drag", "adhesion"))
+    fits = [Fit(effects, worth=500.0) for effects in ((), (tilt,), (tilt, drag), (tilt, drag, adhesion))]
+    anew: list[tuple[int, bool]] = []
+
+    def extended(here: Fit, _trail: Trail, *, first: bool, width: int) -> Any:
+        assert first is (not here.effects)
+        return fits[len(here.effects) + 1]
+
+    def polished(fitted: Fit, _trail: Trail, *, from_white: bool = False) -> Any:
+        anew.append((len(fitted.effects), from_white))
+        return fitted
+
+    for name, instead in (("extend", extended), ("polish", polished), ("prune", lambda best, _trail: best)):
+        monkeypatch.setattr(forward_selection, name, instead)
+    start: Any = fits[0]
+    assert forward_selection.climb(start, Trail(start, (), calm, widens=False), 3) is fits[3]
+    assert anew == [(1, True), (2, False), (3, False)]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.shot.recording import Role
-from app.session.channel_looks import ChannelKind, is_swapped, looks_of, proposed
+from app.session.channel_looks import PART, PARTS, ChannelKind, _lines, is_swapped, looks_of, proposed
 from app.session.choices import Choices
 from app.session.load import load_and_analyse
 from app.session.session import Session
@@ -110,3 +110,12 @@ def test_a_recording_with_swapped_beats_says_so_whatever_its_speed(tmp_path, spe
     write_recording(replace(recording, channels=channels), tmp_path / "swapped")
     assert is_swapped(load_and_analyse(tmp_path / "swapped.sigmf-meta"))
     assert not is_swapped(synthetic.shot())
+
+
+@pytest.mark.parametrize("periods", [3.0, 10.3, 100.7, 0.45 * PART])
+def test_a_beat_is_found_at_its_frequency_beside_an_offset(periods):
+    """From three periods in a part on: what is slower is no beat but a motion or a drift."""
+    samples = np.arange(20 * PART)
+    noise = np.random.default_rng(1).normal(0.0, 1e-3, samples.size)
+    found = _lines(5.0 + np.sin(2 * np.pi * periods / PART * samples + 0.3) + noise)
+    assert found.size == PARTS and found * PART == pytest.approx(periods, abs=0.05)

@@ -3,6 +3,7 @@
 import re
 
 import pytest
+import shiboken6
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QAccessible, QKeySequence
 from PySide6.QtWidgets import (
@@ -66,6 +67,7 @@ def whole(qapp):
     main.show()
     yield main
     main.close()
+    shiboken6.delete(main)  # at once: the garbage collector would take its plots apart in any order
 
 
 @pytest.fixture

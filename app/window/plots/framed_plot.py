@@ -86,11 +86,11 @@ class FramedPlot(pg.GraphicsWidget):
     """
 
     def __init__(self, title: str, unit: str, axis_kind: type[PlainAxis] = PlainAxis) -> None:
+        view, axes = QuietView(), {side: axis_kind(side) for side in AXES_AT}  # before what holds them
         super().__init__()
         self.colours = LIGHT
-        self.view = QuietView()
+        self.view, self._axes = view, axes
         self.sampled: list[SampledCurve | PointCurve] = []  # what the cursors read
-        self._axes = {side: axis_kind(side) for side in AXES_AT}
         grid = QGraphicsGridLayout()
         grid.setContentsMargins(1, 1, 1, 1)
         grid.setSpacing(0)

@@ -7,19 +7,19 @@ After every step the likelier branch (by the Bayesian information criterion) is 
 longer become the likelier one is left.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
 from analysis.diagnosis.explanation import Explanation, explain_with_effects, explain_with_laws
-from analysis.diagnosis.learning.law_learning import may_reach
 from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.question import Question
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.search.full_rate import at_full_rate
 from analysis.diagnosis.search.search import Search, Searched
 from analysis.diagnosis.verdict.acceptance import Settled, settle
-from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach
 from analysis.shot import AnalysisError
 
 
@@ -137,7 +137,8 @@ class BestFirst:
     def _search_at_rest(self) -> None:
         """Search as if nothing shook the rig; where only that is possible the last effect that may join waits."""
         most = CRITERIA.most_effects - (self._question.site is None)
-        searched = self._search.under(None, most=most)
+        beat = math.inf if self._in_building is None else self._in_building.bic
+        searched = self._search.under(None, most=most, beat=beat)
         self._at_rest = Branch(searched, self._question.one_law_beside(searched.trail.start))
 
     def _try_one_law_instead(self, branch: Branch, likelier: Branch) -> None:

@@ -23,7 +23,7 @@ from analysis.diagnosis.learning.curve_motion import ground_of
 from analysis.diagnosis.learning.form_fits import fit_forms, over_kinks
 from analysis.diagnosis.learning.learned_law import FormFit, as_learned
 from analysis.diagnosis.result import LearnedLaw
-from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference import Fitted
@@ -58,14 +58,6 @@ class Discovery:
         """Return whether the laws account for everything down to the noise, each in a closed form that meets it."""
         named = all(law.form is not None for law in self.laws)
         return named and self.fitted.converged and not self.residual.significant
-
-
-def may_reach(beat: float, there: float, start: float) -> bool:
-    """Return whether a search that led from the criterion ``start`` to ``there`` may still lead below ``beat``.
-
-    What follows is taken to gain as much again at most.
-    """
-    return there - (start - there) < beat
 
 
 def forms_may_reach(beat: float, curves: Sequence[Learned], start: Fitted) -> bool:

@@ -22,11 +22,10 @@ from analysis.diagnosis.learning.law_learning import (
     finer,
     forms_may_reach,
     learn_law,
-    may_reach,
 )
 from analysis.diagnosis.learning.learned_law import FormFit, as_learned, in_joint_fit
 from analysis.diagnosis.search.forward_selection import without_effect
-from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach
 from analysis.diagnosis.verdict.cross_validation import predict
 from analysis.diagnosis.verdict.residual import residual_of
 from analysis.inference import Fitted

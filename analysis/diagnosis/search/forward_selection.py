@@ -11,7 +11,7 @@ from analysis.collision import Effect, Infeasible
 from analysis.compiled import side_by_side
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.search.wider_effects import narrower, widened
-from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach
 from analysis.inference import (
     Fitted,
     Floor,
@@ -50,6 +50,7 @@ class Trail:
     asked: set[frozenset[Effect]] = field(default_factory=set)  # fitted from a fit with one effect more as well
     widens: bool = True  # try the wider of two effects where the narrow one was found
     limit: Limit | None = None
+    beat: float = math.inf  # the criterion of a likelier search: what cannot come below it is not followed
     compared: bool = False  # whether there was time to compare the effects of the catalogue
 
     def __post_init__(self) -> None:
@@ -119,9 +120,10 @@ def explore(
     most: int = CRITERIA.most_effects,
     widens: bool = True,
     limit: Limit | None = None,
+    beat: float = math.inf,
 ) -> tuple[Fitted, Trail]:
     """Return the best fit with at most ``most`` effects more than ``start`` has, and what was tried."""
-    trail = Trail(start, catalogue, stop, widens=widens, limit=limit)
+    trail = Trail(start, catalogue, stop, widens=widens, limit=limit, beat=beat)
     return climb(start, trail, most), trail
 
 
@@ -153,7 +155,7 @@ def paired(trail: Trail) -> Fitted | None:
 
 def climb(here: Fitted, trail: Trail, most: int = CRITERIA.most_effects, width: int = REFITTED + STRONGER) -> Fitted:
     """Return the best fit with at most ``most`` effects more than ``here``, one at a time, of ``width`` at most."""
-    for _ in range(most):
+    for left in range(most - 1, -1, -1):
         first = len(here.effects) == len(trail.start.effects)
         what = "effects of the catalogue" if first else "a further effect of the catalogue"
         best = trail.within(what, partial(extend, here, trail, first=first, width=width), None)
@@ -161,6 +163,8 @@ def climb(here: Fitted, trail: Trail, most: int = CRITERIA.most_effects, width: 
         if best is None or here.bic - best.bic < trail.least_fall():
             break
         here = wider(polish(prune(best, trail), trail, from_white=first), trail)
+        if not may_reach(trail.beat, here.bic, trail.start.bic, left):
+            break
     return here
 
 

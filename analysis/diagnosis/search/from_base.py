@@ -1,5 +1,6 @@
 """Where a search of the catalogue begins: at the base model's fit, or at the readings of the collision."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -33,16 +34,17 @@ def explored(
     *,
     most: int = CRITERIA.most_effects,
     limit: Limit | None = None,
+    beat: float = math.inf,
 ) -> tuple[Fitted, Trail]:
     """Return the best fit with at most ``most`` effects, and the trail; ``given`` is where the base fit began."""
     if not before.converged and given.left > CRITERIA.drawn_far:
         return _from_the_guess(before, catalogue, stop, limit)
-    best, trail = explore(before, catalogue, stop, most=most, limit=limit)
+    best, trail = explore(before, catalogue, stop, most=most, limit=limit, beat=beat)
     again = trail.of(before.effects)
     if again is not None and better(
         again, before
     ):  # taking an effect in and out led the base itself to a better minimum
-        return explore(again, catalogue, stop, most=most, limit=limit)
+        return explore(again, catalogue, stop, most=most, limit=limit, beat=beat)
     return best, trail
 
 

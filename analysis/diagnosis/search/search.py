@@ -79,8 +79,11 @@ class Search:
     stop: Stop
     limit: Limit | None = None
 
-    def under(self, site: Site | None, *, most: int = CRITERIA.most_effects) -> Searched:
-        """Search under one noise with at most ``most`` effects; motion of the frame is the site's and no finding."""
+    def under(self, site: Site | None, *, most: int = CRITERIA.most_effects, beat: float = math.inf) -> Searched:
+        """Search under one noise with at most ``most`` effects; motion of the frame is the site's and no finding.
+
+        What cannot come below the criterion ``beat`` of a likelier search is not followed.
+        """
         data = joint_data(self.motions, self.given, site)
         catalogue = [
             kind
@@ -93,7 +96,7 @@ class Search:
             start = accept(base, self.catalogue, self.accepted, self.stop)
             self.tell("scoring the catalogue", 0.15)
             if site is None:
-                return explored(start, self.given, catalogue, self.stop, most=most, limit=self.limit)
+                return explored(start, self.given, catalogue, self.stop, most=most, limit=self.limit, beat=beat)
             # Plates seem to move where an effect is missing, and would call for a second effect.
             first, trail = explored(start, self.given, catalogue, self.stop, most=1, limit=self.limit)
             first, trail = with_sway_updated(first, trail)

@@ -87,3 +87,11 @@ class Criteria:
 
 
 CRITERIA = Criteria()
+
+
+def may_reach(beat: float, there: float, start: float, rounds: int = 1) -> bool:
+    """Return whether a search that led from the criterion ``start`` to ``there`` may still lead below ``beat``.
+
+    Each of the ``rounds`` that follow is taken to gain as much as all before it at most.
+    """
+    return start - (1 << rounds) * (start - there) < beat

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.collision.effects import CATALOGUE
 from analysis.diagnosis.search.forward_selection import Trail
-from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach
 
 DOCS = Path(__file__).parents[3] / "docs" / "how-a-diagnosis-decides.md"
 
@@ -70,3 +70,9 @@ def test_no_effect_is_named_outside_its_row_and_its_words() -> None:
             if path not in ALLOWED and name != "plate_motion" and re.search(rf'"{name}["]', text):
                 found.add((path, name))
     assert found == set()
+
+
+@pytest.mark.parametrize(("rounds", "most"), [(0, 0.0), (1, 100.0), (2, 300.0), (3, 700.0)])
+def test_each_further_round_is_within_reach_of_as_much_as_all_before_it(rounds: int, most: float) -> None:
+    assert may_reach(-200.0 - most + 1.0, -200.0, -100.0, rounds)
+    assert not may_reach(-200.0 - most - 1.0, -200.0, -100.0, rounds)

@@ -122,3 +122,15 @@ def test_the_first_effect_alone_is_also_fitted_from_white_noise(monkeypatch: pyt
     start: Any = fits[0]
     assert forward_selection.climb(start, Trail(start, (), calm, widens=False), 3) is fits[3]
     assert anew == [(1, True), (2, False), (3, False)]
+
+
+@pytest.mark.parametrize(("gains", "found"), [(2.1, 1), (1.9, 2)])
+def test_what_cannot_come_below_a_likelier_search_is_not_followed(gains: float, found: int) -> None:
+    """A second effect is taken to gain as much as the first at most, so that both reach two of its gains."""
+    true = {"coulomb_friction": {"force_n": 2e-6}, "cubic_stiffness": {"coefficient_n_per_m3": 2e4}}
+    start = base_fit(shots(true))
+    catalogue = [KINDS[name] for name in true]
+    one, _ = explore(start, catalogue, calm, most=1)
+    beat = start.bic - gains * (start.bic - one.bic)
+    best, _ = explore(start, catalogue, calm, most=2, beat=beat)
+    assert len(best.effects) == found

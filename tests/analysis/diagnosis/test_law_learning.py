@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from analysis.diagnosis.learning.law_learning import Discovery, learn_law, may_reach
+from analysis.diagnosis.learning.law_learning import Discovery, learn_law
 from analysis.diagnosis.learning.two_laws import learn_another, learn_laws, learn_two
 from analysis.diagnosis.verdict.cross_validation import choose
 from analysis.inference.fit.base import base_named
@@ -65,11 +65,6 @@ def test_what_cannot_come_before_a_criterion_is_not_asked_to_the_end(
     assert learn_another(first, held, tell, lambda: False, beat=out_of_reach) is first
     assert "trying a force of the place" in told and "learning two laws at once" in told
     assert not any(what.startswith("reading the curve") or what == "learning a second law" for what in told)
-
-
-def test_as_much_again_as_was_gained_is_within_reach() -> None:
-    assert may_reach(-299.0, -200.0, -100.0)
-    assert not may_reach(-301.0, -200.0, -100.0)
 
 
 def test_a_law_of_the_bend_that_begins_in_mid_contact_is_not_taken_for_one_of_the_place() -> None:

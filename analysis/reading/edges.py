@@ -145,9 +145,9 @@ def _bending_edge(
     running into the contact).  None where such a force does not describe the departure.
     """
     edge = _edge_in(motion, window, departure_m, levels, sign, bend, bending=True)
-    other = _edge_in(motion, window, departure_m, levels, sign, bend + 1, bending=True) if bend else None
     if edge is None:
         return None
+    other = _edge_in(motion, window, departure_m, levels, sign, bend + 1, bending=True) if bend else None
     return edge, 0.0 if other is None else abs(edge.time_s - other.time_s)
 
 

@@ -27,7 +27,7 @@ GRAZES = 0.35  # of the first contact: a shorter flight cannot be distinguished 
 GRAZING = 0.04  # of the first contact: the uncertainty of both its ends for that reason
 # degrees of the polynomial through the displacement about a force peak, and what each puts the peak off by, in units of
 # the rise before it: rms over 120 simulated shots with bodies of which no two are alike (the first three bounces)
-PEAK_DEGREES = {8: 0.0005, 7: 0.0012, 6: 0.004, 5: 0.016, 4: 0.04}
+PEAK_DEGREES = {4: 0.04, 5: 0.016, 6: 0.004, 7: 0.0012, 8: 0.0005}
 PEAK_REACH = 1.3  # how far beyond the peak it goes, in units of the rise before it
 
 
@@ -200,13 +200,14 @@ def _refined_peak(motion: Motion, onset_s: float, coarse_s: float, until_s: floa
     """Return the instant of largest acceleration by a polynomial through the displacement about it.
 
     A steep onset on one side shifts the peak of the low-passed force by tens of microseconds.  Of the degrees in
-    PEAK_DEGREES that is taken for which noise and the series' own error together are least.
+    PEAK_DEGREES that is taken for which noise and the series' own error together are least.  A higher degree is no
+    surer than a lower one: in much noise it has steep tops of its own, whose noise to first order is small.
     """
     rise = coarse_s - onset_s
     step = 1.0 / motion.sample_rate_hz
     window = (motion.time_s >= onset_s + 0.25 * step) & (motion.time_s <= min(coarse_s + PEAK_REACH * rise, until_s))
     u = (motion.time_s[window] - coarse_s) / rise
-    best: Edge | None = None
+    best, std = None, 0.0
     for degree, off in PEAK_DEGREES.items():
         if u.size < degree + 3:
             continue
@@ -219,7 +220,7 @@ def _refined_peak(motion: Motion, onset_s: float, coarse_s: float, until_s: floa
         if top in (0, grid.size - 1):
             continue
         row = np.array([np.polynomial.Chebyshev.basis(k).deriv(3)(grid[top]) for k in range(degree + 1)])
-        std = noise_std_m * float(np.linalg.norm(row @ inverse)) / max(abs(float(snap(grid[top]))), 1e-300)
+        std = max(std, noise_std_m * float(np.linalg.norm(row @ inverse)) / max(abs(float(snap(grid[top]))), 1e-300))
         found = Edge(float(coarse_s + rise * grid[top]), rise * float(np.hypot(std, off)))
         best = found if best is None or found.std_s < best.std_s else best
     return best

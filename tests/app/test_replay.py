@@ -5,11 +5,13 @@ import json
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from app.command_line import replay
 from app.command_line.cli import main
 from instrument.files.recording_writer import write_recording
 from tests.analysis.synthetic_collision import Synthetic, motion_of
@@ -336,3 +338,15 @@ def test_a_diagnosis_has_the_seconds_it_is_given(
     assert _replay(capsys, good, "--diagnosis-seconds", "7.5")[0] == 0
     assert _replay(capsys, good)[0] == 0
     assert given == [7.5, 60.0]
+
+
+def test_a_number_that_lies_far_from_the_model_files_is_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    far = {"plate_mass_kg": -4.5, "plate_stiffness_n_per_m": 3.9, "contact_stiffness_n_per_m": 4.1}
+    monkeypatch.setattr(replay, "drift", lambda _known, _fit: far)
+    replay._say_drift(cast(Any, None), cast(Any, SimpleNamespace(fit_after=None)))
+    assert capsys.readouterr().err.splitlines() == [
+        "levimass: plate_mass_kg lies -4.5 standard deviations from the model file's",
+        "levimass: contact_stiffness_n_per_m lies +4.1 standard deviations from the model file's",
+    ]

@@ -79,7 +79,9 @@ def edge_of_flight(
     most = SHAPED_SIGMAS * std
     if into:
         most = max(2.0 * CLEAR_SIGMAS * std, min(most, SHAPED_DEPTH * depth_m))
-    found = _bending_edge(motion, window, departure, (std, FURTHER * most, omega), sign, bend) if into else None
+    found = None
+    if into:
+        found = _edge_with_error(motion, window, departure, (std, FURTHER * most, omega), sign, bend, bending=True)
     found = found or _edge_with_error(motion, window, departure, (std, most, omega), sign, bend)
     if found is None:
         return None
@@ -126,46 +128,34 @@ def edge_of_line(motion: Motion, line: Flight, *, until: int, bend: int) -> Edge
     window = window[motion.valid[window] & np.isfinite(motion.displacement_m[window])]
     departure = motion.displacement_m[window] - line.position_m(motion.time_s[window])
     std = max(line.noise_std_m, LEAST_NOISE_M)
-    further = FURTHER if sign > 0 else 1.0
-    found = _bending_edge(motion, window, departure, (std, further * SHAPED_SIGMAS * std, 0.0), sign, bend)
-    if found is None:
-        levels = (std, SHAPED_SIGMAS * std, 0.0)
-        if bend == 0:
-            return _edge_in(motion, window, departure, levels, sign, bend)
-        found = _edge_with_error(motion, window, departure, levels, sign, bend)
+    most = SHAPED_SIGMAS * std
+    further = FURTHER * most if sign > 0 else most  # before a release the force turns over within so long
+    found = _edge_with_error(motion, window, departure, (std, further, 0.0), sign, bend, bending=True)
+    found = found or _edge_with_error(motion, window, departure, (std, most, 0.0), sign, bend)
     return None if found is None else found[0].less_sure(found[1])
 
 
-def _bending_edge(
-    motion: Motion, window: Ints, departure_m: Floats, levels: tuple[float, float, float], sign: int, bend: int
-) -> tuple[Edge, float] | None:
-    """Return the edge where a force grows and bends, and in s what a line of one degree more shifts it by.
-
-    A plate gives way at a touch (c >= 0 in ``edge_of_flight``), and before a release its pull fades (c <= 0, with u
-    running into the contact).  None where such a force does not describe the departure.
-    """
-    edge = _edge_in(motion, window, departure_m, levels, sign, bend, bending=True)
-    if edge is None:
-        return None
-    other = _edge_in(motion, window, departure_m, levels, sign, bend + 1, bending=True) if bend else None
-    return edge, 0.0 if other is None else abs(edge.time_s - other.time_s)
-
-
 def _edge_with_error(
-    motion: Motion, window: Ints, departure_m: Floats, levels: tuple[float, float, float], sign: int, bend: int
+    motion: Motion,
+    window: Ints,
+    departure_m: Floats,
+    levels: tuple[float, float, float],
+    sign: int,
+    bend: int,
+    *,
+    bending: bool = False,
 ) -> tuple[Edge, float] | None:
-    """Return ``_edge_in`` and, in s, the systematic error of the series and of the line.
+    """Return ``_edge_in`` and, in s, the systematic error of the series and of the line, where that is not known.
 
-    That is the edge's shift with a shorter departure or a line of one degree more.
+    That is the edge's shift with a line of one degree more or, of a force that does not bend, a shorter departure.
     """
-    edge = _edge_in(motion, window, departure_m, levels, sign, bend)
-    if edge is None:
-        return None
+    edge = _edge_in(motion, window, departure_m, levels, sign, bend, bending=bending)
+    if edge is None or bend == 0:
+        return None if edge is None else (edge, 0.0)
     std_m, shaped_m, omega = levels
-    others = (
-        _edge_in(motion, window, departure_m, (std_m, shaped_m / 3.0, omega), sign, bend),
-        _edge_in(motion, window, departure_m, levels, sign, bend + 1),
-    )
+    others = [_edge_in(motion, window, departure_m, levels, sign, bend + 1, bending=bending)]
+    if not bending:
+        others.append(_edge_in(motion, window, departure_m, (std_m, shaped_m / 3.0, omega), sign, bend))
     return edge, max((abs(edge.time_s - other.time_s) for other in others if other is not None), default=0.0)
 
 
@@ -183,7 +173,8 @@ def _edge_in(
 
     ``levels`` are its noise and the departure up to which it is fitted, in m, and the angular frequency of the
     contact's spring; ``bend`` is the degree of the line that is fitted together with the edge, 0 where the line is
-    known.  A ``bending`` force has a third term, and has to describe the departure.
+    known.  A ``bending`` force has a third term, which gives way at a touch and grows into the contact at a release,
+    as the pull fades; it has to describe the departure.
     """
     std_m, shaped_m, omega = levels
     step = 1.0 / motion.sample_rate_hz

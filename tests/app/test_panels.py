@@ -692,12 +692,18 @@ def test_the_band_of_a_diagnosed_residual_says_what_it_is(qtbot, shot):
         assert ("noise and building" if building else "noise as all shots show it") in of_diagnosis._heading.text()
 
 
-def test_the_band_of_a_drive_lies_over_all_of_its_record_at_twice_its_repeatability(qtbot):
+@pytest.fixture
+def drive_shown(qtbot):
+    """Return a panel that shows a driven record, the shot, and its curves."""
     driven = synthetic.driven_shot()
-    curves = drive_curves(driven.motion, driven.fit)
     panel = ShotPanel()
     qtbot.addWidget(panel)
     panel.show_shot(driven)
+    return panel, driven, drive_curves(driven.motion, driven.fit)
+
+
+def test_the_band_of_a_drive_lies_over_all_of_its_record_at_twice_its_repeatability(drive_shown):
+    panel, driven, curves = drive_shown
     panel.show_drive(driven, curves)
     for edge, sign in zip(panel.drive._band.edges, (1.0, -1.0), strict=True):
         x, y = edge.getData()
@@ -705,12 +711,8 @@ def test_the_band_of_a_drive_lies_over_all_of_its_record_at_twice_its_repeatabil
         assert np.all(y == sign * 2.0 * curves.repeatability.force_n)
 
 
-def test_every_point_of_a_drive_is_in_view_with_a_little_room_about_it(qtbot):
-    driven = synthetic.driven_shot()
-    curves = drive_curves(driven.motion, driven.fit)
-    panel = ShotPanel()
-    qtbot.addWidget(panel)
-    panel.show_shot(driven)
+def test_every_point_of_a_drive_is_in_view_with_a_little_room_about_it(drive_shown):
+    panel, driven, curves = drive_shown
     for offset_n in (0.0, -2 * float(np.nanmax(curves.measured_n))):  # forces of both signs, and of one
         moved = replace(curves, measured_n=curves.measured_n + offset_n, modelled_n=curves.modelled_n + offset_n)
         panel.show_drive(driven, moved)

@@ -35,11 +35,7 @@ class QuietView(pg.ViewBox):
 
     def wheelEvent(self, event: object, axis: int | None = None) -> None:
         """Zoom time with the wheel; with Ctrl, or over the left axis, zoom the value."""
-        by_control = event.modifiers() & Qt.KeyboardModifier.ControlModifier  # type: ignore[attr-defined]
-        chosen = 1 if (axis == 1 or by_control) else 0
-        if chosen == 1:
-            self.y_taken.emit(True)
-        super().wheelEvent(event, axis=chosen)
+        super().wheelEvent(event, axis=self._axis_of(event, axis))
         self.moved.emit()
 
     def mouseDragEvent(self, event: object, axis: int | None = None) -> None:
@@ -47,12 +43,19 @@ class QuietView(pg.ViewBox):
         if axis is None and event.modifiers() & Qt.KeyboardModifier.ShiftModifier:  # type: ignore[attr-defined]
             self._draw_box(event)
             return
-        by_control = event.modifiers() & Qt.KeyboardModifier.ControlModifier  # type: ignore[attr-defined]
-        chosen = 1 if (axis == 1 or by_control) else 0
-        if chosen == 1:
-            self.y_taken.emit(True)
-        super().mouseDragEvent(event, axis=chosen)
+        super().mouseDragEvent(event, axis=self._axis_of(event, axis))
         self.moved.emit()
+
+    def _axis_of(self, event: object, axis: int | None) -> int:
+        """Return the axis that the mouse moves: 1, the value, over the left axis or with Ctrl; else 0, the time.
+
+        The value axis then no longer follows its curves.
+        """
+        by_control = event.modifiers() & Qt.KeyboardModifier.ControlModifier  # type: ignore[attr-defined]
+        if axis != 1 and not by_control:
+            return 0
+        self.y_taken.emit(True)
+        return 1
 
     def _draw_box(self, event: Any) -> None:
         """Draw the box, and zoom to it when the button is released."""

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from instrument.bench import forces as slot
+from instrument.bench.effects import force_slots, parse
 from instrument.bench.mechanics import Bodies, collide
 
 SPEED = 0.265
@@ -84,3 +85,101 @@ def test_a_block_that_moves_away_is_refused():
 def test_a_block_that_never_arrives_has_no_impact():
     run = collide(-SPEED, duration_s=1e-3)
     assert run.events == () and np.isnan(run.velocity_out_m_per_s)
+
+
+def _run(text, bodies=None, **more):
+    return collide(-SPEED, bodies=bodies, extra=force_slots(parse(text)), **more)
+
+
+def _stored(y, bodies):
+    """Return the energy in J of block and plate, and the overlap of the two in m."""
+    bent = (
+        0.5 * bodies.block_mass_kg * y[:, slot.BLOCK_V] ** 2
+        + 0.5 * bodies.plate_mass_kg * y[:, slot.PLATE_V] ** 2
+        + 0.5 * bodies.plate_stiffness_n_per_m * y[:, slot.PLATE_X] ** 2
+    )
+    return bent, np.maximum(y[:, slot.PLATE_X] - y[:, slot.BLOCK_X], 0.0)
+
+
+def test_a_contact_whose_area_grows_gives_back_the_energy_of_its_law():
+    bodies = Bodies(contact_damping_n_s_per_m=0.0)
+    run = _run("contact_area:gain=0.5,overlap_m=1e-5", bodies, steps_s=(1e-6, 1e-5))
+    bent, xi = _stored(run.states, bodies)
+    # the integral of k xi (1 + a (1 - exp(-xi / l)))
+    pressed = 1e4 * (1.5 * xi**2 / 2 - 0.5 * 1e-5 * (1e-5 - (xi + 1e-5) * np.exp(-xi / 1e-5)))
+    assert np.ptp(bent + pressed) < 1e-6 * bent[0] < 1e-2 * np.ptp(pressed)
+
+
+def test_a_magnet_repels_with_a_force_that_fades_over_its_range():
+    bodies = Bodies(contact_damping_n_s_per_m=0.0)
+    run = _run("magnet:force_n=5e-3,range_m=1e-3", bodies, steps_s=(1e-6, 1e-5))
+    bent, xi = _stored(run.states, bodies)
+    gap = np.maximum(run.states[:, slot.BLOCK_X] - run.states[:, slot.PLATE_X], 0.0)
+    magnet = 5e-3 * (1e-3 * np.exp(-gap / 1e-3) + xi)  # overlapping, it stays what it is at the gap zero
+    assert np.ptp(bent + 0.5 * 1e4 * xi**2 + magnet) < 1e-6 * bent[0] < 1e-2 * np.ptp(magnet)
+
+
+def test_a_picked_up_mass_takes_its_share_of_the_momentum_once_on_the_way_out():
+    run = _run("mass_jump:mass_kg=1e-4,position_m=1e-3")
+    x, v = run.states[:, slot.BLOCK_X], run.states[:, slot.BLOCK_V]
+    out = run.time_s > run.release_time_s
+    assert v[out & (x < 1e-3)] == pytest.approx(run.velocity_out_m_per_s, rel=1e-12)
+    assert v[out & (x > 1e-3 + 1e-12)] == pytest.approx(run.velocity_out_m_per_s * 17.85 / 17.95, rel=1e-12)
+    assert run.velocity_in_m_per_s == -SPEED
+
+
+def test_a_drag_of_one_direction_drives_the_block_in_and_brakes_it_out():
+    run = _run("asymmetric_drag:coefficient_n_s_per_m=1e-3")
+    assert run.velocity_in_m_per_s == pytest.approx(-SPEED - 1e-3 * 2e-3 / 17.85e-3, rel=1e-9)
+    out = run.time_s >= run.release_time_s
+    fades = np.exp(-1e-3 / 17.85e-3 * (run.time_s[out] - run.release_time_s))
+    assert run.states[out, slot.BLOCK_V] == pytest.approx(run.velocity_out_m_per_s * fades, rel=1e-9)
+
+
+@pytest.mark.parametrize(("stribeck", "share"), [(SPEED, np.exp(-1.0)), (1e-3, 0.0), (1e3, 1.0)])
+def test_bristles_slide_with_the_force_of_their_stribeck_curve(stribeck, share):
+    """Once bent, they hold with F + (F_s - F) exp(-(v / v_s)^2)."""
+    text = f"bristle_friction:force_n=1e-4,static_force_n=3e-4,stribeck_velocity_m_per_s={stribeck},deflection_m=5e-6"
+    run = _run(text, distance_m=2e-3)
+    bent = (run.time_s > 1e-3) & (run.time_s < 7e-3)
+    force = Bodies().block_mass_kg * run.acceleration_m_per_s2[bent]
+    assert force == pytest.approx(1e-4 + 2e-4 * share, rel=1e-3)
+    begins = Bodies().block_mass_kg * run.acceleration_m_per_s2[0]
+    assert begins == pytest.approx(0.0, abs=1e-9)  # not bent yet
+
+
+def test_a_clamp_slips_by_the_force_beyond_its_threshold():
+    run = _run("clamp_slip:threshold_n=0.1,mobility_m_per_n_s=1e-5", steps_s=(1e-6, 1e-5))
+    y = run.states
+    hold = 221.4 * (y[:, slot.PLATE_X] - y[:, slot.SLIP_X])
+    beyond = np.where(np.abs(hold) > 0.1, hold - 0.1 * np.sign(hold), 0.0)
+    slipped = np.concatenate(([0.0], np.cumsum(0.5 * (beyond[1:] + beyond[:-1]) * np.diff(run.time_s)))) * 1e-5
+    assert y[:, slot.SLIP_X] == pytest.approx(slipped, abs=2e-3 * np.ptp(slipped))
+    assert slipped.min() < -1e-8
+
+
+def test_a_weaker_resonance_or_bristle_shortens_the_steps_that_must_resolve_it():
+    """0.1 rad of the fastest oscillation a step, and a tenth of the bristles' bend."""
+
+    def longest(text):
+        run = _run(text, duration_s=0.05)
+        steps = np.diff(run.time_s)
+        touching = np.searchsorted([time for _, time in run.events], 0.5 * (run.time_s[1:] + run.time_s[:-1])) % 2 == 1
+        return steps[touching].max(), steps[~touching].max()
+
+    for name, more in (("block_mode", ",mass_kg=1e-4"), ("second_plate_mode", ""), ("support_compliance", "")):
+        assert longest(f"{name}:frequency_hz=6000{more}") == pytest.approx([0.1 / (2 * np.pi * 6000)] * 2, rel=1e-6)
+    assert longest("tilt") == pytest.approx([4e-6, 1e-5], rel=1e-6)
+    assert longest("bristle_friction:deflection_m=5e-6") == pytest.approx([0.1 * 5e-6 / SPEED] * 2, rel=1e-6)
+    assert longest("bristle_friction:deflection_m=1.5e-5") == pytest.approx([4e-6, 0.1 * 1.5e-5 / SPEED], rel=1e-6)
+
+
+def test_a_block_that_friction_stops_is_refused():
+    with pytest.raises(ValueError, match="more events"):
+        _run("coulomb_friction:force_n=1.0")
+
+
+def test_the_end_of_a_shot_is_its_last_node():
+    run = collide(-SPEED, duration_s=0.0123456)
+    assert run.time_s[0] == 0.0 and run.time_s[-1] == 0.0123456 and np.all(np.diff(run.time_s) > 0.0)
+    assert run.states.shape == (run.time_s.size, slot.STATES)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from analysis.shot.recording import Role
 from instrument.bench.optics import FLIGHT_NODES_S, HELD_NODES_S, DropOut, Optics, Path, fill, node_times_s
@@ -65,6 +66,38 @@ def test_between_its_nodes_the_beat_follows_speed_acceleration_and_jerk(spacing_
         axis=1,
     )
     assert np.abs(out - volts / optics.volts_per_count).max() < 0.55  # half a step, and 3e-7 of the amplitude
+
+
+@pytest.mark.parametrize(("order", "with_reference"), [(2, True), (1, False)])
+def test_counts_are_the_beats_of_all_light_and_the_edge_of_the_switch(order, with_reference):
+    """Against the sum of cosines, 25 s into the stream: drifting laser, light in the wrong arm, half of it lost."""
+    optics = Optics(
+        bits=16, reference_snr_db=200.0, measurement_snr_db=200.0, switch_noise_v=0.0, rest_drift_hz_per_s=300.0,
+        leak_m=5e-9, leak_order=order, leak_turns=0.15, with_reference=with_reference,
+        drop_outs=(DropOut(25.0002, 25.0004, 0.4),),
+    )  # fmt: skip
+    first, samples, speed = 250_000_000, 10_000, -0.3
+    node_s = node_times_s(first, samples, RATE)
+    x, block = 1e-3 + speed * (node_s - 25.0), optics.switch_m + 2e-5 + speed * (node_s - 25.0005)
+    out = np.empty((samples, len(optics.roles)), np.int16)
+    fill(optics, Path(node_s, x, np.full_like(x, speed), block), first, RATE, 1, out)
+    t = np.arange(samples) / RATE
+    rest = 2.73e6 * t + 2.73e6 * 25 % 1.0 + 0.5 * 300.0 * (25.0 + t) ** 2
+    path = 2 * (1e-3 + speed * t) / optics.wavelength_m
+    leak = 4 * np.pi * 5e-9 / optics.wavelength_m
+    lit = np.interp(t, node_s - 25.0, optics.light(node_s))
+    beat = np.cos(2 * np.pi * (rest - path)) + leak * np.cos(2 * np.pi * (rest + (order - 1) * path + 0.15))
+    volts = [
+        optics.reference_offset_v + optics.reference_v * np.cos(2 * np.pi * rest),
+        optics.measurement_offset_v + optics.measurement_v * lit * beat,
+        # 10 % and 90 % of the swing lie an edge apart
+        optics.switch_low_v
+        + (optics.switch_high_v - optics.switch_low_v)
+        * norm.cdf(-(2e-5 + speed * (t - 0.0005)) / (optics.switch_edge_m / (2 * norm.ppf(0.9)))),
+    ]
+    expected = np.stack(volts[0 if with_reference else 1 :], axis=1) / optics.volts_per_count
+    assert np.abs(out - expected).max() < 1.0  # half a step, and what float32 leaves of 16 bits
+    assert optics.light(np.array([25.0001, 25.0002, 25.0003, 25.0004])).tolist() == [1.0, 0.4, 0.4, 1.0]
 
 
 def test_amplitude_offset_and_noise_are_as_stated():

@@ -72,7 +72,6 @@ class AnalysisThread:
     def close(self, timeout_s: float = 30.0) -> bool:
         """Cancel everything and end the thread.  Returns whether it ended."""
         self._closing = True
-        self._cancelled.set()
         while True:
             try:
                 self._waiting.put_nowait(None)

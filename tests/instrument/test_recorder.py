@@ -59,3 +59,36 @@ def test_a_loss_before_the_first_sample_is_no_gap_of_the_shot(shot: GrowingShot)
     shot.append(np.zeros((100, 2), np.int16))
     shot.finish()
     assert shot.gaps == [] and shot.ended_early is None and shot.recording("a").flags == ()
+
+
+def test_the_levels_about_a_step_are_measured_over_50_us_at_least_32_samples() -> None:
+    """The middle of a slow step; an earlier pulse, beyond twice that reach, does not count."""
+    for rate, reach in ((1e6, 50), (1e5, 32)):
+        settings = CaptureSettings(rate, 1000, 200)
+        counts = np.zeros((1000, 1), np.int16)
+        counts[500:, 0] = 1000
+        counts[480:520, 0] = np.linspace(0, 1000, 40)
+        counts[200 : 484 - 2 * reach, 0] = 2000
+        shot = GrowingShot(settings, (Channel(Role.SWITCH, 1e-3),), Setup(0.01), "bench", "", 485, counts, filled=1000)
+        shot.finish()
+        assert shot.trigger_sample == pytest.approx(500, abs=1), rate
+
+
+def test_a_shot_tells_of_its_capture_only_what_there_is_to_tell(shot: GrowingShot) -> None:
+    capture = {"source": "bench", "samples": 100, "pre_trigger_samples": 20}
+    assert shot.extra == {"global": {"lmm:capture": capture}} and shot.recording("a").flags == ()
+    shot.unseen_loss_s, shot.doubtful_rate_hz = 2e-3, 9e5
+    shot.append(np.zeros((10, 2), np.int16))
+    shot.lost(None)
+    shot.append(np.zeros((5, 2), np.int16))
+    shot.finish("pulled")
+    own = {
+        "lmm:capture": capture | {"unseen_loss_s": 2e-3},
+        "lmm:delivered_rate_hz": 9e5,
+        "lmm:ended_early": "pulled",
+    }
+    assert shot.extra == {"global": own}
+    recording = shot.recording("b")
+    assert recording.flags == ("gap", "cut_short", "rate_contradicted") and recording.trigger_sample is None
+    assert (recording.samples, recording.name, recording.extra) == (15, "b", shot.extra)
+    assert not recording.counts.flags.writeable

@@ -1,5 +1,7 @@
 """The checks of the guided set-up on synthetic signals."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from analysis.shot.recording import Channel, Role
 from instrument.bench.frame import frame_of
 from instrument.bench.site import Site
 from instrument.devices.doctor import Grade
+from instrument.live.live_view import ChannelSignal
 from instrument.live.setup_check import CHECKED_SAMPLES, check_signals, judge, judge_site
 
 RATE_HZ = 30e6
@@ -113,3 +116,71 @@ def test_one_sample_at_the_end_of_the_range_is_counted():
 def test_a_switch_without_beats_is_checked():
     (signal,) = check_signals(np.full((64, 1), 100, np.int16), (SWITCH,), RATE_HZ, BITS)
     assert signal.amplitude_v == pytest.approx(100 * VOLTS) and signal.frequency_hz is None
+
+
+def _signal(**other: object) -> ChannelSignal:
+    good: dict[str, Any] = {
+        "role": Role.REFERENCE, "amplitude_v": 0.5, "clipped_fraction": 0.0, "frequency_hz": 2.73e6, "snr_db": 40.0
+    }  # fmt: skip
+    return ChannelSignal(**good | other)
+
+
+@pytest.mark.parametrize(
+    ("just_good", "just_not", "grade", "line"),
+    [
+        ({"clipped_fraction": 0.01}, {"clipped_fraction": 0.011}, "fail", "clipped in 1.1 % of the samples"),
+        ({}, {"clipped_fraction": 1e-4}, "warn", "clips now and then"),
+        ({"snr_db": 15.0}, {"snr_db": 14.9}, "warn", "weak against the noise"),
+        ({"amplitude_v": 0.0501}, {"amplitude_v": 0.0499}, "warn", "small for this range"),
+        ({"frequency_hz": 11.99e6}, {"frequency_hz": 12.01e6}, "warn", "close to half the sample rate"),
+        ({}, {"frequency_hz": None}, "fail", "no beat above the noise"),
+        ({}, {"snr_db": None}, "fail", "no beat above the noise"),
+    ],
+)
+def test_a_beat_is_good_up_to_its_limits(just_good: dict, just_not: dict, grade: str, line: str) -> None:
+    (good,) = judge([_signal(**just_good)], [PD0], BITS, RATE_HZ, 0)
+    (bad,) = judge([_signal(**just_not)], [PD0], BITS, RATE_HZ, 0)
+    assert line not in good.line and (bad.grade.value, line in bad.line) == (grade, True)
+
+
+def test_two_faults_are_told_together_and_a_falling_channel_has_the_same_range() -> None:
+    (both,) = judge([_signal(snr_db=3.0, amplitude_v=0.01)], [Channel(Role.REFERENCE, -VOLTS)], BITS, RATE_HZ, 0)
+    assert both.line == (
+        "beat at 2.7300 MHz, 0.01 V (1 % of the range), 3 dB; weak against the noise: align the beams; "
+        "small for this range: raise the gain"
+    )
+    assert both.grade is Grade.WARN and both.name == "PD0"
+
+
+@pytest.mark.parametrize(("shift_hz", "grade"), [(20e3, "ok"), (-20e3, "ok"), (20.1e3, "warn"), (-20.1e3, "warn")])
+def test_a_block_in_a_hand_is_near_the_rest_frequency(shift_hz: float, grade: str) -> None:
+    moving = _signal(role=Role.MEASUREMENT, frequency_hz=2.73e6 + shift_hz)
+    checks = judge([_signal(), moving], [PD0, PD1], BITS, RATE_HZ, 0)
+    assert (checks[-1].name, checks[-1].grade.value) == ("rest frequency", grade)
+    assert f"PD1 is {shift_hz / 1e3:+.1f} kHz from" in checks[-1].line
+    # PD0 goes before a frequency that is given; without its beat there is nothing to compare with
+    assert judge([_signal(), moving], [PD0, PD1], BITS, RATE_HZ, 0, 9e6)[-1] == checks[-1]
+    none = judge([_signal(frequency_hz=None), moving], [PD0, PD1], BITS, RATE_HZ, 0, 2.73e6)
+    assert [check.name for check in none] == ["PD0", "PD1"]
+
+
+@pytest.mark.parametrize("frequency_hz", [1.234567e6, 2.73e6, 11.1e6])
+def test_frequency_and_strength_of_a_line_are_those_that_were_put_in(frequency_hz: float) -> None:
+    (signal,) = check_signals(_beat(frequency_hz, 0.4, 0.04, CHECKED_SAMPLES)[:, None], (PD1,), RATE_HZ, BITS)
+    assert signal.frequency_hz == pytest.approx(frequency_hz, abs=0.05 * RATE_HZ / CHECKED_SAMPLES)
+    assert signal.snr_db == pytest.approx(10 * np.log10(0.4**2 / 2 / 0.04**2), abs=0.4)
+
+
+@pytest.mark.parametrize("snr_db", [-2.0, -4.0])
+def test_a_line_3_db_below_the_noise_is_still_one(snr_db: float) -> None:
+    amplitude = 0.1 * np.sqrt(2) * 10 ** (snr_db / 20)
+    (signal,) = check_signals(_beat(2.73e6, amplitude, 0.1, CHECKED_SAMPLES)[:, None], (PD1,), RATE_HZ, BITS)
+    assert (signal.frequency_hz is not None) == (signal.snr_db is not None) == (snr_db > -3.0)
+
+
+def test_a_slow_drift_is_no_beat_and_a_flat_channel_has_none() -> None:
+    drift = 1000 * np.sin(2 * np.pi * np.arange(CHECKED_SAMPLES) / CHECKED_SAMPLES)
+    noise = np.random.default_rng(1).normal(0.0, 3.0, CHECKED_SAMPLES)
+    for counts in (drift + noise, np.full(CHECKED_SAMPLES, 5.0)):
+        (signal,) = check_signals(np.round(counts).astype(np.int16)[:, None], (PD1,), RATE_HZ, BITS)
+        assert signal.frequency_hz is None and signal.snr_db is None

@@ -1,0 +1,322 @@
+"""The capture thread turn by turn, without threads: what each block and each order makes of stream and shot."""
+
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from instrument.capture import capture_thread
+from instrument.capture.acquisition import Acquisition, Deadlines, State
+from instrument.capture.capture import Capture
+from instrument.capture.capture_thread import CaptureThread
+from instrument.capture.recorder import GrowingShot, Recorded
+from instrument.capture.stream_reader import CaptureOptions
+from instrument.devices.digitizer import Block, DigitizerError
+from tests.instrument.capturing import SETTINGS
+from tests.instrument.fake_digitizer import FIRST, RATE_HZ, FakeDigitizer, samples
+
+
+class Stepped:
+    """A capture thread whose turns are taken by hand, and whose recorder only notes what it is given."""
+
+    def __init__(self, folder: Path, digitizer: FakeDigitizer | None = None, **how: Any) -> None:
+        self.now, self.said = 0.0, []
+        self.digitizer = digitizer or FakeDigitizer()
+        options = how.pop("options", CaptureOptions(folder, SETTINGS))
+        self.machine = Acquisition(lambda: self.now, Deadlines())
+        self.thread = CaptureThread(self.digitizer, options, self.machine, None, lambda _: None, self.said.append)
+        self.shots: list[tuple[GrowingShot, Path]] = []
+        self.thread.recorder.begin = lambda shot, folder: self.shots.append((shot, folder))  # type: ignore[method-assign]
+
+    @property
+    def state(self) -> State:
+        return self.machine.status.state
+
+    def take(self, kind: str, what: object = None) -> None:
+        self.thread._take((kind, what))
+
+    def turn(self, until: Callable[[], bool] = lambda: True) -> None:
+        for _ in range(400):
+            self.thread._guarded(self.thread._turn)
+            if until():
+                return
+        raise AssertionError(self.machine.status)
+
+    def saved(self, problem: str | None = None) -> None:
+        shot = self.shots[-1][0]
+        name = f"shot-{len(self.shots):04d}"
+        self.take("recorded", Recorded(shot, shot.recording(name), problem))
+
+
+@pytest.fixture
+def stepped(tmp_path: Path) -> Stepped:
+    return Stepped(tmp_path)
+
+
+def test_a_shot_holds_what_was_asked_for_around_the_step_and_the_stream_goes_on(stepped: Stepped) -> None:
+    stepped.take("arm", False)
+    assert stepped.state is State.ARMED and stepped.digitizer.running.is_set()
+    stepped.turn(lambda: stepped.state is State.TRANSFERRING)
+    ((shot, folder),) = stepped.shots
+    assert folder == stepped.thread.options.folder and shot.complete and shot.ended_early is None
+    assert (shot.trigger_sample, shot.room, shot.gaps) == (4_000, 0, [])
+    np.testing.assert_array_equal(shot.counts, samples(FIRST - 4_000, 20_000))
+    assert stepped.digitizer.running.is_set()  # its signals are watched
+    stepped.saved()
+    assert stepped.state is State.IDLE and stepped.thread.shot is None
+    assert stepped.digitizer.armed == 1
+    stepped.take("arm", False)
+    assert stepped.digitizer.armed == 1  # the same stream serves the next shot
+    stepped.turn(lambda: stepped.state is State.TRANSFERRING)
+    second = stepped.shots[-1][0]
+    assert (second.counts[:, 1] == samples(FIRST + 20_000 - 4_000, 20_000)[:, 1]).all()  # the step down, after the shot
+
+
+def test_steps_that_passed_before_the_arming_start_no_shot(stepped: Stepped) -> None:
+    stepped.thread._watch()
+    stepped.turn(lambda: stepped.digitizer.at >= FIRST + 5_000)
+    stepped.take("arm", False)
+    assert stepped.thread._look_from == stepped.digitizer.at
+    stepped.turn(lambda: bool(stepped.shots))
+    assert stepped.digitizer.at >= FIRST + 20_000
+
+
+def test_a_shot_started_by_hand_triggers_at_the_newest_sample(stepped: Stepped) -> None:
+    stepped.take("fire")
+    assert not stepped.thread._fire  # nobody is armed
+    stepped.take("arm", False)
+    stepped.turn()
+    stepped.take("fire")
+    stepped.turn()
+    shot = stepped.shots[0][0]
+    at = stepped.digitizer.at
+    assert (shot.trigger_sample, shot.filled) == (4_000, 4_001)
+    np.testing.assert_array_equal(shot.counts[: shot.filled], samples(at - shot.filled, shot.filled))
+    assert not stepped.thread._fire
+    stepped.take("abort")
+    stepped.take("arm", False)
+    stepped.take("fire")
+    stepped.take("arm", False)
+    stepped.take("abort")
+    stepped.take("arm", False)
+    assert not stepped.thread._fire  # an abort forgets it
+
+
+def test_losses_inside_a_shot_are_its_gaps_and_those_at_its_ends_are_not(tmp_path: Path) -> None:
+    gaps: dict[int, int | None] = {FIRST - 4_000 - 100: 70, FIRST - 1_000: 30, FIRST + 5_000: None}
+    stepped = Stepped(tmp_path, FakeDigitizer(gaps=gaps))
+    stepped.take("arm", False)
+    stepped.turn(lambda: stepped.state is State.TRANSFERRING)
+    shot = stepped.shots[0][0]
+    assert [(gap.sample_start, gap.samples_lost) for gap in shot.gaps] == [(3_030, 30), (9_000, None)]
+
+
+@pytest.mark.parametrize("told_late", [False, True])
+def test_a_device_that_triggers_itself_sends_the_shot_and_may_say_later_where_it_triggered(
+    tmp_path: Path, told_late: bool
+) -> None:
+    sent: list[int] = []
+
+    class Scope(FakeDigitizer):
+        def read_into(self, buffer: np.ndarray, timeout_s: float) -> Block:
+            block = super().read_into(buffer, timeout_s)
+            sent.append(block.samples)
+            at = 17 if told_late and len(sent) == 2 else None
+            return Block(block.samples, 0, block.ended, at)
+
+    stepped = Stepped(tmp_path, Scope(max_samples=20_000, hardware_trigger=True))
+    stepped.take("arm", False)
+    stepped.turn()
+    (shot, _), first = stepped.shots[0], sent[0]
+    assert shot.trigger_sample == 4_000 and shot.filled == first
+    stepped.turn()
+    assert shot.trigger_sample == (first + 17 if told_late else 4_000)
+    stepped.turn(lambda: stepped.state is State.TRANSFERRING)
+    np.testing.assert_array_equal(shot.counts, samples(0, 20_000))
+    assert not stepped.digitizer.running.is_set() and not stepped.thread.run.running  # its stream was the shot
+
+
+def test_a_device_that_fires_before_it_sends_is_waited_for_and_one_that_sends_nothing_is_said(tmp_path: Path) -> None:
+    answers = [Block(0, fired=True), None, Block(0, fired=True), Block(0, ended=True)]
+    digitizer = FakeDigitizer(
+        before_block=lambda *_: answers.pop(0) if answers else None, max_samples=20_000, hardware_trigger=True
+    )
+    stepped = Stepped(tmp_path, digitizer)
+    stepped.take("arm", False)
+    stepped.turn()
+    assert stepped.state is State.TRIGGERED and stepped.thread.shot is None
+    stepped.turn()
+    assert stepped.thread.shot is not None
+    stepped.take("abort")
+    stepped.saved()
+    stepped.take("arm", False)
+    stepped.turn()
+    stepped.turn()
+    assert stepped.state is State.FAULT and "no sample of the shot came" in stepped.machine.status.message
+
+
+def test_the_start_of_a_shot_is_told_in_utc_at_its_first_sample(
+    stepped: Stepped, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    noon = datetime(2026, 5, 1, 12, 0, 0, tzinfo=UTC)
+    monkeypatch.setattr(capture_thread, "datetime", SimpleNamespace(now=lambda zone: noon.astimezone(zone)))
+    stepped.take("arm", False)
+    stepped.turn(lambda: bool(stepped.shots))
+    shot = stepped.shots[0][0]
+    milliseconds = round(1000 - 1e3 * shot.filled / RATE_HZ)
+    assert shot.started_at == f"2026-05-01T11:59:59.{milliseconds:03d}Z"
+
+
+def test_an_endless_stream_is_watched_before_the_arming_and_a_device_that_triggers_itself_is_not(
+    tmp_path: Path,
+) -> None:
+    for digitizer in (
+        FakeDigitizer(), FakeDigitizer(max_samples=20_000), FakeDigitizer(hardware_trigger=True)
+    ):  # fmt: skip
+        stepped = Stepped(tmp_path, digitizer)
+        stepped.thread._watch()
+        assert digitizer.armed == int(digitizer.capabilities.max_samples is None and not digitizer._hardware)
+        stepped.thread._watch()
+        assert digitizer.armed <= 1
+
+
+def test_options_take_effect_at_once_when_idle_and_from_the_next_arming_on_otherwise(stepped: Stepped) -> None:
+    other = CaptureOptions(stepped.thread.options.folder, SETTINGS, switch_low_v=0.5, switch_high_v=1.0)
+    stepped.take("options", stepped.thread.options)
+    assert stepped.digitizer.armed == 1 and stepped.thread.run.thresholds_v == (None, None)
+    stepped.take("options", other)
+    assert stepped.digitizer.armed == 2 and stepped.thread.run.thresholds_v == pytest.approx((0.5, 1.0))
+    stepped.take("arm", False)
+    stepped.take("options", CaptureOptions(other.folder, SETTINGS))
+    assert stepped.digitizer.armed == 2 and stepped.thread.run.thresholds_v == pytest.approx((0.5, 1.0))
+    stepped.take("abort")
+    stepped.take("arm", False)
+    assert stepped.digitizer.armed == 3 and stepped.thread.run.thresholds_v != pytest.approx((0.5, 1.0))
+
+
+def test_once_it_closes_no_order_starts_anything_and_an_abort_is_still_carried_out(stepped: Stepped) -> None:
+    stepped.take("arm", True)
+    stepped.thread.closing = True
+    stepped.take("fire")
+    stepped.take("options", CaptureOptions(Path("elsewhere")))
+    assert not stepped.thread._fire and stepped.thread.options.folder != Path("elsewhere")
+    stepped.take("abort")
+    stepped.take("arm", False)
+    assert stepped.state is State.IDLE and stepped.digitizer.armed == 1
+    stepped.digitizer.stop()
+    stepped.thread.run.running = False
+    stepped.take("options", stepped.thread.options)
+    assert stepped.digitizer.armed == 1
+
+
+def test_re_arming_is_an_order_of_its_own(stepped: Stepped) -> None:
+    stepped.take("arm", True)
+    assert stepped.machine.status.automatic
+    stepped.take("automatic", False)
+    assert not stepped.machine.status.automatic
+    stepped.take("automatic", True)
+    stepped.turn(lambda: stepped.state is State.TRANSFERRING)
+    stepped.saved()
+    assert stepped.state is State.ARMED
+
+
+@pytest.mark.parametrize(("lacks", "refused"), [(0, False), (1, True)])
+def test_a_shot_and_a_reserve_must_fit_the_disk(
+    stepped: Stepped, monkeypatch: pytest.MonkeyPatch, lacks: int, refused: bool
+) -> None:
+    needed = 2 * 3 * 20_000 + 64 * 2**20
+    monkeypatch.setattr(capture_thread, "disk_free_bytes", lambda folder: needed - lacks)
+    stepped.take("arm", False)
+    assert (stepped.state is State.FAULT) == refused == (stepped.thread.folder_problem is not None)
+    if refused:
+        assert "only 67 MB free, a shot takes 0 MB" in stepped.machine.status.message
+        assert stepped.machine.status.remedy == "choose another folder, then arm again"
+    monkeypatch.setattr(capture_thread, "disk_free_bytes", lambda folder: None)  # where the system does not say
+    stepped.take("abort")
+    stepped.take("arm", False)
+    assert stepped.state is State.ARMED and stepped.thread.folder_problem is None
+
+
+@pytest.mark.parametrize(("unsaved", "refused"), [(3, False), (4, True)])
+def test_no_shot_is_taken_while_four_are_only_in_memory(stepped: Stepped, unsaved: int, refused: bool) -> None:
+    stepped.thread.finished._unsaved.update({str(n): None for n in range(unsaved)})  # type: ignore[misc]
+    stepped.take("arm", False)
+    assert (stepped.state is State.FAULT) == refused
+    if refused:
+        assert (stepped.machine.status.message, stepped.machine.status.remedy) == (
+            "4 shots are only in memory", "save them first",
+        )  # fmt: skip
+        assert stepped.said == ["4 shots are only in memory: save them first"]
+
+
+def test_a_shot_that_could_not_be_saved_is_a_fault_and_is_kept(stepped: Stepped) -> None:
+    stepped.take("arm", True)
+    stepped.turn(lambda: stepped.state is State.TRANSFERRING)
+    stepped.saved("the disk is full")
+    assert stepped.state is State.FAULT and stepped.machine.status.message == "the disk is full"
+    assert stepped.thread.finished.unsaved == ("shot-0001",) and stepped.thread.shot is None
+    assert not stepped.digitizer.running.is_set()  # a fault stops the stream
+
+
+def test_a_device_that_cannot_even_be_stopped_is_a_fault_once(stepped: Stepped, tmp_path: Path) -> None:
+    def unplugged() -> None:
+        raise DigitizerError("gone", "plug it in")
+
+    digitizer = FakeDigitizer(max_samples=20_000)
+    stepped = Stepped(tmp_path, digitizer)
+    stepped.take("arm", False)
+    digitizer.stop = unplugged  # type: ignore[method-assign]
+    stepped.take("abort")
+    assert stepped.state is State.FAULT and not stepped.thread.run.running
+    status = stepped.machine.status
+    assert (status.message, status.remedy) == ("gone: plug it in", "re-plug the digitizer")
+
+
+def test_only_what_progresses_is_waited_for_longer(stepped: Stepped) -> None:
+    stepped.take("arm", False)
+    stepped.turn()
+    armed_until = stepped.machine.status.deadline_s
+    stepped.now = 10.0
+    stepped.turn()
+    assert stepped.state is State.ARMED and stepped.machine.status.deadline_s == armed_until == 3600.0
+    stepped.turn(lambda: stepped.state is State.TRIGGERED)
+    begun_until = stepped.machine.status.deadline_s
+    stepped.now = 20.0
+    stepped.turn()
+    assert begun_until == 70.0 and stepped.machine.status.deadline_s == 80.0
+    stepped.turn(lambda: stepped.state is State.TRANSFERRING)
+    stepped.thread._look_for_progress()
+    stepped.now = 50.0
+    stepped.thread._look_for_progress()
+    assert stepped.machine.status.deadline_s == 80.0  # nothing was written
+    stepped.shots[0][0].written = 100
+    stepped.thread._look_for_progress()
+    assert stepped.machine.status.deadline_s == 110.0
+
+
+def test_a_snapshot_counts_the_samples_and_losses_of_this_stream_and_says_how_far_the_shot_is(tmp_path: Path) -> None:
+    now = [5.0]
+    digitizer = FakeDigitizer(max_samples=20_000, hardware_trigger=True, gaps={30_000: 12})
+    capture = Capture(digitizer, CaptureOptions(tmp_path, SETTINGS), live=False, clock=lambda: now[0], say=print)
+    thread = capture._capture
+    thread.recorder.begin = lambda *_: None  # type: ignore[method-assign]
+    for lost in (0, 12):
+        thread._take(("arm", False))
+        thread._turn()
+        filled = thread.run.stream.ring.total - thread.run.stream.start  # type: ignore[union-attr]
+        shown = capture.latest()
+        assert (shown.signal.samples_read, shown.doing, shown.progress) == (filled, "recording", filled / 20_000)
+        while thread.machine.status.state is State.TRIGGERED:
+            thread._turn()
+        thread.shot.written = 5_000  # type: ignore[union-attr]
+        shown = capture.latest()
+        assert (shown.doing, shown.progress, shown.since_s) == ("saving", 0.25, 5.0)
+        assert (shown.signal.samples_read, shown.signal.samples_lost, shown.signal.losses) == (20_000, lost, lost > 0)
+        shot = thread.shot
+        assert shot is not None
+        thread._take(("recorded", Recorded(shot, shot.recording("s"), None)))
+    assert capture.latest().shots == 2 and capture.latest().doing is None

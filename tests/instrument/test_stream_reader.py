@@ -1,0 +1,244 @@
+"""The reader of a digitizer, block by block: ring, trigger, thresholds, and what ends or stalls a stream."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.shot.recording import Channel, Role, Setup
+from instrument.capture.stream_reader import CaptureOptions, StreamReader, check_settings
+from instrument.devices.digitizer import Block, CaptureSettings, DigitizerError, block_samples, usual_settings
+from instrument.trigger.light_switch import Edge, Level
+from tests.instrument.capturing import SETTINGS
+from tests.instrument.fake_digitizer import CHANNELS, FIRST, RATE_HZ, FakeDigitizer, samples
+
+OPTIONS = CaptureOptions(Path("anywhere"), SETTINGS)
+
+
+def _reader(digitizer: FakeDigitizer | None = None, options: CaptureOptions = OPTIONS) -> StreamReader:
+    reader = StreamReader(digitizer or FakeDigitizer(), clock=lambda: 0.0)
+    reader.start(options.settings or SETTINGS, options)
+    return reader
+
+
+def test_blocks_come_numbered_with_the_step_of_the_switch_in_them() -> None:
+    reader = _reader()
+    assert reader.switch_level is Level.UNKNOWN and reader.toggles == 0
+    at, steps = 0, []
+    while at < FIRST + 25_000:
+        block = reader.read()
+        assert block is not None and block.first == at and not block.ended and not block.fired
+        np.testing.assert_array_equal(block.counts, samples(at, len(block.counts)))
+        if block.step is not None:
+            steps.append(at + block.step)
+        at += len(block.counts)
+    assert steps == [FIRST, FIRST + 20_000] and reader.toggles == 2 and reader.switch_level is Level.LOW
+    low, high = reader.thresholds_v
+    assert low is None and high is not None and 0.1 < high < 1.6  # it is low now: only a rise can come
+
+
+def test_thresholds_are_in_volts_whichever_way_the_channel_counts() -> None:
+    options = replace(OPTIONS, switch_low_v=0.5, switch_high_v=0.9)
+    for per_count, offset in ((1e-3, 0.0), (1e-3, 0.2), (-1e-3, 1.0)):
+        channels = (*CHANNELS[:2], Channel(Role.SWITCH, per_count, offset))
+        reader = _reader(FakeDigitizer(channels=channels), options)
+        assert reader.thresholds_v == pytest.approx((0.5, 0.9))
+    scope = _reader(FakeDigitizer(hardware_trigger=True), options)
+    assert scope.thresholds_v == (None, None)
+    assert _reader(FakeDigitizer(channels=CHANNELS[:2])).thresholds_v == (None, None)
+
+
+def test_a_stream_serves_what_neither_its_options_nor_its_ring_rule_out() -> None:
+    reader = _reader()
+    assert reader.continues(SETTINGS, OPTIONS)
+    assert reader.continues(replace(SETTINGS, samples=77_000), replace(OPTIONS, folder=Path("elsewhere")))
+    assert reader._ring is not None
+    block = block_samples(RATE_HZ)
+    most = reader._ring.capacity - 2 * block
+    assert reader.continues(replace(SETTINGS, samples=most, pre_trigger_samples=most), OPTIONS)
+    for settings, options in (
+        (replace(SETTINGS, samples=most + 1, pre_trigger_samples=most + 1), OPTIONS),
+        (replace(SETTINGS, sample_rate_hz=2e6), OPTIONS),
+        (SETTINGS, replace(OPTIONS, setup=Setup(0.5))),
+        (SETTINGS, replace(OPTIONS, edge=Edge.RISING)),
+        (SETTINGS, replace(OPTIONS, switch_low_v=0.1)),
+        (SETTINGS, replace(OPTIONS, switch_high_v=0.1)),
+    ):
+        assert not reader.continues(settings, options)
+    reader.stop()
+    assert not reader.continues(SETTINGS, OPTIONS) and not reader._digitizer.running.is_set()  # type: ignore[attr-defined]
+    assert not _reader(FakeDigitizer(max_samples=10**6)).continues(SETTINGS, OPTIONS)
+
+
+def test_the_ring_holds_the_part_before_the_trigger_and_half_a_second() -> None:
+    block = block_samples(RATE_HZ)
+    for before in (0, 4_000, 700_000):
+        reader = _reader(options=replace(OPTIONS, settings=CaptureSettings(RATE_HZ, 800_000, before)))
+        assert reader._ring is not None
+        assert before + 0.5 * RATE_HZ <= reader._ring.capacity < before + 0.5 * RATE_HZ + block
+        assert reader._ring.capacity % block == 0
+    ring = reader._ring
+    reader.start(SETTINGS, OPTIONS)
+    assert reader._ring is ring  # large enough, and not four times too large
+    assert reader.stream is not None and reader.stream.start == ring.total
+    reader.start(CaptureSettings(RATE_HZ, 5_000_000, 5_000_000), OPTIONS)
+    grown = reader._ring
+    assert grown is not ring
+    reader.start(SETTINGS, OPTIONS)
+    assert reader._ring is not grown
+
+
+def test_losses_are_noted_before_the_sample_they_precede() -> None:
+    reader = _reader(FakeDigitizer(gaps={10_000: 300, 20_000: None}))
+    while reader.stream is not None and reader.stream.losses < 2:
+        reader.read()
+    assert reader.stream is not None
+    assert reader.stream.gaps == [(10_000, 300), (20_000 - 300, None)] and reader.stream.lost == 300
+
+
+def test_a_stream_says_what_its_device_and_its_operator_know() -> None:
+    setup = Setup(0.5, rest_frequency_hz=91e3, digitizer_bits=8)
+    stream = _reader(options=replace(OPTIONS, setup=setup)).stream
+    assert stream is not None and stream.setup == replace(setup, digitizer_bits=12)
+    assert (stream.source, stream.channels, stream.settings) == ("fake", CHANNELS, SETTINGS)
+    own = _reader().stream
+    assert own is not None and own.setup == FakeDigitizer().setup
+
+
+@pytest.mark.parametrize(
+    ("how", "endless", "judged"),
+    [
+        ({}, True, False),
+        ({"real_time": True}, True, True),
+        ({"real_time": True, "simulated": True}, True, False),
+        ({"real_time": True, "max_samples": 10**6}, False, False),
+        ({"real_time": True, "hardware_trigger": True}, False, False),
+    ],
+)
+def test_the_rate_of_an_endless_stream_in_real_time_is_judged(how: dict[str, Any], endless: bool, judged: bool) -> None:
+    reader = _reader(FakeDigitizer(**how))
+    assert (reader.endless, reader._delivered is not None, reader.running) == (endless, judged, True)
+    assert reader.simulated == how.get("simulated", False)
+    assert reader.hardware_trigger == how.get("hardware_trigger", False)
+
+
+@pytest.mark.parametrize(
+    ("how", "stalls"), [({}, True), ({"simulated": True}, False), ({"hardware_trigger": True}, False)]
+)
+def test_a_stream_without_a_sample_for_three_seconds_has_stopped(how: dict[str, Any], stalls: bool) -> None:
+    now = [100.0]
+    digitizer = FakeDigitizer(before_block=lambda *_: Block(0), **how)
+    reader = StreamReader(digitizer, clock=lambda: now[0])
+    reader.start(SETTINGS, OPTIONS)
+    now[0] = 103.0
+    assert reader.read() is None
+    now[0] = 103.1
+    if stalls:
+        with pytest.raises(DigitizerError, match=r"no samples came for 3 s"):
+            reader.read()
+    else:
+        assert reader.read() is None
+    now[0] = 90.0  # the clock was set back: the wait begins anew
+    assert reader.read() is None
+    now[0] = 93.1
+    if stalls:
+        with pytest.raises(DigitizerError):
+            reader.read()
+
+
+def test_the_device_s_own_trigger_goes_before_that_of_the_switch() -> None:
+    def told(fake: FakeDigitizer, at: int) -> Block | None:
+        return Block(200, trigger_sample=7) if at == 30_000 else None
+
+    reader = _reader(FakeDigitizer(before_block=told))
+    while (block := reader.read()) is not None and block.first < 30_000:
+        assert block.step is None
+    assert block is not None and (block.step, len(block.counts)) == (7, 200)
+    scope = _reader(FakeDigitizer(hardware_trigger=True))
+    for _ in range(12):  # the switch steps on the way
+        block = scope.read()
+        assert block is not None and block.step is None
+
+
+def test_an_ended_stream_runs_no_more_and_stays_readable() -> None:
+    reader = _reader(FakeDigitizer(max_samples=7_000))
+    first, last = reader.read(), reader.read()
+    assert first is not None and last is not None and not first.ended and last.ended
+    assert not reader.running and reader.stream is not None and reader.stream.ring.total == 7_000
+
+
+@pytest.mark.parametrize(
+    ("rate", "total", "before", "fits"),
+    [
+        (1e12, 1, 0, True),
+        (1.001e12, 1, 0, False),
+        (0.0, 1, 0, False),
+        (-1.0, 1, 0, False),
+        (1e6, 0, 0, False),
+        (1e6, 10, 10, True),
+        (1e6, 10, 11, False),
+        (1e6, 10, -1, False),
+        (1e6, 2**29, 0, True),
+        (1e6, 2**29 + 1, 0, False),
+    ],
+)
+def test_settings_are_refused_beyond_their_limits(rate: float, total: int, before: int, fits: bool) -> None:
+    settings = CaptureSettings(rate, total, before)
+    if fits:
+        check_settings(settings, 2)
+    else:
+        with pytest.raises(DigitizerError):
+            check_settings(settings, 2)
+
+
+@pytest.mark.parametrize(
+    ("per_count", "offset", "fits"),
+    [(1e-29, 0, True), (-1e-3, 9e8, True), (9e-31, 0, False), (2e6, 0, False), (1e-3, -1.1e9, False), (0.0, 0, False)],
+)
+def test_a_scale_that_no_recording_can_hold_is_refused(per_count: float, offset: float, fits: bool) -> None:
+    digitizer = FakeDigitizer(channels=(Channel(Role.MEASUREMENT, per_count, offset),))
+    if fits:
+        _reader(digitizer)
+    else:
+        with pytest.raises(DigitizerError, match="V per count"):
+            _reader(digitizer)
+        assert digitizer.armed == 0
+
+
+def test_usual_settings_are_a_sixth_of_a_second_at_the_fastest_rate_up_to_the_paper_s() -> None:
+    class Offers(FakeDigitizer):
+        own: CaptureSettings | None = None
+        rates: tuple[float, ...] = ()
+        most: int | None = None
+
+        @property
+        def capabilities(self) -> Any:
+            return replace(super().capabilities, rates_hz=self.rates, max_samples=self.most)
+
+        def default_settings(self) -> CaptureSettings | None:
+            return self.own
+
+    device = Offers()
+    for rates, most, expected in (
+        ((1e6, 30e6, 50e6), None, (30e6, 5_000_000, 312_500)),
+        ((50e6, 40e6), None, (40e6, 6_666_667, 416_666)),
+        ((6e6,), 1_000, (6e6, 1_000, 62)),
+    ):
+        device.rates, device.most = rates, most
+        assert usual_settings(device) == CaptureSettings(*expected)
+    device.own = CaptureSettings(2e6, 500, 400)
+    assert usual_settings(device) == CaptureSettings(2e6, 500, 400)
+    device.most = 300
+    assert usual_settings(device) == CaptureSettings(2e6, 300, 300)
+    device.own, device.rates = None, ()
+    with pytest.raises(DigitizerError, match="no sample rate"):
+        usual_settings(device)
+
+
+@pytest.mark.parametrize(
+    ("rate", "expected"), [(1e3, 256), (6.4e3, 256), (1e6, 40_000), (26e6, 1_040_000), (1e8, 1 << 20)]
+)
+def test_a_block_is_forty_milliseconds_within_its_limits(rate: float, expected: int) -> None:
+    assert block_samples(rate) == expected

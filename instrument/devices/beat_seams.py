@@ -45,7 +45,6 @@ class BeatSeams:
         if packets == 0:
             return []
         if self._table is None and not self._lock(counts):
-            self.forget()
             return []
         assert self._table is not None
         values = counts[: packets * self._n].reshape(packets, self._n).astype(np.float32)

@@ -186,8 +186,6 @@ class BulkStream:
         for slot in self._slots.values():
             self._lib.libusb_free_transfer(slot.pointer)
         self._slots.clear()
-        self._parked.clear()
-        self._failed.clear()
 
     def _submit(self, slot: _Slot) -> bool:
         transfer = slot.pointer.contents

@@ -32,6 +32,11 @@ def test_found_devices_say_what_stands_in_the_way(monkeypatch: pytest.MonkeyPatc
         ]
     )
     cold, barred, rigol = device_search.found_devices(bus)
+    assert [(one.source, one.name, one.where) for one in (cold, barred, rigol)] == [
+        ("hantek6022", "Hantek 6022", "USB bus 1, device 1, 04b4:6022"),
+        ("hantek6022", "Hantek 6022", "USB bus 1, device 2, 1d50:608e"),
+        ("scpi:usb:1ab1:04ce", "Rigol oscilloscope", "USB bus 1, device 3, 1ab1:04ce"),
+    ]
     assert "fx2lafw-hantek-6022be.fw" in cold.problem
     assert "apt install sigrok-firmware-fx2lafw" in cold.remedy
     assert barred.problem == "no permission to open it"
@@ -47,7 +52,8 @@ def test_ni_cards_are_named_with_what_they_lack(monkeypatch: pytest.MonkeyPatch,
     monkeypatch.setattr(device_search, "_PCI", tmp_path)
     monkeypatch.setitem(__import__("sys").modules, "niscope", None)
     (card,) = device_search.found_devices(ScriptedUsb([]))
-    assert card.where == "PCI 0000:01:00.0"
+    assert (card.source, card.where) == ("niscope:Dev1", "PCI 0000:01:00.0") and "is not installed" in card.problem
+    assert card.name.startswith("National Instruments card")
     assert "levimass[niscope]" in card.remedy
 
 
@@ -73,11 +79,21 @@ def test_a_missing_usb_library_is_a_warning_with_its_remedy(monkeypatch: pytest.
     assert found["devices"].grade is Grade.WARN
 
 
-@pytest.mark.parametrize(("free", "grade"), [(50 << 30, "ok"), (1 << 30, "warn"), (100 << 20, "fail")])
+@pytest.mark.parametrize(
+    ("free", "grade"),
+    [
+        (doctor.LOW_DISK_BYTES, "ok"),
+        (doctor.LOW_DISK_BYTES - 1, "warn"),
+        (doctor.EMPTY_DISK_BYTES, "warn"),
+        (doctor.EMPTY_DISK_BYTES - 1, "fail"),
+    ],
+)
 def test_disk_room_is_graded(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, free: int, grade: str) -> None:
     usage = namedtuple("usage", "total used free")
     monkeypatch.setattr(doctor.shutil, "disk_usage", lambda place: usage(1 << 40, 0, free))
-    assert next(c for c in examine(tmp_path, ScriptedUsb([])) if c.name == "disk").grade == grade
+    found = next(c for c in examine(tmp_path, ScriptedUsb([])) if c.name == "disk")
+    assert found.grade == grade and found.line.startswith(f"{free / 1e9:.1f} GB free for {tmp_path}")
+    assert ("shots; free some or choose another folder" in found.line) == (grade == "fail")
 
 
 def test_the_doctor_survives_a_part_that_fails(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """The reader of a digitizer, block by block: ring, trigger, thresholds, and what ends or stalls a stream."""
 
+import pickle
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,14 @@ import pytest
 
 from analysis.shot.recording import Channel, Role, Setup
 from instrument.capture.stream_reader import CaptureOptions, StreamReader, check_settings
-from instrument.devices.digitizer import Block, CaptureSettings, DigitizerError, block_samples, usual_settings
+from instrument.devices.digitizer import (
+    Block,
+    Capabilities,
+    CaptureSettings,
+    DigitizerError,
+    block_samples,
+    usual_settings,
+)
 from instrument.trigger.light_switch import Edge, Level
 from tests.instrument.capturing import SETTINGS
 from tests.instrument.fake_digitizer import CHANNELS, FIRST, RATE_HZ, FakeDigitizer, samples
@@ -242,3 +250,11 @@ def test_usual_settings_are_a_sixth_of_a_second_at_the_fastest_rate_up_to_the_pa
 )
 def test_a_block_is_forty_milliseconds_within_its_limits(rate: float, expected: int) -> None:
     assert block_samples(rate) == expected
+
+
+def test_a_device_that_says_nothing_of_it_is_real_and_loses_nothing_unseen() -> None:
+    able = Capabilities("scope", CHANNELS, 8, (), None, hardware_trigger=False, real_time=True)
+    assert not able.simulated and able.unseen_loss_s == 0.0
+    assert Block(5) == Block(5, lost_before=0, ended=False, trigger_sample=None, fired=False)
+    told = Block(5, None, True, 3, True)
+    assert pickle.loads(pickle.dumps(told)) == told

@@ -122,6 +122,17 @@ def test_a_device_that_is_unplugged_is_told_after_what_came_before() -> None:
     assert "was unplugged" in str(fault)
 
 
+def test_three_stalls_in_a_row_are_borne_and_any_number_with_data_between_them() -> None:
+    in_a_row = {number: _STALL for number in range(10, 13)}
+    firsts, lost, fault = read(Libusb(in_a_row), 60)
+    assert fault is None and len(firsts) == 60 and len(lost) >= 1
+    apart = {number: _STALL for number in range(40, 40 + 6 * 80, 80)}
+    firsts, lost, fault = read(Libusb(apart), 500)
+    assert fault is None and len(lost) == 6
+    firsts, lost, fault = read(Libusb({number: _STALL for number in range(10, 500)}), 60)
+    assert firsts == list(range(10)) and fault is not None and "keeps refusing to send" in fault.what
+
+
 @pytest.mark.parametrize(("bytes_per_s", "size"), [(0.0, 8 << 10), (2e6, 64 << 10), (30e6, 1 << 20), (1e9, 1 << 20)])
 def test_a_transfer_holds_about_20_ms_between_8_kib_and_1_mib(bytes_per_s: float, size: int) -> None:
     assert transfer_size(bytes_per_s) == size

@@ -127,3 +127,38 @@ def test_a_loss_the_clock_tells_becomes_a_gap_without_a_reference() -> None:
         _drain(stream, blocks)
         told += sum(lost is None for _, lost in blocks)
     assert told == 1
+
+
+def test_the_clock_tells_large_losses_after_0_3_s_and_small_ones_after_2_s_and_follows_a_crystal() -> None:
+    """Chunks of 10 ms that come exactly when they are due; those after 5 s come later by the loss."""
+    due = np.arange(1, 1001) * 0.01
+    for lost_s, after_s in ((0.031, 0.3), (0.029, 2.0), (0.005, 2.0), (0.0035, None)):
+        told = _clocked(np.full(1000, 20_000), due + np.where(due > 5.0, lost_s, 0.0), 2e6)
+        if after_s is None:
+            assert told == []
+        else:
+            ((when, lost),) = told
+            assert when == pytest.approx(5.0 + after_s, abs=0.05) and lost == pytest.approx(lost_s * 2e6, rel=0.03)
+    for drift in (-290e-6, 290e-6):
+        assert _clocked(np.full(1000, 20_000), due * (1 + drift), 2e6) == []
+    early = due - np.where(due > 5.0, 0.02, 0.0)  # a queue that was full when the clock began
+    ((when, lost),) = _clocked(np.full(1000, 20_000), early + np.where(due > 8.0, 0.035, 0.0), 2e6)
+    assert 8.0 < when < 8.4 and lost == pytest.approx(0.035 * 2e6, rel=0.02)
+
+
+def test_codes_are_delivered_less_128_and_what_settles_or_is_half_a_packet_is_not() -> None:
+    stream = StreamedCodes(2e6, None)
+    codes = np.arange(12 * 512 + 101).astype(np.uint8)
+    stream.accept(Chunk(codes, 0.0))
+    blocks: list = []
+    _drain(stream, blocks)
+    assert sum(len(counts) for counts, _ in blocks) == 256 * (12 - 8 - 2)  # two packets wait for the next ones
+    stream.accept(Chunk(codes[:411], 0.003, lost_before=True))
+    stream.flush()
+    _drain(stream, blocks)
+    everything = np.concatenate([counts for counts, _ in blocks]).reshape(-1)
+    after = codes[:411][:410].astype(np.int16)
+    np.testing.assert_array_equal(everything, np.concatenate((codes[4096:-1], after)).astype(np.int16) - 128)
+    losses = [at for at, (_, lost) in enumerate(blocks) if lost is None]
+    assert losses == [len(blocks) - 1] and len(blocks[-1][0]) == 205
+    assert not stream.ready and stream.deliver(np.empty((4, 2), np.int16)).samples == 0

@@ -1,5 +1,6 @@
 """The SCPI driver against emulated oscilloscopes on a loopback socket."""
 
+import math
 import threading
 import time
 
@@ -9,7 +10,17 @@ import pytest
 from analysis.shot.recording import Role
 from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
 from instrument.devices.scpi import HardwareTrigger, ScpiOscilloscope
-from instrument.devices.scpi_dialects import DIALECTS, dialect_of, numbers
+from instrument.devices.scpi_dialects import (
+    DIALECTS,
+    ImplausibleAnswer,
+    Scaling,
+    Timing,
+    _timing,
+    dialect_of,
+    numbers,
+    one_two_five,
+    short_depth,
+)
 from instrument.devices.scpi_socket import SocketTransport
 from instrument.devices.sources import open_source
 from tests.instrument.devices.scpi_emulator import EmulatedScope, TcpScope
@@ -219,3 +230,59 @@ def test_dialects_are_told_by_the_maker() -> None:
 )
 def test_numbers_with_units(text: str, value: float) -> None:
     assert numbers(text, 1, "a number") == [pytest.approx(value)]
+
+
+def test_steps_of_a_time_base_and_names_of_a_memory_depth() -> None:
+    values = np.geomspace(1e-9, 50.0, 997)
+    steps = np.array([one_two_five(float(value)) for value in values])
+    table = np.array([m * 10.0**k for k in range(-10, 4) for m in (1, 2, 5)])
+    assert steps == pytest.approx([table[table >= value * (1 - 1e-9)].min() for value in values])
+    for step in (1e-6, 2e-6, 5e-6):
+        assert one_two_five(step) == pytest.approx(step) == pytest.approx(one_two_five(step * 0.9))
+    assert [short_depth(n) for n in (7_000, 70_000, 999_000, 1_000_000, 7_000_000)] == ["7K", "70K", "999K", "1M", "7M"]
+
+
+@pytest.mark.parametrize(
+    ("rate", "total", "trigger", "expected"),
+    [
+        (1e6, 100, 30.4, 30),
+        (1e6, 100, -0.1, None),
+        (1e6, 100, 0.0, 0),
+        (1e6, 100, 99.4, 99),
+        (1e6, 100, 99.6, None),
+        (1e-3, 1, 0.0, 0),
+        (1e12, 1 << 31, 0.0, 0),
+    ],
+)
+def test_a_trigger_lies_within_its_record(rate: float, total: float, trigger: float, expected: int | None) -> None:
+    assert _timing(rate, total, trigger) == Timing(rate, int(total), expected)
+
+
+@pytest.mark.parametrize(("rate", "total"), [(9e-4, 10), (1.1e12, 10), (1e6, 0.5), (1e6, 2**31 + 1), (math.nan, 10)])
+def test_an_impossible_time_base_is_refused(rate: float, total: float) -> None:
+    with pytest.raises(ImplausibleAnswer, match="samples at"):
+        _timing(rate, total, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("volts", "offset", "possible"),
+    [(2e-12, 0, True), (-9e3, -9e5, True), (1e-13, 0, False), (2e4, 0, False), (1.0, 2e6, False), (1.0, -2e6, False)],
+)
+def test_an_impossible_scale_is_refused(volts: float, offset: float, possible: bool) -> None:
+    if possible:
+        Scaling(volts, offset)
+    else:
+        with pytest.raises(ImplausibleAnswer, match="V per count"):
+            Scaling(volts, offset)
+
+
+def test_an_answer_with_too_few_or_unreadable_numbers_is_refused() -> None:
+    assert numbers("1,2.5,3", 2, "x") == [1.0, 2.5]
+    for answer in ("1", "1,x", "", "1,nan", "inf,1"):
+        with pytest.raises(DigitizerError, match="where a pair is due"):
+            numbers(answer, 2, "a pair")
+    assert [dialect.decode(bytes([0, 128, 255])).tolist() for dialect in DIALECTS[:2]] == [
+        [0, -128, -1],
+        [-128, 0, 127],
+    ]
+    assert DIALECTS[2].decode(b"\x01\x00\xff\xff\x07").tolist() == [1, -1]

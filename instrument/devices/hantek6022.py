@@ -57,7 +57,7 @@ class Hantek6022(Digitizer):
         if len(roles) != 2 or len(set(roles)) != 2 or Role.MEASUREMENT not in roles:
             raise DigitizerError(f"{NAME}: one of its two channels must carry the measuring beat, the other not")
         if len(gains) != 2 or any(gain not in GAINS for gain in gains):
-            raise DigitizerError(f"{NAME}: input gain must be one of {', '.join(map(str, sorted(GAINS)))}")
+            raise DigitizerError(f"{NAME}: input gain must be one of {', '.join(map(str, GAINS))}")
         self._roles = tuple(roles)
         self._gains = tuple(gains)
         self._firmware = firmware
@@ -230,7 +230,7 @@ def open_digitizer(_: str, options: SourceOptions) -> Hantek6022:
 
 
 FULL_SCALE_V = 5.12  # at gain 1, from the middle code to the rail
-GAINS = {10: 0.5, 5: 1.0, 2: 2.5, 1: 5.0}  # gain step: nominal range, +- V
+GAINS = (1, 2, 5, 10)  # +- 5, 2.5, 1 and 0.5 V
 EEPROM_START = 8
 EEPROM_BYTES = 80
 

@@ -138,7 +138,8 @@ def test_the_clock_tells_large_losses_after_0_3_s_and_small_ones_after_2_s_and_f
             assert told == []
         else:
             ((when, lost),) = told
-            assert when == pytest.approx(5.0 + after_s, abs=0.05) and lost == pytest.approx(lost_s * 2e6, rel=0.03)
+            assert when == pytest.approx(5.0 + after_s, abs=0.05)
+            assert lost_s - 0.7e-3 < lost / 2e6 <= lost_s  # less by what was taken for the crystal meanwhile
     for drift in (-290e-6, 290e-6):
         assert _clocked(np.full(1000, 20_000), due * (1 + drift), 2e6) == []
     early = due - np.where(due > 5.0, 0.02, 0.0)  # a queue that was full when the clock began

@@ -1,0 +1,127 @@
+"""Tables of numbers as many programs write them: columns, units, time and rate, against what was written."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.shot.recording import Role, Setup
+from instrument.files import csv_table
+from instrument.files.foreign_file import ForeignColumn, ForeignMapping, MappedChannel
+from instrument.files.foreign_reading import _bits, _is_clipped, _rate, to_counts
+from instrument.files.recording_error import RecordingError
+
+ROWS = [(0.0, 1.0, 5.0), (0.5, 2.0, 6.0), (1.0, 3.0, 7.0), (1.5, 4.0, 9.0)]
+
+
+def _table(path: Path, header: str, rows: list[tuple[float, ...]] = ROWS, end: str = "\n") -> Path:
+    path.write_text(header + "\n".join(",".join(map(str, row)) for row in rows) + end, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("header", "names", "units", "rate"),
+    [
+        ("Time (ms),PD0 [V],PD1\n", ("PD0", "PD1"), ("V", ""), 2e3),
+        ("time,a,b\n(us),(mV),(V)\n", ("a", "b"), ("mV", "V"), 2e6),
+        ("t_ns,a,a\n", ("a", "a (2)"), ("", ""), 2e9),
+        ("Zeit,,b\n", ("column 2", "b"), ("", ""), 2.0),
+        ("a,x [s],b\n", ("a", "b"), ("", ""), 1.0),  # seconds are a time, whatever the name
+        ("a,b,c\n", ("a", "b", "c"), ("", "", ""), None),
+        ("", ("column 1", "column 2", "column 3"), ("", "", ""), None),
+        ("X,CH1,CH2,Start,Increment\nSequence,Volt,Volt,-1.2,4.0e-03\n", ("X", "CH1", "CH2"), ("", "", ""), 250.0),
+    ],
+)
+@pytest.mark.parametrize("end", ["\n", ""])
+def test_columns_units_and_rate_are_found_in_the_header(tmp_path, header, names, units, rate, end) -> None:
+    found = csv_table.contents(_table(tmp_path / "a.csv", header, end=end))
+    assert tuple(one.name for one in found.channels) == names
+    assert tuple(one.unit for one in found.channels) == units
+    assert [one.sample_rate_hz for one in found.channels] == [pytest.approx(rate) if rate else None] * len(names)
+    assert {one.samples for one in found.channels} == {4} and found.format == "csv"
+
+
+def test_a_rate_is_read_from_a_thousand_rows_and_must_be_even_in_all(tmp_path) -> None:
+    path = _table(tmp_path / "a.csv", "t,a\n", [(0.25 * n, n) for n in range(1500)])
+    assert csv_table.contents(path).channels[0].sample_rate_hz == pytest.approx(4.0)
+    (column,) = csv_table.columns(path, ["a"], True)
+    assert column.sample_rate_hz == pytest.approx(4.0) and column.values.tolist() == list(range(1500))
+    assert csv_table.columns(path, ["a"], False)[0].sample_rate_hz is None
+
+
+@pytest.mark.parametrize(("off", "even"), [(0.39, True), (0.41, False)])
+def test_steps_of_time_may_err_by_two_fifths_of_a_step(tmp_path, off, even) -> None:
+    rows = [(float(n), 0.0) for n in range(9)]
+    rows[4] = (4.0 + off, 0.0)
+    path = _table(tmp_path / "a.csv", "t,a\n", rows)
+    if even:
+        assert csv_table.columns(path, ["a"], True)[0].sample_rate_hz == pytest.approx(1.0)
+    else:
+        with pytest.raises(RecordingError, match=r"not equal \(line 6\)"):
+            csv_table.columns(path, ["a"], True)
+    falling = _table(tmp_path / "b.csv", "t,a\n", rows[::-1])
+    with pytest.raises(RecordingError, match="does not rise"):
+        csv_table.columns(falling, ["a"], True)
+
+
+def test_a_column_comes_with_its_time_or_with_a_rate_that_is_given_or_stated(tmp_path) -> None:
+    uneven = _table(tmp_path / "a.csv", "a,t [ms]\n", [(7, 1), (8, 2), (9, 20)])
+    time_s, values = csv_table.timed_column(uneven, "a", None)
+    assert time_s == pytest.approx([1e-3, 2e-3, 20e-3]) and values.tolist() == [7, 8, 9]
+    assert csv_table.timed_column(uneven, "a", 4.0)[0].tolist() == [0.0, 0.25, 0.5]
+    stated = _table(tmp_path / "b.csv", "A,B,Start,Increment\nx,y,0,0.5\n", [(1, 2), (3, 4)])
+    assert [part.tolist() for part in csv_table.timed_column(stated, "B", None)] == [[0.0, 0.5], [2, 4]]
+    with pytest.raises(RecordingError, match="no column is the time"):
+        csv_table.timed_column(_table(tmp_path / "c.csv", "a,b\n", [(1, 2), (3, 4)]), "b", None)
+    with pytest.raises(RecordingError, match="1 rows of numbers, at least 2"):
+        csv_table.columns(_table(tmp_path / "d.csv", "a,b\n", [(1, 2)]), ["b"], False)
+
+
+def test_a_bad_row_is_told_with_the_line_from_which_it_is_counted(tmp_path) -> None:
+    path = _table(tmp_path / "a.csv", "t,a\n", [(n, n) for n in range(5)])
+    path.write_text(path.read_text() + "5,x\n")
+    with pytest.raises(RecordingError, match=r"counted from line 2"):
+        csv_table.columns(path, ["a"], False)
+
+
+@pytest.mark.parametrize("kind", [np.float64, np.float32, np.int32])
+def test_wide_numbers_become_counts_within_half_a_step_of_the_range_they_span(kind) -> None:
+    values = (1000.0 * np.sin(np.arange(5000)) + 300.0).astype(kind)
+    counts, unit, offset = to_counts(values)
+    span = float(values.max()) - float(values.min())
+    assert unit == pytest.approx(span / 64_000) and offset == pytest.approx(float(values.max()) - span / 2)
+    assert (counts.min(), counts.max()) == (-32_000, 32_000)
+    assert np.abs(counts * unit + offset - values).max() <= 0.5 * unit * (1 + 1e-9)
+    flat = to_counts(np.full(5, 7.0))
+    assert flat[0].tolist() == [0] * 5 and flat[1:] == (1.0, 7.0)
+
+
+@pytest.mark.parametrize(
+    ("at_top", "next_to_it", "clipped"), [(40, 9, True), (40, 10, False), (7, 0, False), (8, 1, True), (8, 2, False)]
+)
+def test_a_beat_is_clipped_that_is_at_its_extreme_more_than_four_times_as_often_as_beside_it(
+    at_top, next_to_it, clipped
+) -> None:
+    values = np.concatenate((np.full(at_top, 3.0), np.full(next_to_it, 2.9), np.linspace(-2.5, 2.5, 1000)))
+    assert _is_clipped(values, 3.0, -1) == clipped == _is_clipped(-values, -3.0, 1)
+    many = np.concatenate((np.full(10, 3.0), np.linspace(-2.5, 2.5, 9991)))
+    assert not _is_clipped(many, 3.0, -1)  # less than a thousandth of the samples
+    counts = to_counts(values)[0]
+    assert abs(int(counts.max())) == (32_767 if clipped else 32_000)
+
+
+def test_bits_and_rate_of_columns() -> None:
+    mapping = ForeignMapping("wav", (MappedChannel(Role.MEASUREMENT, "a"),), Setup(0.01, digitizer_bits=12))
+
+    def column(kind: type, rate: float | None = 1e6) -> ForeignColumn:
+        return ForeignColumn(np.zeros(3, kind), None, 0.0, rate)
+
+    for kinds, bits in (((np.int16,), 12), ((np.int8,), 8), ((np.int8, np.uint16), 12), ((np.int16, np.int32), 16)):
+        assert _bits(mapping, [column(kind) for kind in kinds]) == bits
+    assert _bits(mapping, [column(np.float64)]) == 16
+    path = Path("a.wav")
+    assert _rate(path, mapping, [column(np.int8), column(np.int8, 1e6 * (1 + 5e-10))]) == pytest.approx(1e6)
+    with pytest.raises(RecordingError, match="different rates"):
+        _rate(path, mapping, [column(np.int8), column(np.int8, 1e6 * (1 + 2e-9))])
+    with pytest.raises(RecordingError, match="does not state"):
+        _rate(path, mapping, [column(np.int8, None)])

@@ -130,7 +130,14 @@ def test_a_disturbance_is_told_in_readable_units() -> None:
     line = VibrationLine(Quantity(24.9, 0.05), Quantity(3e-8, 1e-9), 1.25)
     found = Disturbance((line,), 2e-9, 3e-6, ((0.001, 0.0025),), {"velocity_in_m_per_s": 0.25})
     page = disturbance_section(found)
-    for said in ("2 nm and 3 µm/s rms", "struck: 1.0 to 2.5 ms", "25 % for", f"{Quantity(24.9, 0.05)}", "30.0 ± 1.0", "1.250"):
+    for said in (
+        "2 nm and 3 µm/s rms",
+        "struck: 1.0 to 2.5 ms",
+        "25 % for",
+        f"{Quantity(24.9, 0.05)}",
+        "30.0 ± 1.0",
+        "1.250",
+    ):
         assert said in page
     quiet = disturbance_section(Disturbance((), 2e-9, 3e-6))
     assert "<table" not in quiet and "struck" not in quiet and "Share" not in quiet

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.signal.bridge import Bridge
+from analysis.signal.bridge import Bridge, joined
 
 SLOPE, BEND = 0.137, 2e-5  # cycles a phase: several fringes over a hole
 
@@ -39,3 +39,74 @@ def test_the_result_does_not_depend_on_the_blocks() -> None:
     whole, _ = _bridged([], holes)
     for cut in range(690, 760, 3):
         assert np.array_equal(_bridged([cut], holes)[0], whole)
+
+
+def test_holes_are_listed_with_their_guard_and_filled_smoothly() -> None:
+    left, bridge = _bridged([], [(700, 712)])
+    ((start, stop),) = bridge.holes
+    assert 696 <= start <= 700 - 3 + 2 and 712 + 3 - 2 <= stop <= 716  # dark where a mean of 4 is below, 3 more
+    assert np.abs(left).max() < 1e-6  # a parabola is bridged without error
+    assert np.abs(np.diff(left, 2)).max() < 1e-6
+
+
+@pytest.mark.parametrize(("offset", "doubtful"), [(0.2, 0), (0.3, 1), (-0.2, 0), (-0.3, 1)])
+def test_a_bridge_whose_sides_differ_by_a_quarter_of_a_fringe_is_doubtful(offset: float, doubtful: int) -> None:
+    index = np.arange(2000)
+    phase = SLOPE * index
+    phase[1000:] += 5.0 + offset
+    power = np.ones(2000, np.float32)
+    power[990:1010] = 0.0
+    bridge = Bridge(0.3, 4, 3)
+    out = np.concatenate([piece for _, piece, _ in [*bridge.feed(0, phase, power), *bridge.finish()]])
+    assert bridge.doubtful == doubtful and out.size == 2000
+    assert out[1100:] - SLOPE * index[1100:] == pytest.approx(offset, abs=1e-9)
+
+
+@pytest.mark.parametrize(("missing", "bridged"), [(400, True), (401, False)])
+def test_missing_phases_are_bridged_up_to_the_longest_and_break_the_record_beyond(missing: int, bridged: bool) -> None:
+    bridge = Bridge(0.3, 4, 3)
+    index = np.arange(4000)
+    phase, power = 0.01 * index, np.ones(4000, np.float32)
+    pieces = bridge.feed(0, phase[:1500], power[:1500])
+    held = [(at, piece.copy()) for at, piece, _ in pieces]
+    begins = 1500 + missing
+    held += [(at, piece.copy()) for at, piece, _ in bridge.feed(begins, phase[begins:] + 7.0, power[begins:])]
+    held += [(at, piece.copy()) for at, piece, _ in bridge.finish()]
+    out = np.full(4000, np.nan)
+    for at, piece in held:
+        out[at : at + piece.size] = piece
+    assert bridge.breaks == ([] if bridged else [begins])
+    if bridged:
+        (hole,) = bridge.holes
+        assert hole[0] <= 1500 and hole[1] >= begins and hole[1] - hole[0] <= missing + 12
+    else:
+        assert bridge.holes == [(1500, begins)] and np.isnan(out[1500:begins]).all()
+        assert out[begins:] == pytest.approx(phase[begins:] + 7.0)
+    assert out[:1490] == pytest.approx(phase[:1490])
+
+
+@pytest.mark.parametrize("shift", [-2.0, 0.0, 3.0, 0.3])
+def test_stretches_behind_a_long_gap_are_joined_by_whole_fringes(shift: float) -> None:
+    fringe, n = 316.4e-9, np.arange(600.0)
+    true = 4e-7 * n + 1e-11 * n**2
+    cut = true.copy()
+    cut[300:330] = np.nan
+    cut[330:] += shift * fringe
+    out, unsure = joined(cut, (330,), fringe)
+    known = np.isfinite(cut)
+    left = shift - round(shift)
+    assert out[:300] == pytest.approx(true[:300], abs=1e-15)
+    assert out[known][300:] - true[known][300:] == pytest.approx(left * fringe, abs=1e-3 * fringe)
+    assert not unsure
+    assert np.isnan(out[300:330]).all() and joined(true, (), fringe)[1] is False
+
+
+def test_a_gap_in_which_the_force_changed_leaves_the_position_unsure() -> None:
+    fringe, n = 316.4e-9, np.arange(600.0)
+    bent = 4e-7 * n + np.where(n > 275, 2e-9 * (n - 275) ** 2, 0.0)  # pushed from shortly before the gap on
+    bent[300:330] = np.nan
+    assert joined(bent, (330,), fringe)[1]
+    short = bent.copy()
+    short[:290] = np.nan
+    out, unsure = joined(short, (330,), fringe)  # too little before it to tell anything
+    assert np.array_equal(out, short, equal_nan=True) and not unsure

@@ -1,7 +1,14 @@
 import numpy as np
 import pytest
 
-from analysis.signal.filters import decimator_taps, derivative_filters, derivative_gains, derivatives
+from analysis.signal.filters import (
+    decimator_taps,
+    derivative_filters,
+    derivative_gains,
+    derivatives,
+    first_run,
+    stretches,
+)
 
 RATE = 100e3
 BANDWIDTH = 10e3
@@ -70,3 +77,38 @@ def test_decimated_white_noise_is_white_and_parabolas_pass(factor: int) -> None:
 def test_a_bandwidth_too_wide_for_the_rate_is_refused() -> None:
     with pytest.raises(ValueError, match="bandwidth"):
         derivative_filters(10e3, 5e3)
+
+
+def test_runs_of_true_and_the_first_that_is_long_enough() -> None:
+    mask = np.array([1, 1, 0, 0, 1, 1, 1, 0, 1], bool)
+    assert stretches(mask) == [(0, 2), (4, 7), (8, 9)] and stretches(~mask) == [(2, 4), (7, 8)]
+    assert [first_run(mask, length) for length in (1, 2, 3, 4)] == [0, 0, 4, None]
+    assert stretches(np.zeros(3, bool)) == [] and first_run(np.ones(3, bool), 3) == 0
+
+
+@pytest.mark.parametrize("share", [0.35, 0.1, 0.02])
+def test_derivatives_of_high_polynomials_are_exact_and_their_gain_is_that_of_the_taps(share: float) -> None:
+    filters = derivative_filters(RATE, share * RATE)
+    assert filters.half == max(4, int(np.ceil(3 / share)))
+    n = np.arange(-filters.half, filters.half + 1) / RATE
+    for power in range(6):
+        scale = (filters.half / RATE) ** power
+        moment = np.array([filters.velocity @ n**power, filters.acceleration @ n**power]) / scale
+        exact = np.array([power == 1, 2 * (power == 2)], float) / [1, 1] / scale * [1, 1]
+        if power < 5:
+            assert moment[0] == pytest.approx(exact[0], abs=1e-6 * RATE)
+        assert moment[1] == pytest.approx(exact[1], abs=1e-6 * RATE**2)
+    assert filters.velocity_gain == pytest.approx(np.linalg.norm(filters.velocity))
+    assert filters.acceleration_gain == pytest.approx(np.linalg.norm(filters.acceleration))
+    assert not filters.velocity.flags.writeable and not filters.edge_acceleration.flags.writeable
+    with pytest.raises(ValueError, match="carries at most 35000 Hz"):
+        derivative_filters(RATE, 0.3501 * RATE)
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.7])
+def test_a_decimator_passes_cubics_that_were_smoothed_before_and_is_3_db_down_at_half_its_rate(spread: float) -> None:
+    taps = decimator_taps(8, spread)
+    n = np.arange(-48, 49)
+    assert taps.size == 97 and taps == pytest.approx(taps[::-1])
+    assert [taps @ n**power for power in (0, 2)] == pytest.approx([1.0, -spread], abs=1e-9)
+    assert np.sum(taps * np.cos(2 * np.pi * 0.5 / 8 * n)) == pytest.approx(np.sqrt(0.5), abs=1e-3)

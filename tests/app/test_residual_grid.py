@@ -33,15 +33,16 @@ def test_a_place_on_the_scale_belongs_to_one_value(linear: float, ratio: float, 
     ],
 )
 def test_ticks_are_decades_of_both_signs_with_the_largest_among_them(linear, most, above) -> None:
-    assert SymLog(linear, most).ticks() == pytest.approx([-v for v in above[::-1]] + [0.0] + above)
+    expected = [-v for v in above[::-1]] + [0.0] + above
+    assert SymLog(linear, most).ticks() == pytest.approx(expected, rel=1e-9, abs=0.0)
 
 
 def test_a_common_scale_is_linear_up_to_the_noise_and_reaches_the_largest_value() -> None:
     curves = [np.array([1e-9, -7e-9, np.nan]), np.array([2e-9]), np.full(3, np.nan), np.empty(0)]
     assert scale_of(curves, 1e-10) == SymLog(1e-10, 7e-9)
-    assert scale_of(curves, 5e-9) == SymLog(5e-9, pytest.approx(5e-9 * 10**0.7))  # at least 0.7 decades more
+    assert scale_of(curves, 5e-9) == SymLog(5e-9, pytest.approx(5e-9 * 10**0.7, abs=0.0))  # at least 0.7 decades more
     for unknown in (math.nan, 0.0, math.inf):
-        assert scale_of(curves, unknown) == SymLog(pytest.approx(7e-11), 7e-9)
+        assert scale_of(curves, unknown) == SymLog(pytest.approx(7e-11, abs=0.0), 7e-9)
     assert scale_of([], math.nan) == SymLog(0.01, pytest.approx(0.01 * 10**0.7))
     assert scale_of([np.zeros(3)], math.nan).linear == 1.0
 
@@ -72,7 +73,7 @@ def _rows(grid: ResidualGrid, colour: str) -> tuple[np.ndarray, np.ndarray]:
 def test_a_residual_is_drawn_where_the_scale_puts_it(qtbot) -> None:
     levels = [-1e-8, -1e-9, 0.0, 1e-9, 1e-8]
     grid = _grid(qtbot, [_cell(levels, 5e-11)])
-    assert grid.scale == SymLog(pytest.approx(1e-10), pytest.approx(1e-8))
+    assert grid.scale == SymLog(pytest.approx(1e-10, abs=0.0), pytest.approx(1e-8, abs=0.0))
     x, y = _rows(grid, LIGHT.residual)
     edges = np.linspace(x.min(), x.max() + 1, 6)
     drawn = [np.median(y[(x > a + 5) & (x < b - 5)]) for a, b in pairwise(edges)]
@@ -108,4 +109,4 @@ def test_a_gap_is_not_bridged_and_no_more_shots_are_shown_than_fit(qtbot) -> Non
     assert len(many.cells) == MOST == 12
     assert many.accessibleDescription().startswith("12 shots; up to 1 nm, noise band 0.2 nm")
     unknown = _grid(qtbot, [_cell([1e-9], noise=math.nan), _cell([1e-9], noise=3e-10), _cell([1e-9], noise=1e-10)])
-    assert unknown.scale.linear == pytest.approx(4e-10)  # twice the median of those that are known
+    assert unknown.scale.linear == pytest.approx(4e-10, abs=0.0)  # twice the median of those that are known

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import pytest
 
 from analysis.shot.air import refractive_index, wavelength_in_air_m
@@ -58,3 +60,33 @@ def test_the_wavelength_is_in_air_else_vacuum_over_index_else_the_papers() -> No
 def test_impossible_air_is_refused_by_name(air: Air) -> None:
     with pytest.raises(ValueError, match=r"temperature_c|pressure_pa|humidity_percent"):
         refractive_index(ZEEMAN_VACUUM_M, air)
+
+
+@pytest.mark.parametrize(
+    ("within", "beyond"),
+    [
+        ({"temperature_c": -40.0}, {"temperature_c": -40.1}),
+        ({"temperature_c": 100.0}, {"temperature_c": 100.1}),
+        ({"pressure_pa": 1e4}, {"pressure_pa": 9.9e3}),
+        ({"pressure_pa": 1.4e5}, {"pressure_pa": 1.41e5}),
+        ({"humidity_percent": 0.0}, {"humidity_percent": -0.1}),
+        ({"humidity_percent": 100.0}, {"humidity_percent": 100.1}),
+    ],
+)
+def test_air_is_known_up_to_its_limits(within: dict[str, float], beyond: dict[str, float]) -> None:
+    assert 1.0 < refractive_index(ZEEMAN_VACUUM_M, replace(LABORATORY, **within)) < 1.0006
+    with pytest.raises(ValueError, match=next(iter(beyond))):
+        refractive_index(ZEEMAN_VACUUM_M, replace(LABORATORY, **beyond))
+
+
+def test_a_wavelength_is_one_of_light() -> None:
+    for wavelength in (3e-7, 1.7e-6):
+        refractive_index(wavelength, LABORATORY)
+    for wavelength in (2.9e-7, 1.8e-6):
+        with pytest.raises(ValueError, match="wavelength_vacuum_m"):
+            refractive_index(wavelength, LABORATORY)
+    for wavelength in (1.1e-7, 0.9e-5):
+        assert wavelength_in_air_m(Setup(0.01785, wavelength_air_m=wavelength)) == wavelength
+    for wavelength in (1e-7, 1e-5):
+        with pytest.raises(ValueError, match="wavelength_air_m"):
+            wavelength_in_air_m(Setup(0.01785, wavelength_air_m=wavelength))

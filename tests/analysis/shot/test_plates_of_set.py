@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from analysis.shot.plates_of_set import weights_words, why_not_together
+from analysis.shot.plates_of_set import plate_count, plate_numbers, plates_words, weights_words, why_not_together
 from analysis.shot.recording import Plate, Setup
 from tests.app import synthetic
 
@@ -36,3 +36,15 @@ def test_shots_of_two_models_are_refused_in_words():
 )
 def test_weights_in_words(masses_kg, words):
     assert weights_words(masses_kg) == words
+
+
+@pytest.mark.parametrize(("thicker", "same"), [(1.031, True), (1.033, False), (0.966, True), (0.965, False)])
+def test_plates_within_a_tenth_of_the_stiffness_are_one(thicker, same):
+    """Stiffness goes with the cube of the thickness."""
+    motion = synthetic.shot().motion
+    plates = (PLATE, replace(PLATE, thickness_m=thicker * PLATE.thickness_m), None, PLATE)
+    motions = [replace(motion, plate=plate) for plate in plates]
+    assert plate_numbers(motions) == ((0, 0, 0, 0) if same else (0, 1, 1, 0))
+    assert plate_count(motions) == (1 if same else 2) and plate_count([]) == 1
+    assert plates_words(motions) == ("" if same else "shots 1 on plate 1, 2-3 on plate 2, 4 on plate 1")
+    assert plate_numbers([replace(motion, plate=None), motions[1]]) == (0, 0)

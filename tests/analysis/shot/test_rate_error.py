@@ -1,5 +1,6 @@
 """A wrong sample rate is detected by PD0 or the computer's clock, and included in the uncertainties."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -7,7 +8,14 @@ import pytest
 from analysis.pipeline import analyse
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Recording, Role
-from analysis.shot.sample_rate_error import DELIVERED, RATE_CONTRADICTED, fit_with_rate_error
+from analysis.shot.sample_rate_error import (
+    DELIVERED,
+    RATE_CONTRADICTED,
+    fit_with_rate_error,
+    rate_error,
+    velocity_offset_m_per_s,
+    with_rate_error,
+)
 from analysis.shot.shot import AnalysisSettings, Shot
 from analysis.signal.demodulation import demodulate
 from analysis.uncertainty.gum_budget import budget
@@ -107,3 +115,78 @@ def test_fitted_parameters_scale_with_the_powers_of_time_in_their_units() -> Non
     assert isinstance(contact, Quantity) and contact.std < 1e-3
     assert shot.motion is not None and shot.motion.moving_mass_kg == MASS_KG
     assert fit_with_rate_error(shot.fit, replace(shot.motion, rate_error=0.0)) is shot.fit
+
+
+@pytest.mark.parametrize(
+    ("measured", "std", "u_hz", "error"),
+    [
+        (1.00049, 0.0, None, 0.0),
+        (1.00051, 0.0, None, 0.00051),
+        (0.99949, 0.0, None, 0.00051),
+        (1.00051, 1e-4, None, 0.0),  # twice its own uncertainty beside the 500 ppm
+        (1.0019, 0.0, 1e-3, 0.0),  # stated to 1000 ppm: twice that
+        (1.0021, 0.0, 1e-3, 0.0021),
+        (3.0, 0.0, None, 1.0),
+    ],
+)
+def test_pd0_contradicts_beyond_twice_the_joint_uncertainty(
+    measured: float, std: float, u_hz: float | None, error: float
+) -> None:
+    recording = stating(REST_HZ, u_hz=None if u_hz is None else u_hz * REST_HZ)
+    found = rate_error(recording, Quantity(measured * REST_HZ, std * REST_HZ))
+    assert found == pytest.approx(error, abs=1e-9)
+    assert rate_error(recording, None) == 0.0 == rate_error(stating(None), Quantity(measured * REST_HZ, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("delivered", "error"),
+    [
+        (1.01, 0.01),
+        (0.97, 0.03),
+        (3.0, 1.0),
+        (True, 0.0),
+        ("fast", 0.0),
+        (None, 0.0),
+        (10**400, 1.0),
+        (float("nan"), 1.0),
+    ],
+)
+def test_the_clock_is_a_number_or_says_nothing_and_the_larger_error_counts(delivered: object, error: float) -> None:
+    recording = stating(REST_HZ)
+    told = delivered * recording.sample_rate_hz if isinstance(delivered, float) else delivered
+    recording = replace(recording, extra={"global": {DELIVERED: told}})
+    assert rate_error(recording, None) == pytest.approx(error)
+    assert rate_error(recording, Quantity(1.02 * REST_HZ, 0.0)) == pytest.approx(max(error, 0.02))
+    assert rate_error(replace(recording, extra={"global": [1]}), None) == 0.0
+
+
+def test_each_reading_is_wider_by_the_power_of_the_rate_that_it_goes_with() -> None:
+    shot = analyse(stating(REST_HZ), AnalysisSettings(fit=False))
+    assert shot.impact is not None and shot.motion is not None
+    motion = replace(shot.motion, rate_error=0.01)
+    wide = with_rate_error(shot.impact, motion)
+    powers = {
+        "velocity_in_m_per_s": 1, "velocity_out_m_per_s": 1, "force_peak_n": 2, "stiffness_slope_n_per_m": 2,
+        "contact_time_s": 1, "force_fwhm_s": 1, "cor_quasi_static": 0, "cor_impulse": 0, "deflection_max_m": 0,
+    }  # fmt: skip
+    for name, power in powers.items():
+        before, after = getattr(shot.impact, name), getattr(wide, name)
+        assert after.value == before.value
+        assert after.std**2 - before.std**2 == pytest.approx((power * 0.01 * before.value) ** 2, rel=1e-9, abs=1e-30), (
+            name
+        )
+    assert with_rate_error(shot.impact, shot.motion) is shot.impact
+    # where the rest frequency was stated, one velocity is added to both flights
+    alone = replace(motion, reference=None, rest_frequency_hz=Quantity(REST_HZ, 0.0))
+    moved = 0.5 * (motion.wavelength_m or 0.0) * REST_HZ * 0.01
+    assert velocity_offset_m_per_s(alone) == pytest.approx(moved) and velocity_offset_m_per_s(motion) == 0.0
+    wider = with_rate_error(shot.impact, alone)
+    into, cor, lasts = shot.impact.velocity_in_m_per_s, shot.impact.cor_quasi_static, shot.impact.contact_time_s
+    assert isinstance(into, Quantity) and isinstance(cor, Quantity) and isinstance(lasts, Quantity)
+    for name, added in (
+        ("velocity_in_m_per_s", math.hypot(0.01 * into.value, moved)),
+        ("cor_quasi_static", (1 + cor.value) * moved / abs(into.value)),
+        ("deflection_max_m", 0.5 * lasts.value * moved),
+    ):
+        before, after = getattr(shot.impact, name), getattr(wider, name)
+        assert after.std == pytest.approx(math.hypot(before.std, added), rel=1e-9, abs=0.0), name

@@ -109,6 +109,16 @@ def test_the_audit_has_every_number_of_the_list(table: Reproduction) -> None:
         ("mass_ratio", "97% of m_p*: Rayleigh's method with the static shape gives 0.772 ("),  # 0.2140 g / 0.277 g
         ("mass_ratio", "of 0.277 g); what is left, +7%,"),  # 0.772 / 0.72
         ("effective_mass", "0.72 x 0.277 g = 0.1994 g, +0.5%: rounding, the factor used is 0.7162"),
+        # (15 x 2 + pi 5^2) x 3 mm^3 of 8.51e-3 g/mm^3
+        ("thickness", "weigh 2.771 g at 3 mm and 0.2771 g at 0.3 mm, stated 0.277 g"),
+        ("velocity_out", "without tension 0.261654)"),
+        ("cor_force_peaks", "the difference is 5.7 us of T2"),  # 0.5667 x 1.6086 - 0.9059 ms
+        ("force_peak", "at 14.3313 ms after touch"),
+        ("fwhm_simulated", "(18.9 to 19.1 for low-passes of 100 to 500 Hz)"),
+        ("fwhm_measured", "the model's smooth pulse 19.1 ms; the measured width stays -5% off"),  # 18.09 / 19.11
+        ("slope", "is 214.3 N/m, -3.2%: plate inertia 1.10% and the contact spring in series 2.17%; corrected, 221.41"),
+        ("coefficient_c", "and a load at the disc's centre gives l^3/(L^3 - (L - l)^3) = 0.4286"),  # 15, 20 mm
+        ("modulus", "t = 0.3 mm; with the disc bending 129.9 GPa"),
         ("plate_mass", "volume 32.56 mm^3 at 0.3 mm"),  # (15 x 2 + pi 5^2) x 0.3
         ("period", "alone is 0.947 ms: pi is missing in Eq. 12, with it 2.974 ms"),
         ("record_length", "5 M samples at 30 MS/s last 0.167 s; 0.25 s would be 20 MS/s or 7.5 M samples"),

@@ -1,6 +1,7 @@
 """The settings file: kept whole, checked, and never able to stop a start."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,9 @@ from app.session.settings import FIELDS, SITES, Settings, WrongSettings, correct
 from app.window.file_dialog import Want
 from app.window.panels import settings_sheet
 from app.window.panels.settings_sheet import SettingsSheet
+from instrument.devices.digitizer import CaptureSettings
+from instrument.trigger.light_switch import Edge
+from tests.instrument.fake_digitizer import FakeDigitizer
 
 
 def test_what_is_saved_comes_back(tmp_path):
@@ -181,3 +185,77 @@ def test_a_folder_is_chosen_by_the_button_beside_its_field(qtbot, monkeypatch, t
     with qtbot.waitSignal(sheet.applied) as applied:
         sheet.apply()
     assert applied.args[0]["folder"] == str(tmp_path)
+
+
+class _Digitizer(FakeDigitizer):
+    def __init__(self, rates=(1e6, 5e6), most=None, own=None):
+        super().__init__(max_samples=most)
+        self._rates, self._own = rates, own
+
+    @property
+    def capabilities(self):
+        return replace(super().capabilities, rates_hz=self._rates)
+
+    def default_settings(self):
+        return self._own
+
+
+def test_a_shot_is_taken_with_the_nearest_rate_for_the_time_asked_within_what_the_device_can(tmp_path):
+    settings = Settings(
+        folder=str(tmp_path / "new" / "place"), sample_rate_hz=2.9e6, duration_s=0.2, pre_trigger_s=0.05,
+        edge="falling", switch_low_v=0.1, switch_high_v=0.4, moving_mass_kg=0.02,
+    )  # fmt: skip
+    options = settings.options("hantek6022", _Digitizer())
+    assert options.folder == tmp_path / "new" / "place" and options.folder.is_dir()
+    assert options.settings == CaptureSettings(1e6, 200_000, 50_000)
+    assert (options.edge, options.switch_low_v, options.switch_high_v) == (Edge.FALLING, 0.1, 0.4)
+    assert options.setup == replace(settings.setup, digitizer_bits=12) and options.setup.moving_mass_kg == 0.02
+    closer = replace(settings, sample_rate_hz=3.1e6).options("hantek6022", _Digitizer())
+    assert closer.settings.sample_rate_hz == 5e6
+    assert settings.options("scpi:x", _Digitizer(rates=())).settings == CaptureSettings(2.9e6, 580_000, 145_000)
+    assert settings.options("scpi:x", _Digitizer(most=40_000)).settings == CaptureSettings(1e6, 40_000, 39_999)
+    own = CaptureSettings(7e6, 70, 7)
+    assert settings.options("scpi:x", _Digitizer(own=own)).settings == own
+    assert settings.options("bench", _Digitizer()).setup is None  # it knows its rig
+    assert replace(settings, edge="rising").options("bench", _Digitizer()).edge is Edge.RISING
+    assert Settings(folder=str(tmp_path)).options("bench", _Digitizer()).edge is Edge.EITHER
+
+
+def test_the_rig_has_the_air_that_was_given_and_none_otherwise():
+    air = {"temperature_c": 21.0, "pressure_pa": 1e5, "humidity_percent": 30.0}
+    assert Settings(**air, rest_frequency_hz=2e6).setup == Setup(
+        17.85e-3, 1e-6, 632.991354e-9, None, Air(21.0, 1e5, 30.0), rest_frequency_hz=2e6
+    )
+    assert Settings().setup.air is None
+    for name in air:
+        with pytest.raises(WrongSettings, match="air: give"):
+            Settings(**{key: value for key, value in air.items() if key != name})
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [
+        ({"pre_trigger_s": 0.1499}, {"pre_trigger_s": 0.15}),
+        ({"switch_low_v": 0.4, "switch_high_v": 0.41}, {"switch_low_v": 0.4, "switch_high_v": 0.4}),
+        ({"moving_mass_kg": 1e-4}, {"moving_mass_kg": 0.99e-4}),
+        ({"duration_s": 100.0}, {"duration_s": 100.1}),
+        ({"network": "x"}, {"network": 3}),
+        ({"tour_done": True}, {"tour_done": "yes"}),
+    ],
+)
+def test_settings_are_valid_up_to_their_limits(right, wrong):
+    Settings(**right)
+    with pytest.raises(WrongSettings):
+        Settings(**wrong)
+
+
+def test_corrections_are_said_in_the_units_of_the_sheet_without_the_mass_s_uncertainty():
+    given = {"moving_mass_kg": 0.0179, "moving_mass_u_kg": 1e-6, "wavelength_air_m": None, "temperature_c": 21.5}
+    assert correction_words(tuple(given.items())) == ["moving mass 17.9 g", "temperature 21.5 °C"]
+
+
+def test_known_oscilloscopes_are_the_newest_five_that_have_an_address():
+    addresses = [f"10.0.0.{n}" for n in range(8)]
+    found = Settings(network=" ".join([*addresses[:2], "no:address:here", *addresses[2:]])).network_sources
+    assert found == tuple(f"scpi:{address}" for address in (*addresses[:4],))
+    assert Settings().network_sources == ()

@@ -114,3 +114,78 @@ def test_the_velocity_floor_is_what_white_phase_noise_gives():
     spectrum *= 2j * np.pi * frequency * 632.8e-9 / (4 * np.pi)
     spectrum[frequency > bandwidth] = 0
     assert np.fft.irfft(spectrum).std() == pytest.approx(said, rel=0.05)
+
+
+def _signs(*channels, **line):
+    return state_words.signs(SignalLine(channels, **line), 1e7, 1e4)
+
+
+@pytest.mark.parametrize(
+    ("channel", "tone"),
+    [
+        (_channel(Role.REFERENCE, 25.0), Tone.GOOD),
+        (_channel(Role.REFERENCE, 24.9), Tone.WARNING),
+        (_channel(Role.REFERENCE, 15.0), Tone.WARNING),
+        (_channel(Role.REFERENCE, 14.9), Tone.BAD),
+        (_channel(Role.REFERENCE, 40.0, clipped=1e-3), Tone.GOOD),
+        (_channel(Role.REFERENCE, 40.0, clipped=1.1e-3), Tone.WARNING),
+        (_channel(Role.REFERENCE, None), Tone.BAD),
+        (_channel(Role.REFERENCE, 40.0, None), Tone.BAD),
+    ],
+)
+def test_a_beat_is_judged_by_its_strength_and_its_clipping(channel, tone):
+    found = _signs(channel)
+    assert found["pd0"].tone is tone and found["pd1"].words == "–"
+    assert found["pd0"].words == ("no beat" if None in (channel.snr_db, channel.frequency_hz) else
+        f"2.73000 MHz  {channel.snr_db:.0f} dB")  # fmt: skip
+
+
+@pytest.mark.parametrize(("off_hz", "moves"), [(9.9e3, False), (-9.9e3, False), (10.1e3, True), (-10.1e3, True)])
+def test_a_beat_10_khz_from_rest_moves(off_hz, moves):
+    found = _signs(_channel(Role.REFERENCE), _channel(Role.MEASUREMENT, 40.0, 2.73e6 + off_hz))
+    assert ("moving" in found["pd1"].words) == moves == (found["floor"].words == "–")
+
+
+@pytest.mark.parametrize(
+    ("free", "tone", "words"),
+    [
+        (2.1e9, Tone.GOOD, "2 GB free"),
+        (1.9e9, Tone.BAD, "2 GB free"),
+        (None, Tone.NEUTRAL, "–"),
+    ],
+)
+def test_the_disk_is_nearly_full_below_2_gb(free, tone, words):
+    found = _signs(disk_free_bytes=free)["disk"]
+    assert (found.tone, found.words) == (tone, words)
+    failed = _signs(disk_free_bytes=free, folder_problem="no such folder")["disk"]
+    assert (failed.tone, failed.words, failed.hover) == (Tone.BAD, "cannot save", "no such folder")
+
+
+@pytest.mark.parametrize("bandwidth_hz", [1e4, 3e4])
+def test_the_noise_floor_is_that_of_white_phase_noise_differentiated(bandwidth_hz):
+    """Of random phases: SNR 40 dB and 30 dB at 10 MS/s, differentiated in the spectrum up to the bandwidth."""
+    line = SignalLine((_channel(Role.REFERENCE, 40.0), _channel(Role.MEASUREMENT, 30.0), _channel(Role.SWITCH, None)))
+    found = state_words.velocity_floor_m_per_s(line, 1e7, bandwidth_hz)
+    rng, rate, n = np.random.default_rng(2), 1e7, 1 << 20
+    phase = rng.normal(0, np.sqrt(10**-4.0), n) + rng.normal(0, np.sqrt(10**-3.0), n)  # variance 1 / SNR a beat
+    frequency = np.fft.rfftfreq(n, 1 / rate)
+    turned = np.fft.irfft(np.where(frequency <= bandwidth_hz, 2j * np.pi * frequency, 0) * np.fft.rfft(phase), n)
+    assert found == pytest.approx(632.8e-9 / (4 * np.pi) * turned.std(), rel=0.05)
+    assert state_words.velocity_floor_m_per_s(SignalLine((_channel(Role.SWITCH, None),)), 1e7, 1e4) is None
+    assert state_words.velocity_floor_m_per_s(SignalLine((_channel(Role.REFERENCE, None),)), 1e7, 1e4) is None
+
+
+def test_how_many_shots_wait_is_told_except_the_one_under_way():
+    waiting = tuple(WaitingShot(n, f"s{n}", None) for n in range(3))
+    for state, count, words in (
+        (State.IDLE, 1, " 1 more shot waits for analysis."),
+        (State.ARMED, 2, " 2 more shots wait for analysis."),
+        (State.ANALYSING, 2, " 1 more shot waits for analysis."),
+        (State.ANALYSING, 1, "now."),
+        (State.TRIGGERED, 3, "shot."),
+    ):
+        _, sentence, _ = state_words.banner(_snapshot(state, waiting=waiting[:count]), None)
+        assert sentence.endswith(words)
+    assert "by itself" in state_words.banner(_snapshot(State.ARMED, automatic=True), None)[1]
+    assert "by itself" not in state_words.banner(_snapshot(State.ARMED), None)[1]
+    assert state_words.banner(_snapshot(State.IDLE), None, arming=True)[0] == "ARMING"

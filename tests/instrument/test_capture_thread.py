@@ -320,3 +320,21 @@ def test_a_snapshot_counts_the_samples_and_losses_of_this_stream_and_says_how_fa
         assert shot is not None
         thread._take(("recorded", Recorded(shot, shot.recording("s"), None)))
     assert capture.latest().shots == 2 and capture.latest().doing is None
+
+
+@pytest.mark.parametrize(("complete", "why"), [(False, "the digitizer did not answer"), (True, None)])
+def test_a_capture_whose_digitizer_hangs_ends_the_shot_under_way_and_none_that_is_whole(
+    tmp_path: Path, complete: bool, why: str | None
+) -> None:
+    capture = Capture(FakeDigitizer(), CaptureOptions(tmp_path, SETTINGS), live=False, say=print)
+    thread = capture._capture
+    thread._take(("arm", False))
+    while thread.shot is None:
+        thread._turn()
+    shot, thread.prepared = thread.shot, True
+    shot.complete = complete
+    thread.thread = SimpleNamespace(is_alive=lambda: True, join=lambda _: None)  # type: ignore[assignment]
+    capture._capture.recorder.close = lambda _: True  # type: ignore[method-assign]
+    assert not capture.close(0.0) and capture.digitizer_held
+    assert shot.complete and shot.ended_early == why
+    thread.release_folder()

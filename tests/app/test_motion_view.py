@@ -50,6 +50,7 @@ def test_a_residual_is_measured_minus_simulated_in_a_readable_unit_within_its_ba
     view, shot, kind, scale, unit
 ) -> None:
     view.show_shot(shot)
+    view.stack.show_span(-60.0, 80.0)
     view.kind.setCurrentIndex(kind)
     overlay, band = shot.fit.shots[0].overlay, band_of(shot)
     expected = (

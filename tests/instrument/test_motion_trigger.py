@@ -78,3 +78,51 @@ def test_a_bench_without_a_light_switch_is_triggered_by_its_block(tmp_path: Path
 def _frequency(values: np.ndarray, rate_hz: float) -> float:
     power = np.abs(np.fft.rfft(values - values.mean()))
     return float(np.argmax(power) * rate_hz / values.size)
+
+
+def _stretches(shifts_hz: list[float], windows: int = 6, rest_hz: float = 2.7e6) -> np.ndarray:
+    """Return a steady PD1 beat for so many windows at each shift from PD0's, which stays."""
+    window = round(WINDOW_S * RATE)
+    shift = np.repeat(shifts_hz, windows * window)
+    turned = np.cumsum(np.stack((rest_hz + shift, np.full(shift.size, rest_hz)), axis=1) / RATE, axis=0)
+    return np.rint(900 * np.sin(2 * np.pi * turned) - 30).astype(np.int16)
+
+
+DOPPLER_HZ = 2 * SPEED / LAMBDA
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("share", "fires"), [(0.97, False), (1.03, True)])
+def test_it_fires_beyond_the_speed_in_the_second_window_in_a_row(share: float, fires: bool, sign: float) -> None:
+    counts, window = _stretches([0.0, sign * share * DOPPLER_HZ]), round(WINDOW_S * RATE)
+    found = MotionTrigger(0, 1, RATE, LAMBDA, SPEED).first_step(counts)
+    assert found == (8 * window - 1 if fires else None)
+    # one window beyond it is no motion
+    spike = counts[: 7 * window].copy()
+    assert MotionTrigger(0, 1, RATE, LAMBDA, SPEED).first_step(np.concatenate((spike, counts[: 5 * window]))) is None
+
+
+@pytest.mark.parametrize(("slow", "again"), [(0.45, True), (0.55, False)])
+def test_after_a_motion_it_waits_until_the_block_is_slower_than_half_the_speed(slow: float, again: bool) -> None:
+    shifts = [0.0, 1.5 * DOPPLER_HZ, slow * DOPPLER_HZ, 1.5 * DOPPLER_HZ]
+    counts, window = _stretches(shifts), round(WINDOW_S * RATE)
+    trigger = MotionTrigger(0, 1, RATE, LAMBDA, SPEED)
+    assert trigger.first_step(counts[: 18 * window]) == 8 * window - 1
+    assert (trigger.first_step(counts[18 * window :]) is not None) == again
+
+
+def test_without_pd0_the_rest_frequency_is_the_mean_of_the_first_twenty_windows_or_the_given_one() -> None:
+    window = round(WINDOW_S * RATE)
+    learned = _stretches([0.0, 1.5 * DOPPLER_HZ], windows=24)
+    trigger = MotionTrigger(0, None, RATE, LAMBDA, SPEED)
+    assert trigger.first_step(learned) == 26 * window - 1
+    early = _stretches([0.0, 1.5 * DOPPLER_HZ], windows=12)
+    assert MotionTrigger(0, None, RATE, LAMBDA, SPEED).first_step(early) is None  # part of what was learned
+    assert MotionTrigger(0, None, RATE, LAMBDA, SPEED, 2.7e6).first_step(early) == 14 * window - 1
+    assert MotionTrigger(0, None, RATE, LAMBDA, SPEED, 2.7e6 + 1.5 * DOPPLER_HZ).first_step(early) is None
+
+
+@pytest.mark.parametrize("rate", [1e5, 1e6, 30e6])
+def test_a_window_is_half_a_millisecond_and_at_least_64_samples(rate: float) -> None:
+    window = MotionTrigger(0, 1, rate, LAMBDA, SPEED)._window
+    assert window == max(64, round(0.5e-3 * rate))

@@ -110,3 +110,10 @@ def test_a_gap_in_which_the_force_changed_leaves_the_position_unsure() -> None:
     short[:290] = np.nan
     out, unsure = joined(short, (330,), fringe)  # too little before it to tell anything
     assert np.array_equal(out, short, equal_nan=True) and not unsure
+
+
+def test_a_stretch_that_begins_late_has_no_hole_before_it() -> None:
+    bridge = Bridge(0.3, 4, 3)
+    pieces = [*bridge.feed(5000, SLOPE * np.arange(900), np.ones(900, np.float32)), *bridge.finish()]
+    assert bridge.holes == [] == bridge.breaks and pieces[0][0] == 5000
+    assert sum(piece.size for _, piece, _ in pieces) == 900

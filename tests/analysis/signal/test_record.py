@@ -2,9 +2,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
 
 from analysis.shot.shot import AnalysisError
-from analysis.signal.record import motion_from_displacement
+from analysis.signal.record import _displacement, _interpolated, motion_from_displacement
 
 TIME = np.arange(2000) / 500.0
 NOISE = np.random.default_rng(5)
@@ -84,3 +85,55 @@ def test_the_air_track(measured: Path) -> None:
     motion = motion_from_displacement(table["time_s"], table["displacement_m"], None, None, 0.0912)
     assert motion.sample_rate_hz == pytest.approx(500)
     assert 5e-6 < motion.displacement_std_m[0] < 6e-5
+
+
+def test_a_record_s_rate_band_mass_and_flags_are_its_own() -> None:
+    motion = motion_from_displacement(TIME, _wave(), None, None, 0.1, 2e-6, bandwidth_hz=40.0)
+    assert (motion.sample_rate_hz, motion.bandwidth_hz, motion.displacement_band_hz) == pytest.approx((500, 40, 150))
+    assert (motion.moving_mass_kg, motion.moving_mass_u_kg, motion.force_measured) == (0.1, 2e-6, False)
+    assert motion.force_n == pytest.approx(0.1 * motion.acceleration_m_per_s2, nan_ok=True)
+    assert motion.force_std_n == pytest.approx(0.1 * motion.acceleration_std_m_per_s2, nan_ok=True)
+    for asked in (None, 1e4):
+        assert motion_from_displacement(TIME, _wave(), None, None, 0.1, 0.0, asked).bandwidth_hz == pytest.approx(100)
+    for mass in (0.0, -0.1):
+        with pytest.raises(AnalysisError, match="moving_mass_kg"):
+            motion_from_displacement(TIME, _wave(), None, None, mass)
+
+
+@pytest.mark.parametrize(
+    ("off", "how"), [(0.0005, ()), (0.0015, ("uneven_time",)), (0.19, ("uneven_time",)), (0.21, None)]
+)
+def test_times_may_be_off_an_even_grid_by_a_fifth_of_a_step(off: float, how: tuple[str, ...] | None) -> None:
+    time = TIME.copy()
+    time[700] += off / 500.0
+    if how is None:
+        with pytest.raises(AnalysisError, match="row 701 is 21% of a step off"):
+            motion_from_displacement(time, _wave(), None, None, 0.1)
+    else:
+        assert motion_from_displacement(time, _wave(), None, None, 0.1).flags == how
+
+
+def test_a_cubic_is_moved_to_an_even_grid_without_error_also_at_its_ends() -> None:
+    at = np.arange(40.0) + np.random.default_rng(1).uniform(-0.2, 0.2, 40)
+    cubic = np.polynomial.Polynomial([1.0, -0.3, 0.02, 1e-3])
+    assert _interpolated(np.arange(40.0), at, cubic(at)) == pytest.approx(cubic(np.arange(40.0)), abs=1e-9)
+
+
+def test_the_integral_of_a_velocity_is_that_of_its_trapezoids_and_its_noise_grows_as_a_walk() -> None:
+    speed = np.cos(TIME) + NOISE.normal(0, 1e-3, TIME.size)
+    x, std, walk = _displacement({"velocity_m_per_s": speed}, 500.0)
+    assert x == pytest.approx(cumulative_trapezoid(speed, TIME, initial=0.0), abs=1e-12)
+    assert walk == pytest.approx(1e-3 / np.sqrt(500.0), rel=0.1)
+    assert std[[0, 99]] == pytest.approx([1e-3 / 500.0, 10 * 1e-3 / 500.0], rel=0.1)
+    speed[7] = np.nan
+    with pytest.raises(AnalysisError, match="missing values"):
+        _displacement({"velocity_m_per_s": speed}, 500.0)
+
+
+@pytest.mark.parametrize("rows", [31, 32])
+def test_a_record_has_at_least_32_rows(rows: int) -> None:
+    if rows < 32:
+        with pytest.raises(AnalysisError, match="31 rows are too short"):
+            motion_from_displacement(TIME[:rows], _wave()[:rows], None, None, 0.1)
+    else:
+        assert motion_from_displacement(TIME[:rows], _wave()[:rows], None, None, 0.1).time_s.size == 32

@@ -9,6 +9,7 @@ from pathlib import Path
 _COMPARED = {"Lt": ">=", "LtE": ">", "Gt": "<=", "GtE": "<", "Eq": "!=", "NotEq": "=="}
 _ADDED = {"Add": "-", "Sub": "+", "Mult": "/", "Div": "*"}
 _EITHER_WAY = ("max", "min", "maximum", "minimum", "hypot", "isclose")  # the order of their arguments is none
+_EITHER_WAY_OF_NUMPY = ("add", "multiply", "fmin", "fmax", "convolve", "logical_and", "logical_or", "array_equal")
 _COUNTED = 9  # an integer up to which one more is one too many; a larger one is a size, and doubled
 _GUARD = "strict"  # of zip: what it guards against is another fault of the program
 _THROUGH = ("abs", "sqrt", "sorted", "deg2rad", "clip", "square", "reversed", "conj")
@@ -100,7 +101,9 @@ def _changes(node: ast.AST, source: bytes, starts: list[int]) -> Iterator[tuple[
             if name in _THROUGH and arguments:
                 yield "call left out", node, f"({text(arguments[0])})"
             plain = len(arguments) >= 2 and not any(isinstance(a, ast.Starred) for a in arguments)
-            if plain and name not in _EITHER_WAY and text(arguments[0]) != text(arguments[1]):
+            of_numpy = isinstance(called, ast.Attribute) and getattr(called.value, "id", "") == "np"
+            commutes = name in _EITHER_WAY or (of_numpy and name in _EITHER_WAY_OF_NUMPY)
+            if plain and not commutes and text(arguments[0]) != text(arguments[1]):
                 rest = [text(a) for a in arguments[2:]] + [text(k) for k in named]
                 swapped = ", ".join([text(arguments[1]), text(arguments[0]), *rest])
                 yield "swapped", node, f"{text(called)}({swapped})"

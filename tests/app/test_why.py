@@ -7,17 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from PySide6.QtCore import QEvent, QPointF
-from PySide6.QtGui import QColor, QEnterEvent
-from PySide6.QtWidgets import QApplication, QLabel
+from PySide6.QtGui import QColor, QEnterEvent, QFocusEvent
+from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QWidget
 
 from analysis.collision.effects import CATALOGUE
-from analysis.diagnosis.result import Candidate
+from analysis.diagnosis.result import Candidate, FoundEffect
 from analysis.drive.catalogue import LAWS
 from app.session import why
 from app.session.jobs import Jobs, Work
 from app.session.why import Remainder, Why, by_evidence
 from app.window.panels.diagnosis import DiagnosisPanel
-from app.window.panels.effects import CandidateBars
+from app.window.panels.effects import TRIED, Bar, CandidateBars, EffectRows
+from app.window.panels.why_canvas import explained
 from app.window.plots.residual_grid import MOST, Cell, ResidualGrid, SymLog, scale_of
 from app.window.theme import LIGHT
 from tests.app import synthetic
@@ -78,6 +79,111 @@ def test_columns_have_headings_and_a_line_says_where_evidence_begins(qtbot):
     (rule,) = (words for words in labels if words.startswith("evidence begins"))
     assert bars.threshold == pytest.approx(10.0 + 2.0 * np.log(5))
     assert labels["viscous drag on the block"] < labels[rule] < labels["adhesion at release"]
+
+
+def _row(bars: CandidateBars, effect: str) -> list[QWidget]:
+    """Return name, bar, evidence and size of a candidate."""
+    return [w for w in bars.findChildren(QWidget) if w.property("candidate") == CATALOGUE[effect].key]
+
+
+def test_a_bar_is_the_logarithm_of_the_evidence_as_a_share_of_the_best(qtbot):
+    bars = CandidateBars()
+    qtbot.addWidget(bars)
+    bars.resize(900, 400)
+    bars.show()
+    falls = {"quadratic_drag": -999.0, "viscous_drag": -99.0, "adhesion": -9.0, "tilt": 4.0, "frame_vibration": None}
+    bars.show_candidates(
+        tuple(Candidate(CATALOGUE[name], -7.25, fall) for name, fall in falls.items()),
+        {CATALOGUE["quadratic_drag"], CATALOGUE["tilt"]},
+    )
+    shares = {name: next(w for w in _row(bars, name) if isinstance(w, Bar))._share for name in falls}
+    expected = {"quadratic_drag": 1.0, "viscous_drag": 2 / 3, "adhesion": 1 / 3, "tilt": 0.0, "frame_vibration": 0.0}
+    assert shares == pytest.approx(expected)
+    chosen = {name: next(w for w in _row(bars, name) if isinstance(w, Bar))._chosen for name in falls}
+    assert chosen == {name: name == "quadratic_drag" for name in falls}  # what does not pay is not chosen
+    texts = {name: [w.text() for w in _row(bars, name) if isinstance(w, QLabel)] for name in falls}
+    assert texts["viscous_drag"] == ["viscous drag on the block", "99", "7.25"]
+    assert texts["tilt"][1:] == ["-4", "7.25"] and texts["frame_vibration"][1:] == ["–", "7.25"]
+    assert texts["quadratic_drag"][0] != CATALOGUE["quadratic_drag"].words
+    assert texts["quadratic_drag"][0].endswith(CATALOGUE["quadratic_drag"].words)
+    assert "not fitted in full" in _row(bars, "frame_vibration")[0].toolTip()
+    assert "not fitted in full" not in _row(bars, "tilt")[0].toolTip()
+
+
+def test_seven_candidates_are_shown_until_all_are_asked_for(qtbot):
+    bars = CandidateBars()
+    qtbot.addWidget(bars)
+    names = list(CATALOGUE)[:9]
+    some = tuple(Candidate(CATALOGUE[name], 5.0, -100.0 + place) for place, name in enumerate(names))
+
+    def shown() -> list[str]:
+        QApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
+        return [name for name in names if _row(bars, name)]
+
+    def button() -> QPushButton:
+        (found,) = bars.findChildren(QPushButton)
+        return found
+
+    bars.show_candidates(some, set())
+    assert shown() == names[:7] and button().text() == "Show all 9"
+    button().click()
+    assert shown() == names and button().text() == "Show fewer"
+    button().click()
+    assert shown() == names[:7]
+    bars.show_candidates(some[:7], set())
+    assert shown() == names[:7] and not bars.findChildren(QPushButton)
+
+
+def test_keyboard_and_mouse_point_at_a_candidate_and_away(qtbot):
+    bars = CandidateBars()
+    qtbot.addWidget(bars)
+    bars.show_candidates(CANDIDATES, set())
+    seen: list[object] = []
+    bars.pointed.connect(seen.append)
+    for widget in _row(bars, "viscous_drag"):
+        QApplication.sendEvent(widget, QFocusEvent(QEvent.Type.FocusIn))
+        QApplication.sendEvent(widget, QFocusEvent(QEvent.Type.FocusOut))
+        QApplication.sendEvent(widget, QEnterEvent(*[QPointF(2.0, 2.0)] * 3))
+        QApplication.sendEvent(widget, QEvent(QEvent.Type.Leave))
+    assert seen == 8 * [VISCOUS, None]
+
+
+def test_a_row_of_an_effect_adds_or_removes_it(qtbot):
+    rows = EffectRows()
+    qtbot.addWidget(rows)
+    found = [FoundEffect(CATALOGUE[name], {}, {}) for name in ("quadratic_drag", "tilt")]
+    found[1] = replace(found[1], indistinguishable_from=(VISCOUS, CATALOGUE["adhesion"]))
+    added: list[object] = []
+    removed: list[object] = []
+    rows.add_wanted.connect(added.append)
+    rows.remove_wanted.connect(removed.append)
+    rows.show_effects(found, (VISCOUS, CATALOGUE["adhesion"]), (CATALOGUE["adhesion"],))
+    said = [label.text() for label in rows.findChildren(QLabel)]
+    assert len(said) == 4 and "adhesion" not in said[0].lower()
+    rivals = f"indistinguishable from: {VISCOUS.words}, {CATALOGUE['adhesion'].words}"
+    assert rivals in said[1] and "indistinguishable" not in said[0]
+    assert TRIED not in said[2] and TRIED in said[3]
+    for key in (CATALOGUE["tilt"].key, VISCOUS.key):
+        rows.button(key).click()
+    assert added == [[CATALOGUE["tilt"]]] and removed == [VISCOUS]
+    (all_of_them,) = (b for b in rows.findChildren(QPushButton) if b.text() == "Add all to the model")
+    all_of_them.click()
+    assert added[1:] == [[CATALOGUE["quadratic_drag"], CATALOGUE["tilt"]]]
+    rows.show_effects(found, (CATALOGUE["tilt"],))  # one is missing: it has its own button
+    QApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
+    assert sorted(b.text() for b in rows.findChildren(QPushButton)) == ["Add to the model", "Remove from the model"]
+
+
+@pytest.mark.parametrize(("samples", "parts"), [(1000, 100), (1003, 100), (50, 50), (7, 1)])
+def test_a_curve_of_means_lies_where_its_parts_do(samples, parts):
+    """The mean of a straight line over a part is its value in the part's middle."""
+    line = 3.0 - 0.5 * np.arange(samples)
+    edges = np.linspace(0.0, samples, parts + 1) - 0.5
+    means = 3.0 - 0.25 * (edges[1:] + edges[:-1])
+    over = explained(2.0 * line, means)
+    inside = slice(samples // parts, samples - samples // parts) if parts > 1 else slice(samples // 2, samples // 2 + 1)
+    assert over.signature_m[inside] == pytest.approx(line[inside], abs=1e-9)
+    assert over.remains_m == pytest.approx(2.0 * line - over.signature_m, abs=1e-9)
 
 
 def test_all_shots_stand_on_one_axis_and_accepting_turns_before_into_after(qtbot, told, shots):

@@ -62,6 +62,89 @@ def test_large_numbers_are_written_out_and_small_ones_are_short() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("value", "digits", "said"),
+    [
+        (999999.6, 6, "1000000"),
+        (9999999.0, 3, "1e7"),
+        (1234567.0, 3, "1230000"),
+        (12.0, 3, "12"),
+        (-0.0, 3, "0"),
+        (1e-5, 3, "1e-5"),
+        (0.0001, 3, "0.0001"),
+        (None, 3, "–"),
+        (float("nan"), 3, "–"),
+        (float("-inf"), 3, "–"),
+    ],
+)
+def test_a_bare_number_has_its_digits_and_no_exponent_below_ten_million(value, digits, said) -> None:
+    assert number(value, digits) == said
+
+
+@pytest.mark.parametrize(
+    ("reading", "scale", "said"),
+    [
+        (Quantity(0.98765432, 0.0099), 1.0, "0.9877(99)"),
+        (Quantity(0.98765432, 0.1), 1.0, "0.99(10)"),
+        (Quantity(0.98765432, 0.1), 1e-3, "0.00099(10)"),
+        (Quantity(5.5, 0.31), -1.0, "-5.50(31)"),
+        (Quantity(21.0, 1.0), 1.0, "21.0(10)"),
+        (Quantity(21.0, 9.9), 1.0, "21.0(99)"),
+        (Quantity(21.0, 10.0), 1.0, "21 ± 10"),
+        (Quantity(1.5, 1e-11), 1.0, "1.500000000000(10)"),
+        (Quantity(1.5, 9e-12), 1.0, str(Quantity(1.5, 9e-12))),
+        (Quantity(1.23456789, float("inf")), 1.0, "1.23457"),
+        (Quantity(float("nan"), 0.1), 1.0, "–"),
+    ],
+)
+def test_brackets_hold_two_digits_of_the_uncertainty(reading, scale, said) -> None:
+    assert wording.concise_text(reading, scale) == said
+
+
+def test_a_hover_says_how_a_number_was_read_and_what_its_uncertainty_is() -> None:
+    read = str(wording.how_text("COR", Quantity(0.9, 0.1, "a line"), "the restitution", std="± is small."))
+    assert [part in read for part in ("COR", "the restitution", "Read from: a line", "± is small.")] == 4 * [True]
+    for bare in (Quantity(0.9, 0.0), Quantity(0.9, float("inf"))):
+        assert "±" not in wording.how_text("COR", bare) and "Read from" not in wording.how_text("COR", bare)
+    assert "± is the standard uncertainty." in wording.how_text("COR", Quantity(0.9, 0.1))
+    assert "No shot yet." in wording.how_text("COR", None)
+    assert "No shot yet." not in wording.how_text("COR", NotSeen("too short"))
+
+
+def test_times_and_sizes_on_a_disk() -> None:
+    assert [wording.duration(s) for s in (-3.0, 59.99, 60.0, 3725.0)] == ["00:00", "00:59", "01:00", "62:05"]
+    sizes = (999, 1000, 1_499_999, 412e9, 999.4e9, 1e12, 2.25e15)
+    said = ["999 B", "1 kB", "1 MB", "412 GB", "999 GB", "1.0 TB", "2250.0 TB"]
+    assert [wording.size_words(size) for size in sizes] == said
+
+
+@pytest.mark.parametrize(
+    ("size", "said"),
+    [
+        (1e-15, "0.001 pm"),
+        (0.99951e-9, "1 nm"),
+        (0.9994e-9, "999 pm"),
+        (-2.5e-5, "-25 µm"),
+        (0.0, "0 m"),
+        (4e9, "4000 Mm"),
+    ],
+)
+def test_a_prefix_leaves_a_number_from_one_to_a_thousand(size, said) -> None:
+    assert wording.with_prefix(size, "m") == said
+
+
+def test_typed_numbers_have_one_decimal_sign() -> None:
+    assert wording.typed_number(" −3,5 ") == -3.5 and wording.typed_number("1e-3") == 1e-3
+    for text in ("1.000,5", "1,000,000", "1.2.3"):
+        with pytest.raises(ValueError, match="two ways"):
+            wording.typed_number(text)
+    for text in ("", "1_000", "inf", "nan", "five"):
+        with pytest.raises(ValueError, match="is not a number"):
+            wording.typed_number(text)
+    assert wording.typed_numbers("1, 2;3,5  4e2,") == (1.0, 2.0, 3.5, 400.0)
+    assert wording.typed_numbers(" ; ") == ()
+
+
 def test_every_flag_has_words_and_stands_in_the_page_of_formats():
     page = (Path(__file__).resolve().parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
     assert [flag for flag in FLAG_WORDS if f"`{flag}`" not in page] == []

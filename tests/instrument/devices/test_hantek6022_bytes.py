@@ -13,7 +13,7 @@ from analysis.shot.recording import Role
 from instrument.devices import hantek6022_firmware
 from instrument.devices.bulk_stream import Chunk
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
-from instrument.devices.hantek6022 import Hantek6022
+from instrument.devices.hantek6022 import Hantek6022, channel_of
 from tests.instrument.devices.scripted_usb import In, Out, Plugged, ScriptedUsb
 
 EEPROM = In(0xA2, 8, 80, usb.core.USBError("Pipe error", -9, errno.EPIPE))
@@ -84,6 +84,51 @@ def test_arming_sends_the_firmwares_own_rate_code(vendor: int, product: int, rat
     assert stream.stopped
     bus.finish()
     assert bus.opened == 0
+
+
+@pytest.mark.parametrize(
+    ("ids", "slow", "megas"),
+    [
+        ((0x04B5, 0x6022), 100, {1, 2, 3, 4, 5, 6, 8, 10, 12, 15}),
+        ((0x04B5, 0x602A), 100, {1, 2, 3, 4, 5, 6, 8, 10, 12, 15}),
+        ((0x1D50, 0x608E), 0, {1, 2, 4, 8, 12}),
+    ],
+)
+def test_every_rate_has_the_code_of_its_firmware(ids: tuple[int, int], slow: int, megas: set[int]) -> None:
+    """Both count in MS/s from 1 MS/s on, and in tens of kS/s below it, OpenHantek's from 100 on."""
+    bus = ScriptedUsb([Plugged(*ids)], [EEPROM])
+    scope = Hantek6022(backend=bus, make_stream=GivenStream([]))
+    rates = scope.capabilities.rates_hz
+    assert set(rates) == {1e5, 2e5, 5e5} | {1e6 * mega for mega in megas}
+    easy = [rate for rate in rates if rate <= 12e6]
+    assert list(rates) == sorted(easy, reverse=True) + [rate for rate in rates if rate > 12e6]
+    for rate in rates:
+        code = round(rate / 1e6) if rate >= 1e6 else slow + round(rate / 1e4)
+        bus.script.extend([*_arming(code), Out(0xE3, 0, b"\x00")])
+        scope.arm(CaptureSettings(rate, 1000, 0))
+        scope.stop()
+    scope.close()
+    bus.finish()
+
+
+@pytest.mark.parametrize(
+    ("gain", "place", "full_scale_v"), [(1, 14, 5.12), (2, 8, 2.56), (5, 6, 1.024), (10, 0, 0.512)]
+)
+@pytest.mark.parametrize("column", [0, 1])
+def test_a_gain_step_reads_its_own_bytes_of_the_calibration(
+    gain: int, place: int, full_scale_v: float, column: int
+) -> None:
+    eeprom = bytearray([0x80] * 80)
+    eeprom[place + column] = 0x80 - 4
+    eeprom[32 + place + column] = 128 - 25  # a twentieth
+    eeprom[48 + place + column] = 128 + 50  # a fifth of a code
+    volts = 0.95 * full_scale_v / 128
+    found = channel_of(Role.MEASUREMENT, gain, column, bytes(eeprom))
+    assert found.volts_per_count == pytest.approx(volts)
+    assert found.offset_v == pytest.approx(3.8 * volts)
+    for unset in (b"\x00" * 80, b"\xff" * 80, b"", bytes(eeprom[: place + column])):
+        plain = channel_of(Role.MEASUREMENT, gain, column, unset)
+        assert plain.volts_per_count == pytest.approx(full_scale_v / 128) and plain.offset_v == 0.0
 
 
 @pytest.mark.parametrize(("ids", "rate"), [((0x1D50, 0x608E), 10e6), ((0x04B5, 0x6022), 30e6)])

@@ -28,6 +28,7 @@ ERRORS = (
     ("force_rms_n", "force, rms", "N"),
     ("reduced_chi2", "reduced χ²", ""),
 )
+_UNKNOWN = Errors(*4 * (np.nan,))
 MOST_DRAWN = 8  # shots whose residuals are drawn
 
 
@@ -113,8 +114,12 @@ def error_rows(columns: Sequence[tuple[str, Errors]]) -> list[list[str]]:
         values = [getattr(errors, name) for _, errors in columns]
         if np.isfinite(values).any():
             scale, shown_in = prefix_for(float(np.nanmax(np.abs(values))), unit) if unit else (1.0, "")
-            rows.append([f"{words} ({shown_in})" if shown_in else words, *(f"{scale * value:.4g}" for value in values)])
+            rows.append([f"{words} ({shown_in})" if shown_in else words, *(_cell(scale * value) for value in values)])
     return rows
+
+
+def _cell(value: float) -> str:
+    return f"{value:.4g}" if np.isfinite(value) else "\u2013"
 
 
 def _residuals(diagnosis: Diagnosis, shots: Sequence[Shot]) -> Markup:
@@ -161,12 +166,13 @@ def prediction_section(prediction: Foretold) -> Markup:
     """Return the section on a model file tested on these shots: sentence, errors of all shots and of each."""
     effects = " + ".join(effect.words for effect in prediction.effects) or "no effect"
     columns: list[tuple[str, Errors]] = [("base alone", prediction.error_base), ("whole model", prediction.error_model)]
+    each = [("", error or _UNKNOWN) for shot in prediction.shots for error in (shot.error_base, shot.error_model)]
+    rows = error_rows([*columns, *each])  # all in the same units
     shots = []
-    for shot in prediction.shots:
+    for place, shot in enumerate(prediction.shots):
         remark = shot.problem or ("took part in the model\u2019s fit: no test" if shot.took_part else "")
-        rows = error_rows([("", e) for e in (shot.error_base, shot.error_model) if e is not None])
-        shots.append([shot.name, *(rows[0][1:] if rows else ["\u2013", "\u2013"]), remark])
-    which = error_rows(columns)[0][0]
+        shots.append([shot.name, *rows[0][3 + 2 * place : 5 + 2 * place], remark])
+    which = rows[0][0]
     said = (
         f"Model {prediction.model} with {effects}, as it was saved; only the parameters of each shot (speed, touch and "
         "offset; a drive\u2019s constant force) were fitted."
@@ -175,7 +181,7 @@ def prediction_section(prediction: Foretold) -> Markup:
     body = joined(
         tag("p", tag("b", f"{sentence[0].upper()}{sentence[1:]}.")),
         tag("p", said),
-        table(["", *(name for name, _ in columns)], error_rows(columns), "numbers"),
+        table(["", *(name for name, _ in columns)], [row[:3] for row in rows], "numbers"),
         table(["shot", f"base alone: {which}", "whole model", "remarks"], shots, "numbers"),
     )
     return tag("section", tag("h2", "Test of model predictions"), body)

@@ -1,0 +1,223 @@
+"""What the window may do with its digitizer, from what the capture says; each shot is handed over once."""
+
+import time
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from analysis.shot.shot import AnalysisSettings
+from app.session.rig import LONGEST_ARMING_S, Rig, _Running
+from instrument.capture.acquisition import State
+from instrument.capture.snapshot import FinishedShot, SignalLine, Snapshot, WaitingShot
+from instrument.devices.digitizer import CaptureSettings, DigitizerError
+from instrument.live.live_view import empty_view
+from tests.app import synthetic
+
+
+class Capture:
+    """A capture that keeps what it was told."""
+
+    def __init__(self, state: State = State.IDLE) -> None:
+        self.told: list[tuple[str, Any]] = []
+        self.snapshot = Snapshot(state, 10.0, False, "", "", SignalLine(), empty_view())
+        self.ends, self.digitizer_held = True, False
+
+    def latest(self) -> Snapshot:
+        return self.snapshot
+
+    def arm(self, automatic: bool) -> None:
+        self.told.append(("arm", automatic))
+
+    def abort(self) -> None:
+        self.told.append(("abort", None))
+
+    def trigger_now(self) -> None:
+        self.told.append(("trigger", None))
+
+    def set_automatic(self, on: bool) -> None:
+        self.told.append(("automatic", on))
+
+    def set_options(self, options: Any) -> None:
+        self.told.append(("options", options))
+
+    def watch(self, on: bool) -> None:
+        self.told.append(("watch", on))
+
+    def save_pending(self, folder: Path) -> list[Path]:
+        return [folder / "a", folder / "b"]
+
+    def close(self) -> bool:
+        self.told.append(("close", None))
+        return self.ends
+
+
+@pytest.fixture
+def rig():
+    """A rig whose source could not be opened, and its clock."""
+
+    def refused(_: str):
+        raise DigitizerError("no such device", "plug it in")
+
+    now = [100.0]
+    one = Rig(lambda *_: "options", AnalysisSettings, SimpleNamespace(), open_digitizer=refused, clock=lambda: now[0])
+    one.open("absent")
+    _until(lambda: one.latest().state is State.FAULT and not one._orders)
+    one.now = now
+    yield one
+    one._running = None
+    assert one.close()
+
+
+def _until(done) -> None:
+    end = time.monotonic() + 20.0
+    while not done():
+        assert time.monotonic() < end
+        time.sleep(0.005)
+
+
+def _runs(rig, state: State = State.IDLE) -> Capture:
+    capture = Capture(state)
+    rig._running = _Running("bench?seed=1", SimpleNamespace(), capture, ("PD0", "PD1"), 14, 2e6)
+    return capture
+
+
+def test_a_source_that_failed_says_why_and_can_be_armed_to_open_again(rig) -> None:
+    told = rig.latest()
+    assert (told.state, told.message, told.remedy) == (State.FAULT, "no such device", "plug it in")
+    assert told.since_s == 100.0
+    assert rig.can_arm(told) and rig.can_abort(told) and not rig.arming(told)
+    assert (rig.opened, rig.channels, rig.bits, rig.rate_hz) == (None, (), None, None)
+    assert rig.save_pending(Path("x")) == {}
+    rig.now[0] = 200.0
+    rig.arm()
+    _until(lambda: rig.latest().since_s == 200.0 and rig.latest().state is State.FAULT)
+    rig.abort()
+    idle = rig.latest()
+    assert (idle.state, idle.message) == (State.IDLE, "opening the source")
+    assert not rig.can_arm(idle) and not rig.can_abort(idle)
+    for command in (rig.trigger_now, rig.options_changed, lambda: rig.watch(True)):
+        command()
+    rig.set_rearm(True)
+    assert rig.rearm
+
+
+def test_commands_go_to_the_capture(rig) -> None:
+    capture = _runs(rig)
+    assert (rig.opened, rig.channels, rig.bits, rig.rate_hz) == ("bench?seed=1", ("PD0", "PD1"), 14, 2e6)
+    rig.arm()
+    rig.set_rearm(True)
+    rig.arm()
+    rig.trigger_now()
+    rig.watch(False)
+    rig.options_changed()
+    rig.abort()
+    assert capture.told == [
+        ("arm", False), ("automatic", True), ("arm", True), ("trigger", None), ("watch", False),
+        ("options", "options"), ("abort", None),
+    ]  # fmt: skip
+    capture.snapshot = replace(capture.snapshot, unsaved=("one", "two"))
+    assert rig.save_pending(Path("there")) == {"one": Path("there/a"), "two": Path("there/b")}
+
+
+def test_settings_that_cannot_be_applied_are_a_problem_told_once(rig) -> None:
+    capture = _runs(rig)
+
+    def refused(_: Any) -> None:
+        raise OSError("no room")
+
+    capture.set_options = refused
+    rig.options_changed()
+    assert rig.take_problems() == ["the settings were not applied: no room"] and rig.take_problems() == []
+
+
+@pytest.mark.parametrize(
+    ("state", "arms", "aborts"),
+    [
+        (State.IDLE, True, False),
+        (State.ARMED, False, True),
+        (State.ANALYSING, True, True),
+        (State.FAULT, True, True),
+    ],
+)
+def test_arm_and_abort_are_offered_by_state(rig, state: State, arms: bool, aborts: bool) -> None:
+    told = _runs(rig, state).latest()
+    assert (rig.can_arm(told), rig.can_abort(told)) == (arms, aborts)
+
+
+def test_arming_lasts_until_the_state_changes_or_a_minute_is_over_or_it_is_aborted(rig) -> None:
+    capture = _runs(rig)
+    told = capture.latest()
+    assert not rig.arming(told)
+    rig.arm()
+    assert rig.arming(told) and rig.can_abort(told) and not rig.can_arm(told)
+    rig.now[0] += LONGEST_ARMING_S
+    assert rig.arming(told)
+    rig.now[0] += 0.1
+    assert not rig.arming(told) and rig.can_arm(told)
+    rig.arm()
+    assert not rig.arming(replace(told, since_s=11.0)) and not rig.arming(told)
+    rig.arm()
+    rig.abort()
+    assert not rig.arming(told)
+
+
+def test_a_captured_shot_is_handed_over_once_and_again_from_another_source(rig) -> None:
+    capture = _runs(rig)
+    waiting = (WaitingShot(1, "one", None), WaitingShot(2, "two", None))
+    told = replace(capture.latest(), waiting=waiting[:1])
+    assert rig.take_captured(told) == [waiting[0]] and rig.take_captured(told) == []
+    assert rig.take_captured(replace(told, waiting=waiting)) == [waiting[1]]
+    rig._serial += 1
+    assert rig.take_captured(replace(told, waiting=waiting)) == list(waiting)
+
+
+def test_a_finished_shot_is_handed_over_when_it_is_read_and_again_with_its_fit(rig) -> None:
+    whole = synthetic.shot()
+    first = replace(whole, fit=None, flags=("fit_to_follow",))
+    told = _runs(rig).latest()
+
+    def taken(index: int, shot: Any = None, problem: str | None = None) -> list[FinishedShot]:
+        finished = FinishedShot(index, "one", None, CaptureSettings(1e6, 10, 0), shot, problem)
+        return rig.take_finished(replace(told, finished=(finished,)))
+
+    assert taken(1) == []  # neither a shot nor a problem yet
+    (one,) = taken(1, shot=first)
+    assert one.shot is first and not one.fitted_later and taken(1, shot=first) == []
+    (again,) = taken(1, shot=whole)
+    assert again.fitted_later and again.shot is whole and taken(1, shot=whole) == []
+    (whole_at_once,) = taken(2, shot=whole)
+    assert not whole_at_once.fitted_later and taken(2, shot=whole) == []
+    (failed,) = taken(3, problem="the disk is full")
+    assert failed.problem == "the disk is full" and taken(3, problem="the disk is full") == []
+
+
+def test_sources_are_listed_with_what_was_found_before_those_that_need_an_address(rig) -> None:
+    rig.remember_found([SimpleNamespace(source="scope:1", name="Scope", where="USB port 3")])
+    rig.remember_network(["scpi:10.0.0.7"])
+    listed = rig.sources()
+    names = [source for source, _ in listed]
+    place = names.index("scope:1")
+    assert listed[place] == ("scope:1", "Scope, USB port 3") and names[place + 1] == "scpi:10.0.0.7"
+    assert all(name.endswith(":") for name in names[place + 2 :]) and len(names) > place + 2
+    assert not any(name.endswith(":") for name in names[:place]) and "bench" in names[:place]
+
+
+@pytest.mark.parametrize(("ends", "held", "said"), [(True, True, 0), (False, False, 0), (False, True, 1)])
+def test_a_source_that_does_not_let_go_is_said(rig, ends: bool, held: bool, said: int) -> None:
+    capture = _runs(rig)
+    capture.ends, capture.digitizer_held = ends, held
+    rig.open("absent")
+    _until(lambda: rig.latest().state is State.FAULT and not rig._orders and rig._running is None)
+    problems = rig.take_problems()
+    assert capture.told == [("close", None)] and len(problems) == said
+    assert all(problem.startswith("bench?seed=1 did not end in time") for problem in problems)
+
+
+def test_a_planned_change_holds_until_a_source_is_opened(rig) -> None:
+    rig.take("absent", lambda options: f"changed {options}")
+    assert rig._chosen("absent", SimpleNamespace()) == "changed options" and rig._arm_opened
+    rig.open("absent")
+    assert rig._chosen("absent", SimpleNamespace()) == "options" and not rig._arm_opened and rig.source == "absent"

@@ -70,3 +70,71 @@ def test_the_table_names_a_curve_as_it_is_called_whatever_its_name_looks_like(qt
     stack.show()
     stack.show_cursors(True)
     assert "force, 1 v<u>0 & a" in QTextDocumentFragment.fromHtml(readout.words).toPlainText()
+
+
+def test_a_slope_is_per_second_and_a_hidden_curve_is_not_read(qtbot) -> None:
+    stack = TimeStack("stack")
+    qtbot.addWidget(stack)
+    plot = stack.add_plot("velocity", "m/s")
+    ramp, other = plot.add_curve("measured", MEASURED), plot.add_curve("other", MEASURED)
+    ramp.show_samples(0.0, 0.1, 0.3 * np.arange(100))  # 3 per ms
+    other.show_samples(0.0, 0.1, np.ones(100))
+    other.setVisible(False)
+    stack.show_cursors(True)
+    stack.cursors.place(6.0, 2.0)  # B before A
+    (told,) = stack.cursors.measures()
+    assert (told.name, told.unit) == ("velocity, measured", "m/s")
+    assert (told.at_a, told.at_b, told.difference) == pytest.approx((18.0, 6.0, -12.0))
+    assert told.slope == pytest.approx(3000.0) and told.mean == pytest.approx(12.0)
+    first, heads, row = stack.cursors.text().split("\n")
+    assert first == "A\t6.000000 ms\tB\t2.000000 ms\tB-A\t-4.000000 ms"
+    assert heads.endswith("slope (unit per s)") and len(heads.split("\t")) == len(row.split("\t"))
+    cells = row.split("\t")
+    assert cells[:2] == ["velocity, measured", "m/s"] and [float(cell) for cell in cells[2:6]] == pytest.approx(
+        [18.0, 6.0, -12.0, 12.0]
+    )
+    assert float(cells[6]) == pytest.approx(told.rms) and float(cells[7]) == pytest.approx(told.deviation)
+
+
+def test_cursors_are_shown_at_the_thirds_of_the_view_and_stepped(qtbot) -> None:
+    stack = TimeStack("stack")
+    qtbot.addWidget(stack)
+    for title in ("velocity", "force"):
+        stack.add_plot(title, "N")
+    cursors = stack.cursors
+    cursors.show(True, 3.0, 9.0)
+    assert cursors.places == pytest.approx((5.0, 7.0)) and cursors.shown
+    lines = [line for name in "AB" for line in cursors._lines[name]]
+    assert len(lines) == 4 and all(line.isVisible() for line in lines)
+    assert [getattr(line, "label", None) is not None for line in lines] == [True, False, True, False]
+    with qtbot.waitSignal(cursors.moved):
+        cursors.step("B", -0.5)
+    assert cursors.places == pytest.approx((5.0, 6.5))
+    with qtbot.waitSignal(cursors.moved):
+        cursors.show(False, 0.0, 1.0)
+    assert cursors.places == pytest.approx((5.0, 6.5)) and not any(line.isVisible() for line in lines)
+
+
+def test_the_readout_tells_the_span_as_a_frequency_and_less_in_a_low_window(qtbot) -> None:
+    stack = TimeStack("stack")
+    qtbot.addWidget(stack)
+    stack.add_plot("force", "N").add_curve("measured", MEASURED).show_samples(0.0, 0.1, np.arange(100.0))
+    readout = CursorReadout(stack)
+    qtbot.addWidget(readout)
+    stack.show()
+    assert readout.isHidden()
+    stack.show_cursors(True)
+    readout.resize(600, 1200)
+    stack.cursors.place(2.0, 4.5)
+    said = QTextDocumentFragment.fromHtml(readout.words).toPlainText()
+    assert "A 2.0000 ms" in said and "B 4.5000 ms" in said and "B − A 2.5000 ms" in said and "(400 Hz)" in said
+    assert [head in said for head in ("at A", "at B", "mean", "rms", "slope per s")] == 5 * [True]
+    assert readout._table.text() == readout.words and readout._table.toolTip() == ""
+    stack.cursors.place(3.0, 3.0)
+    assert "(– Hz)" in QTextDocumentFragment.fromHtml(readout.words).toPlainText()
+    readout.resize(600, 100)
+    stack.cursors.place(2.0, 4.5)
+    assert readout._table.toolTip() == readout.words != readout._table.text()
+    assert "slope" not in readout._table.text() and "400 Hz" in readout._table.text()
+    stack.show_cursors(False)
+    assert readout.isHidden()

@@ -76,15 +76,14 @@ class Residuals(QWidget):
     def show_diagnosis(self, diagnosis: Diagnosis, shots: list[Shot]) -> None:
         """Show the residual of the first analysed shot, and the errors of all."""
         self._errors.setText(_errors_table(diagnosis))
-        shown = next((i for i, shot in enumerate(shots) if shot.motion is not None), None)
+        shot = next((shot for shot in shots if shot.motion is not None), None)  # the first of the fits, too
         driven = is_drive(diagnosis.fit_after.model)
         self._show_stack(driven)
-        if driven or shown is None or shown >= len(diagnosis.fit_after.shots):
+        if driven or shot is None or not diagnosis.fit_after.shots:
             self._heading.setText("RESIDUAL OF FORCE" if driven else "")
             self._forget()
             return
         self.forces.show_curves(None, None, None)
-        shot = shots[shown]
         motion = shot.motion
         assert motion is not None
         self.stack.tell((shot,), shot.name)
@@ -94,8 +93,8 @@ class Residuals(QWidget):
         start, step = grid_ms(shot)
         fits = (diagnosis.fit_before, diagnosis.fit_after)
         for fit, plot, curve, band in zip(fits, self._plots, self._curves, self._bands, strict=True):
-            if shown < len(fit.shots):
-                left = np.asarray(fit.shots[shown].residual_m)
+            if fit.shots:
+                left = np.asarray(fit.shots[0].residual_m)
                 factor, unit = prefix_for(float(np.nanmax(np.abs(left), initial=0.0)), "m")
                 plot.name_value(plot.title, unit)
                 curve.show_samples(start, step, factor * left)

@@ -51,6 +51,9 @@ def test_paper_panel_shows_every_row(qtbot: QtBot) -> None:
     panel = PaperPanel()
     qtbot.addWidget(panel)
     panel.show_reproduction(result)
+    head = panel.table.header()
+    order = [panel.table.headerItem().text(head.logicalIndex(place)) for place in range(head.count())]
+    assert order[:3] == ["number", "difference", "paper"]  # in view also on a narrow page
     sections = [panel.table.topLevelItem(i) for i in range(panel.table.topLevelItemCount())]
     shown = [section.child(i) for section in sections for i in range(section.childCount())]
     assert len(shown) == len(result.rows)

@@ -11,7 +11,7 @@ from analysis.paper import paper as papers
 from analysis.paper.paper import Reproduction, Status, reproduce
 from analysis.paper.paper_audit import audit_values
 from analysis.paper.paper_simulation import Simulated, half_sine_time_s, simulate
-from analysis.shot.quantity import NotSeen, Quantity
+from analysis.shot.quantity import NotSeen, Quantity, words_and_unit
 from tests.analysis.shots import shot_of
 
 
@@ -190,3 +190,12 @@ def test_force_peaks_are_found_between_the_samples(run: Simulated) -> None:
         slope = np.polynomial.Polynomial.fit(time[near], force[near], 6).deriv()
         roots = slope.roots()
         assert np.abs(roots - peak_s).min() < 5e-10
+
+
+def test_an_input_has_the_unit_that_its_name_ends_in(table: Reproduction) -> None:
+    rows = {row.key.removeprefix("input."): row for row in table.rows if row.section == "input"}
+    assert len(rows) == 11 and len({row.what for row in rows.values()}) == 11
+    for name, row in rows.items():
+        unit = "kg/m³" if name == "density_kg_m3" else words_and_unit(name)[1]
+        assert row.unit.replace("m3", "m³") == unit and row.what and row.unit not in row.what.split(), name
+        assert (row.where == "rig") == (name.split("_")[0] in ("arm", "disc", "density")), name

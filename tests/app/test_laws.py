@@ -117,6 +117,9 @@ def test_the_sheet_says_what_is_wrong_while_it_is_typed(qtbot):
     sheet = LawSheet()
     qtbot.addWidget(sheet)
     assert not sheet.save.isEnabled() and sheet.said.text() == ""
+    for shown in (True, False):
+        sheet.toggle()
+        assert sheet.isVisible() == shown
     sheet.fill(SHAKEN)
     assert sheet.save.isEnabled() and sheet.table() == SHAKEN
     sheet.own[0].setChecked(True)

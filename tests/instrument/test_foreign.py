@@ -385,6 +385,7 @@ def test_a_spoiled_file_is_read_or_refused_in_one_line(good: Spoilable, tmp_path
         ("sample_rate", 1.1e12, None),  # no digitizer samples at a terahertz
         ("sample_rate", float("nan"), None),
         ("sample_rate", "2 MS/s", None),
+        ("sample_rate", "2e6", None),  # words, though they look like a number
     ],
 )
 def test_an_attribute_of_hdf5_is_a_sample_rate_if_it_is_a_possible_number(

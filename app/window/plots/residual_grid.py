@@ -101,7 +101,7 @@ class ResidualGrid(Dressed, QWidget):
             self._draw(painter, area, cell, over)
             if column == 0:
                 self._draw_axis(painter, area, labels, unit)
-            if row == rows - 1 or place + columns >= count:
+            if place + columns >= count:
                 ends = cell.time_ms[[0, -1]] if cell.time_ms.size else np.array([0.0, 1.0])
                 span = f"{number(float(ends[0]), 3)} … {number(float(ends[1]), 3)} ms"
                 under = QRectF(area.left(), area.bottom(), area.width(), bottom)

@@ -155,3 +155,15 @@ def test_a_shot_over_visa() -> None:
 def test_an_unknown_visa_resource_is_one_line() -> None:
     with pytest.raises(DigitizerError, match=r"cannot be opened \(VI_ERROR_RSRC_NFOUND: not found\)"):
         VisaTransport("TCPIP0::9.9.9.9::INSTR", FakeVisa(EmulatedScope("rigol")))
+
+
+@pytest.mark.parametrize("most", [4, 5])
+def test_a_block_over_visa_is_taken_up_to_the_size_asked_for(most: int) -> None:
+    visa = FakeVisa(EmulatedScope("rigol"))
+    transport = VisaTransport("TCPIP0::1.2.3.4::INSTR", visa)
+    visa.write = lambda _: setattr(visa, "waiting", b"#15abcde\n")  # type: ignore[method-assign]
+    if most == 5:
+        assert transport.query_block(":WAV:DATA?", most) == b"abcde" and visa.waiting == b""
+    else:
+        with pytest.raises(DigitizerError, match="announced 5 bytes where at most 4 were requested"):
+            transport.query_block(":WAV:DATA?", most)

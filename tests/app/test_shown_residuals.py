@@ -84,6 +84,7 @@ def test_the_gap_is_drawn_in_micrometres_over_the_force(qtbot) -> None:
     assert np.array_equal(view._measured.samples, MOTION.force_n)
     assert np.array_equal(view._simulated.samples, PART.overlay.force_n)
     assert view.stack.whole == pytest.approx(contact_span_ms(ONE))
+    assert [(line.value(), line.toolTip()) for line in view._gap_plot._levels] == [(0.0, "below: overlap")]
     view.show_shot(replace(ONE, fit=None))
     assert view._gap.samples.size == view._simulated.samples.size == 0 and view._measured.samples.size == 14000
 

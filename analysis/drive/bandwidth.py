@@ -10,7 +10,7 @@ from analysis.signal import MAX_BANDWIDTH_SHARE, derivative_filters, derivatives
 
 CLEAR = 100.0  # signal over noise power at the edge: noise of 1 % in a regressor biases its coefficient by as much
 BANDS_AN_OCTAVE = 4
-LEAST_FILTERS = 60.0  # a record must last so many times the filter's time 1 / bandwidth: its ends cost six
+LEAST_FILTERS = 60.0  # a record must last so many times the filter's time 1 / bandwidth: each end costs ten
 _PIECES = 6  # of the record, for the spectrum
 
 

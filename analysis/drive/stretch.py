@@ -29,6 +29,7 @@ OVERSAMPLED = 3.0  # samples kept for every hertz of the bandwidth: further ones
 LONGEST_DELAY = 0.5  # between force and motion, in 1 / bandwidth: the longest that is searched
 _KAISER = 5.65  # 60 dB
 _HALF_LENGTH = 3.0  # of the low-pass, in 1 / bandwidth
+_LOST = 3.0 * _HALF_LENGTH + 2.0 * LONGEST_DELAY  # at each end of a stretch, to both filters, in 1 / bandwidth
 _MOST_CACHED = 40  # columns of laws kept a table
 
 
@@ -114,7 +115,7 @@ def prepare(motions: Sequence[Motion]) -> tuple[Stretch, ...]:
     if count < 20 or whole < FEWEST_SAMPLES:
         raise AnalysisError(
             f"some {whole} samples of motion under force are too few to fit a slider (at least {FEWEST_SAMPLES}, "
-            f"not counting {6.0 / bandwidth_hz:.3g} s at each end that the filter of {bandwidth_hz:.3g} Hz takes)"
+            f"not counting {_LOST / bandwidth_hz:.3g} s at each end that the filter of {bandwidth_hz:.3g} Hz takes)"
         )
     return tuple(stretch for stretch in made if stretch.used.size)
 
@@ -132,8 +133,6 @@ def _stretches_of(motion: Motion, record: int, bandwidth_hz: float) -> list[Stre
     taps = low_pass(rate, bandwidth_hz)
     out = []
     for start, stop in unbroken(np.isfinite(motion.displacement_m) & np.isfinite(motion.force_n)):
-        if stop - start <= 2 * edge + step:
-            continue
         piece = slice(start, stop)
         x = motion.displacement_m[piece]
         place, velocity, acceleration = (

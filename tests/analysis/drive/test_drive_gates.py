@@ -1,5 +1,6 @@
 """The criteria that a law of a drive must meet, each with a case that does and one that does not."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -16,6 +17,7 @@ from analysis.drive.law_search import Split, Trial, cross_validated_n, law_force
 from analysis.drive.regression import Regression, _differences, regress
 from analysis.drive.repeatability import repeatability_of
 from analysis.drive.stretch import Table, prepare
+from analysis.shot.shot import AnalysisError
 from tests.analysis.drive.slider import Drive, Floats
 
 
@@ -86,6 +88,79 @@ def test_a_law_that_changes_between_the_halves_is_not_added(drag: Table, monkeyp
     assert law_search._best(split, before, [one]) is one
     monkeypatch.setattr(law_search, "same_in_both_halves", lambda *_: False)
     assert law_search._best(split, before, [one]) is None
+
+
+@pytest.mark.parametrize(
+    ("delta_bic", "held", "joins"), [(-106.1, 0.489, "pair"), (-105.9, 0.489, "one"), (-106.1, 0.491, "one")]
+)
+def test_two_laws_must_be_better_than_the_better_of_them_alone(
+    drag: Table, delta_bic: float, held: float, joins: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By six in BIC and by a fiftieth of its error of prediction, whatever a third law does."""
+    monkeypatch.setattr(law_search, "same_in_both_halves", lambda *_: True)
+    split = Split.of(drag)
+    before = regress(drag, (), split.kept)
+    one, worse, third = (
+        replace(trial(split, bic, 0.5, 0.5), added=(name,))
+        for name, bic in (("coulomb_friction", -100.0), ("quadratic_drag", -50.0), ("cubic_stiffness", -101.0))
+    )
+    pair = replace(trial(split, delta_bic, held, 0.4), added=("quadratic_drag", "coulomb_friction"))
+    third = replace(third, cross_validated_n=np.inf)
+    best = law_search._best(split, before, [pair, third, one, worse])
+    assert best is {"pair": pair, "one": one}[joins]
+
+
+def test_bic_weighs_the_smaller_error_against_the_parameters_that_it_took() -> None:
+    def of(rms_n: float, parameters: int) -> Regression:
+        return cast(Any, SimpleNamespace(rms_n=rms_n, values=np.zeros(parameters)))
+
+    assert law_search.bic_change(of(2.0, 3), of(1.0, 5), 100.0) == pytest.approx(
+        -200.0 * np.log(2.0) + 2 * np.log(100.0)
+    )
+    assert law_search.bic_change(of(1.0, 5), of(1.0, 3), 1.5) == pytest.approx(-2 * np.log(2.0))
+
+
+@pytest.mark.parametrize(
+    ("most", "accepted", "laws", "progress"),
+    [(1, (), 1, [1.0]), (1, ("cubic_stiffness",), 2, [1.0]), (5, (), 3, [0.4, 0.8])],  # of four one is useless
+)
+def test_a_search_adds_so_many_laws_at_most_to_those_that_are_accepted(
+    most: int, accepted: tuple[str, ...], laws: int, progress: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def force(x: Floats, v: Floats) -> Floats:
+        return 20.0 * np.sign(v) + 2e4 * x**3 + 150.0 * v * np.abs(v)
+
+    monkeypatch.setattr(law_search, "MOST_LAWS", most)
+    told: list[float] = []
+    table = table_of(Drive(force, encoder_m=1e-6, seconds=20.0))
+    found = law_search.search_laws(Split.of(table), accepted, told.append)
+    assert len(found.found.laws) == laws and set(accepted) <= set(found.found.laws)
+    assert set(found.merits) == set(found.found.laws) - set(accepted)
+    assert told == progress
+    assert [one.delta_bic for one in found.trials] == sorted(one.delta_bic for one in found.trials)
+    if laws == 3:
+        assert set(found.found.laws) == {"coulomb_friction", "quadratic_drag", "cubic_stiffness"}
+        assert {len(one.added) for one in found.trials} == {1, 2}
+        assert sum(len(one.added) == 2 for one in found.trials) == 3 < sum(len(one.added) == 1 for one in found.trials)
+        for law, merit in found.merits.items():
+            kept = Split.of(table).kept
+            fewer = regress(table, tuple(name for name in found.found.laws if name != law), kept)
+            assert merit.without_it_n == pytest.approx(fewer.rms_of(~kept), rel=1e-6)
+            assert merit.delta_bic == pytest.approx(
+                -law_search.bic_change(found.found, fewer, found.found.independent_samples), rel=1e-6
+            )
+
+
+def test_a_law_that_the_motion_cannot_tell_from_the_others_is_not_accepted(drag: Table) -> None:
+    one_way = table_of(Drive(seconds=9.0, steady_m_per_s=2.0, encoder_m=1e-6))
+    with pytest.raises(AnalysisError, match=r"^coulomb friction: cannot be distinguished"):
+        law_search.fit_accepted(one_way, ("bearing_gradient", "coulomb_friction"))
+    with pytest.raises(AnalysisError, match="no effect of a drive is called 'friction'"):
+        law_search.fit_accepted(drag, ("friction",))
+    half = drag.time_s < 7.0
+    both = law_search.fit_accepted(drag, ("stribeck_friction", "coulomb_friction"), half)
+    assert set(both.laws) == {"stribeck_friction", "coulomb_friction"}
+    assert both.mask is half and both.rms_n <= regress(drag, ("coulomb_friction",), half).rms_n
 
 
 def test_each_part_of_the_cycle_is_predicted_from_the_others(drag: Table) -> None:

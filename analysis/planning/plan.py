@@ -19,7 +19,6 @@ from analysis.diagnosis import CRITERIA, ONE_WITH_TWO_READINGS
 from analysis.planning.distances import (
     Distances,
     Pair,
-    Pairs,
     Shots,
     nearest,
     promising,
@@ -145,9 +144,7 @@ def plan(
     if chosen is None:
         first = expected = by_effect(of)
     else:
-        chosen = in_order(chosen, on_the_block)
-        expected = by_effect(nearest(_found(found, chosen)))
-        first = expected
+        first = expected = by_effect(nearest(found[chosen]))
         if len(chosen) > 1:
             first = by_effect(nearest(refitted(comparison, chosen[:1], left, stop)))
     inseparable_from = _inseparable_from(effects, never) if chosen is not None and left is not distances else {}
@@ -242,7 +239,7 @@ def _ranked(distances: Distances, length: int, on_the_block_kg: float) -> list[S
         for member in distances.members:
             best = sorted((-values[member], place, shot) for place, (shot, values) in enumerate(alone.items()))
             kept.update(dict.fromkeys(shot for *_, shot in best[: _KEPT // len(distances.members) + 1]))
-        sequences = list(combinations_with_replacement(kept, length))
+        sequences = [in_order(some, on_the_block_kg) for some in combinations_with_replacement(kept, length)]
     apart = {sequence: distances.nearest(sequence) for sequence in sequences}
 
     def order(sequence: Shots) -> tuple[float, float]:
@@ -275,10 +272,6 @@ def _best(found: Found, on_the_block_kg: float) -> Shots | None:
         return min(sure, key=lambda one: (effort(one, on_the_block_kg), -worth[one]))
     best = max(worth, key=worth.__getitem__, default=None)
     return best if best is not None and worth[best] >= CRITERIA.separation else None
-
-
-def _found(found: Mapping[Shots, Pairs], shots: Sequence[NextShot]) -> Pairs:
-    return next(values for one, values in found.items() if sorted(one, key=repr) == sorted(shots, key=repr))
 
 
 def _because(effects: Iterable[Effect]) -> str:

@@ -94,7 +94,8 @@ def plan_precision(
     alone = {shot: ratio((shot,)) for shot in each}
     kept = sorted(alone, key=alone.__getitem__)[:_KEPT]
     sequences: list[tuple[NextShot, ...]] = [(shot,) for shot in alone]
-    sequences += [some for length in range(2, _MOST + 1) for some in combinations_with_replacement(kept, length)]
+    for length in range(2, _MOST + 1):
+        sequences += [in_order(some, on_the_block) for some in combinations_with_replacement(kept, length)]
     reached = {some: ratio(some) for some in sequences}
 
     def order(some: tuple[NextShot, ...]) -> tuple[float, float]:
@@ -104,7 +105,7 @@ def plan_precision(
     stated = parameter != ALL
     return PrecisionPlan(
         parameter,
-        in_order(best, on_the_block),
+        best,
         reached[best],
         before if stated else None,
         before * reached[best] if stated else None,

@@ -189,6 +189,7 @@ def information_without(jacobian: Floats, left: Floats, shared: int, unshared: S
     own = own[:, np.any(own != 0.0, axis=0)]
     basis = np.linalg.qr(own / np.linalg.norm(own, axis=0))[0]
     columns = jacobian[:, :shared] - basis @ (basis.T @ jacobian[:, :shared])
+    columns[:, list(unshared)] = 0.0  # to rounding they are
     rest = left - basis @ (basis.T @ left)
     return Information(columns.T @ columns, columns.T @ rest, float(rest @ rest))
 

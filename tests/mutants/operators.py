@@ -12,6 +12,7 @@ _EITHER_WAY = ("max", "min", "maximum", "minimum", "hypot", "isclose")  # the or
 _EITHER_WAY_OF_NUMPY = ("add", "multiply", "fmin", "fmax", "convolve", "logical_and", "logical_or", "array_equal")
 _COUNTED = 9  # an integer up to which one more is one too many; a larger one is a size, and doubled
 _GUARD = "strict"  # of zip: what it guards against is another fault of the program
+_GENERIC = ("Callable", "Mapping", "NDArray", "Sequence", "dict", "list", "tuple")  # an alias of them is a type
 _THROUGH = ("abs", "sqrt", "sorted", "deg2rad", "clip", "square", "reversed", "conj")
 
 
@@ -130,3 +131,6 @@ def _not_run(tree: ast.AST) -> Iterator[ast.AST]:
             yield from node.decorator_list
         elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             yield node
+        elif isinstance(node, ast.Assign) and isinstance(node.value, ast.Subscript):
+            if isinstance(node.value.value, ast.Name) and node.value.value.id in _GENERIC:
+                yield node

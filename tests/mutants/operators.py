@@ -132,5 +132,6 @@ def _not_run(tree: ast.AST) -> Iterator[ast.AST]:
         elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             yield node
         elif isinstance(node, ast.Assign) and isinstance(node.value, ast.Subscript):
-            if isinstance(node.value.value, ast.Name) and node.value.value.id in _GENERIC:
+            generic = node.value.value
+            if isinstance(generic, ast.Name) and generic.id in _GENERIC:
                 yield node

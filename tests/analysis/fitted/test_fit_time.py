@@ -130,3 +130,8 @@ def test_a_step_that_does_not_end_is_abandoned() -> None:
 def test_the_handling_of_overflows_is_passed_on() -> None:
     with np.errstate(over="raise"):
         assert run_in_time(lambda: np.geterr()["over"], 1.0) == "raise"
+
+
+def test_a_fit_has_a_second_at_least() -> None:
+    assert FitTime(0.2).seconds == 1.0 and FitTime(3.0).seconds == 3.0
+    assert FitTime(3.0).words.startswith("no end of the fit after 3 s")

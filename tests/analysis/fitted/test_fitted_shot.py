@@ -6,11 +6,25 @@ import pytest
 
 from analysis.collision.effects import named
 from analysis.collision.effects.row import Effect
-from analysis.fitted.fitted_shot import fit_again, with_fit
+from analysis.fitted import fitted_shot
+from analysis.fitted.fitted_shot import (
+    ReadingsModel,
+    awaits_fit,
+    can_be_fitted,
+    fit_again,
+    fit_jointly,
+    in_words,
+    read_together,
+    readings_model,
+    readings_model_result,
+    unfitted,
+    with_fit,
+    with_fit_to_follow,
+)
 from analysis.shot.consistency import concerning
 from analysis.shot.fit import Fit
 from analysis.shot.quantity import NotSeen, Quantity
-from analysis.shot.shot import Shot
+from analysis.shot.shot import AnalysisError, Shot
 from tests.analysis.shots import PAPER_FIT
 from tests.app import synthetic
 
@@ -79,3 +93,110 @@ def test_vibration_flags_concern_the_fitted_numbers_alone() -> None:
     assert "plate_shaken" in concerning("plate_mass_kg", fitted.flags)
     assert concerning("stiffness_slope_n_per_m", fitted.flags) == ()
     assert "plate_shaken" not in with_fit(replace(fitted, impact=shot.impact), of_fit(0.4)).flags
+
+
+def test_a_shot_that_was_read_awaits_its_fit_where_there_is_something_to_fit() -> None:
+    shot = replace(synthetic.shot(), flags=("clipped",))
+    waits = with_fit_to_follow(shot)
+    assert waits.flags == ("clipped", "fit_to_follow") and awaits_fit(waits) and not awaits_fit(shot)
+    assert waits.impact is not None and isinstance(waits.impact.cor_kinetic.contact, NotSeen)
+    assert with_fit_to_follow(waits) == waits
+    assert with_fit(waits, of_fit(0.4)).flags == ("clipped",)
+    driven = replace(shot, impact=None, settings=replace(shot.settings, model="driven"))
+    assert can_be_fitted(shot) and can_be_fitted(driven) and with_fit_to_follow(driven).impact is None
+    unwanted = replace(shot, settings=replace(shot.settings, fit=False))
+    for other in (replace(shot, impact=None), replace(driven, motion=None), unwanted):
+        assert not can_be_fitted(other) and with_fit_to_follow(other) is other
+    failed = unfitted(shot, "too short")
+    assert failed.fit is None and failed.fit_problem == "too short" and failed.flags == ("clipped", "fit_failed")
+
+
+def test_a_fit_that_fails_keeps_the_effects_that_were_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object) -> Fit:
+        raise AnalysisError("no trajectory")
+
+    monkeypatch.setattr(fitted_shot, "fit_jointly", fails)
+    shot = synthetic.shot()
+    failed = fit_again(shot, (named("tilt"),))
+    assert failed.settings == replace(shot.settings, effects=(named("tilt"),))
+    assert (failed.fit, failed.fit_problem, failed.problem) == (None, "no trajectory", shot.problem)
+    driven = replace(shot, impact=None, problem="odd", settings=replace(shot.settings, model="driven"))
+    again = fit_again(driven, ())
+    assert (again.problem, again.fit_problem) == ("odd", shot.fit_problem)
+    assert fit_again(replace(driven, problem=None), ()).problem == "no trajectory"
+
+
+def test_a_fit_is_made_of_the_shots_own_motion_model_and_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[object, ...]] = []
+
+    def fits(*given: object) -> Fit:
+        asked.append(given)
+        return of_fit(0.4, effects=(named("tilt"),))
+
+    monkeypatch.setattr(fitted_shot, "fit_jointly", fits)
+    shot = synthetic.shot()
+    shot = replace(shot, fit_problem="old", settings=replace(shot.settings, model="clamped", fit_seconds=3.5))
+    stop = bool
+    found = fit_again(shot, (named("tilt"),), stop)
+    assert asked == [([shot.motion], "clamped", (named("tilt"),), stop, [None], 3.5)]
+    assert found.fit_problem is None and found.fit is not None and found.settings.effects == (named("tilt"),)
+
+
+def test_what_ends_a_fit_is_told_without_the_parameters_it_ended_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert in_words(ValueError("no end with Collision(a=1,\n b=2)")) == "no end"
+    limits: list[tuple[float, str]] = []
+    ending: list[Exception] = []
+
+    def ends(work: object, seconds: float, cancelled: object, words: str) -> Fit:
+        limits.append((seconds, words))
+        raise ending[-1]
+
+    monkeypatch.setattr(fitted_shot, "run_in_time", ends)
+    motion = synthetic.shot().motion
+    assert motion is not None
+    for error, said in (
+        (AnalysisError("no touch with Collision(k=1)"), "^no touch$"),
+        (ZeroDivisionError("by zero"), r"^the model cannot be fitted to this motion \(by zero\)$"),
+        (ValueError("x"), r"^the model cannot be fitted to this motion \(x\)$"),
+    ):
+        ending.append(error)
+        with pytest.raises(AnalysisError, match=said):
+            fit_jointly([motion, motion], "paper", (), seconds=4.0)
+    assert {seconds for seconds, _ in limits} == {16.0}  # twice four for each of two
+    assert "after 8 s" in limits[0][1]
+    ending.append(KeyError("a fault of the program"))
+    with pytest.raises(KeyError):
+        fit_jointly([motion], "paper", ())
+
+
+def test_the_fitted_ones_of_shots_are_read_with_their_part_of_a_joint_fit() -> None:
+    one = synthetic.shot()
+    two, none = with_fit(one, of_fit(0.4)), replace(one, fit=None)
+    assert one.fit is not None
+    parts = tuple(replace(one.fit.shots[0], plate_number=number) for number in (0, 1))
+    damping = "contact_damping_n_s_per_m"
+    joint = replace(of_fit(0.1), shots=parts)
+    joint = replace(joint, parameters={**joint.parameters, damping: Quantity(0.3, 0.0)})
+    first, unread, second = read_together([one, none, two], joint)
+    assert unread is none and first.fit is one.fit and second.fit is two.fit
+    assert first.readings_fit is not None and second.readings_fit is not None
+    assert contact(first) == pytest.approx(contact(with_fit(one, joint)))
+    assert first.readings_fit == joint.on_plate(0) and second.readings_fit == joint.on_plate(1)
+
+
+def test_readings_that_come_from_a_model_are_named_with_it() -> None:
+    shot = with_fit(synthetic.shot(), of_fit(0.4, effects=(named("tilt"),)))
+    contact_only = ReadingsModel("paper", (named("tilt"),), ("cor_kinetic.contact",))
+    assert readings_model(shot) == contact_only
+    assert readings_model_result(contact_only) == {
+        "base": "paper", "effects": ["tilt"], "readings": ["cor_kinetic.contact"],
+    }  # fmt: skip
+    assert shot.impact is not None
+    pulse = ("force_peak_n", "force_fwhm_s", "contact_time_s", "deflection_max_m")
+    coarse = replace(shot, impact=replace(shot.impact, flags=("read_from_model",)))
+    both = readings_model(replace(coarse, readings_fit=of_fit(0.4)))
+    assert both == ReadingsModel("paper", (), (*pulse, "cor_kinetic.contact"))
+    failed = with_fit(shot, None)
+    assert readings_model(failed) is None is readings_model(replace(shot, impact=None))
+    assert readings_model(replace(with_fit(coarse, None), fit=of_fit(0.4))) == ReadingsModel("paper", (), pulse)
+    assert readings_model(replace(failed, fit=of_fit(0.4))) is None is readings_model_result(None)

@@ -127,3 +127,29 @@ def test_a_model_without_contact_states_why() -> None:
     ):
         reading = fitted_contact_cor(other, PAPER.block_mass_kg)
         assert isinstance(reading, NotSeen) and word in reading.reason
+
+
+def test_a_contact_that_never_lets_go_has_no_cor() -> None:
+    """Critically damped and more: the overlap goes towards nothing and does not pass it."""
+    mass, stiffness = 0.02, 1e4
+    critical = 2.0 * math.sqrt(stiffness * mass)
+    for share, lets_go in ((0.99, True), (1.5, False)):
+        held = Collision(mass, -0.2, 0.0, math.inf, stiffness, share * critical)
+        assert math.isnan(contact_cor(held)) is not lets_go
+        reading = fitted_contact_cor(fit_of(held, np.eye(2), "contact"), mass)
+        assert isinstance(reading, Quantity) is lets_go
+        assert lets_go or (isinstance(reading, NotSeen) and reading.reason == "the fitted contact never lets go")
+
+
+def test_a_mass_that_was_fitted_is_the_blocks() -> None:
+    mass = 0.05
+    collision = Collision(mass, -1.0, 0.0, math.inf, 200.0, 0.5)
+    fit = fit_of(collision, np.diag([1.0, 1e-4, 1.0])[:2, :2], "contact")
+    own = replace(fit, parameters={**fit.parameters, "moving_mass_kg": Quantity(mass, 1e-3)}, covariance=np.eye(3))
+    reading = fitted_contact_cor(own, 0.02)
+    assert isinstance(reading, Quantity) and reading.value == pytest.approx(contact_cor(collision), rel=1e-9)
+    stated = fitted_contact_cor(fit, 0.02)
+    lighter = replace(collision, block_mass_kg=0.02)
+    assert isinstance(stated, Quantity) and stated.value == pytest.approx(contact_cor(lighter), rel=1e-9)
+    missing = fitted_contact_cor(replace(fit, parameters={}), mass)
+    assert isinstance(missing, NotSeen) and "has no contact" in missing.reason

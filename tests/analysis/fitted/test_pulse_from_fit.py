@@ -1,14 +1,24 @@
 """A collision seen by a camera is read from the fitted model, and flagged so."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from analysis.fitted.pulse_from_fit import _READ, _pulse, with_model_readings
+from analysis.fitted.pulse_from_fit import (
+    _READ,
+    HOW,
+    _derivatives,
+    _first_contact_span,
+    _pulse,
+    _read,
+    with_model_readings,
+)
 from analysis.pipeline import analyse_motion
 from analysis.shot.motion import Motion
-from analysis.shot.quantity import Quantity
+from analysis.shot.quantity import NotSeen, Quantity
 from analysis.shot.shot import AnalysisSettings, Shot
 from tests.analysis.camera import Camera
 
@@ -80,3 +90,96 @@ def test_a_speed_that_is_unsure_makes_what_scales_with_it_unsure(low_noise: tupl
         assert of[name] == pytest.approx(0.01, rel=1e-3), name
     for name in ("force_fwhm_s", "contact_time_s"):
         assert of[name] < 1e-4, name
+
+
+def test_a_half_sine_of_force_is_read_as_its_closed_form() -> None:
+    mass_kg, peak_n, lasts_s, begin_s = 0.5, 3.0, 0.04, 1.013
+    time_s = np.linspace(1.0, 1.08, 8001)
+    inside = np.clip(time_s - begin_s, 0.0, lasts_s)
+    turn = np.pi / lasts_s
+    velocity = -0.1 + peak_n / mass_kg / turn * (1.0 - np.cos(turn * inside))
+    place = 7.0 + np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time_s))])
+    changes = (begin_s, begin_s + lasts_s)
+    found = _read(time_s, velocity, place, changes, mass_kg)
+    deepest = np.interp(begin_s, time_s, place) - place[time_s <= begin_s + lasts_s].min()
+    np.testing.assert_allclose(found, [peak_n, 2.0 / 3.0 * lasts_s, lasts_s, 2.0 * peak_n / turn, deepest], rtol=1e-4)
+    cut = time_s > begin_s + lasts_s / 5.0  # the force is above its half from the first sample on
+    for kept in (cut, time_s < begin_s + 0.8 * lasts_s):
+        with pytest.raises(ValueError, match="not whole"):
+            _read(time_s[kept], velocity[kept], place[kept], changes, mass_kg)
+    with pytest.raises(ValueError, match="not whole"):
+        _read(time_s, velocity, place, changes[:1], mass_kg)
+
+
+def test_derivatives_are_differences_over_what_a_parameter_is_unsure_by() -> None:
+    slopes = np.arange(15.0).reshape(5, 3) - 4.0
+    fit: Any = SimpleNamespace(covariance=np.diag([4.0, 0.0, 9.0]))
+    asked: list[np.ndarray] = []
+
+    def function(z: np.ndarray) -> np.ndarray:
+        asked.append(z)
+        return slopes @ z + z[0] ** 3
+
+    at = np.array([1.0, 2.0, 3.0])
+    found = _derivatives(function, at, fit, 0.5)
+    cubic = 3.0 + 0.6**2  # of a central difference over three tenths of two
+    np.testing.assert_allclose(found, slopes * [1, 0, 1] + np.outer(np.ones(5), [cubic, 0.0, 0.0]), atol=1e-12)
+    np.testing.assert_allclose(sorted(z[2] for z in asked), [2.85, 3.0, 3.0, 3.15])
+
+
+def test_the_first_contact_is_solved_with_room_on_both_sides() -> None:
+    def span(*events: tuple[str, float]) -> tuple[float, float]:
+        fit: Any = SimpleNamespace(shots=[SimpleNamespace(overlay=SimpleNamespace(events_s=events))])
+        motion: Any = SimpleNamespace(time_s=np.array([0.0, 5.0]))
+        return _first_contact_span(1.0, fit, motion)
+
+    assert span(("release", 0.5), ("turn", 1.5), ("release", 3.0), ("release", 4.0)) == (0.5, 4.0)
+    assert span(("release", 0.5), ("turn", 1.5)) == (0.0, 7.0)
+
+
+@pytest.mark.parametrize(("share", "agrees"), [(0.49, False), (0.51, True), (1.29, True), (1.31, False)])
+def test_peak_times_width_must_make_the_impulse(
+    low_noise: tuple[Shot, Motion, float], share: float, agrees: bool
+) -> None:
+    shot, motion, _ = low_noise
+    assert shot.impact is not None and shot.fit is not None
+    speeds = [shot.impact.velocity_in_m_per_s, shot.impact.velocity_out_m_per_s]
+    assert all(isinstance(speed, Quantity) for speed in speeds)
+    impulse = motion.moving_mass_kg * (speeds[1].value - speeds[0].value)  # type: ignore[union-attr]
+    read = replace(shot.impact, force_peak_n=Quantity(2.0, 0.0), force_fwhm_s=Quantity(share * impulse / 2.0, 0.0))
+    checked = with_model_readings(read, shot.fit, motion)
+    assert checked.flags == (*read.flags, *(() if agrees else ("pulse_disagrees",)))
+    assert with_model_readings(checked, shot.fit, motion) == checked
+    unseen = replace(read, force_peak_n=NotSeen("gone"))
+    assert with_model_readings(unseen, shot.fit, motion) == unseen
+
+
+@pytest.mark.parametrize(("drowned", "chi2", "wider"), [(0.09, 1.0, 1.0), (0.11, 0.2, 1.0), (0.11, 4.0, 2.0)])
+def test_a_force_drowned_to_a_tenth_of_its_peak_is_read_from_the_model(
+    low_noise: tuple[Shot, Motion, float], drowned: float, chi2: float, wider: float
+) -> None:
+    shot, motion, _ = low_noise
+    assert shot.impact is not None and shot.fit is not None
+    fit = replace(shot.fit, reduced_chi2=1.0)
+    pulse = _pulse(fit, motion)
+    stds = np.full(motion.force_std_n.size, drowned * pulse.values[0])
+    stds[:3] = np.nan
+    noisy = replace(motion, force_std_n=stds)
+    read = with_model_readings(shot.impact, replace(fit, reduced_chi2=chi2), noisy)
+    if drowned < 0.1:
+        assert read == shot.impact
+        return
+    assert read.flags == (*shot.impact.flags, "read_from_model")
+    spread = wider * np.sqrt(np.diag(pulse.covariance))
+    for name, value, std in zip(_READ, pulse.values, spread, strict=True):
+        if name != "impulse_ns":
+            found = getattr(read, name)
+            assert (found.value, found.how) == (value, HOW) and found.std == pytest.approx(std, rel=1e-9), name
+    assert isinstance(read.cor_impulse, NotSeen) and isinstance(read.stiffness_slope_n_per_m, NotSeen)
+    for unfit, of in (
+        (replace(fit, converged=False), noisy),
+        (replace(fit, shots=fit.shots * 2), noisy),
+        (replace(fit, model="driven"), noisy),
+        (fit, replace(noisy, wavelength_m=633e-9)),
+    ):
+        assert with_model_readings(shot.impact, unfit, of) is shot.impact

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.inference.noise.floor import Floor, learn
+from analysis.inference.noise.floor import Floor, learn, white_by_differences
 
 FLOOR = Floor(1e-10, (4e-10, 0.0), (2.5e-3, 1e-2), 5e-5)
 
@@ -55,3 +55,51 @@ def test_a_floor_is_learnt_as_it_was_made_and_white_noise_stays_white() -> None:
     white, _ = learn([1e-10 * random.standard_normal(1200) for _ in range(3)], valid, FLOOR.spacing_s)
     assert white.rms_m == (0.0, 0.0)
     assert white.white_m == pytest.approx(1e-10, rel=0.05)
+
+
+def test_what_whitening_divides_by_is_the_determinant_of_the_covariance() -> None:
+    floor = Floor(2e-11, (4e-10, 1e-10), (2.5e-3, 2e-2), 5e-5)
+    valid = np.random.default_rng(4).uniform(size=120) > 0.2
+    for weight in (1.0, 3.0):
+        covariance = _covariance(floor, 120) + (weight**2 - 1.0) * floor.white_m**2 * np.eye(120)
+        dense = covariance[np.ix_(valid, valid)]
+        _, log = np.linalg.slogdet(dense * 1e20)
+        assert floor.log_variances(valid, weight) == pytest.approx(log - valid.sum() * np.log(1e20), rel=1e-9)
+        values = np.random.default_rng(5).standard_normal((120, 1)) * 1e-10
+        white = floor.whiten(values, valid, weight)
+        exact = values[valid, 0] @ np.linalg.solve(dense, values[valid, 0])
+        assert float(white[:, 0] @ white[:, 0]) == pytest.approx(exact, rel=1e-8)
+
+
+def test_shots_weighed_by_their_noise_show_one_floor() -> None:
+    random = np.random.default_rng(6)
+    weights = (0.5, 2.0)
+    series = [weight * 1e-10 * random.standard_normal(3000) for weight in weights]
+    series[0][:10] = 1.0
+    valid = [np.arange(3000) >= 10, np.arange(3000) < 2900]
+    floor, value = learn(series, valid, 5e-5, weights=weights)
+    assert floor.rms_m == (0.0, 0.0) and floor.white_m == pytest.approx(1e-10, rel=0.03)
+    std = [weight * floor.white_m for weight in weights]
+    dense = sum(
+        -0.5 * float(np.sum(np.log(2 * np.pi * s**2) + (x[v] / s) ** 2))
+        for s, x, v in zip(std, series, valid, strict=True)
+    )
+    assert value == pytest.approx(dense, rel=1e-9)
+    assert white_by_differences(series[:1], valid[:1]) == pytest.approx(0.5e-10, rel=0.05)
+    assert white_by_differences([np.ones(3)], [np.ones(3, dtype=bool)]) == 0.0
+
+
+def test_a_second_part_is_added_where_it_pays_and_only_if_it_is_asked_for() -> None:
+    random = np.random.default_rng(7)
+    floor = Floor(1e-10, (1e-9, 4e-9), (5e-4, 0.1), 5e-5)
+    root = np.linalg.cholesky(_covariance(floor, 1500))
+    series = [root @ random.standard_normal(1500) for _ in range(3)]
+    valid = [np.ones(1500, dtype=bool)] * 3
+    (none, least), (one, less), (two, most) = (learn(series, valid, 5e-5, parts=parts) for parts in (0, 1, 2))
+    assert [sum(rms > 0 for rms in noise.rms_m) for noise in (none, one, two)] == [0, 1, 2]
+    assert least < less < most and 2 * (most - less) > 2 * np.log(4500)
+    assert sorted(two.tau_s)[0] == pytest.approx(5e-4, rel=0.5) and sorted(two.rms_m) == pytest.approx(
+        [1e-9, 4e-9], rel=0.2
+    )
+    again, value = learn(series, valid, 5e-5, start=two)
+    assert value == pytest.approx(most, abs=0.2) and sorted(again.rms_m) == pytest.approx(sorted(two.rms_m), rel=0.3)

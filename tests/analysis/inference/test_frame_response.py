@@ -4,11 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from analysis.collision.general import solve
 from analysis.collision.parameters import PAPER
 from analysis.inference.fit.shot_fit import fit_shots
-from analysis.inference.noise.frame_response import STILL, plate_swing_std, responses
+from analysis.inference.noise.frame_response import (
+    STILL,
+    _forced,
+    _propagators,
+    _rates,
+    _turned,
+    plate_swing_std,
+    responses,
+)
 from analysis.pipeline import analyse
 from analysis.shot.consistency import concerning
 from analysis.shot.impact import Shaking, VibrationLine
@@ -124,3 +133,50 @@ def test_a_trial_plate_that_nothing_swings_is_still_weighed() -> None:
     shaking = shot.impact.disturbance.shaking
     assert shaking is not None
     assert plate_swing_std(shaking, replace(PAPER, plate_mass_kg=1e-300)) >= STILL
+
+
+def test_a_frames_sines_at_even_times_are_those_at_any() -> None:
+    omega = np.array([3.0, 700.0, 6e3])
+    for count in (10, 63, 64, 65, 1000):
+        time_s = -3e-3 + 5e-5 * np.arange(count)
+        np.testing.assert_allclose(_turned(time_s, omega), np.exp(1j * np.outer(time_s, omega)), atol=1e-9)
+    time_s = np.sort(np.random.default_rng(1).uniform(0.0, 0.05, 200))
+    np.testing.assert_allclose(_turned(time_s, omega), np.exp(1j * np.outer(time_s, omega)), atol=1e-12)
+
+
+@pytest.mark.parametrize("touching", [True, False])
+def test_between_events_the_motion_is_the_exponential_of_the_rates(touching: bool) -> None:
+    rates = _rates(PAPER, touching)
+    k, g = (PAPER.contact_stiffness_n_per_m, PAPER.contact_damping_n_s_per_m) if touching else (0.0, 0.0)
+    x, v, y, u = 1e-6, 2e-3, -3e-6, 1e-3
+    force = k * (y - x) + g * (u - v)
+    forces = [force, -force - PAPER.plate_stiffness_n_per_m * y]
+    expected = [v, forces[0] / PAPER.block_mass_kg, u, forces[1] / PAPER.plate_mass_kg]
+    np.testing.assert_allclose(rates @ [x, v, y, u], expected)
+    after_s = np.array([0.0, 1e-4, 3e-3])
+    for time_s, found in zip(after_s, _propagators(rates, after_s), strict=True):
+        true = expm(rates * time_s)
+        np.testing.assert_allclose(found, true, atol=1e-7 * np.abs(true).max())
+    omega = np.array([20.0, 900.0])
+    answer = _forced(rates, omega)  # i w z = A z + w^2 (0, 1, 0, 1)
+    np.testing.assert_allclose(
+        1j * omega * answer - rates @ answer, np.outer([0, 1, 0, 1], omega**2), atol=1e-6 * omega.max() ** 2
+    )
+
+
+def test_a_plate_swings_as_a_resonator_that_the_frame_drives() -> None:
+    """Far lines through its response; random motion at its own frequency through its density there, by integration."""
+    own = np.sqrt(PAPER.plate_stiffness_n_per_m / PAPER.plate_mass_kg)
+    lines = np.array([0.3, 0.8, 1.7]) * own / (2 * np.pi)
+    power = np.array([1e-16, 4e-16, 9e-16])
+    still, moving = plate_swing_std(Shaking(lines, power, np.zeros(3, dtype=bool)), PAPER)
+    share = lines * 2 * np.pi / own
+    driven = np.sqrt(np.sum(power * (share**2 / np.abs(1 - share**2 + 1j * share / 300.0)) ** 2))
+    assert still == pytest.approx(driven, rel=1e-6) and moving == pytest.approx(own * still)
+    frequency = np.arange(1.0, 1.0 + 4.0 * own / (2 * np.pi), 2.0)
+    level = 1e-18  # m^2/Hz throughout
+    random = Shaking(frequency, np.full(frequency.size, 2.0 * level), np.ones(frequency.size, dtype=bool))
+    fine = np.arange(0.01, frequency[-1], 0.01)
+    share = fine * 2 * np.pi / own
+    exact = np.sqrt(level * 0.01 * np.sum((share**2 / np.abs(1 - share**2 + 1j * share / 300.0)) ** 2))
+    assert plate_swing_std(random, PAPER)[0] == pytest.approx(exact, rel=0.03)

@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.optimize import minimize
 
-from analysis.inference.noise.likeliest import Series, likelihood
+from analysis.inference.noise.likeliest import Series, likeliest, likelihood, shape_at
 
 Floats = NDArray[np.float64]
 SPACING_S = 5e-5
@@ -41,3 +42,29 @@ def test_a_likelihood_is_that_of_the_whole_covariance_matrix(shape: tuple[float,
     true, true_rms = _dense(series, np.array(shape))
     assert value == pytest.approx(true, abs=1e-3)
     assert rms == pytest.approx(true_rms, rel=1e-6)
+
+
+@pytest.mark.parametrize("parts", [1, 2])
+def test_the_search_ends_where_scipys_does(parts: int) -> None:
+    random, memory = np.random.default_rng(5), math.exp(-SPACING_S / 4e-3)
+    values = random.standard_normal(3000)
+    state = 0.0
+    for i in range(values.size):
+        state = memory * state + 3.0 * math.sqrt(1 - memory**2) * random.standard_normal()
+        values[i] += state
+    series = Series(values, np.ones(3000, bool), np.array([0, 3000]), np.ones(1), SPACING_S, 3000)
+    start = np.array([0.5, -2.0, 0.0, 1.0])[: 2 * parts]
+    found = likelihood(series, shape_at(likeliest(series, start, 0.6, 200 * parts, 1e-3, 1e-5)))[0]
+    other = minimize(lambda z: -likelihood(series, shape_at(z))[0], start, method="Nelder-Mead", tol=1e-6)
+    assert found == pytest.approx(-other.fun, abs=0.02)
+    few = likelihood(series, shape_at(likeliest(series, start, 0.6, 2 * parts + 1, 1e-3, 1e-5)))[0]
+    corners = [start, *(start + 0.6 * unit for unit in np.eye(2 * parts))]
+    assert few == pytest.approx(max(likelihood(series, shape_at(z))[0] for z in corners))
+
+
+def test_coordinates_of_a_search_stand_for_ratios_and_times_within_bounds() -> None:
+    shape = shape_at(np.array([math.log(3.0), 0.0, -99.0, 99.0]))
+    assert shape[0] == pytest.approx(3.0) and shape[1] == pytest.approx(math.sqrt(3e-4 * 1.0))
+    assert shape[2] == pytest.approx(math.exp(-12.0)) and shape[3] == pytest.approx(1.0)
+    one = shape_at(np.array([99.0, -99.0]))
+    assert one == pytest.approx([math.exp(14.0), 3e-4, 0.0, 1e-2])

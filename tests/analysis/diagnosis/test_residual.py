@@ -1,0 +1,219 @@
+"""What is asked of a residual, worked out by hand on small ones."""
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.diagnosis.result import Freedom, Phase
+from analysis.diagnosis.verdict import residual as module
+from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach
+from analysis.diagnosis.verdict.lack_of_fit import LackOfFit, _after_turn, _inside, _kinks, _pushed, colour, hats
+from analysis.diagnosis.verdict.residual import Residual, _bumps, _correlation, _phase_of, _ratio, errors, remainder_of
+
+COURSE = SimpleNamespace(
+    touch_time_s=0.010, contact_time_s=0.010, turnaround_time_s=0.016, release_time_s=0.020, velocity_in_m_per_s=-0.2
+)
+
+
+def shot_of(count: int = 3000, spacing_s: float = 1e-5, **more: Any) -> Any:
+    given = {
+        "centre_s": spacing_s * np.arange(count), "valid": np.ones(count, dtype=bool), "course": COURSE,
+        "spacing_s": spacing_s, "weight": 1.0, "without_frame_motion": lambda _floor, left: left,
+    }  # fmt: skip
+    return SimpleNamespace(**(given | more))
+
+
+@pytest.mark.parametrize(
+    ("changes", "rough", "significant", "missed"),
+    [
+        ({}, False, False, 0.0),
+        ({"correlation": 0.149}, False, False, 0.0),
+        ({"correlation": 0.151}, True, True, 0.0),
+        ({"ratio": 2.49}, False, False, 0.0),
+        ({"ratio": 2.51}, True, True, 0.0),
+        ({"coherence": 10.1, "size": 3.0}, False, True, 3.0),
+        ({"coherence": 9.9}, False, False, 0.0),
+        ({"misfit": LackOfFit(Freedom.PLACE, 20.0, 19.0, 4)}, False, True, 4.0),
+        ({"misfit": LackOfFit(Freedom.PLACE, 20.0, 21.0, 4)}, False, False, 0.0),
+        ({"misfit": LackOfFit(Freedom.PLACE, 20.0, 19.0, 4), "coherence": 11.0, "size": 7.0}, False, True, 7.0),
+    ],
+)
+def test_a_residual_is_more_than_noise_where_one_of_its_tests_says_so(
+    changes: dict[str, Any], rough: bool, significant: bool, missed: float
+) -> None:
+    left = replace(Residual(0.0, 10.0, 0.0, 1.0), **changes)
+    assert (left.rough, left.significant, left.missed) == (rough, significant, missed)
+
+
+@pytest.mark.parametrize(("samples", "limit"), [(200, 20.0), (10_000, 28.0 + math.log(10_000))])
+def test_a_freedom_is_faint_below_the_scatter_of_chi2_and_what_a_law_must_bring(samples: int, limit: float) -> None:
+    """The chi^2 of two hundred samples scatters by twenty, a law of ten thousand must bring 37."""
+    limit = math.sqrt(limit)
+    for share, is_faint in ((0.99, True), (1.01, False)):
+        left = Residual(0.0, 10.0, 0.0, 1.0, misfit=LackOfFit(Freedom.BEND, (share * limit) ** 2 + 4, 1.0, 4))
+        assert replace(left, samples=samples).faint is is_faint
+        assert not replace(left, samples=samples, correlation=1.0).faint
+        assert not replace(left, samples=samples, coherence=11.0).faint
+    assert not Residual(0.0, 10.0, 0.0, 1.0, samples=samples).faint
+
+
+def test_the_correlation_is_the_largest_of_twenty_lags_the_first_three_by_half() -> None:
+    random = np.random.default_rng(1)
+    white = random.standard_normal(20_000)
+
+    def alike(lag: int, weight: float) -> list[np.ndarray]:
+        out = white.copy()
+        out[lag:] += weight * white[:-lag]
+        return [out[:9000], out[9000:]]
+
+    for lag, times in ((2, 0.5), (3, 0.5), (4, 1.0), (20, 1.0), (21, 0.0)):
+        expected = times * 0.5 / 1.25
+        assert _correlation(alike(lag, -0.5)) == pytest.approx(expected, abs=0.02)
+    neighbours = alike(2, 0.3)
+    assert colour(neighbours) == pytest.approx(1.0 + 2.0 * 0.3 / 1.09, abs=0.08)
+    assert colour(alike(3, -0.5)) == 1.0 == pytest.approx(colour(alike(4, 0.5)), abs=0.08)
+
+
+def test_the_ratio_is_of_the_loudest_phase_to_the_quietest() -> None:
+    shot = shot_of()
+    phases = dict(_phase_of(shot))
+    white = np.ones(3000)
+    white[phases[Phase.LOADING]] = 3.0
+    white[phases[Phase.FLIGHT_OUT]] = 0.5
+    assert _ratio([white], [shot]) == pytest.approx(36.0)
+    valid = shot.valid.copy()
+    valid[np.flatnonzero(phases[Phase.LOADING])[:-40]] = False  # too few are left to tell
+    thinned = shot_of(valid=valid)
+    assert _ratio([white[valid]], [thinned]) == pytest.approx(4.0)
+    assert _ratio([white[:0]], [shot_of(valid=np.zeros(3000, dtype=bool))]) == 1.0
+
+
+def test_bumps_are_raised_cosines_that_reach_one_at_their_knots() -> None:
+    shot = shot_of()
+    bumps = _bumps(shot)
+    knots = [-1.0, -0.5, 0.0, 0.03, 0.07, 0.12, 0.2, 0.32, 0.46, 0.6, 0.75, 0.9, 1.0]
+    last = (shot.centre_s[-1] - 0.01) / 0.01
+    knots += [1 + (last - 1) * k / 3 for k in (1, 2, 3)]
+    assert bumps.shape == (3000, len(knots))
+    u = (shot.centre_s - 0.01) / 0.01
+    for k, knot in enumerate(knots):
+        assert bumps[np.argmin(np.abs(u - knot)), k] == pytest.approx(1.0, abs=0.02)
+        if k:
+            between = np.argmin(np.abs(u - 0.5 * (knot + knots[k - 1])))
+            assert bumps[between, [k - 1, k]] == pytest.approx([0.5, 0.5], abs=0.06)
+    np.testing.assert_allclose(bumps.sum(axis=1), 1.0, atol=1e-12)
+
+
+def test_kinks_are_steps_and_bends_at_touch_turn_and_release() -> None:
+    shot = shot_of()
+    kinks = _kinks(shot)
+    assert kinks.shape == (3000, 18)
+    for k, place in enumerate((0.010, 0.016, 0.020)):
+        for j, width in enumerate((0.01, 0.03, 0.1)):
+            step, bend = kinks[:, 6 * k + 2 * j], kinks[:, 6 * k + 2 * j + 1]
+            u = (shot.centre_s - place) / (width * 0.01)
+            far = np.abs(u) > 20
+            np.testing.assert_allclose(step[far], 0.5 * np.sign(u[far]))
+            np.testing.assert_allclose(bend[far], np.abs(u[far]))
+            near = np.abs(u) < 0.5  # the bend's slope is the step, twice
+            np.testing.assert_allclose(np.gradient(bend, u)[near], 2 * step[near], atol=0.02)
+    after = _after_turn(shot)
+    assert after[1600] == pytest.approx(0.5) and after[1700] == pytest.approx(1 / (1 + math.exp(-2)), rel=1e-6)
+    assert after[0] < 1e-9 and after[-1] > 1 - 1e-9
+    assert _inside(np.array([1.0, -1.0, 2.0, -3.0, 4.0])).tolist() == [0, 1, 1, 1, 0]
+    assert not _inside(np.ones(4)).any()
+    assert hats(np.array([-1.0, 0.5, 2.5]), [0.0, 1.0, 3.0]).tolist() == [[1, 0, 0], [0.5, 0.5, 0], [0, 0.25, 0.75]]
+
+
+def test_a_force_pushes_a_free_block_and_swings_one_on_a_spring() -> None:
+    spacing_s, count = 1e-5, 4000
+    time_s = spacing_s * np.arange(count)
+    force = np.stack([np.full(count, 3.0), np.cos(40.0 * time_s)], axis=1)
+    out = np.empty_like(force)
+    _pushed(force, 0.5, 1e4, np.zeros(count), spacing_s, out)
+    np.testing.assert_allclose(out[:, 0], 0.5 * 6.0 * time_s**2, rtol=1e-2, atol=1e-8)
+    np.testing.assert_allclose(out[:, 1], 2.0 * (1 - np.cos(40.0 * time_s)) / 40.0**2, atol=2e-6)
+    _pushed(force, 0.5, 1e4, np.ones(count), spacing_s, out)
+    turn = math.sqrt(1e4 / 0.5)
+    np.testing.assert_allclose(out[:, 0], 3.0 / 1e4 * (1 - np.cos(turn * time_s)), atol=2e-6)
+
+
+def fit_of(shots: list[Any], left: list[np.ndarray], noise_m: float) -> Any:
+    return SimpleNamespace(
+        problem=SimpleNamespace(data=SimpleNamespace(shots=shots)), noise=SimpleNamespace(white_m=noise_m),
+        residual_m=left, whitened=lambda: [one / noise_m for one in left],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("power", [0.0, 1.0, 2.0])
+def test_a_remainder_has_its_size_its_phases_and_its_power_of_the_speed(power: float) -> None:
+    noise_m, speeds, weights = 1e-10, (0.1, 0.2, 0.4), (1.0, 2.0, 0.5)
+    random = np.random.default_rng(2)
+    shots, left = [], []
+    for speed, weight in zip(speeds, weights, strict=True):
+        course = SimpleNamespace(**{**vars(COURSE), "velocity_in_m_per_s": -speed})
+        shot = shot_of(course=course, weight=weight)
+        size = 20e-9 * (speed / 0.2) ** power
+        signal = size * np.where(dict(_phase_of(shot))[Phase.UNLOADING], 3.0, 1.0)
+        left.append(signal * random.choice([-1.0, 1.0], 3000) + weight * noise_m * random.standard_normal(3000))
+        shots.append(shot)
+    found = remainder_of(fit_of(shots, left, noise_m))
+    sizes = [20e-9 * (speed / 0.2) ** power for speed in speeds]
+    share = np.mean(np.where(dict(_phase_of(shots[0]))[Phase.UNLOADING], 9.0, 1.0))
+    assert found.rms_m == pytest.approx(math.sqrt(share * np.mean(np.square(sizes))), rel=0.01)
+    assert found.speed_power == pytest.approx(power, abs=0.02) and found.noise_m == noise_m
+    assert found.phases[0] == (Phase.UNLOADING, pytest.approx(3 * math.sqrt(np.mean(np.square(sizes))), rel=0.02))
+    assert len(found.phases) == 3 and found.looks_like is None and found.norms == 0.0
+    near = fit_of([shots[0], replace_speed(shots[0], 0.114)], left[:2], noise_m)
+    assert remainder_of(near).speed_power is None
+    assert remainder_of(fit_of([shots[0], replace_speed(shots[0], 0.116)], left[:2], noise_m)).speed_power is not None
+
+
+def replace_speed(shot: Any, speed: float) -> Any:
+    course = SimpleNamespace(**{**vars(shot.course), "velocity_in_m_per_s": -speed})
+    return SimpleNamespace(**{**vars(shot), "course": course})
+
+
+def test_errors_are_pooled_over_the_samples_of_all_shots(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "derivatives", lambda x, rate, band: (rate * x, band * x))
+    random = np.random.default_rng(3)
+    motions, shots, models, sums, chi2 = [], [], [], np.zeros((3, 2)), 0.0
+    for count, mass in ((30, 0.5), (50, 2.0)):
+        x, v, a, model = random.standard_normal((4, count))
+        used = random.uniform(size=count) > 0.3
+        v[3] = np.nan
+        motions.append(
+            SimpleNamespace(
+                displacement_m=x, velocity_m_per_s=v, acceleration_m_per_s2=a, moving_mass_kg=mass, sample_rate_hz=2.0,
+                bandwidth_hz=3.0,
+            )
+        )  # fmt: skip
+        shots.append(
+            SimpleNamespace(
+                used=used, averaged=lambda m: m, left_m=lambda m, x=x: x - m, whitened=lambda floor, rest: rest / floor
+            )
+        )
+        models.append(model)
+        for k, left in enumerate((x - model, v - 2.0 * model, mass * (a - 3.0 * model))):
+            good = left[used & np.isfinite(left)]
+            sums[k] += np.sum(good**2), good.size
+        chi2 += float(np.sum(((x - model) / 0.1) ** 2))
+    given: Any = (motions, shots, models, 0.1, 7)
+    found = errors(*given)
+    rms = np.sqrt(sums[:, 0] / sums[:, 1])
+    assert [found.displacement_rms_m, found.velocity_rms_m_per_s, found.force_rms_n] == pytest.approx(rms.tolist())
+    assert found.reduced_chi2 == pytest.approx(chi2 / (80 - 7))
+
+
+def test_a_criterion_may_be_reached_where_each_round_gains_as_much_as_all_before() -> None:
+    # from 100 to 90: one round more leads to 80, two to 60
+    assert may_reach(80.1, 90.0, 100.0) and not may_reach(80.0, 90.0, 100.0)
+    assert may_reach(60.1, 90.0, 100.0, 2) and not may_reach(60.0, 90.0, 100.0, 2)
+    assert may_reach(90.1, 90.0, 100.0, 0) and not may_reach(90.0, 90.0, 100.0, 0)
+    assert CRITERIA.fall(1) == 10.0 and CRITERIA.fall(20) == pytest.approx(10 + 2 * math.log(20))
+    assert CRITERIA.fall(0, wandering=True) == 22.0
+    assert [CRITERIA.size_of_one(of) for of in (0, 1, 2, 3, 4)] == [5.0, 5.0, 12.0, 30.0, 30.0]

@@ -1,0 +1,157 @@
+"""What a diagnosis of a collision says, whole sentences at a time."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from analysis.collision.effects import effects_named, named
+from analysis.diagnosis import words
+from analysis.diagnosis.result import FoundEffect, Freedom, Phase, Remainder, Verdict
+from analysis.shot.quantity import Quantity
+
+DRAG, TILT, MODE, FRICTION, SQUARE = effects_named(
+    ("viscous_drag", "tilt", "block_mode", "coulomb_friction", "quadratic_drag")
+)
+FORCE = Quantity(2e-5, 1e-6)
+LEFT = Remainder(2.34e-9, 1e-10, ((Phase.LOADING, 5e-9), (Phase.FLIGHT_OUT, 3.2e-6)), 1.96, 417.3, Freedom.PLACE, 12.4)
+
+
+def found(effect: Any, *others: Any, **parameters: Quantity) -> FoundEffect:
+    return FoundEffect(effect, parameters or {"force_n": FORCE}, {}, others)
+
+
+def diagnosis(verdict: Verdict, effects: tuple[FoundEffect, ...] = (), after: float = 0.25, **more: Any) -> Any:
+    given: dict[str, Any] = {
+        "verdict": verdict, "effects": effects, "laws": (), "imitated_by": (), "remainder": None, "compared": True,
+        "error_before": SimpleNamespace(displacement_rms_m=2e-9), "fit_after": SimpleNamespace(shots=()),
+        "error_after": SimpleNamespace(displacement_rms_m=after * 2e-9), "blind_spots": (),
+        "speeds_m_per_s": (0.2, 0.3),
+    }  # fmt: skip
+    return SimpleNamespace(**(given | more))
+
+
+def test_a_parameter_in_words() -> None:
+    assert words.unit_of("coefficient_n_s_per_m") == "N s/m" == words.unit_of("coefficient_n_s_per_m.2")
+    assert words.stem("moving_mass_kg") == "moving mass" and words.stem("velocity_m_per_s.3") == "velocity of shot 3"
+    assert words.quantity("force_n", FORCE) == f"{FORCE.in_a_sentence()} N"
+    assert words.quantity("share", FORCE) == FORCE.in_a_sentence()
+    assert words.quantity("force_n", FORCE, "mN") == f"{FORCE.in_a_sentence()} mN"
+
+
+def test_a_found_effect_alone_in_its_class_and_among_too_many() -> None:
+    size = f"force {FORCE.in_a_sentence()} N"
+    assert words.found(found(FRICTION)) == f"{FRICTION.short_words}: {size}"
+    assert words.found(found(FRICTION, phase_rad=FORCE, force_n=FORCE)) == f"{FRICTION.short_words}: {size}"
+    assert words.found(found(FRICTION, DRAG, SQUARE)) == (
+        f"a drag whose form is undetermined: {FRICTION.short_words} or {DRAG.short_words} or {SQUARE.short_words}; as "
+        f"{FRICTION.short_words}: {size}"
+    )
+    assert words.found(found(FRICTION, TILT)) == (
+        f"{FRICTION.short_words} or {TILT.short_words}; as {FRICTION.short_words}: {size}"
+    )
+    many = effects_named(("viscous_drag", "tilt", "block_mode", "quadratic_drag", "sensor_drift"))
+    assert " or " in words.found(found(FRICTION, *many))
+    assert words.found(found(FRICTION, *many, named("plate_damping"))) == (
+        f"a further small effect whose form this data does not determine (best as {FRICTION.short_words}: {size})"
+    )
+
+
+def test_the_verdict_in_sentences() -> None:
+    lacks = f"The model lacks {words.found(found(FRICTION))} and {words.found(found(TILT))}."
+    both = diagnosis(Verdict.EFFECT_FOUND, (found(FRICTION), found(TILT)))
+    assert words.sentence(both) == f"{lacks} Residual reduced to 25 %."
+    assert words.sentence(diagnosis(Verdict.EFFECT_FOUND, both.effects, 0.996)) == lacks
+    assert words.sentence(diagnosis(Verdict.EFFECT_FOUND, both.effects, 0.994)).endswith("reduced to 99 %.")
+    adequate = "The model is adequate: nothing is missing that this data could show."
+    assert words.sentence(diagnosis(Verdict.ADEQUATE)) == adequate
+    assert words.sentence(diagnosis(Verdict.ADEQUATE, remainder=LEFT)) == (
+        f"{adequate} A trace that looks like a force of the place (12.4 noise norms) is too faint to be told from"
+        " noise."
+    )
+    left = words.remainder(LEFT)
+    for compared, said in (
+        (True, " that no effect of the catalogue accounts for"),
+        (False, ", and there was no time to try the effects of the catalogue"),
+    ):
+        none = diagnosis(Verdict.UNEXPLAINED, remainder=LEFT, compared=compared)
+        assert words.sentence(none) == f"Unexplained: something is missing{said}: {left}."
+    partly = diagnosis(Verdict.PARTLY_EXPLAINED, (found(FRICTION),), remainder=LEFT, imitated_by=(found(TILT),))
+    assert words.sentence(partly) == (
+        f"Partly explained: the model lacks {words.found(found(FRICTION))}; what remains is mostly like "
+        f"{words.found(found(TILT))}, which did not pass every test; a significant residual remains: {left}."
+        " Residual reduced to 25 %."
+    )
+    alike = diagnosis(Verdict.PARTLY_EXPLAINED, imitated_by=(found(TILT),))
+    assert words.sentence(alike).startswith(
+        f"Partly explained: what is missing is mostly like {words.found(found(TILT))}, which did not pass every test; "
+        "residual consistent with noise."
+    )
+    assert words.sentence(diagnosis(Verdict.PARTLY_EXPLAINED, (found(FRICTION),))).startswith(
+        f"Partly explained: the model lacks {words.found(found(FRICTION))}; it did not pass every test; "
+        "residual consistent with noise."
+    )
+
+
+def test_a_remainder_in_words() -> None:
+    assert words.remainder(LEFT) == (
+        "2.3 nm rms in displacement above the white noise of 0.1 nm, loading 5 nm, flight out 3.2 µm; its size goes as "
+        "the speed to the power 2.0; a line stands at 417 Hz; it looks like a force of the place (12 noise norms)"
+    )
+    assert words.remainder(None) == "residual consistent with noise"
+
+
+def test_what_each_shot_has_for_itself_is_told_by_its_span() -> None:
+    def shot(before: float, after: float) -> Any:
+        own = {
+            "flight_acceleration.before_m_per_s2": before,
+            "flight_acceleration.after_m_per_s2": after,
+            "tilt.a": 1.0,
+        }
+        return SimpleNamespace(own_parameters={name: Quantity(value, 0.0) for name, value in own.items()})
+
+    fit: Any = SimpleNamespace(shots=[shot(0.012, -0.02), shot(-0.015, 0.01)])
+    assert words.taken_along(fit) == (
+        " Each shot has its own flight acceleration: before the contact -0.015 to 0.012, after the contact -0.02 to "
+        "0.01 m/s²."
+    )
+    none: Any = SimpleNamespace(shots=[SimpleNamespace(own_parameters={"tilt.a": Quantity(1.0, 0.0)})])
+    assert words.taken_along(none) == ""
+
+
+def test_blind_spots_in_words() -> None:
+    spots = (
+        SimpleNamespace(effect=FRICTION, parameter="force_n", least=2.3e-5),
+        SimpleNamespace(effect=TILT, parameter="x", least=None),
+    )
+    last = "a wrong wavelength, a cosine error and a wrong mass, which only rescale the parameters"
+    assert words.blind_spots(diagnosis(Verdict.ADEQUATE, blind_spots=spots)) == (
+        f"{FRICTION.short_words} below 2e-05 N", f"{TILT.short_words} of any size", last,
+    )  # fmt: skip
+    assert words.blind_spots(diagnosis(Verdict.UNEXPLAINED, blind_spots=spots)) == ()
+
+
+@pytest.mark.parametrize(
+    ("effects", "speeds", "said"),
+    [
+        (
+            (found(DRAG, SQUARE),), (0.2, 0.31),
+            "two more, at 0.1 m/s and at 0.5 m/s: each goes with the speed its own way",
+        ),
+        ((found(DRAG, SQUARE),), (0.2, 0.33), "two more shots at 0.49 m/s, and more than one at 0.2 m/s"),
+        ((found(DRAG),), (0.2, 0.33), ""),
+        (
+            (found(named("sensor_drift"), FRICTION),), (0.2, 0.33),
+            "a slow shot, at 0.06 m/s, recorded for as long as it flies: what drifts grows with time",
+        ),
+        (
+            (found(FRICTION, named("sensor_drift"), DRAG),), (0.2, 0.33),
+            "a slow shot, at 0.06 m/s, recorded for as long as it flies: what drifts grows with time",
+        ),
+    ],
+)  # fmt: skip
+def test_the_shot_that_would_separate_look_alikes(
+    effects: tuple[FoundEffect, ...], speeds: tuple[float, ...], said: str
+) -> None:
+    assert words.separating_shot(diagnosis(Verdict.EFFECT_FOUND, effects, speeds_m_per_s=speeds)) == said
+    assert words.separating_shot(diagnosis(Verdict.EFFECT_FOUND, effects * 2, speeds_m_per_s=speeds)) == said

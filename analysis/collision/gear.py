@@ -38,9 +38,7 @@ def _integrate(p, variant, dt, steps, every, out):  # type: ignore[no-untyped-de
     half = 0.5 * dt * dt
     b0, b1 = p[5], p[4] * dt
     s0, s1 = p[5], p[6] * dt
-    force = _force(s0 - b0, p[6] - p[4], k_n, g_n, variant)
-    b2 = half * force / m_b
-    s2 = -half * (k_p * s0 + force) / m_p
+    b2, s2 = 0.0, -half * k_p * s0 / m_p  # at first touch there is no overlap yet
     b3 = b4 = b5 = s3 = s4 = s5 = 0.0
     row = 0
     for n in range(steps + 1):

@@ -83,3 +83,25 @@ def test_gears_steps_are_those_of_its_matrices() -> None:
         assert run.displacement_m[step] == pytest.approx(block[0], rel=1e-11)
         assert run.plate_displacement_m[step] == pytest.approx(plate[0], rel=1e-11)
         assert run.velocity_m_per_s[step] * step_s == pytest.approx(block[1], rel=1e-11)
+
+
+@pytest.mark.parametrize("variant", list(Variant))
+@pytest.mark.parametrize("displacement_m", [0.0, -2e-5])
+def test_gear_follows_every_contact_law(variant: Variant, displacement_m: float) -> None:
+    """On a plate that swings before it is met; the laws differ by fifty times what is allowed, and more."""
+    collision = replace(PAPER, variant=variant, plate_displacement_m=displacement_m, plate_velocity_m_per_s=3e-3)
+    exact = solve(collision, (), np.arange(401) * 1e-4)
+    run = simulate(collision, 0.04, every=1000)
+    np.testing.assert_allclose(run.time_s, exact.time_s, atol=1e-12)
+    np.testing.assert_allclose(run.displacement_m, exact.displacement_m, atol=1e-8)
+    np.testing.assert_allclose(run.velocity_m_per_s, exact.velocity_m_per_s, atol=6e-6)
+    np.testing.assert_allclose(run.plate_displacement_m, exact.plate_displacement_m, atol=1e-7)
+    np.testing.assert_allclose(run.plate_velocity_m_per_s, exact.plate_velocity_m_per_s, atol=6e-4)
+    np.testing.assert_allclose(run.force_n[1:], exact.force_n[1:], atol=1e-3)  # at the touch it has none yet
+
+
+def test_gear_refuses_steps_and_durations_of_nothing() -> None:
+    for step_s, duration_s, every in ((0.0, 1e-3, 1), (1e-7, 0.0, 1), (1e-7, 1e-3, 0)):
+        with pytest.raises(ValueError, match="must be positive"):
+            simulate(PAPER, duration_s, step_s=step_s, every=every)
+    assert simulate(PAPER, 1e-5, every=30).time_s.tolist() == pytest.approx([0.0, 3e-6, 6e-6, 9e-6])

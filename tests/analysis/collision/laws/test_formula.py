@@ -100,3 +100,38 @@ def test_no_part_of_a_formula_is_passed_over_in_silence(text: str, place: int) -
     with pytest.raises(FormulaError, match="is not allowed in a formula") as caught:
         read(text, ["a"])
     assert caught.value.column == place
+
+
+@pytest.mark.parametrize(
+    ("text", "straight"),
+    [
+        ("-a*v", True), ("a*x + 2*a*y - u/3", True), ("-a*sign(v)", True), ("a*abs(v)", True), ("-(a*x)", True),
+        ("a*abs(v)*sign(v)", True), ("a*exp(2)*d", True), ("a*sin(a)*x", True), ("a*(x - y)/(1 + a)", True),
+        ("a*v*abs(v)", False), ("a*x*y", False), ("a/x", False), ("a*abs(u)", False), ("a*sign(u)", False),
+        ("a*x**2", False), ("a*exp(x)", False), ("a*sign(v - 1)", False), ("a*abs(2*v)", False), ("a*t", False),
+        ("a*x*sign(v) + 0*t", False),
+    ],
+)  # fmt: skip
+def test_a_formula_is_straight_that_is_linear_for_each_direction_of_the_block(text: str, straight: bool) -> None:
+    assert read(text, ["a"]).straight is straight
+
+
+def test_a_formula_counts_its_states_and_its_time() -> None:
+    timed = read("a*sin(t)*x", ["a"])
+    assert timed.timed and timed.state == ("x", "t") and not read("a*x", ["a"]).timed
+    assert read("  a*x ", ["a"]).values({"x": 3.0}, {"a": 2.0}) == 6.0
+    assert value("a*x**-3 + pi", a=2.0, x=2.0) == pytest.approx(0.25 + math.pi)
+    assert value("a*(-x)**3", a=1.0, x=2.0) == -8.0 and value("+a - -x", a=1.0, x=2.0) == 3.0
+    assert value("a*x**13", a=1.0, x=-2.0) == 0.0 and value("a*x**12", a=1.0, x=-2.0) == 4096.0
+    assert value("a*x**0", a=5.0, x=-2.0) == 0.0  # no whole power that is multiplied out
+    with pytest.raises(
+        FormulaError, match=r"^column 5: no 'z' is known here; there are x, v, y, u, d, d_rate, t, a, b$"
+    ) as no:
+        read("a*b*z", ["b", "a"])
+    assert no.value.column == 5
+    with pytest.raises(FormulaError, match=r"^the parameter 'b' is not in the formula$") as unused:
+        read("a*x", ["a", "b"])
+    assert unused.value.column == 0
+    read("a*x" + " " * 397, ["a"])
+    with pytest.raises(FormulaError, match="longer than 400 characters"):
+        read("a*x" + " " * 398, ["a"])

@@ -1,8 +1,25 @@
 """The instants on which a path is solved, and the order of its steps."""
 
-import numpy as np
+from types import SimpleNamespace
+from typing import Any
 
-from analysis.collision.linearisation import _lay_instants
+import numpy as np
+import pytest
+
+from analysis.collision.linearisation import RANGE, TURN, _cut_at_events, _guard_of, _lay_instants
+from analysis.collision.modes import (
+    CONTACT,
+    FORCE,
+    FREE,
+    NEAR_0,
+    OVERLAP,
+    OVERLAP_RATE,
+    OVERLAPPED,
+    PARTING,
+    PHASE,
+    RANGE_0,
+    VELOCITY,
+)
 
 
 def test_steps_before_the_start_run_backwards_and_their_instants_forwards() -> None:
@@ -13,3 +30,42 @@ def test_steps_before_the_start_run_backwards_and_their_instants_forwards() -> N
     _lay_instants(begin, end, halves, 2, instants, place)
     assert instants.tolist() == [-3.0, -2.5, -2.0, -1.5, -1.0, -0.5, 0.0, 1.0, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0]
     assert instants[place].tolist() == begin.tolist()
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "guard"),
+    [
+        (FREE, CONTACT, OVERLAP), (CONTACT, FREE, OVERLAP), (PARTING, FREE, OVERLAP), (OVERLAPPED, FREE, OVERLAP),
+        (CONTACT, PARTING, OVERLAP_RATE), (PARTING, CONTACT, OVERLAP_RATE), (CONTACT, OVERLAPPED, FORCE),
+        (OVERLAPPED, CONTACT, FORCE),
+    ],
+)  # fmt: skip
+def test_the_guard_that_ended_a_mode_is_known_by_its_kind(before: int, after: int, guard: int) -> None:
+    assert _guard_of(10 * before + after, ()) == guard
+    assert _guard_of(TURN, ()) == VELOCITY
+    assert [_guard_of(RANGE + slot, (0, 2)) for slot in (0, 1)] == [RANGE_0, RANGE_0 + 2]
+
+
+def steps_of(events_s: list[float], phases: list[int], time_s: np.ndarray, each: tuple[int, int]) -> Any:
+    flags = np.zeros((len(phases), NEAR_0))
+    flags[:, PHASE] = phases
+    events: Any = SimpleNamespace(time_s=np.array(events_s), modes=flags)
+    return _cut_at_events(events, time_s, each)
+
+
+def test_a_path_is_cut_at_samples_and_events_in_steps_no_longer_than_its_mode_allows() -> None:
+    time_s = np.arange(-2, 6) * 1.0  # the bodies meet at nothing
+    cut = steps_of([0.0, 1.5, 3.0], [CONTACT, FREE, CONTACT], time_s, (4, 2))
+    steps = list(zip(cut.begin_s.tolist(), cut.end_s.tolist(), cut.sample.tolist(), cut.event.tolist(), strict=True))
+    assert steps[:2] == [(0.0, -1.0, 1, -1), (-1.0, -2.0, 0, -1)]  # backwards from the meeting
+    after = steps[2:]
+    assert [begin for begin, *_ in after] == [0.0, *(end for _, end, *_ in after[:-1])] and after[-1][1] == 5.0
+    for begin, end, sample, event in after:
+        assert event == (0 if end <= 1.5 else 1 if end <= 3.0 else 2)
+        assert 0.0 < end - begin <= (0.5 if event == 1 else 0.25) + 1e-12
+        assert sample == (int(end) + 2 if end in (1.0, 2.0, 3.0, 4.0, 5.0) else -1)
+    assert len(after) == 4 + 2 + 1 + 2 + 8
+    # an event between a sample and the next, and samples that all come before the bodies meet
+    few = steps_of([0.25], [FREE], np.array([-1.0, 0.0, 1.0]), (1, 1))
+    assert few.begin_s.tolist() == [0.25, 0.0, 0.25] and few.end_s.tolist() == [0.0, -1.0, 1.0]
+    assert few.sample.tolist() == [1, 0, 2] and few.event.tolist() == [-1, -1, 0]

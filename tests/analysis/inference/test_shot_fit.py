@@ -1,0 +1,156 @@
+"""The turns of a fit on a moving frame, and the joint data of shots."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.collision.effects import effects_named
+from analysis.inference.fit import joint_data, shot_fit
+from analysis.inference.fit.base import base_named
+from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.fit.joint_data import JointData, can_tell, shakings_of, with_plates
+from analysis.inference.fit.problem import Problem
+from analysis.inference.fit.samples import averaged_shots
+from analysis.inference.fit.shot_fit import _half_way, _settled, fit_shots
+from analysis.shot.shot import AnalysisError
+from tests.analysis.collision.simulated import shot
+from tests.analysis.diagnosis.shots import KINDS, base_fit, shots
+
+
+def point(base: list[float], own: list[list[float]], values: Any = ()) -> Point:
+    return Point(np.array(base), np.array(own), values)
+
+
+def test_half_way_is_the_mean_of_base_and_plates_with_the_effects_of_the_second() -> None:
+    one = point([1.0, 4.0], [[1.0, 2.0, 3.0]], ({"first": 1},))
+    two = point([3.0, 8.0], [[5.0, 2.0, 1.0]], ({"second": 2},))
+    found, plates = _half_way((one, ((1.0, 2.0),)), (two, ((3.0, 8.0),)))
+    assert found.base.tolist() == [2.0, 6.0] and found.own.tolist() == [[3.0, 2.0, 2.0]]
+    assert found.values == two.values and plates == ((2.0, 5.0),)
+    assert _half_way((one, ()), (two, ((3.0, 8.0),)))[1] == ((3.0, 8.0),)
+
+
+def turns(moves: list[float], monkeypatch: pytest.MonkeyPatch, site: object = "site") -> tuple[Any, list[Any]]:
+    """Return what settles where every search moves its one parameter so far, and the points it was begun at."""
+    begun: list[Any] = []
+    left = iter(moves)
+
+    def minimum(problem: Any, z: np.ndarray, stop: Any) -> Any:
+        begun.append((float(z[0]), problem.made_at))
+        square = SimpleNamespace(curvature=np.eye(1))
+        return SimpleNamespace(parameters=z + next(left), square=square)
+
+    def of(made_at: Any) -> Any:
+        return SimpleNamespace(
+            made_at=made_at, data=SimpleNamespace(site=site), slow_enough=lambda p: p, pack=lambda p: p.base.copy(),
+            unpack=lambda z: point([float(z[0])], [[0.0, 0.0, 0.0]]),
+        )  # fmt: skip
+
+    monkeypatch.setattr(shot_fit, "_minimum_from", minimum)
+    monkeypatch.setattr(shot_fit, "_at_motion", lambda problem, here, plates: of((float(here.base[0]), plates)))
+    monkeypatch.setattr(shot_fit, "likely_plates", lambda problem, z: ((float(z[0]), 0.0),))
+    problem: Any = of("begin")
+    settled = _settled(problem, point([0.0], [[0.0, 0.0, 0.0]]), (), lambda: False)
+    return settled, begun
+
+
+def test_a_frames_contribution_is_computed_anew_until_the_motion_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the second turn on by half steps, as full ones would alternate."""
+    small = 0.5 * shot_fit._SMALL_MOVE
+    (problem, found, undecided), begun = turns([4.0, -2.0, small], monkeypatch)
+    assert begun == [(0.0, "begin"), (4.0, (4.0, ((4.0, 0.0),))), (3.0, (3.0, ((3.0, 0.0),)))]
+    assert problem.made_at == begun[-1][1] and found.parameters[0] == 3.0 + small and undecided.tolist() == [0.0]
+    (_, found, _), begun = turns([7.0], monkeypatch, site=None)
+    assert found.parameters[0] == 7.0 and len(begun) == 1
+    moves = [4.0, -2.0] * shot_fit._TURNS
+    (_, _, undecided), begun = turns(moves, monkeypatch)
+    assert len(begun) == shot_fit._TURNS
+    assert undecided[0] == pytest.approx(moves[shot_fit._TURNS - 1] / np.sqrt(2.0))  # one standard deviation of two
+
+
+def test_a_search_of_too_many_or_equal_effects_is_refused() -> None:
+    motion = shot()
+    four = effects_named(("viscous_drag", "tilt", "block_mode", "coulomb_friction"))
+    for effects in (four, ("tilt", "tilt")):
+        with pytest.raises(ValueError, match="at most 3 different ones"):
+            fit_shots([motion], effects=effects)
+    with pytest.raises(ValueError, match="no shot to fit"):
+        fit_shots([])
+
+
+def test_the_data_of_several_shots() -> None:
+    motions = [shot(seed=seed) for seed in (1, 2)]
+    data = JointData(averaged_shots(motions), base_named("paper"))
+    assert data.band_hz == pytest.approx((2.5 / data.shots[0].length_s, 0.45 / 5e-5))
+    assert data.count == 4 and data.stated_noise.white_m == data.shots[0].white_m
+    assert data.white_noise.white_m == pytest.approx(1.5e-10 / np.sqrt(5), rel=0.3)
+    assert data.white_noise.rms_m == (0.0, 0.0) and data.white_noise.spacing_s == data.shots[0].spacing_s
+    for count, enough in ((100, True), (99, False)):  # differences of third order
+        valid = np.arange(data.shots[0].valid.size) < count + 3
+        few = replace(data, shots=(replace(data.shots[0], valid=valid),))
+        if enough:
+            assert few.white_noise.white_m > 0.0
+        else:
+            with pytest.raises(AnalysisError, match="too few samples"):
+                _ = few.white_noise
+    still = [replace(one, displacement_m=np.zeros(one.valid.size)) for one in data.shots]
+    assert 0.0 < replace(data, shots=tuple(still)).white_noise.white_m <= 1e-15
+    plates = with_plates(data.shots, [(1.0, 2.0), (3.0, 4.0)])
+    assert [one.plate for one in plates] == [(1.0, 2.0), (3.0, 4.0)] and with_plates(data.shots, ()) == data.shots
+    for rate_hz, fast in ((9.9e3, False), (10.1e3, True)):
+        assert can_tell(replace(motions[0], sample_rate_hz=rate_hz)) is fast
+
+
+def test_the_frames_motion_is_read_where_it_is_not_known_and_there_is_a_plate(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(joint_data, "shaking_in", lambda motion: f"read in {motion.time_s.size}")
+    motions = [shot(samples=6000), shot(samples=6100)]
+    slow = [motions[0], replace(motions[1], sample_rate_hz=1e3)]
+    known: Any = [None, "known"]
+    assert shakings_of(motions, "paper", None) == ("read in 6000", "read in 6100")
+    assert shakings_of(motions, "paper", known) == (None, "known")
+    assert shakings_of(motions, "contact", known) == (None, None) == shakings_of(slow, "paper", known)
+
+
+def test_the_slope_of_a_search_vector_is_that_of_the_parameters_it_stands_for() -> None:
+    """With shared effects and ones of every shot, searched by size and by logarithm."""
+    best = base_fit(shots({}, count=2))
+    kinds = (KINDS["viscous_drag"], KINDS["plate_motion"], KINDS["block_mode"])
+    problem = Problem(best.problem.data, kinds, best.noise)
+    drag, swing, mode = (kind.effect for kind in kinds)
+    values = tuple(
+        {
+            drag: {"coefficient_n_s_per_m": 2e-4},
+            swing: {"velocity_m_per_s": v, "displacement_m": 1e-8},
+            mode: {"mass_kg": 1e-5, "frequency_hz": 700.0, "damping_ratio": 0.02},
+        }
+        for v in (1e-6, -3e-6)
+    )
+    there = Point(best.point.base, best.point.own, values)
+    z = problem.pack(there)
+    assert problem.names[problem.offset :] == (
+        ("viscous_drag.coefficient_n_s_per_m", -1), ("block_mode.mass_kg", -1), ("block_mode.frequency_hz", -1),
+        ("block_mode.damping_ratio", -1), ("plate_motion.velocity_m_per_s", 0), ("plate_motion.displacement_m", 0),
+        ("plate_motion.velocity_m_per_s", 1), ("plate_motion.displacement_m", 1),
+    )  # fmt: skip
+    assert problem.shared == [0, 1, 2, 3, 10, 11, 12, 13] and problem.offset == 10 and problem.size == 18
+    assert [place.tolist() for place in problem.places] == [
+        [*problem.shared, 4, 5, 6, 14, 15], [*problem.shared, 7, 8, 9, 16, 17],
+    ]  # fmt: skip
+    flat = problem.flat(there)
+    np.testing.assert_allclose(problem.flat(problem.unpack(z)), flat, rtol=1e-9)
+    assert flat[10:].tolist() == [2e-4, 1e-5, 700.0, 0.02, 1e-6, 1e-8, -3e-6, 1e-8]
+    slope = problem.slope(z)
+    for k in range(problem.size):
+        step = np.zeros(z.size)
+        step[k] = 1e-5 * max(1.0, abs(z[k]))
+        sides = [problem.flat(problem.unpack(z + sign * step)) for sign in (1.0, -1.0)]
+        numeric = (sides[0] - sides[1]) / (2 * step[k])
+        np.testing.assert_allclose(slope[:, k] / np.abs(flat), numeric / np.abs(flat), rtol=1e-4, atol=1e-5)
+    low, high = problem.bounds
+    assert low[3] == 0.0 and np.isinf(low[[0, 1, 2, 4]]).all() and np.isinf(high[:10]).all()
+    assert (low[12], high[12]) == pytest.approx(tuple(np.log(problem.data.band_hz)))
+    assert low[10] == 0.0 and high[13] == pytest.approx(np.log(0.6))
+    assert problem.unseen == []

@@ -1,13 +1,15 @@
 """Which starts of an effect are tried besides the best: those elsewhere on its grid that explain enough."""
 
 from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from analysis.collision.effects import named
 from analysis.inference.fit.free_parameters import trial_effect
-from analysis.inference.screen import columns
+from analysis.inference.screen import columns, screening
 from analysis.inference.screen.screening import Score, distinct_starts
 
 
@@ -67,3 +69,61 @@ def test_a_start_that_leads_beyond_all_numbers_is_left_out_in_silence() -> None:
     assert found.starts == [starts[0], starts[3]]
     np.testing.assert_array_equal(found.power, [4.0 - 1.0 - 1.0, 6.0 - 1.0 - 4.0])
     np.testing.assert_array_equal(found.along, [1.5, 2.5])
+
+
+def linear(name: str, along: float, power: float, start: float, whole: float = 0.0) -> Score:
+    kind = trial_effect(named(name))
+    problem: Any = SimpleNamespace(data=SimpleNamespace(shots=[1, 2]))
+    products = columns.ColumnProducts(
+        [{kind.amplitude[0]: start, "frequency_hz": 7.0}], *(np.array([one]) for one in (whole or power, power, along))
+    )
+    at: Any = SimpleNamespace(problem=problem)
+    (score,) = screening._linear(at, kind, products, 3)
+    assert (score.kind, score.freedom, score.unit) == (kind, 3, start)
+    assert score.start == ({kind.amplitude[0]: score.start[0][kind.amplitude[0]], "frequency_hz": 7.0},) * 2
+    return score
+
+
+@pytest.mark.parametrize(
+    ("name", "along", "amplitude", "gain"),
+    [
+        # a column of square 8 with 24 along the residual: three times as much, 24^2 / 8 of chi^2
+        ("bearing_gradient", 24.0, 6.0, 72.0),
+        ("bearing_gradient", -24.0, -6.0, 72.0),
+        ("viscous_drag", 24.0, 6.0, 72.0),
+        ("viscous_drag", -24.0, 0.0, 0.0),  # a drag never drives
+        ("tilt", 24.0, 0.5, 72.0),  # gained by the linear step, begun within its bounds
+        ("second_plate_mode", 24.0, 2.0 / 3.0, 72.0),  # a third of the mass
+        ("second_plate_mode", -24.0, 2e9, 0.0),
+        ("demodulation_lag", 24.0, 2.0 * 3.0**0.5, 72.0),  # grows with its square
+        ("demodulation_lag", -24.0, 2e-7, 0.0),
+    ],
+)
+def test_a_linear_step_gives_an_amplitude_and_what_it_gains(
+    name: str, along: float, amplitude: float, gain: float
+) -> None:
+    score = linear(name, along, 8.0, 2.0)
+    assert score.start[0][trial_effect(named(name)).amplitude[0]] == pytest.approx(amplitude)
+    assert score.gain == pytest.approx(gain, abs=1e-6)
+    assert score.worth(100) == pytest.approx(score.gain - 3 * np.log(100))
+
+
+def test_a_column_that_the_fit_spans_gains_nothing() -> None:
+    assert linear("bearing_gradient", 24.0, 8.0, 2.0, whole=0.99 * 8e10).gain == pytest.approx(72.0)
+    spanned = linear("bearing_gradient", 24.0, 8.0, 2.0, whole=1.01 * 8e10)
+    assert (spanned.gain, spanned.power, spanned.start[0]["stiffness_n_per_m"]) == (0.0, 0.0, 0.0)
+
+
+def test_lines_are_looked_for_between_the_points_about_the_two_best_peaks() -> None:
+    listed = _scores(
+        "block_mode", (50.0, _mode(700.0)), (100.0, _mode(500.0)), (90.0, _mode(552.0)), (40.0, _mode(900.0))
+    )
+    found = screening._between(listed, trial_effect(named("block_mode")))
+    places = sorted({one["frequency_hz"] for one in found})
+    factors = np.exp(np.linspace(-0.03, 0.03, 13))
+    np.testing.assert_allclose(places, sorted([*500.0 * factors, *700.0 * factors]))
+    assert {one["damping_ratio"] for one in found} == {0.003, 0.015, 0.06} and len(found) == 2 * 13 * 3
+    assert {one["mass_kg"] for one in found} == {2e-5}  # as strong as it begins
+    (single,) = _scores("support_compliance", (9.0, {"compliance_m_per_n": 1.0, "frequency_hz": 300.0}))
+    alone = screening._between([single], trial_effect(named("support_compliance")))
+    assert len(alone) == 13 and set(alone[0]) == {"compliance_m_per_n", "frequency_hz"}

@@ -155,3 +155,26 @@ def test_the_shot_that_would_separate_look_alikes(
 ) -> None:
     assert words.separating_shot(diagnosis(Verdict.EFFECT_FOUND, effects, speeds_m_per_s=speeds)) == said
     assert words.separating_shot(diagnosis(Verdict.EFFECT_FOUND, effects * 2, speeds_m_per_s=speeds)) == said
+
+
+def law(**changes: Any) -> Any:
+    given: dict[str, Any] = {
+        "where": "block", "argument": "place", "form": "cubic", "formula": "a*x**3", "nearest_form": "cubic",
+        "parameters": {"a": (FORCE, "N/m³")}, "other_forms": (),
+    }  # fmt: skip
+    return SimpleNamespace(**(given | changes))
+
+
+def test_a_learned_law_in_a_sentence() -> None:
+    size = f"a {FORCE.in_a_sentence()} N/m³"
+    assert words.learned(law()) == f"a force on the block that follows the place, cubic: a*x**3 with {size}"
+    contact = law(where="contact", argument="overlap", form="constant", formula="a")
+    assert words.learned(contact) == f"a force between block and plate while they touch, constant: a with {size}"
+    assert words.learned(law(form=None)) == (
+        "a force on the block that follows the place, by no closed form that was tried (nearest: cubic)"
+    )
+    others = (
+        SimpleNamespace(form="linear", where="block", argument="place"),
+        SimpleNamespace(form="sine", where="plate", argument="bend"),
+    )
+    assert words.learned(law(other_forms=others)).endswith(f"{size}; linear or sine in the bend cannot be excluded")

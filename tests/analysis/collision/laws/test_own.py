@@ -11,7 +11,7 @@ from analysis.collision import general
 from analysis.collision.effects import named
 from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.collision.laws.forms import FORMS
-from analysis.collision.laws.own import LawError, OwnLaw, from_mapping, known_effect
+from analysis.collision.laws.own import LawError, OwnLaw, _states, from_mapping, known_effect
 from analysis.collision.parameters import PAPER, Collision
 from tests.law_rigs import Bodies, LawRig, Memory
 
@@ -273,3 +273,41 @@ def test_a_law_without_words_survives_its_own_file(name: str) -> None:
     parameters = {"a": {"unit": "", "start": 1}}
     own = from_mapping({"name": name, "where": "block", "formula": "-a*v", "parameters": parameters})
     assert known_effect(own.key) is own and from_mapping(own.written()) == own and own.words.strip() == own.words != ""
+
+
+@pytest.mark.parametrize(
+    ("where", "formula", "rate"),
+    [
+        ("block", "-a*x", math.sqrt(40.0 / PAPER.block_mass_kg)),
+        ("block", "-a*v", 40.0 / PAPER.block_mass_kg),
+        ("block", "-a*v*abs(v)", 2 * 40.0 * 0.265 / PAPER.block_mass_kg),
+        ("plate", "-a*y", math.sqrt(40.0 / PAPER.plate_mass_kg)),
+        ("plate", "-a*u - a*x", 40.0 / PAPER.plate_mass_kg),
+        ("contact", "a*d", math.sqrt(40.0 / PAPER.plate_mass_kg)),
+        ("contact", "-a*d_rate", 40.0 / PAPER.plate_mass_kg),
+        ("block", "a*sin(700*t)", 700.0),
+    ],
+)
+def test_the_rate_of_a_law_is_its_steepest_slope_over_the_mass(where: str, formula: str, rate: float) -> None:
+    table = {"name": "l", "where": where, "formula": formula, "parameters": {"a": {"unit": "", "start": 1.0}}}
+    law = from_mapping(table)
+    assert law.fastest(np.array([40.0]), PAPER) == pytest.approx(rate, rel=0.05)
+    if where == "contact":
+        locked = replace(PAPER, plate_mass_kg=math.inf, plate_stiffness_n_per_m=0.0)
+        lighter = PAPER.plate_mass_kg / PAPER.block_mass_kg
+        slower = lighter if "d_rate" in formula else lighter**0.5
+        assert law.fastest(np.array([40.0]), locked) == pytest.approx(rate * slower)
+    assert law.rough is (where == "contact") and law.hidden == int("*t)" in formula)
+
+
+def test_the_states_at_which_a_law_is_looked_at_are_those_of_a_collision() -> None:
+    states = _states(PAPER)
+    run = general.solve(replace(PAPER, contact_damping_n_s_per_m=0.0), (), np.arange(3000) * 1e-5)
+    deepest, first = -run.displacement_m.min(), -run.gap_m[run.time_s < 4e-4].min()
+    assert states["y"].min() == pytest.approx(-deepest, rel=0.05) and -0.02 * deepest < states["y"].max() <= 0.0
+    assert np.abs(states["v"]).max() == pytest.approx(0.265, rel=0.02)
+    assert states["d"].min() >= 0.0 and states["d"].max() == pytest.approx(first, rel=0.03)
+    assert np.abs(states["d_rate"]).max() == pytest.approx(0.265, rel=0.02)
+    assert np.abs(states["u"]).max() == pytest.approx(2 * 0.265, rel=0.02)
+    assert states["t"].min() >= 0.0 and states["t"].max() == pytest.approx(2 * PAPER.contact_time_estimate_s, rel=0.02)
+    assert states["x"].min() < 1.15 * states["y"].min() and states["x"].max() > 0.0

@@ -1,0 +1,51 @@
+"""The parameters of a base model over one plate and several, and the collision that they make."""
+
+import math
+
+import numpy as np
+import pytest
+
+from analysis.collision.parameters import PAPER, Infeasible, Variant
+from analysis.inference.fit.base import Base, base_named, named_on_plate
+
+SHARED = np.array([200.0, 2e-4, 1e4, 0.4, 300.0, 3e-4, 400.0, 4e-4])
+THREE = Base(Variant.CLAMPED, one_body=False, plates=3)
+ALONE = Base(Variant.PAPER, one_body=True)
+
+
+def test_the_parameters_of_several_plates_on_one_contact() -> None:
+    assert THREE.names == (
+        "plate_stiffness_n_per_m", "plate_mass_kg", "contact_stiffness_n_per_m", "contact_damping_n_s_per_m",
+        "plate_2_stiffness_n_per_m", "plate_2_mass_kg", "plate_3_stiffness_n_per_m", "plate_3_mass_kg",
+    )  # fmt: skip
+    assert THREE.further_at == (4, 6) and THREE.contact_at == slice(2, 4)
+    assert [THREE.places(k) for k in range(3)] == [(0, 1, 2, 3), (4, 5, 2, 3), (6, 7, 2, 3)]
+    assert THREE.columns(2) == {
+        "plate_3_stiffness_n_per_m": 0, "plate_3_mass_kg": 1, "contact_stiffness_n_per_m": 2,
+        "contact_damping_n_s_per_m": 3,
+    }  # fmt: skip
+    assert ALONE.names == THREE.names[2:4] and ALONE.contact_at == slice(0, 2) and ALONE.further_at == ()
+    assert ALONE.places(0) == (0, 1) and ALONE.columns(0) == {ALONE.names[0]: 2, ALONE.names[1]: 3}
+    assert named_on_plate("plate_mass_kg", 0) == "plate_mass_kg"
+    assert named_on_plate("plate_of_plate_kg", 1) == "plate_2_of_plate_kg"
+
+
+def test_a_collision_is_that_of_the_shots_plate() -> None:
+    second = THREE.collision(SHARED, -0.2, 0.02, (1e-6, 2e-6), 1)
+    np.testing.assert_array_equal(second.vector, [300.0, 3e-4, 1e4, 0.4, -0.2, 1e-6, 2e-6, 0.02])
+    assert second.variant is Variant.CLAMPED
+    first = THREE.collision(SHARED, -0.2, 0.02)
+    np.testing.assert_array_equal(first.vector, [200.0, 2e-4, 1e4, 0.4, -0.2, 0.0, 0.0, 0.02])
+    locked = ALONE.collision(SHARED[2:4], -0.2, 0.02)
+    assert (locked.plate_stiffness_n_per_m, locked.plate_mass_kg) == (0.0, math.inf)
+    assert (locked.contact_stiffness_n_per_m, locked.contact_damping_n_s_per_m) == (1e4, 0.4)
+    with pytest.raises(Infeasible, match="towards the plate"):
+        THREE.collision(SHARED, 0.2, 0.02)
+    np.testing.assert_array_equal(Base(Variant.PAPER, one_body=False).shared(PAPER), PAPER.vector[:4])
+    np.testing.assert_array_equal(ALONE.shared(PAPER), PAPER.vector[2:4])
+
+
+def test_a_base_model_has_a_name() -> None:
+    assert base_named("contact") == ALONE and base_named("clamped") == Base(Variant.CLAMPED, one_body=False)
+    with pytest.raises(ValueError, match="no base model 'x'; there are paper, "):
+        base_named("x")

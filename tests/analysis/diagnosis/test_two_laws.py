@@ -1,0 +1,141 @@
+"""Two laws at once over fits that are given: which pairs of forms are tried, and what two laws must bring."""
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from analysis.diagnosis.learning import two_laws as module
+from analysis.diagnosis.learning.law_learning import Discovery
+
+START, CURVES = 1000.0, 900.0
+BEST = {(i, j): 890.0 + 5.0 * abs(i - 2) + 3.0 * abs(j - 1) for i in range(3) for j in range(3)}
+
+
+class Fit:
+    def __init__(self, bic: float, pair: Any = None) -> None:
+        self.bic, self.pair, self.noise, self.effects = bic, pair, "noise", ("start", "one", "two")
+
+    def continued(self, stop: Any) -> "Fit":
+        return Fit(self.bic - 1.0, self.pair)
+
+    def linearise(self) -> str:
+        return "at"
+
+
+def learned(
+    monkeypatch: pytest.MonkeyPatch, *, curves_bic: float = CURVES, forms: Any = None, fewer: float = 930.0,
+    beats: bool = True, foretold: bool = True,
+) -> tuple[Any, list[Any], list[Any]]:  # fmt: skip
+    """Return what two laws are learned, the pairs in the order they were tried, and what was read of each law."""
+    tried: list[Any] = []
+    read: list[Any] = []
+    bics = BEST if forms is None else forms
+
+    def fit_forms(start: Any, curves: Any, pairs: Any, stop: Any, *, beat: float) -> list[Any]:
+        assert beat == curves_bic
+        found = [(int(one[1:]), int(two[1:])) for one, two in pairs]
+        tried.extend(found)
+        return [Fit(bics[pair], pair) if pair in bics else None for pair in found]
+
+    def without(fitted: Any, effect: str, stop: Any) -> Any:
+        return Fit(fewer, f"without {effect}")
+
+    prediction = SimpleNamespace(beats=lambda before: beats)
+    curves = SimpleNamespace(bic=curves_bic, with_last=lambda which: f"last {which}")
+    monkeypatch.setattr(module, "two_curves", lambda *_, beat: curves)
+    monkeypatch.setattr(module, "likely_forms", lambda c, most, which: [f"{'ab'[which]}{k}" for k in range(3)])
+    monkeypatch.setattr(module, "fit_forms", fit_forms)
+    monkeypatch.setattr(module, "over_kinks", lambda fitted, stop: fitted)
+    monkeypatch.setattr(module, "without_effect", without)
+    monkeypatch.setattr(module, "predict", lambda *_: prediction if foretold else None)
+    monkeypatch.setattr(module, "residual_of", lambda fitted, at: "left")
+    monkeypatch.setattr(
+        module, "as_learned", lambda start, fits, named, after, held: read.append((start, fits)) or "law"
+    )
+    start: Any = Fit(START, "start")
+    return module.learn_two(start, (1,), lambda: False), tried, read
+
+
+def test_pairs_of_forms_are_tried_beside_the_best_of_the_other_law(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, tried, read = learned(monkeypatch)
+    assert tried[:4] == [(0, 0), (0, 1), (1, 0), (1, 1)]  # then all of the first beside the second's best, and reverse
+    assert tried[4:] == [(2, 1), (2, 0), (2, 2)]
+    assert found.fitted.pair == (2, 1) and found.fitted.bic == 889.0 and found.laws == ("law", "law")
+    assert found.residual == "left"
+    (first, of_first), (second, of_second) = read
+    assert first.pair == "without one" and second.pair == "without two"
+    assert [one.fitted.pair for one in of_first] == [(2, 1), (1, 1), (0, 1)]
+    assert [one.fitted.pair for one in of_second] == [(2, 1), (2, 0), (2, 2)]
+    assert [(one.form, one.learned, one.place) for one in of_first[:2]] == [("a2", "last 0", -2), ("a1", "last 0", -2)]
+    assert [(one.form, one.learned, one.place) for one in of_second[:2]] == [("b1", "last 1", -1), ("b0", "last 1", -1)]
+    # those within ten of the best were led on, the others not
+    assert [one.fitted.bic for one in of_first] == [889.0, 894.0, 900.0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "found"),
+    [
+        ({}, True),
+        ({"curves_bic": 943.9}, True),  # twice 28 below the start
+        ({"curves_bic": 944.1}, False),
+        ({"forms": {}}, False),
+        ({"forms": {(0, 0): 912.9}}, True),  # led on by one, twelve behind the curves
+        ({"forms": {(0, 0): 913.1}}, False),
+        ({"fewer": 917.1}, True),  # each of them brings 28
+        ({"fewer": 916.9}, False),
+        ({"beats": False}, False),
+        ({"foretold": False}, False),
+    ],
+)
+def test_two_laws_must_each_bring_what_one_must(
+    changes: dict[str, Any], found: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if "forms" in changes:
+        changes = changes | {"fewer": 950.0}
+    assert (learned(monkeypatch, **changes)[0] is not None) is found
+
+
+def test_a_second_law_is_added_to_the_first_where_two_at_once_do_not_explain_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def discovery(bic: float, explains: bool, law: Any, predictions: Any) -> Any:
+        residual = SimpleNamespace(significant=not explains)
+        fitted: Any = SimpleNamespace(bic=bic, converged=True, name=law)
+        start: Any = SimpleNamespace(bic=100.0)
+        laws: Any = (SimpleNamespace(form="linear" if explains else None, name=law),)
+        return Discovery(start, laws, fitted, residual, predictions)  # type: ignore[arg-type]
+
+    first = discovery(60.0, False, "first", ("p0", "p1"))
+    second, together = discovery(40.0, True, "second", ("p2", "p3")), discovery(30.0, True, "both", ("p4", "p5"))
+    asked: list[Any] = []
+
+    def another(two: Any, of_second: Any, beat: float = math.inf) -> Any:
+        asked.clear()
+        monkeypatch.setattr(module, "learn_two", lambda *_, beat: two)
+        monkeypatch.setattr(module, "learn_law", lambda *given, **named: asked.append((given, named)) or of_second)
+        monkeypatch.setattr(module, "in_joint_fit", lambda law, fitted, named: (law.name, fitted.name, named))
+        return module.learn_another(first, (1,), lambda *_: None, lambda: False, beat=beat)
+
+    assert another(together, second) is together and not asked
+    found = another(replace(together, residual=first.residual), second)
+    assert found == Discovery(
+        first.start,
+        (("first", "second", True), *second.laws),
+        second.fitted,
+        second.residual,
+        ("p0", "p3"),  # type: ignore[arg-type]
+    )
+    assert asked[0][0][0] is first.fitted and asked[0][1] == {"beside": first.laws[0], "beat": math.inf}
+    assert another(None, None) is first and another(None, second, beat=19.0) is first and not asked  # gains 40 again
+    assert another(None, second, beat=21.0) is not first
+    monkeypatch.setattr(module, "learn_law", lambda *_: together)
+    monkeypatch.setattr(module, "learn_another", lambda *_, beat: ("another", beat))
+    given: Any = ("start", (1,), None, None)
+    assert module.learn_laws(*given) is together
+    monkeypatch.setattr(module, "learn_law", lambda *_: first)
+    assert module.learn_laws(*given, beat=5.0) == ("another", 5.0)
+    monkeypatch.setattr(module, "learn_law", lambda *_: None)
+    assert module.learn_laws(*given) is None

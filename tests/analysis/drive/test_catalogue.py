@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from analysis.drive.catalogue import LAWS, ParameterScale, bristle_deflection, laws_named
+from analysis.drive.catalogue import GAIN_ERROR, LAWS, ParameterScale, bristle_deflection, laws_named
 from analysis.drive.stretch import Stretch
 from analysis.shot.shot import AnalysisError
 
@@ -114,3 +114,15 @@ def test_the_first_values_that_are_tried_lie_within_the_bounds_and_rise() -> Non
         assert not parameter.logarithmic or parameter.low > 0.0
     (delay,) = LAWS["drive_delay"].nonlinear_parameters
     assert 0.0 in delay.grid and delay.grid == pytest.approx([-share for share in reversed(delay.grid)])
+
+
+def test_laws_have_words_and_the_one_of_the_force_is_told_by_its_own() -> None:
+    said = {name: law.words for name, law in LAWS.items() if law.words != name.replace("_", " ")}
+    assert said == {
+        "directional_viscous_drag": "direction-dependent viscous drag", "stribeck_friction": "Stribeck friction",
+        "lugre_friction": "LuGre friction", "position_ripple": "a ripple along the travel",
+        "place_dependent_friction": "position-dependent friction", "load_dependent_friction": "load-dependent friction",
+        "quadratic_stiffness": "an asymmetric spring", "drive_delay": "a delay between force and motion",
+    }  # fmt: skip
+    assert GAIN_ERROR.name == "gain_error" not in LAWS and GAIN_ERROR.words == "an error of the force's scale"
+    assert [p.unit for p in LAWS["quadratic_drag"].parameters] == ["N s²/m²"] and GAIN_ERROR.parameters[0].unit == ""

@@ -1,11 +1,14 @@
 """A fit that took its own error for a path that wanders is led out of there; predictions keep what is known."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from analysis.collision.parameters import Infeasible
 from analysis.inference.fit.least_squares import Minimum
+from analysis.inference.fit.problem import Fitted, Problem
 from tests.analysis.diagnosis.shots import WHITE_M, base_fit, shots
 
 
@@ -55,3 +58,87 @@ def test_a_search_cut_off_is_an_end_within_a_fifth_of_a_standard_deviation(stds:
     cut_off = Minimum(best.z, replace(square, gradient=-square.curvature @ away), False)
     assert best.problem.fitted(cut_off).converged is near
     assert best.problem.fitted(replace(cut_off, converged=True)).converged
+
+
+@pytest.fixture(scope="module")
+def best() -> Fitted:
+    return base_fit(shots({}, count=2))
+
+
+def test_the_square_of_a_vector_has_true_derivatives(best: Fitted) -> None:
+    problem, z = best.problem, best.z + 1e-3 * np.sqrt(np.diag(best.inverse))
+    square, left = problem.square(z), problem.whitened_residual(z)
+    assert square.chi2 == pytest.approx(float(left @ left)) and square.samples == left.size == best.samples
+    assert square.residual is not None and square.along is not None and square.pull is not None
+    np.testing.assert_allclose(square.residual, left, atol=1e-9)
+    for k in range(problem.size):
+        step = np.zeros(z.size)
+        step[k] = 1e-2 * np.sqrt(best.inverse[k, k])
+        column = (problem.whitened_residual(z + step) - problem.whitened_residual(z - step)) / (2 * step[k])
+        size = np.linalg.norm(column)
+        np.testing.assert_allclose(square.along(np.eye(z.size)[k]), column, atol=1e-3 * size)
+        assert square.gradient[k] == pytest.approx(column @ left, abs=2e-3 * size * np.sqrt(square.chi2))
+        assert square.curvature[k, k] == pytest.approx(size**2, rel=1e-2)
+    np.testing.assert_allclose(square.pull(left), square.gradient, rtol=1e-6, atol=1e-6 * np.abs(square.gradient).max())
+    both = zip(problem.data.shots, problem.residual_m(z), strict=True)
+    other = [shot.whitened(best.noise, x[:, None])[:, 0] for shot, x in both]
+    np.testing.assert_allclose(np.concatenate(other), -left, atol=1e-9)
+
+
+def test_a_fit_is_at_its_minimum_with_its_criterion_and_its_covariance(best: Fitted) -> None:
+    square = best.problem.square(best.z)
+    assert best.chi2(best.noise) == pytest.approx(square.chi2, rel=1e-6)
+    assert best.bic == pytest.approx(10 * np.log(best.samples) - 2 * best.log_likelihood)
+    np.testing.assert_allclose(best.inverse @ square.curvature, np.eye(10), atol=1e-3)
+    slope = best.problem.slope(best.z)
+    np.testing.assert_allclose(best.covariance, slope @ best.inverse @ slope.T)
+    np.testing.assert_allclose(best.std**2, np.diag(best.covariance))
+    assert best.effects == () and best.unlearned_noise == best.noise.still
+    assert best.under_likely_noises() is best and best.continued() is best  # no frame, and at its end
+
+
+def test_parameters_that_are_held_stay_and_the_others_give_way(best: Fitted) -> None:
+    off = best.z.copy()
+    off[2] += 3.0 * np.sqrt(best.inverse[2, 2])
+    held = best.problem.search(off, held=[2], evaluations=25)
+    assert held.parameters[2] == off[2] and held.converged
+    # by the profile of a quadratic: nine more of chi^2, the others moved along the covariance
+    assert held.square.chi2 - best.chi2(best.noise) == pytest.approx(9.0, rel=0.2)
+    moved = best.inverse[:, 2] / best.inverse[2, 2] * (off[2] - best.z[2])
+    unit = np.sqrt(np.diag(best.inverse))
+    np.testing.assert_allclose((held.parameters - best.z) / unit, moved / unit, atol=0.35)
+    free = best.problem.search(off, evaluations=25)
+    np.testing.assert_allclose((free.parameters - best.z) / unit, 0.0, atol=0.2)
+
+
+def test_the_likelier_of_two_fits_is_kept(best: Fitted, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+
+    def fits(likelihoods: list[float]) -> float:
+        asked.clear()
+        values = iter(likelihoods)
+
+        def once(problem: Problem, z: Any, **options: Any) -> Any:
+            asked.append((z, options))
+            return replace(best, log_likelihood=next(values))
+
+        monkeypatch.setattr(Problem, "fit_once", once)
+        return best.problem.fit(best.z + 1.0, evaluations=20, anew=True).log_likelihood
+
+    assert fits([1.0, 2.0]) == 2.0 and fits([2.0, 1.0]) == 2.0
+    assert [options["evaluations"] for _, options in asked] == [20, 10]
+    assert asked[1][0] is best.z and asked[1][1]["anew"] and not asked[0][1].get("anew", False)
+
+
+def test_a_contact_too_stiff_for_the_samples_is_softened_until_it_is_not(best: Fitted) -> None:
+    problem, point = best.problem, best.point
+    assert problem.slow_enough(point) is point
+    stiff = replace(point, base=point.base * [1.0, 1.0, 1e6, 1.0])
+    with pytest.raises(Infeasible, match="faster than any record can show"):
+        problem.averaged(0, stiff)
+    soft = problem.slow_enough(stiff)
+    softened = round(np.log10(stiff.base[2] / soft.base[2]))
+    assert soft.base[2:4] == pytest.approx(stiff.base[2:4] * [0.1**softened, 0.3**softened])
+    assert not problem.shot_at(0, soft).too_fast
+    one_less = replace(soft, base=soft.base * [1.0, 1.0, 10.0, 1 / 0.3])
+    assert problem.shot_at(0, one_less).too_fast

@@ -34,3 +34,17 @@ def test_an_attraction_is_met_as_the_bench_meets_it(reach_m: float) -> None:
     own = np.array([OWN[0], far_m / -OWN[0], 0.0])
     run = shown(TIME_S, base, own, {"adhesion": adhesion})
     np.testing.assert_allclose(run.displacement_m, truth.block_m(TIME_S), atol=2e-11)
+
+
+def test_a_clock_that_began_long_ago_makes_no_oscillation_faster() -> None:
+    late = TIME_S + 1e4
+    run = shown(late, BASE, OWN + np.array([0.0, 1e4, 0.0]), {})
+    np.testing.assert_allclose(run.displacement_m, shown(TIME_S, BASE, OWN, {}).displacement_m, atol=1e-11)
+    longest = 1e5 / np.sqrt(1e4 * (1 / 0.01785 + 1 / 1.984e-4) + 221.4 / 1.984e-4)
+    for share, followed in ((0.97, True), (1.03, False)):
+        time_s = np.arange(0.0, share * longest, 3e-4)
+        if followed:
+            assert np.isfinite(shown(time_s, BASE, OWN, {}).displacement_m).all()
+        else:
+            with pytest.raises(Infeasible, match="the contact would swing faster"):
+                shown(time_s, BASE, OWN, {})

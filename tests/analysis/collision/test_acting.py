@@ -156,3 +156,9 @@ def test_the_force_of_a_trajectory_is_what_moves_the_block(variant: Variant) -> 
 def test_times_must_be_ascending_and_fill_a_block(times: Any) -> None:
     with pytest.raises(ValueError, match="one-dimensional, not empty and ascending"):
         general.solve(PAPER, (), np.array(times), block=3)
+
+
+def test_the_only_release_is_the_last() -> None:
+    run = general.solve(replace(LOCKED, contact_stiffness_n_per_m=200.0), (), np.array([0.0, 0.1]))
+    assert [event.kind for event in run.events] == ["touch", "release"]
+    assert run.released is not None and run.released.time_s == run.events[1].time_s

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision.effects import CATALOGUE
+from analysis.collision.effects import CATALOGUE, named
 from analysis.collision.effects.kernel import ON_BLOCK, Q_RATE, W_RATE, Q, V, W
 from analysis.collision.effects.row import Acts, Effect, Parameter
 from analysis.collision.first_order import along
@@ -155,3 +155,9 @@ def test_the_scores_are_those_of_trajectories_solved_one_by_one(monkeypatch: pyt
         at = tuple(best.start[0][name] for name in AXES if name in best.start[0])
         assert abs(gains[at] - best.gain) < 0.02 * best.gain, (best.kind.effect.name, at)
     assert max(quick, key=lambda listed: listed[0].gain)[0].kind.effect.name == "block_mode"
+
+
+@pytest.mark.parametrize("name", ["adhesion", "sensor_drift", "plate_motion"])
+def test_what_has_a_range_or_no_force_has_no_first_order(name: str) -> None:
+    none: Any = None  # no path is looked at
+    assert along(none, named(name), PAPER, np.ones((1, 3)), 5) is None

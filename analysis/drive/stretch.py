@@ -89,7 +89,7 @@ def derived(sample_rate_hz: float, bandwidth_hz: float) -> tuple[Floats, Floats]
     half = taps.size  # twice the low-pass's own
     spectrum = np.fft.rfft(np.roll(np.pad(taps, (0, length - taps.size)), -(taps.size // 2)))
     # beyond the low-pass's own length only an alternating sign is left, which is tapered
-    beyond = np.clip((np.abs(np.arange(-half, half + 1)) - taps.size // 2) / (half - taps.size // 2), 0.0, 1.0)
+    beyond = np.clip((np.abs(np.arange(-half, half + 1)) - taps.size // 2) / (half - taps.size // 2), 0.0, None)
     soft = np.cos(0.5 * np.pi * beyond) ** 2
     velocity, acceleration = (
         soft * np.roll(np.fft.irfft(spectrum * factor, length), half)[: 2 * half + 1] for factor in (turn, turn**2)

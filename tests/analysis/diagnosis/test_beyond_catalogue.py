@@ -111,6 +111,9 @@ def test_an_effect_that_no_longer_pays_beside_a_law_goes(
     named = passed or explains
     assert (made.effects, list(made.imitations)) == (([kept], []) if named else ([], [kept]))
     assert made.verdict is (Verdict.LAW_LEARNED if explains else Verdict.PARTLY_EXPLAINED)
+    monkeypatch.setattr(module, "predict", lambda *_: None)  # where the fit without drag foretells nothing
+    again: Any = module._together(*given, passed=passed)
+    assert again.predictions == ("base", "told")
 
 
 def curve(bic: float, at_best: float = 0.0) -> Any:

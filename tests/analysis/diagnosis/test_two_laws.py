@@ -43,14 +43,16 @@ def learned(
     def without(fitted: Any, effect: str, stop: Any) -> Any:
         return Fit(fewer, f"without {effect}")
 
-    prediction = SimpleNamespace(beats=lambda before: beats)
+    def foretell(one: Any, *_: Any) -> Any:
+        return SimpleNamespace(of=one.pair, beats=lambda before: beats and before.of == "start") if foretold else None
+
     curves = SimpleNamespace(bic=curves_bic, with_last=lambda which: f"last {which}")
     monkeypatch.setattr(module, "two_curves", lambda *_, beat: curves)
     monkeypatch.setattr(module, "likely_forms", lambda c, most, which: [f"{'ab'[which]}{k}" for k in range(3)])
     monkeypatch.setattr(module, "fit_forms", fit_forms)
     monkeypatch.setattr(module, "over_kinks", lambda fitted, stop: fitted)
     monkeypatch.setattr(module, "without_effect", without)
-    monkeypatch.setattr(module, "predict", lambda *_: prediction if foretold else None)
+    monkeypatch.setattr(module, "predict", foretell)
     monkeypatch.setattr(module, "residual_of", lambda fitted, at: "left")
     monkeypatch.setattr(
         module, "as_learned", lambda start, fits, named, after, held: read.append((start, fits)) or "law"
@@ -64,7 +66,7 @@ def test_pairs_of_forms_are_tried_beside_the_best_of_the_other_law(monkeypatch: 
     assert tried[:4] == [(0, 0), (0, 1), (1, 0), (1, 1)]  # then all of the first beside the second's best, and reverse
     assert tried[4:] == [(2, 1), (2, 0), (2, 2)]
     assert found.fitted.pair == (2, 1) and found.fitted.bic == 889.0 and found.laws == ("law", "law")
-    assert found.residual == "left"
+    assert found.residual == "left" and [one.of for one in found.predictions] == ["start", (2, 1)]
     (first, of_first), (second, of_second) = read
     assert first.pair == "without one" and second.pair == "without two"
     assert [one.fitted.pair for one in of_first] == [(2, 1), (1, 1), (0, 1)]

@@ -243,6 +243,17 @@ def test_a_law_without_which_no_more_is_missed_is_taken_out_again(
     assert left.laws == (("coulomb_friction",) if stays else ()) and set(pays) == set(left.laws)
 
 
+@pytest.mark.parametrize(("rises", "stays"), [(6.1, True), (5.9, False)])
+def test_a_law_stays_without_which_bic_rises_by_six(
+    drag: Table, rises: float, stays: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(law_search, "bic_change", lambda *_: rises)
+    split = Split.of(drag)
+    left, merits = law_search._without_useless(split, regress(drag, ("coulomb_friction",), split.kept), ())
+    assert left.laws == (("coulomb_friction",) if stays else ())
+    assert [merit.delta_bic for merit in merits.values()] == ([-rises] if stays else [])
+
+
 def test_what_a_drive_repeats_to_is_the_scatter_of_one_pass_and_not_of_two() -> None:
     table = table_of(Drive(waves=((0.05, 0.5),), seconds=12.0))
     noisy = with_force(table, np.random.default_rng(6).normal(0.0, 5.0, table.time_s.size))

@@ -29,6 +29,7 @@ EFFECTS = tuple(name for name in CATALOGUE if name not in OF_A_SITE)
 NORMS = 12.0
 _APART_HZ = 4.0  # of the sines that stand for a site
 _SMALL = 0.02  # of the strength drawn, to first order
+_TURNS = 2  # of scaling
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,9 +87,12 @@ def draw(case: Case) -> tuple[Truth, float]:
     truth = drawn(names, case.seed, Noise(NoiseKind.WHITE, white_m=1e-10), site=site_named(case.site))
     if not case.effect:
         return truth, 0.0
-    drawn_norms = norms(truth)
-    strength = min(case.norms / drawn_norms, strongest(truth))
-    return replace(truth, effects=scaled(truth.effects, strength)), strength * drawn_norms
+    size = norms(truth)
+    for _ in range(_TURNS):  # what an effect adds is not in proportion to its strength as far as it was drawn
+        strength = min(case.norms / size, strongest(truth))
+        truth = replace(truth, effects=scaled(truth.effects, strength))
+        size = norms(truth)
+    return truth, size
 
 
 def norms(truth: Truth) -> float:
@@ -123,7 +127,7 @@ def _sway(truth: Truth, index: int, shot: Samples) -> Sway:
     site = Site(shaking, np.zeros(known.size, np.int64), 1)
     base = base_named("paper")
     shared = np.array([getattr(truth.bodies, name) for name in base.names])
-    own = np.array([-truth.speeds_m_per_s[index], shot.course.touch_time_s, 0.0])
+    own = np.array([-truth.speeds_m_per_s[index], truth.take(index).before_touch_s, 0.0])
     return swayed(shot, site, base, shared, own)
 
 

@@ -162,10 +162,28 @@ def climb(here: Fitted, trail: Trail, most: int = CRITERIA.most_effects, width: 
         # Each of two effects alone leaves a noise that wanders; what that requires is tested at the end.
         if best is None or here.bic - best.bic < trail.least_fall():
             break
-        here = wider(polish(prune(best, trail), trail, from_white=first), trail)
+        here = wider(_polished_first(best, trail) if first else polish(prune(best, trail), trail), trail)
         if not may_reach(trail.beat, here.bic, trail.start.bic, left):
             break
     return here
+
+
+def _polished_first(best: Fitted, trail: Trail) -> Fitted:
+    """Return the first effect that joins, brought to its minimum, or a simpler look-alike that is likelier there.
+
+    Noise learnt in a wrong valley takes less of what an effect with more parameters explains: a quick arm may seem
+    likelier than the damping of the plate that it imitates.
+    """
+    (effect,) = trail.added(best)
+    simpler = [
+        fitted
+        for fitted in trail.alone()
+        if fitted.bic < best.bic + CLOSE
+        for other in trail.added(fitted)
+        if other.name in effect.look_alikes and len(other.parameters) < len(effect.parameters)
+    ]
+    ends = side_by_side(lambda fitted: polish(fitted, trail, from_white=True), [best, *simpler])
+    return min(ends, key=lambda fitted: fitted.bic)
 
 
 def wider(here: Fitted, trail: Trail) -> Fitted:

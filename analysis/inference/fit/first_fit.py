@@ -34,6 +34,7 @@ _TOLERANCE = 1e-3  # of chi^2
 _FOLLOWED = 3  # first guesses from which a search begins
 _SAME_LEFT, _SAME_PLACE = 0.01, 0.03  # of chi^2 and of each parameter: searches that end so near ended at one minimum
 _LOUDER = 100.0  # times the white noise, in the first of two searches where the frame moves
+_ASTRAY = 1.0  # chi^2 per sample of that first search, above which it ended in a false valley or an effect is missing
 
 
 def first_fit(
@@ -66,9 +67,9 @@ def first_fit(
             yield from guessed()[:_FOLLOWED]
 
         sure = False
-        for start in candidates():
+        for rough in _rough_ends(data, candidates(), noise, stop):
             with contextlib.suppress(Infeasible):
-                ends.append(_search_on_frames(data, start, noise, stop))
+                ends.append(_search_on_frame(data, rough, noise, stop))
                 sure = ends[-1].left < TRUSTED or any(_are_one(ends[-1], other) for other in ends[:-1])
             if sure:
                 break
@@ -76,8 +77,9 @@ def first_fit(
             # from a poor guess the search may end where nothing collides, the more so where an effect is missing
             still = _best_of_searches(JointData(shots, base), guessed(), noise, stop)
             ends.append(still)
-            with contextlib.suppress(Infeasible):
-                ends.append(_search_on_frames(data, still, noise, stop))
+            for rough in _rough_ends(data, iter([still]), noise, stop):
+                with contextlib.suppress(Infeasible):
+                    ends.append(_search_on_frame(data, rough, noise, stop))
     except Infeasible as reason:
         why = reason
     if stop():
@@ -133,13 +135,32 @@ def _first_bounces(shot: Samples) -> Samples:
     return replace(shot, valid=shot.valid & (shot.centre_s < until_s))
 
 
-def _search_on_frames(data: JointData, here: SearchStart, noise: Floor, stop: Stop) -> SearchStart:
-    """Return where a search on moving frames ends: first with the white noise enlarged, then as it is."""
-    for louder in (_LOUDER, 1.0):
-        floor = replace(noise, white_m=louder * noise.white_m)
-        there = replace(data, shots=on_site(data.shots, data.site, data.base, here.shared, here.own))
-        here = _search_from(there, here, floor, stop, _ROUGHLY if louder > 1.0 else _EVALUATIONS)
-    return here
+def _rough_ends(data: JointData, starts: Iterator[SearchStart], noise: Floor, stop: Stop) -> Iterator[SearchStart]:
+    """Yield where searches with the white noise enlarged end: those that went astray last, the best of them first.
+
+    Two that went astray to one place did not: something is missing there, and no further start is tried.
+    """
+    astray: list[SearchStart] = []
+    louder = replace(noise, white_m=_LOUDER * noise.white_m)
+    for start in starts:
+        with contextlib.suppress(Infeasible):
+            rough = _search_on_frame(data, start, louder, stop, _ROUGHLY)
+            if rough.left < _ASTRAY:
+                yield rough
+                continue
+            found_before = any(_are_one(rough, other) for other in astray)
+            astray.append(rough)
+            if found_before:
+                break
+    yield from sorted(astray, key=lambda rough: rough.left)
+
+
+def _search_on_frame(
+    data: JointData, here: SearchStart, noise: Floor, stop: Stop, evaluations: int = _EVALUATIONS
+) -> SearchStart:
+    """Return where one search ends, the frame's response computed for where it begins; Infeasible as _search_from."""
+    there = replace(data, shots=on_site(data.shots, data.site, data.base, here.shared, here.own))
+    return _search_from(there, here, noise, stop, evaluations)
 
 
 def _search_from(

@@ -134,3 +134,32 @@ def test_what_cannot_come_below_a_likelier_search_is_not_followed(gains: float, 
     beat = start.bic - gains * (start.bic - one.bic)
     best, _ = explore(start, catalogue, calm, most=2, beat=beat)
     assert len(best.effects) == found
+
+
+@pytest.mark.parametrize(
+    ("other", "behind", "ends_behind", "taken"),
+    [
+        ("plate_damping", 200.0, -10.0, True),
+        ("plate_damping", 200.0, 10.0, False),  # brought to its end it is not likelier
+        ("plate_damping", 600.0, -10.0, False),  # so far behind it is not tried
+        ("support_compliance", 200.0, -10.0, False),  # no look-alike with fewer parameters
+    ],
+)
+def test_a_simpler_look_alike_of_the_first_effect_is_brought_to_its_end_beside_it(
+    monkeypatch: pytest.MonkeyPatch, other: str, behind: float, ends_behind: float, taken: bool
+) -> None:
+    def fitted(bic: float, *names: str) -> Any:
+        return SimpleNamespace(effects=tuple(named(name) for name in names), bic=bic)
+
+    start, arm, simpler = fitted(0.0), fitted(-1800.0, "viscoelastic_arm"), fitted(behind - 1800.0, other)
+    trail = Trail(start, (), calm)
+    for one in (arm, simpler):
+        trail.keep(one)
+
+    def polished(one: Any, _trail: Trail, *, from_white: bool = False) -> Any:
+        assert from_white
+        return SimpleNamespace(effects=one.effects, bic=-2000.0 + (ends_behind if one is simpler else 0.0))
+
+    monkeypatch.setattr(forward_selection, "polish", polished)
+    (name,) = forward_selection._polished_first(arm, trail).effects
+    assert name == named(other if taken else "viscoelastic_arm")

@@ -1,14 +1,21 @@
 """A search begins where it can lead somewhere."""
 
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
 import pytest
 
+from analysis.collision import Infeasible
 from analysis.collision.effects import named
 from analysis.diagnosis.search.from_base import explored
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.inference.fit.base import base_named
+from analysis.inference.fit import first_fit as module
+from analysis.inference.fit.base import SearchStart, base_named
 from analysis.inference.fit.first_fit import base_fit, first_fit
 from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.samples import averaged_shots
+from analysis.inference.noise.floor import white_floor
 from tests.analysis.diagnosis.shots import KINDS, calm, shots
 
 
@@ -23,3 +30,31 @@ def test_an_effect_that_draws_the_base_to_a_wall_is_found_from_where_the_collisi
     best, trail = explored(before, given, [KINDS["cubic_stiffness"], KINDS["tilt"]], calm)
     assert trail.start is before and best.effects == (named("cubic_stiffness"),)
     assert abs(best.point.values[0][named("cubic_stiffness")]["coefficient_n_per_m3"] / size - 1) < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("ends", "yielded", "tried"),
+    [
+        ([(0, 5.0), (1, 0.06), (2, 7.0)], [1, 0, 2], 3),  # the right valley first, those that went astray last
+        ([(0, 5.0), (0, 5.0), (1, 0.06)], [0, 0], 2),  # two went to one place: no false valley, something is missing
+        ([(0, 5.0), (None, 0.0), (1, 3.0)], [1, 0], 3),  # no motion from the second
+    ],
+)
+def test_a_search_goes_on_first_from_where_a_rough_one_did_not_go_astray(
+    monkeypatch: pytest.MonkeyPatch, ends: list[tuple[int | None, float]], yielded: list[int], tried: int
+) -> None:
+    starts = [SearchStart(base_named("paper"), np.ones(4), np.zeros((1, 3))) for _ in ends]
+    asked: list[float] = []
+
+    def search(_data: Any, start: SearchStart, noise: Any, _stop: Any, _evaluations: int) -> SearchStart:
+        asked.append(noise.white_m)
+        place, left = ends[next(k for k, one in enumerate(starts) if one is start)]
+        if place is None:
+            raise Infeasible("no motion")
+        return replace(start, shared=np.full(4, 1.0 + place), left=left)
+
+    monkeypatch.setattr(module, "_search_on_frame", search)
+    nothing: Any = None
+    found = list(module._rough_ends(nothing, iter(starts), white_floor(1e-10, 1e-5), calm))
+    assert [end.shared[0] - 1.0 for end in found] == yielded
+    assert asked == [pytest.approx(1e-8)] * tried  # with the white noise enlarged

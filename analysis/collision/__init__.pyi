@@ -11,6 +11,7 @@ from .laws.forms import FORMS, Form
 from .laws.functions import FUNCTIONS
 from .laws.own import MOST_PARAMETERS, LawError, OwnLaw, from_mapping, known_effect
 from .linearisation import LinearPath, linear_path
+from .on_moving_frame import moved_by_frame
 from .parameters import KERNEL_ORDER, PAPER, Collision, Floats, Infeasible, Variant
 
 __all__ = [
@@ -64,6 +65,7 @@ __all__ = [
     "graded_basis",
     "known_effect",
     "linear_path",
+    "moved_by_frame",
     "named",
     "sensors",
     "simulate",

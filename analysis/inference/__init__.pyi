@@ -17,8 +17,7 @@ from .noise.floor import Floor, white_floor
 from .noise.own_flights import own_flights
 from .noise.site import Site, resembles_frame_motion
 from .noise.sway import on_site
-from .screen.first_order import path_of
-from .screen.screening import Score, distinct_starts
+from .screen.screening import Score, distinct_starts, opposite
 
 __all__ = [
     "FINE_RATE_HZ",
@@ -51,9 +50,9 @@ __all__ = [
     "joined",
     "joint_data",
     "on_site",
+    "opposite",
     "orthonormal",
     "own_flights",
-    "path_of",
     "refit",
     "resembles_frame_motion",
     "shakings_of",

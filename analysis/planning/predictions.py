@@ -38,8 +38,8 @@ def blank_shot(shot: NextShot, fitted: Fitted) -> Samples:
         white_m=like.white_m,
         plate_number=like.plate_number,
     )
-    own = np.array([[-shot.speed_m_per_s, shot.before_s, 0.0]])
-    return on_site([empty], data.site, data.base, point.base, own)[0]
+    at = Point(point.base, np.array([[-shot.speed_m_per_s, shot.before_s, 0.0]]), point.values[:1])
+    return on_site([empty], data.site, data.base, at)[0]
 
 
 def _course(like: Course, shot: NextShot, touching_s: float) -> Course:

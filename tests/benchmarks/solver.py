@@ -24,7 +24,6 @@ def tasks() -> dict[str, Callable[[], object]]:
     from analysis.collision import general
     from analysis.collision.effects import CATALOGUE
     from analysis.collision.parameters import PAPER
-    from analysis.inference.screen.first_order import path_of
     from tests.analysis.inference.shown import model_of, shown
 
     out: dict[str, Callable[[], object]] = {
@@ -53,7 +52,7 @@ def tasks() -> dict[str, Callable[[], object]]:
         )
     shot = model_of(SCREENED_S, PAPER.vector[:4], own, {})
     for steps in (1, 4):
-        out[f"linear path, {steps} steps a sample"] = lambda s=steps: path_of(shot, s).length_s
+        out[f"linear path, {steps} steps a sample"] = lambda s=steps: shot.path(s).length_s
     return out
 
 

@@ -22,7 +22,7 @@ from analysis.collision import (
     visited_range,
 )
 from analysis.compiled import side_by_side
-from analysis.inference import Fitted, Point, Problem, path_of
+from analysis.inference import Fitted, Point, Problem
 from analysis.shot import Floats
 
 Path = tuple[LinearPath, Collision]
@@ -135,4 +135,4 @@ def _columns(term: Term, row: Effect, path: Path, samples: int) -> Floats:
 
 def _path(problem: Problem, point: Point, laws: Sequence[Effect], index: int) -> Path:
     shot = problem.shot_at(index, point).with_laws(laws)
-    return path_of(shot, 1), shot.collision
+    return shot.path(1), shot.collision

@@ -20,6 +20,7 @@ from analysis.inference import (
     Score,
     TrialEffect,
     distinct_starts,
+    opposite,
     refit,
     with_both_effects,
 )
@@ -168,21 +169,30 @@ def climb(here: Fitted, trail: Trail, most: int = CRITERIA.most_effects, width: 
     return here
 
 
-def _polished_first(best: Fitted, trail: Trail) -> Fitted:
-    """Return the first effect that joins, brought to its minimum, or a simpler look-alike that is likelier there.
+def nearly_as_likely(first: Fitted, trail: Trail) -> list[Fitted]:
+    """Return a fit of one effect, and those of one other that are nearly as likely, a few at most."""
+    near = [one for one in trail.alone() if one is not first and one.bic < first.bic + CRITERIA.nearly]
+    return [first, *(near if trail.added(first) else [])][:NARROW]
 
-    Noise learnt in a wrong valley takes less of what an effect with more parameters explains: a quick arm may seem
-    likelier than the damping of the plate that it imitates.
+
+def _polished_first(best: Fitted, trail: Trail) -> Fitted:
+    """Return the likeliest first effect, each that may be it brought to its minimum.
+
+    Noise learnt in a wrong valley takes less of what an effect with more parameters explains: a quick arm seems far
+    likelier than the damping of the plate that it imitates, so a simpler look-alike may be further behind than others.
     """
     (effect,) = trail.added(best)
+    near = nearly_as_likely(best, trail)
     simpler = [
-        fitted
-        for fitted in trail.alone()
-        if fitted.bic < best.bic + CLOSE
-        for other in trail.added(fitted)
-        if other.name in effect.look_alikes and len(other.parameters) < len(effect.parameters)
+        one
+        for one in trail.alone()
+        for other in trail.added(one)
+        if one not in near
+        and one.bic < best.bic + CLOSE
+        and other.name in effect.look_alikes
+        and len(other.parameters) < len(effect.parameters)
     ]
-    ends = side_by_side(lambda fitted: polish(fitted, trail, from_white=True), [best, *simpler])
+    ends = side_by_side(lambda fitted: polish(fitted, trail, from_white=True), [*near, *simpler])
     return min(ends, key=lambda fitted: fitted.bic)
 
 
@@ -242,6 +252,10 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
         if strong or place < compared or listed[0].gain > WORTH_FITTING
         for score in distinct_starts(listed)[: 1 if place >= 2 else 2]
     ]
+    if first and here.noise.site:
+        # The frame's motion as the base model has it may turn round what an effect seems to do.
+        turned = (opposite(score) for score in tried if score.gain > WORTH_FITTING)
+        tried += [score for score in turned if score is not None]
     if here.noise.coloured:
         # The noise was learnt from the residual and may have absorbed an effect.
         scored = {score.kind.effect for score in tried}

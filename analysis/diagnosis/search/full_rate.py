@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.compiled import side_by_side
+from analysis.collision import Infeasible
 from analysis.diagnosis.search.forward_selection import Trail, polish, prune, without
 from analysis.inference import (
     FINE_RATE_HZ,
@@ -24,7 +24,7 @@ from analysis.inference import (
     refit,
     with_plates,
 )
-from analysis.shot import Floats, Motion, Stop
+from analysis.shot import Motion, Stop
 
 _MATTERS = 0.02  # of the white noise: that the site's directions are wrong by
 _FAR = 0.6  # of a plate's std: nearer to where it was taken to be, straight lines will do
@@ -47,7 +47,7 @@ def at_full_rate(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple
     bare = best if ripple.effect not in best.effects else without(best, ripple.effect, trail)
     if bare is None or not _promises(ripple, bare, shots, trail):
         return None
-    data = replace(here, shots=on_site(shots, here.site, here.base, bare.point.base, bare.point.own))
+    data = replace(here, shots=on_site(shots, here.site, here.base, bare.point))
     at = _beside(bare, data)
     listed = at.scores(ripple)
     finest = refit(at, ripple, listed[0].start, trail.stop) if listed else None
@@ -57,28 +57,25 @@ def at_full_rate(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple
 def with_sway_updated(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
     """Return the best fit and its trail with the response to the site's motion computed anew where the fit ended.
 
-    The response was computed with base parameters that the missing effect had shifted, and is linear in the plate's
-    swing, which a plate that swings far is not.  The bodies that the frame shakes are linear: those of the fit, or
-    those that come nearest to it without the effect (for a plate that stiffens with its deflection), as is likelier.
+    The response was computed for shots without the missing effect, which had shifted base parameters, and is linear in
+    the plate's swing, which a plate that swings far is not.
     """
-    here, start, site = best, trail.start, best.problem.data.site
-    if site is None or best is start:
+    here, site = best, best.problem.data.site
+    if site is None or best is trail.start:
         return best, trail
     for _ in range(_TURNS):
-        parameters = float(np.max(np.abs(here.point.base / start.point.base - 1.0)))
+        data = here.problem.data
         plates, moved = _plates(here)
-        apart = parameters * site.shaking.rms_m >= _MATTERS * here.noise.white_m
-        if not apart and moved < _FAR:
+        before = data.shots
+        try:
+            shots = on_site(with_plates(before, plates) if moved >= _FAR else before, site, data.base, here.point)
+        except Infeasible:
             break
-        shots = with_plates(here.problem.data.shots, plates)
-        bodies = (here.point.base, start.point.base) if apart else (here.point.base,)
-
-        def swayed_by(base: Floats, shots: Sequence[Samples] = shots, here: Fitted = here) -> Fitted:
-            data = here.problem.data
-            swayed = on_site(shots, site, data.base, base, here.point.own)
-            return _at(here, replace(data, shots=swayed), trail.stop)
-
-        here = min(side_by_side(swayed_by, bodies), key=lambda fitted: fitted.bic)
+        pairs = zip(before, shots, strict=True)
+        off_m = max(old.sway.apart_m(new.sway, here.noise) for old, new in pairs if old.sway and new.sway)
+        if moved < _FAR and off_m < _MATTERS * here.noise.white_m:
+            break
+        here = _at(here, replace(data, shots=shots), trail.stop)
     return (best, trail) if here is best else _anew(here, trail)
 
 

@@ -11,8 +11,9 @@ from functools import cached_property
 import numpy as np
 
 from analysis.collision import Effect, Infeasible
+from analysis.compiled import side_by_side
 from analysis.diagnosis.limit import Limit
-from analysis.diagnosis.search.forward_selection import Trail, climb, paired
+from analysis.diagnosis.search.forward_selection import Trail, climb, nearly_as_likely, paired
 from analysis.diagnosis.search.from_base import accept, explored
 from analysis.diagnosis.search.full_rate import with_sway_updated
 from analysis.diagnosis.verdict.conclusion import leaves_something
@@ -99,7 +100,8 @@ class Search:
                 return explored(start, self.given, catalogue, self.stop, most=most, limit=self.limit, beat=beat)
             # Plates seem to move where an effect is missing, and would call for a second effect.
             first, trail = explored(start, self.given, catalogue, self.stop, most=1, limit=self.limit)
-            first, trail = with_sway_updated(first, trail)
+            each = side_by_side(lambda fitted: with_sway_updated(fitted, trail), nearly_as_likely(first, trail))
+            first, trail = min(each, key=lambda updated: updated[0].bic)
             more = most - len(trail.added(first))
             return (climb(first, trail, more) if trail.added(first) else first), trail
 

@@ -159,7 +159,7 @@ def _search_on_frame(
     data: JointData, here: SearchStart, noise: Floor, stop: Stop, evaluations: int = _EVALUATIONS
 ) -> SearchStart:
     """Return where one search ends, the frame's response computed for where it begins; Infeasible as _search_from."""
-    there = replace(data, shots=on_site(data.shots, data.site, data.base, here.shared, here.own))
+    there = replace(data, shots=on_site(data.shots, data.site, data.base, here.point))
     return _search_from(there, here, noise, stop, evaluations)
 
 

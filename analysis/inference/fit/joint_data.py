@@ -102,7 +102,7 @@ def joint_data(motions: Sequence[Motion], begin: SearchStart, site: Site | None,
     if site is None:
         return JointData(plain, base)
     try:
-        shots = on_site(with_plates(plain, begin.plates), site, base, begin.shared, begin.own)
+        shots = on_site(with_plates(plain, begin.plates), site, base, begin.point)
         return JointData(shots, base, site=site)
     except Infeasible:  # ``begin`` has no collision, so there is no frame contribution to compute
         return JointData(plain, base)

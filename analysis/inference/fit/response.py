@@ -22,6 +22,7 @@ from analysis.collision import (
     FastestRates,
     Floats,
     Infeasible,
+    LinearPath,
     Sensed,
     TooManyEvents,
     Trajectory,
@@ -32,6 +33,7 @@ from analysis.collision import (
     chain_rules,
     direction,
     fastest_rates,
+    linear_path,
     sensors,
     solve,
 )
@@ -96,6 +98,11 @@ class ShotModel:
         """
         fastest = min(math.pi * self.samples.factor, _MOST_RADIANS_A_SAMPLE) / self.samples.spacing_s
         return max(self.rates.contact, self.rates.every) > fastest
+
+    def path(self, steps: int) -> LinearPath:
+        """Return the linearised trajectory in at least ``steps`` per averaged sample; Infeasible if too many."""
+        hidden_first = sorted(self.active, key=lambda one: one.effect.hidden == 0)
+        return linear_path(self.collision, hidden_first, self.samples.centre_s - self.own[1], steps)
 
     def with_laws(self, laws: Sequence[Effect]) -> "ShotModel":
         """Return the model with laws that act besides the effects, each of its parameters at its scale."""

@@ -163,7 +163,7 @@ def _settled(problem: Problem, here: Point, plates: Plates, stop: Stop) -> tuple
 def _at_motion(problem: Problem, point: Point, plates: Plates) -> Problem:
     """Return the problem with the frame's contribution computed anew for shots that move as ``point`` says."""
     data = problem.data
-    shots = on_site(with_plates(data.shots, plates), data.site, data.base, point.base, point.own)
+    shots = on_site(with_plates(data.shots, plates), data.site, data.base, point)
     return replace(problem, data=replace(data, shots=shots))
 
 

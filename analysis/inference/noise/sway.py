@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from analysis.collision import named
 from analysis.compiled import side_by_side, solve_triangle
 from analysis.inference.fit.base import Base
+from analysis.inference.fit.effective_parameters import Point, Values
 from analysis.inference.fit.response import ShotModel, respond
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor
@@ -27,6 +28,7 @@ from analysis.inference.noise.site import Site
 from analysis.reading import root_of
 from analysis.shot import Floats
 
+_NO_EFFECTS: Values = {}
 _REMEMBERED = 4  # results kept, by noise and by shape of the noise
 _NEARLY = 0.05  # greatest cosine between columns of which one Cholesky factorisation is enough
 _SEEN = 1e-3  # of the variance of white noise: directions with less are left out
@@ -128,6 +130,12 @@ class Sway:
         out[self.valid] = self._plate_columns @ np.divide(plate, self.plate_std)
         return out
 
+    def apart_m(self, other: "Sway", noise: Floor) -> float:
+        """Return the largest std, of any sample, of what two responses to the same motion of the frame differ by."""
+        size = np.exp(0.5 * np.asarray(noise.site))[self.band]
+        apart = (self.basis @ self.factors - other.basis @ other.factors) * size
+        return float(np.sqrt(np.max(np.sum(apart**2, axis=1))))
+
     @cached_property
     def shares(self) -> Floats:
         """Get the variances that the bands give the unit normal numbers at strength one, shape (bands, m)."""
@@ -184,18 +192,18 @@ def shape_of(noise: Floor) -> Floor:
     return Floor(1.0, (one, two), noise.tau_s, noise.spacing_s)
 
 
-def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats) -> Sway:
-    """Return what the frame may have added to a shot, computed for the motion that these base parameters give.
+def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats, values: Values = _NO_EFFECTS) -> Sway:
+    """Return what the frame may have added to a shot, computed for the motion that these parameters give.
 
-    The plate begins at its known state, if it has one.  Cost: about 0.06 s.
+    ``values`` are those of effects that act on it.  The plate begins at its known state, if it has one.  Cost: 0.02 s.
     """
-    model = ShotModel(shot, base, shared, own, {named("plate_motion"): dict.fromkeys(_PLATE_START, 0.0)})
+    starting = named("plate_motion")
+    model = ShotModel(shot, base, shared, own, {starting: dict.fromkeys(_PLATE_START, 0.0), **values})
     collision = model.collision
     omega = 2 * np.pi * site.shaking.frequency_hz
-    # the frame moves slowly: the mean over a block is its contribution at the centre, to a millionth
-    moved, after = responses(collision, shot.centre_s - own[1], omega)
+    moved, after = responses(model, omega)
     each = np.sqrt(site.shaking.power_m2)
-    by_start = [model.names.index(f"plate_motion.{name}") for name in _PLATE_START]
+    by_start = [model.names.index(f"{starting.key}.{name}") for name in _PLATE_START]
     swings = respond(model, shot.time_s, block=shot.factor, derivatives=True).derivatives[:, by_start]
     plate_std = plate_swing_std(site.shaking, collision)
     columns = np.empty((int(shot.valid.sum()), 2 * each.size + len(_PLATE_START)))
@@ -238,14 +246,13 @@ def _orthonormal(columns: Floats) -> tuple[Floats, Floats]:
     return np.ascontiguousarray(out), triangle
 
 
-def on_site(
-    shots: Sequence[Samples], site: Site | None, base: Base, shared: Floats, own: Floats
-) -> tuple[Samples, ...]:
-    """Return the shots with what the frame may have added, computed for the motion that these parameters give.
-
-    ``own`` has one row for each shot.
-    """
+def on_site(shots: Sequence[Samples], site: Site | None, base: Base, at: Point) -> tuple[Samples, ...]:
+    """Return the shots with what the frame may have added, computed for the motion at these parameters."""
     if site is None:
         return tuple(shots)
-    every = side_by_side(lambda index: swayed(shots[index], site, base, shared, own[index]), range(len(shots)))
+
+    def of_shot(index: int) -> Sway:
+        return swayed(shots[index], site, base, at.base, at.own[index], at.values[index])
+
+    every = side_by_side(of_shot, range(len(shots)))
     return tuple(replace(shot, sway=sway) for shot, sway in zip(shots, every, strict=True))

@@ -197,9 +197,9 @@ def _to_first_order(
     paths = {} if paths is None else paths
     for some in (int(one) for one in np.unique(steps)):
         if len(problem.data.shots) <= FEW_SHOTS:
-            path = at.once(f"path {index} {some}", partial(first_order.path_of, shot, some), nearby=True)
+            path = at.once(f"path {index} {some}", partial(shot.path, some), nearby=True)
         else:
-            path = paths[some] = paths.get(some) or first_order.path_of(shot, some)
+            path = paths[some] = paths.get(some) or shot.path(some)
         which = np.flatnonzero(steps == some)
         part = first_order.responses(shot, path, effect, [starts[int(k)] for k in which])
         if part is None or not np.all(np.isfinite(part)):

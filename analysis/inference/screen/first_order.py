@@ -10,18 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from analysis.collision import Effect, LinearPath, Sensed, V, X, along, linear_path, sensors
+from analysis.collision import Effect, LinearPath, Sensed, V, X, along, sensors
 from analysis.collision import steps_for as steps_of
 from analysis.inference.fit.response import ShotModel
 from analysis.shot import Floats
 
 _STEP = 1e-40  # the complex step
-
-
-def path_of(shot: ShotModel, steps: int) -> LinearPath:
-    """Return a shot's path in at least ``steps`` per sample; Infeasible where they would be too many."""
-    hidden_first = sorted(shot.active, key=lambda one: one.effect.hidden == 0)
-    return linear_path(shot.collision, hidden_first, shot.samples.centre_s - shot.own[1], steps)
 
 
 def steps_for(shot: ShotModel, effect: Effect, starts: Sequence[Mapping[str, float]]) -> list[int]:

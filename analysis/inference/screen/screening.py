@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -163,6 +163,14 @@ def distinct_starts(listed: Sequence[Score]) -> list[Score]:
             if len(out) == 3:
                 break
     return out
+
+
+def opposite(score: Score) -> Score | None:
+    """Return the same start with the effect the other way round; None where its amplitude allows one sign only."""
+    kind, start = score.kind, tuple(score.kind.times(one, -1.0) for one in score.start)
+    free = [parameter for parameter in kind.free_parameters if parameter.name in kind.amplitude]
+    allowed = all(one.lower <= values[one.name] <= one.upper for one in free for values in start)
+    return replace(score, start=start) if allowed else None
 
 
 def _own_amplitudes(at: Projector, kind: TrialEffect) -> list[Score]:

@@ -10,7 +10,7 @@ import pytest
 
 from analysis.collision.effects import named
 from analysis.diagnosis.search import forward_selection
-from analysis.diagnosis.search.forward_selection import Trail, another_way, explore, polish
+from analysis.diagnosis.search.forward_selection import Trail, another_way, explore, nearly_as_likely, polish
 from analysis.inference.fit.added_effect import refit, with_both_effects
 from analysis.inference.fit.problem import Fitted, Floats, Problem
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
@@ -163,3 +163,16 @@ def test_a_simpler_look_alike_of_the_first_effect_is_brought_to_its_end_beside_i
     monkeypatch.setattr(forward_selection, "polish", polished)
     (name,) = forward_selection._polished_first(arm, trail).effects
     assert name == named(other if taken else "viscoelastic_arm")
+
+
+def test_effects_nearly_as_likely_as_the_first_are_followed_beside_it() -> None:
+    def fitted(bic: float, *names: str) -> Any:
+        return SimpleNamespace(effects=tuple(named(name) for name in names), bic=bic)
+
+    start, first = fitted(0.0), fitted(-100.0, "tilt")
+    near, far = fitted(-81.0, "viscous_drag"), fitted(-79.0, "adhesion")
+    trail = Trail(start, (), calm)
+    for one in (first, near, far, fitted(-99.0, "viscous_drag", "adhesion")):
+        trail.keep(one)
+    assert nearly_as_likely(first, trail) == [first, near]
+    assert nearly_as_likely(start, trail) == [start]

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.collision import Infeasible
 from analysis.collision.effects import named
 from analysis.diagnosis.search import full_rate
 from analysis.diagnosis.search.forward_selection import Trail
@@ -39,26 +40,48 @@ class _Data:
     shots: tuple[object, ...] = ()
 
 
-@pytest.mark.parametrize(("change", "anew"), [(0.1, True), (-0.1, True), (1e-3, False), (-1e-3, False)])
-def test_the_sway_is_computed_anew_for_parameters_that_fell_as_for_those_that_rose(
-    monkeypatch: pytest.MonkeyPatch, change: float, anew: bool
+@pytest.mark.parametrize(
+    ("off", "moved", "anew"), [(0.021, 0.0, True), (0.019, 0.0, False), (0.0, 0.61, True), (0.0, 0.59, False)]
+)
+def test_the_sway_is_computed_anew_where_it_is_wrong_or_the_plate_is_elsewhere(
+    monkeypatch: pytest.MonkeyPatch, off: float, moved: float, anew: bool
 ) -> None:
-    """A change counts by its size, and both sets of parameters are tried."""
-    tried: list[float] = []
-    monkeypatch.setattr(full_rate, "on_site", lambda shots, site, base, body, own: tried.append(body[1]) or shots)
-    monkeypatch.setattr(full_rate, "_plates", lambda fitted: ([], 0.0))
-    monkeypatch.setattr(full_rate, "with_plates", lambda shots, plates: shots)
-    monkeypatch.setattr(full_rate, "_at", lambda fitted, data, stop: fitted)
+    """Wrong by a fiftieth of the white noise; the effects that were found act on the motion it is computed for."""
+    white_m, point = 1e-10, Some(values="with the effect")
+    computed, fitted = [], []
+
+    def on_site(shots: Any, _site: object, _base: object, at: Any) -> Any:
+        computed.append(at.values)
+        response = Some(apart_m=lambda _other, _noise: 0.0 if fitted else off * white_m)
+        return tuple(Some(sway=response) for _ in shots)
+
+    def at(here: Any, data: Any, _stop: Any) -> Any:
+        fitted.append(data)
+        return Some(**{**vars(here), "problem": Some(data=data)})
+
+    monkeypatch.setattr(full_rate, "on_site", on_site)
+    monkeypatch.setattr(full_rate, "_plates", lambda _fitted: ([], 0.0 if fitted else moved))
+    monkeypatch.setattr(full_rate, "with_plates", lambda shots, _plates: shots)
+    monkeypatch.setattr(full_rate, "_at", at)
     monkeypatch.setattr(full_rate, "_anew", lambda fitted, trail: (fitted, trail))
-    data = _Data(site=Some(shaking=Some(rms_m=1e-9)))
-    start: Any = Some(point=Some(base=np.array([221.4, 1e4])))
-    base = np.array([221.4, 1e4 * (1 + change)])
-    best: Any = Some(
-        problem=Some(data=data), point=Some(base=base, own=()), noise=Some(white_m=1e-10), bic=0.0, effects=()
-    )
-    trail: Any = Some(start=start, stop=calm)
+    before = Some(apart_m=lambda _other, _noise: off * white_m)
+    data = _Data(site=Some(), shots=(Some(sway=before),))
+    best: Any = Some(problem=Some(data=data), point=point, noise=Some(white_m=white_m))
+    trail: Any = Some(start=None, stop=calm)
+    found, _ = full_rate.with_sway_updated(best, trail)
+    assert (found is not best, len(fitted)) == (anew, int(anew))
+    assert set(computed) == {"with the effect"}
+
+
+def test_a_response_that_cannot_be_computed_leaves_the_fit_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    def too_fast(*_: Any) -> Any:
+        raise Infeasible("too many steps")
+
+    monkeypatch.setattr(full_rate, "on_site", too_fast)
+    monkeypatch.setattr(full_rate, "_plates", lambda _fitted: ([], 0.0))
+    best: Any = Some(problem=Some(data=_Data(site=Some())), point=None, noise=None)
+    trail: Any = Some(start=None, stop=calm)
     assert full_rate.with_sway_updated(best, trail) == (best, trail)
-    assert set(tried) == ({float(base[1]), 1e4} if anew else set())
 
 
 def test_without_a_found_effect_the_sway_stays_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:

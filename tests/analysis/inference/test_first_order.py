@@ -20,7 +20,7 @@ from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.noise.floor import Floor
 from analysis.inference.screen import screening
-from analysis.inference.screen.first_order import path_of, responses, shown_by_optics, steps_for
+from analysis.inference.screen.first_order import responses, shown_by_optics, steps_for
 from tests.analysis.collision.simulated import shot as simulated
 from tests.analysis.diagnosis.test_made_up import SLOSHING
 from tests.analysis.inference.shown import model_of, shown
@@ -62,7 +62,7 @@ def check(row: Effect, have: Any, speed: float, points: int, model: str = "paper
     starts = trial_effect(row).starts
     for k in np.unique(np.linspace(0, len(starts) - 1, points).astype(int)):
         start = starts[k]
-        found = responses(shot, path_of(shot, steps_for(shot, row, [start])[0]), row, [small(row, start, SMALL)])
+        found = responses(shot, shot.path(steps_for(shot, row, [start])[0]), row, [small(row, start, SMALL)])
         if found is None and row.name not in LINEAR:
             pytest.skip(f"{row.name} is not linear in its hidden state: its trajectories are solved one by one")
         assert found is not None
@@ -100,7 +100,7 @@ def test_many_starts_at_once_are_each_as_if_alone(have: str) -> None:
     shot = model_of(TIME_S, PAPER.vector[:4], np.array([-0.27, 0.01, 0.0]), HAVE[have])
     row = CATALOGUE["block_mode"]
     starts = trial_effect(row).starts[20:120:9]
-    path = path_of(shot, 2)
+    path = shot.path(2)
     averaged_shots = responses(shot, path, row, starts)
     assert averaged_shots is not None
     for k, start in enumerate(starts):
@@ -121,7 +121,7 @@ def test_what_is_not_linear_in_its_hidden_state_has_no_first_order() -> None:
         "hardening", "", Acts.ON_BLOCK, (Parameter("force_n", "N", 1.0),), "force_n", hardening, hidden=2
     )  # fmt: skip
     shot = model_of(TIME_S, PAPER.vector[:4], np.array([-0.27, 0.01, 0.0]), {})
-    assert along(path_of(shot, 1), row, PAPER, np.ones((1, 3)), TIME_S.size) is None
+    assert along(shot.path(1), row, PAPER, np.ones((1, 3)), TIME_S.size) is None
 
 
 def test_optics_that_see_no_sample_show_none() -> None:

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from analysis.collision.linearisation import linear_path
+from analysis.collision.on_moving_frame import moved_by_frame
 from analysis.collision.parameters import Collision
-from analysis.inference.noise.frame_response import responses
 from analysis.inference.screen.lines import _Waves, _waves
 
 TIME_S = 3e-3 + np.arange(1000) / 20e3
@@ -25,7 +26,8 @@ def test_a_record_too_short_for_any_line_has_none() -> None:
 
 def test_a_frame_that_does_not_move_moves_nothing() -> None:
     collision = Collision(0.01785, -0.265, 221.4, 1.984e-4, 1e4, 0.4)
-    moved, after = responses(collision, TIME_S - TIME_S[300], np.empty(0))
+    path = linear_path(collision, (), TIME_S - TIME_S[300])
+    moved, after = moved_by_frame(path, collision, np.empty(0), TIME_S.size)
     assert moved.shape == (TIME_S.size, 0) and after.shape == (0,)
 
 

@@ -10,7 +10,7 @@ import pytest
 from analysis.collision.effects import named
 from analysis.inference.fit.free_parameters import trial_effect
 from analysis.inference.screen import columns, screening
-from analysis.inference.screen.screening import Score, distinct_starts
+from analysis.inference.screen.screening import Score, distinct_starts, opposite
 
 
 def _scores(name: str, *starts: tuple[float, Mapping[str, float]]) -> list[Score]:
@@ -127,3 +127,12 @@ def test_lines_are_looked_for_between_the_points_about_the_two_best_peaks() -> N
     (single,) = _scores("support_compliance", (9.0, {"compliance_m_per_n": 1.0, "frequency_hz": 300.0}))
     alone = screening._between([single], trial_effect(named("support_compliance")))
     assert len(alone) == 13 and set(alone[0]) == {"compliance_m_per_n", "frequency_hz"}
+
+
+def test_a_start_is_turned_round_where_the_effect_may_act_either_way() -> None:
+    tilt, friction = trial_effect(named("tilt")), trial_effect(named("coulomb_friction"))
+    turned = opposite(Score(tilt, ({"angle_rad": 1e-4}, {"angle_rad": 2e-4}), 9.0, 1))
+    assert turned == Score(tilt, ({"angle_rad": -1e-4}, {"angle_rad": -2e-4}), 9.0, 1)
+    assert opposite(Score(tilt, ({"angle_rad": -0.4},), 9.0, 1)) is not None
+    assert opposite(Score(tilt, ({"angle_rad": -0.6},), 9.0, 1)) is None  # beyond the largest
+    assert opposite(Score(friction, ({"force_n": 1e-5},), 9.0, 1)) is None

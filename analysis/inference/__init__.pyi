@@ -6,6 +6,7 @@ from .fit.course import Course
 from .fit.effective_parameters import Point, to_actual
 from .fit.first_fit import base_fit, first_fit
 from .fit.first_guesses import first_guesses
+from .fit.frame_anew import on_frame_anew
 from .fit.free_parameters import TrialEffect, trial_effect, trial_effects, trials_of
 from .fit.joint_data import JointData, joint_data, shakings_of, site_under, with_plates
 from .fit.least_squares import damped_step
@@ -49,6 +50,7 @@ __all__ = [
     "fit_shots",
     "joined",
     "joint_data",
+    "on_frame_anew",
     "on_site",
     "opposite",
     "orthonormal",

@@ -26,7 +26,7 @@ from analysis.diagnosis.result import LearnedLaw
 from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.residual import Residual, residual_of
-from analysis.inference import Fitted
+from analysis.inference import Fitted, on_frame_anew
 from analysis.shot import Cancelled, Progress, Stop
 
 FIRST_PIECES, MOST_PIECES = 12, 96
@@ -199,4 +199,5 @@ def _refined(
 
 
 def _led_on(one: FormFit, stop: Stop) -> FormFit:
-    return replace(one, fitted=one.fitted.continued(stop))
+    """Return the fit led to its end, a moving frame's response computed with the law."""
+    return replace(one, fitted=on_frame_anew(one.fitted.continued(stop), stop))

@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.collision import Infeasible
 from analysis.diagnosis.search.forward_selection import Trail, polish, prune, without
 from analysis.inference import (
     FINE_RATE_HZ,
@@ -20,15 +19,12 @@ from analysis.inference import (
     Samples,
     TrialEffect,
     averaged_shots,
+    on_frame_anew,
     on_site,
     refit,
     with_plates,
 )
 from analysis.shot import Motion, Stop
-
-_MATTERS = 0.02  # of the white noise: that the site's directions are wrong by
-_FAR = 0.6  # of a plate's std: nearer to where it was taken to be, straight lines will do
-_TURNS = 2  # of plates and fit
 
 
 def at_full_rate(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple[Fitted, Trail] | None:
@@ -55,39 +51,9 @@ def at_full_rate(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple
 
 
 def with_sway_updated(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
-    """Return the best fit and its trail with the response to the site's motion computed anew where the fit ended.
-
-    The response was computed for shots without the missing effect, which had shifted base parameters, and is linear in
-    the plate's swing, which a plate that swings far is not.
-    """
-    here, site = best, best.problem.data.site
-    if site is None or best is trail.start:
-        return best, trail
-    for _ in range(_TURNS):
-        data = here.problem.data
-        plates, moved = _plates(here)
-        before = data.shots
-        try:
-            shots = on_site(with_plates(before, plates) if moved >= _FAR else before, site, data.base, here.point)
-        except Infeasible:
-            break
-        pairs = zip(before, shots, strict=True)
-        off_m = max(old.sway.apart_m(new.sway, here.noise) for old, new in pairs if old.sway and new.sway)
-        if moved < _FAR and off_m < _MATTERS * here.noise.white_m:
-            break
-        here = _at(here, replace(data, shots=shots), trail.stop)
+    """Return the best fit and its trail with the response to the site's motion computed anew where the fit ended."""
+    here = best if best is trail.start else on_frame_anew(best, trail.stop)
     return (best, trail) if here is best else _anew(here, trail)
-
-
-def _plates(fitted: Fitted) -> tuple[list[tuple[float, float]], float]:
-    """Return each shot's plate at first touch by the fit's residual, and the largest change in standard deviations."""
-    plates, moved, floor = [], 0.0, fitted.noise
-    for shot, left in zip(fitted.problem.data.shots, fitted.residual_m, strict=True):
-        assert shot.sway is not None
-        plate = shot.sway.likely_plate(left, floor)
-        moved = max(moved, float(np.max(np.abs(np.subtract(plate, shot.plate) / shot.sway.plate_std))))
-        plates.append(plate)
-    return plates, moved
 
 
 def _anew(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:

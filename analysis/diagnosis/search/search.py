@@ -27,6 +27,7 @@ from analysis.inference import (
     TrialEffect,
     base_fit,
     joint_data,
+    on_frame_anew,
     own_flights,
     resembles_frame_motion,
     white_floor,
@@ -95,6 +96,7 @@ class Search:
         def along_with(along: Sequence[Effect]) -> tuple[Fitted, Trail]:
             base = base_fit(data, self.given, self.stop, along)
             start = accept(base, self.catalogue, self.accepted, self.stop)
+            start = on_frame_anew(start, self.stop) if self.accepted else start
             self.tell("scoring the catalogue", 0.15)
             if site is None:
                 return explored(start, self.given, catalogue, self.stop, most=most, limit=self.limit, beat=beat)
@@ -103,7 +105,8 @@ class Search:
             each = side_by_side(lambda fitted: with_sway_updated(fitted, trail), nearly_as_likely(first, trail))
             first, trail = min(each, key=lambda updated: updated[0].bic)
             more = most - len(trail.added(first))
-            return (climb(first, trail, more) if trail.added(first) else first), trail
+            best = climb(first, trail, more) if trail.added(first) else first
+            return (best, trail) if best is first else with_sway_updated(best, trail)
 
         along = own_flights(data.shots, CRITERIA.own_flights)
         best, trail = along_with(along)

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision import Infeasible
 from analysis.collision.effects import named
 from analysis.diagnosis.search import full_rate
 from analysis.diagnosis.search.forward_selection import Trail
@@ -40,56 +39,10 @@ class _Data:
     shots: tuple[object, ...] = ()
 
 
-@pytest.mark.parametrize(
-    ("off", "moved", "anew"), [(0.021, 0.0, True), (0.019, 0.0, False), (0.0, 0.61, True), (0.0, 0.59, False)]
-)
-def test_the_sway_is_computed_anew_where_it_is_wrong_or_the_plate_is_elsewhere(
-    monkeypatch: pytest.MonkeyPatch, off: float, moved: float, anew: bool
-) -> None:
-    """Wrong by a fiftieth of the white noise; the effects that were found act on the motion it is computed for."""
-    white_m, point = 1e-10, Some(values="with the effect")
-    computed, fitted = [], []
-
-    def on_site(shots: Any, _site: object, _base: object, at: Any) -> Any:
-        computed.append(at.values)
-        response = Some(apart_m=lambda _other, _noise: 0.0 if fitted else off * white_m)
-        return tuple(Some(sway=response) for _ in shots)
-
-    def at(here: Any, data: Any, _stop: Any) -> Any:
-        fitted.append(data)
-        return Some(**{**vars(here), "problem": Some(data=data)})
-
-    monkeypatch.setattr(full_rate, "on_site", on_site)
-    monkeypatch.setattr(full_rate, "_plates", lambda _fitted: ([], 0.0 if fitted else moved))
-    monkeypatch.setattr(full_rate, "with_plates", lambda shots, _plates: shots)
-    monkeypatch.setattr(full_rate, "_at", at)
-    monkeypatch.setattr(full_rate, "_anew", lambda fitted, trail: (fitted, trail))
-    before = Some(apart_m=lambda _other, _noise: off * white_m)
-    data = _Data(site=Some(), shots=(Some(sway=before),))
-    best: Any = Some(problem=Some(data=data), point=point, noise=Some(white_m=white_m))
-    trail: Any = Some(start=None, stop=calm)
-    found, _ = full_rate.with_sway_updated(best, trail)
-    assert (found is not best, len(fitted)) == (anew, int(anew))
-    assert set(computed) == {"with the effect"}
-
-
-def test_a_response_that_cannot_be_computed_leaves_the_fit_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    def too_fast(*_: Any) -> Any:
-        raise Infeasible("too many steps")
-
-    monkeypatch.setattr(full_rate, "on_site", too_fast)
-    monkeypatch.setattr(full_rate, "_plates", lambda _fitted: ([], 0.0))
-    best: Any = Some(problem=Some(data=_Data(site=Some())), point=None, noise=None)
-    trail: Any = Some(start=None, stop=calm)
-    assert full_rate.with_sway_updated(best, trail) == (best, trail)
-
-
 def test_without_a_found_effect_the_sway_stays_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """A plate that seems to have moved far then tells of an effect that is missing, and must not absorb it."""
-    monkeypatch.setattr(full_rate, "_plates", lambda fitted: ([(1e-6, 1e-4)], 9.0))
-    monkeypatch.setattr(full_rate, "_at", lambda *_: pytest.fail("nothing is fitted anew"))
-    point = Some(base=np.array([221.4, 1e4]), own=())
-    start: Any = Some(problem=Some(data=_Data(site=Some(shaking=Some(rms_m=1e-9)))), point=point, noise=None)
+    monkeypatch.setattr(full_rate, "on_frame_anew", lambda *_: pytest.fail("nothing is fitted anew"))
+    start: Any = Some()
     trail: Any = Some(start=start, stop=calm)
     assert full_rate.with_sway_updated(start, trail) == (start, trail)
 

@@ -1,0 +1,80 @@
+"""The response to a frame's motion follows the motion that a fit gives, with the effects that act on it."""
+
+from types import SimpleNamespace as Some
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.collision import Infeasible
+from analysis.inference.fit import frame_anew
+from analysis.inference.fit.frame_anew import on_frame_anew
+from tests.analysis.diagnosis.shots import calm
+
+WHITE_M, STD = 1e-10, (2e-7, 3e-4)
+
+
+class _Data:
+    def __init__(self, shots: Any, site: Any = "a building") -> None:
+        self.shots, self.site, self.base = shots, site, None
+
+
+def _sway(off: float, plate: tuple[float, float] = (0.0, 0.0)) -> Any:
+    return Some(apart_m=lambda _other, _noise: off * WHITE_M, likely_plate=lambda _left, _noise: plate, plate_std=STD)
+
+
+def _fit(shots: Any, site: Any = "a building") -> Any:
+    point, noise = Some(values="with the effect"), Some(white_m=WHITE_M)
+    return Some(problem=Some(data=_Data(shots, site)), point=point, noise=noise, z=None, residual_m=[None] * len(shots))
+
+
+def _replaced(one: Any, **changes: Any) -> Any:
+    if isinstance(one, _Data):
+        return _Data(changes["shots"], one.site)
+    return Some(data=changes["data"], fit=lambda _z, *, cancelled: _fit(changes["data"].shots))
+
+
+def _with_plates(shots: Any, plates: Any) -> Any:
+    return [Some(**{**vars(shot), "plate": plate}) for shot, plate in zip(shots, plates, strict=True)]
+
+
+@pytest.mark.parametrize(
+    ("off", "moved", "anew"), [(0.021, 0.0, True), (0.019, 0.0, False), (0.0, 0.61, True), (0.0, 0.59, False)]
+)
+@pytest.mark.parametrize("place", [0, 1])
+def test_it_is_computed_anew_where_it_is_wrong_or_a_plate_is_elsewhere(
+    monkeypatch: pytest.MonkeyPatch, off: float, moved: float, anew: bool, place: int
+) -> None:
+    """Wrong by a fiftieth of the white noise; the plate by 0.6 of its std, in displacement or velocity."""
+    plate = np.zeros(2)
+    plate[place] = -moved * STD[place]
+    computed = []
+
+    def on_site(shots: Any, _site: Any, _base: Any, at: Any) -> Any:
+        computed.append(at.values)
+        return tuple(Some(sway=_sway(0.0, shot.plate), plate=shot.plate) for shot in shots)
+
+    monkeypatch.setattr(frame_anew, "on_site", on_site)
+    monkeypatch.setattr(frame_anew, "replace", _replaced)
+    monkeypatch.setattr(frame_anew, "with_plates", _with_plates)
+    calmer = Some(sway=_sway(0.0), plate=(0.0, 0.0))
+    before = _fit((calmer, Some(sway=_sway(off, (float(plate[0]), float(plate[1]))), plate=(0.0, 0.0))))
+    found = on_frame_anew(before, calm)
+    assert (found is not before) is anew
+    assert set(computed) == {"with the effect"}
+    if anew and moved:
+        assert found.problem.data.shots[1].plate == tuple(plate)
+
+
+def test_a_response_that_cannot_be_computed_leaves_the_fit_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    def too_fast(*_: Any) -> Any:
+        raise Infeasible("too many steps")
+
+    monkeypatch.setattr(frame_anew, "on_site", too_fast)
+    before = _fit((Some(sway=_sway(1.0), plate=(0.0, 0.0)),))
+    assert on_frame_anew(before, calm) is before
+
+
+def test_a_fit_at_rest_stays_as_it_is() -> None:
+    before = _fit((Some(sway=None),), site=None)
+    assert on_frame_anew(before, calm) is before

@@ -16,7 +16,7 @@ from analysis.shot import Stop
 
 _MATTERS = 0.02  # of the white noise: that the response is wrong by
 _FAR = 0.6  # of a plate's std: nearer to where it was taken to be, straight lines will do
-_TURNS = 2  # of plates and fit
+_TURNS = 8  # of plates and fit: each goes some two stds towards plates that were taken for what was missing
 
 
 def on_frame_anew(fitted: Fitted, stop: Stop) -> Fitted:

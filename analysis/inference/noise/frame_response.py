@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision import Collision, Floats, moved_by_frame
+from analysis.inference.fit.optics import change_shown
 from analysis.inference.fit.response import ShotModel
 from analysis.shot import Shaking
 
@@ -41,4 +42,7 @@ def responses(shot: ShotModel, omega: Floats) -> tuple[Complex, Complex]:
     the last release.  The frame moves slowly: the mean over a block of samples is the value at its centre, to a
     millionth.  Infeasible where there is no such collision.  Cost: some 3 ms.
     """
-    return moved_by_frame(shot.path(1), shot.collision, omega, shot.samples.centre_s.size)
+    path = shot.path(1)
+    moved, after = moved_by_frame(path, shot.collision, omega, shot.samples.centre_s.size)
+    shown = change_shown(shot, path, np.column_stack([moved.real, moved.imag]))
+    return shown[:, : omega.size] + 1j * shown[:, omega.size :], after

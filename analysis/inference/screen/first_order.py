@@ -4,18 +4,15 @@ The mechanics are those of ``collision.first_order`` along the shot's own path; 
 times are the centres of the averaged samples.
 """
 
-import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
-from analysis.collision import Effect, LinearPath, Sensed, V, X, along, sensors
+from analysis.collision import Effect, LinearPath, along
 from analysis.collision import steps_for as steps_of
+from analysis.inference.fit.optics import change_shown
 from analysis.inference.fit.response import ShotModel
 from analysis.shot import Floats
-
-_STEP = 1e-40  # the complex step
 
 
 def steps_for(shot: ShotModel, effect: Effect, starts: Sequence[Mapping[str, float]]) -> list[int]:
@@ -42,35 +39,4 @@ def responses(
     """
     count = shot.samples.centre_s.size
     change = along(path, effect, shot.collision, parameter_columns(effect, starts), count)
-    if change is None or all(effect.sensor is None for effect in shot.values):
-        return change
-    x, v = np.empty(count), np.empty(count)
-    x[:], v[:] = path.effect_inputs[0, 0, X], path.effect_inputs[0, 0, V]
-    at = path.sample >= 0
-    x[path.sample[at]], v[path.sample[at]] = path.effect_inputs[at, 2, X], path.effect_inputs[at, 2, V]
-    remembers = any(effect.remembers for effect in shot.values)
-    moved = np.asarray(x[:, None] + 1j * _STEP * (change if remembers else 1.0), dtype=np.complex128)
-    shown = np.asarray(shown_by_optics(shot, moved, v).imag / _STEP)
-    return shown if remembers else shown * change
-
-
-def shown_by_optics(shot: ShotModel, x: Any, v: Floats) -> Any:
-    """Return what the optics show of motions ``x``, shape (n,) or (n, k), after all effects of the sensor.
-
-    ``v``, shape (n,), is the velocity about which ``x`` is taken.  The imaginary part of a complex ``x`` carries a
-    derivative.
-    """
-    samples = shot.samples
-    wavelength_m = math.nan if samples.wavelength_m is None else samples.wavelength_m
-    sensed = Sensed(samples.centre_s, v, wavelength_m, samples.factor / samples.spacing_s)
-    out = x.reshape(x.shape[0], math.prod(x.shape[1:]))
-    for row in sensors(shot.values):
-        assert row.sensor is not None
-        given = shot.values[row]
-        if (row.optical and samples.wavelength_m is None) or given[row.amplitude] == 0.0:
-            continue
-        p = np.zeros((max(3, len(row.parameters)), out.shape[1]), dtype=out.dtype)
-        for place, parameter in enumerate(row.parameters):
-            p[place] = given[parameter.name]
-        out = row.sensor(sensed, out, p)
-    return np.asarray(out).reshape(x.shape)
+    return None if change is None else change_shown(shot, path, change)

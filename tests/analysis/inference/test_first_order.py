@@ -16,11 +16,12 @@ from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trial_effect
 from analysis.inference.fit.joint_data import JointData
+from analysis.inference.fit.optics import shown_by_optics
 from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.noise.floor import Floor
 from analysis.inference.screen import screening
-from analysis.inference.screen.first_order import responses, shown_by_optics, steps_for
+from analysis.inference.screen.first_order import responses, steps_for
 from tests.analysis.collision.simulated import shot as simulated
 from tests.analysis.diagnosis.test_made_up import SLOSHING
 from tests.analysis.inference.shown import model_of, shown

@@ -1,0 +1,51 @@
+"""What the optics show of a motion and of a small change of it, after the effects of the sensor that a shot has.
+
+All times are the centres of the averaged samples.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from analysis.collision import LinearPath, Sensed, V, X, sensors
+from analysis.inference.fit.response import ShotModel
+from analysis.shot import Floats
+
+_STEP = 1e-40  # the complex step
+
+
+def change_shown(shot: ShotModel, path: LinearPath, change: Floats) -> Floats:
+    """Return what the optics show of small changes, shape (n, k), of the block's position along a shot's ``path``."""
+    if all(effect.sensor is None for effect in shot.values):
+        return change
+    x, v = np.empty(len(change)), np.empty(len(change))
+    x[:], v[:] = path.effect_inputs[0, 0, X], path.effect_inputs[0, 0, V]
+    at = path.sample >= 0
+    x[path.sample[at]], v[path.sample[at]] = path.effect_inputs[at, 2, X], path.effect_inputs[at, 2, V]
+    remembers = any(effect.remembers for effect in shot.values)
+    moved = np.asarray(x[:, None] + 1j * _STEP * (change if remembers else 1.0), dtype=np.complex128)
+    shown = np.asarray(shown_by_optics(shot, moved, v).imag / _STEP)
+    return shown if remembers else shown * change
+
+
+def shown_by_optics(shot: ShotModel, x: Any, v: Floats) -> Any:
+    """Return what the optics show of motions ``x``, shape (n,) or (n, k), after all effects of the sensor.
+
+    ``v``, shape (n,), is the velocity about which ``x`` is taken.  The imaginary part of a complex ``x`` carries a
+    derivative.
+    """
+    samples = shot.samples
+    wavelength_m = math.nan if samples.wavelength_m is None else samples.wavelength_m
+    sensed = Sensed(samples.centre_s, v, wavelength_m, samples.factor / samples.spacing_s)
+    out = x.reshape(x.shape[0], math.prod(x.shape[1:]))
+    for row in sensors(shot.values):
+        assert row.sensor is not None
+        given = shot.values[row]
+        if (row.optical and samples.wavelength_m is None) or given[row.amplitude] == 0.0:
+            continue
+        p = np.zeros((max(3, len(row.parameters)), out.shape[1]), dtype=out.dtype)
+        for place, parameter in enumerate(row.parameters):
+            p[place] = given[parameter.name]
+        out = row.sensor(sensed, out, p)
+    return np.asarray(out).reshape(x.shape)

@@ -32,10 +32,13 @@ def readings() -> Shot:
 
 
 def fit() -> None:
-    """Fit the base model to a synthetic motion."""
+    """Fit the base model to a synthetic motion, and follow the model on a frame that moves."""
+    from analysis.collision import PAPER, linear_path, moved_by_frame
     from analysis.fitted import fit_jointly, fitted_contact_cor
 
     fitted_contact_cor(fit_jointly([_motion()], "paper", ()), _MASS_KG)
+    time_s = np.arange(-_TOUCH_S, _LENGTH_S - _TOUCH_S, 5.0 / _MOTION_HZ)
+    moved_by_frame(linear_path(PAPER, (), time_s), PAPER, np.array([2 * np.pi * _SHAKEN_HZ]), time_s.size)
 
 
 def bench() -> None:

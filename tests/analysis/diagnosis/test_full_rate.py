@@ -75,21 +75,3 @@ def test_what_remains_to_be_fitted_at_the_records_rate_ends_when_asked_to(monkey
     at_full_rate(before, Trail(before, [KINDS[RIPPLE]], lambda: bool(asked)), motions)
     refitted, *after = computed
     assert refitted > 1 and len(after) >= 2 and set(after) == {1}
-
-
-def test_plates_are_read_anew_and_the_farthest_move_is_told_in_standard_deviations() -> None:
-    def shot(likely: tuple[float, float], taken: tuple[float, float]) -> Any:
-        def read(left: float, floor: float) -> tuple[float, float]:
-            return likely[0], likely[1] + left * floor
-
-        sway = Some(plate_std=(2.0, 10.0), likely_plate=read)
-        return Some(sway=sway, plate=taken)
-
-    shots = [shot((1.0, 3.0), (2.0, 5.0)), shot((7.0, 1.0), (6.0, -20.0)), shot((0.0, 0.0), (0.0, 0.0))]
-    data = Some(shots=shots)
-    fitted: Any = Some(problem=Some(data=data), noise=0.5, residual_m=[4.0, 2.0, 0.0])
-    plates, moved = full_rate._plates(fitted)
-    assert plates == [(1.0, 5.0), (7.0, 2.0), (0.0, 0.0)] and moved == 2.2
-    still = [shot((1.0, 3.0), (1.1, 3.0))]
-    near: Any = Some(problem=Some(data=Some(shots=still)), noise=0.5, residual_m=[0.0])
-    assert full_rate._plates(near)[1] == pytest.approx(0.05)

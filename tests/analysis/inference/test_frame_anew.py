@@ -78,3 +78,21 @@ def test_a_response_that_cannot_be_computed_leaves_the_fit_as_it_is(monkeypatch:
 def test_a_fit_at_rest_stays_as_it_is() -> None:
     before = _fit((Some(sway=None),), site=None)
     assert on_frame_anew(before, calm) is before
+
+
+def test_plates_are_read_anew_and_the_farthest_move_is_told_in_standard_deviations() -> None:
+    def shot(likely: tuple[float, float], taken: tuple[float, float]) -> Any:
+        def read(left: float, floor: float) -> tuple[float, float]:
+            return likely[0], likely[1] + left * floor
+
+        sway = Some(plate_std=(2.0, 10.0), likely_plate=read)
+        return Some(sway=sway, plate=taken)
+
+    shots = [shot((1.0, 3.0), (2.0, 5.0)), shot((7.0, 1.0), (6.0, -20.0)), shot((0.0, 0.0), (0.0, 0.0))]
+    data = Some(shots=shots)
+    fitted: Any = Some(problem=Some(data=data), noise=0.5, residual_m=[4.0, 2.0, 0.0])
+    plates, moved = frame_anew._plates(fitted)
+    assert plates == [(1.0, 5.0), (7.0, 2.0), (0.0, 0.0)] and moved == 2.2
+    still = [shot((1.0, 3.0), (1.1, 3.0))]
+    near: Any = Some(problem=Some(data=Some(shots=still)), noise=0.5, residual_m=[0.0])
+    assert frame_anew._plates(near)[1] == pytest.approx(0.05)

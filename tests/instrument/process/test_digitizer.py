@@ -276,17 +276,18 @@ def test_no_memory_is_one_line(opened, monkeypatch):
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc and /dev/shm")
 def test_a_killed_parent_leaves_no_child_and_no_memory():
-    before = set(os.listdir("/dev/shm"))
     command = [sys.executable, "-m", "tests.instrument.process.parent"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as parent:
         assert parent.stdout is not None
         try:
             child = int(parent.stdout.readline())
             assert not gone(child)
-            named = set(os.listdir("/dev/shm")) - before
+            mapped = Path(f"/proc/{child}/maps").read_text().splitlines()
         finally:  # else it streams on and is waited for
             parent.kill()
-    assert not {name for name in named if not name.startswith("sem.")}, "the memory has no name while it is used"
+    shared = [line for line in mapped if "/dev/shm/" in line and "/sem." not in line]
+    assert shared, "the child has the memory"
+    assert all(line.endswith("(deleted)") for line in shared), "the memory has no name while it is used"
     until(lambda: gone(child))
 
 

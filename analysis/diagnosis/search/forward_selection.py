@@ -170,9 +170,19 @@ def climb(here: Fitted, trail: Trail, most: int = CRITERIA.most_effects, width: 
 
 
 def nearly_as_likely(first: Fitted, trail: Trail) -> list[Fitted]:
-    """Return a fit of one effect, and those of one other that are nearly as likely, a few at most."""
-    near = [one for one in trail.alone() if one is not first and one.bic < first.bic + CRITERIA.nearly]
-    return [first, *(near if trail.added(first) else [])][:NARROW]
+    """Return a fit of one effect, and those of one other that are nearly as likely, a few at most.
+
+    Not its look-alikes, whose order nothing on the way changes: they are fitted in its place at the end.
+    """
+    alike = {name for effect in trail.added(first) for name in effect.look_alikes}
+    near = [
+        one
+        for one in (trail.alone() if trail.added(first) else [])
+        if one is not first
+        and one.bic < first.bic + CRITERIA.nearly
+        and not alike & {effect.name for effect in trail.added(one)}
+    ]
+    return [first, *near][:NARROW]
 
 
 def _polished_first(best: Fitted, trail: Trail) -> Fitted:

@@ -170,9 +170,9 @@ def test_effects_nearly_as_likely_as_the_first_are_followed_beside_it() -> None:
         return SimpleNamespace(effects=tuple(named(name) for name in names), bic=bic)
 
     start, first = fitted(0.0), fitted(-100.0, "tilt")
-    near, far = fitted(-81.0, "viscous_drag"), fitted(-79.0, "adhesion")
+    near, far, alike = fitted(-81.0, "viscous_drag"), fitted(-79.0, "adhesion"), fitted(-99.0, "sensor_drift")
     trail = Trail(start, (), calm)
-    for one in (first, near, far, fitted(-99.0, "viscous_drag", "adhesion")):
+    for one in (first, near, far, alike, fitted(-99.0, "viscous_drag", "adhesion")):
         trail.keep(one)
     assert nearly_as_likely(first, trail) == [first, near]
     assert nearly_as_likely(start, trail) == [start]

@@ -69,6 +69,9 @@ def test_shots_are_opened_refitted_and_reported_there(child, recordings_of_bench
         there.exports.report([1], tmp_path / "report.html")
         done = until(there, lambda h: h.kind in (EventKind.EXPORTED, EventKind.PROBLEM))
         assert done.kind is EventKind.EXPORTED and (tmp_path / "report.html").stat().st_size > 10_000
+        there.exports.report_to_print([1])
+        printed = until(there, lambda h: h.kind in (EventKind.PRINT, EventKind.PROBLEM))
+        assert printed.kind is EventKind.PRINT and theirs.name in printed.words
         there.exports.export([1], tmp_path / "missing" / "\0")
         assert until(there, lambda h: h.kind in (EventKind.EXPORTED, EventKind.PROBLEM)).kind is EventKind.PROBLEM
     finally:

@@ -1,8 +1,9 @@
 """The turns of a fit on a moving frame, and the joint data of shots."""
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from analysis.inference.fit import joint_data, shot_fit
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.joint_data import JointData, can_tell, shakings_of, with_plates
-from analysis.inference.fit.problem import Problem
+from analysis.inference.fit.problem import Fitted, Problem
 from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import _half_way, _settled, fit_shots
 from analysis.shot.shot import AnalysisError
@@ -154,3 +155,15 @@ def test_the_slope_of_a_search_vector_is_that_of_the_parameters_it_stands_for() 
     assert (low[12], high[12]) == pytest.approx(tuple(np.log(problem.data.band_hz)))
     assert low[10] == 0.0 and high[13] == pytest.approx(np.log(0.6))
     assert problem.unseen == []
+
+
+def test_what_stays_undecided_between_turns_is_added_to_the_covariance(monkeypatch: pytest.MonkeyPatch) -> None:
+    left = Fitted(cast(Any, None), np.zeros(2), math.nan, (), np.diag([1.0, 4.0]), True)
+    said: list[Any] = []
+    monkeypatch.setattr(shot_fit, "_reweighed", lambda *_: left)
+    monkeypatch.setattr(shot_fit, "as_fit", lambda fitted, *_, **__: said.append(fitted.inverse))
+    monkeypatch.setattr(shot_fit._SearchEnd, "_plate_rings", lambda *_: False)
+    problem: Any = SimpleNamespace(names=(), noise=None)
+    found: Any = SimpleNamespace(at_bound=(), square=SimpleNamespace(chi2=1.0))
+    shot_fit._SearchEnd(problem, found, True, np.array([2.0, -1.0])).as_fit([], "paper", 0.0, lambda: False)
+    np.testing.assert_array_equal(said[0], [[5.0, -2.0], [-2.0, 5.0]])

@@ -189,6 +189,10 @@ class Effect:
         """Get whether every shot has its own values of all parameters."""
         return all(parameter.own for parameter in self.parameters)
 
+    def is_imitated_simply_by(self, other: "Effect") -> bool:
+        """Return whether another is a look-alike of this one with fewer parameters."""
+        return other.name in self.look_alikes and len(other.parameters) < len(self.parameters)
+
     def index(self, name: str) -> int:
         """Return the index of a parameter.  Raises ValueError."""
         for place, parameter in enumerate(self.parameters):

@@ -89,13 +89,15 @@ def alternative_without_misfit(
 def _nearest(effect: Effect, distances: Separation, catalogue: Sequence[TrialEffect]) -> list[TrialEffect]:
     """Return the effects that do most of what one does, nearest first, and those that ring at the same place.
 
-    What rings long is a line so narrow that to first order it differs even from a line one hundredth away.
+    A simpler look-alike is tried wherever it stands: noise learnt beside the effect may hold them apart.  What rings
+    long is a line so narrow that to first order it differs even from a line one hundredth away.
     """
     close = [other for other, distance in distances.from_other.items() if distance < _ALIKE * distances.snr]
     close.sort(key=lambda other: (distances.from_other[other], other.key))
     twins = effect.look_alikes  # to first order the true effect may be only the third nearest
     near = [other for place, other in enumerate(close) if place < _FITTED or other.name in twins]
-    near += [other for other in distances.from_other if other not in near and _ring_alike(effect, other)]
+    wherever = (other for other in distances.from_other if other not in near)
+    near += [one for one in wherever if _ring_alike(effect, one) or effect.is_imitated_simply_by(one)]
     return [kind for other in near for kind in catalogue if kind.effect == other]
 
 

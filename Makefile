@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 SYSTEMS := linux win32 darwin
 LAST := $(lastword $(SYSTEMS))
 
-.PHONY: run test lint kernels types $(SYSTEMS:%=types-%) unit slow mutants attack bench bench-loop bench-drives bench-coverage bench-sites bench-soak bench-streaming screenshots session clean test-lowest app deb
+.PHONY: run test lint kernels types $(SYSTEMS:%=types-%) types-benchmarks unit slow mutants attack bench bench-loop bench-drives bench-coverage bench-sites bench-soak bench-streaming screenshots session clean test-lowest app deb
 
 run: $(READY)
 	$(BIN)/python -m app.command_line.start
@@ -22,10 +22,14 @@ lint: $(READY)
 
 # as on this machine, and as on the other two: what a system lacks is seen without it
 types: $(READY)
-	@$(MAKE) --no-print-directory --jobs $(SYSTEMS:%=types-%)
+	@$(MAKE) --no-print-directory --jobs $(SYSTEMS:%=types-%) types-benchmarks
 
 $(SYSTEMS:%=types-%): types-%: $(READY)
 	nice $(BIN)/mypy --platform $* --cache-dir .mypy_cache/$*
+
+# what is run once a week calls what there is
+types-benchmarks: types-linux
+	nice $(BIN)/mypy --platform linux --cache-dir .mypy_cache/linux -p tests.benchmarks -p tests.attack -p tests.bench
 
 # each once: two workers that meet an uncompiled one would both compile it
 kernels: $(READY)

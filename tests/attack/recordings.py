@@ -73,13 +73,13 @@ def claims(folder: Path, random_: random.Random) -> Iterator[Attempt]:
         spoilt = copy.deepcopy(head)
         whole = spoilt["global"]
         inner = {"global": whole, "setup": whole["lmm:setup"], "channel": whole["lmm:channels"][-1]}
-        words = []
+        said = []
         for where, key in random_.sample(places, random_.choice((1, 1, 1, 2, 3))):
             inside = inner[where]
             inside[key] = random_.choice((*NUMBERS, *(-n for n in NUMBERS), *NASTY))
-            words.append(f"{key} = {str(inside[key])[:20]}")
+            said.append(f"{key} = {str(inside[key])[:20]}")
         text = json.dumps(spoilt).encode("utf-8", "surrogatepass")
-        yield ", ".join(words), _written(meta, text if random_.random() < 0.8 else spoilt_json(spoilt, random_))
+        yield ", ".join(said), _written(meta, text if random_.random() < 0.8 else spoilt_json(spoilt, random_))
 
 
 def _written(meta: Path, text: bytes) -> Any:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from tests.benchmarks.loop_cases import APART, LEAST_SNR, RAW, Outcome
 
 _Z95 = 1.959964
 _ENOUGH = 50
+
+
+Judged = TypeVar("Judged")  # an outcome of any benchmark
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +55,7 @@ class Line:
     met: bool | None
 
 
-def share(outcomes: Iterable[Outcome], holds: Callable[[Outcome], bool]) -> Share:
+def share(outcomes: Iterable[Judged], holds: Callable[[Judged], object]) -> Share:
     """Return how many outcomes ``holds`` is true of."""
     judged = [bool(holds(outcome)) for outcome in outcomes]
     return Share(sum(judged), len(judged))

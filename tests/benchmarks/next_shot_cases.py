@@ -153,7 +153,7 @@ def _needed_at_random(
     assert open_class is not None
     shots = [_any_shot(random) for _ in range(3 * MOST_AT_RANDOM)]
     distances = screen_shots(open_class, shots, lambda _: None, lambda: False)
-    parted = distances.without(distances.never(MOST))
+    parted = distances.without(distances.inseparable_pairs(MOST))
     counts = []
     for _ in range(20):
         drawn = [shots[i] for i in random.permutation(len(shots)) if shots[i] in distances.each]

@@ -128,7 +128,7 @@ def _at_rest(open_class: ModelComparison, true: ComparedModel, rival: ComparedMo
     jacobian[:, -1] = 1.0
     jacobian = np.column_stack([jacobian, own])
     rows = like.whitened(floor, np.column_stack([made - shown, jacobian]))
-    return information_without(rows[:, 1:], rows[:, 0], shared)
+    return information_without(rows[:, 1:], rows[:, 0], len(shared))
 
 
 def _sensed(fitted: Fitted, like: Samples) -> tuple[Floats, Floats, Floats]:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from analysis.inference.fit.samples import averaged_shots
 from tests.benchmarks import site_cases
 from tests.benchmarks.site_cases import Case, draw, norms
 
@@ -17,7 +18,7 @@ def test_an_effect_is_scaled_to_the_norms_asked_for_even_where_its_response_is_n
 def test_the_norms_do_not_depend_on_where_a_reading_puts_the_touch(monkeypatch: pytest.MonkeyPatch) -> None:
     # at VC-A the frame's directions 10 us from the model's bounces would leave three times the effect's true norm
     truth, size = draw(Case("VC-A", "bearing_gradient", 9995029989, 15.0))
-    plain = site_cases.averaged_shots
+    plain = averaged_shots
 
     def read_late(motions):  # type: ignore[no-untyped-def]
         shots = plain(motions)

@@ -16,7 +16,8 @@ from analysis.shot import Stop
 
 _MATTERS = 0.02  # of the white noise: that the response is wrong by
 _FAR = 0.6  # of a plate's std: nearer to where it was taken to be, straight lines will do
-_TURNS = 8  # of plates and fit: each goes some two stds towards plates that were taken for what was missing
+_TURNS = 8  # of plates and fit at most: each goes some two stds towards plates that were taken for what was missing
+_SURE = 2  # turns, after which each must make the shots likelier
 
 
 def on_frame_anew(fitted: Fitted, stop: Stop) -> Fitted:
@@ -24,7 +25,7 @@ def on_frame_anew(fitted: Fitted, stop: Stop) -> Fitted:
     here, site = fitted, fitted.problem.data.site
     if site is None:
         return here
-    for _ in range(_TURNS):
+    for turn in range(_TURNS):
         data = here.problem.data
         plates, moved = _plates(here)
         before = data.shots
@@ -36,7 +37,10 @@ def on_frame_anew(fitted: Fitted, stop: Stop) -> Fitted:
         off_m = max(old.sway.apart_m(new.sway, here.noise) for old, new in pairs if old.sway and new.sway)
         if moved < _FAR and off_m < _MATTERS * here.noise.white_m:
             break
-        here = replace(here.problem, data=replace(data, shots=shots)).fit(here.z, cancelled=stop)
+        there = replace(here.problem, data=replace(data, shots=shots)).fit(here.z, cancelled=stop)
+        if turn >= _SURE and there.bic >= here.bic:  # the plates run away with what is still missing
+            break
+        here = there
     return here
 
 

@@ -5,6 +5,8 @@ of the frame with opposite sign; in contact the plate's clamp carries plate and 
 the frame at the touch are left out: they only shift the shot and change its speed.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -44,5 +46,7 @@ def responses(shot: ShotModel, omega: Floats) -> tuple[Complex, Complex]:
     """
     path = shot.path(1)
     moved, after = moved_by_frame(path, shot.collision, omega, shot.samples.centre_s.size)
-    shown = change_shown(shot, path, np.column_stack([moved.real, moved.imag]))
+    # a ripple of the light, finer than averaged samples, is added along the path that was measured, frame and all
+    lagging = {effect: given for effect, given in shot.values.items() if effect.sensor is None or effect.remembers}
+    shown = change_shown(replace(shot, values=lagging), path, np.column_stack([moved.real, moved.imag]))
     return shown[:, : omega.size] + 1j * shown[:, omega.size :], after

@@ -66,6 +66,41 @@ def test_it_is_computed_anew_where_it_is_wrong_or_a_plate_is_elsewhere(
         assert found.problem.data.shots[1].plate == tuple(plate)
 
 
+@pytest.mark.parametrize(
+    ("bics", "turns", "taken"),
+    [
+        ((-10.0, -5.0, -6.0, -7.0, -6.9), 5, 4),
+        ((-10.0, -5.0, -4.9, -9.0), 3, 2),
+        (tuple(-1.0 * k for k in range(9)), 8, 8),
+    ],
+)
+def test_plates_are_followed_as_long_as_that_makes_the_shots_likelier(
+    monkeypatch: pytest.MonkeyPatch, bics: tuple[float, ...], turns: int, taken: int
+) -> None:
+    """Of an effect that is still missing plates run away; the first two turns are made anyway, eight at most."""
+    fitted: list[Any] = []
+
+    def refitted(one: Any, **changes: Any) -> Any:
+        if isinstance(one, _Data):
+            return _Data(changes["shots"], one.site)
+
+        def fit(_z: Any, *, cancelled: Any) -> Any:
+            fitted.append(_fit(changes["data"].shots))
+            fitted[-1].bic = bics[len(fitted) - 1]
+            return fitted[-1]
+
+        return Some(data=changes["data"], fit=fit)
+
+    def on_site(shots: Any, *_: Any) -> Any:
+        return tuple(Some(sway=_sway(0.0, (shot.plate[0] + STD[0], 0.0)), plate=shot.plate) for shot in shots)
+
+    monkeypatch.setattr(frame_anew, "on_site", on_site)
+    monkeypatch.setattr(frame_anew, "replace", refitted)
+    monkeypatch.setattr(frame_anew, "with_plates", _with_plates)
+    found = on_frame_anew(_fit((Some(sway=_sway(0.0, (STD[0], 0.0)), plate=(0.0, 0.0)),)), calm)
+    assert len(fitted) == turns and found is fitted[taken - 1]
+
+
 def test_a_response_that_cannot_be_computed_leaves_the_fit_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     def too_fast(*_: Any) -> Any:
         raise Infeasible("too many steps")

@@ -12,7 +12,7 @@ from analysis.collision.linearisation import linear_path
 from analysis.collision.on_moving_frame import moved_by_frame
 from analysis.collision.parameters import PAPER
 from analysis.inference.fit.shot_fit import fit_shots
-from analysis.inference.noise.frame_response import STILL, plate_swing_std
+from analysis.inference.noise.frame_response import STILL, plate_swing_std, responses
 from analysis.pipeline import analyse
 from analysis.shot.consistency import concerning
 from analysis.shot.impact import Shaking, VibrationLine
@@ -27,6 +27,7 @@ from instrument.bench.simulated_shots import record_shot
 from instrument.bench.sines import Sines
 from instrument.bench.site import QUIET, Knock, Line, Site, site_named
 from tests.analysis.collision.simulated import with_vector
+from tests.analysis.inference.shown import model_of
 
 TRUTH = Bodies()
 SIGMAS = 4.5
@@ -175,3 +176,20 @@ def test_a_plate_swings_as_a_resonator_that_the_frame_drives() -> None:
     share = fine * 2 * np.pi / own
     exact = np.sqrt(level * 0.01 * np.sum((share**2 / np.abs(1 - share**2 + 1j * share / 300.0)) ** 2))
     assert plate_swing_std(random, PAPER)[0] == pytest.approx(exact, rel=0.03)
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 2.5e-5])
+def test_optics_that_lag_show_the_frame_as_late_as_the_block_and_a_ripple_leaves_it_as_it_is(lag_s: float) -> None:
+    time_s, own = np.arange(1200) / 20e3, np.array([-0.265, 0.012, 0.0])
+    omega = 2 * np.pi * np.array([17.0, 60.0, 120.0])
+    ripple = {"amplitude_m": 4e-10, "phase_rad": 1.0, "order": 2.0}
+    lagging = {"demodulation_lag": {"time_s": lag_s}} if lag_s else {}
+    plain, _ = responses(model_of(time_s, PAPER.vector[:4], own, {}), omega)
+    shown, _ = responses(model_of(time_s, PAPER.vector[:4], own, {"cyclic_error": ripple, **lagging}), omega)
+    assert np.abs(plain).max() > 1.0
+    if not lag_s:
+        np.testing.assert_array_equal(shown, plain)
+        return
+    later = np.interp(time_s - lag_s, time_s, plain[:, 1].real)
+    at = slice(100, None)  # the optics' own start is past
+    assert np.abs(shown[at, 1].real - later[at]).max() < 0.1 * np.abs(plain[at, 1].real - later[at]).max()

@@ -7,6 +7,9 @@ import pytest
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as analysis/__init__.py does; a test may import numpy before it
 
+# pytest's own, 1e-12, lets pass whatever displacements in m or densities in m2/Hz are compared with
+type(pytest.approx(0.0)).DEFAULT_ABSOLUTE_TOLERANCE = 1e-30
+
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
 

@@ -128,7 +128,7 @@ def _room_for(n: int, count: int) -> int:
 
 
 @part
-def _add_up(rows, weights, which, number, out):  # type: ignore[no-untyped-def]
+def add_up(rows, weights, which, number, out):  # type: ignore[no-untyped-def]
     """Write the weighted sum of some rows; two at a time, which writes ``out`` half as often."""
     count = out.size
     first, last = rows[which[0]], rows[which[number - 1]]
@@ -221,7 +221,7 @@ def _write_bare(effect, path, r, point, work):  # type: ignore[no-untyped-def]
             if work.driven[i]:
                 for k in range(work.term_count[i]):
                     work.scaled[k] = s[work.terms[i, k]] if work.terms[i, k] < SEEN else 1.0
-                _add_up(effect.by_state[i], work.scaled, work.terms[i], work.term_count[i], bare[point, i])
+                add_up(effect.by_state[i], work.scaled, work.terms[i], work.term_count[i], bare[point, i])
         return
     for c in range(effect.parameters.shape[0]):
         call_effect(effect.where, s, effect.parameters, c, work.values, work.effect)
@@ -265,12 +265,11 @@ def _write_inputs(effect, drives, work):  # type: ignore[no-untyped-def]
 
 
 @part
-def _jump_at_event(effect, path, r, work):  # type: ignore[no-untyped-def]
-    """Let the state jump at an event, which comes earlier or later by the change of the state."""
-    state, moved = work.state, work.moved
+def jump_at_event(path, r, state, moved):  # type: ignore[no-untyped-def]
+    """Let the states (n, k) jump at an event, which comes earlier or later by the change of state, and by ``moved``."""
     n, count = state.shape
     for c in range(count):
-        total = path.watch[r, n] * effect.shift * work.h[0, 0, c]
+        total = moved[c]
         for i in range(n):
             total += path.watch[r, i] * state[i, c]
         moved[c] = total
@@ -291,7 +290,7 @@ def _step_state(path, r, live_rows, work):  # type: ignore[no-untyped-def]
         for k in range(n, live_rows):
             row = live[k] - n
             scaled[k] = path.weights[r, row // INPUTS, i, row % INPUTS]
-        _add_up(work.rows, scaled, live, live_rows, work.new[i])
+        add_up(work.rows, scaled, live, live_rows, work.new[i])
     for i in range(n):
         for c in range(count):
             state[i, c] = work.new[i, c]
@@ -340,7 +339,9 @@ def _march(effect, drives, path, out, room):  # type: ignore[no-untyped-def]
             _step_hidden(work)
         _write_inputs(effect, drives, work)
         if not path.linked[r]:
-            _jump_at_event(effect, path, r, work)
+            for c in range(count):
+                work.moved[c] = path.watch[r, n] * effect.shift * work.h[0, 0, c]
+            jump_at_event(path, r, work.state, work.moved)
         _step_state(path, r, live_rows, work)
         if path.sample[r] >= 0:
             for c in range(count):

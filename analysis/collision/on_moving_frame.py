@@ -1,95 +1,94 @@
 """The first-order change of a solved trajectory by a frame that moves, for sines of many frequencies at once.
 
 In the frame's coordinates every mass feels minus the frame's acceleration.  The change of block and plate is propagated
-along a ``LinearPath``, with all effects that act there and with the jumps at its events, the drive integrated by
-Simpson's rule.  Position and velocity of the frame at the first touch are left out: they only shift the shot and change
-its speed.
+along a ``LinearPath``, with all effects that act there and with the jumps at its events (saltation; Leine & Nijmeijer,
+"Dynamics and Bifurcations of Non-Smooth Mechanical Systems", ch. 7), the drive integrated by Simpson's rule.  Position
+and velocity of the frame at the first touch are left out: they only shift the shot and change its speed.
 """
 
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.collision.first_order import add_up, jump_at_event
 from analysis.collision.linearisation import LinearPath
 from analysis.collision.parameters import Collision, Floats
-from analysis.compiled import kernel
+from analysis.compiled import by_address, kernel, part
 
 _SAME = 1e-9  # relative: steps of one length
 
-Complex = NDArray[np.complex128]
 
+def moved_by_frame(path: LinearPath, collision: Collision, omega: Floats, samples: int) -> tuple[Floats, Floats]:
+    """Return what a moving frame adds to the block's displacement seen from it, shape (samples, 2 f).
 
-def moved_by_frame(path: LinearPath, collision: Collision, omega: Floats, samples: int) -> tuple[Complex, Complex]:
-    """Return what a frame that moves as exp(i omega t) adds to the block's displacement seen from it, (samples, f).
-
-    ``omega``, shape (f,), in rad/s; t counts from the first touch.  The second value, shape (f,), is the velocity that
-    it adds to the block in space, after the last event.
+    The frame moves as cos(omega t) in the first f columns, as sin(omega t) in the others; ``omega``, shape (f,), in
+    rad/s, t counts from the first touch.  The second value, shape (2 f,), is the velocity that this adds to the block
+    in space, after the last event.
     """
-    pull = collision.block_mass_kg * path.weights[..., 0] + collision.plate_mass_kg * path.weights[..., 1]
-    count = omega.size
-    shown, state = np.zeros((samples, 2, count)), np.zeros((pull.shape[2], 2, count))
-    after = np.zeros((2, count))
-    _follow(path.length_s, path.sample, path.early, path.linked, path.propagator, pull, path.kick, path.watch,
-            omega, state, np.zeros((4, 2, count)), np.zeros_like(state), shown, after)  # fmt: skip
-    return shown[:, 0] + 1j * shown[:, 1], after[0] + 1j * after[1]
+    masses = collision.block_mass_kg, collision.plate_mass_kg
+    pull = masses[0] * path.weights[..., 0] + masses[1] * path.weights[..., 1]
+    n, columns = pull.shape[2], 2 * omega.size
+    shown, after = np.zeros((samples, columns)), np.zeros(columns)
+    rows, room = np.zeros((n + 3, columns)), np.zeros((n + 2, columns))
+    rows[-1, : omega.size] = omega**2
+    _follow(path, pull, np.tile(omega, 2), rows, room, np.arange(n + 3), np.empty(n + 3), shown, after)
+    return shown, after
 
 
 @kernel
-def _follow(length_s, sample, early, linked, propagator, pull, kick, watch, omega, state, room, new, shown, after):  # type: ignore[no-untyped-def]
-    """Write the change at the samples, its real and imaginary part, and the velocity ``after`` the last event.
+def _follow(path, pull, omega, rows, room, which, weights, shown, after):  # type: ignore[no-untyped-def]
+    """Write the change at the samples and the velocity ``after`` the last event.
 
-    ``room``, shape (4, 2, f), and ``new``, shape (n, 2, f), are work space.  About 4 n ns per step and frequency for
-    states of n numbers.
+    ``rows``, shape (n + 3, 2 f), are the states and the frame's acceleration, reversed, at begin, middle and end of a
+    step; ``which``, shape (n + 3,), counts them; ``room``, shape (n + 2, 2 f), and ``weights``, shape (n + 3,), are
+    work space.  About 2 n ns per step and column for states of n numbers.
     """
-    n, count = state.shape[0], omega.size
-    begin, middle, end, turn = room[0], room[1], room[2], room[3]
+    path = by_address(path)
+    n, count = path.propagator.shape[1], omega.size // 2
+    state, begin, middle, end = rows[:n], rows[n], rows[n + 1], rows[n + 2]
+    new, moved, turn = room[:n], room[n], room[n + 1]
     last, begun = 0.0, False
-    for c in range(count):
-        begin[0, c], begin[1, c] = 1.0, 0.0
-    for r in range(length_s.size):
-        if not early[r] and not begun:
+    for r in range(path.length_s.size):
+        if not begun and not path.early[r]:  # the steps before went back from the touch, those to come begin there
             begun = True
             for c in range(count):
-                begin[0, c], begin[1, c] = 1.0, 0.0
-                for i in range(n):
-                    state[i, 0, c] = state[i, 1, c] = 0.0
-        if abs(length_s[r] - last) > _SAME * abs(last):
-            last = length_s[r]
-            for c in range(count):
-                turn[0, c], turn[1, c] = math.cos(0.5 * omega[c] * last), math.sin(0.5 * omega[c] * last)
-        if not linked[r]:
-            for part in range(2):
-                for c in range(count):
-                    moved = 0.0
-                    for i in range(n):
-                        moved += watch[r, i] * state[i, part, c]
-                    for i in range(n):
-                        state[i, part, c] += kick[r, i] * moved
-            for c in range(count):
-                after[0, c] = state[1, 0, c] - omega[c] * begin[1, c]
-                after[1, c] = state[1, 1, c] + omega[c] * begin[0, c]
-        for c in range(count):
-            middle[0, c] = begin[0, c] * turn[0, c] - begin[1, c] * turn[1, c]
-            middle[1, c] = begin[0, c] * turn[1, c] + begin[1, c] * turn[0, c]
-            end[0, c] = middle[0, c] * turn[0, c] - middle[1, c] * turn[1, c]
-            end[1, c] = middle[0, c] * turn[1, c] + middle[1, c] * turn[0, c]
-        for part in range(2):
+                end[c], end[count + c] = omega[c] ** 2, 0.0
             for i in range(n):
-                for c in range(count):
-                    driven = pull[r, 0, i] * begin[part, c] + pull[r, 1, i] * middle[part, c]
-                    new[i, part, c] = omega[c] ** 2 * (driven + pull[r, 2, i] * end[part, c])
-                for k in range(n):
-                    factor = propagator[r, i, k]
-                    if factor != 0.0:
-                        for c in range(count):
-                            new[i, part, c] += factor * state[k, part, c]
-        for i in range(n):
-            for part in range(2):
-                for c in range(count):
-                    state[i, part, c] = new[i, part, c]
-        for part in range(2):
+                for c in range(2 * count):
+                    state[i, c] = 0.0
+        for c in range(2 * count):
+            begin[c] = end[c]
+        if abs(path.length_s[r] - last) > _SAME * abs(last):
+            last = path.length_s[r]
             for c in range(count):
-                begin[part, c] = end[part, c]
-                if sample[r] >= 0:
-                    shown[sample[r], part, c] = state[0, part, c]
+                turn[c], turn[count + c] = math.cos(0.5 * omega[c] * last), math.sin(0.5 * omega[c] * last)
+        _turn(begin, turn, middle)
+        _turn(middle, turn, end)
+        if not path.linked[r]:
+            for c in range(2 * count):
+                moved[c] = 0.0
+            jump_at_event(path, r, state, moved)
+            for c in range(count):  # the frame's own velocity: the derivative of cosine and sine
+                after[c] = state[1, c] - begin[count + c] / omega[c]
+                after[count + c] = state[1, count + c] + begin[c] / omega[c]
+        for i in range(n):
+            for k in range(n):
+                weights[k] = path.propagator[r, i, k]
+            for point in range(3):
+                weights[n + point] = pull[r, point, i]
+            add_up(rows, weights, which, n + 3, new[i])
+        for i in range(n):
+            for c in range(2 * count):
+                state[i, c] = new[i, c]
+        if path.sample[r] >= 0:
+            for c in range(2 * count):
+                shown[path.sample[r], c] = state[0, c]
+
+
+@part
+def _turn(one, turn, out):  # type: ignore[no-untyped-def]
+    """Write cosines and sines, shape (2 f,), turned on by the angles whose cosines and sines ``turn`` holds."""
+    count = one.size // 2
+    for c in range(count):
+        out[c] = one[c] * turn[c] - one[count + c] * turn[count + c]
+        out[count + c] = one[c] * turn[count + c] + one[count + c] * turn[c]

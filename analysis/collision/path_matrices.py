@@ -13,7 +13,7 @@ from analysis.compiled import by_address, cut, inlined, kernel, part
 # (m/s) of the contact point.
 INPUTS = 6
 _INERTIA = 3
-_STILL, _HELD = 1e-9, 16
+_STILL, _HELD = 1e-9, 16  # A that changes by less than this share over a step is reused for so many more
 _ROUNDING = 1e-12  # of the largest element of a row
 NONE, FRESH = -1, -2  # a step begins at the end of the one before, or afresh; otherwise at a guard function's zero
 

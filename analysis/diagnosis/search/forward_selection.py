@@ -174,13 +174,15 @@ def nearly_as_likely(first: Fitted, trail: Trail) -> list[Fitted]:
 
     Not its look-alikes, whose order nothing on the way changes: they are fitted in its place at the end.
     """
+    if first is trail.start:
+        return [first]
     alike = {name for effect in trail.added(first) for name in effect.look_alikes}
     near = [
         one
-        for one in (trail.alone() if trail.added(first) else [])
+        for one in trail.alone()
         if one is not first
         and one.bic < first.bic + CRITERIA.nearly
-        and not alike & {effect.name for effect in trail.added(one)}
+        and not any(effect.name in alike for effect in trail.added(one))
     ]
     return [first, *near][:NARROW]
 

@@ -8,7 +8,6 @@ the frame at the touch are left out: they only shift the shot and change its spe
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision import Collision, Floats, moved_by_frame
 from analysis.inference.fit.optics import change_shown
@@ -17,8 +16,6 @@ from analysis.shot import Shaking
 
 PLATE_QUALITY = 300.0  # at most, of a metal plate oscillating in air
 STILL = (1e-15, 1e-12)  # m, m/s: std of a plate that nothing moves
-
-Complex = NDArray[np.complex128]
 
 
 def plate_swing_std(shaking: Shaking, collision: Collision) -> tuple[float, float]:
@@ -37,16 +34,15 @@ def plate_swing_std(shaking: Shaking, collision: Collision) -> tuple[float, floa
     return max(std, STILL[0]), max(own * std, STILL[1])
 
 
-def responses(shot: ShotModel, omega: Floats) -> tuple[Complex, Complex]:
-    """Return what a frame that moves as exp(i omega t) adds to a shot's averaged samples, shape (n, f).
+def responses(shot: ShotModel, omega: Floats) -> tuple[Floats, Floats]:
+    """Return what a moving frame adds to a shot's averaged samples, shape (n, 2 f), as ``moved_by_frame`` does.
 
-    t counts from the first touch.  The second value, shape (f,), is the velocity of frame plus block that it adds after
-    the last release.  The frame moves slowly: the mean over a block of samples is the value at its centre, to a
-    millionth.  Infeasible where there is no such collision.  Cost: some 3 ms.
+    The second value, shape (2 f,), is the velocity that it adds to the block in space after the last release.  The
+    frame moves slowly: the mean over a block of samples is the value at its centre, to a millionth.  Infeasible where
+    there is no such collision.  Cost: some 3 ms.
     """
     path = shot.path(1)
     moved, after = moved_by_frame(path, shot.collision, omega, shot.samples.centre_s.size)
     # a ripple of the light, finer than averaged samples, is added along the path that was measured, frame and all
     lagging = {effect: given for effect, given in shot.values.items() if effect.sensor is None or effect.remembers}
-    shown = change_shown(replace(shot, values=lagging), path, np.column_stack([moved.real, moved.imag]))
-    return shown[:, : omega.size] + 1j * shown[:, omega.size :], after
+    return change_shown(replace(shot, values=lagging), path, moved), after

@@ -207,9 +207,7 @@ def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats, v
     swings = respond(model, shot.time_s, block=shot.factor, derivatives=True).derivatives[:, by_start]
     plate_std = plate_swing_std(site.shaking, collision)
     columns = np.empty((int(shot.valid.sum()), 2 * each.size + len(_PLATE_START)))
-    seen = moved[shot.valid]
-    np.multiply(seen.real, each, out=columns[:, : each.size])
-    np.multiply(seen.imag, each, out=columns[:, each.size : 2 * each.size])
+    np.multiply(moved[shot.valid], np.tile(each, 2), out=columns[:, : 2 * each.size])
     columns[:, 2 * each.size :] = swings[shot.valid] * plate_std
     own_hz = np.sqrt(collision.plate_stiffness_n_per_m / collision.plate_mass_kg) / (2 * np.pi)
     nearest = int(np.argmin(np.abs(site.shaking.frequency_hz[site.shaking.random] - own_hz)))
@@ -220,7 +218,8 @@ def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats, v
     turn, size = turn[:, felt], np.sqrt(np.maximum(level[felt], np.finfo(np.float64).tiny))
     basis, triangle = _orthonormal((columns @ turn) / size)
     speeds = np.zeros((site.bands, 2))
-    np.add.at(speeds, site.band, site.shaking.power_m2[:, None] * np.stack([omega, np.abs(after)], axis=1) ** 2)
+    squares = np.stack([omega**2, np.sum(after.reshape(2, -1) ** 2, axis=0)], axis=1)
+    np.add.at(speeds, site.band, site.shaking.power_m2[:, None] * squares)
     # Columns kept are basis times factors to rounding, however inaccurate the eigenvectors.
     return Sway(basis, triangle @ (size[:, None] * turn.T), band, shot.valid, shot.weight, speeds, plate_std)
 

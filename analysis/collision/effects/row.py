@@ -189,8 +189,8 @@ class Effect:
         """Get whether every shot has its own values of all parameters."""
         return all(parameter.own for parameter in self.parameters)
 
-    def is_imitated_simply_by(self, other: "Effect") -> bool:
-        """Return whether another is a look-alike of this one with fewer parameters."""
+    def has_simpler_look_alike(self, other: "Effect") -> bool:
+        """Return whether another effect imitates this one with fewer parameters."""
         return other.name in self.look_alikes and len(other.parameters) < len(self.parameters)
 
     def index(self, name: str) -> int:

@@ -97,7 +97,7 @@ def _nearest(effect: Effect, distances: Separation, catalogue: Sequence[TrialEff
     twins = effect.look_alikes  # to first order the true effect may be only the third nearest
     near = [other for place, other in enumerate(close) if place < _FITTED or other.name in twins]
     wherever = (other for other in distances.from_other if other not in near)
-    near += [one for one in wherever if _ring_alike(effect, one) or effect.is_imitated_simply_by(one)]
+    near += [one for one in wherever if _ring_alike(effect, one) or effect.has_simpler_look_alike(one)]
     return [kind for other in near for kind in catalogue if kind.effect == other]
 
 

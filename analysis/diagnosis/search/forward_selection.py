@@ -199,7 +199,7 @@ def _polished_first(best: Fitted, trail: Trail) -> Fitted:
         one
         for one in trail.alone()
         for other in trail.added(one)
-        if one not in near and one.bic < best.bic + CLOSE and effect.is_imitated_simply_by(other)
+        if one not in near and one.bic < best.bic + CLOSE and effect.has_simpler_look_alike(other)
     ]
     ends = side_by_side(lambda fitted: polish(fitted, trail, from_white=True), [*near, *simpler])
     return min(ends, key=lambda fitted: fitted.bic)

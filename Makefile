@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 SYSTEMS := linux win32 darwin
 LAST := $(lastword $(SYSTEMS))
 
-.PHONY: run test lint kernels types $(SYSTEMS:%=types-%) types-benchmarks unit slow mutants attack bench bench-loop bench-drives bench-coverage bench-sites bench-soak bench-streaming screenshots session clean test-lowest app deb
+.PHONY: run test lint kernels types $(SYSTEMS:%=types-%) types-benchmarks unit slow mutants attack bench bench-loop bench-drives bench-coverage bench-sites bench-soak bench-streaming screen screenshots session clean test-lowest app deb
 
 run: $(READY)
 	$(BIN)/python -m app.command_line.start
@@ -79,6 +79,10 @@ bench-coverage: $(READY)
 bench-sites: $(READY)
 	$(BIN)/python -m tests.benchmarks.buildings --clean 43 --effects 3 --seed 2 --keep .bench/buildings.jsonl
 	$(BIN)/python -m tests.benchmarks.sites --clean 100 --effects 5 --seed 2 --keep .bench/sites.jsonl
+
+# what each page shows, as text that a test compares with: written anew, to be read before it is committed
+screen: $(READY)
+	LEVIMASS_WRITE_SCREEN=1 QT_QPA_PLATFORM=offscreen $(BIN)/python -m pytest tests/app/window/test_screen.py
 
 screenshots: $(READY)
 	QT_QPA_PLATFORM=offscreen $(BIN)/python -m tests.app.screenshots docs/images

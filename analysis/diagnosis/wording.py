@@ -48,7 +48,7 @@ def in_words(diagnosis: Diagnosis) -> Wording:
 
 
 _STANDINGS = {
-    Standing.IN_MODEL: "in the model now",
+    Standing.IN_MODEL: "among the effects found",
     Standing.SCORED_ONLY: "scored only",
     Standing.DOES_NOT_PAY: "does not pay",
     Standing.BEHIND_ANOTHER: "another does better",

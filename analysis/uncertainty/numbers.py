@@ -3,6 +3,7 @@
 How to add one: docs/add-a-number.md.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
 from enum import Enum
@@ -110,6 +111,8 @@ def _chi2(shot: Shot) -> Reading:
 def _mass(shot: Shot) -> Reading:
     if shot.motion is None:
         return NotSeen(shot.problem or "no motion")
+    if not math.isfinite(shot.motion.moving_mass_kg):
+        return NotSeen("no mass is stated")
     return Quantity(shot.motion.moving_mass_kg, shot.motion.moving_mass_u_kg, "as stated for the shot")
 
 

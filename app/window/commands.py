@@ -141,9 +141,9 @@ def bind(
         if command.also is not None:
             again.append((command.also, action))
         actions[command.action] = action
-    for name, action in again:
+    for name in dict.fromkeys(name for name, _ in again):
         menus[name].addSeparator()
-        menus[name].addAction(action)
+        menus[name].addActions([action for menu, action in again if menu == name])
     return actions
 
 

@@ -1,6 +1,7 @@
 """COMPARE: several shots overlaid from first touch on, and the trend of a number against impact speed."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pyqtgraph as pg
@@ -89,6 +90,12 @@ class TrendPlot(PlainPlot):
 
 
 MOST = 8
+
+
+def _named(entries: Sequence[Entry]) -> str:
+    """Return which shots a picture shows, "" for none."""
+    numbers = ", ".join(str(entry.number) for entry in entries)
+    return f"Shot{'s' if len(entries) > 1 else ''} {numbers}" if entries else ""
 
 
 class _CurveNumbers(QObject):
@@ -211,9 +218,8 @@ class ComparePanel(Dressed, QWidget):
         else:
             self._say.setText("")
         self._label_lines()
-        numbered = ", ".join(str(entry.number) for entry in self._entries)
-        self.stack.tell([e.shot for e in shown], f"Shots {', '.join(str(e.number) for e in shown)}")
-        self.trend.tell([e.shot for e in self._entries], f"Shots {numbered}")
+        self.stack.tell([e.shot for e in shown], _named(shown))
+        self.trend.tell([e.shot for e in self._entries], _named(self._entries))
         self._trend_chosen(0)
         curves = [curve for curve in self._velocity_curves if len(curve.samples)]
         if curves:

@@ -318,8 +318,11 @@ class SessionModel(QAbstractTableModel):
         number = self.columns[column].number
         if number is not None:
             reading, shot = self._stated(entry, number), entry.shot
+            value = value_text(reading, number.scale)
+            if number.origin is Origin.STATED:  # its ± is what was stated with it
+                return how_text(number.head, reading, value)
             which = COMBINED if shot is not None and number.key in self._combined.of(shot) else NOISE_ONLY
-            return how_text(number.head, reading, value_text(reading, number.scale), which)
+            return how_text(number.head, reading, value, which)
         if column == FLAGS and entry.shot is not None:
             return "\n".join(map(flag_line, by_weight(entry.shot.flags)))
         if column == VERDICT and entry.number in self._struck:

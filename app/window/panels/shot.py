@@ -198,7 +198,8 @@ class ShotPanel(QWidget):
         self._pages.setCurrentWidget(page)
         self.motion.kind.setVisible(page is self.stack)
         self._show_words()
-        self._cursor_button.setEnabled(page is not self._empty)
+        for button in (self._cursor_button, self._menu_button):
+            button.setEnabled(page is not self._empty)
         self._cursors_moved()
         self._label_lines()
 

@@ -11,7 +11,7 @@ from app.window.plots.lines import Look
 from app.window.plots.plain_plot import LogPlot
 from app.window.theme import Colours, Dressed
 from app.window.widgets import horizontal, text_label
-from app.words import local, with_prefix
+from app.words import local, local_words, with_prefix
 
 FREQUENCY = CursorAxis("Hz", "Hz", logarithmic=True)
 UM_PER_S = 1e6
@@ -33,7 +33,7 @@ def line_words(floor: SiteFloor) -> list[str]:
 def floor_words(floor: SiteFloor) -> str:
     """Return criterion and expected u(COR) in one line."""
     meets = f"meets {floor.criterion}" if floor.criterion else "meets no criterion"
-    return local(f"Floor of the site {meets}. Expected now: u(COR) {floor.cor_std:.1g}")
+    return local_words(f"Floor of the site {meets}. Expected now: u(COR) {floor.cor_std:.1g}")
 
 
 class SiteFloorPanel(Dressed, QWidget):

@@ -52,7 +52,8 @@ def ask(parent: QWidget, title: str, want: Want, then: Then, start: Path | str =
         dialog.setOption(QFileDialog.Option.ShowDirsOnly)
     if want is Want.NEW_FILE:
         dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
-        dialog.setDefaultSuffix(kinds.partition("*.")[2].rstrip(")").partition(" ")[0])
+        first = kinds.partition(";;")[0]
+        dialog.setDefaultSuffix(first.partition("*.")[2].rstrip(")").partition(" ")[0])
     if kinds:
         dialog.setNameFilters(kinds.split(";;"))
     place = Path(start)

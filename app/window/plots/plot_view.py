@@ -69,7 +69,7 @@ class PlotView(Dressed, pg.GraphicsLayoutWidget):
 
     def tell(self, shots: Sequence[object], words: str) -> None:
         """Set the shots whose curves are drawn; pictures carry the words."""
-        if self.shows != tuple(shots):
+        if [*map(id, self.shows)] != [*map(id, shots)]:  # two of one recording are equal up to their arrays
             self._history.clear()
         if not shots:
             self.notes.forget_plots()

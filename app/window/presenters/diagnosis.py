@@ -184,7 +184,7 @@ class NextShotPresenter(QObject):
     ) -> None:
         super().__init__(parent)
         self._plans, self._workbench, self._panels, self._found = plans, workbench, panels, found
-        self._shown: object = None
+        self._shown: tuple[object, ...] | None = None
         card = panels.diagnosis.next_shot
         card.plan.clicked.connect(self.plan)
         card.take.clicked.connect(self.take)
@@ -200,7 +200,8 @@ class NextShotPresenter(QObject):
         job = self._workbench.jobs.current
         card.plan.setEnabled(job is None or job.kind not in (PLAN, "diagnosis"))
         now = (found, self._plans.standing(found), self._plans.taking, self._plans.sets_itself)
-        if now != self._shown:
+        # a diagnosis made again is equal up to the arrays of its fits
+        if self._shown is None or any(a is not b for a, b in zip(now, self._shown, strict=True)):
             self._shown = now
             card.show_standing(found.diagnosis if found is not None else None, *now[1:])
 

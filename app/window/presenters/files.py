@@ -14,7 +14,7 @@ from app.window.file_dialog import FileDialogs, Want, ask_for_one
 from app.window.layout import Layout
 from app.window.theme import Tone
 from app.window.widgets import hover_text
-from app.words import local_words
+from app.words import counted, local_words
 
 SESSIONS = "Levimass session (*.json)"
 
@@ -74,7 +74,7 @@ class FilesPresenter(QObject):
         entries = self._workbench.session.entries
         self._panels.table.show_session(self._workbench.session)
         self._panels.table.select([entries[-1].number] if entries else [])
-        self.said.emit(f"Session {name or 'without a name'}: {len(entries)} shots", Tone.GOOD)
+        self.said.emit(f"Session {name or 'without a name'}: {counted(len(entries), 'shot')}", Tone.GOOD)
 
     def _name_window(self) -> None:
         name = self._choices.settings.session

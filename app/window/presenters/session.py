@@ -15,6 +15,7 @@ from app.window.layout import Layout
 from app.window.presenters.rig import RECORDINGS
 from app.window.presenters.selection import SelectionPresenter
 from app.window.theme import Tone
+from app.words import counted
 from instrument.capture import FinishedShot, WaitingShot
 from instrument.files import FORMATS, format_of, is_foreign
 
@@ -220,7 +221,7 @@ class SessionPresenter(QObject):
         """Copy the selected rows, or all, as a table with tabs between cells."""
         text = self._panels.table.as_text()
         QGuiApplication.clipboard().setText(text)
-        self.said.emit(f"{max(0, text.count(chr(10)) - 1)} lines are on the clipboard", Tone.NEUTRAL)
+        self.said.emit(f"Copied to the clipboard: {counted(max(0, text.count(chr(10)) - 1), 'line')}", Tone.NEUTRAL)
 
     @Slot()
     def remove_selected(self) -> None:
@@ -229,7 +230,8 @@ class SessionPresenter(QObject):
             self._workbench.session.remove(numbers)
             self._show_table()
             self._selection.show_again()
-            self.said.emit(f"{len(numbers)} shots removed from the list; Undo (Ctrl+Z) restores them", Tone.NEUTRAL)
+            words = f"{counted(len(numbers), 'shot')} removed from the list; Undo (Ctrl+Z) restores them"
+            self.said.emit(words, Tone.NEUTRAL)
 
     @Slot()
     def reanalyse_selected(self) -> None:
@@ -237,7 +239,9 @@ class SessionPresenter(QObject):
         count = self._workbench.reanalyse(self._panels.table.numbers)
         self._choose_next = count > 0
         corrections = self._workbench.corrections_in_words()
-        words = f"Re-analysing {count} shots as copies with the present settings"
+        words = (
+            f"Re-analysing {counted(count, 'shot')} as {'a copy' if count == 1 else 'copies'} with the present settings"
+        )
         words += f" and {corrections} instead of the recordings' own" if corrections else ""
         self.said.emit(words if count else "Select shots that have a recording", Tone.NEUTRAL)
 

@@ -279,7 +279,7 @@ def test_diagnosis(window):
         page.why.point_at(candidate.effect)
         parts[f"pointed at {candidate.name}"] = [*of(page.why.grid), *of(page.why.said)]
     left = [tuple(f * np.asarray(part.residual_m) for part in found.fit_before.shots) for f in (0.3, 0.6)]
-    page.why.showfound_by({DRAG: Remainder(DRAG, left[0], 1.01), VISCOUS: Remainder(VISCOUS, left[1], 1.9)})
+    page.why.show_found({DRAG: Remainder(DRAG, left[0], 1.01), VISCOUS: Remainder(VISCOUS, left[1], 1.9)})
     page.why.point_at(VISCOUS)
     parts["pointed at one fitted in full"] = [*of(page.why.grid), *of(page.why.said)]
     page.why.point_at(None)

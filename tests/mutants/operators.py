@@ -115,6 +115,11 @@ def _changes(node: ast.AST, source: bytes, starts: list[int]) -> Iterator[tuple[
             yield "swapped", node, f"({text(two)}, {text(one)})"
 
 
+def _is_class(node: ast.expr) -> bool:
+    """Return whether a name is written as those of classes are."""
+    return isinstance(node, ast.Name) and node.id[0].isupper() and not node.id.isupper()
+
+
 def _not_run(tree: ast.AST) -> Iterator[ast.AST]:
     """Yield annotations, docstrings, imports, what only names types, and guards."""
     for node in ast.walk(tree):
@@ -131,7 +136,7 @@ def _not_run(tree: ast.AST) -> Iterator[ast.AST]:
             yield from node.decorator_list
         elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             yield node
-        elif isinstance(node, ast.Assign) and isinstance(node.value, ast.Subscript):
-            generic = node.value.value
-            if isinstance(generic, ast.Name) and generic.id in _GENERIC:
-                yield node
+        elif isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name) and node.value.id in _GENERIC:
+            yield node.slice  # tuple[X, ...] is a type wherever it stands
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Subscript) and _is_class(node.func.value):
+            yield node.func.slice  # ShotJob[Recording, Spectra](...) is made without its types

@@ -80,9 +80,9 @@ bench-sites: $(READY)
 	$(BIN)/python -m tests.benchmarks.buildings --clean 43 --effects 3 --seed 2 --keep .bench/buildings.jsonl
 	$(BIN)/python -m tests.benchmarks.sites --clean 100 --effects 5 --seed 2 --keep .bench/sites.jsonl
 
-# what each page shows, as text that a test compares with: written anew, to be read before it is committed
+# what each page and report shows, as text that tests compare with: written anew, to be read before it is committed
 screen: $(READY)
-	LEVIMASS_WRITE_SCREEN=1 QT_QPA_PLATFORM=offscreen $(BIN)/python -m pytest tests/app/window/test_screen.py
+	LEVIMASS_WRITE_SCREEN=1 QT_QPA_PLATFORM=offscreen $(BIN)/python -m pytest tests/app/window tests/app/report
 
 screenshots: $(READY)
 	QT_QPA_PLATFORM=offscreen $(BIN)/python -m tests.app.screenshots docs/images

@@ -171,9 +171,19 @@ def _beat(beat: BeatQuality) -> str:
     return f"{1e-6 * beat.frequency_hz:.6f} MHz, {beat.amplitude_v:.3g} V, {beat.snr_db:.1f} dB{clipped}"
 
 
+def _item(item: Any) -> str:
+    """Return one of several effects or corrections in words."""
+    if isinstance(item, tuple):
+        name, given = item
+        return f"{str(name).replace('_', ' ')} {'removed' if given is None else format(given, '.8g')}"
+    return str(getattr(item, "words", item))
+
+
 def _value(value: Any) -> str:
     if isinstance(value, Mapping):
         return ", ".join(f"{one_line(str(k), 60)} {shown(v)}" for k, v in list(value.items())[:20])
     if isinstance(value, bool):
         return "yes" if value else "no"
+    if isinstance(value, tuple):
+        return ", ".join(_item(item) for item in value) or "none"
     return f"{value:g}" if isinstance(value, float) else value if isinstance(value, str) else shown(value)

@@ -128,15 +128,23 @@ def thin_out(x: Floats, y: Floats, left: float, right: float, columns: int) -> t
 
 
 def ticks(low: float, high: float, most: int) -> tuple[list[float], int]:
-    """Return round places within [low, high], at most ``most``, and how many decimals their labels need."""
+    """Return round places within [low, high], and how many decimals their labels need.
+
+    They are at most ``most``; where that leaves a single one, which gives no scale, the next finer ones.
+    """
     span = high - low
     if not (math.isfinite(span) and span > 0.0):
         return [low], 3
     power = 10.0 ** math.floor(math.log10(span / most))
-    step = next(power * m for m in (1, 2, 5, 10) if span / (power * m) < most or m == 10)
-    first = math.ceil(low / step - 1e-9)
-    places = [step * n for n in range(first, math.floor(high / step + 1e-9) + 1)]
+    steps = [power * m for m in (0.5, 1, 2, 5, 10)]
+    fitting = next(n for n, step in enumerate(steps) if n and (span / step < most or step == steps[-1]))
+    places, step = next((found, step) for step in (steps[fitting], steps[fitting - 1])
+                        if len(found := _multiples(step, low, high)) > 1 or step == steps[fitting - 1])  # fmt: skip
     return places, max(0, -math.floor(math.log10(step) + 1e-9))
+
+
+def _multiples(step: float, low: float, high: float) -> list[float]:
+    return [step * n for n in range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)]
 
 
 @dataclass(frozen=True, slots=True)

@@ -167,10 +167,16 @@ def test_ticks_are_the_finest_round_places_of_which_there_are_few_enough(low: fl
     steps = [m * 10.0**k for k in range(-12, 8) for m in (1, 2, 5)]
     if any(abs((high - low) / step / most - 1) < 1e-9 for step in steps):
         return  # rounding decides
-    step = min(step for step in steps if (high - low) / step < most)
-    assert len(places) <= most
+    fitting = next(n for n, step in enumerate(steps) if (high - low) / step < most)
+
+    def multiples(step: float) -> list[float]:
+        return [n * step for n in range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)]
+
+    alone = len(multiples(steps[fitting])) < 2  # one tick gives no scale: the next finer ones
+    step = steps[fitting - alone]
+    assert 2 <= len(places) and (alone or len(places) <= most)
     tolerance = 1e-6 * step
-    expected = [n * step for n in range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)]
+    expected = multiples(step)
     assert places == pytest.approx(expected, abs=tolerance)
     assert all(abs(float(f"{place:.{decimals}f}") - place) <= tolerance for place in places)
     assert decimals == 0 or any(abs(float(f"{place:.{decimals - 1}f}") - place) > tolerance for place in (step,))

@@ -62,12 +62,12 @@ def show(window, page, *numbers):
     return window.panels
 
 
-def check(name: str, parts: dict[str, list[str]]) -> None:
+def check(name: str, parts: dict[str, list[str]], folder: Path = KEPT) -> None:
     """Compare what is shown with the file of that name; or write it."""
     text = [line.rstrip() for head, lines in parts.items() for line in (f"# {head}", *shown.shortened(lines), "")]
-    file = KEPT / f"{name}.txt"
+    file = folder / f"{name}.txt"
     if WRITE:
-        KEPT.mkdir(exist_ok=True)
+        folder.mkdir(exist_ok=True)
         file.write_text("\n".join(text), encoding="utf-8")
         return
     kept = file.read_text(encoding="utf-8").split("\n")

@@ -174,7 +174,7 @@ def test_ticks_are_the_finest_round_places_of_which_there_are_few_enough(low: fl
 
     alone = len(multiples(steps[fitting])) < 2  # one tick gives no scale: the next finer ones
     step = steps[fitting - alone]
-    assert 2 <= len(places) and (alone or len(places) <= most)
+    assert len(places) >= 2 and (alone or len(places) <= most)
     tolerance = 1e-6 * step
     expected = multiples(step)
     assert places == pytest.approx(expected, abs=tolerance)

@@ -12,6 +12,7 @@ from analysis.diagnosis import Diagnosis, SavedModel
 from analysis.fitted import SECONDS, fit_again, run_in_time
 from analysis.shot import AnalysisError, Progress, Shot, Stop
 from app.session.model_in_use import load_model, model_words
+from app.words import counted
 from instrument.files import write_text_atomic
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ def write_report(
         write_pdf(text, path)
     else:
         write_text_atomic(path, text, sync=True)
-    return f"Report of {len(shots)} shots saved as {path}"
+    return f"Report of {counted(len(shots), 'shot')} saved as {path}"
 
 
 def report_text(
@@ -73,7 +74,7 @@ def write_hdf5(shots: Sequence[Shot], folder: Path, *, progress: Progress, cance
     progress("writing HDF5", 0.1)
     folder.mkdir(parents=True, exist_ok=True)
     written = export_hdf5(shots, folder)
-    return f"{len(written)} shots exported to {folder} as HDF5"
+    return f"{counted(len(written), 'shot')} exported to {folder} as HDF5"
 
 
 def write_csv(
@@ -86,7 +87,7 @@ def write_csv(
     written = export(shots, folder)
     if diagnosis is not None:
         written += export_laws(diagnosis, folder)
-    return f"{len(shots)} shots exported to {folder} ({len(written)} files)"
+    return f"{counted(len(shots), 'shot')} exported to {folder} ({counted(len(written), 'file')})"
 
 
 def predictions_of(path: Path, shots: Sequence[Shot], progress: Progress, cancelled: Stop) -> str:

@@ -139,7 +139,7 @@ def shortened(lines: Sequence[str]) -> list[str]:
     last, found = "", []
     for line in lines:
         bare = line.strip()
-        found.append(line.replace(bare, "hover: the same") if bare == last else line)
+        found.append(line.replace(bare, "hover: the same") if bare and bare == last else line)
         last = bare if bare.startswith("hover: ") else last
     return found
 

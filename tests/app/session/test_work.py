@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import app.report
 from analysis.collision.effects import effects_named
 from analysis.diagnosis.model_file import from_text
 from analysis.diagnosis.result import Errors
@@ -115,13 +116,14 @@ def test_exports_of_the_entries_named_or_of_all(bench, tmp_path, monkeypatch):
     work.export_hdf5([2], tmp_path / "h5")  # the folder is there already
     parts["HDF5"] = [*one.said(), *sorted(path.name for path in (tmp_path / "h5").iterdir())]
     one.workbench.session.set_effects(ModelEffects(collision=(TILT,), tried=(TILT,)))
+    monkeypatch.setattr(app.report, "write_pdf", lambda text, path: path.write_text(f"as PDF: {text}"))
     work.report([1, 2], tmp_path / "report.html")
     work.report([1], tmp_path / "report.PDF")
     work.report_to_print([2])
     parts["reports"] = [line.partition("<html")[0] for line in one.said()]
     html = (tmp_path / "report.html").read_text()
     assert "by hand" in html and "Verdict" in html  # the diagnosis of shot 1 is within both
-    assert (tmp_path / "report.PDF").read_bytes().startswith(b"%PDF")
+    assert (tmp_path / "report.PDF").read_text().startswith("as PDF: <!DOCTYPE html>")
     (tmp_path / "taken").write_text("")
     work.export([1], tmp_path / "taken")
     parts["a folder that is a file"] = one.said()

@@ -1,0 +1,292 @@
+"""Settings, which results are kept for which shots, remainders of candidates, and the waiting for what is compiled."""
+
+import os
+from dataclasses import fields, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from analysis.collision.effects import effects_named
+from analysis.diagnosis.result import Candidate
+from analysis.shot.recording import Air
+from analysis.shot.shot import AnalysisSettings, Cancelled
+from app.report.exports import motion_file_names
+from app.session import kernels, load, workbench
+from app.session import why as remainders
+from app.session.jobs import Jobs, ShotJob, Work
+from app.session.result_archive import kinds
+from app.session.result_cache import Key, ResultCache
+from app.session.session import Session
+from app.session.session_files import is_session, listed_by, unlisted
+from app.session.settings import Settings, WrongSettings, correction_words
+from app.session.why import Why, by_evidence
+from app.session.workbench import Workbench
+from app.words.flags import flags_in_short
+from instrument.devices.digitizer import CaptureSettings
+from instrument.trigger.light_switch import Edge
+from tests.app import synthetic
+
+DRAG, VISCOUS, FRICTION, TILT = effects_named(("quadratic_drag", "viscous_drag", "coulomb_friction", "tilt"))
+
+
+def _device(rates=(1e6, 5e6, 20e6), most=None, own=None, bits=12):
+    able = SimpleNamespace(rates_hz=rates, max_samples=most, bits=bits)
+    return SimpleNamespace(capabilities=able, default_settings=lambda: own)
+
+
+def test_what_a_source_is_told_to_capture(tmp_path):
+    chosen = Settings(
+        folder=str(tmp_path / "new"), sample_rate_hz=6e6, duration_s=0.1, pre_trigger_s=0.02, edge="falling",
+        switch_low_v=1.0, switch_high_v=2.0, temperature_c=21.0, pressure_pa=1e5, humidity_percent=40.0,
+        moving_mass_kg=0.02, moving_mass_u_kg=2e-6, wavelength_air_m=632.8e-9, rest_frequency_hz=2.7e6,
+    )  # fmt: skip
+    made = chosen.options("hantek6022", _device())
+    assert (tmp_path / "new").is_dir() and made.folder == tmp_path / "new"
+    assert made.settings == CaptureSettings(5e6, 500_000, 100_000)  # the nearest rate
+    assert (made.edge, made.switch_low_v, made.switch_high_v) == (Edge.FALLING, 1.0, 2.0)
+    setup = made.setup
+    assert (setup.moving_mass_kg, setup.moving_mass_u_kg, setup.digitizer_bits) == (0.02, 2e-6, 12)
+    assert (setup.wavelength_vacuum_m, setup.wavelength_air_m) == (632.991354e-9, 632.8e-9)
+    assert setup.air == Air(21.0, 1e5, 40.0) and setup.rest_frequency_hz == 2.7e6
+    assert chosen.options("bench", _device()).setup is None  # it knows its rig
+    assert chosen.options("x", _device(rates=())).settings == CaptureSettings(6e6, 600_000, 120_000)
+    assert chosen.options("x", _device(most=1000)).settings == CaptureSettings(5e6, 1000, 999)
+    own = CaptureSettings(3.0, 5, 1)
+    assert chosen.options("x", _device(own=own)).settings is own
+    edges = {edge: replace(chosen, edge=edge).options("x", _device()).edge for edge in ("rising", "either")}
+    assert edges == {"rising": Edge.RISING, "either": Edge.EITHER}
+    assert Settings(folder=str(tmp_path)).setup.air is None
+
+
+def test_settings_that_contradict_each_other_are_refused_with_the_reason():
+    wrong = {
+        "air": {"temperature_c": 20.0}, "both thresholds": {"switch_low_v": 1.0},
+        "below the high one": {"switch_low_v": 2.0, "switch_high_v": 2.0},
+        "shorter than the shot": {"pre_trigger_s": 0.15}, "no text": {"source": 5}, "no bool": {"tour_done": "yes"},
+        "unknown setting": {"colour": "red"},
+    }  # fmt: skip
+    for said, values in wrong.items():
+        with pytest.raises(WrongSettings, match=said.replace("no text", "is no str")):
+            Settings().with_values(values)
+    assert Settings().with_values({"switch_low_v": 1.9, "switch_high_v": 2.0}).switch_low_v == 1.9
+    assert Settings().with_values({"pre_trigger_s": 0.149}).pre_trigger_s == 0.149
+
+
+def test_what_the_rig_can_do_and_where_its_oscilloscopes_are():
+    chosen = Settings(speeds_m_per_s="0.3 0.1 0.3", weights_kg="0.2 0.05", run_up_m=0.02)
+    reach = chosen.reach
+    assert (reach.speeds_m_per_s, reach.added_kg, reach.run_up_m) == ((0.1, 0.3), (0.0, 0.05, 0.2), 0.02)
+    assert Settings(weights_kg="").reach.added_kg == (0.0,)
+    found = Settings(network="10.0.0.1 10.0.0.2 a/b?c 10.0.0.3 10.0.0.4 10.0.0.5").network_sources
+    assert len(found) == 4 and all(source.startswith("scpi:10.0.0.") for source in found)  # five are read, one invalid
+    assert Settings(folder="~/x").data_folder.is_absolute() and Settings().data_folder.name == "Levimass"
+
+
+def test_corrections_are_said_in_the_units_of_the_settings():
+    given = (
+        ("moving_mass_kg", 0.0179),
+        ("moving_mass_u_kg", 1e-6),
+        ("rest_frequency_hz", 2.7e6),
+        ("pressure_pa", None),
+    )
+    assert correction_words(given) == ["moving mass 17.9 g", "rest frequency 2.7 MHz"]
+
+
+def test_files_of_one_name_are_numbered_and_reserved_names_are_kept():
+    assert motion_file_names(["a", "A", "a", "shots", "", "../b c", "a-2"]) == [
+        "a.csv", "A-2.csv", "a-3.csv", "shots-2.csv", "shot.csv", "b_c.csv", "a-2-2.csv",
+    ]  # fmt: skip
+    assert len(motion_file_names(["é" * 300])[0].encode()) <= 204
+
+
+def test_flags_in_short_name_the_weightiest_and_count_the_others():
+    assert flags_in_short(()) == "" and flags_in_short(["clipped"]) == "clipped"
+    assert flags_in_short(["vibration", "clipped"]) == "clipped + 1"
+    assert flags_in_short(["vibration", "gap", "clipped"]).endswith("+ 2")
+
+
+def test_a_diagnosis_is_kept_for_its_shots_whatever_is_in_the_model(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("x")
+    plain = Key(str(path), AnalysisSettings())
+    with_drag = Key(str(path), AnalysisSettings(effects=(DRAG,)))
+    assert plain.text != with_drag.text and plain.bare == with_drag.bare == plain.text
+    cache = ResultCache(tmp_path / "kept")
+    cache.store_diagnosis(synthetic.diagnosis(synthetic.shot(count=9000)), [with_drag])
+    (found,) = cache.diagnoses({7: plain})
+    assert found.numbers == (7,) and found.version
+    assert cache.diagnoses({7: Key(str(tmp_path / "b.csv"), AnalysisSettings())}) == []
+    path.write_text("xy")  # another state of the recording
+    assert cache.diagnoses({7: plain}) == []
+
+
+def test_the_kinds_of_a_result_are_dataclasses_and_enumerations_and_no_effect():
+    found = kinds()
+    assert {"Shot", "Diagnosis", "Motion", "Quantity", "Verdict", "Standing"} <= found.keys()
+    assert not {"Effect", "OwnLaw", "Row", "ndarray", "float"} & found.keys()
+    assert all(name == kind.__name__ for name, kind in found.items())
+
+
+def test_candidates_stand_in_the_order_of_their_evidence():
+    given = [
+        Candidate(TILT, 9.0, None), Candidate(DRAG, -3.0, 2.0), Candidate(VISCOUS, 1.0, -50.0),
+        Candidate(FRICTION, -20.0, None),
+    ]  # fmt: skip
+    assert [c.effect for c in by_evidence(given)] == [VISCOUS, DRAG, FRICTION, TILT]
+
+
+def test_each_candidate_is_fitted_on_top_of_what_was_in_the_model(monkeypatch):
+    work = Work(None)
+    first, second = synthetic.shot("a", 0.265, 1, count=9000), synthetic.shot("b", 0.2, 2, count=9000)
+    asked = []
+
+    def fitted(motions, base, effects, cancelled, shakings):
+        asked.append((len(motions), base, [e.name for e in effects], len(shakings)))
+        parts = tuple(replace(first.fit.shots[0]) for _ in motions)
+        return replace(first.fit, shots=parts, effects=effects, converged=effects[-1] != VISCOUS, reduced_chi2=1.7)
+
+    monkeypatch.setattr(remainders, "fit_jointly", fitted)
+    one = synthetic.diagnosis(first)
+    before = replace(one.fit_before, effects=(TILT,))
+    candidates = tuple(Candidate(e, 1.0, bic) for e, bic in ((VISCOUS, -9.0), (FRICTION, -90.0), (TILT, -99.0)))
+    found = replace(one, fit_before=before, candidates=candidates)
+    why = Why(work)
+    why.show(found, [first, synthetic.shot("c", problem="none"), second])
+    why.first(VISCOUS)
+    why.first(TILT)  # is in the model: it is not wanted
+
+    def run():
+        while work.jobs.open_jobs:
+            pass
+
+    ends = []
+    for _ in range(10):
+        ends.append(why.refresh())
+        run()
+    assert [of[2] for of in asked] == [
+        ["tilt", "viscous_drag"],
+        ["tilt", "quadratic_drag"],
+        ["tilt", "coulomb_friction"],
+    ]
+    assert asked[0][:2] == (2, "paper") and asked[0][3] == 2 and ends.count(True) == 3 and not why.waiting
+    assert set(why.found) == {VISCOUS, DRAG, FRICTION}
+    assert why.found[VISCOUS].left_m is None and len(why.found[DRAG].left_m) == 2
+    assert why.found[DRAG].reduced_chi2 == 1.7
+    why.show(None, [])
+    assert why.found == {} and not why.refresh()
+    drive = synthetic.driven_shot()
+    why.show(replace(one, fit_before=drive.fit), [drive])
+    assert not why.waiting
+    work.close()
+
+
+def test_work_on_the_shot_in_view_is_begun_once_and_its_result_taken_once():
+    jobs = Jobs()
+    made = []
+    job = ShotJob(jobs, "spectrum", lambda entry, given, report, stop: made.append(given) or given * 2)
+    one, two = SimpleNamespace(number=1, name="a"), SimpleNamespace(number=2, name="b")
+    assert job.ask(one, 10) and not job.ask(one, 11)
+    assert job.job.name == "spectrum of a" and job.job.kind == "spectrum"
+    job.job.done.wait(60)
+    assert job.take() == (one, 20) and job.take() is None and not job.ask(one, 12)
+    job.forget()
+    assert job.ask(one, 13)
+    job.job.done.wait(60)
+    assert job.ask(two, 14) and made[:2] == [10, 13]
+    job.job.done.wait(60)
+    assert job.take() == (two, 28)
+    broken = ShotJob(jobs, "raw", lambda *_: 1 / 0)
+    assert broken.ask(one, 1)
+    broken.job.done.wait(60)
+    assert broken.take() is None and broken.ask(one, 1)  # it is tried again
+    jobs.close()
+
+
+def test_a_fit_that_was_stopped_is_made_as_a_job_and_another_one_is_taken(tmp_path, monkeypatch):
+    bench = Workbench(Session(), AnalysisSettings)
+    told = []
+    monkeypatch.setattr(bench.model, "catch_up", lambda also=(): told.append([entry.number for entry in also]))
+    monkeypatch.setattr(bench.model, "is_behind", lambda entry: False)
+    shot = synthetic.shot("a", count=9000)
+    waiting = replace(shot, fit=None, fit_problem=None, path=str(tmp_path / "a.x"))
+    monkeypatch.setattr(bench.session, "awaiting", lambda _: bench.session.entry(1))
+    bench.session.add(waiting)
+    assert bench.take_fit(replace(waiting, fit_problem=workbench.STOPPED)).number == 1
+    assert told == [[1]] and bench.session.entry(1).shot.fit is None
+    assert bench.take_fit(replace(shot, path=None)).shot.fit is not None
+    assert bench.session.entry(1).shot.path == str(tmp_path / "a.x") and told == [[1]]
+    monkeypatch.setattr(bench.session, "awaiting", lambda _: None)
+    assert bench.take_fit(shot) is None
+    bench.close()
+
+
+def test_the_same_session_is_not_opened_or_saved_again(tmp_path):
+    path = tmp_path / "session.json"
+    bench = Workbench(Session(path), AnalysisSettings)
+    bench.session.add(replace(synthetic.bare_shot("a"), path="/data/a"))
+    before = bench.session.entries
+    assert bench.open_session(path) is None and bench.session.entries is before
+    assert bench.save_session(path) is None and bench.session.path == path
+    assert "no such file" in bench.open_session(tmp_path / "other.json")
+    (tmp_path / "other.json").write_text("{}")
+    assert "no session" in bench.open_session(tmp_path / "other.json") and bench.session.entries is before
+    assert Workbench(Session(), AnalysisSettings).usual_session() == "this window has no session file"
+    bench.close()
+
+
+def test_what_is_a_session_and_what_it_lists(tmp_path):
+    session = Session(tmp_path / "a.json")
+    session.add(replace(synthetic.bare_shot("x"), path="/data/x"))
+    session.leave_out(["/data/y"])
+    (tmp_path / "b.json").write_text("{}")
+    (tmp_path / "c.txt").write_text((tmp_path / "a.json").read_text())
+    assert [is_session(tmp_path / name) for name in ("a.json", "b.json", "c.txt", "d.json")] == [
+        True,
+        False,
+        False,
+        False,
+    ]
+    assert listed_by([tmp_path / "a.json", tmp_path / "b.json", tmp_path / "d.json"]) == {"/data/x", "/data/y"}
+
+
+def test_recordings_written_before_a_time_and_not_listed_are_found_newest_first(tmp_path, monkeypatch):
+    for n in range(5):
+        meta = tmp_path / f"s{n}.sigmf-meta"
+        meta.write_text("{}")
+        os.utime(meta, (1000.0 + n, 1000.0 + n))
+
+    def metadata(path):
+        return SimpleNamespace(sha512=None if path.name.startswith("s2") else "hash")
+
+    monkeypatch.setattr("app.session.session_files.read_metadata", metadata)
+    found = unlisted(tmp_path, {str(tmp_path / "s1.sigmf-meta")}, 1004.0)
+    assert [path.name[:2] for path in found.complete] == ["s3", "s0"]
+    assert [path.name[:2] for path in found.cut_off] == ["s2"]
+    assert unlisted(tmp_path / "missing", (), 1e12).complete == ()
+
+
+def test_kernels_are_waited_for_until_they_are_there_or_it_is_given_up():
+    made = kernels.Kernels()
+    with pytest.raises(Cancelled):
+        made.wait(kernels.Stage.FIT, lambda: True)
+    made._reached(kernels.Stage.FIT)
+    made.wait(kernels.Stage.FIT, lambda: True)
+    said = []
+    made._report_progress(lambda words, share: said.append((words, share)), "compiling b", 0.3)
+    made._reached(kernels.Stage.READINGS)
+    made._report_progress(lambda words, share: said.append((words, share)), "compiling b", 0.4)
+    assert said == [("compiling the readings, at the first start only", 0.3), ("compiling b", 0.4)]
+
+
+def test_a_shot_in_memory_has_no_raw_signals():
+    entry = SimpleNamespace(path=None)
+    assert load.raw_of(entry) is None and load.raw_of(SimpleNamespace(path="/no/such.sigmf-meta")) is None
+    assert load.raw_of(SimpleNamespace(path="/no/such.csv")) is None
+
+
+def test_the_settings_of_an_analysis_are_those_of_the_window():
+    chosen = Settings(model="clamped", fit_seconds=3.0)
+    assert chosen.analysis == AnalysisSettings(model="clamped", fit_seconds=3.0)
+    assert set(chosen.values()) == {field.name for field in fields(Settings)}
+    assert np.isfinite(chosen.moving_mass_kg)

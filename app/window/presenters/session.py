@@ -289,10 +289,9 @@ class SessionPresenter(QObject):
         numbers = self._panels.table.shown
         if numbers:
             front = self._selection.front()
-            place = (
-                numbers.index(front.number) + by if front is not None and front.number in numbers else len(numbers) - 1
-            )
-            self._panels.table.select([numbers[max(0, min(place, len(numbers) - 1))]])
+            there = front is not None and front.number in numbers
+            place = max(0, numbers.index(front.number) + by) if front is not None and there else len(numbers)
+            self._panels.table.select([numbers[min(place, len(numbers) - 1)]])
 
     @Slot()
     def _cancel_work(self) -> None:

@@ -3,9 +3,11 @@
 import json
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from PySide6.QtCore import QLocale
+from PySide6.QtGui import QDesktopServices
 from PySide6.QtTest import QTest
 
 from analysis.shot.quantity import Quantity
@@ -14,6 +16,14 @@ from app.window.main_window import open_window
 from instrument.bench.simulated_shots import simulate
 from tests.app import rigs, synthetic
 from tests.app.window.scene import LONGEST_S, SECOND, quiet, settle
+
+RECORDED = {
+    "rig": ("arm", "abort", "trigger_now", "set_rearm", "open"),
+    "workbench": ("diagnose", "reanalyse", "open_paths", "open_session", "save_session", "usual_session"),
+    "workbench.exports": ("export", "export_hdf5", "report", "report_to_print", "save_model", "test_model"),
+    "workbench.model": ("load", "add", "remove", "try_out"),
+    "workbench.unsaved": ("save",),
+}
 
 
 @pytest.fixture(scope="module")
@@ -65,3 +75,34 @@ def window(opened):
     main.view_presenter.show_view("whole")
     settle(main)
     return main
+
+
+def _plain(given) -> str:
+    """Return an argument in words: a path, an effect, a list of them."""
+    if isinstance(given, list | tuple):
+        return f"[{', '.join(map(_plain, given))}]"
+    if callable(given):
+        return given.__name__
+    return str(getattr(given, "words", given)) if not isinstance(given, Path) else given.as_posix()
+
+
+@pytest.fixture
+def calls(window, monkeypatch):
+    """Return what the window asks of session and rig, none of which is done."""
+    made: list[str] = []
+
+    def recorder(name):
+        def called(*given):
+            made.append(f"{name}({', '.join(map(_plain, given))})")
+            return 1 if name.endswith("reanalyse") else None
+
+        return called
+
+    for owner, names in RECORDED.items():
+        thing = window
+        for part in owner.split("."):
+            thing = getattr(thing, part)
+        for name in names:
+            monkeypatch.setattr(thing, name, recorder(f"{owner}.{name}"))
+    monkeypatch.setattr(QDesktopServices, "openUrl", lambda url: made.append(f"open {Path(url.toLocalFile()).name}"))
+    return made

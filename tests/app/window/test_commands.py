@@ -3,8 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
-from PySide6.QtGui import QDesktopServices, QGuiApplication
+from PySide6.QtGui import QGuiApplication
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QFileDialog, QMenu
 
@@ -16,45 +15,7 @@ from tests.app import synthetic
 from tests.app.window import shown
 from tests.app.window.scene import DRAG, FIRST, SECOND, check, found_by, quiet, settle, show
 
-RECORDED = {
-    "rig": ("arm", "abort", "trigger_now", "set_rearm", "open"),
-    "workbench": ("diagnose", "reanalyse", "open_paths", "open_session", "save_session", "usual_session"),
-    "workbench.exports": ("export", "export_hdf5", "report", "report_to_print", "save_model", "test_model"),
-    "workbench.model": ("load", "add", "remove", "try_out"),
-    "workbench.unsaved": ("save",),
-}
 SHEETS = ("settings", "setup", "mapping", "law", "keys", "about", "messages", "tour")
-
-
-def _plain(given) -> str:
-    """Return an argument in words: a path, an effect, a list of them."""
-    if isinstance(given, list | tuple):
-        return f"[{', '.join(map(_plain, given))}]"
-    if callable(given):
-        return given.__name__
-    return str(getattr(given, "words", given)) if not isinstance(given, Path) else given.as_posix()
-
-
-@pytest.fixture
-def calls(window, monkeypatch):
-    """Return what the window asks of session and rig, none of which is done."""
-    made: list[str] = []
-
-    def recorder(name):
-        def called(*given):
-            made.append(f"{name}({', '.join(map(_plain, given))})")
-            return 1 if name.endswith("reanalyse") else None
-
-        return called
-
-    for owner, names in RECORDED.items():
-        thing = window
-        for part in owner.split("."):
-            thing = getattr(thing, part)
-        for name in names:
-            monkeypatch.setattr(thing, name, recorder(f"{owner}.{name}"))
-    monkeypatch.setattr(QDesktopServices, "openUrl", lambda url: made.append(f"open {Path(url.toLocalFile()).name}"))
-    return made
 
 
 def _state(window) -> list[str]:

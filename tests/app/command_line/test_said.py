@@ -345,24 +345,6 @@ def test_why_no_window_opens(monkeypatch):
     assert machine.why_no_window() == "PySide6 is not installed"
 
 
-def test_what_a_digitizer_is_told_to_record():
-    class Device:
-        def __init__(self, *rates):
-            self.capabilities = type("C", (), {"rates_hz": rates})
-
-    told = [
-        acquire.capture_settings(device, rate, samples)
-        for device, rate, samples in (
-            (Device(), None, None), (Device(5e6), None, None), (Device(5e6, 1e6), None, None), (Device(5e6), 2e6, None),
-            (Device(), None, 1000), (Device(5e6), None, 1000), (Device(5e6, 1e6), 1e6, 900),
-        )
-    ]  # fmt: skip
-    assert told[:2] == [None, None]
-    assert [(t.sample_rate_hz, t.samples, t.pre_trigger_samples) for t in told[2:]] == [
-        (5e6, 300_000, 45_000), (2e6, 120_000, 18_000), (10e6, 1000, 150), (5e6, 1000, 150), (1e6, 900, 135),
-    ]  # fmt: skip
-
-
 def test_errors_are_one_line_with_the_file_in_it(tmp_path, capsys):
     path = tmp_path / "x.csv"
     assert in_a_line(PermissionError(13, "denied", "/y"), path) == "/y: denied"

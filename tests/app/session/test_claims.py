@@ -1,96 +1,31 @@
-"""Settings, which results are kept for which shots, remainders of candidates, and the waiting for what is compiled."""
+"""Which results are kept for which shots, remainders of candidates, session files, and waiting for what is compiled."""
 
 import os
-from dataclasses import fields, replace
+import sys
+import threading
+from dataclasses import replace
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from analysis.collision.effects import effects_named
 from analysis.diagnosis.result import Candidate
-from analysis.shot.recording import Air
 from analysis.shot.shot import AnalysisSettings, Cancelled
 from app.report.exports import motion_file_names
 from app.session import kernels, load, workbench
 from app.session import why as remainders
 from app.session.jobs import Jobs, ShotJob, Work
+from app.session.log import NAME, ProgramLog, note
 from app.session.result_archive import kinds
 from app.session.result_cache import Key, ResultCache
 from app.session.session import Session
 from app.session.session_files import is_session, listed_by, unlisted
-from app.session.settings import Settings, WrongSettings, correction_words
 from app.session.why import Why, by_evidence
 from app.session.workbench import Workbench
 from app.words.flags import flags_in_short
-from instrument.devices.digitizer import CaptureSettings
-from instrument.trigger.light_switch import Edge
 from tests.app import synthetic
 
 DRAG, VISCOUS, FRICTION, TILT = effects_named(("quadratic_drag", "viscous_drag", "coulomb_friction", "tilt"))
-
-
-def _device(rates=(1e6, 5e6, 20e6), most=None, own=None, bits=12):
-    able = SimpleNamespace(rates_hz=rates, max_samples=most, bits=bits)
-    return SimpleNamespace(capabilities=able, default_settings=lambda: own)
-
-
-def test_what_a_source_is_told_to_capture(tmp_path):
-    chosen = Settings(
-        folder=str(tmp_path / "new"), sample_rate_hz=6e6, duration_s=0.1, pre_trigger_s=0.02, edge="falling",
-        switch_low_v=1.0, switch_high_v=2.0, temperature_c=21.0, pressure_pa=1e5, humidity_percent=40.0,
-        moving_mass_kg=0.02, moving_mass_u_kg=2e-6, wavelength_air_m=632.8e-9, rest_frequency_hz=2.7e6,
-    )  # fmt: skip
-    made = chosen.options("hantek6022", _device())
-    assert (tmp_path / "new").is_dir() and made.folder == tmp_path / "new"
-    assert made.settings == CaptureSettings(5e6, 500_000, 100_000)  # the nearest rate
-    assert (made.edge, made.switch_low_v, made.switch_high_v) == (Edge.FALLING, 1.0, 2.0)
-    setup = made.setup
-    assert (setup.moving_mass_kg, setup.moving_mass_u_kg, setup.digitizer_bits) == (0.02, 2e-6, 12)
-    assert (setup.wavelength_vacuum_m, setup.wavelength_air_m) == (632.991354e-9, 632.8e-9)
-    assert setup.air == Air(21.0, 1e5, 40.0) and setup.rest_frequency_hz == 2.7e6
-    assert chosen.options("bench", _device()).setup is None  # it knows its rig
-    assert chosen.options("x", _device(rates=())).settings == CaptureSettings(6e6, 600_000, 120_000)
-    assert chosen.options("x", _device(most=1000)).settings == CaptureSettings(5e6, 1000, 999)
-    own = CaptureSettings(3.0, 5, 1)
-    assert chosen.options("x", _device(own=own)).settings is own
-    edges = {edge: replace(chosen, edge=edge).options("x", _device()).edge for edge in ("rising", "either")}
-    assert edges == {"rising": Edge.RISING, "either": Edge.EITHER}
-    assert Settings(folder=str(tmp_path)).setup.air is None
-
-
-def test_settings_that_contradict_each_other_are_refused_with_the_reason():
-    wrong = {
-        "air": {"temperature_c": 20.0}, "both thresholds": {"switch_low_v": 1.0},
-        "below the high one": {"switch_low_v": 2.0, "switch_high_v": 2.0},
-        "shorter than the shot": {"pre_trigger_s": 0.15}, "no text": {"source": 5}, "no bool": {"tour_done": "yes"},
-        "unknown setting": {"colour": "red"},
-    }  # fmt: skip
-    for said, values in wrong.items():
-        with pytest.raises(WrongSettings, match=said.replace("no text", "is no str")):
-            Settings().with_values(values)
-    assert Settings().with_values({"switch_low_v": 1.9, "switch_high_v": 2.0}).switch_low_v == 1.9
-    assert Settings().with_values({"pre_trigger_s": 0.149}).pre_trigger_s == 0.149
-
-
-def test_what_the_rig_can_do_and_where_its_oscilloscopes_are():
-    chosen = Settings(speeds_m_per_s="0.3 0.1 0.3", weights_kg="0.2 0.05", run_up_m=0.02)
-    reach = chosen.reach
-    assert (reach.speeds_m_per_s, reach.added_kg, reach.run_up_m) == ((0.1, 0.3), (0.0, 0.05, 0.2), 0.02)
-    assert Settings(weights_kg="").reach.added_kg == (0.0,)
-    found = Settings(network="10.0.0.1 10.0.0.2 a/b?c 10.0.0.3 10.0.0.4 10.0.0.5").network_sources
-    assert len(found) == 4 and all(source.startswith("scpi:10.0.0.") for source in found)  # five are read, one invalid
-    assert Settings(folder="~/x").data_folder.is_absolute() and Settings().data_folder.name == "Levimass"
-
-
-def test_corrections_are_said_in_the_units_of_the_settings():
-    given = (
-        ("moving_mass_kg", 0.0179),
-        ("moving_mass_u_kg", 1e-6),
-        ("rest_frequency_hz", 2.7e6),
-        ("pressure_pa", None),
-    )
-    assert correction_words(given) == ["moving mass 17.9 g", "rest frequency 2.7 MHz"]
 
 
 def test_files_of_one_name_are_numbered_and_reserved_names_are_kept():
@@ -98,6 +33,31 @@ def test_files_of_one_name_are_numbered_and_reserved_names_are_kept():
         "a.csv", "A-2.csv", "a-3.csv", "shots-2.csv", "shot.csv", "b_c.csv", "a-2-2.csv",
     ]  # fmt: skip
     assert len(motion_file_names(["é" * 300])[0].encode()) <= 204
+
+
+def test_every_uncaught_exception_is_in_the_log_and_a_line_on_the_screen(tmp_path, capsys, monkeypatch):
+    log = ProgramLog(tmp_path / "logs")
+    log.install()
+    try:
+        note("said\n  twice")
+        for raised in (ValueError("two\n lines"), KeyboardInterrupt(), SystemExit(3)):
+            sys.excepthook(type(raised), raised, None)
+        thread = threading.Thread(target=lambda: {}["lost"])
+        thread.start()
+        thread.join()
+    finally:
+        log.close()
+    said = "a fault of the program: {} (the log tells where: Help, Log folder)"
+    assert log.take_problems() == [said.format("ValueError: two lines"), said.format("KeyError: 'lost'")]
+    assert log.take_problems() == [] and sys.excepthook is sys.__excepthook__
+    text = (tmp_path / "logs" / NAME).read_text()
+    assert "INFO said twice\n" in text and text.count("ERROR not caught") == 2 and "KeyError: 'lost'" in text
+    (tmp_path / "taken").write_text("")
+    blocked = ProgramLog(tmp_path / "taken" / "logs")
+    blocked.install()
+    blocked.close()
+    assert blocked.take_problems()[0].startswith("no log is kept: ")
+    assert capsys.readouterr().err.count("ValueError") == 1
 
 
 def test_flags_in_short_name_the_weightiest_and_count_the_others():
@@ -283,10 +243,3 @@ def test_a_shot_in_memory_has_no_raw_signals():
     entry = SimpleNamespace(path=None)
     assert load.raw_of(entry) is None and load.raw_of(SimpleNamespace(path="/no/such.sigmf-meta")) is None
     assert load.raw_of(SimpleNamespace(path="/no/such.csv")) is None
-
-
-def test_the_settings_of_an_analysis_are_those_of_the_window():
-    chosen = Settings(model="clamped", fit_seconds=3.0)
-    assert chosen.analysis == AnalysisSettings(model="clamped", fit_seconds=3.0)
-    assert set(chosen.values()) == {field.name for field in fields(Settings)}
-    assert np.isfinite(chosen.moving_mass_kg)

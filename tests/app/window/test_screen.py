@@ -9,10 +9,12 @@ from pathlib import Path, PurePosixPath
 from types import SimpleNamespace
 
 import numpy as np
-from PySide6.QtCore import QPoint
+from PySide6.QtCore import QEvent, QPoint
 from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QLabel, QPushButton
 
-from analysis.diagnosis.result import Verdict
+from analysis.collision.effects import CATALOGUE
+from analysis.diagnosis.result import Candidate, Verdict
 from analysis.drive.driven_fit import fit_driven
 from analysis.planning.next_shot import NextShot
 from analysis.planning.plan import Plan
@@ -22,6 +24,7 @@ from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Role
 from analysis.shot.shot import PlotNote
 from app.session.channel_looks import ChannelKind, ChannelLook
+from app.session.settings import FIELDS
 from app.session.why import Remainder
 from app.window.layout import Layout
 from app.window.panels.session_model import VERDICT
@@ -326,6 +329,61 @@ def test_what_else_a_diagnosis_may_say(window):
     parts["of many shots"] = of(page._of)
     page.show_diagnosis(None, [])
     check("diagnosis-others", parts)
+
+
+def test_many_candidates_and_several_effects(window):
+    panels = show(window, Layout.DIAGNOSIS, FIRST, SECOND)
+    page, shots = panels.diagnosis, [window.workbench.session.entry(n).shot for n in (FIRST, SECOND)]
+    found = found_by(shots)
+    many = tuple(Candidate(e, 50.0 - n, -500.0 / (n + 1) ** 2) for n, e in enumerate(list(CATALOGUE.values())[:9]))
+    second = replace(found.effects[0], effect=TILT, parameters={"angle_rad": Quantity(2e-5, 1e-6)})
+    page.show_diagnosis(replace(found, candidates=many, effects=(*found.effects, second)), shots, (VISCOUS,))
+    parts = {"two effects, one of another in the model": bare(page.effects), "nine candidates": bare(page.bars)}
+    page.bars.findChildren(QPushButton)[-1].click()
+    parts["all of them"] = bare(page.bars)
+    page.bars.findChildren(QPushButton)[-1].click()
+    parts["fewer again"] = bare(page.bars)
+    pointed, wanted = [], []
+    page.bars.pointed.connect(lambda effect: pointed.append(effect and effect.name))
+    page.effects.add_wanted.connect(lambda effects: wanted.append([effect.name for effect in effects]))
+    page.effects.remove_wanted.connect(lambda effect: wanted.append(effect.name))
+    name = next(label for label in page.bars.findChildren(QLabel) if label.property("candidate") == many[2].effect.key)
+    for kind in (QEvent.Type.FocusIn, QEvent.Type.FocusOut, QEvent.Type.Enter, QEvent.Type.Leave, QEvent.Type.Resize):
+        page.bars.eventFilter(name, QEvent(kind))
+    assert pointed == [many[2].effect.name, None] * 2
+    for button in page.effects.findChildren(QPushButton):
+        button.click()
+    parts["pressed"] = [str(one) for one in wanted if isinstance(one, str | list)]
+    page.show_diagnosis(None, [])
+    check("candidates", parts)
+
+
+def test_settings_beyond_their_limits_are_refused(window):
+    """The first below and above what a field takes, and no number at all."""
+    panels = show(window, Layout.SHOT, FIRST)
+    sheet, applied = panels.settings, []
+    sheet.applied.disconnect()
+    sheet.applied.connect(applied.append)
+    usual = window._choices.settings.values() | {"folder": "/data/rig", "session": "", "recent": ""}
+    said = []
+    for field in (field for field in FIELDS if field.kind in ("number", "numbers")):
+        for typed in (f"{1.001 * field.high * field.scale:.12g}", f"{field.low * field.scale - 1e-3:.12g}", "", "x"):
+            sheet.show_values(usual)
+            sheet.set_value(field.key, typed)
+            sheet.apply()
+            said.append(f"{field.words} {typed!r}: {sheet.problem.text()}")
+    edge = [field for field in FIELDS if field.kind == "number"]
+    for place in ("low", "high"):
+        sheet.show_values(usual)
+        for field in edge:
+            sheet.set_value(field.key, f"{getattr(field, place) * field.scale:.12g}")
+        sheet.apply()
+        assert [round(applied[-1][f.key] / (getattr(f, place) or 1.0), 9) for f in edge] == [
+            float(bool(getattr(f, place))) for f in edge
+        ]
+    sheet.applied.disconnect()
+    sheet.applied.connect(window.rig_presenter._settings_applied)
+    check("settings-refused", {"refused": said})
 
 
 def test_the_next_shot(window):

@@ -1,6 +1,7 @@
 """What the operator is shown, as plain text: words, what can be pressed, cells, curves with some of their numbers.
 
-Sizes, fonts and colours are left out: the text is the same on any machine.  Widgets come in the order of their layout.
+Sizes, fonts and colours are left out, so that the text is the same on any machine; in braces stands how a text is set
+apart from the others.  Widgets come in the order of their layout.
 """
 
 import math
@@ -9,7 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QModelIndex, Qt
+from PySide6.QtCore import QAbstractItemModel, QModelIndex, Qt
 from PySide6.QtGui import QAction, QKeySequence, QTextDocumentFragment
 from PySide6.QtWidgets import (
     QAbstractButton,
@@ -73,7 +74,8 @@ def of_widget(widget: QWidget) -> list[str]:
         return _of_control(widget)
     lines = [line for child in _in_order(widget) for line in of_widget(child)]
     named = [widget.accessibleName(), widget.accessibleDescription()] if isinstance(widget, Banner) else []
-    return [*(f"{name}" for name in named if name), *lines]
+    lines = [*(f"{name}" for name in named if name), *lines]
+    return ["card", *_within(lines)] if widget.property("card") and lines else lines
 
 
 def _in_order(widget: QWidget) -> list[QWidget]:
@@ -144,12 +146,22 @@ def shortened(lines: Sequence[str]) -> list[str]:
     return found
 
 
+def _weight(widget: QWidget) -> str:
+    """Return how much a text stands out, whether it is set to the right, and whether it can be copied."""
+    said = [name for name in ("heading", "faint", "fold") if widget.property(name)]
+    said += ["bold"] if widget.font().bold() else []
+    if isinstance(widget, QLabel):
+        said += ["right"] if widget.alignment() & Qt.AlignmentFlag.AlignRight else []
+        said += ["copied"] if widget.textInteractionFlags() & Qt.TextInteractionFlag.TextSelectableByMouse else []
+    return f"  {{{', '.join(said)}}}" if said else ""
+
+
 def _of_control(widget: QWidget) -> list[str]:
     off = "" if widget.isEnabled() else "  (disabled)"
     if isinstance(widget, QLabel):
         text = plain(widget.whole if isinstance(widget, ElidedLabel) else widget.text())
         tone = f"  [{widget.property('tone')}]" if widget.property("tone") else ""
-        return [f"{text}{tone}{off}", *_hover(widget, text)] if text else []
+        return [f"{text}{tone}{_weight(widget)}{off}", *_hover(widget, text)] if text else []
     if isinstance(widget, QAbstractButton):
         mark = f"[{'x' if widget.isChecked() else ' '}] " if widget.isCheckable() else ""
         kind = "box" if isinstance(widget, QCheckBox) else "button"
@@ -157,6 +169,7 @@ def _of_control(widget: QWidget) -> list[str]:
         said = widget.accessibleName()
         named = f"  named: {said}" if said and said != name else ""
         main = "  (main)" if isinstance(widget, QPushButton) and widget.property("primary") else ""
+        main += _weight(widget)
         return [f"{kind}: {mark}{name}{main}{named}{off}", *_hover(widget)] if name else []
     if isinstance(widget, QComboBox):
         items = [f"{widget.itemText(n)} = {widget.itemData(n)}" for n in range(widget.count())]
@@ -182,7 +195,7 @@ def _of_control(widget: QWidget) -> list[str]:
 def _of_table(table: QTableView) -> list[str]:
     model = table.model()
     columns = [n for n in range(model.columnCount()) if not table.isColumnHidden(n)]
-    heads = {n: str(model.headerData(n, Qt.Orientation.Horizontal)) for n in columns}
+    heads = {n: f"{model.headerData(n, Qt.Orientation.Horizontal)}{_right(model, n)}" for n in columns}
     lines = [f"table {table.accessibleName()!r}: " + " | ".join(heads.values())]
     header = table.horizontalHeader()
     lines += _hover(header)
@@ -195,6 +208,12 @@ def _of_table(table: QTableView) -> list[str]:
         texts = [_cell(index) for index in cells.values()]
         lines += _within([("* " if row in chosen else "  ") + " | ".join(texts)])
     return lines
+
+
+def _right(model: QAbstractItemModel, column: int) -> str:
+    """Return a sign where a column is set to the right."""
+    side = model.headerData(column, Qt.Orientation.Horizontal, Qt.ItemDataRole.TextAlignmentRole)
+    return " >" if side is not None and Qt.AlignmentFlag(side) & Qt.AlignmentFlag.AlignRight else ""
 
 
 def _cell(index: QModelIndex) -> str:
@@ -218,14 +237,17 @@ def _of_tree(tree: QTreeWidget) -> list[str]:
     def lines_of(item: QTreeWidgetItem, depth: int) -> Iterator[str]:
         cells = [item.text(n) for n in order]
         mark = ("- " if item.isExpanded() else "+ ") if item.childCount() else "  "
-        yield "    " * depth + mark + " | ".join(cells)
+        bold = "  {bold}" if item.font(0).bold() else ""
+        yield "    " * depth + mark + " | ".join(cells) + bold
         hover = plain(item.toolTip(0))
         if hover and hover != item.text(0):
             yield "    " * depth + f"      hover: {hover}"
         for place in range(item.childCount()):
             yield from lines_of(item.child(place), depth + 1)
 
-    heads = [tree.headerItem().text(n) for n in order]
+    right = Qt.AlignmentFlag.AlignRight
+    head = tree.headerItem()
+    heads = [f"{head.text(n)}{' >' if Qt.AlignmentFlag(head.textAlignment(n)) & right else ''}" for n in order]
     rows = [line for n in range(tree.topLevelItemCount()) for line in lines_of(tree.topLevelItem(n), 0)]
     return [f"table {tree.accessibleName()!r}: " + " | ".join(heads), *_within(rows)]
 

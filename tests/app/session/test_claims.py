@@ -191,7 +191,9 @@ def test_the_same_session_is_not_opened_or_saved_again(tmp_path):
     assert "no such file" in bench.open_session(tmp_path / "other.json")
     (tmp_path / "other.json").write_text("{}")
     assert "no session" in bench.open_session(tmp_path / "other.json") and bench.session.entries is before
-    assert Workbench(Session(), AnalysisSettings).usual_session() == "this window has no session file"
+    bench.close()
+    bench = Workbench(Session(), AnalysisSettings)
+    assert bench.usual_session() == "this window has no session file"
     bench.close()
 
 

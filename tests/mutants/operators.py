@@ -52,9 +52,10 @@ def faults_of(root: Path, path: str) -> list[Fault]:
     for text in source.splitlines(keepends=True):
         starts.append(starts[-1] + len(text))
     skipped = {id(inner) for node in _not_run(tree) for inner in ast.walk(node)}
+    sets = {id(node) for node in _sets(tree)}
     found = []
     for node in ast.walk(tree):
-        if id(node) in skipped:
+        if id(node) in skipped or id(node) in sets:
             continue
         for kind, at, after in _changes(node, source, starts):
             start, stop = starts[at.lineno - 1] + at.col_offset, starts[at.end_lineno - 1] + at.end_col_offset
@@ -118,6 +119,18 @@ def _changes(node: ast.AST, source: bytes, starts: list[int]) -> Iterator[tuple[
 def _is_class(node: ast.expr) -> bool:
     """Return whether a name is written as those of classes are."""
     return isinstance(node, ast.Name) and node.id[0].isupper() and not node.id.isupper()
+
+
+def _sets(tree: ast.AST) -> Iterator[ast.AST]:
+    """Yield tuples whose order is none: exceptions to catch, and what a value is looked for in."""
+    for node in ast.walk(tree):
+        match node:
+            case ast.ExceptHandler(type=ast.Tuple() as those):
+                yield those
+            case ast.Compare(ops=[ast.In() | ast.NotIn()], comparators=[ast.Tuple() as those]):
+                yield those
+            case ast.Call(func=ast.Name(id="isinstance" | "issubclass"), args=[_, ast.Tuple() as those]):
+                yield those
 
 
 def _not_run(tree: ast.AST) -> Iterator[ast.AST]:

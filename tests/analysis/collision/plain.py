@@ -1,0 +1,31 @@
+"""The parts of kernels as plain Python, which a test can call one at a time."""
+
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+
+def made_plain(patch: pytest.MonkeyPatch, *modules: ModuleType) -> None:
+    """Let the parts of these modules call each other in plain Python, on arrays cut by numpy."""
+    for module in modules:
+        for name, value in list(vars(module).items()):
+            plain = getattr(value, "py_func", None)
+            if plain is not None:
+                patch.setattr(module, name, plain)
+        for name, instead in (("cut", cut), ("cut_integers", cut_integers), ("by_address", lambda bundle: bundle)):
+            if hasattr(module, name):
+                patch.setattr(module, name, instead)
+
+
+def cut(room: np.ndarray, at: int, shape: tuple[int, ...]) -> tuple[np.ndarray, int]:
+    """Return a part of ``room`` and the position after it."""
+    end = at + int(np.prod(shape))
+    return room[at:end].reshape(shape), end
+
+
+def cut_integers(room: np.ndarray, at: int, shape: tuple[int, ...]) -> tuple[Any, int]:
+    """Return a part of ``room`` as integers, and the position after it."""
+    array, end = cut(room, at, shape)
+    return array.view(np.int64), end

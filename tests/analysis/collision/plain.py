@@ -13,6 +13,7 @@ def made_plain(patch: pytest.MonkeyPatch, *modules: ModuleType) -> None:
         for name, value in list(vars(module).items()):
             plain = getattr(value, "py_func", None)
             if plain is not None:
+                patch.setattr(plain, "py_func", plain, raising=False)  # what Python calls of a part stays callable
                 patch.setattr(module, name, plain)
         for name, instead in (("cut", cut), ("cut_integers", cut_integers), ("by_address", lambda bundle: bundle)):
             if hasattr(module, name):

@@ -1,0 +1,66 @@
+"""What follows from a question alone: what may be tried, which shots are held out, where a search begins."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from analysis.collision.effects import CATALOGUE, named
+from analysis.diagnosis import question as module
+from analysis.diagnosis.question import Question
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.drive import LAWS
+from tests.analysis.collision.laws.test_own import from_mapping
+
+LAW = from_mapping(
+    {"name": "law", "where": "block", "formula": "a*v", "parameters": {"a": {"unit": "N s/m", "start": 2.0}}}
+)
+
+
+def question(**changed: Any) -> Question:
+    given: dict[str, Any] = {
+        "motions": "motions", "model": "paper", "named": (), "laws": (), "hold_out": None, "shakings_read": "read",
+        "progress": "tell", "stop": "stop", "limit": "limit",
+    }  # fmt: skip
+    return Question(**{**given, **changed})
+
+
+def test_a_persons_laws_and_effects_of_the_model_are_tried_as_the_catalogue_is() -> None:
+    names = [kind.effect.name for kind in question().catalogue]
+    assert set(names) <= set(CATALOGUE) and len(names) == len(set(names))
+    friction = LAWS["stribeck_friction"]
+    more = question(laws=(LAW,), named=(named("tilt"), friction))
+    assert [kind.effect for kind in more.catalogue if kind.effect not in CATALOGUE.values()] == [LAW]
+    assert [kind.effect.name for kind in more.catalogue].count("tilt") == 1
+    assert named("tilt") in more.accepted
+
+
+def test_of_a_plate_that_does_not_move_only_what_has_a_meaning_there_is_tried() -> None:
+    every, some = question().catalogue, question(model="contact").catalogue
+    assert [kind.effect for kind in some] == [kind.effect for kind in every if kind.effect.one_body]
+    assert 0 < len(some) < len(every)
+    two = next(kind.effect for kind in every if not kind.effect.one_body)
+    kept = question(model="contact", named=(two,)).catalogue
+    assert two in [kind.effect for kind in kept] and len(kept) == len(some) + 1
+
+
+def test_the_shots_to_hold_out_are_chosen_or_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "choose", lambda data, *, in_turn: (data, in_turn))
+    data: Any = "data"
+    assert question().held_out(data) == (data, True) and question().held_out(data, in_turn=False) == (data, False)
+    assert question(hold_out=0).held_out(data) == (0,) == question(hold_out=0).held_out(data, in_turn=False)
+    start: Any = SimpleNamespace(problem=SimpleNamespace(data=data))
+    law = question().one_law_beside(start)
+    assert (law.start, law.held, law.tell, law.stop, law.limit) == (start, (data, True), "tell", "stop", "limit")  # type: ignore[comparison-overlap]
+
+
+def test_what_shook_the_rig_and_where_a_search_begins_are_read_from_the_shots(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "shakings_of", lambda *given: ("shakings", *given))
+    monkeypatch.setattr(module, "site_under", lambda *given: ("site", *given))
+    monkeypatch.setattr(module, "first_fit", lambda *given: given)
+    site: Any = ("site", "motions", ("shakings", "motions", "paper", "read"), CRITERIA.site_nm)
+    one = question()
+    assert one.site == site and one.begin == ("motions", "paper", site, "stop")  # type: ignore[comparison-overlap]
+    monkeypatch.setattr(module.time, "perf_counter", lambda: 130.0)
+    assert replace(one, began=100.0).seconds == 30.0

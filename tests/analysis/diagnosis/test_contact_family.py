@@ -1,5 +1,7 @@
 """Exponents that meet a contact of the literature are told with its name, and no others are."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -33,7 +35,11 @@ def _damping(n: float, std: float = 4e-3, form: str = "power") -> LearnedLaw:
         ([_exponent(0.5)], [], "Hertz"),
         ([_exponent(0.5)], [_damping(0.502)], "Kuwabara"),
         ([_exponent(0.5)], [_damping(0.251)], "Tsuji"),
-        ([], [_damping(1.0, form="linear")], "Hunt"),
+        ([_exponent(0.5)], [_damping(1.498)], "Hunt's and Crossley's contact on Hertz's"),
+        ([], [_damping(1.0, form="linear")], "Hunt's and Crossley's contact on a linear spring"),
+        ([], [_damping(0.999, form="power, odd")], "Hunt's and Crossley's contact on a linear spring"),
+        ([_exponent(0.5029)], [], "Hertz"),  # within three standard deviations
+        ([_exponent(0.5, 0.049)], [], "Hertz"),
         ([FoundEffect(named("nonlinear_contact_damping"), {}, {})], [], "Hunt"),
     ],
 )
@@ -51,7 +57,13 @@ def test_an_exponent_that_was_assumed_is_not_told_as_found() -> None:
     [
         ([], []),
         ([_exponent(0.2)], []),
-        ([_exponent(0.5, 0.2)], []),
+        ([_exponent(0.5, 0.051)], []),  # it would meet everything
+        ([_exponent(0.5031)], []),
+        ([_exponent(0.0)], [_damping(0.5)]),
+        ([_exponent(0.0)], []),
+        ([], [replace(_damping(1.0), where="plate")]),
+        ([], [replace(_damping(1.0), argument="place")]),
+        ([], [_damping(1.0, form="quadratic")]),
         ([_exponent(0.5)], [_damping(0.7)]),
         ([_exponent(0.2)], [_damping(0.5)]),
         ([FoundEffect(named("coulomb_friction"), {}, {})], []),

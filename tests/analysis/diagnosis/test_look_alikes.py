@@ -15,6 +15,7 @@ from analysis.diagnosis.verdict.coincidence import by_chance
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import Separation
 from analysis.inference.fit.free_parameters import trial_effect
+from analysis.shot import Cancelled
 from tests.analysis.diagnosis.shots import KINDS, calm
 
 DRAG, FRICTION, SQUARE, TILT, MODE, SECOND, SUPPORT, MOTION, DRIFT = effects_named(
@@ -175,3 +176,121 @@ def test_an_effect_as_it_is_tried() -> None:
     swing = trial_effect(MOTION)
     assert swing.amplitude == ("velocity_m_per_s", "displacement_m") and swing.shared == ()
     assert np.isclose(len(mode.starts), len(MODE.parameters[1].grid))
+
+
+class Tried:
+    """A fit of friction and tilt, in whose place others of these criteria may be fitted."""
+
+    def __init__(
+        self, patch: pytest.MonkeyPatch, near: dict[Any, list[Any]], known: dict[Any, float], new: dict[Any, float]
+    ) -> None:
+        self.asked: list[Any] = []
+        self.kept: list[Any] = []
+        start = fit_of(500.0)
+        self.best = fit_of(100.0, FRICTION, TILT)
+        values = {FRICTION: {"force_n": 1.0}, TILT: {"frequency_hz": 77.0}}
+        self.best.point = SimpleNamespace(values=[values])
+        self.trail: Any = SimpleNamespace(
+            start=start, stop="stop", catalogue="catalogue", keep=self.kept.append,
+            added=lambda fitted: [one for one in fitted.effects if one not in start.effects],
+            linearised=lambda fitted: ("linear", fitted.bic),
+        )  # fmt: skip
+
+        def instead(best: Any, at: Any, far: Any, frequency_hz: Any, stop: Any, kind: Any) -> Any:
+            self.asked.append((at, far, frequency_hz, stop, kind.effect))
+            assert best is self.best
+            return self.fit(new[kind.effect], kind.effect) if kind.effect in new else None
+
+        def without(best: Any, effect: Any, trail: Any) -> Any:
+            return None if effect not in near else fit_of(300.0, *(one for one in best.effects if one is not effect))
+
+        def known_fit(trail: Any, fewer: Any, kind: Any, frequency_hz: Any) -> Any:
+            return self.fit(known[kind.effect], kind.effect) if kind.effect in known else None
+
+        patch.setattr(module, "separation", lambda best, at, one, catalogue, stop: (at, one, catalogue, stop))
+        patch.setattr(module, "_nearest", lambda effect, far, catalogue: [KINDS[one.name] for one in near[effect]])
+        patch.setattr(module, "without", without)
+        patch.setattr(module, "_known", known_fit)
+        patch.setattr(module, "fitted_instead", instead)
+
+    @staticmethod
+    def fit(bic: float, *effects: Any) -> Any:
+        found = fit_of(bic, *effects)
+        found.fitted_on = lambda *, evaluations, cancelled: fit_of(bic - 1.0, *effects, wander=(evaluations, cancelled))
+        return found
+
+    def tried(self, *, predicts: bool = True) -> Any:
+        return module.with_look_alikes_tried(self.best, "at", self.trail, lambda fitted: predicts)  # type: ignore[arg-type]
+
+
+def test_every_look_alike_is_fitted_once_and_the_likeliest_takes_the_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    near = {FRICTION: [DRAG, SQUARE, DRIFT], TILT: [MODE]}
+    tried = Tried(monkeypatch, near, {DRAG: 90.0}, {SQUARE: 95.0, MODE: 80.0})
+    best, at, far = tried.tried()
+    assert best.bic == 79.0 and best.effects == (MODE,) and best.noise.wander == (60, "stop")
+    assert at == ("linear", 79.0) and far == {MODE: (at, MODE, "catalogue", "stop")}
+    first, second = (("at", one, "catalogue", "stop") for one in (FRICTION, TILT))
+    assert tried.asked == [
+        (("linear", 300.0), first, None, "stop", SQUARE), (("linear", 300.0), first, None, "stop", DRIFT),
+        (("linear", 300.0), second, 77.0, "stop", MODE),
+    ]  # fmt: skip
+    assert [one.bic for one in tried.kept] == [90.0, 95.0, 80.0, 79.0]
+
+
+@pytest.mark.parametrize(("bic", "predicts", "taken"), [(98.9, True, True), (99.1, True, False), (98.9, False, False)])
+def test_a_look_alike_takes_the_place_where_it_is_likelier_and_predicts(
+    bic: float, predicts: bool, taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried = Tried(monkeypatch, {TILT: [MODE]}, {}, {MODE: bic})  # without friction nothing can be fitted
+    best, at, far = tried.tried(predicts=predicts)
+    assert (best is not tried.best) is taken
+    if not taken:
+        assert at == "at" and list(far) == [FRICTION, TILT] and far[TILT] == ("at", TILT, "catalogue", "stop")
+
+
+def test_in_the_place_of_an_effect_another_begins_where_it_imitates_it_best(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+    ends: dict[Any, Any] = {}
+
+    class Problem:
+        def __init__(self, noise: Any = None) -> None:
+            self.noise = noise
+
+        def with_noise(self, noise: Any) -> "Problem":
+            return Problem(noise)
+
+        def fit(self, z: Any, *, evaluations: int, cancelled: Any) -> Any:
+            return z, evaluations, cancelled, self.noise
+
+    def refitted(at: Any, kind: Any, start: Any, stop: Any, *, least_bic: float) -> Any:
+        asked.append((at, kind, start, stop, least_bic))
+        bic = ends.get(start[0].get("frequency_hz"))
+        return None if bic is None else SimpleNamespace(bic=bic, z=("z", bic), problem=Problem())
+
+    monkeypatch.setattr(module, "refit", refitted)
+    drag, mode = KINDS["viscous_drag"], KINDS["block_mode"]
+    line = {"mass_kg": 1e-5, "frequency_hz": 990.0, "damping_ratio": 0.01}
+    far = Separation(9.0, {}, {DRAG: ({"coefficient_n_s_per_m": 3.0},), MODE: (line,)})
+    best: Any = SimpleNamespace(bic=100.0, noise=SimpleNamespace(site=()))
+    at: Any = SimpleNamespace(scores=lambda kind: [SimpleNamespace(start=(line | {"frequency_hz": 1010.0},))])
+
+    def instead(kind: Any, frequency_hz: float | None = None, stop: Any = calm) -> Any:
+        asked.clear()
+        return module.fitted_instead(best, at, far, frequency_hz, stop, kind)
+
+    ends[None] = 249.9
+    assert instead(drag) == (("z", 249.9), 16, calm, None)
+    assert asked == [(at, drag, far.starts[DRAG], calm, 100.0)]
+    assert instead(drag, 1000.0) is not None and len(asked) == 1  # no line: its frequency is none of its own
+    ends[None] = 250.1
+    assert instead(drag).bic == 250.1  # hopeless: left as it is
+    ends.clear()
+    assert instead(drag) is None
+    ends[1010.0], ends[1000.0] = 120.0, 110.0
+    assert instead(mode, 1000.0)[0] == ("z", 110.0)  # the likelier of two places to begin
+    assert [one[2][0]["frequency_hz"] for one in asked] == [1010.0, 1000.0]
+    assert instead(mode) is None and [one[2] for one in asked] == [(line,)]
+    best.noise = SimpleNamespace(site=(1.0,))  # a building's noise keeps its shape
+    assert instead(mode, 1000.0)[3] is best.noise
+    with pytest.raises(Cancelled):
+        instead(drag, None, lambda: True)

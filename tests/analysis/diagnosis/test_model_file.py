@@ -3,13 +3,16 @@
 import dataclasses
 import math
 import re
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from analysis.collision.effects import named
-from analysis.diagnosis.model_file import ModelFileError, SavedModel, from_text, to_text
+from analysis.collision.effects import effects_named, named
+from analysis.diagnosis.model_file import ModelFileError, SavedModel, drift, effect_in_file, from_text, saved, to_text
 from analysis.diagnosis.result import Errors
+from analysis.drive import LAWS
 from analysis.shot.quantity import Quantity
 
 MODEL = SavedModel(
@@ -126,3 +129,74 @@ def test_a_model_without_any_known_uncertainty_is_read(std: float) -> None:
     parameters = {name: dataclasses.replace(value, std=std) for name, value in MODEL.parameters.items()}
     model = dataclasses.replace(MODEL, parameters=parameters, covariance=np.full_like(MODEL.covariance, std))
     np.testing.assert_array_equal(from_text(to_text(model)).covariance, model.covariance)
+
+
+def test_how_far_a_new_fit_lies_from_the_saved_model_in_what_both_leave_open() -> None:
+    now = {
+        "plate_stiffness_n_per_m": Quantity(221.3977 - 0.0015, 0.0004), "coulomb_friction.force_n": Quantity(9e-5, 0.0),
+        "another": Quantity(1.0, 1.0),
+    }  # fmt: skip
+    saved_friction = {**MODEL.parameters, "coulomb_friction.force_n": Quantity(1e-5, 0.0)}  # known exactly, both times
+    fit: Any = SimpleNamespace(parameters=now)
+    found = drift(dataclasses.replace(MODEL, parameters=saved_friction), fit)
+    assert found == {"plate_stiffness_n_per_m": pytest.approx(-3.0)}
+
+
+def test_what_is_saved_of_a_fit_and_of_the_diagnosis_that_led_to_it() -> None:
+    friction, tilt, drift_of_sensor = effects_named(("coulomb_friction", "tilt", "flight_acceleration"))
+    parameters = {"plate_stiffness_n_per_m": Quantity(200.0, 0.1)}
+    fit: Any = SimpleNamespace(
+        model="clamped", effects=(friction, tilt), parameters=parameters, covariance="covariance"
+    )
+
+    def diagnosed(effects: tuple[Any, ...] = (), *, converged: bool = True) -> Any:
+        before = SimpleNamespace(effects=effects, converged=converged, parameters={"base": 1})
+        names = ("before", "after", "held_out_before", "held_out_after")
+        errors = {f"error_{name}": name if name != "held_out_before" else None for name in names}
+        return SimpleNamespace(fit_before=before, **errors)
+
+    alone = saved(fit, ["one", "two"])
+    assert (alone.base, alone.effects, alone.parameters) == ("clamped", (friction, tilt), parameters)
+    assert (alone.covariance, alone.shots, alone.errors) == ("covariance", ("one", "two"), {})  # type: ignore[comparison-overlap]
+    assert alone.base_parameters == {} and alone.tried == ()
+    told = saved(fit, ["one"], diagnosed((drift_of_sensor,)), (tilt, named("adhesion")))
+    assert told.errors == {name: name for name in ("before", "after", "held_out_after")}
+    assert told.base_parameters == {"base": 1} and told.tried == (tilt,)
+    assert saved(fit, [], diagnosed((friction,))).base_parameters == {}  # no base alone
+    assert saved(fit, [], diagnosed(converged=False)).base_parameters == {}
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ('[parameters]\nx = 3', "parameters.x: value and std are expected"),
+        ('[parameters]\nx = {value = true, std = 1}', "x.value: a number is expected"),
+        ('[parameters]\nx = {value = 1}', "x.std: a number is expected"),
+        ('parameters = 3', "parameters: a table is expected"),
+        ('shots = "one"', "shots: a list of names is expected"),
+        ('shots = ["one", 2]', "shots: a list of names is expected"),
+        ('effects = ["coulomb_friction"]\ntried = ["tilt"]', "tried: 'tilt' is not among the effects"),
+        ('[base_parameters]\nplate_mass_kg = {value = 0.0, std = 1}', "base_parameters.plate_mass_kg.value: 0 is not"),
+        ('[parameters]\ncontact_damping_n_s_per_m = {value = -0.1, std = 1}', "-0.1 is below zero"),
+        ('[errors.before]\ndisplacement_rms_m = 1', "before.velocity_rms_m_per_s: a number is expected"),
+        ('errors = {before = 3}', "errors.before: one of before, after, held_out_before, held_out_after is expected"),
+    ],
+)  # fmt: skip
+def test_what_is_no_model_is_refused_by_the_name_of_its_key(change: str, named: str) -> None:
+    head = 'schema = "levimass.model/1"\nbase = "paper"\n'
+    with pytest.raises(ModelFileError, match=re.escape(named)):
+        from_text(head + change)
+
+
+def test_an_effect_may_take_stiffness_away_and_damping_may_be_nothing() -> None:
+    text = 'schema = "levimass.model/1"\nbase = "paper"\neffects = ["bearing_gradient"]\n[parameters]\n'
+    for name, value in (("bearing_gradient.stiffness_n_per_m", -3.0), ("contact_damping_n_s_per_m", 0.0)):
+        assert from_text(f"{text}'{name}' = {{value = {value}, std = 0}}").parameters[name].value == value
+
+
+def test_a_drive_has_a_catalogue_of_its_own() -> None:
+    friction = effect_in_file("coulomb_friction", "driven")
+    assert friction is LAWS["coulomb_friction"] and effect_in_file("coulomb_friction", "paper") is named(
+        "coulomb_friction"
+    )
+    assert effect_in_file("adhesion", "driven") is None and effect_in_file("stribeck_friction", "paper") is None

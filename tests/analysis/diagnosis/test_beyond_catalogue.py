@@ -92,7 +92,10 @@ def test_an_effect_that_no_longer_pays_beside_a_law_goes(
         return Fit(tuple(one for one in fitted.effects if one != effect))
 
     monkeypatch.setattr(module, "without_effect", without)
-    monkeypatch.setattr(module, "residual_of", lambda fitted, at: SimpleNamespace(significant=not explains))
+    rest = SimpleNamespace(significant=not explains)
+    monkeypatch.setattr(
+        module, "residual_of", lambda fitted, at: rest if at == "at" and fitted.effects == (TILT,) else None
+    )
     monkeypatch.setattr(module, "predict", lambda fitted, held, noise, stop: (fitted.effects, held, noise))
     monkeypatch.setattr(module, "effect_parameters", lambda fitted: {TILT: {"angle_rad": Quantity(2.0, 1.0)}})
     monkeypatch.setattr(module, "snr", lambda fitted, at, effect: 7.0)
@@ -106,7 +109,7 @@ def test_an_effect_that_no_longer_pays_beside_a_law_goes(
     given: Any = (found, effects, "base", (3,), "stop")
     made: Any = module._together(*given, passed=passed)
     kept = FoundEffect(TILT, {"angle_rad": Quantity(2.0, 1.0)}, {"snr": 6.0, "other": 1.0, "delta_bic": -30.0})
-    assert made.fitted.effects == (TILT,)
+    assert made.fitted.effects == (TILT,) and made.residual is rest
     assert made.predictions == ("base", ((TILT,), (3,), "noise 1")) and made.laws == (("linear", True),)
     named = passed or explains
     assert (made.effects, list(made.imitations)) == (([kept], []) if named else ([], [kept]))
@@ -158,3 +161,66 @@ def test_a_form_may_gain_a_fifth_more_than_its_curve() -> None:
         assert places == ({"block", "contact"} if one_body else {"block", "plate", "contact"})
     best = [curve(50.0), curve(40.0)]
     assert law_learning._meets(curve(51.9), best) and not law_learning._meets(curve(52.1), best)
+
+
+@pytest.mark.parametrize("explains", [True, False])
+@pytest.mark.parametrize("helped", [True, False])
+@pytest.mark.parametrize("joined", [True, False])
+@pytest.mark.parametrize("reach", [True, False])
+def test_the_law_alone_two_laws_and_a_law_beside_effects_are_tried_in_turn(
+    reach: bool, joined: bool, helped: bool, explains: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Any] = []
+
+    class Limit:
+        def within(self, what: str, work: Any, otherwise: Any) -> Any:
+            asked.append(what)
+            return work()
+
+    limit, told, rest = Limit(), [], SimpleNamespace(significant=True)
+    first = SimpleNamespace(explains=explains)
+    alone: Any = SimpleNamespace(
+        start="start", held=(3,), tell=lambda *what: told.append(what), stop="stop", limit=limit, found=first,
+        or_two_may_reach=lambda beat: reach and beat == 8.0,
+    )  # fmt: skip
+    nearest: Any = SimpleNamespace(linearise=lambda: "at")
+    monkeypatch.setattr(module, "learn_another", lambda *given, beat: ("another", *given, beat))
+    monkeypatch.setattr(module, "learn_law", lambda *given, beat: ("law", *given, beat) if joined else None)
+    monkeypatch.setattr(module, "_alone", lambda found: ("alone", found))
+    monkeypatch.setattr(module, "_helps", lambda *given: ("before", "told") if helped and given == helping else None)
+    monkeypatch.setattr(module, "_together", lambda *given, passed: ("together", *given, passed))
+    monkeypatch.setattr(module, "residual_of", lambda fitted, at: rest if (fitted, at) == (nearest, "at") else None)
+    helping = ("start", nearest, (3,), "stop")
+    tell = alone.tell
+    expected: list[Any] = []
+    if reach:
+        two = ("another", first, (3,), tell, limit, 8.0)
+        expected.append(("alone", first if explains else two))
+    if helped and joined:
+        law = ("law", nearest, (3,), tell, limit, 8.0)
+        expected.append(("together", law, ["effects"], "before", (3,), "stop", False))
+    if helped:
+        last = module.Beyond(nearest, Verdict.PARTLY_EXPLAINED, [], (), ("before", "told"), rest, ("effects",))  # type: ignore[arg-type]
+        expected.append(last)
+    effects: Any = ["effects"]
+    assert list(module._in_turn(alone, nearest, effects, 8.0)) == expected
+    second = ["a second law"] if reach and not explains else []
+    assert asked == second + (["a law beside the effects that came nearest"] if helped else [])
+    assert [what for what, _ in told] == (["learning a law beside the effects that came nearest"] if helped else [])
+    alone.found = None
+    assert list(module._in_turn(alone, nearest, effects, 8.0)) == expected[reach:]
+
+
+@pytest.mark.parametrize("foretold", [True, False])
+def test_a_law_is_learned_beside_effects_that_passed(foretold: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    limit: Any = SimpleNamespace(within=lambda what, work, otherwise: work())
+    found: Any = SimpleNamespace(predictions=("p0", "p1"))
+    monkeypatch.setattr(module, "learn_laws", lambda *given, beat: found if given == learning and beat == 8.0 else None)
+    monkeypatch.setattr(module, "_together", lambda *given, passed: (*given, passed))
+    monkeypatch.setattr(module, "predict", lambda *given: given if foretold else None)
+    named: Any = SimpleNamespace(noise="noise")
+    given: Any = (named, ["effects"], "before", (3,), lambda *what: None, "stop", limit)
+    learning = (named, (3,), given[4], limit)
+    base = ("before", (3,), "noise", "stop") if foretold else "p0"
+    assert module.beside(*given, beat=8.0) == (found, ["effects"], base, (3,), "stop", True)  # type: ignore[comparison-overlap]
+    assert module.beside(*given) is None

@@ -1,19 +1,25 @@
 """Curves fitted with derivatives that serve for many steps end where those taken anew at every step lead."""
 
+import itertools
 import math
 import threading
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from analysis.collision import Infeasible
 from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.collision.laws.curve import Basis
 from analysis.diagnosis.learning import curve_fit
-from analysis.diagnosis.learning.curve_motion import Ground, ground_of
+from analysis.diagnosis.learning.curve_motion import Ground, Motions, Term, ground_of
+from analysis.diagnosis.learning.curve_step import penalised_step
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.first_fit import base_fit, first_fit
 from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.samples import averaged_shots
+from analysis.shot import Cancelled
 from tests.law_rigs import LawRig
 
 PLACE = next(a for a in ARGUMENTS if a.name == "place")
@@ -79,3 +85,224 @@ def test_threads_that_come_first_share_the_members_of_a_basis() -> None:
         for thread in threads:
             thread.join()
         assert all(members is basis.members for members in seen[-4:])
+
+
+class Rows:
+    """A problem whose displacements are what a test says; the noise is learnt as a number that counts its times."""
+
+    def __init__(self, noise: float = 1.0, site: Any = None) -> None:
+        self.noise = noise
+        self.data: Any = SimpleNamespace(site=site, left_m=lambda shown: tuple(5.0 - one for one in shown))
+
+    def whitened(self, columns: Any) -> np.ndarray:
+        return np.vstack(columns) / self.noise
+
+    def with_noise(self, noise: float) -> "Rows":
+        return Rows(noise, self.data.site)
+
+    def learn_noise(self, left: Any, noise: float) -> tuple[float, float]:
+        return noise + 1.0, -7.0
+
+
+TERM = Term(PLACE, Basis((0.0, 0.5, 1.0)), np.zeros(5))
+
+
+def place_of(value: float, fresh: bool = True) -> Any:
+    shown = (np.full(3, value), np.full(2, value))
+    derivatives = (np.ones((3, 7)), np.ones((2, 7)))
+    return curve_fit._Place(np.array([value, 0.0]), (TERM,), Motions(shown, derivatives), fresh)
+
+
+def test_a_step_is_damped_until_it_leads_down(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Undamped first, then ever more; what leads nowhere is no step."""
+    tried: list[float] = []
+    moves = np.array([1.0, 2.0, *np.arange(5.0)])
+    penalty = 0.5 * np.eye(5)
+    ends: dict[float, Any] = {}
+
+    def damped(rows: Any, terms: Any, of: Any, damping: float) -> Any:
+        assert rows.shape == (5, 8) and terms == (TERM,) and of is penalty
+        return None if ends.get(damping) == "none" else moves + damping
+
+    def shown(problem: Any, z: Any, terms: Any) -> Any:
+        damping = float(z[0] - 3.0 - 1.0)
+        tried.append(damping)
+        np.testing.assert_allclose(terms[0].coefficients, moves[2:] + damping)
+        np.testing.assert_allclose(z, [4.0 + damping, 2.0 + damping])
+        end = next((value for key, value in ends.items() if abs(key - damping) < 1e-12), 1e3)
+        if end == "infeasible":
+            raise Infeasible("nowhere")
+        return np.full(3, end), np.full(2, end)
+
+    monkeypatch.setattr(curve_fit, "penalised_step", lambda rows, size, terms: (moves, penalty, 2.0))
+    monkeypatch.setattr(curve_fit, "damped", damped)
+    monkeypatch.setattr(curve_fit, "displacements", shown)
+    problem: Any = Rows()
+    here = place_of(3.0)
+    chi2 = 5 * 2.0**2
+    ends |= {0.0: "infeasible", 1e-8: "none", 1e-6: 1e200, 1e-4: 9.0, 1e-2: 5.0}
+    went = curve_fit._downhill(problem, here, 0.0)
+    assert went.damping == 1e-2 and tried == pytest.approx([0.0, 1e-6, 1e-4, 1e-2])
+    bent = moves[2:] + 1e-2
+    assert went.fell == pytest.approx(chi2 - 0.5 * bent @ bent)  # nothing is left but the smoothing's price
+    by = moves + 1e-2
+    assert went.promised == pytest.approx(chi2 - 5 * (2.0 - by.sum()) ** 2 - 0.5 * bent @ bent)
+    assert (
+        went.there is not None and not went.there.fresh and went.there.motions.derivatives is here.motions.derivatives
+    )
+    tried.clear()
+    assert curve_fit._downhill(problem, here, 1e-4).damping == 1e-2 and tried == pytest.approx([1e-4, 1e-2])
+    ends |= {1e-2: 9.0, 0.3: 1.0}
+    none = curve_fit._downhill(problem, here, 1e-4)
+    assert none.there is None and (none.damping, none.fell) == (1e-4, 0.0)
+    assert none.promised == pytest.approx(chi2 - 5 * (2.0 - moves.sum()) ** 2 - 0.5 * moves[2:] @ moves[2:])
+
+
+class Walk:
+    """A fit whose steps are given: each by its damping, what chi^2 fell by and what it was to fall by."""
+
+    def __init__(
+        self, patch: pytest.MonkeyPatch, *steps: tuple[float, float, float] | None, promised: float = 0.0
+    ) -> None:
+        self.asked: list[Any] = []
+        self.fresh: list[float] = []
+        self.steps, self.lost = iter(steps), promised
+
+        def downhill(problem: Any, here: Any, damping: float) -> Any:
+            self.asked.append((problem.noise, float(here.z[0]), here.fresh, damping))
+            step = next(self.steps)
+            if step is None:
+                return curve_fit._Went(None, damping, 0.0, self.lost)
+            return curve_fit._Went(place_of(here.z[0] + 1.0, fresh=False), *step)
+
+        def anew(problem: Any, z: Any, terms: Any) -> Any:
+            self.fresh.append(float(z[0]))
+            return place_of(float(z[0])).motions
+
+        patch.setattr(curve_fit, "_downhill", downhill)
+        patch.setattr(curve_fit, "motions", anew)
+        patch.setattr(curve_fit, "penalised_step", lambda rows, size, terms: (None, np.eye(5), 2.5))
+
+    def fitted(self, steps: int, *, site: Any = None, to_the_end: bool = False, stop: Any = calm) -> Any:
+        begin = place_of(0.0)
+        problem: Any = Rows(site=site)
+        return curve_fit._fitted(problem, begin.z, (TERM,), stop, steps, begin.motions, to_the_end=to_the_end)
+
+
+def test_a_fit_of_curves_takes_its_steps_and_learns_the_noise_from_the_second_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    walk = Walk(monkeypatch, (0.0, 9.0, 10.0), (1e-4, 9.0, 10.0), (1e-2, 9.0, 10.0), (0.0, 9.0, 10.0))
+    found = walk.fitted(4)
+    assert [one[:3] for one in walk.asked] == [
+        (1.0, 0.0, True),
+        (1.0, 1.0, False),
+        (2.0, 2.0, False),
+        (3.0, 3.0, False),
+    ]
+    assert [one[3] for one in walk.asked] == pytest.approx([0.0, 0.0, 1e-6, 1e-4])
+    assert found.z[0] == 4.0 and found.problem.noise == 5.0 and not walk.fresh
+    assert found.log_likelihood == -7.0 and found.freedom == 2.5 and found.terms == (TERM,)
+    np.testing.assert_allclose(found.curvature, np.ones((7, 7)) * 5 / 25.0)
+    np.testing.assert_allclose(np.concatenate(found.residual_m), 1.0)
+    moving = Walk(monkeypatch, *[(0.0, 9.0, 10.0)] * 4)
+    assert moving.fitted(4, site="site").problem.noise == 2.0  # a frame's strengths are learnt at the end alone
+    ended = Walk(monkeypatch, (0.0, 9.0, 10.0), (0.0, 9.0, 10.0))
+    assert ended.fitted(2, to_the_end=True).z[0] == 2.0 and ended.fresh == [2.0]
+    with pytest.raises(Cancelled):
+        Walk(monkeypatch).fitted(1, stop=lambda: True)
+
+
+def test_a_fit_of_curves_ends_where_a_step_brings_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    settled = Walk(monkeypatch, *[(0.0, 0.4, 0.4)] * 9)
+    assert settled.fitted(9).z[0] == 3.0  # the third step is the first that may be the last
+    damped = Walk(monkeypatch, *[(1e-6, 0.4, 0.4)] * 5)
+    assert damped.fitted(5).z[0] == 5.0  # a step held back says nothing
+    more = Walk(monkeypatch, *[(1e-8, 0.6, 0.6)] * 5)
+    assert more.fitted(5).z[0] == 5.0
+    assert [one[3] for one in more.asked] == [0.0] * 5  # the least damping is forgotten
+    stuck = Walk(monkeypatch, (0.0, 9.0, 9.0), None)
+    assert stuck.fitted(5).z[0] == 1.0 and not stuck.fresh
+
+
+def test_derivatives_are_taken_anew_where_a_step_brings_less_than_they_promised(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for fell, promised, anew in ((7.9, 10.0, [1.0]), (8.1, 10.0, []), (0.1, 0.49, [])):
+        walk = Walk(monkeypatch, (0.0, fell, promised), (0.0, 9.0, 9.0))
+        walk.fitted(2)
+        assert walk.fresh == anew
+    last = Walk(monkeypatch, (0.0, 1.0, 10.0))
+    last.fitted(1)
+    assert not last.fresh  # of the last step nothing depends on them
+    lost = Walk(monkeypatch, (0.0, 9.0, 9.0), None, (0.0, 9.0, 9.0), promised=0.6)  # old ones led nowhere
+    assert lost.fitted(2).z[0] == 2.0 and lost.fresh == [1.0]
+    settled = Walk(monkeypatch, (0.0, 9.0, 9.0), None, promised=0.4)
+    assert settled.fitted(3).z[0] == 1.0 and not settled.fresh
+
+
+def test_pairs_of_curves_are_told_apart_by_what_both_explain_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Against every pair fitted to all samples; an argument that cannot be followed is left out."""
+    random = np.random.default_rng(2)
+    arguments = [one for one in ARGUMENTS if not one.factor][:4]
+    at = {one: random.uniform(0.0, 1.0, 200) for one in arguments}
+    fixed = random.standard_normal((200, 2))
+    left = fixed @ [1.0, 2.0] + np.sin(5 * at[arguments[0]]) + np.cos(4 * at[arguments[2]])
+    left = left + 0.05 * random.standard_normal(200)
+    halves = slice(0, 120), slice(120, 200)
+
+    def beside(term: Term) -> Any:
+        if term.argument is arguments[3]:
+            raise Infeasible("nowhere")
+        rows = np.hstack([fixed, term.basis.design(at[term.argument])])
+        return SimpleNamespace(derivatives=[rows[half] for half in halves])
+
+    rough: Any = Rows(0.1)
+    monkeypatch.setattr(curve_fit, "_rough_noise", lambda start: 0.1)
+    start = SimpleNamespace(z=np.zeros(2), residual_m=[left[half] for half in halves], problem=Rows())
+    ground: Any = SimpleNamespace(fitted=start, visited=lambda one: (0.0, 1.0), beside=beside)
+    found = curve_fit.likeliest_pairs(ground, arguments, 6, calm)
+    judged = {}
+    for pair in itertools.combinations(arguments[:3], 2):
+        terms = tuple(Term(one, curve_fit.graded_basis(0.0, 1.0, 6), np.zeros(9)) for one in pair)
+        rows = np.column_stack([left, fixed, *(term.basis.design(at[term.argument]) for term in terms)]) / rough.noise
+        by, _, freedom = penalised_step(rows, 2, terms)
+        square = float(np.sum((rows[:, 0] - rows[:, 1:] @ by) ** 2))
+        judged[pair] = 200 * math.log(square) + freedom * math.log(200)
+    assert [(one.argument, two.argument) for one, two in found] == sorted(judged, key=lambda pair: judged[pair])
+    assert (found[0][0].argument, found[0][1].argument) == (arguments[0], arguments[2])
+    assert all(not term.coefficients.any() and term.basis.count == 9 for pair in found for term in pair)
+    assert curve_fit.likeliest_pairs(ground, [arguments[0], arguments[3]], 6, calm) == []
+    with pytest.raises(Cancelled):
+        curve_fit.likeliest_pairs(ground, arguments, 6, lambda: True)
+
+
+def test_a_finer_curve_begins_as_the_one_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    random = np.random.default_rng(4)
+    first = Term(PLACE, curve_fit.graded_basis(0.2, 1.0, 3), random.standard_normal(6))
+    last = Term(PLACE, curve_fit.graded_basis(-1.0, 2.0, 6), random.standard_normal(9))
+    monkeypatch.setattr(curve_fit, "fit_terms", lambda *given, **named: (*given, named))
+    learned: Any = SimpleNamespace(terms=(first, last), problem="problem", z="z")
+    problem, z, (other, finer), stop, named = curve_fit.refine(learned, 12, calm, steps=4)  # type: ignore[misc]
+    assert (problem, z, other, stop, named) == ("problem", "z", first, calm, {"steps": 4})
+    assert finer.basis == curve_fit.graded_basis(-1.0, 2.0, 12) and finer.argument is PLACE
+    at = np.linspace(-1.0, 2.0, 300)
+    assert np.abs(finer.curve(at) - last.curve(at)).max() < 0.03 * np.abs(last.curve(at)).max()
+    # least squares at places of all knots: no coefficients lie nearer
+    near = np.linalg.lstsq(finer.basis.design(at), last.curve(at), rcond=None)[0]
+    assert np.abs(near - finer.coefficients).max() < 0.03 * np.abs(near).max()
+
+
+@pytest.mark.parametrize("site", [None, "site"])
+def test_curves_are_first_laid_on_what_is_left_as_if_all_of_it_were_white(
+    site: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(curve_fit, "white_floor", lambda *given: given)
+    valid = np.array([True, True, False])
+    data = SimpleNamespace(site=site, shots=[SimpleNamespace(valid=valid), SimpleNamespace(valid=~valid)])
+    start: Any = SimpleNamespace(
+        problem=SimpleNamespace(data=data), noise=SimpleNamespace(spacing_s=2e-5), unlearned_noise="of flights",
+        residual_m=[np.array([3.0, 4.0, 99.0]), np.array([99.0, 99.0, -5.0])],
+    )  # fmt: skip
+    found: Any = curve_fit._rough_noise(start)
+    assert found == ("of flights" if site else (pytest.approx(math.sqrt(50.0 / 3.0)), 2e-5))

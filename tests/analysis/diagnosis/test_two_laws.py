@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from analysis.collision import Infeasible
 from analysis.diagnosis.learning import two_laws as module
 from analysis.diagnosis.learning.law_learning import Discovery
 
@@ -53,10 +54,8 @@ def learned(
     monkeypatch.setattr(module, "over_kinks", lambda fitted, stop: fitted)
     monkeypatch.setattr(module, "without_effect", without)
     monkeypatch.setattr(module, "predict", foretell)
-    monkeypatch.setattr(module, "residual_of", lambda fitted, at: "left")
-    monkeypatch.setattr(
-        module, "as_learned", lambda start, fits, named, after, held: read.append((start, fits)) or "law"
-    )
+    monkeypatch.setattr(module, "residual_of", lambda fitted, at: "left" if at == "at" and fitted.pair else None)
+    monkeypatch.setattr(module, "as_learned", lambda start, fits, *told: read.append((start, fits, *told)) or "law")
     start: Any = Fit(START, "start")
     return module.learn_two(start, (1,), lambda: False), tried, read
 
@@ -67,7 +66,8 @@ def test_pairs_of_forms_are_tried_beside_the_best_of_the_other_law(monkeypatch: 
     assert tried[4:] == [(2, 1), (2, 0), (2, 2)]
     assert found.fitted.pair == (2, 1) and found.fitted.bic == 889.0 and found.laws == ("law", "law")
     assert found.residual == "left" and [one.of for one in found.predictions] == ["start", (2, 1)]
-    (first, of_first), (second, of_second) = read
+    (first, of_first, *told), (second, of_second, *again) = read
+    assert told == again == [True, found.predictions[1], (1,)]  # each is named by its form
     assert first.pair == "without one" and second.pair == "without two"
     assert [one.fitted.pair for one in of_first] == [(2, 1), (1, 1), (0, 1)]
     assert [one.fitted.pair for one in of_second] == [(2, 1), (2, 0), (2, 2)]
@@ -141,3 +141,44 @@ def test_a_second_law_is_added_to_the_first_where_two_at_once_do_not_explain_all
     assert module.learn_laws(*given, beat=5.0) == ("another", 5.0)
     monkeypatch.setattr(module, "learn_law", lambda *_: None)
     assert module.learn_laws(*given) is None
+
+
+def test_the_pairs_of_curves_likeliest_to_first_order_are_fitted_and_the_best_gets_finer_knots(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[Any] = []
+    bics = {0: 60.0, 1: None, 2: 50.0, 3: 70.0}
+
+    class Curves:
+        def __init__(self, bic: float, order: str = "ab") -> None:
+            self.bic, self.order, self.terms = bic, order, ("a", "b")
+
+        def with_last(self, which: int) -> "Curves":
+            return Curves(self.bic, self.order[1 - which] + self.order[which])
+
+    def fit_terms(problem: Any, z: Any, terms: Any, stop: Any, *, steps: int) -> Any:
+        assert (problem, z, stop, steps) == ("problem", "z", "stop", 7)
+        asked.append(terms)
+        if bics[terms] is None:
+            raise Infeasible("nowhere")
+        return Curves(bics[terms])
+
+    def finer(learned: Curves, most: int, stop: Any) -> Curves:
+        asked.append((learned.order, most, stop))
+        return Curves(learned.bic - 1.0, learned.order)
+
+    monkeypatch.setattr(module, "ground_of", lambda start: ("ground", start))
+    monkeypatch.setattr(module, "arguments_of", lambda start: ("arguments", start))
+    monkeypatch.setattr(module, "likeliest_pairs", lambda *given: [*range(7)] if given == pairs else [])
+    monkeypatch.setattr(module, "fit_terms", fit_terms)
+    monkeypatch.setattr(module, "finer", finer)
+    monkeypatch.setattr(module, "forms_may_reach", lambda beat, curves, start: beat > curves[0].bic)
+    start: Any = SimpleNamespace(problem="problem", z="z")
+    pairs = (("ground", start), ("arguments", start), 12, "stop")
+    stop: Any = "stop"
+    found: Any = module.two_curves(start, stop)
+    assert (found.bic, found.order) == (48.0, "ab")
+    assert sorted(asked[:4]) == [0, 1, 2, 3] and asked[4:] == [("ba", 48, "stop"), ("ab", 48, "stop")]  # each in turn
+    assert module.two_curves(start, stop, beat=49.0) is None and module.two_curves(start, stop, beat=51.0) is not None
+    bics |= dict.fromkeys(range(4))
+    assert module.two_curves(start, stop) is None

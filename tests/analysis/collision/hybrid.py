@@ -23,11 +23,11 @@ class Beside:
 
 @dataclass
 class Hybrid:
-    """The solution: ``states`` (x, v, y, u) at the times, and every change of mode with its time."""
+    """The solution at any times, with every change of mode: its kind, time, and (x, v, y, u)."""
 
     collision: Collision
     beside: Beside
-    events: list[tuple[str, float]] = field(default_factory=list)
+    events: list[tuple[str, float, np.ndarray]] = field(default_factory=list)
 
     def solved(self, time_s: np.ndarray) -> np.ndarray:
         """Return the states at ``time_s``, shape (n, 4); of the plate only from the first touch on."""
@@ -46,7 +46,7 @@ class Hybrid:
             out[early, :2] = alone.y[:, ::-1].T
         phase, near, sign, t = (FREE if reach else CONTACT), reach is not None, -1.0, begin
         if not reach:
-            self.events.append(("touch", 0.0))
+            self.events.append(("touch", 0.0, start[:4]))
         state, end = start, time_s[-1]
         while t < end:
             watched = self._watched(phase, near, sign)
@@ -65,7 +65,7 @@ class Hybrid:
             if run.status != 1:
                 break
             kind = watched[next(k for k, times in enumerate(run.t_events) if times.size)][0]
-            self.events.append((kind, t))
+            self.events.append((kind, t, state[:4]))
             if kind == "turn":
                 sign = -sign
             elif kind == "range":

@@ -8,8 +8,9 @@ import pytest
 from numpy.typing import NDArray
 
 from analysis.collision.laws.arguments import ARGUMENTS
-from analysis.collision.laws.curve import Basis
-from analysis.diagnosis.learning.closed_forms import compress, likely_forms
+from analysis.collision.laws.curve import Basis, graded_basis
+from analysis.collision.laws.forms import FORMS, Form
+from analysis.diagnosis.learning.closed_forms import _bounds, _laid, compress, information, likely_forms
 from analysis.diagnosis.learning.curve_motion import Term
 
 BEND = next(one for one in ARGUMENTS if one.name == "bend against motion")  # the base model holds no part of it
@@ -68,3 +69,103 @@ def test_a_place_is_looked_for_all_over_the_range_that_was_visited(sign: int, na
     )
     found = next(one for one in compress(learned) if one.form.name == name)
     assert found.parameters["c"] == pytest.approx(sign * place_m, abs=2e-5)
+
+
+OF_FORMS = {  # parameters of curves over [-1, 2]
+    "power": {"n": 2.5}, "power, odd": {"n": 0.7}, "exponential": {"b": 0.3}, "rising exponential": {"b": 1.4},
+    "falling exponential": {"b": 0.9}, "inverse": {"b": 0.5}, "inverse square": {"b": 0.8},
+    "inverse power": {"b": 0.6, "n": 3.0}, "Yukawa": {"b": 1.2, "c": 0.4}, "Gaussian": {"b": 0.7},
+    "Gaussian off zero": {"b": 0.4, "c": 1.1}, "Lorentzian": {"b": 0.6}, "Lorentzian off zero": {"b": 0.5, "c": -0.4},
+    "tanh": {"b": 0.5}, "saturating": {"b": 0.8}, "sine": {"b": 0.5, "c": 0.4}, "hinge": {"c": 0.7},
+    "hinge below": {"c": 0.2},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", FORMS, ids=lambda form: form.name)
+@pytest.mark.parametrize("span", [1.0, 1e-3])
+def test_a_curve_that_is_a_form_is_that_form_with_its_numbers(form: Form, span: float) -> None:
+    """Whatever the unit of the argument, and with every sample known by itself."""
+    fine = np.linspace(-span, 2.0 * span, 240)
+    truth = {
+        name: value if name in form.powers else value * span for name, value in OF_FORMS.get(form.name, {}).items()
+    }
+    curve = form.values(fine, {"a": -3.0, **truth})
+    found, distance = _laid(form, fine, lambda values: values, curve, -span, 2.0 * span)
+    assert distance < 1e-12 * float(curve @ curve)
+    np.testing.assert_allclose(form.values(fine, found), curve, atol=1e-5 * np.abs(curve).max())
+    if form.name not in ("Yukawa", "sine"):  # whose two lengths are nearly one, and which turns round by half a turn
+        assert found == pytest.approx({"a": -3.0, **truth}, rel=1e-4)
+
+
+def test_the_distance_of_a_form_is_that_of_the_nearest_with_any_size() -> None:
+    """Of a form that does not meet the curve: the least of a grid of its lengths, each at its best size."""
+    form = next(one for one in FORMS if one.name == "Gaussian")
+    fine = np.linspace(-1.0, 1.0, 100)
+    curve, weight = np.exp(-np.abs(fine) / 0.3), np.linspace(0.5, 2.0, 100)
+    _, distance = _laid(form, fine, lambda values: weight * values, weight * curve, -1.0, 1.0)
+
+    def left(b: float) -> float:
+        row = weight * form.values(fine, {"a": 1.0, "b": b})
+        return float(np.sum((weight * curve - row * (row @ (weight * curve)) / (row @ row)) ** 2))
+
+    assert distance == pytest.approx(min(left(b) for b in np.geomspace(0.05, 2.0, 2000)), rel=1e-4)
+
+
+def test_the_numbers_of_a_form_are_sought_where_a_law_may_have_them() -> None:
+    by_name = {form.name: form for form in FORMS}
+
+    def bounds(name: str) -> list[tuple[float, float]]:
+        form = by_name[name]
+        lower, upper = _bounds(form, form.nonlinear_parameters, -1.0, 3.0, 3.0)
+        return list(zip(lower.tolist(), upper.tolist(), strict=True))
+
+    length = (pytest.approx(np.log(1e-4)), pytest.approx(np.log(1e2)))  # of the span
+    place = (pytest.approx(-1 / 3 - 0.1), pytest.approx(1.1))
+    assert bounds("inverse power") == [length, (0.1, 10.0)]
+    assert bounds("sine") == [length, (-7.0, 7.0)] and bounds("Gaussian off zero") == [length, place]
+    assert bounds("hinge") == [place]
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_each_of_two_curves_is_read_beside_the_other(which: int) -> None:
+    """Against both fitted together: what a form in one place leaves once base and the other curve have given way."""
+    random = np.random.default_rng(5)
+    bases = graded_basis(0.0, 1.0, 5), graded_basis(0.0, 2.0, 4)
+    terms = [Term(BEND, basis, random.standard_normal(basis.count)) for basis in bases]
+    size = 2 + sum(basis.count for basis in bases)
+    whole = random.standard_normal((200, size))
+    learned: Any = SimpleNamespace(z=np.zeros(2), terms=tuple(terms), curvature=whole.T @ whole, samples=200)
+    found = compress(learned, which)
+    assert [one.cost(200) for one in found] == sorted(one.cost(200) for one in found)
+    linear = next(one for one in found if one.form.name == "linear")
+    assert linear.cost(200) == pytest.approx(linear.distance + np.log(200))
+    power = next(one for one in found if one.form.name == "power")
+    assert power.cost(200) == pytest.approx(power.distance + 2 * np.log(200))
+    begin = 2 + (bases[0].count if which else 0)
+    mine = np.arange(begin, begin + bases[which].count)
+    at = np.linspace(*np.array(bases[which].knots)[[0, -1]], 400)
+    design = bases[which].design(at)
+    (fitted,) = np.linalg.lstsq(design, at, rcond=None)[0][None]  # a line, in these splines
+    others = np.setdiff1d(np.arange(size), mine)
+    columns = np.column_stack([whole[:, mine] @ fitted, whole[:, others]])
+    target = whole[:, mine] @ terms[which].coefficients
+    numbers, (square,), *_ = np.linalg.lstsq(columns, target, rcond=None)
+    assert linear.parameters["a"] == pytest.approx(numbers[0], rel=1e-6)
+    assert linear.distance == pytest.approx(square, rel=1e-6)
+    known = whole[:, mine] - whole[:, others] @ np.linalg.lstsq(whole[:, others], whole[:, mine], rcond=None)[0]
+    np.testing.assert_allclose(information(learned, which), known.T @ known, rtol=1e-8, atol=1e-8)
+
+
+def test_so_many_forms_are_likely_as_are_asked_for_or_as_cannot_be_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    from analysis.diagnosis.learning import closed_forms as module
+
+    costs = {"constant": -1.0, "a": 0.0, "b": 9.9, "c": 10.1, "d": 11.0}
+    forms = [SimpleNamespace(form=SimpleNamespace(name=name), cost=lambda n, c=c: c + n) for name, c in costs.items()]
+    asked: list[int] = []
+    monkeypatch.setattr(module, "compress", lambda learned, which: asked.append(which) or forms)
+    learned: Any = SimpleNamespace(terms=(None, SimpleNamespace(argument=BEND)), samples=100)
+
+    def likely(most: int) -> list[str]:
+        return [one.form.name for one in likely_forms(learned, most, 1)]
+
+    assert likely(1) == ["a", "b"] and likely(3) == ["a", "b", "c"] and asked == [1, 1]

@@ -144,3 +144,105 @@ def test_candidates_are_single_laws_what_is_mixed_and_the_scale_of_the_force() -
         gain = driven._candidates(searched, mass)[-1]
         assert gain.standing is standing and gain.number == mass.fitted
         assert gain.parameters["fraction"].value == pytest.approx(-0.2) and gain.score == pytest.approx(0.2 / 0.008)
+
+
+def test_what_a_drive_leaves_goes_with_direction_place_and_reversals() -> None:
+    random = np.random.default_rng(2)
+    count = 900
+    speed = np.sin(np.linspace(0.0, 40.0, count)) * np.linspace(0.5, 1.0, count)
+    place = np.cumsum(speed) * 0.01
+    turn = 2 * np.pi * place / np.ptp(place)
+    slow = np.abs(speed) < 0.1 * np.abs(speed).max()
+    for left, direction, along in (
+        (np.where(speed > 0.0, 3.0 + 2.0 * speed, 1.0 - speed), 1.0, None),  # another line for either direction
+        (2.0 + place + np.sin(turn) - np.cos(2 * turn) + np.sin(3 * turn), None, 1.0),
+        (np.where(slow, 1.0, 0.0) * random.standard_normal(count), None, None),
+    ):
+        table: Any = SimpleNamespace(velocity_m_per_s=speed, displacement_m=place)
+        found = driven.remainder(table, SimpleNamespace(residual_n=left))  # type: ignore[arg-type]
+        assert direction is None or found.direction == pytest.approx(direction)
+        assert along is None or found.place == pytest.approx(along)
+        assert found.reversal_samples == slow.mean()
+        assert found.reversals == pytest.approx(np.sum(left[slow] ** 2) / np.sum(left**2))
+    assert found.reversals == pytest.approx(1.0) and found.direction < 0.05 and found.place < 0.05
+    four = driven.remainder(table, SimpleNamespace(residual_n=np.sin(4 * turn)))  # type: ignore[arg-type]
+    assert four.place < 0.9
+
+
+@pytest.mark.parametrize(("rms_n", "explained"), [(3.0, True), (3.01, False)])
+def test_a_drive_is_diagnosed_step_by_step(rms_n: float, explained: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[Any] = []
+    asked: list[Any] = []
+    table: Any = SimpleNamespace(stretches=[SimpleNamespace(bandwidth_hz=12.0)])
+    split = SimpleNamespace(table=table, kept="kept", held="held")
+    found = SimpleNamespace(laws=("coulomb_friction", "drive_delay"), nonlinear="nonlinear")
+    searched = SimpleNamespace(
+        found=found, unidentifiable=("quadratic_drag",), trials=(),
+        merits={"drive_delay": SimpleNamespace(delta_bic=-40.0, without_it_n=9.0)},
+    )  # fmt: skip
+    mass = MassCheck(None, Quantity(95.0, 0.5), True)
+
+    class Fit:
+        def __init__(self, laws: Any, mask: Any, nonlinear: Any, fixed: Any) -> None:
+            asked.append((laws, mask, nonlinear, fixed))
+            self.laws, self.rms_n = laws, rms_n if len(laws) == 2 else 50.0
+
+        def rms_of(self, held: Any) -> float:
+            assert held == "held"
+            return 7.0 if len(self.laws) == 2 else 70.0
+
+        def parameters(self, law: str) -> Any:
+            return {"of": law}
+
+    class OfTable:
+        @staticmethod
+        def of(prepared: Any, *stop: Any) -> Any:
+            assert prepared == ("prepared", "motions") and stop[0]() is False
+            return table
+
+    def search_laws(of: Any, accepted: Any, tell: Any) -> Any:
+        assert (of, accepted) == (split, ("coulomb_friction",))
+        tell(0.5)
+        return searched
+
+    repeatability = Repeatability(2.0, True, "cycle")
+    for name, made in {
+        "Table": OfTable, "Split": SimpleNamespace(of=lambda of: split), "search_laws": search_laws,
+        "prepare": lambda motions: ("prepared", motions),
+        "regress": lambda of, laws, mask, nonlinear, fixed=None: Fit(laws, mask, nonlinear, fixed),
+        "check_mass": lambda motions, free: mass if motions == "motions" and len(free.laws) == 2 else None,
+        "filtered_noise_n": lambda motions, stretches, whole: (motions, stretches, len(whole.laws)),
+        "repeatability_of": lambda of, whole, noise: repeatability if noise[2] == 2 and noise[0] == "motions" else None,
+        "look_alikes": lambda of, whole, law: ("quadratic_drag",),
+        "as_fit": lambda motions, whole, check, repeats, s: (motions, len(whole.laws), check, repeats, s > 0.0),
+        "remainder": lambda of, whole: ("left", of, len(whole.laws)),
+        "chi2": lambda force, repeats: force / repeats.force_n,
+    }.items():  # fmt: skip
+        monkeypatch.setattr(driven, name, made)
+    given: Any = "motions"
+    made = driven.diagnose_driven(given, ("coulomb_friction",), lambda *what: told.append(what))
+    assert made.verdict is (Verdict.EFFECT_FOUND if explained else Verdict.PARTLY_EXPLAINED)
+    delay = {"delta_bic": -40.0, "held_out_force_rms_without_it_n": 9.0}
+    assert made.effects == (
+        FoundEffect(LAWS["drive_delay"], {"of": "drive_delay"}, delay, (LAWS["quadratic_drag"],)),  # type: ignore[dict-item]
+    )
+    forces = (made.error_before, made.error_after, made.error_held_out_before, made.error_held_out_after)
+    assert [(one.force_rms_n, one.reduced_chi2) for one in forces if one] == [
+        (50.0, 25.0), (rms_n, rms_n / 2), (70.0, 35.0), (7.0, 3.5),
+    ]  # fmt: skip
+    assert all(one is not None and np.isnan(one.displacement_rms_m + one.velocity_rms_m_per_s) for one in forces)
+    assert made.fit_before == ("motions", 1, mass, repeatability, False)  # type: ignore[comparison-overlap]
+    assert made.fit_after == ("motions", 2, mass, repeatability, True) and made.seconds > 0.0  # type: ignore[comparison-overlap]
+    drive = made.drive
+    assert drive is not None and (drive.repeatability, drive.mass, drive.bandwidth_hz) == (repeatability, mass, 12.0)
+    assert drive.unidentifiable == (LAWS["quadratic_drag"],)
+    assert drive.remainder == (None if explained else ("left", table, 2))
+    one, two = ("coulomb_friction",), found.laws
+    assert asked == [(two, None, "nonlinear", None)] + [
+        (laws, mask, "nonlinear", mass.fixed) for laws in (one, two) for mask in (None, "kept")
+    ]
+    trying = "trying the laws of a drive"
+    assert told == [
+        ("fitting mass, drag and offset", 0.0), (trying, 0.1), (trying, pytest.approx(0.45)),
+        ("fitting the whole record", 0.85), ("telling look-alikes apart", 0.9), ("diagnosed", 1.0),
+    ]  # fmt: skip

@@ -7,12 +7,39 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import chi2 as of_chance
 
 from analysis.diagnosis.result import Freedom, Phase
+from analysis.diagnosis.verdict import lack_of_fit
 from analysis.diagnosis.verdict import residual as module
 from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach
-from analysis.diagnosis.verdict.lack_of_fit import LackOfFit, _after_turn, _inside, _kinks, _pushed, colour, hats
-from analysis.diagnosis.verdict.residual import Residual, _bumps, _correlation, _phase_of, _ratio, errors, remainder_of
+from analysis.diagnosis.verdict.lack_of_fit import (
+    NOTHING,
+    LackOfFit,
+    _after_turn,
+    _apart,
+    _inside,
+    _kinks,
+    _pushed,
+    colour,
+    free_laws,
+    gain,
+    hats,
+    shared,
+)
+from analysis.diagnosis.verdict.residual import (
+    Residual,
+    _bumps,
+    _coherence,
+    _correlation,
+    _line,
+    _phase_of,
+    _ratio,
+    errors,
+    remainder_of,
+    residual_of,
+)
+from analysis.inference import Arrow
 
 COURSE = SimpleNamespace(
     touch_time_s=0.010, contact_time_s=0.010, turnaround_time_s=0.016, release_time_s=0.020, velocity_in_m_per_s=-0.2
@@ -217,3 +244,193 @@ def test_a_criterion_may_be_reached_where_each_round_gains_as_much_as_all_before
     assert CRITERIA.fall(1) == 10.0 and CRITERIA.fall(20) == pytest.approx(10 + 2 * math.log(20))
     assert CRITERIA.fall(0, wandering=True) == 22.0
     assert [CRITERIA.size_of_one(of) for of in (0, 1, 2, 3, 4)] == [5.0, 5.0, 12.0, 30.0, 30.0]
+
+
+def test_a_shape_that_all_shots_share_is_sought_at_three_powers_of_the_speed(monkeypatch: pytest.MonkeyPatch) -> None:
+    speeds = (0.1, 0.4)
+    shots = [shot_of(course=SimpleNamespace(**{**vars(COURSE), "velocity_in_m_per_s": -speed})) for speed in speeds]
+    bumps = [_bumps(shot) for shot in shots]
+    asked: list[Any] = []
+    values = [3.0, 50.0, 20.0]
+
+    def gained(fitted: Any, at: Any, shapes: Arrow) -> Any:
+        asked.append(shapes)
+        assert at == "at" and shapes.shared == bumps[0].shape[1]
+        return values[len(asked) - 1], 11 + len(asked), "floor"
+
+    monkeypatch.setattr(module, "gain", gained)
+    fitted: Any = fit_of(shots, [], 1.0)
+    at: Any = "at"
+    best, limit, width = _coherence(fitted, at)
+    for power, shapes in enumerate(asked):
+        for block, bump, speed in zip(shapes.blocks, bumps, speeds, strict=True):
+            np.testing.assert_allclose(block, bump * (speed / 0.4) ** power)
+    assert len(asked) == 3 and (best, width) == (50.0, 14)
+    assert limit == pytest.approx(1.35 * of_chance.isf(1e-3 / 3, 14))  # of three shapes each has a third of the chance
+    asked.clear()
+    values = [-3.0, -2.0, -1.0]
+    assert _coherence(fitted, at)[0] == 0.0
+
+
+@pytest.mark.parametrize("count", [1, 3])
+@pytest.mark.parametrize("site", [None, "site"])
+@pytest.mark.parametrize("over", [True, False])
+def test_a_residual_is_tested_whole(over: bool, site: str | None, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a moving frame under the noise of the flights, whose strengths are uncertain: chance gains three times that."""
+    white = [np.full(5, 2.0)] * count
+    limit = 40.0 * 1.5 * (3.0 if site else 1.0)
+    at: Any = SimpleNamespace(under=lambda noise: ("under", noise))
+    data = SimpleNamespace(shots=["shot"] * count, site=site)
+    fitted: Any = SimpleNamespace(
+        problem=SimpleNamespace(data=data), unlearned_noise="flights", whitened=lambda: white
+    )  # fmt: skip
+    used = ("under", "flights") if site else at
+    monkeypatch.setattr(module, "_correlation", lambda given: 0.01 if given is white else None)
+    monkeypatch.setattr(module, "_ratio", lambda given, shots: 1.2 if given is white and shots is data.shots else None)
+    monkeypatch.setattr(module, "colour", lambda given: 1.5 if given is white else None)
+    coherence = limit + (1.0 if over else -1.0)
+    monkeypatch.setattr(module, "_coherence", lambda one, at: (coherence, 40.0, 9) if at == used else None)
+    monkeypatch.setattr(module, "worst", lambda *given: given)
+    found = residual_of(fitted, at)
+    assert (found.correlation, found.ratio, found.samples) == (0.01, 1.2, 5 * count)
+    assert found.misfit == (fitted, at, used, 1.5)
+    if count == 1:
+        assert (found.coherence, found.limit, found.size) == (0.0, math.inf, 0.0)
+        return
+    assert (found.coherence, found.limit) == (coherence, limit)
+    assert found.size == (pytest.approx(math.sqrt(coherence - 9)) if over else 0.0)
+
+
+def test_a_line_is_told_where_it_stands_out_of_what_noise_does() -> None:
+    """Twelve times the median of three shots' power, or more where chance reaches further: of one shot 20."""
+    random = np.random.default_rng(6)
+    spacing_s, count = 5e-5, 2000
+    time_s = spacing_s * np.arange(count)
+
+    def line(amplitude: float, hertz: float, shots: int = 3) -> float | None:
+        white = [
+            random.standard_normal(count) + amplitude * np.sin(2 * np.pi * hertz * time_s + k) for k in range(shots)
+        ]
+        longer = [np.append(one, 1e3 * np.ones(70 * k)) for k, one in enumerate(white)]  # beyond the shortest shot
+        made = [shot_of(len(one), spacing_s) for one in longer]
+        fitted: Any = SimpleNamespace(
+            problem=SimpleNamespace(data=SimpleNamespace(shots=made)), whitened=lambda: longer
+        )
+        return _line(fitted)
+
+    for hertz in (430.0, 3170.0, 60.0):
+        assert line(0.8, hertz) == pytest.approx(hertz, abs=10.0)
+    assert line(0.0, 430.0) is None and line(0.8, 10.0) is None  # fewer than three periods are no line
+    # of Hann's window the peak is A^2 n^2 / 16, the noise's mean 3 n / 8, its median ln 2 of it in one shot
+    for shots in (1, 3):
+        median = of_chance.ppf(0.5, 2 * shots) / 2 * 3 * count / 8
+        least = max(12.0, of_chance.isf(1e-3 / (count / 2 - 2), 2 * shots) / of_chance.ppf(0.5, 2 * shots)) * median
+        amplitude = math.sqrt(least * 16 / shots) / count
+        assert line(1.5 * amplitude, 2000.0, shots) == pytest.approx(2000.0, abs=10.0)
+        assert line(0.6 * amplitude, 2000.0, shots) is None
+
+
+def test_what_shapes_gain_is_told_by_the_noise_that_is_left_beside_them() -> None:
+    """Base and starts give way to the shapes; the noise is learnt from what both leave."""
+    random = np.random.default_rng(7)
+    tangents = [random.standard_normal((20, 2)) for _ in range(2)]
+    shapes = Arrow.of([random.standard_normal((20, 3)) for _ in range(2)], 3)
+    whole = random.standard_normal(40)
+    columns, moving = np.vstack(shapes.blocks), np.vstack(tangents)
+    basis = np.linalg.qr(moving)[0]
+
+    def beside(rows: np.ndarray) -> np.ndarray:
+        return np.asarray(rows - basis @ (basis.T @ rows))
+
+    seen = beside(columns)
+    projected = SimpleNamespace(
+        new=np.array([True, True, False]), solve=lambda left: np.linalg.lstsq(seen, left, rcond=None)[0]
+    )  # fmt: skip
+    learnt: list[Any] = []
+
+    def learn_noise(left: Any, noise: Any) -> Any:
+        learnt.append((left, noise))
+        return "new floor", 130.0
+
+    shot = SimpleNamespace(whitened=lambda noise, block: block)
+    at: Any = SimpleNamespace(
+        noise="noise", whole=whole, left=beside(whole), lines=[(None, one) for one in tangents],
+        basis=SimpleNamespace(projected_columns=lambda whitened: projected),
+        tangents=SimpleNamespace(
+            solve=lambda left: np.linalg.lstsq(moving, left, rcond=None)[0], places=[np.arange(2)] * 2
+        ),
+    )  # fmt: skip
+    fitted: Any = SimpleNamespace(
+        problem=SimpleNamespace(data=SimpleNamespace(shots=[shot, shot]), learn_noise=learn_noise), noise="noise",
+        log_likelihood=100.0, residual_m=[whole[:20], whole[20:]],
+    )  # fmt: skip
+    assert gain(fitted, at, shapes) == (60.0, 2, "new floor")
+    ((left, noise),) = learnt
+    exact = np.linalg.lstsq(np.hstack([moving, columns]), whole, rcond=None)[0]
+    np.testing.assert_allclose(np.concatenate(left), whole - np.hstack([moving, columns]) @ exact, atol=1e-9)
+    assert noise == "noise"
+    at.noise = "of flights"  # another noise than the fit's stays as it is: the fall of chi^2 itself
+    value, width, floor = gain(fitted, at, shapes)
+    fall = float(at.left @ at.left - np.sum((at.left - seen @ np.linalg.lstsq(seen, at.left, rcond=None)[0]) ** 2))
+    assert (value, width, floor) == (pytest.approx(fall), 2, "of flights")
+    projected.new = np.zeros(3, dtype=bool)
+    assert gain(fitted, at, shapes) == (0.0, 0, "noise")
+
+
+def test_parameters_apart_are_free_in_all_shots_but_the_last() -> None:
+    blocks = [np.arange(8.0).reshape(2, 4) + 10 * k for k in range(3)]
+    found = _apart(Arrow.of(blocks, 3), slice(1, 3))
+    assert [block.shape for block in found.blocks] == [(2, 2), (2, 2), (2, 0)] and found.shared == 0
+    np.testing.assert_array_equal(found.blocks[1], blocks[1][:, 1:3])
+    assert found.size == 4
+    together = shared([np.ones((2, 3)), np.ones((4, 3))])
+    assert together.shared == together.size == 3
+
+
+def test_free_laws_push_the_block_as_their_argument_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forces in hats over the speed, the place and the bend of all shots, against or one way."""
+    noted: list[Any] = []
+
+    def pushed(force: Any, mass: float, stiffness: float, touching: Any, spacing: float, out: Any) -> None:
+        noted.append((force.copy(), mass, stiffness, touching.tolist(), spacing))
+        out[:] = force * mass
+
+    monkeypatch.setattr(lack_of_fit, "_pushed", pushed)
+    place = [np.array([4.0, 1.0, -2.0, 1.0, 3.0]), np.array([2.0, 1.0, -1.0, 0.0, 8.0])]
+    speed = [np.array([-4.0, -4.0, -1.0, 2.0, 2.0]), np.array([-1.0, -1.0, 0.0, 1.0, 1.0])]
+    gaps = [np.array([1.0, -1.0, 1.0, -1.0, 1.0]), np.array([1.0, 1.0, -1.0, 1.0, 1.0])]
+    runs = [
+        SimpleNamespace(displacement_m=x + 0.5, velocity_m_per_s=v, gap_m=gap)
+        for x, v, gap in zip(place, speed, gaps, strict=True)
+    ]  # fmt: skip
+    shots = [SimpleNamespace(moving_mass_kg=mass, spacing_s=2e-5 * mass) for mass in (2.0, 3.0)]
+    problem: Any = SimpleNamespace(
+        data=SimpleNamespace(shots=shots), run=lambda i, point, *, coarse: runs[i] if coarse else None
+    )
+    own = [np.array([0.0, 0.0, 0.5])] * 2  # the offset is no place
+    point: Any = SimpleNamespace(base=np.array([200.0, 1.0]), own=own)
+    laws = free_laws(problem, point)
+    assert list(laws) == [
+        Freedom.SPEED_AGAINST_MOTION, Freedom.SPEED_ONE_WAY, Freedom.PLACE, Freedom.BEND, Freedom.BEND_AGAINST_MOTION,
+    ]  # fmt: skip
+    knots = {
+        "speed": [0.0, 0.15, 0.35, 0.65, 1.0],
+        "place": [0.0, 0.08, 0.2, 0.45, 1.0],
+        "bend": [0.0, 0.25, 0.5, 0.75, 1.0],
+    }
+    touching = [[0, 1, 1, 1, 0], [0, 0, 1, 0, 0]]
+    for k, (x, v) in enumerate(zip(place, speed, strict=True)):
+        inside = np.array(touching[k], dtype=float)
+        of_speed, of_place, of_bend = (
+            np.stack([np.interp(u, knots[name], unit) for unit in np.eye(5)], axis=1)
+            for name, u in (("speed", np.abs(v) / 4.0), ("place", x / 8.0), ("bend", -x / 2.0))
+        )
+        bent = of_bend[:, 1:] * inside[:, None]  # no bend, no force
+        way = np.sign(v)[:, None]
+        expected = (way * of_speed, of_speed, of_place, bent, way * bent)
+        for (name, columns), force in zip(laws.items(), expected, strict=True):
+            np.testing.assert_allclose(columns[k], force * shots[k].moving_mass_kg, err_msg=str(name))
+    for k, (_, mass, stiffness, touch, spacing) in enumerate(noted):
+        shot = shots[k // 5]
+        assert (mass, stiffness, touch, spacing) == (shot.moving_mass_kg, 200.0, touching[k // 5], shot.spacing_s)
+    assert NOTHING.size == 0.0 and LackOfFit(Freedom.PLACE, 20.0, 9.0, 4).size == 4.0

@@ -180,7 +180,7 @@ def _check_covariance(covariance: NDArray[np.float64], parameters: Mapping[str, 
     scale = np.sqrt(np.where(variances > 0.0, variances, 1.0))
     with np.errstate(over="ignore"):
         correlation = known / scale / scale[:, None]
-    if not np.all(np.abs(correlation) <= 1.0 + _ROUNDING) or np.abs(correlation - correlation.T).max() > _ROUNDING:
+    if not np.all(np.abs(correlation) <= 1.0 + _ROUNDING) or (correlation - correlation.T).max() > _ROUNDING:
         raise ModelFileError("covariance.rows: not symmetric, or a correlation beyond one")
     if np.linalg.eigvalsh(0.5 * (correlation + correlation.T)).min() < -_ROUNDING * len(correlation):
         raise ModelFileError("covariance.rows: some sum of the parameters would have a variance below zero")

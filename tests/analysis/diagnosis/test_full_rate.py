@@ -75,3 +75,169 @@ def test_what_remains_to_be_fitted_at_the_records_rate_ends_when_asked_to(monkey
     at_full_rate(before, Trail(before, [KINDS[RIPPLE]], lambda: bool(asked)), motions)
     refitted, *after = computed
     assert refitted > 1 and len(after) >= 2 and set(after) == {1}
+
+
+def fit_of(*effects: Any, site: Any = None, rate: int = 5) -> Any:
+    shot = Some(wavelength_m=633e-9, factor=rate, plate="plate")
+    data = replace(_Data(site, "base", (shot, shot)))
+    return Some(effects=effects, problem=Some(data=data), noise="noise", point="point of " + str(len(effects)))
+
+
+class Rate:
+    """Stands in for what a look at the record's own rate asks."""
+
+    def __init__(self, patch: pytest.MonkeyPatch, **more: Any) -> None:
+        self.asked: list[Any] = []
+        start = more.get("start", fit_of())
+        kinds = more.get("kinds", (KINDS["tilt"], KINDS[RIPPLE]))
+        self.trail: Any = Some(catalogue=kinds, start=start, stop="stop")
+        self.listed = more.get("listed", [Some(start="first"), Some(start="second")])
+        self.fine, self.promising = more.get("fine", 1), more.get("promises", True)
+        for name, made in {
+            "averaged_shots": lambda motions, rate: [Some(factor=self.fine)] if rate == FINE_RATE_HZ else None,
+            "with_plates": lambda shots, plates: (shots, plates),
+            "without": lambda best, effect, trail: fit_of() if best.effects == (effect,) else None,
+            "_promises": self.promises,
+            "on_site": lambda shots, site, base, point: (shots, site, base, point),
+            "_beside": lambda bare, data: Some(scores=lambda ripple: self.listed, data=data),
+            "refit": lambda at, ripple, start, stop: ("refitted", at.data, ripple.effect, start, stop),
+            "_anew": lambda finest, trail: (finest, trail),
+        }.items():
+            patch.setattr(full_rate, name, made)
+
+    def promises(self, ripple: Any, bare: Any, shots: Any, trail: Any) -> bool:
+        assert ripple is KINDS[RIPPLE] and trail is self.trail
+        self.asked.append((bare.effects, shots))
+        return bool(self.promising)
+
+    def look(self, best: Any) -> Any:
+        return at_full_rate(best, self.trail, "motions")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("found", [True, False])
+def test_a_ripple_is_fitted_at_the_records_rate_from_where_it_scores_best(
+    found: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A ripple that was found at the averaged rate is taken out first, and measured anew."""
+    rate = Rate(monkeypatch)
+    best = fit_of(named(RIPPLE)) if found else fit_of(named("tilt"))
+    finest, trail = rate.look(best)
+    _, data, effect, start, stop = finest
+    assert trail is rate.trail and effect is named(RIPPLE) and (start, stop) == ("first", "stop")
+    bare = () if found else (named("tilt"),)
+    ((asked, shots),) = rate.asked
+    assert asked == bare and shots[1] == ["plate", "plate"]
+    assert data.shots == (shots, None, "base", f"point of {len(bare)}")
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"kinds": (KINDS["tilt"],)}, {"start": fit_of(named(RIPPLE))}, {"fine": 5}, {"promises": False}, {"listed": []},
+    ],
+)  # fmt: skip
+def test_there_is_no_look_where_no_ripple_may_be_seen(more: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """None is tried, the model has it, the record is no finer, it promises nothing, or it has no score."""
+    assert Rate(monkeypatch, **more).look(fit_of()) is None
+    blind = fit_of()
+    blind.problem.data.shots[1].wavelength_m = None
+    assert Rate(monkeypatch).look(blind) is None
+    lost = Rate(monkeypatch)
+    monkeypatch.setattr(full_rate, "refit", lambda *_: None)
+    assert lost.look(fit_of()) is None and lost.asked
+
+
+@pytest.mark.parametrize("site", [None, "site"])
+def test_noise_beside_other_data_is_learnt_from_the_residual_there(site: str | None) -> None:
+    asked: list[Any] = []
+
+    class Problem:
+        def __init__(self, data: Any) -> None:
+            self.data = data
+
+        def residual_m(self, z: Any) -> Any:
+            return "left", z
+
+        def learn_noise(self, left: Any, start: Any) -> Any:
+            asked.append((left, start))
+            return "learnt", 0.0
+
+        def with_noise(self, noise: Any) -> Any:
+            return Some(linearise=lambda z: (noise, z, self.data))
+
+    noise = Some(without_site="without site")
+    data: Any = _Data(site)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(full_rate, "replace", lambda problem, *, data: Problem(data))
+        best: Any = Some(problem="problem", noise=noise, z="z")
+        found: Any = full_rate._beside(best, data)
+    assert found == ("learnt", "z", data) and asked == [(("left", "z"), noise if site else "without site")]
+
+
+@pytest.mark.parametrize(("worth", "promises"), [(20.1, True), (19.9, False)])
+def test_a_ripple_promises_to_pay_with_all_that_is_slow_taken_off(
+    worth: float, promises: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the fit leaves but for the frame's most likely motion, and the plate's, is no ripple's."""
+    coarse_s = np.linspace(0.0, 1.0, 11)
+    valid = coarse_s < 0.75
+    left = np.full(11, 30.0)
+    sway = Some(of_plate_m=lambda plate: 100.0 * plate[0] * coarse_s)
+    coarse = Some(centre_s=coarse_s, valid=valid, plate=(2.0,), sway=sway)
+    coarse.without_frame_motion = lambda noise, given: 10.0 * coarse_s + 1e6 * ~valid if given is left else None
+    fine_s = np.linspace(0.0, 0.7, 50)
+
+    @dataclass(frozen=True)
+    class Shot:
+        centre_s: Any
+        displacement_m: Any
+
+    made: list[Any] = []
+
+    def beside(best: Any, data: Any) -> Any:
+        made.append(data)
+        score = Some(worth=lambda size: worth if size == 7 else 0.0)
+        return Some(scores=lambda ripple: [score] if ripple == "ripple" else [], left=np.zeros(7))
+
+    monkeypatch.setattr(full_rate, "_beside", beside)
+    best: Any = Some(problem=Some(data=_Data("site", "base", (coarse,))), residual_m=[left], noise="noise")
+    trail: Any = Some(least_fall=lambda noise: 20.0 if noise == "noise" else 0.0)
+    given: Any = ("ripple", best, [Shot(fine_s, np.full(50, 1000.0))], trail)
+    assert full_rate._promises(*given) is promises
+    (data,) = made
+    assert data.site is None and data.base == "base"
+    np.testing.assert_allclose(
+        data.shots[0].displacement_m, 1000.0 - (30.0 - 10.0 * fine_s) + 200.0 * fine_s, atol=1e-9
+    )
+    coarse.plate = (0.0,)
+    full_rate._promises(*given)
+    np.testing.assert_allclose(made[1].shots[0].displacement_m, 1000.0 - (30.0 - 10.0 * fine_s), atol=1e-9)
+    coarse.plate, coarse.sway = (2.0,), None
+    full_rate._promises(*given)
+    np.testing.assert_allclose(made[2].shots[0].displacement_m, 1000.0 - (30.0 - 10.0 * fine_s), atol=1e-9)
+
+
+def test_a_trail_of_other_data_begins_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+    start = Some(effects=(), bic=100.0, problem="problem of start", z="z")
+    old: Any = Trail(start, (), calm)  # type: ignore[arg-type]
+    old.asked.add(frozenset([named("tilt")]))
+    best: Any = Some(effects=(named("tilt"),), bic=50.0, problem=Some(data="fine data"))
+    again = Some(effects=(), bic=90.0)
+
+    def at(fitted: Any, data: Any, stop: Any) -> Any:
+        assert (fitted, data, stop) == (start, "fine data", calm)
+        return again
+
+    monkeypatch.setattr(full_rate, "_at", at)
+    monkeypatch.setattr(full_rate, "prune", lambda fitted, trail: asked.append(trail) or ("pruned", fitted))
+    monkeypatch.setattr(full_rate, "polish", lambda fitted, trail: ("polished", fitted))
+    found, trail = full_rate._anew(best, old)
+    assert found == ("polished", ("pruned", best)) and asked == [trail] and trail is not old  # type: ignore[comparison-overlap]
+    assert trail.start is again and trail.of([named("tilt")]) is best and not trail.asked and old.asked
+    assert old.fits == {frozenset(): start}
+    monkeypatch.setattr(full_rate, "on_frame_anew", lambda fitted, stop: best if stop is calm else None)
+    monkeypatch.setattr(full_rate, "_anew", lambda fitted, trail: (fitted, "anew", trail))
+    other: Any = Some()
+    assert full_rate.with_sway_updated(other, old) == (best, "anew", old)
+    assert full_rate.with_sway_updated(best, old) == (best, old)

@@ -54,3 +54,11 @@ def test_a_law_of_ones_own_is_told_with_its_formula_and_its_units() -> None:
     law = from_mapping({"name": "brake", "where": "block", "formula": "-a*exp(x/b)*v", "parameters": parameters})
     found = FoundEffect(law, {"a": Quantity(4e-4, 1e-6, ""), "b": Quantity(1.2e-3, 1e-6, "")}, {})
     assert words.found(found) == "brake: -a*exp(x/b)*v with a (4.000 ± 0.010)e-4 N s/m, b (1.2000 ± 0.0010)e-3 m"
+
+
+@pytest.mark.parametrize(("share", "same"), [(0.99e-3, True), (1.01e-3, False)])
+def test_curves_of_one_function_differ_by_less_than_a_thousandth_of_what_is_new(share: float, same: bool) -> None:
+    shown, new_n = np.array([1.0, 5.0, -2.0]), np.array([0.5, -2.0, 1.0])
+    for moved in ([1.0, 0.0, 0.0], [0.0, -1.0, 0.5]):
+        other = OtherForm("block", "place", "power", "", 0.0, shown + 2.0 * share * np.array(moved))
+        assert is_same_function(other, shown, new_n) is same

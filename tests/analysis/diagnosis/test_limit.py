@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
+from analysis.diagnosis import limit as module
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.result import Verdict
@@ -34,6 +35,12 @@ def test_work_is_left_out_only_after_its_time() -> None:
     assert limit.within("endless", endless, "not done") == "not done"
     assert limit.within("late", lambda: "done", "not done") == "not done"
     assert limit.left_out == ("endless", "late")
+
+
+def test_of_the_time_some_is_left_for_judging_what_was_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "FitTime", lambda *given: given)
+    limit = Limit(40.0, calm)
+    assert limit._time == (34.0, calm) and limit.seconds == 40.0  # type: ignore[comparison-overlap]
 
 
 def test_who_asks_to_stop_is_not_out_of_time() -> None:

@@ -276,7 +276,7 @@ def test_a_shape_that_all_shots_share_is_sought_at_three_powers_of_the_speed(mon
 @pytest.mark.parametrize("site", [None, "site"])
 @pytest.mark.parametrize("over", [True, False])
 def test_a_residual_is_tested_whole(over: bool, site: str | None, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a moving frame under the noise of the flights, whose strengths are uncertain: chance gains three times that."""
+    """On a moving frame under the noise of the flights, of uncertain strengths: chance gains three times more."""
     white = [np.full(5, 2.0)] * count
     limit = 40.0 * 1.5 * (3.0 if site else 1.0)
     at: Any = SimpleNamespace(under=lambda noise: ("under", noise))

@@ -2,18 +2,21 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from analysis.diagnosis.model_file import SavedModel
 from analysis.diagnosis.result import Errors
-from analysis.diagnosis.verdict.foretold import Foretold, ForetoldShot, _all, _on_its_plate
+from analysis.diagnosis.verdict import foretold as module
+from analysis.diagnosis.verdict.foretold import Foretold, ForetoldShot, _all, _on_its_plate, foretell
 from analysis.diagnosis.wording import prediction_words
 from analysis.shot.plate import stated_n_per_m
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Plate
-from analysis.shot.shot import AnalysisError
+from analysis.shot.shot import AnalysisError, Cancelled
 from tests.analysis.synthetic_collision import Synthetic, motion_of
 
 THIN = Plate(15e-3, 2e-3, 0.3e-3, 10e-3, 8.51e3, 131e9)
@@ -89,3 +92,61 @@ def test_the_sentence_says_by_how_much_and_over_how_many(base: Errors, model: Er
     )
     assert one.startswith(words)
     assert one.endswith("over 1 shot") and two.endswith("over 2 shots")
+
+
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("base", ["paper", "driven"])
+def test_each_shot_is_predicted_by_base_and_model_and_what_fails_says_why(
+    base: str, known: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Any] = []
+    stopped = False
+    model: Any = SimpleNamespace(
+        base=base, base_parameters={"known": 1} if known else {}, shots=("b", "z"), effects=("effects",)
+    )  # fmt: skip
+    failing = {"c": AnalysisError("too short"), "d": np.linalg.LinAlgError("singular")}
+
+    def one(motion: str, of: Any, parameters: Any) -> Any:
+        asked.append((motion, parameters))
+        if motion in failing:
+            raise failing[motion]
+        return _errors(3e-9, 3.0), _errors(1e-9, 1.0)
+
+    def fitted(motions: Any, name: str, effects: Any, stop: Any) -> Any:
+        assert (motions, name, effects, stop()) == (list("abcd"), base, (), stopped)
+        return SimpleNamespace(parameters={"fitted": 1})
+
+    monkeypatch.setattr(module, "fit_jointly", fitted)
+    monkeypatch.setattr(module, "_on_its_plate", lambda motion, model, base: (model, base))
+    monkeypatch.setattr(module, "_driven" if base == "driven" else "_collision", one)
+    monkeypatch.setattr(module, "in_words", lambda error: f"because {error}")
+    motions: Any = list("abcd")
+    found = foretell(motions, ["a", "b", "c", "d"], model)
+    assert asked == [(motion, {"known" if known else "fitted": 1}) for motion in "abcd"]
+    assert [(shot.name, shot.took_part, shot.problem) for shot in found.shots] == [
+        ("a", False, None), ("b", True, None), ("c", False, "because too short"), ("d", False, "because singular"),
+    ]  # fmt: skip
+    assert (found.model, found.effects) == (base, ("effects",))
+    assert (found.error_base.force_rms_n, found.error_model.force_rms_n) == (3.0, 1.0)
+    assert found.shots[0].error_base == _errors(3e-9, 3.0) and found.shots[3].error_model is None
+    stopped = True
+    with pytest.raises(Cancelled):
+        foretell(motions, ["a"] * 4, model, lambda: True)
+    with pytest.raises(AnalysisError, match="nothing to foretell"):
+        foretell([], [], model)
+
+
+def test_a_drives_force_is_predicted_by_base_and_by_model(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+    monkeypatch.setattr(module, "prepare_drive", lambda motions: ("prepared", motions))
+    monkeypatch.setattr(module, "Table", SimpleNamespace(of=lambda prepared: ("table", prepared)))
+    monkeypatch.setattr(module, "prediction_residual_n", lambda *given: asked.append(given) or len(asked))
+    monkeypatch.setattr(module, "rms", lambda left: 10.0 * left)
+    monkeypatch.setattr(module, "force_noise", lambda motion: 4.0 if motion == "motion" else 0.0)
+    monkeypatch.setattr(module, "chi2", lambda force, repeats: force / repeats.force_n)
+    given: Any = ("motion", SimpleNamespace(effects=("law",), parameters="whole"), "base")
+    bare, whole = module._driven(*given)
+    table = ("table", ("prepared", ["motion"]))
+    assert asked == [(table, (), "base"), (table, ("law",), "whole")]
+    assert (bare.force_rms_n, bare.reduced_chi2, whole.force_rms_n, whole.reduced_chi2) == (10.0, 2.5, 20.0, 5.0)
+    assert math.isnan(bare.displacement_rms_m) and math.isnan(bare.velocity_rms_m_per_s)

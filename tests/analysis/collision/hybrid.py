@@ -19,6 +19,7 @@ class Beside:
     adhesion: tuple[float, float] | None = None
     mode: tuple[float, float, float] | None = None
     cubic_n_per_m3: float = 0.0  # of the plate's spring
+    frame: tuple[float, float, float] = (0.0, 0.0, 0.0)  # moves as A cos(omega t + phi), in whose coordinates all is
 
 
 @dataclass
@@ -55,7 +56,7 @@ class Hybrid:
                 guard = self._event(guard, direction)
                 guards.append(guard)
             run = solve_ivp(
-                lambda _, s, p=phase, n=near, g=sign: self._rates(s, p, n, g), (t, end + 1e-6), state,
+                lambda at, s, p=phase, n=near, g=sign: self._rates(at, s, p, n, g), (t, end + 1e-6), state,
                 method="DOP853", rtol=1e-12, atol=1e-15, events=guards, dense_output=True, max_step=2e-4,
             )  # fmt: skip
             within = (time_s > t) & (time_s <= run.t[-1])
@@ -93,8 +94,10 @@ class Hybrid:
         damping = c.contact_damping_n_s_per_m * (s[3] - s[1]) if dash else 0.0
         return float(c.contact_stiffness_n_per_m * (s[2] - s[0]) + damping)
 
-    def _rates(self, s: np.ndarray, phase: str, near: bool, sign: float) -> list[float]:
+    def _rates(self, t: float, s: np.ndarray, phase: str, near: bool, sign: float) -> list[float]:
         c, beside = self.collision, self.beside
+        size, rate, turn = beside.frame
+        felt = size * rate**2 * np.cos(rate * t + turn)  # minus the frame's acceleration
         x, v, y, u, q, w = s
         force = self._law(s, phase == CONTACT) if phase in (CONTACT, PARTING) else 0.0
         if beside.adhesion and near:
@@ -106,7 +109,7 @@ class Hybrid:
             mass -= m
         on_block = force - beside.friction_n * sign + (beside.mode[0] * pull if beside.mode else 0.0)
         plate = -force - c.plate_stiffness_n_per_m * y - beside.cubic_n_per_m3 * y**3
-        return [v, on_block / mass, u, plate / c.plate_mass_kg, w, -pull]
+        return [v, on_block / mass + felt, u, plate / c.plate_mass_kg + felt, w, -pull]
 
     def _watched(self, phase: str, near: bool, sign: float) -> list[tuple[str, Any, float]]:
         variant, reach = self.collision.variant, self.beside.adhesion

@@ -17,6 +17,7 @@ from analysis.collision import (
     march,
     matrices,
     modes,
+    on_moving_frame,
     path_matrices,
     propagator,
     rates,
@@ -29,6 +30,7 @@ from analysis.collision.effects.kernel import STATES
 from analysis.collision.general import Active
 from analysis.collision.linearisation import LinearPath, linear_path
 from analysis.collision.parameters import Collision, Infeasible, Variant
+from tests.analysis.collision.hybrid import Beside, Hybrid
 from tests.analysis.collision.plain import made_plain
 
 RIG = Collision(0.02, -0.3, 300.0, 2e-3, 3e3, 0.3)
@@ -40,7 +42,7 @@ def plain(monkeypatch: pytest.MonkeyPatch) -> Iterator[pytest.MonkeyPatch]:
     """Let path and effects be called in plain Python."""
     made_plain(
         monkeypatch, crossings, exponentials, first_order, linear_coefficients, linearisation, march, matrices, modes,
-        path_matrices, propagator, rates, runge_kutta, system, two_bodies,
+        on_moving_frame, path_matrices, propagator, rates, runge_kutta, system, two_bodies,
     )  # fmt: skip
     functions: list[Any] = []
 
@@ -168,3 +170,27 @@ def test_the_rooms_of_path_and_march_are_what_their_arrays_take(hidden: int, pla
         first_order.along(path, named("block_mode"), RIG, parameters, TIME_S.size)
         room = first_order._room_for(n, count)
         assert room - 20 - 4 * count <= max(taken) <= room
+
+
+@pytest.mark.parametrize("place", [0, 1])
+def test_what_a_moving_frame_adds_is_what_scipys_solution_differs_by(place: int) -> None:
+    """At two frequencies, as cosine and as sine; before the touch the block alone flies on in space."""
+    collision, _ = CASES[place]
+    omega = np.array([150.0, 700.0])
+    path = linear_path(collision, [], TIME_S)
+    shown, after = on_moving_frame.moved_by_frame(path, collision, omega, TIME_S.size)
+    assert shown.shape == (TIME_S.size, 4) and after.shape == (4,)
+    touched = TIME_S > 0.0
+    for column, (rate, turn) in enumerate([(rate, turn) for turn in (0.0, -np.pi / 2) for rate in omega]):
+        size = 1e-9
+        ahead, back = (Hybrid(collision, Beside(frame=(sign * size, rate, turn))) for sign in (1, -1))
+        exact = (ahead.solved(TIME_S) - back.solved(TIME_S)) / (2 * size)
+        scale = np.abs(exact[touched, 0]).max()
+        assert np.abs(shown[:, column] - exact[:, 0])[touched].max() < 2e-4 * scale
+        alone = np.cos(turn) - rate * TIME_S * np.sin(turn) - np.cos(rate * TIME_S + turn)
+        np.testing.assert_allclose(shown[~touched, column], alone[~touched], atol=1e-6)
+        when = ahead.events[-1][1]
+        at = np.array([when + 1e-5, when + 5e-4])  # free, in the frame's coordinates: faster as the frame is slower
+        (begin, end) = (Hybrid(collision, one.beside).solved(at)[:, 1] for one in (ahead, back))
+        in_space = (begin - end) / (2 * size) - rate * np.sin(rate * at + turn)
+        np.testing.assert_allclose(in_space, after[column], atol=3e-4 * np.abs(after).max())

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.collision import Infeasible
 from analysis.diagnosis.verdict import cross_validation
 from analysis.diagnosis.verdict.cross_validation import Prediction, _Open, choose, predict
 
@@ -92,3 +93,97 @@ def test_held_out_shots_are_predicted_one_by_one_and_counted_together(monkeypatc
     assert asked == [("fitted", "floor", "stop")] * 2
     none: Any = ("fitted", (3, 8), "floor", "stop")
     assert predict(*none) is None
+
+
+class OneOut:
+    """A fit of three shots of which the middle one is held out; ``unseen`` is a plate that it alone was taken on."""
+
+    def __init__(self, patch: pytest.MonkeyPatch, unseen: tuple[int, ...] = (), *, fails: bool = False) -> None:
+        # in the others' vector: k_p, a plate of no shot of theirs, two starts; in the shot's: k_p, its plate, its start
+        random = np.random.default_rng(1)
+        self.fails, self.asked = fails, []
+        root, own = random.standard_normal((4, 4)), random.standard_normal((6, 3))
+        self.covariance, self.rows = root @ root.T, own
+        self.residual = random.standard_normal(6)
+        self.some: Any = SimpleNamespace(
+            shared=[0, 1], unseen=[1] if unseen else [], size=4, search=self.search, names=None
+        )  # fmt: skip
+        self.one: Any = SimpleNamespace(
+            shared=[0, 1], unseen=[], square=self.square, predict=self.predict,
+            unpack=lambda z: ("unpacked", z.tolist()),
+            full=lambda point: [("path", point)], with_noise=lambda floor: self.one if floor == "floor" else None,
+            free_parameters=[(None, None, -1), (None, None, 0), (None, None, 0)],
+        )  # fmt: skip
+
+        def of(fitted: Any, shots: list[int]) -> Any:
+            if shots == [1]:
+                return self.one, np.array([10.0, 20.0, 30.0]), [2]
+            assert shots == [0, 2]
+            return self.some, np.array([10.0, 20.0, 1.0, 2.0]), [2, 3]
+
+        patch.setattr(cross_validation, "_of", of)
+        measured = SimpleNamespace(
+            displacement_m=np.array([1.0, 5.0, 9.0]), averaged=lambda path: 1.0, valid=np.array([True, True, False]),
+            without_frame_motion=lambda floor, off: off + 1.0 if floor == "floor" else None,
+        )  # fmt: skip
+        data = SimpleNamespace(shots=["first", measured, "last"])
+        self.fitted: Any = SimpleNamespace(problem=SimpleNamespace(data=data))
+
+    def search(self, z: Any, *, evaluations: int, cancelled: Any) -> Any:
+        assert z.tolist() == [10.0, 20.0, 1.0, 2.0] and (evaluations, cancelled) == (25, "stop")
+        if self.fails:
+            raise Infeasible("nowhere")
+        square = SimpleNamespace(
+            covariance=lambda seen: self.covariance if self.asked.append(seen.tolist()) is None else None
+        )
+        return SimpleNamespace(parameters=np.array([11.0, 22.0, 1.5, 2.5]), square=square)
+
+    def square(self, z: Any) -> Any:
+        assert z.tolist() == [10.0, 20.0, 30.0]
+        return SimpleNamespace(followed=lambda moved, own: self.asked.append((moved.tolist(), own)) or 0.25)
+
+    def predict(self, z: Any, held: Any, *, evaluations: int, tolerance: float) -> Any:
+        self.asked.append((z.tolist(), held, evaluations, tolerance))
+        end = SimpleNamespace(
+            residual=self.residual, pull=lambda d: self.rows.T @ d, chi2=float(self.residual @ self.residual),
+            samples=50,
+            gradient=self.rows.T @ self.residual, curvature=self.rows.T @ self.rows,
+        )  # fmt: skip
+        return SimpleNamespace(parameters=z + 0.5, square=end)
+
+    def told(self) -> Any:
+        floor: Any = "floor"
+        return cross_validation._predict(self.fitted, 1, floor, "stop")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("unseen", [(), (1,)])
+def test_a_shot_is_predicted_with_what_the_others_know_and_pays_for_its_own(
+    unseen: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A plate that no other shot was taken on is its own, as its start is."""
+    out = OneOut(monkeypatch, unseen)
+    told = out.told()
+    shared, own = ([0], [1, 2]) if unseen else ([0, 1], [2])
+    moved, given, seen = out.asked
+    there = [11.0, 20.0, 30.0] if unseen else [11.0, 22.0, 30.0]
+    assert moved == ([there[0] - 10.0, there[1] - 20.0, 0.0], own)
+    begun = [value + 0.25 * (place in own) for place, value in enumerate(there)]
+    assert given == (begun, shared, 10, 1e-2) and seen == [True, not unseen, True, True]
+    open_ = _Open.of(out.rows.T @ out.rows, shared, out.covariance[shared][:, shared])
+    chi2 = open_.chi2(float(out.residual @ out.residual), out.rows.T @ out.residual)
+    assert told.surprise == pytest.approx(chi2 + open_.log_volume + 2 * np.log(50))  # two numbers of its own effects
+    assert told.rms_m == pytest.approx(np.sqrt((1.0 + 25.0) / 2))
+    assert told.displacement_m == (("path", ("unpacked", [value + 0.5 for value in begun])),)
+    assert told.left is out.residual
+    difference = np.arange(6.0)
+    assert told.squared(difference) == pytest.approx(
+        open_.chi2(float(difference @ difference), out.rows.T @ difference)
+    )
+
+
+def test_a_shot_that_cannot_be_followed_is_not_predicted(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert OneOut(monkeypatch, fails=True).told() is None
+    unknown = OneOut(monkeypatch)
+    unknown.covariance = None  # type: ignore[assignment]
+    plain = float(unknown.residual @ unknown.residual)
+    assert unknown.told().surprise == pytest.approx(plain + 2 * np.log(50))  # as if exactly known

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import CATALOGUE
+from analysis.collision.effects import named as named_effect
 from analysis.collision.effects.row import Effect
 from analysis.diagnosis.result import FoundEffect, Freedom, Verdict
 from analysis.diagnosis.search.forward_selection import Trail
@@ -190,3 +191,82 @@ def test_a_frame_that_moves_is_no_path_that_wanders() -> None:
     """Only beside a wandering path does one number gain more by chance."""
     trail = Trail(cast(Any, SimpleNamespace(effects=())), (), calm)
     assert [trail.least_fall(floor) for floor in (CALM, replace(CALM, site=(0.0,)), WANDERING)] == [10.0, 10.0, 22.0]
+
+
+class Line(Likely):
+    """A fit of a line, led on to its end or not."""
+
+    def continued(self, _stop: object) -> "Line":
+        """Return its end."""
+        return ENDS[self.effects]
+
+
+ENDS: dict[Any, Any] = {}
+
+
+@pytest.mark.parametrize(
+    ("ends", "converged", "wave", "starts", "fewer", "named"),
+    [
+        ((-13.0, -14.0), True, True, True, True, False),  # both ends are 25 and more behind
+        ((-13.0, -12.0), True, True, True, True, True),  # one of them is not
+        ((-12.0, -13.0), True, True, True, True, True),
+        ((-13.0, None), True, True, True, True, False),  # from where it imitates the effect it leads nowhere
+        ((-13.0, -14.0), False, True, True, True, True),  # a search that did not end says nothing
+        ((-13.0, -14.0), True, False, True, True, True),  # no line
+        ((-13.0, -14.0), True, True, False, True, True),
+        ((-13.0, -14.0), True, True, True, False, True),
+    ],
+)
+def test_a_line_that_is_far_behind_when_it_is_fitted_is_no_other_name(
+    ends: tuple[float, float | None], converged: bool, wave: bool, starts: bool, fewer: bool, named: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    line = CATALOGUE["frame_vibration"] if wave else CATALOGUE["coulomb_friction"]
+    best, kept = Likely((TILT, ADHESION), 0.0, 0.0), []
+    found, instead = Line((ADHESION, line), 50.0, -50.0), Line((line, ADHESION), 50.0, -50.0)
+    ENDS.clear()
+    for one, end in ((found, ends[0]), (instead, ends[1])):
+        if end is not None:
+            made = Line(one.effects, -2 * end, end)
+            object.__setattr__(made, "converged", converged)
+            ENDS[one.effects] = made
+    asked: list[Any] = []
+    less = Fit((ADHESION,))
+    kind = SimpleNamespace(effect=line)
+    trail: Any = SimpleNamespace(
+        fits={}, of=lambda effects: found if set(effects) == {ADHESION, line} else None, stop="stop", keep=kept.append,
+        catalogue=(SimpleNamespace(effect=TILT), kind), linearised=lambda fit: ("linear", fit),
+    )  # fmt: skip
+    monkeypatch.setattr(names, "without", lambda one, effect, of: less if fewer and effect is TILT else None)
+    monkeypatch.setattr(names, "by_chance", lambda *_: False)
+    monkeypatch.setattr(
+        names, "fitted_instead", lambda *given: asked.append(given) or (instead if ends[1] is not None else None)
+    )
+    far = Separation(50.0, {line: 1.0}, {line: ({},)} if starts else {})
+    told, lead = names.other_names(cast(Any, best), TILT, NOTHING_LEFT, far, trail)
+    assert told == ((line,) if named else ()) and lead is None
+    if wave and starts and fewer:
+        assert asked == [(best, ("linear", less), far, None, "stop", kind)]
+        assert kept == [ENDS[found.effects]] + ([ENDS[instead.effects]] if ends[1] is not None else [])
+    else:
+        assert not asked and not kept
+    # beside something that is left nothing is fitted
+    assert names.other_names(cast(Any, best), TILT, SHAPE_LEFT, far, trail)[0] == (line,)
+    monkeypatch.setattr(names, "by_chance", lambda rival, other, *_: rival is found and other is line)
+    assert names.other_names(cast(Any, best), TILT, NOTHING_LEFT, far, trail)[0] == ()
+
+
+def test_the_runner_up_is_the_likeliest_with_one_effect_exchanged() -> None:
+    wider = CATALOGUE.get("frame_vibration_with_plate") or named_effect("frame_vibration_with_plate")
+    vibration, friction = CATALOGUE["frame_vibration"], CATALOGUE["coulomb_friction"]
+    best = Likely((vibration, TILT), 0.0, 0.0)
+    trail = Trail(cast(Any, Fit(())), (), calm)
+    for effects, bic in (
+        ((friction, TILT), 30.0), ((ADHESION, TILT), 40.0), ((vibration, ADHESION), 3.0), ((friction,), 1.0),
+        ((friction, ADHESION), 2.0), ((wider, TILT), 1.0),
+    ):  # fmt: skip
+        trail.fits[frozenset(effects)] = cast(Any, Likely(effects, bic, -bic / 2))
+    far = Separation(50.0, {}, {})
+    # neither where two are exchanged, nor where the other one is, nor what holds the effect
+    assert names.other_names(cast(Any, best), vibration, SHAPE_LEFT, far, trail) == ((), 30.0)
+    assert names.other_names(cast(Any, best), TILT, SHAPE_LEFT, far, trail) == ((ADHESION,), 3.0)

@@ -25,9 +25,10 @@ def _root(reach, stepper, system, motion, item, low, high):  # type: ignore[no-u
         else:
             high = at
         new = at - value / rate
-        if not low < new < high:
+        settled = 1e-17 + 2e-16 * at
+        if not low < new < high and not abs(new - at) <= settled:  # a zero met exactly is an end of the bracket
             new = 0.5 * (low + high)
-        if abs(new - at) <= 1e-17 + 2e-16 * abs(new):
+        if abs(new - at) <= settled:
             return new
         at = new
     return at

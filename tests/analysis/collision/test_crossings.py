@@ -30,12 +30,19 @@ def search(monkeypatch: pytest.MonkeyPatch) -> Any:
             signs=of, ends=np.zeros((5, 2)), here=SimpleNamespace(at=0.0), there=SimpleNamespace(at=0.0), mode=None
         )
 
-        def reach(stepper: Any, system: Any, motion: Any, at: float, rows: int) -> None:
+        def reach(stepper: Any, of: Any, motion: Any, at: float, rows: int) -> None:
+            assert (stepper, of, rows) == ("stepper", system, 1)  # of no derivative
+            asked.append(at)
             motion.there.at = at
 
+        asked.clear()
         system = SimpleNamespace(which=None)
-        item, when = crossings.first_crossing.py_func(reach, None, system, motion, h)
+        item, when = crossings.first_crossing.py_func(reach, "stepper", system, motion, h)
+        assert motion.there.at == (asked[-1] if asked else 0.0)
         return int(item), float(when)
+
+    asked: list[float] = []
+    found.asked = asked  # type: ignore[attr-defined]
 
     return found
 
@@ -53,6 +60,8 @@ def test_the_first_of_all_zeros_is_found_to_the_last_bit(search: Any) -> None:
     guards = {0: falling(0.7), 1: falling(0.3), 2: falling(2.0), 3: falling(0.31), 4: falling(0.1)}
     signs = {0: 1.0, 1: 1.0, 2: 1.0, 3: 1.0}
     assert search(guards, signs, 1.0) == (1, pytest.approx(0.3, abs=1e-15))  # the last is not watched
+    assert search({0: falling(0.3), 1: falling(0.7)}, {0: 1.0, 1: 1.0}, 1.0) == (0, pytest.approx(0.3, abs=1e-15))
+    assert len(search.asked) < 2 * 9 + 1  # by Newton's steps, not by halves
     assert search(guards, {0: 1.0, 2: 1.0}, 1.0) == (0, pytest.approx(0.7, abs=1e-15))
     assert search(guards, {2: 1.0}, 1.0) == (-1, 1.0)
     rising = {0: (lambda t: -falling(0.4)[0](t), lambda t: -falling(0.4)[1](t))}

@@ -1,0 +1,202 @@
+"""What a row of the catalogue says of its function is what the function does."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from analysis.collision.effects import CATALOGUE, WIDER, in_contact, named, on_block, on_sensor
+from analysis.collision.effects.kernel import (
+    FORCE,
+    MASS,
+    NEAR,
+    ON_BLOCK,
+    ON_PLATE,
+    OUTPUTS,
+    PAIR,
+    Q_RATE,
+    SIGN_V,
+    STATES,
+    TOUCHING,
+    W_RATE,
+    XI,
+    Q,
+    W,
+)
+from analysis.collision.effects.row import Acts, Effect, Sensed
+
+ROWS = [*CATALOGUE.values(), *WIDER.values()]
+KERNELS = [row for row in ROWS if row.kernel is not None]
+SENSORS = [row for row in ROWS if row.sensor is not None]
+LOSSES = {  # less than nothing of them would drive the block
+    "coulomb_friction", "viscous_drag", "quadratic_drag", "plate_damping", "viscoelastic_arm",
+    "nonlinear_contact_damping", "adhesion",
+}  # fmt: skip
+SIZES = {"block_mode", "second_plate_mode", "support_compliance", "demodulation_lag", "frame_vibration", "cyclic_error"}
+
+
+@pytest.fixture(autouse=True)
+def plain(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(on_block, "sine", math.sin)
+    monkeypatch.setattr(in_contact, "power", math.pow)
+
+
+def outputs(row: Effect, changed: dict[int, float] | None = None, **values: float) -> np.ndarray:
+    """Return what an effect adds at a state with all inputs, overlapping and touching, with some changed."""
+    s = np.random.default_rng(3).uniform(0.5, 1.5, STATES)
+    s[[SIGN_V, NEAR, TOUCHING]] = 1.0
+    for place, value in (changed or {}).items():
+        s[place] = value
+    given = {"amplitude_m_per_s": 0.7, "frequency_hz": 0.3, "phase_rad": 0.2} if row.clocked else {}
+    p = [{p.name: 0.7 + 0.1 * k for k, p in enumerate(row.parameters)} | given | values][0]
+    out = np.zeros(OUTPUTS)
+    assert row.kernel is not None
+    row.kernel(s, list(p.values()), out)
+    return out
+
+
+@pytest.mark.parametrize("row", KERNELS, ids=lambda row: row.name)
+def test_a_force_acts_where_the_row_says(row: Effect) -> None:
+    out = outputs(row)
+    on = {place for place in (ON_BLOCK, ON_PLATE, PAIR, MASS) if out[place] != 0.0}
+    allowed = {Acts.ON_BLOCK: {ON_BLOCK, MASS}, Acts.ON_PLATE: {ON_PLATE}, Acts.IN_CONTACT: {PAIR}}[row.acts]
+    assert on <= allowed and (on or row.shift)
+    assert row.hidden == sum(out[place] != 0.0 for place in (Q_RATE, W_RATE))
+    assert row.rides is (row.acts is Acts.ON_BLOCK and row.hidden > 0)
+    assert not row.rides or MASS in on  # what moves within the block is a part of its mass
+    # what moves the contact point does so by a coordinate of its own, whose rate is its second number
+    if row.hidden == 2:
+        faster = outputs(row, {W: 9.0})
+        assert faster[Q_RATE] == 9.0
+    within, beyond = outputs(row, {NEAR: 1.0}), outputs(row, {NEAR: 0.0})
+    assert (row.range_at >= 0) is (not np.array_equal(within, beyond))
+    assert row.range_at < 0 or row.parameters[row.range_at].name == "range_m"
+
+
+@pytest.mark.parametrize("row", KERNELS, ids=lambda row: row.name)
+def test_the_amplitude_is_that_in_which_a_small_effect_grows_or_vanishes(row: Effect) -> None:
+    if row.clocked or row.name == "contact_exponent":
+        return
+    place = row.index(row.amplitude)
+    assert place == 0
+    one, two, four = (
+        outputs(row, {Q: 0.0, W: 0.0}, **{row.amplitude: size}) for size in (1e-4, 2e-4, 4e-4)
+    )  # of nothing that swings yet
+    if row.inverse:
+        assert one[W_RATE] - outputs(row, {Q: 0.0, W: 0.0, FORCE: 0.0})[W_RATE] == pytest.approx(2 * two[W_RATE])
+        return
+    bare = outputs(row, {Q: 0.0, W: 0.0}, **{row.amplitude: 0.0})
+    np.testing.assert_allclose(four - bare, 2 * (two - bare), rtol=1e-4, atol=1e-18)
+    np.testing.assert_allclose(two - bare, 2 * (one - bare), rtol=1e-4, atol=1e-18)
+    assert (two - bare).any() and not bare[[ON_BLOCK, ON_PLATE, PAIR, MASS]].any()
+
+
+def test_only_a_law_with_another_exponent_is_rough_where_the_overlap_begins() -> None:
+    assert {row.name for row in ROWS if row.rough} == {"contact_exponent"}
+    for row in KERNELS:
+        if row.acts is not Acts.IN_CONTACT:
+            continue
+        near = [outputs(row, {XI: xi})[PAIR] - outputs(row, {XI: 0.0})[PAIR] for xi in (1e-9, 2e-9)]
+        assert bool(abs(near[0]) > 0 and abs(near[1] / near[0] - 2.0) > 1e-4) is row.rough, row.name
+    assert not any(row.nonlinear or row.kinked for row in ROWS)
+
+
+@pytest.mark.parametrize("row", [row for row in ROWS if row.acts is not Acts.AT_START], ids=lambda row: row.name)
+def test_limits_are_those_of_physics(row: Effect) -> None:
+    by_name = {p.name: p for p in row.parameters}
+    amplitude = by_name[row.amplitude]
+    one_way = row.name.removesuffix("_with_plate") in LOSSES | SIZES
+    assert (amplitude.lower >= 0.0) is one_way, row.name
+    for p in row.parameters:
+        assert p.lower < p.upper and (not p.logarithmic or 0.0 < p.lower < p.upper < math.inf)
+        assert p.lower <= p.scale <= p.upper
+        assert all(p.lower <= value <= p.upper for value in (*p.grid, *p.tried))
+        assert list(p.grid) == sorted(p.grid)
+        assert (p.name == "phase_rad") is p.own and p.logarithmic >= p.name.endswith(("_hz", "_ratio"))
+        assert p.fixed is (p.name == "order")
+    if "damping_ratio" in by_name:
+        assert by_name["damping_ratio"].upper < 1.0  # it swings
+    if "phase_rad" in by_name:
+        assert by_name["phase_rad"].grid == (0.0, math.pi / 2)  # as sine and as cosine: all others are sums of these
+
+
+TIME_S = 3.0 + np.linspace(0.0, 0.02, 2001)
+
+
+def seen(velocity: np.ndarray, wavelength_m: float = 633e-9) -> Sensed:
+    return Sensed(TIME_S, velocity, wavelength_m, 1e5)
+
+
+def sensed(row: Effect, x: np.ndarray, velocity: np.ndarray, size: float | None = None, **how: float) -> np.ndarray:
+    values = [p.scale if p.name != row.amplitude or size is None else size for p in row.parameters][:3]
+    p = np.array(values + [0.3] * (3 - len(values)))[:, None]
+    assert row.sensor is not None
+    return np.asarray(row.sensor(seen(velocity, **how), x[:, None], p))[:, 0]
+
+
+@pytest.mark.parametrize("row", SENSORS, ids=lambda row: row.name)
+def test_what_the_optics_show_is_what_the_row_says(row: Effect) -> None:
+    still, nothing = np.full(TIME_S.size, 1e-3), np.zeros(TIME_S.size)
+    assert bool(np.ptp(sensed(row, still, nothing)) > 1e-15) is row.at_rest
+    v = -0.01 + 0.3 * (TIME_S - 3.01)
+    x = np.cumsum(v) * 1e-5
+    told = sensed(row, x, v)
+    assert (not np.array_equal(told, sensed(row, x, v, wavelength_m=500e-9))) is row.optical
+    early_x, early_v = x.copy(), v.copy()
+    early_x[:5] += 1e-6
+    early_v[:5] += 1e-2
+    assert (not np.array_equal(told[5:], sensed(row, early_x, early_v)[5:])) is row.remembers
+    if not row.remembers:
+        moved = sensed(row, x + 1e-7, v) - 1e-7  # whatever turns with the fringes does not follow the path
+        assert bool(np.abs(moved - told).max() > 1e-10) is row.ripples
+    assert (row.delays == row.amplitude) is row.remembers and bool(row.delays) is row.remembers
+    # beyond a pure delay a lag shows only with its square
+    small, twice = (sensed(row, x, v, size) for size in (2e-5, 4e-5))
+
+    def shown(told: np.ndarray, size: float) -> float:
+        delayed = np.interp(TIME_S - size, TIME_S, x) if row.delays else x
+        return float(np.abs(told - delayed)[300:].max())
+
+    assert shown(twice, 4e-5) / shown(small, 2e-5) == pytest.approx(2.0**row.grows_as, rel=0.05)
+
+
+@pytest.mark.parametrize("complexly", [False, True])
+def test_a_lag_is_that_of_a_first_order_filter_for_every_path_by_itself(complexly: bool) -> None:
+    """Two paths with lags of their own, from a steady flight, against the filter's equation."""
+    v = -0.3 + 40.0 * (TIME_S - 3.0) + 0.05 * np.sin(2e3 * TIME_S)
+    x = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(TIME_S))]) + 1e-3
+    lags = np.array([8e-5, 3e-4])
+    paths = np.stack([x, x + 2e-3], axis=1)
+    p = np.zeros((3, 2), dtype=complex if complexly else float)
+    p[0] = lags + (1e-30j if complexly else 0.0)
+    told = on_sensor.demodulation_lag(seen(v), paths.astype(p.dtype), p)
+    for k, tau in enumerate(lags):
+        exact = solve_ivp(
+            lambda t, m, k=k, tau=tau: (np.interp(t, TIME_S, paths[:, k]) - m) / tau, (TIME_S[0], TIME_S[-1]),
+            [paths[0, k] - tau * v[0]], t_eval=TIME_S, max_step=5e-6, rtol=1e-9,
+        )  # fmt: skip
+        np.testing.assert_allclose(told[:, k].real, exact.y[0], atol=3e-9)
+        if complexly:
+            more = p.real.copy()
+            more[0, k] += 1e-8
+            slope = (on_sensor.demodulation_lag(seen(v), paths, more)[:, k] - told[:, k].real) / 1e-8
+            np.testing.assert_allclose(told[:, k].imag / 1e-30, slope, rtol=1e-3, atol=2e-4)
+    plain: Any = on_sensor._lag.py_func
+    if not complexly:
+        out = np.full_like(paths, np.nan)
+        plain(TIME_S, paths, np.stack([v, v], axis=1), lags, out)
+        np.testing.assert_allclose(out, told, rtol=1e-12)
+        gone = np.full_like(paths, np.nan)
+        plain(TIME_S, paths, np.stack([v, v], axis=1), np.array([1e-9, 1e-5 / 601]), gone)
+        np.testing.assert_allclose(gone[1:], paths[1:] - np.outer(v[1:], [1e-9, 1e-5 / 601]), atol=1e-12)
+
+
+def test_the_wider_of_two_rows_has_the_narrow_ones_parameters_and_one_more() -> None:
+    for row in WIDER.values():
+        narrow = named(row.widens)
+        assert (
+            row.parameters[:-1] == narrow.parameters and row.sensor is narrow.sensor and row.at_rest == narrow.at_rest
+        )
+        assert not any(other.widens for other in CATALOGUE.values())

@@ -141,7 +141,7 @@ def test_what_the_optics_show_is_what_the_row_says(row: Effect) -> None:
     still, nothing = np.full(TIME_S.size, 1e-3), np.zeros(TIME_S.size)
     assert bool(np.ptp(sensed(row, still, nothing)) > 1e-15) is row.at_rest
     v = -0.01 + 0.3 * (TIME_S - 3.01)
-    x = np.cumsum(v) * 1e-5
+    x = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]))]) * 1e-5
     told = sensed(row, x, v)
     assert (not np.array_equal(told, sensed(row, x, v, wavelength_m=500e-9))) is row.optical
     early_x, early_v = x.copy(), v.copy()

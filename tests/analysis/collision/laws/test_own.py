@@ -1,6 +1,7 @@
 """A user's law moves the block as the catalogue's row with the same equation does."""
 
 import math
+import pickle
 from dataclasses import replace
 from typing import Any
 
@@ -221,6 +222,21 @@ def test_what_was_written_is_read_again() -> None:
         ({"parameters": {"a": {"unit": "N", "start": 1.0, "own": 1}}}, "parameters.a.own: true"),
         ({"formula": "a*x", "parameters": {"a": {"unit": "N/m", "start": 1.0, "own": True}}}, "that the shots share"),
         ({"extra": 1}, "unknown key 'extra'"),
+        ({"name": "l\u00e4w"}, "is not a word of letters"),
+        ({"name": "n" * 41}, "at most 40"),
+        ({"name": "  "}, "name: missing, or not a text"),
+        ({"words": 3}, "words: missing, or not a text"),
+        ({"parameters": {key: {"unit": "N", "start": 1} for key in "abcd"}}, "one to 3"),
+        ({"parameters": [1]}, "one to 3"),
+        ({"parameters": {"_a": {"unit": "N", "start": 1}}}, "'_a' is not a word"),
+        ({"parameters": {"\u00e4": {"unit": "N", "start": 1}}}, "is not a word"),
+        ({"parameters": {"a b": {"unit": "N", "start": 1}}}, "'a b' is not a word"),
+        ({"parameters": {"a": {"unit": "N", "start": 1, "step": 2}}}, "parameters.a: unknown key 'step'"),
+        ({"parameters": {"a": {"unit": "N", "start": math.inf}}}, "parameters.a.start: a finite"),
+        ({"parameters": {"a": {"unit": "N"}}}, "parameters.a.start: a finite"),
+        ({"parameters": {"a": {"unit": "N", "start": True}}}, "parameters.a.start: True is not a number"),
+        ({"parameters": {"a": {"unit": "N", "start": 1, "lower": 1, "upper": 1}}}, "start 1 is not between 1 and 1"),
+        ({"parameters": {"a": {"unit": "N", "start": 1, "lower": 2}}}, "start 1 is not between 2 and inf"),
     ],
 )
 def test_a_law_that_cannot_be_used_is_refused_in_one_line(changes: dict[str, Any], why: str) -> None:
@@ -311,3 +327,46 @@ def test_the_states_at_which_a_law_is_looked_at_are_those_of_a_collision() -> No
     assert np.abs(states["u"]).max() == pytest.approx(2 * 0.265, rel=0.02)
     assert states["t"].min() >= 0.0 and states["t"].max() == pytest.approx(2 * PAPER.contact_time_estimate_s, rel=0.02)
     assert states["x"].min() < 1.15 * states["y"].min() and states["x"].max() > 0.0
+
+
+def test_a_law_may_be_named_as_long_as_that_and_begin_at_one_of_its_limits() -> None:
+    long = from_mapping(table(name="n" * 40))
+    assert long.name == "n" * 40 and long.words == "n" * 40
+    for limits in ({"lower": 1.0}, {"upper": 1.0}, {"lower": -2.0, "upper": 1.0}):
+        own = from_mapping(table(formula="a*x", parameters={"a": {"unit": "N/m", "start": 1.0} | limits}))
+        (given,) = own.parameters
+        assert (given.lower, given.upper) == (limits.get("lower", -math.inf), limits.get("upper", math.inf))
+    down = from_mapping(table(formula="a*x", parameters={"a": {"unit": "N/m", "start": -3.0}})).parameters[0]
+    assert (down.scale, down.tried, down.unit, down.own) == (3.0, (-3.0,), "N/m", False)
+
+
+def test_a_law_is_the_same_after_a_file_and_in_another_process() -> None:
+    own = from_mapping(table(words="fades", parameters={
+        "a": {"unit": "N", "start": -2.0, "upper": 5.0}, "b": {"unit": "m", "start": 1e-3, "own": True},
+    }))  # fmt: skip
+    assert pickle.loads(pickle.dumps(own)) is own and known_effect(own.key) is own
+    assert own.written()["parameters"] == {
+        "a": {"unit": "N", "start": -2.0, "upper": 5.0}, "b": {"unit": "m", "start": 1e-3, "own": True},
+    }  # fmt: skip
+    assert own.short_words == "fades" and own.key.startswith("pull{")
+    other = from_mapping(table(words="another"))
+    assert other != own and len({own, other, from_mapping(own.written())}) == 2
+    assert known_effect(own.key.replace("pull{", "push{")) is None  # named twice, and not alike
+    assert known_effect("pull") is None and known_effect("pull{") is None and known_effect("tilt") is named("tilt")
+    assert known_effect("frame_vibration_with_plate") is not None and known_effect("flight_acceleration") is not None
+
+
+def test_a_law_of_time_without_size_has_no_rate_and_states_are_drawn_all_over_a_collision() -> None:
+    still = law("block", "a*0*t + a*x", a=2.0)
+    assert still.fastest(np.array([0.0]), PAPER) == 0.0
+    assert law("block", "a*t", a=2.0).fastest(np.array([2.0]), PAPER) == pytest.approx(
+        1.0 / math.sqrt(np.mean(_states(PAPER)["t"] ** 2))
+    )
+    locked = replace(PAPER, plate_mass_kg=math.inf, plate_stiffness_n_per_m=0.0)
+    assert law("contact", "a*d", a=2.0).fastest(np.array([2.0]), locked) == pytest.approx(
+        math.sqrt(2.0 / PAPER.block_mass_kg)
+    )
+    states = _states(PAPER)
+    overlap = 2.0 * (states["d"] - states["d"].min())
+    assert np.ptp(states["x"] - 1.2 * states["y"]) == pytest.approx(2.0 * np.ptp(overlap) / 2.0, rel=0.02)
+    assert all(values.shape == (400,) and np.isfinite(values).all() for values in states.values())

@@ -96,3 +96,17 @@ def test_a_law_begins_within_its_bounds_whatever_its_curve_was() -> None:
     assert (a.tried, b.tried, n.tried) == ((1e-12,), (1e3,), (11.0,))
     assert [one.tried[0] for one in near.parameters] == [-3.0, 4e-5, 0.1]
     assert (b.lower, b.upper, n.lower, n.upper) == (2e-5, 2e3, 0.05, 12.0) and a.upper == math.inf
+
+
+@pytest.mark.parametrize("form", FORMS, ids=lambda form: form.name)
+def test_the_strength_of_a_form_grows_as_the_power_of_the_argument_that_it_multiplies(form: Form) -> None:
+    """In another unit of length: all lengths a thousand times as large, powers and angles as they were."""
+    z = np.linspace(-2.0, 3.0, 41)
+    values = {name: 0.4 + 0.3 * k for k, name in enumerate(form.nonlinear_parameters)}
+    larger = {name: 1e3 * value if name in form.lengths else value for name, value in values.items()}
+    power = values[form.grows_as] if isinstance(form.grows_as, str) else form.grows_as
+    one, other = form.values(z, {"a": 2.0} | values), form.values(1e3 * z, {"a": 2.0} | larger)
+    np.testing.assert_allclose(other, 1e3**power * one, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(form.values(z, {"a": -6.0} | values), -3.0 * one, rtol=1e-12)
+    assert set(form.positive) <= set(form.lengths)
+    assert ("b" in form.lengths) is ("b" in form.positive)  # a length over which it changes; c may be a place

@@ -56,6 +56,7 @@ from analysis.compiled import by_address, cut, cut_integers, inlined, part
 
 _STEP = 0.7  # longest step times the fastest rate: nine steps per period, so that no touch is missed
 _LONGEST_S = 1e-3
+_SHORTEST = 2e-6  # of the time from the touch to the furthest sample: of steps as short as this it takes half a million
 _MODES = 16  # whose matrices are stored
 # Indices into ``at``: the present mode, the number of modes met, steps left to the next sample, first sample of a block
 # that must be checked step by step.
@@ -286,12 +287,13 @@ def show(stepper, system, motion, record, i, h):  # type: ignore[no-untyped-def]
 
 @part
 def _spacing(times):  # type: ignore[no-untyped-def]
-    """Return the spacing of the times, or of the first two if it is uneven."""
+    """Return the spacing of the times, or of the first two if it is uneven; more where a solution would take an age."""
     samples = times.size
     if samples < 2:
         return _LONGEST_S
     first, mean = times[1] - times[0], (times[samples - 1] - times[0]) / (samples - 1)
-    return mean if abs(mean - first) < 1e-9 * first else max(first, 1e-9)
+    least = _SHORTEST * max(abs(times[0]), abs(times[samples - 1]), 1e-3)
+    return max(mean if abs(mean - first) < 1e-9 * first else first, least)
 
 
 @part

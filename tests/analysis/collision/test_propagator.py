@@ -52,7 +52,10 @@ def stepper_of(
         ([0.0, 2e-4, 4e-4, 6e-4], 2e-4),
         ([0.0, 2e-4, 4.0000000003e-4], 2.00000000015e-4),  # even: the mean of all is known better
         ([0.0, 2e-4, 9e-4], 2e-4),
-        ([0.0, 0.0, 4e-4], 1e-9),
+        ([0.0, 0.0, 0.25], 5e-7),  # no shorter than a solution may take
+        ([-0.25, -0.25, 0.1], 5e-7),
+        ([0.0, 0.0, 1e-5], 2e-9),
+        ([0.03, 0.0300000001, 0.0300000002], 6.00000004e-8),
     ],
 )
 def test_the_spacing_of_times_is_their_mean_or_that_of_the_first(times: list[float], spacing_s: float) -> None:

@@ -113,15 +113,18 @@ def test_a_second_law_is_added_to_the_first_where_two_at_once_do_not_explain_all
     first = discovery(60.0, False, "first", ("p0", "p1"))
     second, together = discovery(40.0, True, "second", ("p2", "p3")), discovery(30.0, True, "both", ("p4", "p5"))
     asked: list[Any] = []
+    told: list[Any] = []
 
     def another(two: Any, of_second: Any, beat: float = math.inf) -> Any:
         asked.clear()
         monkeypatch.setattr(module, "learn_two", lambda *_, beat: two)
         monkeypatch.setattr(module, "learn_law", lambda *given, **named: asked.append((given, named)) or of_second)
         monkeypatch.setattr(module, "in_joint_fit", lambda law, fitted, named: (law.name, fitted.name, named))
-        return module.learn_another(first, (1,), lambda *_: None, lambda: False, beat=beat)
+        told.clear()
+        return module.learn_another(first, (1,), lambda *what: told.append(what), lambda: False, beat=beat)
 
     assert another(together, second) is together and not asked
+    assert told == [("learning two laws at once", 0.86)]
     found = another(replace(together, residual=first.residual), second)
     assert found == Discovery(
         first.start,
@@ -130,6 +133,7 @@ def test_a_second_law_is_added_to_the_first_where_two_at_once_do_not_explain_all
         second.residual,
         ("p0", "p3"),  # type: ignore[arg-type]
     )
+    assert told == [("learning two laws at once", 0.86), ("learning a second law", 0.88)]
     assert asked[0][0][0] is first.fitted and asked[0][1] == {"beside": first.laws[0], "beat": math.inf}
     assert another(None, None) is first and another(None, second, beat=19.0) is first and not asked  # gains 40 again
     assert another(None, second, beat=21.0) is not first

@@ -1,5 +1,6 @@
 """What a diagnosis of a collision says, whole sentences at a time."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -178,3 +179,13 @@ def test_a_learned_law_in_a_sentence() -> None:
         SimpleNamespace(form="sine", where="plate", argument="bend"),
     )
     assert words.learned(law(other_forms=others)).endswith(f"{size}; linear or sine in the bend cannot be excluded")
+
+
+def test_a_trace_is_told_only_where_it_has_a_shape() -> None:
+    seen = words.sentence(diagnosis(Verdict.ADEQUATE, remainder=LEFT))
+    assert seen.endswith(
+        " A trace that looks like a force of the place (12.4 noise norms) is too faint to be told from noise."
+    )
+    bare = words.sentence(diagnosis(Verdict.ADEQUATE))
+    shapeless = replace(LEFT, looks_like=None)
+    assert words.sentence(diagnosis(Verdict.ADEQUATE, remainder=shapeless)) == bare and "trace" not in bare

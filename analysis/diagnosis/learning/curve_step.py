@@ -26,7 +26,8 @@ def penalised_step(
     left, fixed, free = rows[:, 0], rows[:, 1 : 1 + base], rows[:, 1 + base :]
     now = np.concatenate([term.coefficients for term in terms])
     target = left + free @ now
-    basis, _ = np.linalg.qr(fixed)
+    scale = np.linalg.norm(fixed, axis=0)
+    basis, _ = np.linalg.qr(fixed / np.where(scale > 0, scale, 1.0))
     target_in = target - basis @ (basis.T @ target)
     free_in = free - basis @ (basis.T @ free)
     a, b, s = free_in.T @ free_in, free_in.T @ target_in, float(target_in @ target_in)
@@ -34,9 +35,9 @@ def penalised_step(
     total = a + penalty
     freedom = float(np.trace(np.linalg.solve(total, a)))
     rest = left - free @ (solution - now)
-    scale = np.linalg.norm(fixed, axis=0)
-    scale[scale == 0.0] = 1.0
-    own = np.linalg.lstsq(fixed / scale, rest, rcond=1e-12)[0] / scale
+    own = np.linalg.lstsq(fixed / np.where(scale > 0, scale, 1.0), rest, rcond=1e-12)[0] / np.where(
+        scale > 0, scale, 1.0
+    )
     return np.concatenate([own, solution - now]), penalty, freedom
 
 

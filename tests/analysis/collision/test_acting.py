@@ -107,6 +107,17 @@ def test_a_clocked_effect_is_given_what_its_clock_says_at_the_meeting() -> None:
     by = dict(zip(chain.names, chain.slopes.T, strict=True))
     expected = np.stack([by["plate_mass_kg"], by["touch_time_s"], np.zeros(3)], axis=1)
     np.testing.assert_array_equal(matrix, np.concatenate([np.eye(3), expected]))
+    two = chain_matrix([chain, chain], ["other", "touch_time_s"], {})
+    column = np.stack([np.zeros(3), by["touch_time_s"]], axis=1)
+    np.testing.assert_array_equal(two, np.concatenate([np.eye(2), column, column]))
+
+
+def test_of_two_ranges_the_longer_tells_when_the_bodies_begin_to_act() -> None:
+    near, far = named("adhesion"), replace(named("adhesion"), name="other")
+    values: Any = {near: {"range_m": 1e-3, "force_n": 9.0}, far: {"range_m": 2e-3, "force_n": 1.0}, named("tilt"): {}}
+    for rows in ([near, far], [far, named("tilt"), near]):
+        assert acting._earlier(rows, values, PAPER) == (2e-3 / PAPER.velocity_in_m_per_s, "other.range_m")
+    assert acting._earlier([named("tilt")], values, PAPER) == (0.0, "")
 
 
 def test_the_parameters_of_a_collision_have_their_limits() -> None:

@@ -200,3 +200,21 @@ def test_the_wider_of_two_rows_has_the_narrow_ones_parameters_and_one_more() -> 
             row.parameters[:-1] == narrow.parameters and row.sensor is narrow.sensor and row.at_rest == narrow.at_rest
         )
         assert not any(other.widens for other in CATALOGUE.values())
+
+
+# what imitates what, as the catalogue's page says in words
+ALIKE = {
+    "coulomb_friction": {"viscous_drag", "sensor_drift"}, "viscous_drag": {"quadratic_drag", "coulomb_friction"},
+    "quadratic_drag": {"viscous_drag"}, "tilt": {"sensor_drift"}, "bearing_gradient": {"tilt"},
+    "cubic_stiffness": {"contact_exponent"}, "contact_exponent": {"cubic_stiffness"},
+    "plate_damping": {"viscoelastic_arm"}, "viscoelastic_arm": {"plate_damping"},
+    "support_compliance": {"coulomb_friction", "viscous_drag"}, "plate_motion": {"coulomb_friction"},
+    "nonlinear_contact_damping": {"plate_motion"}, "adhesion": {"sensor_drift"},
+    "sensor_drift": {"tilt", "coulomb_friction"},
+}  # fmt: skip
+
+
+def test_what_looks_alike_is_what_the_catalogues_page_says() -> None:
+    assert {name: set(row.look_alikes) for name, row in CATALOGUE.items() if row.look_alikes} == ALIKE
+    assert named("viscoelastic_arm").has_simpler_look_alike(named("plate_damping"))
+    assert not named("plate_damping").has_simpler_look_alike(named("viscoelastic_arm"))

@@ -17,6 +17,7 @@ from analysis.shot import Stop
 _MATTERS = 0.02  # of the white noise: that the response is wrong by
 _FAR = 0.6  # of a plate's std: nearer to where it was taken to be, straight lines will do
 _TURNS = 8  # of plates and fit at most: each goes some two stds towards plates that were taken for what was missing
+_NOTHING = 1.0  # of the criterion: what a turn may change that is the last
 _SURE = 2  # turns, after which each must make the shots likelier
 
 
@@ -38,9 +39,12 @@ def on_frame_anew(fitted: Fitted, stop: Stop) -> Fitted:
         if moved < _FAR and off_m < _MATTERS * here.noise.white_m:
             break
         there = replace(here.problem, data=replace(data, shots=shots)).fit(here.z, cancelled=stop)
-        if turn >= _SURE and there.bic >= here.bic:  # the plates run away with what is still missing
+        gained = here.bic - there.bic
+        if turn >= _SURE and gained <= 0.0:  # the plates run away with what is still missing
             break
         here = there
+        if abs(gained) < _NOTHING:
+            break
     return here
 
 

@@ -25,7 +25,8 @@ def _sway(off: float, plate: tuple[float, float] = (0.0, 0.0)) -> Any:
 
 def _fit(shots: Any, site: Any = "a building") -> Any:
     point, noise = Some(values="with the effect"), Some(white_m=WHITE_M)
-    return Some(problem=Some(data=_Data(shots, site)), point=point, noise=noise, z=None, residual_m=[None] * len(shots))
+    problem, left = Some(data=_Data(shots, site)), [None] * len(shots)
+    return Some(problem=problem, point=point, noise=noise, z=None, residual_m=left, bic=0.0)
 
 
 def _replaced(one: Any, **changes: Any) -> Any:
@@ -71,13 +72,19 @@ def test_it_is_computed_anew_where_it_is_wrong_or_a_plate_is_elsewhere(
     [
         ((-10.0, -5.0, -6.0, -7.0, -6.9), 5, 4),
         ((-10.0, -5.0, -4.9, -9.0), 3, 2),
-        (tuple(-1.0 * k for k in range(9)), 8, 8),
+        (tuple(-1.0 - k for k in range(9)), 8, 8),
+        ((-10.0, -10.9, -20.0), 2, 2),
+        ((-10.0, -9.1, -20.0), 2, 2),
+        ((0.9, -20.0), 1, 1),
     ],
 )
 def test_plates_are_followed_as_long_as_that_makes_the_shots_likelier(
     monkeypatch: pytest.MonkeyPatch, bics: tuple[float, ...], turns: int, taken: int
 ) -> None:
-    """Of an effect that is still missing plates run away; the first two turns are made anyway, eight at most."""
+    """Of an effect that is still missing plates run away; two turns are made anyway, eight at most.
+
+    What changes the criterion by less than one is the last.
+    """
     fitted: list[Any] = []
 
     def refitted(one: Any, **changes: Any) -> Any:

@@ -136,10 +136,11 @@ def settle(
 ) -> Settled:
     """Return ``best`` as it passes the gates; where that leaves a residual, what other first effects lead to may win.
 
+    The same where the path is said to wander and the flights show none of it: the wander may be a further effect.
     ``residual`` is that of ``best``, where it is known.
     """
     settled = _settled(best, trail, held_out, progress, residual)
-    if not settled.residual.significant:
+    if not settled.residual.significant and not wanders_in_contact_alone(settled.best):
         return settled
     progress("searching from other first effects", 0.75)
     timed = replace(trail, stop=limit)
@@ -150,6 +151,12 @@ def settle(
     again = _settled(other, trail, held_out, lambda _what, _fraction: None)
     calmer = not again.residual.significant and again.best is not trail.start
     return again if calmer or better(again.best, settled.best) else settled
+
+
+def wanders_in_contact_alone(fitted: Fitted) -> bool:
+    """Return whether the noise learnt from the whole shots wanders, and that of their flights does not."""
+    data = fitted.problem.data
+    return data.site is None and bool(fitted.noise.wander) and not data.noise_of_flights.wander
 
 
 def _settled(

@@ -123,6 +123,7 @@ class Stages:
 
     def __init__(self, patch: pytest.MonkeyPatch, left: dict[Any, Residual], other: Fit) -> None:
         self.left, self.asked = left, 0
+        self.hides: tuple[Effect, ...] | None = None
         self.paid: dict[Any, Any] = {}
         self.bright: dict[Any, Any] = {}
         self.instead: dict[Any, Any] = {}
@@ -148,6 +149,7 @@ class Stages:
         patch.setattr(acceptance, "alternative_without_misfit", alternative_without_misfit)
         patch.setattr(acceptance, "separations_of", lambda *_: {})
         patch.setattr(acceptance, "another_way", another_way)
+        patch.setattr(acceptance, "wanders_in_contact_alone", lambda best: best.effects == self.hides)
 
 
 def settled(found: Trail, judged: Residual | None = None) -> Any:
@@ -180,6 +182,33 @@ def test_another_way_is_taken_where_something_is_left_and_it_is_likelier(
     stages = Stages(monkeypatch, {ONE: rest, other: NOTHING_LEFT}, other)
     assert settled(trail()).best == (other if taken else ONE)
     assert stages.asked == (0 if rest is NOTHING_LEFT else 1)
+
+
+@pytest.mark.parametrize(("other", "taken"), [(LIKELIER, True), (AS_LIKELY, False)])
+def test_a_wander_that_flights_do_not_show_asks_for_another_way(
+    other: Fit, taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stages = Stages(monkeypatch, {ONE: NOTHING_LEFT, other: NOTHING_LEFT}, other)
+    stages.hides = ONE.effects
+    assert settled(trail()).best == (other if taken else ONE)
+    assert stages.asked == 1
+
+
+@pytest.mark.parametrize(
+    ("learnt", "in_flight", "site", "hides"),
+    [
+        (WANDERING, CALM, None, True),
+        (WANDERING, WANDERING, None, False),
+        (CALM, CALM, None, False),
+        (WANDERING, CALM, "a building", False),
+    ],
+)
+def test_a_path_that_wanders_does_so_in_flight_as_well(
+    learnt: Floor, in_flight: Floor, site: object, hides: bool
+) -> None:
+    data = SimpleNamespace(site=site, noise_of_flights=in_flight)
+    fitted = SimpleNamespace(problem=SimpleNamespace(data=data), noise=learnt)
+    assert acceptance.wanders_in_contact_alone(cast(Any, fitted)) is hides
 
 
 @pytest.mark.parametrize(

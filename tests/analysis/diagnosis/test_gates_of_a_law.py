@@ -265,3 +265,54 @@ def test_where_no_curve_can_be_followed_from_the_fit_there_is_no_law(monkeypatch
 
     monkeypatch.setattr(law_learning, "ground_of", infeasible)
     assert law_learning._screened(cast(Any, Fit(START)), (), lambda *_: None, calm) == []
+
+
+class Within:
+    """A limit of time that notes what it was asked for, and leaves it out where its time is over."""
+
+    def __init__(self, over: bool = False) -> None:
+        self.over, self.asked = over, []
+
+    def within(self, what: str, work: Any, otherwise: Any) -> Any:
+        """Return the work's result, or what stands for it."""
+        self.asked.append(what)
+        return otherwise if self.over else work()
+
+
+@pytest.mark.parametrize("over", [True, False])
+def test_one_law_is_learned_within_the_time_and_told_as_half_of_a_diagnosis(
+    over: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Any] = []
+    told: list[Any] = []
+    curves, limit = [curve(880.0)], Within(over)
+    start = cast(Any, Fit(START))
+
+    def free_curves(of: Any, tell: Any, stop: Any) -> Any:
+        tell("trying", 0.8)
+        asked.append((of, stop))
+        return curves
+
+    def learn(of: Any, held: Any, tell: Any, stop: Any, *, curves: Any) -> Any:
+        tell("reading", 0.84)
+        asked.append((of, held, stop, curves))
+        return "law"
+
+    monkeypatch.setattr(single_law, "free_curves", free_curves)
+    monkeypatch.setattr(single_law, "learn_law", learn)
+    monkeypatch.setattr(
+        single_law, "two_curves", lambda of, stop, *, beat: asked.append((of, stop, beat)) or curve(850.0)
+    )
+    law = SingleLaw(start, (0, 2), lambda *what: told.append(what), calm, cast(Any, limit))
+    step = "one law in the place of effects"
+    assert law.curves == ([] if over else curves)
+    assert law.found == (None if over else "law")  # type: ignore[comparison-overlap]
+    assert limit.asked == [step] * (1 if over else 2)
+    assert told == ([] if over else [("trying", 0.5), ("reading", 0.5)])
+    assert asked == ([] if over else [(start, limit), (start, (0, 2), limit, curves)])
+    limit.asked.clear()
+    asked.clear()
+    assert law.or_two_may_reach(856.1) is not over and not limit.asked  # one may: a fifth more than its curve gained
+    assert law.or_two_may_reach(855.9) is not over and limit.asked == ([] if over else [step])
+    assert asked == ([] if over else [(start, limit, 855.9)])
+    assert not law.or_two_may_reach(819.9)

@@ -96,6 +96,7 @@ def test_a_covariance_may_be_missing() -> None:
         ("[9e-08, 1e-13]", "[-9e-08, 1e-13]", "below zero"),
         ("[9e-08, 1e-13]", "[nan, 1e-13]", "not finite"),
         ("1e-13", "1e-9", "a correlation beyond one"),
+        ("1e-13", "-1e-9", "a correlation beyond one"),
     ],
 )
 def test_values_that_no_rig_has_are_refused_as_the_file_is_read(old: str, new: str, named: str) -> None:

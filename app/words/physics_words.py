@@ -105,3 +105,8 @@ def verdict_words(conclusion: Verdict, found: Sequence[Effect], *, short: bool =
     if not short:
         return " + ".join(effect.words for effect in found)
     return short_effect_words(found[0]) + (f" + {len(found) - 1}" if found[1:] else "")
+
+
+def counted(count: int, what: str) -> str:
+    """Return a number of things in words, "1 shot" or "2 shots"."""
+    return f"{count} {what}{'' if count == 1 else 's'}"

@@ -112,11 +112,6 @@ def duration(seconds: float) -> str:
     return f"{whole // 60:02d}:{whole % 60:02d}"
 
 
-def counted(count: int, what: str) -> str:
-    """Return a number of things in words, "1 shot" or "2 shots"."""
-    return f"{count} {what}{'' if count == 1 else 's'}"
-
-
 def size_words(size_bytes: float) -> str:
     """Return a disk size, "412 GB"."""
     for unit in ("B", "kB", "MB", "GB"):

@@ -19,7 +19,7 @@ from analysis.uncertainty import diagnosed_band
 from app.report.number_tables import fitted
 from app.report.shot_figures import NOISE, figure
 from app.report.svg_plot import Band, Line, Plot
-from app.words import VERDICTS, Markup, joined, parameter_parts, prefix_for, table, tag
+from app.words import VERDICTS, Markup, counted, joined, parameter_parts, prefix_for, table, tag
 from instrument.files import one_line
 
 ERRORS = (
@@ -41,7 +41,7 @@ def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot], next_shots: s
     parts = [
         tag("p", tag("b", f"Verdict: {VERDICTS[diagnosis.verdict].full}."), class_="verdict"),
         tag("p", said.sentence),
-        tag("p", f"Made from {count} shot{'s' if count != 1 else ''} together{f': {rig}' if rig else ''}."),
+        tag("p", f"Made from {counted(count, 'shot')} together{f': {rig}' if rig else ''}."),
     ]
     if diagnosis.effects:
         parts += [tag("h3", "Effects"), *map(_effect, diagnosis.effects, said.effects)]

@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import resources
+from itertools import pairwise
 
 import numpy as np
 
@@ -136,10 +137,11 @@ def ticks(low: float, high: float, most: int) -> tuple[list[float], int]:
     if not (math.isfinite(span) and span > 0.0):
         return [low], 3
     power = 10.0 ** math.floor(math.log10(span / most))
-    steps = [power * m for m in (0.5, 1, 2, 5, 10)]
-    fitting = next(n for n, step in enumerate(steps) if n and (span / step < most or step == steps[-1]))
-    places, step = next((found, step) for step in (steps[fitting], steps[fitting - 1])
-                        if len(found := _multiples(step, low, high)) > 1 or step == steps[fitting - 1])  # fmt: skip
+    pairs = [*pairwise(power * m for m in (0.5, 1, 2, 5, 10))]
+    finer, step = next((pair for pair in pairs if span / pair[1] < most), pairs[-1])
+    places = _multiples(step, low, high)
+    if len(places) < 2:
+        step, places = finer, _multiples(finer, low, high)
     return places, max(0, -math.floor(math.log10(step) + 1e-9))
 
 

@@ -14,6 +14,7 @@ from app.session.model_in_use import save_model
 from app.session.session import Session
 from app.session.shot_work import predictions_of, report_text, write_csv, write_hdf5, write_report
 from app.session.verdict_basis import Diagnoses
+from app.words import counted
 from instrument.files import PartlySaved
 
 
@@ -106,7 +107,7 @@ class UnsavedShots:
             if not self._session.set_path(name, str(path)):
                 self._ahead[name] = str(path)
         count = len(paths)
-        words = f"{count} shot{'s' if count > 1 else ''} saved to {folder}" if count else "no shot waits"
+        words = f"{counted(count, 'shot')} saved to {folder}" if count else "no shot waits"
         if problem is None:
             self._tell(EventKind.EXPORTED, words)
         else:

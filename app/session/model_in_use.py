@@ -11,7 +11,7 @@ from analysis.fitted import fit_jointly, shaking_of
 from analysis.shot import AnalysisError, Fit, Progress, Shot, Stop, why_not_together
 from app.report import shared_stds
 from app.session.verdict_basis import ModelEffects
-from app.words import model_in_words, parameter_parts
+from app.words import counted, model_in_words, parameter_parts
 from instrument.files import RecordingError, read_laws, read_toml_text, write_law, write_text_atomic
 
 DRIFT_SIGMAS = 4.0  # of the joint standard uncertainty
@@ -85,8 +85,7 @@ def load_model(path: Path) -> SavedModel:
 
 def model_words(model: SavedModel) -> str:
     """Return "paper model + quadratic drag on the block, from 5 shots"; an effect no diagnosis named has "(tried)"."""
-    count = len(model.shots)
-    return f"{model_in_words(model.base, model.effects, model.tried)}, from {count} shot{'' if count == 1 else 's'}"
+    return f"{model_in_words(model.base, model.effects, model.tried)}, from {counted(len(model.shots), 'shot')}"
 
 
 def drift_words(known: SavedModel, fit: Fit) -> str:

@@ -41,6 +41,7 @@ from app.window.presenters.session import SessionPresenter
 from app.window.presenters.setup import SetupPresenter
 from app.window.presenters.view import ViewPresenter
 from app.window.theme import Theme, Tone
+from app.words import counted
 from instrument.capture import FinishedShot, Snapshot, State
 from instrument.devices import Digitizer, at_site
 from instrument.process import SubprocessAnalysis, SubprocessWorker, open_in_subprocess
@@ -195,7 +196,7 @@ class MainWindow(QMainWindow):
             found["session"] = f"{self.workbench.session.problem}; its notes and verdicts would be lost"
         jobs = self.workbench.jobs
         if files := jobs.waiting("open"):
-            found["files"] = f"{files} recording{'' if files == 1 else 's'} still to be opened"
+            found["files"] = f"{counted(files, 'recording')} still to be opened"
         if jobs.waiting("diagnosis", "export", PLAN):
             found["work"] = "A diagnosis, an export or a plan is under way"
         return found

@@ -1,4 +1,4 @@
-"""Words for models, effects, verdicts, parameters and units, on the screen and in files (no Qt)."""
+"""Words for models, effects, verdicts, parameters, units and counts, on the screen and in files (no Qt)."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence

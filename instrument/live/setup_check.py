@@ -105,7 +105,7 @@ def _rest(signals: Sequence[ChannelSignal], rest_frequency_hz: float | None) -> 
     if rest is None or moving is None:
         return []
     shift_hz = moving - rest
-    line = f"PD1 is {round(shift_hz / 1e3, 1) + 0.0:+.1f} kHz from the rest frequency"  # no "-0.0"
+    line = f"PD1 is {shift_hz / 1e3:+z.1f} kHz from the rest frequency"
     if abs(shift_hz) > SAME_BEAT_HZ:
         return [Check("rest frequency", Grade.WARN, f"{line}: is the block at rest, and is it PD1 on this channel?")]
     return [Check("rest frequency", Grade.OK, line)]

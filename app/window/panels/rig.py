@@ -8,6 +8,7 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QFrame, QLabel, QVBoxLayout,
 
 from app.window.theme import MARKS, Colours, Dressed, Tone, sized
 from app.window.widgets import combo_box, horizontal, push_button, set_tone, text_label
+from app.words import counted
 
 
 class Controls(QWidget):
@@ -143,7 +144,7 @@ class Banner(Dressed, QFrame):
             self.save_elsewhere.setVisible(unsaved > 0)
             self._clock.setVisible(unsaved == 0)  # the words need its room
             self._fit()
-        words = f"Save {unsaved} shot{'s' if unsaved > 1 else ''} elsewhere …"
+        words = f"Save {counted(unsaved, 'shot')} elsewhere …"
         if unsaved and self.save_elsewhere.text() != words:
             self.save_elsewhere.setText(words)
 

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QVB
 
 from app.window.theme import MARKS, Tone, sized
 from app.window.widgets import SideSheet, clear_layout, line_edit, push_button, set_tone, show_toned, text_label
-from app.words import lines, local_words, tag
+from app.words import counted, lines, local_words, tag
 from instrument.devices import Check, FoundDevice, Grade
 
 TONES = {Grade.OK: Tone.GOOD, Grade.WARN: Tone.WARNING, Grade.FAIL: Tone.BAD}
@@ -112,7 +112,7 @@ class SetupSheet(SideSheet):
         if problem:
             self._found.setText(f"{MARKS[Tone.WARNING]} The search for devices failed: {problem}")
         elif found:
-            self._found.setText(f"{len(found)} device{'s' if len(found) > 1 else ''} found")
+            self._found.setText(f"{counted(len(found), 'device')} found")
         else:
             self._found.setText("No digitizer is plugged in. The simulated bench needs none.")
         self._add_device(0, "bench", "Simulated bench", "no device needed", "", present)

@@ -16,6 +16,7 @@ from analysis.diagnosis.explanation import Explanation, explain_with_effects, ex
 from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.question import Question
 from analysis.diagnosis.result import Verdict
+from analysis.diagnosis.search.frequencies import at_likeliest_frequency
 from analysis.diagnosis.search.full_rate import at_full_rate
 from analysis.diagnosis.search.search import Search, Searched
 from analysis.diagnosis.verdict.acceptance import Settled, settle
@@ -170,7 +171,8 @@ class BestFirst:
             best, trail = finely
             branch.law = question.one_law_beside(trail.start)
         held_out = question.held_out(trail.start.problem.data, in_turn=best is not trail.start)
-        judged = rest if finely is None else None
+        best, given = at_likeliest_frequency(best, trail), best
+        judged = rest if finely is None and best is given else None
         settled = settle(best, trail, held_out, question.progress, question.limit, judged)
         branch.named = explain_with_effects(question, trail, settled, held_out)
 

@@ -10,6 +10,7 @@ from analysis.diagnosis.question import Question
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Remainder, Verdict
 from analysis.diagnosis.search.competing_models import separations_of
 from analysis.diagnosis.search.forward_selection import Trail, without
+from analysis.diagnosis.search.frequencies import at_other_frequencies, with_std_over
 from analysis.diagnosis.verdict.acceptance import Settled, accepted_effects, clear
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
@@ -64,7 +65,8 @@ def explain_with_effects(question: Question, trail: Trail, settled: Settled, hel
     question.progress("telling look-alikes apart", 0.8)
     best, linearised, separations, residual = settled.best, settled.linearised, settled.separations, settled.residual
     while True:
-        sure = with_profile_std(best.under_likely_noises(), question.stop)
+        sure = with_std_over(best.under_likely_noises(), at_other_frequencies(best, trail))
+        sure = with_profile_std(sure, question.stop)
         parameters = effect_parameters(sure)
         found = [_found(best, n, parameters[n], residual, separations[n], trail) for n in trail.added(best)]
         effects, verdict = accepted_effects(found, residual, best, nothing_pays=trail.nothing_pays)

@@ -47,6 +47,7 @@ class Trail:
     stop: Stop
     scores: dict[Effect, Score] = field(default_factory=dict)
     fits: dict[frozenset[Effect], Fitted] = field(default_factory=dict)
+    elsewhere: dict[frozenset[Effect], list[Fitted]] = field(default_factory=dict)  # with a mode at other frequencies
     last: Linearised | None = None  # of the last round
     asked: set[frozenset[Effect]] = field(default_factory=set)  # fitted from a fit with one effect more as well
     widens: bool = True  # try the wider of two effects where the narrow one was found

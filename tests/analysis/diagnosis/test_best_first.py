@@ -236,8 +236,9 @@ def test_one_law_takes_the_place_of_effects_where_nothing_speaks_against_it(
 
 @pytest.mark.parametrize("finely", [False, True])
 @pytest.mark.parametrize("found", [False, True])
-def test_effects_are_named_at_the_records_own_rate_where_that_shows_a_ripple(
-    finely: bool, found: bool, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("moved", [False, True])
+def test_effects_are_named_at_the_records_own_rate_and_the_likeliest_frequency(
+    finely: bool, found: bool, moved: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     one = branch(0.0)
     searched: Any = one.searched
@@ -245,6 +246,9 @@ def test_effects_are_named_at_the_records_own_rate_where_that_shows_a_ripple(
         searched.best = searched.trail.start
     fine: Any = ("fine best", SimpleNamespace(start=SimpleNamespace(problem=SimpleNamespace(data="fine data"))))
     monkeypatch.setattr(module, "at_full_rate", lambda *of: fine if finely and of[2] == "motions" else None)
+    monkeypatch.setattr(
+        module, "at_likeliest_frequency", lambda best, trail: ("elsewhere", best, trail) if moved else best
+    )
     monkeypatch.setattr(module, "settle", lambda *of: ("settled", of))
     monkeypatch.setattr(module, "explain_with_effects", lambda *of: of)
     given = searching(one, None)
@@ -252,8 +256,9 @@ def test_effects_are_named_at_the_records_own_rate_where_that_shows_a_ripple(
     given._name(one)
     question: Any = given._question
     best, trail = fine if finely else (searched.best, searched.trail)
+    best = ("elsewhere", best, trail) if moved else best
     held = ("fine data" if finely else "data", finely or found)
-    settled = best, trail, held, question.progress, question.limit, None if finely else "residual"
+    settled = best, trail, held, question.progress, question.limit, None if finely or moved else "residual"
     assert one.named == (question, trail, ("settled", settled), held)
     assert (one.law is law) is not finely and (not finely or one.law.beside is trail.start)
 

@@ -1,0 +1,136 @@
+"""Other frequencies at which a mode is nearly as likely: a faint one fits the residual at several.
+
+The likelihood has a maximum wherever one period more or less fits into the contact.  The curvature at one of them says
+nothing of the others, so the parameters' covariance is that of all, each weighed by its likelihood.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from analysis.collision import Effect
+from analysis.compiled import side_by_side
+from analysis.diagnosis.search.forward_selection import WORTH_FINISHING, Trail, better, polish, without
+from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.inference import Fitted, Linearised, TrialEffect, refit
+
+Start = tuple[Mapping[str, float], ...]  # an effect's values for each shot
+_APART = 0.06  # of ln f: less is the same maximum of the scores ...
+_SAME = 0.02  # ... or of the fits
+_MOST = 8  # maxima that are fitted
+_STEP = 0.02  # of ln f, between frequencies at which a mode of its natural size is tried
+_EVALUATIONS = 16
+
+
+def at_likeliest_frequency(fitted: Fitted, trail: Trail) -> Fitted:
+    """Return the fit, its modes at other frequencies where that is likelier."""
+    best = min(at_other_frequencies(fitted, trail), key=lambda one: one.bic, default=fitted)
+    if not better(best, fitted):
+        return fitted
+    every = trail.elsewhere[frozenset(fitted.effects)]
+    every[next(k for k, one in enumerate(every) if one is best)] = best = polish(best, trail)
+    return best
+
+
+def at_other_frequencies(fitted: Fitted, trail: Trail) -> list[Fitted]:
+    """Return fits of the same effects, one mode at another frequency, that are nearly as likely or more.
+
+    Cost: a short fit (20 ms) from each of 8 maxima, and where a support has several, from each of 70 frequencies more.
+    """
+    modes = [effect for effect in trail.added(fitted) if _is_mode(effect)]
+    if not modes:
+        return []
+    key = frozenset(fitted.effects)
+    if key not in trail.elsewhere:
+        found = [fitted]
+        none: list[Fitted] = []
+        for kind in (kind for kind in fitted.problem.effects if kind.effect in modes):
+            found += trail.within("other frequencies of a mode", partial(_fits, fitted, kind, trail), none)
+        trail.elsewhere[key] = found
+    return [one for one in trail.elsewhere[key] if any(_apart(one, fitted, effect) for effect in modes)]
+
+
+def _is_mode(effect: Effect) -> bool:
+    shared = (free.name for free in effect.parameters if not free.own)
+    return effect.wave is None and "frequency_hz" in shared
+
+
+def with_std_over(fitted: Fitted, others: Sequence[Fitted]) -> Fitted:
+    """Return the fit with the covariance of the mixture of it and of others, its own values the mean.
+
+    Each has the weight exp(-BIC / 2) (Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773).
+    """
+    if not others:
+        return fitted
+    weights = np.exp([0.0, *(min(0.5 * (fitted.bic - one.bic), 0.0) for one in others)])
+    weights /= weights.sum()
+    inverse = weights[0] * fitted.inverse
+    for weight, one in zip(weights[1:], others, strict=True):
+        same = [one.problem.names.index(name) for name in fitted.problem.names]  # effects may stand in another order
+        off = one.z[same] - fitted.z
+        inverse += weight * (one.inverse[np.ix_(same, same)] + np.outer(off, off))
+    return replace(fitted, inverse=inverse)
+
+
+def _fits(fitted: Fitted, kind: TrialEffect, trail: Trail) -> list[Fitted]:
+    """Return the fits with the mode ``kind`` at other frequencies that are nearly as likely or more."""
+    fewer = without(fitted, kind.effect, trail)
+    if fewer is None:
+        return []
+    at = trail.linearised(fewer)
+    listed = at.scores(kind)
+    maxima: list[Start] = []
+    for score in listed:
+        frequency_hz = score.start[0]["frequency_hz"]
+        near = any(abs(math.log(frequency_hz / one[0]["frequency_hz"])) < _APART for one in maxima)
+        if not near and len(maxima) < _MOST and score.gain > listed[0].gain - CRITERIA.nearly:
+            maxima.append(score.start)
+    found = _nearly(fitted, _fitted_from(maxima, fitted, at, kind, trail), kind.effect)
+    if not found or not kind.effect.in_series:
+        return found
+    large = [(start,) * len(maxima[0]) for start in _of_natural_size(kind)]
+    return _nearly(fitted, [*found, *_fitted_from(large, fitted, at, kind, trail)], kind.effect)
+
+
+def _of_natural_size(kind: TrialEffect) -> list[Mapping[str, float]]:
+    """Return starts of a mode of its natural size, over the upper half of its frequencies.
+
+    The higher its frequency, the larger a mode must be to be seen beside the plate's stiffness; its motion is then not
+    linear in it, as the scores take it to be.
+    """
+    sizes = {free.name: free.scale for free in kind.free_parameters if free.name in kind.amplitude}
+    low, high = (math.log(of(start["frequency_hz"] for start in kind.starts)) for of in (min, max))
+    frequencies = np.exp(np.arange((low + high) / 2, high, _STEP))
+    return [{**kind.starts[0], **sizes, "frequency_hz": float(frequency)} for frequency in frequencies]
+
+
+def _fitted_from(
+    starts: Sequence[Start], like: Fitted, at: Linearised, kind: TrialEffect, trail: Trail
+) -> list[Fitted]:
+    """Return the likeliest fits with the mode begun at these starts, that may be nearly as likely as ``like``."""
+    short = side_by_side(lambda start: refit(at, kind, start, trail.stop, least_bic=like.bic), starts)
+    promising = [one for one in short if one is not None and one.bic < like.bic + WORTH_FINISHING]
+    promising.sort(key=lambda one: one.bic)
+    return side_by_side(lambda one: one.fitted_on(evaluations=_EVALUATIONS, cancelled=trail.stop), promising[:_MOST])
+
+
+def _nearly(fitted: Fitted, found: Sequence[Fitted], effect: Effect) -> list[Fitted]:
+    """Return those of the fits that are nearly as likely, one for each frequency but that of ``fitted``."""
+    out: list[Fitted] = []
+    for one in sorted(found, key=lambda one: one.bic):
+        determined = bool(np.all(np.isfinite(one.inverse)))
+        if (
+            determined
+            and one.bic < fitted.bic + CRITERIA.nearly
+            and all(_apart(one, other, effect) for other in (fitted, *out))
+        ):
+            out.append(one)
+    return out
+
+
+def _apart(one: Fitted, other: Fitted, effect: Effect) -> bool:
+    first, second = (fitted.point.values[0][effect]["frequency_hz"] for fitted in (one, other))
+    return abs(math.log(first / second)) > _SAME

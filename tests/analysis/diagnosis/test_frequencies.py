@@ -1,0 +1,102 @@
+"""A faint mode that fits at several frequencies: all of them are found, and its uncertainty spans them."""
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.diagnosis.search.forward_selection import Trail, climb
+from analysis.diagnosis.search.frequencies import at_likeliest_frequency, at_other_frequencies, with_std_over
+from analysis.inference import Fitted, effect_parameters, refit
+from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
+
+SUPPORT = KINDS["support_compliance"]
+
+
+def searched(compliance_m_per_n: float, frequency_hz: float) -> tuple[Fitted, Trail]:
+    values = {"compliance_m_per_n": compliance_m_per_n, "frequency_hz": frequency_hz}
+    trail = Trail(base_fit(shots({"support_compliance": values})), [SUPPORT], calm)
+    return climb(trail.start, trail, 1), trail
+
+
+@pytest.fixture(scope="module")
+def faint() -> tuple[Fitted, Trail]:
+    return searched(2e-5, 1985.0)
+
+
+def frequency_hz(fitted: Fitted) -> float:
+    return fitted.point.values[0][SUPPORT.effect]["frequency_hz"]
+
+
+def test_a_faint_support_is_found_at_the_frequency_that_is_likeliest_of_all(faint: tuple[Fitted, Trail]) -> None:
+    first, trail = faint
+    others = at_other_frequencies(first, trail)
+    assert frequency_hz(first) < 1000.0  # where a search by scores ends
+    best = at_likeliest_frequency(first, trail)
+    assert best.converged and best.bic < first.bic - 1.0
+    assert frequency_hz(best) == pytest.approx(1985.0, rel=2e-3)
+    # nothing on a grid that it does not know is likelier
+    at = trail.start.linearise()
+    for hz in np.geomspace(300.0, 2900.0, 12):
+        start = {"compliance_m_per_n": 6e-6, "frequency_hz": float(hz)}
+        trial = refit(at, SUPPORT, (start,) * 3, calm)
+        assert trial is None or trial.fitted_on(evaluations=16).bic > best.bic - 1.0
+    # each is a maximum by itself, not more than the limit behind, and stands once
+    for one in others:
+        assert one.bic < first.bic + 20.0
+        assert one.fitted_on(evaluations=40).bic > one.bic - 1.0
+    at_ln = np.sort(np.log([frequency_hz(one) for one in (first, *others)]))
+    assert len(others) >= 5 and float(np.diff(at_ln).min()) > 0.02
+
+
+def test_the_uncertainty_of_a_faint_support_spans_all_its_frequencies(faint: tuple[Fitted, Trail]) -> None:
+    first, trail = faint
+    best = at_likeliest_frequency(first, trail)
+    others = at_other_frequencies(best, trail)
+    assert [frequency_hz(one) for one in others].count(frequency_hz(first)) == 1
+    assert frequency_hz(best) not in [frequency_hz(one) for one in others]
+    found = effect_parameters(with_std_over(best, others))[SUPPORT.effect]
+    of_one = effect_parameters(best)[SUPPORT.effect]
+    assert of_one["frequency_hz"].std < 10.0 and found["frequency_hz"].value == of_one["frequency_hz"].value
+    every = [best, *others]
+    weights = np.exp([0.5 * (best.bic - one.bic) for one in every])
+    ln = np.log([frequency_hz(one) for one in every])
+    spread = best.point.values[0][SUPPORT.effect]["frequency_hz"] * math.sqrt(
+        float(weights @ (ln - ln[0]) ** 2 / weights.sum())
+    )
+    assert found["frequency_hz"].std == pytest.approx(spread, rel=0.02)
+
+
+def test_a_support_that_stands_out_has_one_frequency() -> None:
+    first, trail = searched(2e-6, 1000.0)
+    assert at_other_frequencies(first, trail) == [] and at_likeliest_frequency(first, trail) is first
+    assert with_std_over(first, []) is first
+
+
+def fit(z: list[float], std: list[float], bic: float, names: str = "ab") -> Any:
+    problem = SimpleNamespace(names=list(names[: len(z)]))
+    return SimpleNamespace(z=np.array(z), inverse=np.diag(np.square(std)), bic=bic, problem=problem)
+
+
+def test_the_covariance_is_that_of_numbers_drawn_from_all_fits_by_their_likelihood(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("analysis.diagnosis.search.frequencies.replace", lambda one, inverse: inverse)
+    fits = [fit([1.0, 5.0], [0.3, 0.1], 0.0), fit([3.0, 4.0], [0.2, 0.4], 1.2), fit([-2.0, 7.0], [0.5, 0.2], 4.0)]
+    turned = fit([7.0, -2.0], [0.2, 0.5], 4.0, "ba")  # the same fit, its parameters in another order
+    got: Any = with_std_over(fits[0], [fits[1], turned])
+    rng = np.random.default_rng(4)
+    odds = np.exp([-0.5 * one.bic for one in fits])
+    chosen = rng.choice(3, size=200_000, p=odds / odds.sum())
+    drawn = np.array([one.z for one in fits])[chosen]
+    drawn += rng.standard_normal(drawn.shape) * np.array([np.sqrt(np.diag(one.inverse)) for one in fits])[chosen]
+    off = drawn - fits[0].z
+    np.testing.assert_allclose(got, off.T @ off / len(off), rtol=0.02)
+
+
+def test_a_fit_that_is_likelier_than_the_one_reported_weighs_no_more_than_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("analysis.diagnosis.search.frequencies.replace", lambda one, inverse: inverse)
+    here, there = fit([0.0], [0.1], 10.0), fit([4.0], [0.1], -50.0)
+    assert float(np.asarray(with_std_over(here, [there]))[0, 0]) == pytest.approx(0.01 + 8.0)

@@ -20,7 +20,8 @@ from analysis.inference import Fitted, Linearised, TrialEffect, refit
 Start = tuple[Mapping[str, float], ...]  # an effect's values for each shot
 _APART = 0.06  # of ln f: less is the same maximum of the scores ...
 _SAME = 0.02  # ... or of the fits
-_MOST = 8  # maxima that are fitted
+_MOST = 8  # maxima that are fitted ...
+_SHARE = 0.3  # ... of those that promise so much of what the best does: a large mode keeps no promise to first order
 _STEP = 0.02  # of ln f, between frequencies at which a mode of its natural size is tried
 _EVALUATIONS = 16
 
@@ -86,7 +87,7 @@ def _fits(fitted: Fitted, kind: TrialEffect, trail: Trail) -> list[Fitted]:
     for score in listed:
         frequency_hz = score.start[0]["frequency_hz"]
         near = any(abs(math.log(frequency_hz / one[0]["frequency_hz"])) < _APART for one in maxima)
-        if not near and len(maxima) < _MOST and score.gain > listed[0].gain - CRITERIA.nearly:
+        if not near and len(maxima) < _MOST and score.gain > _SHARE * listed[0].gain:
             maxima.append(score.start)
     found = _nearly(fitted, _fitted_from(maxima, fitted, at, kind, trail), kind.effect)
     if not found or not kind.effect.in_series:

@@ -52,13 +52,15 @@ class Square:
 class Minimum:
     """The end of a search; ``converged``: the next step would move no parameter by 1e-3 standard deviations.
 
-    Where rounding hides what steps of up to 0.1 standard deviations change, that is the end as well.
+    Where rounding hides what steps of up to 0.1 standard deviations change, that is the end as well.  ``stuck``: no
+    step lowers chi^2, however short.
     """
 
     parameters: Floats
     square: Square
     converged: bool
     at_bound: tuple[int, ...] = ()
+    stuck: bool = False
 
 
 Function = Callable[[Floats], Square]
@@ -125,7 +127,7 @@ def minimise(
             damping.ease(fell / expected)
         elif 0 < expected < 1e-12 * square.chi2 + tolerance * 1e-2 or not damping.refuse():
             # rounding hides falls below 1e-12 of chi^2, or no step lowers chi^2, however short
-            return Minimum(here, square, 0 <= promised < _ROUNDED * unit)
+            return Minimum(here, square, 0 <= promised < _ROUNDED * unit, stuck=True)
     return Minimum(here, square, False)
 
 

@@ -23,6 +23,7 @@ from analysis.shot import Floats, Stop
 _ROUNDS, _A_ROUND, _BRINGS = 8, 25, 0.05  # of ``continued``: rounds, evaluations in each, least gain of ln L
 _WANDERING_PARTS = 2  # at most, of a noise
 _NEAR = 0.04  # of chi^2 still to fall: no parameter is further than a fifth of its std from the minimum
+_ROUGH = 0.5  # the same beside an attraction: samples that come within its reach one by one make chi^2 rough
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,9 @@ class Problem(WeighedModel):
         else:
             gradient = found.square.gradient
             still_to_fall = float(gradient @ inverse @ gradient)
-            converged = converged or still_to_fall < _NEAR * found.square.chi2 / found.square.samples
+            rough = found.stuck and any(kind.effect.range_at >= 0 for kind in self.effects)
+            near = _ROUGH if rough else _NEAR
+            converged = converged or still_to_fall < near * found.square.chi2 / found.square.samples
         return Fitted(self.with_noise(noise), found.parameters, value, left, inverse, converged)
 
     def linearise(self, z: Floats, near: Projector | None = None) -> "Linearised":

@@ -21,7 +21,7 @@ def test_an_end_in_rounding_is_a_minimum_only_where_little_was_promised(
         return Square(chi2, np.eye(1), np.array([np.sqrt(promise)]), 1000)
 
     found = minimise(square, start)
-    assert found.converged is converged
+    assert found.converged is converged and found.stuck
     assert np.array_equal(found.parameters, start)
 
 

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from analysis.collision.parameters import Infeasible
+from analysis.inference.fit.added_effect import refit
 from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import Fitted, Problem
-from tests.analysis.diagnosis.shots import WHITE_M, base_fit, shots
+from tests.analysis.diagnosis.shots import KINDS, WHITE_M, base_fit, calm, shots
 
 
 def test_a_fit_that_allows_for_its_own_error_is_led_on() -> None:
@@ -47,17 +48,34 @@ def test_a_prediction_moves_only_what_is_a_shots_own() -> None:
     assert np.allclose(end, best.z, rtol=1e-6, atol=1e-9)
 
 
+def cut_off(at: Fitted, stds: float) -> Minimum:
+    """Return the end of a search whose first parameter is so many standard deviations off, the others followed."""
+    square = at.problem.square(at.z)
+    inverse = square.covariance()
+    assert inverse is not None
+    away = stds * np.sqrt(square.chi2 / square.samples) * inverse[0] / np.sqrt(inverse[0, 0])
+    return Minimum(at.z, replace(square, gradient=-square.curvature @ away), False)
+
+
 @pytest.mark.parametrize(("stds", "near"), [(0.19, True), (0.21, False)])
 def test_a_search_cut_off_is_an_end_within_a_fifth_of_a_standard_deviation(stds: float, near: bool) -> None:
     best = base_fit(shots({}))
-    square = best.problem.square(best.z)
-    inverse = square.covariance()
-    assert inverse is not None
-    birge = np.sqrt(square.chi2 / square.samples)
-    away = stds * birge * inverse[0] / np.sqrt(inverse[0, 0])  # the first parameter so far off, the others followed
-    cut_off = Minimum(best.z, replace(square, gradient=-square.curvature @ away), False)
-    assert best.problem.fitted(cut_off).converged is near
-    assert best.problem.fitted(replace(cut_off, converged=True)).converged
+    end = cut_off(best, stds)
+    assert best.problem.fitted(end).converged is near
+    assert best.problem.fitted(replace(end, converged=True)).converged
+    assert best.problem.fitted(replace(end, stuck=True)).converged is near  # chi^2 of the base model is smooth
+
+
+@pytest.mark.parametrize(("stds", "near"), [(0.7, True), (0.72, False)])
+def test_a_search_stuck_on_an_attractions_rough_chi2_is_an_end_within_seven_tenths(stds: float, near: bool) -> None:
+    kind = KINDS["adhesion"]
+    given = {"force_n": 5e-7, "range_m": 6e-6}
+    base = base_fit(shots({"adhesion": given}))
+    beside = refit(base.linearise(), kind, (given,) * 3, calm)
+    assert beside is not None
+    end = cut_off(beside, stds)
+    assert not beside.problem.fitted(end).converged
+    assert beside.problem.fitted(replace(end, stuck=True)).converged is near
 
 
 @pytest.fixture(scope="module")

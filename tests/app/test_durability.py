@@ -163,6 +163,7 @@ def test_what_could_not_be_synced_is_not_called_saved(tmp_path: Path, monkeypatc
         write_motion(SHOT, tmp_path / "shot.csv")
     assert list(tmp_path.iterdir()) == []
     assert "No space left" in (save(tmp_path / "settings.json", Settings()) or "")
+    assert list(tmp_path.iterdir()) == []
     session = Session(tmp_path / "session.json")
     session.add(SHOT)
     assert "No space left" in (session.problem or "")

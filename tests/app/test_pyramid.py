@@ -61,3 +61,28 @@ def test_extremes_stand_in_their_columns_and_a_hole_stays_one():
     assert [place[shown == value][0] for value in (3.0, -2.0, 5.0)] == pytest.approx([0.005, 0.555, 0.995])
     hole = place[np.isnan(shown)]
     assert hole.size in (18, 20) and 0.7 < hole[0] < 0.72 and 0.78 < hole[-1] < 0.8
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**31), st.integers(2, 40), st.integers(1, 3), st.floats(2.0, 31.9), st.floats(0.0, 1.0))
+def test_a_column_has_the_extremes_of_its_own_samples_to_two_blocks_of_its_level(seed, pixels, level, blocks, left):
+    unit = 16 ** (level - 1)
+    random = np.random.default_rng(seed)
+    count = int(np.ceil(blocks * unit * pixels)) + 1
+    start = int(left * 3 * unit)
+    values = random.standard_normal(start + count + int(random.integers(0, unit)))  # the last block may not be whole
+    place, shown = Pyramid(values).view(start, start + count, pixels)
+    edges = start + np.arange(pixels + 1) * count / pixels
+    np.testing.assert_allclose(place, np.repeat((edges[1:] + edges[:-1]) / 2, 2), rtol=1e-12)
+    for (low, high), begin, end in zip(shown.reshape(-1, 2), edges[:-1], edges[1:], strict=True):
+        wide = values[max(0, int(begin) - 2 * unit) : int(np.ceil(end)) + 2 * unit]
+        narrow = values[int(np.ceil(begin)) + 2 * unit : max(0, int(end) - 2 * unit)]
+        assert wide.min() <= low <= narrow.min(initial=high) and narrow.max(initial=low) <= high <= wide.max()
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_both_extremes_of_the_last_samples_too_few_for_a_block_stand_in_the_last_column(sign):
+    values = np.zeros(256 * 40 + 100)
+    values[-3:] = sign * np.array([-7.0, 5.0, 1.0])
+    shown = Pyramid(values).view(0, values.size, 20)[1].reshape(-1, 2)  # blocks of 16: 512 samples a column
+    assert (shown[:-1] == 0.0).all() and shown[-1].tolist() == sorted([-7.0 * sign, 5.0 * sign])

@@ -1,6 +1,7 @@
 """The settings file: kept whole, checked, and never able to stop a start."""
 
 import json
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -24,10 +25,25 @@ from tests.instrument.fake_digitizer import FakeDigitizer
 
 
 def test_what_is_saved_comes_back(tmp_path):
-    path = tmp_path / "sub" / "settings.json"
+    path = tmp_path / "config" / "levimass" / "settings.json"
     chosen = Settings(moving_mass_kg=0.02, temperature_c=21.0, pressure_pa=1e5, humidity_percent=40.0, folder="/x")
     assert choices.save(path, chosen) is None
     assert choices.load(path) == (chosen, [])
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a file has no mode there")
+def test_a_private_settings_file_stays_private_as_does_its_last_good_copy_and_has_a_setting_a_line(tmp_path):
+    path = tmp_path / "settings.json"
+    for mass_kg in (0.01, 0.02, 0.03):
+        assert choices.save(path, Settings(moving_mass_kg=mass_kg)) is None
+        if mass_kg == 0.01:
+            path.chmod(0o600)
+    found = {file.name: (file.stat().st_mode & 0o777, file.read_text().splitlines()) for file in tmp_path.iterdir()}
+    assert found.keys() == {"settings.json", "settings.json.last-good"}  # nothing else is left behind
+    for name, mass_kg in (("settings.json", 0.03), ("settings.json.last-good", 0.02)):
+        mode, lines = found[name]
+        assert mode == 0o600 and lines[:2] == ["{", ' "levimass_settings": 1,']
+        assert f' "moving_mass_kg": {mass_kg},' in lines
 
 
 @pytest.mark.parametrize(

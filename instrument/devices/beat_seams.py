@@ -82,10 +82,7 @@ class BeatSeams:
         peak = int(np.argmax(spectrum[:-2]))
         if peak < 8 or spectrum[peak] < 20 * float(np.median(spectrum)):
             return False
-        left, middle, right = np.log(spectrum[peak - 1 : peak + 2] + 1e-12)
-        bend = left - 2 * middle + right
-        at = peak + (0.5 * (left - right) / bend if bend < 0 else 0.0)
-        angle = 2 * math.pi * at / length * np.arange(self._n)
+        angle = 2 * math.pi * peak / length * np.arange(self._n)  # half a bin off: 1/128 of a cycle in a packet
         self._table = np.stack((np.cos(angle), -np.sin(angle), np.ones(self._n)), axis=1).astype(np.float32)
         self._sigma = 0.0
         self.forget()

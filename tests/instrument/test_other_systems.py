@@ -83,12 +83,29 @@ def test_ni_cards_are_found_in_the_registry() -> None:
 
 
 def test_firmware_is_looked_for_where_each_system_keeps_it() -> None:
-    windows = firmware_folders("win32", {"ProgramFiles": r"C:\Program Files", "LOCALAPPDATA": r"C:\me"}, Path("home"))
-    assert any("PulseView" in folder.parts and folder.name == "sigrok-firmware" for folder in windows)
-    assert not any("/usr" in str(folder) for folder in windows)
-    assert Path("/opt/homebrew/share/sigrok-firmware") in firmware_folders("darwin", {}, Path("home"))
-    assert Path("/usr/share/sigrok-firmware") in firmware_folders("linux", {}, Path("home"))
-    assert "apt" in firmware_remedy("linux") and "PulseView" in firmware_remedy("win32")
+    """sigrok's folders and PulseView's, those that come with the system first."""
+    given = {"ProgramFiles": "C:/Programs", "ProgramFiles(x86)": "C:/Programs32", "LOCALAPPDATA": "C:/me"}
+    programs = [f"{root}/sigrok/{program}/share" for root in ("C:/Programs", "C:/Programs32") for program in SIGROK]
+    for system, environment, folders in (
+        ("win32", given, [*programs, "C:/me/levimass"]),
+        ("win32", {"ProgramFiles(x86)": "C:/Programs32"}, [*programs[2:], "home/levimass"]),
+        (
+            "darwin",
+            {},
+            [
+                *("/opt/homebrew/share", "/usr/local/share", "/opt/local/share"),
+                *("/Applications/PulseView.app/Contents/share", "home/.local/share"),
+            ],
+        ),
+        ("linux", {}, ["/usr/share", "/usr/local/share", "home/.local/share"]),
+    ):
+        found = firmware_folders(system, environment, Path("home"))
+        assert found == tuple(Path(folder) / "sigrok-firmware" for folder in folders), system
+    assert "apt" in firmware_remedy("linux")
+    assert all("PulseView" in firmware_remedy(system) for system in ("win32", "darwin"))
+
+
+SIGROK = ("PulseView", "sigrok-cli")
 
 
 def test_what_may_wait_in_a_pipe_fits_into_one_of_windows() -> None:

@@ -74,6 +74,13 @@ class EmulatedScope:
             self.stopped = self._polls > self.polls_until_trigger
         return self.stopped
 
+    def _set_span(self, record_s: float) -> None:
+        self.rate_hz = self.samples / record_s
+
+    def _set_delay(self, seconds: float) -> None:
+        self._delay = seconds
+        self.trigger_at = round(self.samples / 2 - seconds * self.rate_hz)
+
     @staticmethod
     def _block(content: bytes, tail: bytes = b"\n") -> bytes:
         return b"#9%09d" % len(content) + content + tail
@@ -100,10 +107,9 @@ class EmulatedScope:
         elif word == ":ACQ:MDEP":
             self.samples = int(value)
         elif word == ":TIM:MAIN:SCAL":
-            self.rate_hz = self.samples / (12 * float(value))
+            self._set_span(12 * float(value))
         elif word == ":TIM:MAIN:OFFS":
-            self._delay = float(value)
-            self.trigger_at = round(self.samples / 2 - self._delay * self.rate_hz)
+            self._set_delay(float(value))
         return {
             ":TRIG:STAT?": lambda: b"STOP\n" if self._poll() else b"WAIT\n",
             ":ACQ:SRAT?": lambda: b"%e\n" % self.rate_hz,
@@ -118,6 +124,12 @@ class EmulatedScope:
             self._single()
         elif line == "STOP":
             self.stopped = True
+        elif line.startswith("MSIZ "):
+            self.samples = int(line[5:].replace("K", "000").replace("M", "000000"))
+        elif line.startswith("TDIV "):
+            self._set_span(14 * float(line[5:].removesuffix("S")))
+        elif line.startswith("TRDL "):
+            self._set_delay(float(line[5:].removesuffix("S")))
         elif line.startswith("WFSU "):
             numbers = line.removeprefix("WFSU ").split(",")
             assert numbers[:2] == ["SP", "1"]
@@ -125,10 +137,11 @@ class EmulatedScope:
         elif line.endswith(":WF? DAT2"):
             n = int(line[1])
             return b"DAT2," + self._block(self.codes(n)[self._start : self._start + self._stop].tobytes(), b"\n\n")
+        if line[:-1] == "SANU? C":
+            return b"%.2fkpts\n" % (self.samples / 1e3)
         return {
             "SAST?": lambda: b"Stop\n" if self._poll() else b"Ready\n",
             "SARA?": lambda: b"%.2eSa/s\n" % self.rate_hz,
-            "SANU? C1": lambda: b"%.2fkpts\n" % (self.samples / 1e3),
             "TRDL?": lambda: b"%e\n" % self.delay_s,
             "C1:VDIV?": lambda: b"%.2E\n" % self.VDIV,
             "C2:VDIV?": lambda: b"%.2E\n" % self.VDIV,
@@ -144,6 +157,10 @@ class EmulatedScope:
             self.stopped = True
         elif word == ":WAV:SOUR":
             self._source = int(value.removeprefix("CHAN"))
+        elif word == ":TIM:SCAL":
+            self.samples = round(self.rate_hz * 10 * float(value))
+        elif word == ":TIM:POS":
+            self._set_delay(float(value))
         return {
             ":OPER:COND?": lambda: b"+0\n" if self._poll() else b"+40\n",
             ":ACQ:SRAT?": lambda: b"%e\n" % self.rate_hz,

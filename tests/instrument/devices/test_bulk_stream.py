@@ -1,9 +1,12 @@
 """The queue of USB transfers, over a stand-in for libusb that sends a known sequence of bytes."""
 
 import ctypes
+import gc
 import time
+import weakref
 from collections import deque
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import Any
 
@@ -173,3 +176,79 @@ def test_a_reader_that_waits_for_a_silent_device_is_woken_at_once() -> None:
         assert waiting.result(10.0) is None
     stream.stop()
     assert libusb.freed == len(libusb.made) and not libusb.queued
+
+
+def test_buffers_that_the_kernel_may_still_fill_are_kept_though_nobody_holds_the_stream() -> None:
+    """The thread that reads events hangs in the kernel: memory that was freed would be written into."""
+    libusb = Silent()
+    stream = BulkStream(libusb.device(), 0x86, BYTES_PER_S, "scope")
+    stream.start()
+    waited: list[float] = []
+    real, hung = stream._thread, SimpleNamespace(join=lambda timeout: waited.append(timeout), is_alive=lambda: True)
+    stream._thread = hung  # type: ignore[assignment]
+    stream.stop()
+    assert (waited, libusb.freed) == ([5.0], 0)
+    assert real is not None
+    real.join(5.0)
+    seen = weakref.ref(stream)
+    del stream
+    gc.collect()
+    assert seen() is not None and libusb.freed == 0
+
+
+def test_a_reader_that_is_late_loses_what_no_transfer_was_queued_for_and_that_is_flagged() -> None:
+    """All transfers are parked once more than 64 MiB wait; they are queued again when half of it is taken."""
+    libusb = Libusb({})
+    stream = BulkStream(libusb.device(), 0x86, 1e9, "scope")
+    megabyte = transfer_size(1e9)
+    NUMBERED.resize(megabyte, refcheck=False)  # what a transfer brings
+    try:
+        stream.start()
+        end = time.monotonic() + 20.0
+        while libusb.queued and time.monotonic() < end:
+            time.sleep(0.01)
+        waiting = libusb.brought
+        assert waiting == 64 + 12  # those in flight when the room was spent came all the same
+        for taken in range(waiting - 31):
+            chunk = stream.take(0.0)
+            assert chunk is not None and not chunk.lost_before and chunk.codes[0] == taken
+            assert libusb.brought == waiting or taken == waiting - 32
+        lost = []
+        while len(lost) < 40:
+            chunk = stream.take(5.0)
+            assert chunk is not None
+            lost.append(chunk.lost_before)
+        assert lost.index(True) == 31 and sum(lost) == 1
+    finally:
+        stream.stop()
+        NUMBERED.resize(SIZE, refcheck=False)
+    assert libusb.freed == len(libusb.made) == 12
+
+
+@pytest.mark.parametrize(
+    ("accepted", "code", "fault"),
+    [
+        (0, -4, "scope was unplugged: plug it in again and re-arm"),
+        (0, -11, r"scope: a USB transfer was refused \(libusb -11\): re-plug it"),
+        (1, -4, "scope was unplugged"),
+        (1, -11, None),  # the system grants fewer transfers than were asked for: they do
+    ],
+)
+def test_transfers_that_are_not_accepted(accepted: int, code: int, fault: str | None) -> None:
+    libusb = Silent()
+    libusb.libusb_submit_transfer = lambda pointer: (  # type: ignore[attr-defined]
+        code if len(libusb.queued) >= accepted else libusb.submit_transfer(pointer)
+    )
+    stream = BulkStream(libusb.device(), 0x86, BYTES_PER_S, "scope")
+    with pytest.raises(DigitizerError, match=fault) if fault else nullcontext():
+        stream.start()
+        assert stream.take(0.0) is None
+    stream.stop()
+    assert len(libusb.made) == 32 and libusb.freed == 32
+
+
+def test_without_memory_for_a_transfer_nothing_is_queued() -> None:
+    libusb = Silent()
+    libusb.libusb_alloc_transfer = lambda _packets: None  # type: ignore[attr-defined]
+    with pytest.raises(DigitizerError, match="no USB transfer could be queued: re-plug it"):
+        BulkStream(libusb.device(), 0x86, BYTES_PER_S, "scope").start()

@@ -9,7 +9,7 @@ import pytest
 
 from analysis.shot.recording import Role
 from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
-from instrument.devices.scpi import HardwareTrigger, ScpiOscilloscope
+from instrument.devices.scpi import EXTERNAL, HardwareTrigger, ScpiOscilloscope
 from instrument.devices.scpi_dialects import (
     DIALECTS,
     ImplausibleAnswer,
@@ -91,21 +91,106 @@ def test_the_rigols_words_in_their_order() -> None:
     ]
 
 
-def test_time_base_and_depth_are_set_where_they_differ() -> None:
+# 50 ms with 10 ms before the trigger: the next step of the time base is 5 ms; the trigger comes 15 ms before the middle
+@pytest.mark.parametrize(
+    ("maker", "words", "memory"),
+    [
+        ("rigol", [":ACQ:MDEP 60000", ":TIM:MAIN:SCAL 0.005", ":TIM:MAIN:OFFS 0.015"], 60_000),
+        ("siglent", ["MSIZ 70K", "TDIV 0.005S", "TRDL 0.015S"], 70_000),
+        ("keysight", [":TIM:SCAL 0.005", ":TIM:POS 0.015"], 50_000),
+    ],
+)
+def test_time_base_depth_and_delay_are_set_where_they_differ(maker: str, words: list[str], memory: int) -> None:
+    scope = EmulatedScope(maker, samples=1_000_000, rate_hz=1e6, polls_until_trigger=1)
+    with TcpScope(scope) as server:
+        digitizer = ScpiOscilloscope(SocketTransport("127.0.0.1", server.port))
+        before = len(scope.log)
+        digitizer.arm(CaptureSettings(1e6, 50_000, 10_000))
+        assert [line for line in scope.log[before:] if " " in line and not line.startswith(SPOKEN)] == words
+        assert (scope.samples, scope.rate_hz) == (memory, pytest.approx(1e6))
+        counts, trigger = take(digitizer)
+        assert trigger == 10_000
+        first = (memory - 50_000) // 2
+        for n, column in ((1, 0), (2, 1)):
+            wanted = scope.codes(n).astype(int) - (128 if maker == "rigol" else 0)
+            np.testing.assert_array_equal(counts[:, column], wanted[first : first + 50_000])
+        digitizer.close()
+
+
+SPOKEN = (":WAV:", "TRMD ", "SANU? ")  # words with a blank that set no time
+
+
+def test_a_rate_or_a_length_that_the_instrument_lacks_is_refused_with_what_it_has() -> None:
     scope = EmulatedScope("rigol", samples=12_000_000, rate_hz=2.5e8)
     with TcpScope(scope) as server:
         digitizer = ScpiOscilloscope(SocketTransport("127.0.0.1", server.port))
-        digitizer.arm(CaptureSettings(1e6, 50_000, 10_000))
-        assert [scope.samples, scope.rate_hz] == [60_000, 1e6]
-        counts, trigger = take(digitizer)
-        assert (counts.shape[0], trigger) == (50_000, 10_000)
         with pytest.raises(
             DigitizerError, match=r"takes 1e\+06 samples/s at this length, not 1.37e\+06: ask for 1e\+06"
         ):
             digitizer.arm(CaptureSettings(1.37e6, 50_000, 0))
         with pytest.raises(DigitizerError, match="at most 12000000"):
-            digitizer.arm(CaptureSettings(1e6, 20_000_000, 0))
+            digitizer.arm(CaptureSettings(1e6, 12_000_001, 0))
+        with pytest.raises(DigitizerError, match="cannot take 600 samples with 600 before the trigger"):
+            digitizer.arm(CaptureSettings(1e6, 600, 600))
+        scope.garbage[":ACQ:SRAT?"] = b"1001100\n"
+        with pytest.raises(DigitizerError, match="not 1e"):
+            digitizer.arm(CaptureSettings(1e6, 50_000, 0))
+        scope.garbage[":ACQ:SRAT?"] = b"1000900\n"  # to a thousandth it is the rate that was asked for
+        digitizer.arm(CaptureSettings(1e6, 50_000, 0))
         digitizer.close()
+
+
+@pytest.mark.parametrize(
+    ("maker", "trigger", "words"),
+    [
+        (
+            "siglent",
+            HardwareTrigger(3, "falling", 1.25),
+            [
+                *("*IDN?", "CHDR OFF", "C2:VDIV?", "C2:OFST?", "SARA?", "SANU? C2", "TRDL?"),
+                *("TRSE EDGE,SR,C3,HT,OFF", "C3:TRSL NEG", "C3:TRLV 1.25V", "C2:VDIV?", "C2:OFST?"),
+                *("TRMD SINGLE", "ARM", "SAST?", "SAST?", "C2:VDIV?", "C2:OFST?", "SARA?", "SANU? C2", "TRDL?"),
+                *("WFSU SP,1,NP,500000,FP,0", "C2:WF? DAT2", "WFSU SP,1,NP,100000,FP,500000", "C2:WF? DAT2"),
+            ],
+        ),
+        (
+            "keysight",
+            HardwareTrigger(EXTERNAL, "rising", -0.5),
+            [
+                *("*IDN?", ":WAV:FORM WORD", ":WAV:BYT LSBF", ":WAV:UNS OFF", ":WAV:POIN:MODE RAW", ":WAV:POIN MAX"),
+                *(":WAV:SOUR CHAN2", ":WAV:POIN MAX", ":WAV:PRE?", ":ACQ:SRAT?", ":TIM:RANG?", ":TIM:POS?"),
+                *(":TRIG:MODE EDGE", ":TRIG:EDGE:SOUR EXT", ":TRIG:EDGE:SLOP POS", ":TRIG:EDGE:LEV -0.5"),
+                *(":WAV:SOUR CHAN2", ":WAV:POIN MAX", ":WAV:PRE?", ":SING", ":OPER:COND?", ":OPER:COND?"),
+                *(":WAV:SOUR CHAN2", ":WAV:POIN MAX", ":WAV:PRE?", ":WAV:PRE?"),
+                *(":WAV:SOUR CHAN2", ":WAV:POIN MAX", ":WAV:DATA?"),
+            ],
+        ),
+    ],
+)
+def test_the_words_of_the_other_makers_in_their_order(maker: str, trigger: HardwareTrigger, words: list[str]) -> None:
+    scope = EmulatedScope(maker, samples=600_000, trigger_at=60_000, polls_until_trigger=1)
+    with TcpScope(scope) as server:
+        digitizer = ScpiOscilloscope(SocketTransport("127.0.0.1", server.port), {2: Role.MEASUREMENT}, trigger)
+        digitizer.arm(CaptureSettings(1e7, 600_000, 60_000))
+        take(digitizer)
+        digitizer.close()
+    assert scope.log == words
+
+
+def test_the_rigols_automatic_memory_depth_is_that_of_its_time_base_and_the_other_triggers_have_their_words() -> None:
+    scope = EmulatedScope("rigol", samples=600_000)
+    scope.garbage = {":ACQ:MDEP?": b"AUTO\n", ":TIM:MAIN:SCAL?": b"5.0e-3\n"}  # 12 x 5 ms at 10 MS/s
+    with TcpScope(scope) as server:
+        for slope, word in (("rising", "POS"), ("falling", "NEG")):
+            link = SocketTransport("127.0.0.1", server.port)
+            digitizer = ScpiOscilloscope(link, trigger=HardwareTrigger(EXTERNAL, slope))
+            settings = digitizer.default_settings()
+            assert settings == CaptureSettings(1e7, 600_000, 6_000)
+            before = len(scope.log)
+            digitizer.arm(settings)
+            told = [line for line in scope.log[before:] if line.startswith(":TRIG:") and "?" not in line]
+            assert told == [":TRIG:MODE EDGE", ":TRIG:EDG:SOUR EXT", f":TRIG:EDG:SLOP {word}"]
+            digitizer.close()
 
 
 @pytest.mark.parametrize("maker", MAKERS)
@@ -226,7 +311,10 @@ def test_dialects_are_told_by_the_maker() -> None:
 
 @pytest.mark.parametrize(
     ("text", "value"),
-    [("1.00E+09", 1e9), ("500MSa/s", 5e8), ("7Mpts", 7e6), ("2.00mV", 2e-3), ("-1.5", -1.5), ("700kpts", 7e5)],
+    [
+        *(("1.00E+09", 1e9), ("500MSa/s", 5e8), ("7Mpts", 7e6), ("2.00mV", 2e-3), ("-1.5", -1.5), ("700kpts", 7e5)),
+        *((" 2GSa/s ", 2e9), ("3.KSa/s", 3e3), ("4.00us", 4e-6), ("50ns", 5e-8), ("12V", 12.0)),
+    ],
 )
 def test_numbers_with_units(text: str, value: float) -> None:
     assert numbers(text, 1, "a number") == [pytest.approx(value)]

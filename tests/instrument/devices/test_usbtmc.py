@@ -2,14 +2,17 @@
 
 import errno
 import struct
+from dataclasses import replace
 from typing import Any
 
 import pytest
 import usb.core
 
+from instrument.devices import usb_bus
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
 from instrument.devices.scpi import ScpiOscilloscope
-from instrument.devices.scpi_transport import Cancelled
+from instrument.devices.scpi_address import _link as _link_of
+from instrument.devices.scpi_transport import Cancelled, Stalled
 from instrument.devices.usbtmc import MAX_REQUEST_BYTES, UsbtmcTransport, find_instruments
 from tests.instrument.devices.scpi_emulator import EmulatedScope
 from tests.instrument.devices.scripted_usb import BulkIn, BulkOut, ClearHalt, In, Plugged, ScriptedUsb
@@ -87,6 +90,82 @@ def test_a_block_is_fetched_in_requests_of_at_most_a_mebibyte() -> None:
     assert 12 + first == 1 << 20
     assert link.query_block("D?", len(content)) == content
     bus.finish()
+
+
+def test_the_line_end_after_a_block_is_fetched_and_the_block_begins_after_its_head() -> None:
+    block = b"DAT2,#15abcde"
+    bus, link = _link(
+        [
+            *(_command(1, b"D?\n"), _ask(2, 8 + 64), _answer(2, block, end=False, size=72)),
+            *(_ask(3, 64), _answer(3, b"\n", size=64)),
+        ]
+    )
+    assert link.query_block("D?", 8) == b"abcde"
+    bus.finish()
+
+
+@pytest.mark.parametrize(("came", "kept"), [(b"#19abcd", b"abcd"), (b"#1", b"")])
+def test_an_answer_that_ends_early_or_stalls_gives_the_bytes_of_its_block(came: bytes, kept: bytes) -> None:
+    bus, link = _link([_command(1, b"D?\n"), _ask(2, 9 + 64), _answer(2, came, size=73)])
+    with pytest.raises(Stalled, match=r"ended its answer to D\? early: re-arm") as stalled:
+        link.query_block("D?", 9)
+    assert stalled.value.received == kept
+    bus.finish()
+    left = 9 if came == b"#1" else 12 - len(came)
+    bus, link = _link(
+        [
+            *(_command(1, b"D?\n"), _ask(2, 9 + 64), _answer(2, came, end=False, size=73)),
+            *(_ask(3, left + 64), BulkIn(IN, (12 + left + 64 + 3) // 4 * 4, TIMED_OUT)),
+            In(3, 3, 2, b"\x81\x00", request_type=0xA2, index=IN),
+        ]
+    )
+    with pytest.raises(Stalled, match="does not answer") as stalled:
+        link.query_block("D?", 9)
+    assert stalled.value.received == kept
+    bus.finish()
+
+
+def test_more_than_was_asked_for_is_refused_and_aborted() -> None:
+    abort = In(3, 2, 2, b"\x81\x00", request_type=0xA2, index=IN)
+    for text, line in ((b"#19" + bytes(138), "sends more than was requested"), (b"#3010", "announced 10 bytes")):
+        bus, link = _link([_command(1, b"D?\n"), _ask(2, 9 + 64), _answer(2, text, size=73, end=False)])
+        if len(text) > 100:
+            bus.script.append(abort)
+        with pytest.raises(DigitizerError, match=line):
+            link.query_block("D?", 9)
+        bus.finish()
+    bus, link = _link([_command(1, b"D?\n"), _ask(2, 9 + 64), _answer(2, b"#19" + bytes(134), size=73)])
+    assert link.query_block("D?", 9) == bytes(9)  # what an instrument pads its answer with is no fault
+    bus.finish()
+
+
+def test_the_instruments_of_the_known_makers_that_speak_the_class_are_opened_by_their_address(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bus = ScriptedUsb(
+        [
+            Plugged(0x1234, 0x0001, address=1, interface_class=(0xFE, 3, 1)),  # of no known maker
+            Plugged(0x1AB1, 0x0002, address=2),  # of another class
+            replace(_plugged(0x1AB1, 0x04CE), address=3),
+            replace(_plugged(0x2A8D, 0x1797), address=4),
+        ]
+    )
+    monkeypatch.setattr(usb_bus, "find_backend", lambda: bus)
+    for address, name in (
+        ("usb", "Rigol oscilloscope (1ab1:04ce)"),
+        ("usb:2a8d:1797", "Keysight oscilloscope (2a8d:1797)"),
+        ("USB:1AB1:04CE", "Rigol oscilloscope (1ab1:04ce)"),
+    ):
+        link = _link_of(address)
+        assert (link.name, bus.claimed) == (name, [0])
+        link.close()
+    for address in ("usb:1ab1:0002", "usb:1234:0001", "usb:04ce:1ab1"):
+        with pytest.raises(DigitizerError, match=f"no oscilloscope at {address}: plug it in"):
+            _link_of(address)
+    for endpoints in (((IN, 2),), ((OUT, 2),), ((IN, 3), (OUT, 2))):  # 2: bulk, 3: interrupt
+        bus.devices = [replace(_plugged(), endpoints=endpoints)]
+        with pytest.raises(DigitizerError, match="has no bulk endpoints: re-plug it"):
+            _link_of("usb")
 
 
 def test_after_a_timeout_the_answer_is_aborted_and_the_link_is_clean() -> None:

@@ -82,7 +82,7 @@ bench-sites: $(READY)
 
 # what each page and report shows, as text that tests compare with: written anew, to be read before it is committed
 screen: $(READY)
-	LEVIMASS_WRITE_SCREEN=1 QT_QPA_PLATFORM=offscreen $(BIN)/python -m pytest tests/app/window tests/app/report tests/app/session tests/app/command_line
+	LEVIMASS_WRITE_SCREEN=1 QT_QPA_PLATFORM=offscreen $(BIN)/python -m pytest tests/app/window tests/app/report tests/app/session tests/app/command_line tests/instrument/bench/test_seed.py
 
 screenshots: $(READY)
 	QT_QPA_PLATFORM=offscreen $(BIN)/python -m tests.app.screenshots docs/images

@@ -86,7 +86,7 @@ CATALOGUE: Mapping[str, Mapping[str, Parameter]] = {
         "frequency_hz": _p(40.0, 1500.0, scales=False),
         "phase_rad": _p(1e-3, TWO_PI, signed=True, scales=False),
     },
-    "cyclic_error": {"amplitude_m": _p(3e-10, 6e-9), "order": _p(1.0, 2.0, scales=False)},
+    "cyclic_error": {"amplitude_m": _p(3e-10, 6e-9), "order": _p(1.0, 1.0, scales=False)},  # 1 or 2 where drawn
 }
 
 # variants with more parameters of an effect of the catalogue; never drawn at random

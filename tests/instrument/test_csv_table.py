@@ -41,6 +41,53 @@ def test_columns_units_and_rate_are_found_in_the_header(tmp_path, header, names,
     assert {one.samples for one in found.channels} == {4} and found.format == "csv"
 
 
+def test_the_first_row_stands_among_the_first_200_lines_and_a_name_has_60_letters_at_most(tmp_path) -> None:
+    for lines, read in ((199, True), (200, False)):
+        path = _table(tmp_path / "a.csv", "remark\n" * (lines - 1) + "a,b,c\n")
+        if read:
+            assert csv_table.columns(path, ["b"], False)[0].values.tolist() == [1.0, 2.0, 3.0, 4.0]
+        else:
+            with pytest.raises(RecordingError, match="no row of numbers in its first 200 lines"):
+                csv_table.contents(path)
+    found = csv_table.contents(_table(tmp_path / "b.csv", f"{'x' * 61},{'y' * 60},{'y' * 60}\n"))
+    assert [one.name for one in found.channels] == ["x" * 57 + "...", "y" * 60, "y" * 60 + " (2)"]
+    many = ",".join(f"c{n}" for n in range(300)) + "\n"
+    rows = [tuple(float(n) for n in range(300))] * 2
+    assert len(csv_table.contents(_table(tmp_path / "c.csv", many, rows)).channels) == 256
+    thrice = csv_table.contents(_table(tmp_path / "d.csv", "u,u,u\n"))
+    assert [one.name for one in thrice.channels] == ["u", "u (2)", "u (3)"]
+
+
+def test_quoted_numbers_with_decimal_commas_between_tabs_or_blanks_are_read(tmp_path) -> None:
+    for text in (
+        'a\tb\n"1,5"\t"-2,5e3"\n"0,25"\t"7"\n',
+        "a b\n1,5  -2,5e3\n0,25  7\n",
+        "a;b;\n1,5;-2,5e3;\n0,25;7;\n",
+        'a,b\n"1.5","-2.5e3"\n".25","7."\n',
+    ):
+        path = tmp_path / "a.csv"
+        path.write_text(text, encoding="utf-8")
+        found = [column.values.tolist() for column in csv_table.columns(path, ["b", "a"], False)]
+        assert found == [[-2500.0, 7.0], [1.5, 0.25]], text
+        assert [(one.name, one.samples, one.kind) for one in csv_table.contents(path).channels] == [
+            *(("a", 2, "text"), ("b", 2, "text"))
+        ]
+
+
+def test_a_table_longer_than_is_read_at_once_is_read_to_its_end(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(csv_table, "_ROWS", 7)
+    path = _table(tmp_path / "a.csv", "a,b,c\n", [(n, n + 0.5, -n) for n in range(22)])
+    b, c = csv_table.columns(path, ["b", "c"], False)
+    assert b.values.tolist() == [n + 0.5 for n in range(22)] and c.values.tolist() == [-n for n in range(22)]
+    path.write_text(path.read_text() + "x,1,2\n1,y,2\n")
+    with pytest.raises(RecordingError, match="counted from line 23"):  # the block of seven rows that begins there
+        csv_table.columns(path, ["b"], False)
+    monkeypatch.setattr(csv_table, "MOST_SAMPLES", 22)
+    csv_table.columns(_table(tmp_path / "b.csv", "a,b\n", [(n, n) for n in range(22)]), ["b"], False)
+    with pytest.raises(RecordingError, match="more than 22 rows"):
+        csv_table.columns(_table(tmp_path / "c.csv", "a,b\n", [(n, n) for n in range(23)]), ["b"], False)
+
+
 def test_a_rate_is_read_from_a_thousand_rows_and_must_be_even_in_all(tmp_path) -> None:
     path = _table(tmp_path / "a.csv", "t,a\n", [(0.25 * n, n) for n in range(1500)])
     assert csv_table.contents(path).channels[0].sample_rate_hz == pytest.approx(4.0)

@@ -23,7 +23,7 @@ from instrument.files.foreign_file import (
     read_mapping,
     write_mapping,
 )
-from instrument.files.foreign_reading import NotFinite, foreign_channels, read_foreign, to_counts
+from instrument.files.foreign_reading import NotFinite, foreign_channels, foreign_columns, read_foreign, to_counts
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_file import open_recording
 from instrument.files.recording_search import find_recordings, is_motion_record
@@ -398,6 +398,76 @@ def test_an_attribute_of_hdf5_is_a_sample_rate_if_it_is_a_possible_number(
         file["beat"].attrs[name] = stated
     (channel,) = foreign_channels(path).channels
     assert channel.sample_rate_hz == (None if rate_hz is None else pytest.approx(rate_hz, rel=1e-12))
+
+
+def test_a_rate_and_a_unit_are_looked_for_outwards_from_the_data_and_written_as_each_program_does(
+    tmp_path: Path,
+) -> None:
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file.attrs["dt"] = 1e-3
+        file["outer"] = np.zeros(5)
+        file["group/near"] = np.zeros((3, 5), np.int16)  # rows that are longer than they are many: three channels
+        file["group"].attrs["FS"] = np.array([2e3])
+        file["group/near"].attrs["Units"] = np.bytes_("mV")
+        file["group/own"] = np.arange(10, dtype=np.float32).reshape(5, 2)
+        file["group/own"].attrs["increment"] = 0.25
+        file["group/own"].attrs["unit"] = np.bytes_("x" * 1001)  # too long for a unit
+        file["outer"].attrs["unit"] = "V"  # of variable length, which may claim gigabytes
+        for name, kind, shape in (
+            *(("text", "S3", (5,)), ("cube", "f4", (2, 2, 2)), ("one", "f4", (1,)), ("number", "f4", ())),
+            *(("wide", "f4", (65, 65)), ("complex", "c16", (5,))),
+        ):
+            file[name] = np.zeros(shape, kind)
+    found = {one.name: (one.samples, one.kind, one.unit, one.sample_rate_hz) for one in foreign_channels(path).channels}
+    near = (5, "int16", "mV", 2e3)
+    assert found == {
+        "group/near[0]": near,
+        "group/near[1]": near,
+        "group/near[2]": near,
+        "group/own[0]": (5, "float32", "", 4.0),
+        "group/own[1]": (5, "float32", "", 4.0),
+        "outer": (5, "float64", "", pytest.approx(1e3)),
+    }
+    second = foreign_columns(foreign_channels(path), ["group/own[1]", "group/near[2]", "outer"])
+    assert [column.values.tolist() for column in second] == [[1, 3, 5, 7, 9], [0] * 5, [0] * 5]
+    (tmp_path / "b.mat").write_bytes(b"MATLAB 5.0 MAT-file")
+    with pytest.raises(RecordingError, match="save it with -v7"):
+        foreign_channels(tmp_path / "b.mat")
+
+
+@pytest.mark.parametrize(
+    ("step", "rate"), [(2e-12, 5e11), (0.9e-12, None), (0.9e12, 1 / 0.9e12), (1.1e12, None), (-1.0, None)]
+)
+def test_a_step_of_tdms_is_a_rate_if_it_is_a_possible_one_and_counts_keep_their_one_scale(
+    step: float, rate: float | None, tmp_path: Path
+) -> None:
+    nptdms = pytest.importorskip("nptdms")
+    path = tmp_path / "a.tdms"
+    scale = {
+        "NI_Scaling_Status": "unscaled", "NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear",
+        "NI_Scale[0]_Linear_Slope": 0.25, "NI_Scale[0]_Linear_Y_Intercept": -3.0,
+        "NI_Scale[0]_Linear_Input_Source": 0xFFFFFFFF,
+    }  # fmt: skip
+    numbers = np.arange(50)
+    lines = [
+        nptdms.ChannelObject("g", "counts", numbers.astype(np.int16), {"wf_increment": step, **scale}),
+        nptdms.ChannelObject("g", "wide", numbers.astype(np.int32), {"wf_increment": step, **scale}),
+        nptdms.ChannelObject("g", "plain", numbers.astype(np.float32), {"unit_string": "u" * 30}),
+        nptdms.ChannelObject("g", "single", np.zeros(1)),  # one number is no channel
+    ]
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment(lines)
+    held = foreign_channels(path)
+    known = [("g/counts", "", rate), ("g/wide", "", rate), ("g/plain", "u" * 17 + "...", None)]
+    assert [(one.name, one.unit, one.sample_rate_hz) for one in held.channels] == [
+        (name, unit, rate and pytest.approx(rate)) for name, unit, rate in known
+    ]
+    counts, wide, plain = foreign_columns(held, ["g/counts", "g/wide", "g/plain"])
+    assert (counts.values.tolist(), counts.volts_per_unit, counts.offset_v) == (numbers.tolist(), 0.25, -3.0)
+    assert (wide.values.tolist(), wide.volts_per_unit, wide.offset_v) == ((0.25 * numbers - 3).tolist(), None, 0.0)
+    assert (plain.values.tolist(), plain.sample_rate_hz) == (numbers.tolist(), None)
 
 
 @pytest.mark.parametrize(("off", "agree"), [(0.0, True), (1e-12, True), (1e-6, False), (1.0, False)])

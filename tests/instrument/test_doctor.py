@@ -1,6 +1,8 @@
 """The checks of the computer, with simulated buses and disks."""
 
+import importlib.metadata
 import re
+import sys
 from collections import namedtuple
 from pathlib import Path
 
@@ -8,7 +10,7 @@ import pytest
 
 from instrument.devices import device_search, doctor, hantek6022_firmware, usb_bus
 from instrument.devices.digitizer import DigitizerError
-from instrument.devices.doctor import Grade, examine
+from instrument.devices.doctor import Check, Grade, examine
 from tests.instrument.devices.scripted_usb import Plugged, ScriptedUsb
 
 TMC = {"interface_class": (0xFE, 3, 1), "endpoints": ((0x82, 2), (0x03, 2))}
@@ -82,10 +84,10 @@ def test_a_missing_usb_library_is_a_warning_with_its_remedy(monkeypatch: pytest.
 @pytest.mark.parametrize(
     ("free", "grade"),
     [
-        (doctor.LOW_DISK_BYTES, "ok"),
-        (doctor.LOW_DISK_BYTES - 1, "warn"),
-        (doctor.EMPTY_DISK_BYTES, "warn"),
-        (doctor.EMPTY_DISK_BYTES - 1, "fail"),
+        (2 * 2**30, "ok"),
+        (2 * 2**30 - 1, "warn"),
+        (200 * 2**20, "warn"),
+        (200 * 2**20 - 1, "fail"),
     ],
 )
 def test_disk_room_is_graded(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, free: int, grade: str) -> None:
@@ -93,7 +95,43 @@ def test_disk_room_is_graded(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, fr
     monkeypatch.setattr(doctor.shutil, "disk_usage", lambda place: usage(1 << 40, 0, free))
     found = next(c for c in examine(tmp_path, ScriptedUsb([])) if c.name == "disk")
     assert found.grade == grade and found.line.startswith(f"{free / 1e9:.1f} GB free for {tmp_path}")
-    assert ("shots; free some or choose another folder" in found.line) == (grade == "fail")
+    left = "room for 9 shots; free some or choose another folder"  # of 20 MiB
+    assert (left in found.line) == (grade == "fail")
+
+
+def test_of_a_bare_computer_every_check_is_told_with_what_is_missing(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def missing(name: str) -> str:
+        raise importlib.metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(importlib.metadata, "version", missing)
+    monkeypatch.setitem(sys.modules, "niscope", None)
+    monkeypatch.setattr(hantek6022_firmware, "FOLDERS", ())
+    monkeypatch.setattr(doctor, "_RULES", (tmp_path / "none", tmp_path))
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setattr(sys, "version_info", (3, 10, 9))
+    packages = ("numpy", "scipy", "numba", "llvmlite", "PySide6-Essentials", "pyqtgraph", "pyusb")
+    found = examine(tmp_path, ScriptedUsb([]))
+    assert [(check.name, check.grade.value) for check in found] == [
+        ("Python", "fail"),
+        *((name, "fail") for name in packages),
+        *(("USB library", "ok"), ("devices", "ok"), ("USB permission", "warn")),
+        *(("Hantek firmware", "warn"), ("niscope", "ok"), ("pyvisa", "ok"), ("disk", "ok")),
+    ]
+    lines = {check.name: check.line for check in found}
+    assert {lines[name] for name in packages} == {"not installed: reinstall Levimass"}
+    assert lines["devices"].startswith("no digitizer is plugged in") and lines["USB library"] == "libusb 1.0 found"
+    assert lines["USB permission"].startswith("udev rule not installed; needed for USB digitizers only: sudo cp ")
+    assert lines["Hantek firmware"].startswith("not found, needed for a Hantek 6022 only; install it")
+    assert lines["niscope"].startswith("not installed, needed for NI cards only; pip install 'levimass[niscope]'")
+    (tmp_path / "70-levimass.rules").touch()
+    monkeypatch.setattr(sys, "version_info", (3, 11))
+    installed = {check.name: check for check in examine(tmp_path, ScriptedUsb([]))}
+    assert installed["Python"].grade is Grade.OK
+    assert installed["USB permission"] == Check("USB permission", Grade.OK, f"udev rule installed in {tmp_path}")
+    monkeypatch.setattr(sys, "platform", "darwin")
+    assert "USB permission" not in {check.name for check in examine(tmp_path, ScriptedUsb([]))}
 
 
 def test_the_doctor_survives_a_part_that_fails(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

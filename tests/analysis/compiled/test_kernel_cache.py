@@ -10,6 +10,7 @@ from importlib import metadata
 from pathlib import Path
 from types import SimpleNamespace
 
+import llvmlite.binding
 import pytest
 from numba.core import caching
 
@@ -253,3 +254,106 @@ def test_nor_is_one_kernel_folder_of_them(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(os, "getuid", lambda: os.stat(folder).st_uid + 1)  # somebody else's, though closed
     owned_by_root = os.stat(folder).st_uid == 0  # who may do everything anyway
     assert (kernel_cache.folder_of(module) == folder) is owned_by_root
+
+
+def test_of_one_file_the_four_versions_used_last_are_kept_and_of_others_all(tmp_path: Path) -> None:
+    def folder(name: str, age_s: float) -> Path:
+        path = tmp_path / name
+        path.mkdir(mode=0o755)
+        (path / "kernel.nbc").write_bytes(b"code")
+        os.utime(path, (1e9 - age_s, 1e9 - age_s))
+        return path
+
+    versions = [folder(f"analysis.a-{n}", 10.0 * n) for n in range(6)]
+    others = [folder(name, 1e6) for name in ("analysis.a-b-1", "analysis.ab-1", "analysis.b-1")]
+    kernel_cache._ready.__wrapped__(str(versions[5]))  # there already: it is used, and nothing is removed
+    assert all(path.is_dir() for path in versions) and versions[5].stat().st_mtime > 1e9
+    made = tmp_path / "analysis.a-new"
+    kernel_cache._ready.__wrapped__(str(made))
+    assert made.stat().st_mode & 0o777 == 0o700 or os.name == "nt"
+    left = {path.name for path in tmp_path.iterdir()} - {path.name for path in others}
+    assert left == {"analysis.a-new", "analysis.a-5", "analysis.a-0", "analysis.a-1"}
+    assert all(path.is_dir() for path in others)
+    kernel_cache._ready.__wrapped__(str(tmp_path / "analysis.a-0" / "kernel.nbc" / "none"))  # cannot be: no error
+
+
+def test_the_program_as_a_whole_changes_with_each_source_of_kernels_and_each_compiler(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package, _ = _house(tmp_path)
+    monkeypatch.setattr(kernel_cache, "_BASE", tmp_path / "house")
+    seen = [kernel_cache.whole_program(), kernel_cache.whole_program()]
+    assert seen[0] == seen[1]
+    (package / "parts" / "__init__.pyi").write_text(f"{STUB}# changed\n")
+    seen.append(kernel_cache.whole_program())
+    (package / "other.py").write_text("WORDS = 'changed'\n")
+    seen.append(kernel_cache.whole_program())
+    (package / "other.py").rename(package / "another.py")
+    seen.append(kernel_cache.whole_program())
+    for top in ("app", "tests"):  # which hold no kernels that are shipped
+        (tmp_path / "house" / top).mkdir()
+        (tmp_path / "house" / top / "new.py").write_text("")
+    (package / "notes.txt").write_text("no source")
+    assert kernel_cache.whole_program() == seen[-1]
+    (tmp_path / "house" / "instrument").mkdir()
+    (tmp_path / "house" / "instrument" / "new.py").write_text("")
+    seen.append(kernel_cache.whole_program())
+    makers = kernel_cache._makers()
+    assert all(f"{name} {metadata.version(name)}" in makers for name in ("numba", "llvmlite", "numpy"))
+    assert makers.startswith(sys.version)
+    for name, value in (("_makers", "others"), ("get_host_cpu_name", "another")):
+        where = kernel_cache if name == "_makers" else llvmlite.binding
+        monkeypatch.setattr(where, name, lambda value=value: value)
+        seen.append(kernel_cache.whole_program())
+    assert len(set(seen)) == len(seen) - 1
+
+
+def test_a_frozen_program_has_no_sources_and_may_have_been_built_elsewhere(tmp_path: Path) -> None:
+    here = tmp_path / "a.py"
+    here.write_text("")
+    (tmp_path / "b.py").write_text("")
+    assert kernel_cache._same_file(here, str(tmp_path / "." / "a.py"))
+    assert not kernel_cache._same_file(here, str(tmp_path / "b.py"))
+    assert not kernel_cache._same_file(here, str(tmp_path / "gone.py"))
+    assert kernel_cache._same_file(here, "analysis/a.py")  # as it was called where it was built
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners here")
+@pytest.mark.parametrize(
+    ("group", "own"),
+    [
+        ({}, True),
+        ({"gr_mem": ["me"]}, True),
+        ({"gr_mem": ["me", "you"]}, False),
+        ({"gr_name": "staff"}, False),
+        ({"gr_gid": 101}, False),  # not the group that this user's files get
+        (None, False),
+    ],
+)
+@pytest.mark.parametrize(("mode", "safe"), [(0o755, True), (0o775, None), (0o757, False), (0o777, False)])
+def test_a_group_of_this_user_alone_may_write(
+    group: dict[str, object] | None, own: bool, mode: int, safe: bool | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import grp
+    import pwd
+
+    def of(gid: int) -> SimpleNamespace:
+        if group is None:
+            raise KeyError(gid)
+        return SimpleNamespace(**{"gr_name": "me", "gr_mem": [], "gr_gid": gid} | group)
+
+    asked = 101 if group == {"gr_gid": 101} else 100
+    monkeypatch.setattr(grp, "getgrgid", of)
+    monkeypatch.setattr(pwd, "getpwuid", lambda user: SimpleNamespace(pw_gid=100, pw_name="me"))
+    monkeypatch.setattr(os, "getuid", lambda: 7)
+    for owner, mine in ((7, True), (0, True), (8, False)):
+        there = SimpleNamespace(st_uid=owner, st_gid=asked, st_mode=0o40000 | mode)
+        folder = SimpleNamespace(stat=lambda there=there: there)
+        wanted = mine and (own if safe is None else safe)
+        assert kernel_safety.only_own(folder) is wanted  # type: ignore[arg-type]
+
+
+def test_what_does_not_exist_was_written_by_nobody_and_what_cannot_be_looked_at_is_not_trusted(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    assert kernel_safety.only_own(tmp_path / "none")
+    assert not kernel_safety.only_own(tmp_path / "file" / "inside")

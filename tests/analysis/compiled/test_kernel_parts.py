@@ -64,3 +64,35 @@ def test_a_bundle_from_python_is_read_by_its_address() -> None:
 def test_python_cannot_call_a_part() -> None:
     with pytest.raises(TypeError, match="_scaled is a part of kernels"):
         _scaled(1.0, 2.0)
+
+
+@kernel
+def _deep(room, shape):  # type: ignore[no-untyped-def]
+    deep, at = cut(room, 2, shape)
+    line, at = cut_integers(room, at, (3,))
+    last, at = cut(room, at, (1, 1))
+    for i in range(shape[0]):
+        for j in range(shape[1]):
+            for k in range(shape[2]):
+                deep[i, j, k] = 100.0 * i + 10.0 * j + k
+    line[2], last[0, 0] = -7, 0.5
+    return at, deep.shape, deep.strides, deep.size, line.size
+
+
+def test_a_cut_array_is_laid_out_as_numpy_lays_it_out() -> None:
+    room = np.full(40, np.nan)
+    at, shape, strides, size, line = _deep(room, (2, 3, 4))
+    known = np.add.outer(np.add.outer(100.0 * np.arange(2), 10.0 * np.arange(3)), np.arange(4.0))
+    assert (at, shape, strides, size, line) == (2 + 24 + 3 + 1, known.shape, known.strides, 24, 3)
+    assert np.array_equal(room[2:26].reshape(2, 3, 4), known)
+    assert room[28:29].view(np.int64).tolist() == [-7] and room[29] == 0.5 and np.isnan(room[[0, 1, 30]]).all()
+
+
+@kernel
+def _misspelt(outer):  # type: ignore[no-untyped-def]
+    return by_address(outer).inner.number
+
+
+def test_a_field_that_a_bundle_lacks_is_refused_when_it_is_compiled() -> None:
+    with pytest.raises(Exception, match="number"):
+        _misspelt(Outer(Inner(np.zeros((1, 1)), 1.0), np.array([0])))

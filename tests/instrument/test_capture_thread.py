@@ -16,6 +16,7 @@ from instrument.capture.capture_thread import CaptureThread
 from instrument.capture.recorder import GrowingShot, Recorded
 from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.digitizer import Block, DigitizerError
+from instrument.trigger.light_switch import Level
 from tests.instrument.capturing import SETTINGS
 from tests.instrument.fake_digitizer import FIRST, RATE_HZ, FakeDigitizer, samples
 
@@ -338,3 +339,51 @@ def test_a_capture_whose_digitizer_hangs_ends_the_shot_under_way_and_none_that_i
     assert not capture.close(0.0) and capture.digitizer_held
     assert shot.complete and shot.ended_early == why
     thread.release_folder()
+
+
+@pytest.mark.parametrize(
+    ("how", "samples_came", "starting", "limit_s"),
+    [
+        ({}, True, False, 5.0),
+        ({}, True, True, 60.0),  # while it is armed anew
+        ({}, False, False, 60.0),  # before its first sample firmware may load
+        ({"simulated": True}, True, False, 60.0),
+    ],
+)
+def test_a_driver_that_blocks_the_thread_for_longer_than_its_time_does_not_answer(
+    tmp_path: Path, how: dict[str, bool], samples_came: bool, starting: bool, limit_s: float
+) -> None:
+    now = [100.0]
+    capture = Capture(FakeDigitizer(**how), CaptureOptions(tmp_path, SETTINGS), live=False, clock=lambda: now[0])
+    thread = capture._capture
+    thread._watch()
+    if samples_came:
+        thread._read()
+    thread.run.starting = starting
+    for alive in (True, False):
+        thread.thread = SimpleNamespace(is_alive=lambda alive=alive: alive)  # type: ignore[assignment]
+        for alive_s, late_s, silent in ((None, 1e4, False), (100.0, limit_s, False), (100.0, limit_s + 0.01, alive)):
+            thread.alive_s, now[0] = alive_s, 100.0 + late_s
+            shown = capture.latest()
+            assert (shown.state is State.FAULT) == silent, (alive, alive_s, late_s)
+            assert shown.message == ("the digitizer does not answer" if silent else "")
+            assert shown.remedy == ("re-plug it, then choose it again" if silent else "")
+
+
+def test_a_snapshot_has_the_options_folder_its_room_and_what_the_switch_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("instrument.capture.capture.disk_free_bytes", lambda folder: 12 if folder == tmp_path else 0)
+    options = CaptureOptions(tmp_path, SETTINGS, switch_low_v=0.5, switch_high_v=1.0)
+    capture = Capture(FakeDigitizer(), options, live=False)
+    nothing = capture.latest().signal
+    assert (nothing.samples_read, nothing.samples_lost, nothing.losses, nothing.switch_toggles) == (0, 0, 0, 0)
+    thread = capture._capture
+    thread._watch()
+    while thread.run.toggles < 2:
+        thread._read()
+    thread.folder_problem = "full"
+    line = capture.latest().signal
+    assert (line.folder, line.folder_problem, line.disk_free_bytes, line.channels) == (tmp_path, "full", 12, ())
+    assert (line.switch_level, line.switch_toggles) == (Level.LOW, 2)
+    assert line.switch_thresholds_v == pytest.approx((0.5, 1.0)) and line.samples_read >= FIRST + 20_000

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.shot.recording import Role
+from analysis.shot.recording import Channel, Role
 from instrument.files.recording_file import read_recording
 from instrument.files.recording_search import find_recordings
 from instrument.trigger.light_switch import (
@@ -116,6 +116,48 @@ def test_a_middle_that_is_not_there_leaves_the_sample_as_it_is() -> None:
     flat = np.full(5_000, 100, np.int16)
     assert middle_of_step(flat, 2_000, 500) == 2_000
     assert middle_of_step(flat, 4_990, 500) == 4_990
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("late", [-90, -7, 0, 30, 99])
+def test_the_middle_of_a_step_is_the_first_sample_at_or_beyond_the_mean_of_its_levels(sign: int, late: int) -> None:
+    t = np.arange(1000)
+    ramp = (sign * np.clip(10 * (t - 500), 0, 200)).astype(np.int16)  # in the middle at sample 510
+    assert middle_of_step(ramp, 510 + late, 100) == 510
+    spoilt = ramp.copy()
+    spoilt[: 510 + late - 200] = spoilt[510 + late + 200 :] = -sign * 3000  # beyond the samples that give the levels
+    spoilt[510 + late - 150], spoilt[510 + late + 150] = sign * 60, sign * 20  # medians, not extremes
+    assert middle_of_step(spoilt, 510 + late, 100) == 510
+
+
+def test_levels_that_differ_by_less_than_four_times_their_noise_are_no_step() -> None:
+    t = np.arange(1000)
+    for high, found in ((1, 490), (2, 500), (3, 500)):  # the noise is at least half a count
+        assert middle_of_step(np.where(t < 500, 0, high).astype(np.int16), 490, 100) == found
+    for swing, found in ((9, 490), (11, 500)):
+        for noisy in (t < 500, t >= 500):  # the noisier side counts: plus and minus 5
+            counts = 2 * np.where(t < 500, 0, 2 * swing) + np.where(noisy, np.where(t % 2, 10, -10), 0)
+            assert middle_of_step(counts.astype(np.int16), 490, 100) == found
+    early = np.where(t < 60, 0, 50).astype(np.int16)
+    assert middle_of_step(early, 65, 40) == 60  # a shorter stretch before it gives the level
+    assert middle_of_step(early, 39, 40) == 39 and middle_of_step(early[:100], 65, 40) == 65  # none is left
+
+
+@pytest.mark.parametrize(
+    ("edge", "low_v", "high_v", "per_count", "known"),
+    [
+        (Edge.RISING, 0.625, 1.625, 2**-10, (Edge.RISING, 512.0, 1536.0)),
+        (Edge.RISING, 0.625, 1.625, -(2**-10), (Edge.FALLING, -1536.0, -512.0)),
+        (Edge.EITHER, 0.625, 1.625, -(2**-10), (Edge.EITHER, -1536.0, -512.0)),
+        (Edge.FALLING, None, 1.625, -(2**-10), (Edge.FALLING, None, None)),
+        (Edge.FALLING, 0.625, None, 2**-10, (Edge.FALLING, None, None)),
+    ],
+)
+def test_thresholds_in_volts_are_those_of_the_channel_and_an_inverting_one_exchanges_levels_and_edges(
+    edge: Edge, low_v: float | None, high_v: float | None, per_count: float, known: tuple[object, ...]
+) -> None:
+    made = TriggerSettings.in_volts(edge, low_v, high_v, Channel(Role.SWITCH, per_count, 0.125))
+    assert made == TriggerSettings(*known)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("how", [LEARNED, GIVEN], ids=["learned", "given"])

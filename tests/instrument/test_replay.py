@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.shot.recording import Recording, Role
+from analysis.shot.recording import Gap, Recording, Role
 from instrument.devices.digitizer import Block, CaptureSettings, DigitizerError
 from instrument.devices.replay import ReplayDigitizer
 from instrument.files.recording_writer import write_recording
@@ -98,3 +98,33 @@ def test_a_folder_is_played_in_order_and_broken_ones_are_named(shot: Recording, 
         ReplayDigitizer([])
     with pytest.raises(DigitizerError, match="no such file"):
         ReplayDigitizer([tmp_path / "none"])
+
+
+def test_a_replay_waits_for_half_of_what_is_wanted_and_for_no_longer_than_it_may(shot: Recording) -> None:
+    now, slept = [10.0], []
+
+    def sleep(seconds: float) -> None:
+        slept.append(seconds)
+        now[0] += seconds
+
+    slow = replace(shot, sample_rate_hz=1000.0, gaps=(), trigger_sample=None)
+    digitizer = ReplayDigitizer([slow], clock=lambda: now[0], sleep=sleep)
+    able = digitizer.capabilities
+    assert (able.bits, able.rates_hz, able.max_samples, able.real_time) == (12, (1000.0,), 20_000, False)
+    assert digitizer.default_settings() == CaptureSettings(1000.0, 20_000, 0)
+    digitizer.arm(digitizer.default_settings())
+    buffer = np.empty((4_000, 3), np.int16)
+    assert digitizer.read_into(buffer, 5.0).samples == 2_000 and slept == [2.0]
+    assert digitizer.read_into(buffer, 0.5).samples == 500 and slept == pytest.approx([2.0, 0.5])
+    now[0] = 29.9995  # to the nearest sample; a reader that is late loses none
+    for wanted in (4_000, 4_000, 4_000, 4_000, 1_500):
+        assert digitizer.read_into(buffer, 0.0).samples == wanted
+    assert len(slept) == 2 and digitizer.read_into(buffer, 0.0) == Block(0, ended=True)
+
+
+def test_losses_at_one_place_are_one_and_of_unknown_length_if_one_of_them_is(shot: Recording) -> None:
+    gaps = (Gap(0, 4), Gap(100, 5), Gap(100, 6), Gap(300, 5), Gap(300, None))
+    digitizer = ReplayDigitizer([replace(shot, gaps=gaps)], real_time=False)
+    digitizer.arm(digitizer.default_settings())
+    _, blocks = play(digitizer, 20_000)
+    assert [(block.samples, block.lost_before) for block in blocks] == [(100, 4), (200, 11), (19_700, None)]

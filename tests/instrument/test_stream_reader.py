@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.shot.recording import Channel, Role, Setup
-from instrument.capture.stream_reader import CaptureOptions, StreamReader, check_settings
+from instrument.capture.stream_reader import CaptureOptions, StreamReader, _check_block, check_settings
 from instrument.devices.digitizer import (
     Block,
     Capabilities,
@@ -258,3 +258,52 @@ def test_a_device_that_says_nothing_of_it_is_real_and_loses_nothing_unseen() -> 
     assert Block(5) == Block(5, lost_before=0, ended=False, trigger_sample=None, fired=False)
     told = Block(5, None, True, 3, True)
     assert pickle.loads(pickle.dumps(told)) == told
+
+
+@pytest.mark.parametrize(
+    ("block", "sound"),
+    [
+        (Block(0), True),
+        (Block(10, None, True, 9), True),
+        (Block(11), False),
+        (Block(-1), False),
+        (Block(5, lost_before=-1), False),
+        (Block(5, lost_before=10**12), True),
+        (Block(1, trigger_sample=0), True),
+        (Block(1, trigger_sample=1), False),
+        (Block(0, trigger_sample=0), True),  # an empty block may report that it fired
+        (Block(0, trigger_sample=1), False),
+        (Block(5, trigger_sample=-1), False),
+        (Block(5, trigger_sample=5), False),
+    ],
+)
+def test_a_block_that_cannot_be_is_refused(block: Block, sound: bool) -> None:
+    if sound:
+        _check_block(block, 10)
+    else:
+        with pytest.raises(DigitizerError, match="sent nonsense"):
+            _check_block(block, 10)
+
+
+@pytest.mark.parametrize(
+    ("setup", "wavelength_m"),
+    [
+        (Setup(0.01, wavelength_air_m=600e-9, wavelength_vacuum_m=700e-9), 600e-9),
+        (Setup(0.01, wavelength_vacuum_m=700e-9, rest_frequency_hz=91e3), 700e-9),
+        (Setup(0.01), 632.8e-9),
+    ],
+)
+def test_a_device_without_a_switch_triggers_on_a_block_of_five_centimetres_a_second(
+    setup: Setup, wavelength_m: float
+) -> None:
+    for channels, columns in ((CHANNELS[:2], (1, 0)), (CHANNELS[1::-1], (0, 1)), (CHANNELS[1:2], (0, -1))):
+        reader = StreamReader(FakeDigitizer(channels=channels))
+        reader.start(SETTINGS, replace(OPTIONS, setup=setup))
+        motion = reader._motion
+        assert motion is not None and motion._columns == columns and motion._rate_hz == RATE_HZ
+        assert motion._doppler_hz == pytest.approx(2 * 0.05 / wavelength_m, rel=1e-6)
+        assert motion._rest_hz == (setup.rest_frequency_hz or 0.0)
+    for how in ({}, {"channels": CHANNELS[:1]}, {"channels": CHANNELS[:2], "hardware_trigger": True}):
+        other = StreamReader(FakeDigitizer(**how))
+        other.start(SETTINGS, OPTIONS)
+        assert other._motion is None and (other._switch is not None) == (how == {})

@@ -2,16 +2,21 @@
 
 import importlib.util
 import json
+import math
 import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from analysis.shot.recording import Role
-from instrument.devices.digitizer import CaptureSettings, DigitizerError
+from instrument.devices.digitizer import Block, CaptureSettings, DigitizerError
 from instrument.devices.niscope_card import NiscopeCard
 from instrument.devices.sources import open_source
 
@@ -104,6 +109,169 @@ def test_the_card_offers_each_rate_once_that_its_clock_divides_to() -> None:
     assert all(max(rates) / rate == round(max(rates) / rate) for rate in rates)
     settings = card.default_settings()
     assert settings is not None and rates[0] == settings.sample_rate_hz  # the list begins with the usual one
+
+
+class Card:
+    """NI's package and its one session, as the driver uses them; every call is noted."""
+
+    VerticalCoupling = TriggerCoupling = SimpleNamespace(DC="dc")
+    TriggerSlope = SimpleNamespace(POSITIVE="up", NEGATIVE="down")
+    AcquisitionStatus = SimpleNamespace(COMPLETE=1)
+
+    def __init__(self, rate: float = 30e6, polls: int = 2, **info: float) -> None:
+        self.calls: list[tuple[object, ...]] = []
+        self.horz_sample_rate, self.polls, self.closed = rate, polls, 0
+        self.info = {"gain": 1e-4, "offset": 0.5, "x_increment": 1 / 30e6, "relative_initial_x": -250.4 / 30e6} | info
+
+    def Session(self, resource: str) -> "Card":
+        self.calls.append(("open", resource))
+        return self
+
+    @property
+    def channels(self) -> "Card":
+        return self
+
+    def __getitem__(self, names: str) -> "Card":
+        self.names = names
+        return self
+
+    def configure_vertical(self, *given: object) -> None:
+        self.calls.append(("vertical", self.names, *given))
+
+    def configure_horizontal_timing(self, **given: object) -> None:
+        self.calls.append(("timing", *given.items()))
+
+    def configure_trigger_edge(self, *given: object) -> None:
+        self.calls.append(("edge", *given))
+
+    def configure_trigger_digital(self, *given: object) -> None:
+        self.calls.append(("digital", *given))
+
+    @contextmanager
+    def initiate(self) -> Iterator[None]:
+        self.calls.append(("initiate",))
+        yield
+        self.calls.append(("abort",))
+
+    def acquisition_status(self) -> int:
+        self.polls -= 1
+        return int(self.polls < 0)
+
+    def fetch_into(self, out: np.ndarray, timeout: float) -> list[SimpleNamespace]:
+        self.calls.append(("fetch", self.names, timeout))
+        out[:] = np.arange(out.size) % 30_000
+        infos = [SimpleNamespace(**self.info) for _ in self.names.split(",")]
+        for n, info in enumerate(infos):  # the times of a record are read from its first channel
+            info.offset, info.x_increment = info.offset + n, info.x_increment * (1 + n)
+        return infos
+
+    def close(self) -> None:
+        self.closed += 1
+        raise RuntimeError("already gone")  # an error at closing loses nothing
+
+
+def _opened(monkeypatch: pytest.MonkeyPatch, card: Card, text: str) -> NiscopeCard:
+    monkeypatch.setitem(sys.modules, "niscope", card)
+    opened = open_source(text)
+    assert isinstance(opened, NiscopeCard)
+    return opened
+
+
+@pytest.mark.parametrize(
+    ("text", "trigger"),
+    [
+        ("niscope:Dev2?channels=3,0,1", ("edge", "2", 1.0, "dc", "up")),
+        ("niscope:Dev2?channels=3,0,1&trigger=7&level=-.5&slope=falling", ("edge", "7", -0.5, "dc", "down")),
+        ("niscope:Dev2?channels=3,0,1&trigger=VAL_EXTERNAL", ("edge", "VAL_EXTERNAL", 1.0, "dc", "up")),
+        ("niscope:Dev2?channels=3,0,1&trigger=PFI_1&slope=falling", ("digital", "PFI_1", "down")),
+    ],
+)
+def test_a_card_is_set_and_its_record_fetched_as_asked_for(
+    text: str, trigger: tuple[object, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fake = Card()
+    card = _opened(monkeypatch, fake, f"{text}&range=4")
+    roles = [Role.REFERENCE, Role.MEASUREMENT, Role.SWITCH]
+    able = card.capabilities
+    assert [(c.role, c.volts_per_count, c.offset_v) for c in able.channels] == [(r, 4 / 65536, 0.0) for r in roles]
+    assert (able.name, able.bits, able.max_samples, able.hardware_trigger, able.real_time) == (
+        *("NI-SCOPE Dev2", 16, 2**28, True, False),
+    )
+    assert card.read_into(np.empty((9, 3), np.int16), 0.0) == Block(0, ended=True)  # not armed
+    card.arm(CaptureSettings(30e6, 1000, 250))
+    shot, at, trigger_at = np.empty((1000, 3), np.int16), 0, None
+    while at < 1000:
+        buffer = np.empty((301, 3), np.int16)
+        block = card.read_into(buffer, 5.0)
+        shot[at : at + block.samples] = buffer[: block.samples]
+        if block.trigger_sample is not None:
+            assert trigger_at is None
+            trigger_at = at + block.trigger_sample
+        at += block.samples
+        assert block.ended == (at == 1000) and block.lost_before == 0
+    assert np.array_equal(shot.T, np.arange(3000).reshape(3, 1000)) and trigger_at == 250
+    assert card.read_into(buffer, 0.0) == Block(0, ended=True)
+    assert [(c.volts_per_count, c.offset_v) for c in card.capabilities.channels] == [(1e-4, 0.5 + n) for n in range(3)]
+    assert fake.calls == [
+        ("open", "Dev2"),
+        ("vertical", "3,0,1", 4.0, "dc"),
+        ("timing", ("min_sample_rate", 30e6), ("min_num_pts", 1000), ("ref_position", 25.0), ("num_records", 1),
+         ("enforce_realtime", True)),
+        trigger,
+        ("initiate",),
+        ("fetch", "3,0,1", 5.0),
+        ("abort",),
+    ]  # fmt: skip
+    card.close()
+    card.close()
+    assert fake.closed == 1
+    card.arm(CaptureSettings(30e6, 4_000_000, 0))  # opened anew; 2 us a sample to fetch it
+    while card.read_into(np.empty((4_000_000, 3), np.int16), 5.0).samples == 0:
+        pass
+    assert fake.calls[7] == ("open", "Dev2") and ("fetch", "3,0,1", 8.0) in fake.calls
+
+
+@pytest.mark.parametrize(
+    ("info", "fault"),
+    [
+        ({"x_increment": 0.0}, "Dev1 reports a sample every 0 s: re-arm"),
+        ({"x_increment": math.nan}, "Dev1 reports a sample every nan s"),
+        ({"gain": math.inf}, "Dev1 reports no scale for its counts: re-arm"),
+        ({"offset": math.nan}, "Dev1 reports no scale"),
+        ({"relative_initial_x": math.nan}, "Dev1 reports no scale"),
+    ],
+)
+def test_a_record_whose_scales_cannot_be_is_refused(info: dict[str, float], fault: str) -> None:
+    card = NiscopeCard("Dev1", package=Card(**info))
+    card.arm(CaptureSettings(30e6, 100, 10))
+    with pytest.raises(DigitizerError, match=fault):
+        card.read_into(np.empty((100, 2), np.int16), 5.0)
+    assert card.read_into(np.empty((100, 2), np.int16), 0.0) == Block(0, ended=True)
+
+
+@pytest.mark.parametrize(("off", "taken"), [(0.9e-6, True), (1.1e-6, False), (-1.1e-6, False)])
+def test_a_rate_that_the_card_rounds_is_refused_with_the_one_it_takes(off: float, taken: bool) -> None:
+    card = NiscopeCard("Dev1", package=Card(rate=30e6 * (1 + off)))
+    if taken:
+        card.arm(CaptureSettings(30e6, 100, 99))
+        card.close()
+    else:
+        with pytest.raises(DigitizerError, match=r"samples at 3e\+07/s, not at 3e\+07: ask for 3e\+07"):
+            card.arm(CaptureSettings(30e6, 100, 99))
+
+
+@pytest.mark.parametrize("roles", [{"0": Role.REFERENCE}, {"0": Role.MEASUREMENT, "1": Role.MEASUREMENT}])
+def test_one_channel_and_only_one_carries_the_moving_beat(roles: dict[str, Role]) -> None:
+    with pytest.raises(DigitizerError, match="one channel of the card, and only one"):
+        NiscopeCard("Dev1", roles, package=Card())
+
+
+def test_a_wait_for_the_trigger_returns_in_time_and_ends_with_a_stop() -> None:
+    card = NiscopeCard("Dev1", package=Card(polls=10**9))
+    card.arm(CaptureSettings(30e6, 100, 10))
+    assert card.read_into(np.empty((100, 2), np.int16), 0.01) == Block(0)
+    card.stop()
+    assert card.read_into(np.empty((100, 2), np.int16), 5.0) == Block(0, ended=True)
 
 
 def test_a_record_all_pre_trigger_is_refused() -> None:

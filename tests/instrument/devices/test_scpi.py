@@ -22,6 +22,7 @@ from instrument.devices.scpi_dialects import (
     short_depth,
 )
 from instrument.devices.scpi_socket import SocketTransport
+from instrument.devices.scpi_transport import Deadline, block_start
 from instrument.devices.sources import open_source
 from tests.instrument.devices.scpi_emulator import EmulatedScope, TcpScope
 
@@ -285,6 +286,80 @@ def test_no_answer_is_a_fault() -> None:
         with pytest.raises(DigitizerError, match=r"does not answer :NOTHING\?"):
             link.query(":NOTHING?", timeout_s=0.2)
         assert link.query("*IDN?").startswith("RIGOL")
+
+
+def test_a_line_without_an_end_is_refused_and_what_follows_it_is_not_taken_for_the_next_answer() -> None:
+    scope = EmulatedScope("rigol")
+    scope.garbage = {"LONG?": b" " + b"x" * 65_534 + b"\n", "ENDLESS?": b"x" * 65_537}
+    with TcpScope(scope) as server:
+        link = SocketTransport("127.0.0.1", server.port)
+        assert link.query("LONG?") == "x" * 65_534 and server.connections == 1
+        with pytest.raises(DigitizerError, match=r"oscilloscope at 127.0.0.1:\d+ answered ENDLESS\? without an end"):
+            link.query("ENDLESS?")
+        assert link.query("*IDN?").startswith("RIGOL") and server.connections == 2
+        with pytest.raises(DigitizerError, match=r"127.0.0.1:\d+ does not answer NO\? in time: check its"):
+            link.query_block("NO?", 10, timeout_s=0.0)
+        assert link.query("*IDN?").startswith("RIGOL") and server.connections == 3
+
+
+def test_line_ends_left_over_by_a_block_are_skipped_and_a_block_may_come_in_pieces() -> None:
+    scope = EmulatedScope("rigol")
+    scope.garbage = {"D?": b"DAT2,#15a\ncd\n\r\n\n\n"}
+    with TcpScope(scope, pieces=(3, 0.001)) as server:
+        link = SocketTransport("127.0.0.1", server.port)
+        for _ in range(3):
+            assert link.query_block("D?", 5) == b"a\ncd\n"
+            assert link.query("*IDN?").startswith("RIGOL")
+        with pytest.raises(DigitizerError, match="announced 5 bytes where at most 4 were requested"):
+            link.query_block("D?", 4)
+        assert link.query("*IDN?").startswith("RIGOL") and server.connections == 2
+        link.close()
+        assert link.query("*IDN?").startswith("RIGOL") and server.connections == 3
+
+
+@pytest.mark.parametrize(
+    ("received", "start"),
+    [
+        (b"", None),
+        (b"#", None),
+        (b"#2", None),
+        (b"#21", None),
+        (b"#210", (4, 10)),
+        (b"DAT2,#9000000012xyz", (16, 12)),
+        (b"x" * 63, None),
+        (b"x" * 63 + b"#15", (66, 5)),
+        (b"x" * 64 + b"#15", "answered no data block"),
+        (b"#0", "damaged data block head"),
+        (b"#a", "damaged data block head"),
+        (b"#2+5", "damaged data block head"),
+    ],
+)
+def test_the_head_of_a_block_is_a_hash_the_number_of_its_digits_and_its_length(
+    received: bytes, start: tuple[int, int] | str | None
+) -> None:
+    """IEEE 488.2, 8.7.9; before it may stand what a maker likes, up to 64 bytes."""
+    if isinstance(start, str):
+        with pytest.raises(DigitizerError, match=f"scope .*{start}"):
+            block_start(received, "scope")
+    else:
+        assert block_start(received, "scope") == start == block_start(bytearray(received), "scope")
+
+
+def test_a_deadline_passes_and_a_large_block_extends_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [100.0]
+    monkeypatch.setattr("instrument.devices.scpi_transport.time.monotonic", lambda: now[0])
+    deadline = Deadline(2.0)
+    now[0] = 101.5
+    assert deadline.left_s == 0.5
+    deadline.check("scope", "D?")
+    deadline.allow_for(100_000)  # 50 kB a second is the slowest link
+    now[0] = 103.9
+    assert deadline.left_s == pytest.approx(0.1)
+    deadline.check("scope", "D?")
+    now[0] = 104.1
+    assert deadline.left_s == 0.0
+    with pytest.raises(DigitizerError, match=r"scope does not answer D\? in time: check its connection"):
+        deadline.check("scope", "D?")
 
 
 def test_the_source_text_reaches_the_driver() -> None:

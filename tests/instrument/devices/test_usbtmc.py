@@ -125,6 +125,19 @@ def test_an_answer_that_ends_early_or_stalls_gives_the_bytes_of_its_block(came: 
     bus.finish()
 
 
+def test_what_takes_too_long_is_said_with_instrument_and_command() -> None:
+    name = r"Rigol oscilloscope \(1ab1:04ce\)"
+    bus, link = _link([_command(1, b"D?\n"), _command(2, b"D?\n")])
+    for ask in (lambda: link.query("D?", 0.0), lambda: link.query_block("D?", 9, timeout_s=0.0)):
+        with pytest.raises(DigitizerError, match=rf"{name} does not answer D\? in time"):
+            ask()
+    bus.script = [_command(3, b"L?\n")]
+    for tag in range(4, 8):
+        bus.script += [_ask(tag, 1 << 16), _answer(tag, b"x" * 22_000, end=False)]
+    with pytest.raises(DigitizerError, match=rf"{name} answered L\? without an end"):
+        link.query("L?")
+
+
 def test_more_than_was_asked_for_is_refused_and_aborted() -> None:
     abort = In(3, 2, 2, b"\x81\x00", request_type=0xA2, index=IN)
     for text, line in ((b"#19" + bytes(138), "sends more than was requested"), (b"#3010", "announced 10 bytes")):

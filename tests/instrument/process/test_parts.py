@@ -1,8 +1,10 @@
-"""The parent's end of a device's process, without the process: blocks cut into a reader's pieces, memory for a lag."""
+"""The two ends of a subprocess, without the process: blocks cut into a reader's pieces, memory for a lag, reports."""
 
 import threading
 from collections.abc import Iterator
-from types import SimpleNamespace
+from dataclasses import dataclass
+from functools import partial
+from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,10 +12,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from analysis.shot.shot import AnalysisError, Cancelled
 from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, DigitizerError
+from instrument.files.recording_error import RecordingError
+from instrument.process import subprocess_worker
 from instrument.process.child import BlockReady
 from instrument.process.shared_ring import SharedRing
 from instrument.process.subprocess_digitizer import SubprocessDigitizer
+from instrument.process.subprocess_worker import SubprocessWorker, _Report, _run, _seal, _Task
 from tests.instrument.fake_digitizer import CHANNELS, FakeDigitizer
 
 CAPACITY = 700
@@ -156,3 +162,67 @@ def test_a_ring_has_room_for_what_was_read_and_counts_blocks_and_beats(ring: Sha
     before = ring.beats
     ring.beat()
     assert ring.beats == before + 1
+
+
+@dataclass(frozen=True)
+class Held:
+    """A dataclass that holds an array."""
+
+    inside: Any
+
+
+def test_every_array_of_a_task_or_a_result_is_read_only_again_wherever_it_lies() -> None:
+    arrays = [np.zeros(2) for _ in range(8)]
+    one, two, three, four, five, six, seven, eight = arrays
+    work = partial(print, one, [two, (three,)], key={"a": four, "b": Held(five)})
+    _seal((work, Held({"c": [six]}), MappingProxyType({"d": seven}), eight, None, "text", 3))
+    assert not any(array.flags.writeable for array in arrays)
+
+
+def _reported(work: Any, dropped: set[int]) -> tuple[list[_Report], _Report, set[int]]:
+    sent: list[_Report] = []
+    report = _run(_Task(7, work), SimpleNamespace(send=sent.append), dropped)  # type: ignore[arg-type]
+    return sent, report, dropped
+
+
+def test_a_task_reports_its_progress_twenty_times_a_second_and_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [100.0]
+    monkeypatch.setattr(subprocess_worker.time, "monotonic", lambda: now[0])
+
+    def work(progress: Any, cancelled: Any) -> str:
+        assert not cancelled()
+        for step in range(11):
+            progress("reading", step / 10)
+            now[0] += 0.02
+        return "done"
+
+    sent, report, _ = _reported(work, {6, 8})
+    assert [one.progress for one in sent] == [("reading", share) for share in (0.0, 0.3, 0.6, 0.9)]
+    assert {one.number for one in sent} == {7} and report == _Report(7, result="done")
+
+
+@pytest.mark.parametrize(
+    ("error", "ends"),
+    [
+        (Cancelled(), {"cancelled": True}),
+        (AnalysisError("no\nbeat"), {"problem": "no beat"}),
+        (RecordingError("a", "gone"), {"problem": "a: gone"}),
+        (OSError(28, "No space left on device"), {"problem": "[Errno 28] No space left on device"}),
+        (ZeroDivisionError("oh\nno"), {"problem": "a fault of the program: ZeroDivisionError('oh\\nno')"}),
+    ],
+)
+def test_a_task_that_fails_says_why_and_is_no_longer_dropped(error: Exception, ends: dict[str, Any]) -> None:
+    def work(progress: Any, cancelled: Any) -> None:
+        assert cancelled()
+        raise error
+
+    _, report, dropped = _reported(work, {7, 9})
+    assert report == _Report(7, **ends) and dropped == {9}
+
+
+def test_after_its_end_a_worker_works_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    worker = SubprocessWorker()
+    worker.close()
+    worker.start()
+    assert worker.child_id is None
+    assert worker.run(lambda progress, cancelled: (progress, cancelled), print, len) == (print, len)

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from analysis.shot.recording import Channel, Role, Setup
 from analysis.signal import LiveChunk
@@ -155,3 +157,116 @@ def test_the_site_is_measured_on_the_rate_at_which_points_come(tmp_path: Path) -
     assert live._rest._rate_hz == rate_hz / live_thread._AVERAGED
     time_s = live._window._values[0, : live._window._end]
     assert rate_hz == pytest.approx((time_s.size - 1) / (time_s[-1] - time_s[0]), rel=1e-9)
+
+
+class Fed:
+    """Stands for the demodulator: notes what it is fed, one number a sample, and "gap" with the samples lost."""
+
+    rate_hz = None
+
+    def __init__(self) -> None:
+        self.came: list[int | tuple[str, int | None]] = []
+        self.pieces: list[int] = []
+
+    def feed(self, counts: np.ndarray) -> LiveChunk:
+        self.came += counts[:, 0].tolist()
+        self.pieces.append(len(counts))
+        none = np.empty(0)
+        return LiveChunk(none, none, none, none, none, None, "dim")
+
+    def gap(self, lost: int | None) -> None:
+        self.came.append(("gap", lost))
+
+
+def _numbered(ring: Ring, first: int, length: int) -> None:
+    append(ring, np.arange(first, first + length).astype(np.int16)[:, None])
+
+
+def _fed(stream: Stream, tmp_path: Path) -> tuple[LiveThread, Fed]:
+    live, fed = LiveThread(lambda: stream, lambda: tmp_path), Fed()
+    live._begin(stream)
+    live._demodulator = fed  # type: ignore[assignment]
+    return live, fed
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.lists(st.tuples(st.integers(0, 900), st.sampled_from([0, 0, 5, None])), max_size=8), st.integers(0, 700))
+def test_every_sample_is_demodulated_once_and_each_loss_at_its_place(
+    tmp_path: Path, blocks: list[tuple[int, int | None]], start: int
+) -> None:
+    ring = Ring(3000, 1)
+    _numbered(ring, 20_000, start)  # of the stream before
+    stream = Stream(
+        ring, start, CaptureSettings(RATE_HZ, 50, 10), CHANNELS, Setup(17.85e-3, rest_frequency_hz=91e3), "bench"
+    )
+    live, fed = _fed(stream, tmp_path)
+    assert live._most == 750  # a quarter of the ring
+    known: list[int | tuple[str, int | None]] = []
+    number = 0
+    for length, lost in blocks:
+        if lost != 0 and length:
+            if ring.total > start:
+                known.append(("gap", lost))
+            stream.note_loss(ring.total, lost)
+        known += range(number, number + length)
+        _numbered(ring, number, length)
+        number += length
+        assert live._follow(stream) == (length > 0)
+        assert live._at == ring.total
+    assert fed.came == known and live.skipped == 0 and max(fed.pieces, default=0) <= 750
+    assert live._problem == ("dim" if number else None)
+
+
+def test_what_lags_by_half_a_ring_goes_on_with_the_newest_quarter_and_counts_what_it_left_out(tmp_path: Path) -> None:
+    ring = Ring(4000, 1)
+    stream = Stream(
+        ring, 0, CaptureSettings(RATE_HZ, 50, 10), CHANNELS, Setup(17.85e-3, rest_frequency_hz=91e3), "bench"
+    )
+    live, fed = _fed(stream, tmp_path)
+    _numbered(ring, 0, 2000)
+    live._follow(stream)
+    assert fed.came == list(range(2000))
+    stream.note_loss(ring.total, 3)  # among what is left out
+    _numbered(ring, 2000, 2001)
+    live._follow(stream)
+    assert fed.came[2000:] == [("gap", 1001), *range(3001, 4001)] and live.skipped == 1001
+    live.watched = False
+    _numbered(ring, 4001, 900)
+    live._look(1.0)
+    assert live._at == 4001 and live.view.raw_v.size == 0
+    live.watched = True
+    live._look(1.1)  # looked at again: the newest 250
+    assert live.skipped == 1001 + 650 and fed.came[3001:] == [("gap", 650), *range(4651, 4901)]
+    assert live.view.skipped == 1651 and live.view.problem == "dim"
+    live._begin(stream)
+    assert (live.skipped, live._at, live._rest, live._problem) == (0, 0, None, None)
+
+
+def test_the_newest_two_thousand_samples_are_shown_in_volts_at_their_times_in_the_stream(tmp_path: Path) -> None:
+    ring = Ring(10_000, 2)
+    counts = np.random.default_rng(3).integers(-2000, 2000, (4000, 2)).astype(np.int16)
+    append(ring, counts[:500])
+    channels = (Channel(Role.MEASUREMENT, 1e-3, 0.5), Channel(Role.SWITCH, -2e-3, -1.0))
+    stream = Stream(ring, 500, CaptureSettings(RATE_HZ, 50, 10), channels, Setup(1.0, rest_frequency_hz=91e3), "bench")
+    live = LiveThread(lambda: stream, lambda: tmp_path)
+    for came, shown in ((60, 0), (64, 64), (1500, 1500), (2600, 2000)):
+        append(ring, counts[ring.total : 500 + came])
+        live._signals_s = -np.inf
+        live._look(10.0 + came)
+        assert (len(live.channels) > 0) == (came >= 64)  # fewer tell nothing of a signal
+        length = shown or came
+        first = 500 + came - length
+        assert live.view.raw_time_s == pytest.approx((first - 500 + np.arange(length)) / RATE_HZ, abs=1e-12)
+        volts = counts[first : 500 + came] * np.array([1e-3, -2e-3]) + np.array([0.5, -1.0])
+        assert live.view.raw_v == pytest.approx(volts, abs=1e-6)
+    assert live.channels[1].amplitude_v == pytest.approx(np.median(counts[500:3100, 1]) * -2e-3 - 1.0)
+    assert live.view.floor is None
+
+
+def test_the_room_on_the_disk_is_asked_for_once_a_second(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Path] = []
+    monkeypatch.setattr(live_thread, "disk_free_bytes", lambda folder: asked.append(folder) or 7)
+    live = LiveThread(lambda: None, lambda: tmp_path)
+    for now in np.arange(0.0, 3.05, 0.1):
+        live._look(float(now))
+    assert asked == [tmp_path] * 3 and live.disk_free_bytes == 7

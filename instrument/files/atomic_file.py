@@ -53,7 +53,8 @@ def _toml_value(value: Any) -> str:
         return "{" + ", ".join(f"{_toml_key(str(k))} = {_toml_value(v)}" for k, v in value.items()) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_toml_value(v) for v in value) + "]"
-    return json.dumps(value, ensure_ascii=False)  # strings, integers and booleans are written alike in JSON and TOML
+    # strings, integers and booleans are written alike in JSON and TOML, but for one character
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def write_text_atomic(path: Path, text: str | Iterable[str], *, sync: bool) -> None:

@@ -45,7 +45,8 @@ def read_text(path: Path, largest_bytes: int) -> str:
         except OSError as error:
             raise FileNotReached(path, error.strerror or str(error)) from None
     if len(raw) > largest_bytes:
-        raise RecordingError(path, f"larger than {largest_bytes // 2**20} MiB")
+        room = f"{largest_bytes // 2**20} MiB" if largest_bytes >= 2**20 else f"{largest_bytes // 2**10} KiB"
+        raise RecordingError(path, f"larger than {room}")
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:

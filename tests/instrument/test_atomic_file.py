@@ -2,6 +2,7 @@
 
 import os
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -9,8 +10,15 @@ import pytest
 from app.session.choices import save
 from app.session.settings import Settings
 from instrument.files import atomic_file
-from instrument.files.atomic_file import replace_file, write_text_atomic
+from instrument.files.atomic_file import (
+    check_writable,
+    replace_file,
+    write_json_atomic,
+    write_text_atomic,
+    write_toml_atomic,
+)
 from instrument.files.recording_error import RecordingError
+from tests.only_synced import only_synced
 
 
 class Held:
@@ -103,3 +111,50 @@ def test_a_file_that_is_moved_over_another_takes_its_rights(tmp_path: Path) -> N
     new.chmod(0o640)
     replace_file(new, tmp_path / "nobody")  # where there was none it keeps its own
     assert (tmp_path / "nobody").stat().st_mode & 0o777 == 0o640
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a folder is not synced there")
+@pytest.mark.parametrize(
+    ("write", "synced"),
+    [
+        (lambda path: write_toml_atomic(path, {"a": 1}), True),
+        (lambda path: write_json_atomic(path, {"a": 1}, sync=True), True),
+        (lambda path: write_json_atomic(path, {"a": 1}, sync=False), False),
+        (lambda path: write_text_atomic(path, ("in ", "pieces"), sync=True), True),
+        (lambda path: write_text_atomic(path, "at once", sync=False), False),
+    ],
+)
+def test_what_is_to_last_is_synced_before_it_takes_its_place_and_what_is_not_need_not_be(
+    write: Callable[[Path], None], synced: bool, tmp_path: Path
+) -> None:
+    path = tmp_path / "a.txt"
+    path.write_bytes(b"old")
+    with only_synced(tmp_path) as disk:
+        write(path)
+        after = disk.images()
+    moved = "replace new -> a.txt"
+    assert disk.calls == (["fsync new", moved, "fsync folder"] if synced else [moved])
+    assert ([image["a.txt"] for image in after] == [path.read_bytes()]) == synced
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links and rights as POSIX has them")
+def test_a_place_that_cannot_be_written_to_is_told_before_a_long_computation(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("")
+    (tmp_path / "link").symlink_to(tmp_path / "elsewhere" / "file")
+    for sound in ("file", "new"):
+        check_writable(tmp_path / sound)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "link"]  # nothing is written
+    for wrong, why in (
+        (tmp_path, "a folder, not a file"),
+        (tmp_path / "none" / "new", "the folder does not exist"),
+        (tmp_path / "link", "the folder does not exist"),
+        (tmp_path / "file" / "new", "Not a directory"),
+        (tmp_path / ("x" * 300), "File name too long"),
+    ):
+        with pytest.raises(RecordingError, match=why):
+            check_writable(wrong)
+    monkeypatch.setattr(os, "access", lambda place, mode: (place, mode) != (tmp_path, os.W_OK))
+    with pytest.raises(RecordingError, match="no right to write there"):
+        check_writable(tmp_path / "new")

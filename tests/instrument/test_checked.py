@@ -180,6 +180,21 @@ def test_a_table_is_read_as_it_was_written_without_what_is_none(tmp_path: Path, 
     assert text.startswith("# what this is\n") and tomllib.loads(text) == _without_none(table)
 
 
+def test_a_table_is_written_as_a_person_would_write_it(tmp_path: Path) -> None:
+    """No header for a table that holds tables alone; an empty one has its header, as it would be lost else."""
+    table = {
+        "a": 1, "nothing": None, "outer": {"inner": {"x y": [1, 2.5, "c"], "deep": {"z": True}}, "gone": None},
+        "empty": {}, "listed": [{"b": {"c": "d"}}],
+    }  # fmt: skip
+    write_toml_atomic(tmp_path / "t.toml", table)
+    assert (tmp_path / "t.toml").read_text() == "\n".join(
+        [
+            *("a = 1", 'listed = [{b = {c = "d"}}]', "", "[outer.inner]", '"x y" = [1, 2.5, "c"]', ""),
+            *("[outer.inner.deep]", "z = true", "", "[empty]", ""),
+        ]
+    )
+
+
 def test_json_is_written_a_value_a_line_and_what_it_cannot_hold_is_refused(tmp_path: Path) -> None:
     write_json_atomic(tmp_path / "a.json", {"a": [1, {"b": None}]}, sync=True)
     assert (tmp_path / "a.json").read_text() == '{\n "a": [\n  1,\n  {\n   "b": null\n  }\n ]\n}\n'

@@ -3,12 +3,14 @@
 import pickle
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from analysis.shot.recording import Channel, Role, Setup
+from instrument.capture import stream_reader
 from instrument.capture.stream_reader import CaptureOptions, StreamReader, _check_block, check_settings
 from instrument.devices.digitizer import (
     Block,
@@ -307,3 +309,35 @@ def test_a_device_without_a_switch_triggers_on_a_block_of_five_centimetres_a_sec
         other = StreamReader(FakeDigitizer(**how))
         other.start(SETTINGS, OPTIONS)
         assert other._motion is None and (other._switch is not None) == (how == {})
+
+
+@pytest.mark.parametrize(
+    ("rate", "block", "before", "blocks"),
+    [
+        (1e3, 256, 0, 12),  # half a second is two blocks: a reader lags by more
+        (1e3, 256, 1, 13),
+        (100e6, 1 << 20, 0, 48),  # half a second
+        (100e6, 1 << 20, 100_000_000, 128),  # 512 MiB of two channels
+        (100e6, 1 << 20, 200_000_000, 199),  # the part before the trigger and eight blocks
+    ],
+)
+def test_a_ring_is_limited_to_512_mib_unless_the_part_before_the_trigger_needs_more(
+    rate: float, block: int, before: int, blocks: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[int] = []
+
+    def ring(capacity: int, channels: int) -> SimpleNamespace:
+        made.append(capacity)
+        return SimpleNamespace(capacity=capacity, channels=channels)
+
+    monkeypatch.setattr(stream_reader, "Ring", ring)
+    reader = StreamReader(FakeDigitizer())
+    reader._block = block
+    settings = CaptureSettings(rate, 300_000_000, before)
+    reader._make_ring(settings, 2)
+    assert made == [blocks * block]
+    for factor, channels, fits in ((1, 2, True), (4, 2, True), (4.1, 2, False), (0.99, 2, False), (1, 3, False)):
+        reader._ring = SimpleNamespace(capacity=factor * blocks * block, channels=channels)  # type: ignore[assignment]
+        reader._make_ring(settings, 2)
+        assert (len(made) == 1) == fits
+        del made[1:]

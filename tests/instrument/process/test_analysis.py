@@ -84,8 +84,10 @@ def test_altered_data_are_flagged_there_too(apart: SubprocessAnalysis, simulated
 
 
 def test_an_analysis_is_cancelled_there_too(apart: SubprocessAnalysis, simulated: Recording) -> None:
+    child = apart.child_id
     with pytest.raises(Cancelled):
         apart.read(simulated, PLAIN, quiet, lambda: True)
+    assert child is not None and apart.child_id == child  # it heeds, and need not be started anew
 
 
 def test_what_is_wrong_with_a_recording_is_its_own_sentence(apart: SubprocessAnalysis, shot: Recording) -> None:

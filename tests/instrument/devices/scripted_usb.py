@@ -81,6 +81,7 @@ class ScriptedUsb(usb.backend.IBackend):
     script: list[Any] = field(default_factory=list)
     opened: int = 0
     claimed: list[int] = field(default_factory=list)
+    timeouts_ms: list[int] = field(default_factory=list)
 
     def finish(self) -> None:
         assert self.script == [], f"never asked for: {self.script}"
@@ -170,6 +171,7 @@ class ScriptedUsb(usb.backend.IBackend):
     def ctrl_transfer(
         self, handle: Plugged, request_type: int, request: int, value: int, index: int, data: Any, timeout: int
     ) -> int:
+        self.timeouts_ms.append(timeout)
         if request_type & 0x80:
             answer = self._next(
                 In, request_type=request_type, request=request, value=value, index=index, length=len(data)
@@ -181,11 +183,13 @@ class ScriptedUsb(usb.backend.IBackend):
         return len(content) if answer is None else int(answer)
 
     def bulk_write(self, handle: Plugged, endpoint: int, interface: int, data: Any, timeout: int) -> int:
+        self.timeouts_ms.append(timeout)
         content = bytes(data)
         answer = self._next(BulkOut, endpoint=endpoint, content=content)
         return len(content) if answer is None else int(answer)
 
     def bulk_read(self, handle: Plugged, endpoint: int, interface: int, buffer: Any, timeout: int) -> int:
+        self.timeouts_ms.append(timeout)
         answer = self._next(BulkIn, endpoint=endpoint, length=len(buffer))
         buffer[: len(answer)] = type(buffer)("B", answer)
         return len(answer)

@@ -84,6 +84,7 @@ def test_arming_sends_the_firmwares_own_rate_code(vendor: int, product: int, rat
     assert stream.stopped
     bus.finish()
     assert bus.opened == 0
+    assert bus.timeouts_ms == [500, *[1000] * 7]  # the calibration, which a firmware may not have, then requests
 
 
 @pytest.mark.parametrize(
@@ -155,6 +156,7 @@ def test_the_firmware_is_loaded_and_the_device_found_again(tmp_path: Path) -> No
         EEPROM,
     ]
     scope = Hantek6022(firmware=path, backend=bus, make_stream=GivenStream([]))
+    assert bus.timeouts_ms == [1000] * 4 + [500]
     assert scope.capabilities.rates_hz[:3] == (12e6, 8e6, 4e6)  # the sigrok firmware's
     assert scope.default_settings() == CaptureSettings(12e6, 2_000_000, 300_000)
     scope.close()

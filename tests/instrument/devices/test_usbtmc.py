@@ -3,12 +3,13 @@
 import errno
 import struct
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import usb.core
 
-from instrument.devices import usb_bus
+from instrument.devices import usb_bus, usbtmc
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
 from instrument.devices.scpi import ScpiOscilloscope
 from instrument.devices.scpi_address import _link as _link_of
@@ -194,9 +195,39 @@ def test_after_a_timeout_the_answer_is_aborted_and_the_link_is_clean() -> None:
         ]
     )
     with pytest.raises(DigitizerError, match="does not answer"):
-        link.query("D?")
+        link.query("D?", 2.0)
+    write, ask, read, *abort = bus.timeouts_ms
+    assert (write, ask) == (3000, 3000) and 1500 < read <= 2000 and abort == [500, 500, 200, 500]
     assert link.query("*IDN?") == "RIGOL"
     bus.finish()
+    bus.timeouts_ms.clear()
+    bus.script = [_command(5, b"D?\n"), _ask(6, 9 + 64), _answer(6, b"#15abcde", size=73)]
+    assert link.query_block("D?", 9, timeout_s=0.5) == b"abcde"
+    assert bus.timeouts_ms[:2] == [3000, 3000] and 300 < bus.timeouts_ms[2] <= 500
+
+
+def test_an_abort_ends_where_the_instrument_has_nothing_to_abort_or_stays_silent(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr(usbtmc, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    pending = In(4, 0, 8, b"\x02\x00", request_type=0xA2, index=IN)
+    begun = In(3, 2, 2, b"\x02", request_type=0xA2, index=IN)
+
+    def later() -> None:
+        now[0] += 0.6
+
+    for abort in (
+        [In(3, 2, 2, b"\x80", request_type=0xA2, index=IN)],
+        [In(3, 2, 2, b"", request_type=0xA2, index=IN), ClearHalt(IN)],
+        [begun, pending, In(4, 0, 8, b"\x81", request_type=0xA2, index=IN)],
+        [begun, later, pending, later, pending, ClearHalt(IN)],  # a second is enough
+        [begun, In(4, 0, 8, usb.core.USBError("gone", -4, 19), request_type=0xA2, index=IN)],
+    ):
+        bus, link = _link([_command(1, b"D?\n"), _ask(2, 1 << 16), _answer(9, b"x\n"), *abort])
+        with pytest.raises(DigitizerError, match="answers no request"):
+            link.query("D?")
+        bus.finish()
 
 
 @pytest.mark.parametrize(

@@ -298,6 +298,14 @@ def test_the_program_as_a_whole_changes_with_each_source_of_kernels_and_each_com
     (tmp_path / "house" / "instrument").mkdir()
     (tmp_path / "house" / "instrument" / "new.py").write_text("")
     seen.append(kernel_cache.whole_program())
+    monkeypatch.setattr(kernel_cache, "_BASE", tmp_path / "frozen")  # without sources the installation counts
+    frozen = []
+    for installed in ("one", "two"):
+        monkeypatch.setattr(kernel_cache, "_installation", lambda installed=installed: installed)
+        frozen.append(kernel_cache.whole_program())
+    assert frozen[0] != frozen[1]
+    monkeypatch.setattr(kernel_cache, "_BASE", tmp_path / "house")
+    assert kernel_cache.whole_program() == seen[-1]
     makers = kernel_cache._makers()
     assert all(f"{name} {metadata.version(name)}" in makers for name in ("numba", "llvmlite", "numpy"))
     assert makers.startswith(sys.version)

@@ -6,10 +6,12 @@ import time
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from analysis.shot.recording import Role
-from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
-from instrument.devices.scpi import EXTERNAL, HardwareTrigger, ScpiOscilloscope
+from instrument.devices.digitizer import Block, CaptureSettings, Digitizer, DigitizerError
+from instrument.devices.scpi import EXTERNAL, HardwareTrigger, ScpiOscilloscope, _Piece
 from instrument.devices.scpi_dialects import (
     DIALECTS,
     ImplausibleAnswer,
@@ -286,6 +288,96 @@ def test_no_answer_is_a_fault() -> None:
         with pytest.raises(DigitizerError, match=r"does not answer :NOTHING\?"):
             link.query(":NOTHING?", timeout_s=0.2)
         assert link.query("*IDN?").startswith("RIGOL")
+
+
+class Link:
+    """A link to an instrument that only says what it is."""
+
+    def __init__(self, *answers: str) -> None:
+        self.answers, self.closed = list(answers), 0
+
+    def write(self, command: str) -> None:
+        pass
+
+    def query(self, command: str, timeout_s: float = 5.0) -> str:
+        return self.answers.pop(0) if self.answers else "0"
+
+    def close(self) -> None:
+        self.closed += 1
+
+
+@settings(max_examples=80, deadline=None)
+@given(
+    st.lists(st.integers(1, 40), min_size=1, max_size=5), st.integers(-20, 150), st.booleans(),
+    st.lists(st.integers(1, 30), min_size=1, max_size=3),
+)  # fmt: skip
+def test_fetched_pieces_are_read_in_any_blocks_with_the_trigger_once_and_the_end_last(
+    lengths: list[int], trigger: int, known: bool, rooms: list[int]
+) -> None:
+    scope = ScpiOscilloscope(Link("RIGOL,DS1,0,0"))  # type: ignore[arg-type]
+    assert scope.read_into(np.empty((1, 2), np.int16), 0.0) == Block(0, ended=True)  # not armed
+    whole = np.arange(2 * sum(lengths), dtype=np.int16).reshape(-1, 2)
+    scope._armed = True
+    scope._blocks.put(_Piece(np.empty((0, 2), np.int16), None, False))
+    at = 0
+    for length in lengths:
+        place = trigger - at if known else None
+        scope._blocks.put(_Piece(whole[at : at + length], place, at + length == len(whole)))
+        at += length
+    assert scope.read_into(np.empty((1, 2), np.int16), 0.0) == Block(0, fired=True)
+    came, found, turn = [], [], 0
+    while True:
+        buffer = np.empty((rooms[turn % len(rooms)], 2), np.int16)
+        turn += 1
+        block = scope.read_into(buffer, 0.0)
+        if block.trigger_sample is not None:
+            assert 0 <= block.trigger_sample < block.samples
+            found.append(sum(map(len, came)) + block.trigger_sample)
+        came.append(buffer[: block.samples])
+        assert block.samples > 0 and block.lost_before == 0 and not block.fired
+        if block.ended:
+            break
+    assert np.array_equal(np.concatenate(came), whole)
+    assert found == ([trigger] if known and 0 <= trigger < len(whole) else [])
+    assert scope.read_into(buffer, 0.0) == Block(0, ended=True)
+    assert scope._blocks.empty()
+
+
+def test_a_fault_or_a_stop_while_it_is_fetched_ends_the_shot() -> None:
+    scope, buffer = ScpiOscilloscope(Link("RIGOL,DS1,0,0")), np.empty((1, 2), np.int16)  # type: ignore[arg-type]
+    scope._armed = True
+    assert scope.read_into(buffer, 0.0) == Block(0)
+    for item in (DigitizerError("gone"), None):
+        scope._armed = True
+        scope._blocks.put(item)
+        if item is not None:
+            with pytest.raises(DigitizerError, match="gone"):
+                scope.read_into(buffer, 0.0)
+        else:
+            assert scope.read_into(buffer, 0.0) == Block(0, ended=True)
+        assert scope.read_into(buffer, 0.0) == Block(0, ended=True)
+
+
+def test_an_instrument_is_called_by_its_maker_and_model_and_an_unknown_one_is_let_go() -> None:
+    for identity, name in (
+        ("RIGOL TECHNOLOGIES,DS1104Z,DS1ZA0,00", "Rigol DS1104Z"),
+        ("Siglent Technologies, SDS1104X-E ,1,2", "Siglent SDS1104X-E"),
+        ("AGILENT", "Keysight"),
+    ):
+        scope = ScpiOscilloscope(Link(identity))  # type: ignore[arg-type]
+        able = scope.capabilities
+        assert able.name == name and able.hardware_trigger and not able.real_time and able.rates_hz == ()
+        assert [channel.role for channel in able.channels] == [Role.REFERENCE, Role.MEASUREMENT]
+        assert (able.bits, able.max_samples) == (scope._dialect.bits, scope._dialect.max_samples)
+    other = Link("TEKTRONIX,TDS1002")
+    with pytest.raises(DigitizerError, match="no dialect"):
+        ScpiOscilloscope(other)  # type: ignore[arg-type]
+    assert other.closed == 1
+    for roles in ({1: Role.REFERENCE}, {1: Role.MEASUREMENT, 2: Role.MEASUREMENT}):
+        with pytest.raises(DigitizerError, match="one channel of the oscilloscope, and only one"):
+            ScpiOscilloscope(Link("RIGOL"), roles)  # type: ignore[arg-type]
+    turned = ScpiOscilloscope(Link("RIGOL"), {4: Role.SWITCH, 2: Role.MEASUREMENT})  # type: ignore[arg-type]
+    assert [channel.role for channel in turned.capabilities.channels] == [Role.MEASUREMENT, Role.SWITCH]
 
 
 def test_a_line_without_an_end_is_refused_and_what_follows_it_is_not_taken_for_the_next_answer() -> None:

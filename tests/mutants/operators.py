@@ -12,7 +12,7 @@ _EITHER_WAY = ("max", "min", "maximum", "minimum", "hypot", "isclose")  # the or
 _EITHER_WAY_OF_NUMPY = ("add", "multiply", "fmin", "fmax", "convolve", "logical_and", "logical_or", "array_equal")
 _COUNTED = 9  # an integer up to which one more is one too many; a larger one is a size, and doubled
 _GUARD = "strict"  # of zip: what it guards against is another fault of the program
-_GENERIC = ("Callable", "Mapping", "NDArray", "Sequence", "dict", "list", "tuple")  # an alias of them is a type
+_GENERIC = ("Callable", "Generic", "Mapping", "NDArray", "Sequence", "dict", "list", "tuple")  # subscripted: a type
 _THROUGH = ("abs", "sqrt", "sorted", "deg2rad", "clip", "square", "reversed", "conj")
 
 

@@ -1,12 +1,24 @@
 """The text of --source: the digitizer that it opens, and the one line for an error."""
 
 import re
+import sys
 
 import pytest
 
 from instrument.devices import usb_bus
 from instrument.devices.digitizer import DigitizerError
-from instrument.devices.sources import at_site, open_source, pushed
+from instrument.devices.source_options import SourceOptions
+from instrument.devices.sources import (
+    SOURCES,
+    at_site,
+    imported,
+    is_bench,
+    listed_sources,
+    open_source,
+    pushed,
+    source_of,
+    source_words,
+)
 from tests.instrument.devices.scripted_usb import In, Plugged, ScriptedUsb
 
 
@@ -79,3 +91,44 @@ def test_the_rig_is_assumed_until_it_is_said(monkeypatch: pytest.MonkeyPatch) ->
     assert (setups[0].moving_mass_kg, dict(setups[0].extra)) == (17.85e-3, {"moving_mass_assumed": True})
     assert (setups[1].moving_mass_kg, setups[1].rest_frequency_hz) == (0.0213, 2.73e6)
     assert (setups[1].wavelength_air_m, setups[1].digitizer_bits, dict(setups[1].extra)) == (632.8e-9, 8, {})
+
+
+def test_what_is_told_of_the_sources() -> None:
+    assert source_words() == "bench, replay:PATH, hantek6022, scpi:ADDRESS or niscope:RESOURCE"
+    assert listed_sources() == [
+        ("bench", "Simulated bench"),
+        ("bench?effect=quadratic_drag:coefficient_n_s2_per_m2=3e-3", "Simulated bench with a flaw"),
+        ("replay:", "Play a recording …"),
+    ]
+    told = {
+        source.name: (source.simulated, source.knows_its_rig, source.in_subprocess, source.remembered, source.finder)
+        for source in SOURCES
+    }
+    assert told == {
+        "bench": (True, True, True, True, ""),
+        "replay": (False, True, False, False, ""),
+        "hantek6022": (False, False, True, True, "devices.device_search:hantek6022"),
+        "scpi": (False, False, True, True, "devices.device_search:oscilloscopes"),
+        "niscope": (False, False, True, True, "devices.device_search:ni_cards"),
+    }
+    for text, name in ((" Bench?seed=3", "bench"), ("SCPI:usb", "scpi"), ("replay", "replay"), ("benches", "")):
+        assert source_of(text).name == name
+    assert is_bench("bench") and is_bench(" BENCH?seed=1") and not is_bench("benches") and not is_bench("replay:bench")
+
+
+def test_every_source_can_be_opened_and_a_package_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    for source in SOURCES:
+        assert callable(imported(source.opener)) and (not source.finder or callable(imported(source.finder)))
+    monkeypatch.setitem(sys.modules, "instrument.bench", None)
+    with pytest.raises(DigitizerError, match=r"this source needs instrument\.bench, which is not installed"):
+        open_source("bench")
+
+
+def test_options_are_read_as_an_address_writes_them() -> None:
+    read = SourceOptions.read("a=x%20y%26&&b=1=2&a=z", "scpi", ("a", "b"))
+    assert read.given == {"a": "z", "b": "1=2"} and "a" in read and "c" not in read
+    assert read.text("b", "usual") == "1=2" and read.text("c", "usual") == "usual"
+    assert SourceOptions.read("a=x%20y%26", "scpi", ("a",)).text("a", "") == "x y&"
+    for wrong in ("c=1", "a", "a=", "=1", "a=1&" + "x" * 80 + "=1"):
+        with pytest.raises(DigitizerError, match=r"source scpi: '.{0,60}' is no option: known are a, b"):
+            SourceOptions.read(wrong, "scpi", ("a", "b"))

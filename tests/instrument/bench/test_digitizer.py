@@ -2,15 +2,18 @@
 
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from instrument.bench import rig
+from instrument.bench import digitizer, rig
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.bench.optics import Optics
 from instrument.bench.rig import Bench
+from instrument.bench.site import site_named
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
+from instrument.devices.sources import open_source
 
 RATE = 10e6
 SETTINGS = CaptureSettings(RATE, 600_000, 60_000)
@@ -199,3 +202,89 @@ def test_two_channels_and_eight_bits():
     assert counts.shape[1] == 2 and bench.setup.digitizer_bits == 8
     assert -128 <= counts.min() < -80 and 80 < counts.max() <= 127
     assert bench.capabilities.bits == 8 and not bench.capabilities.hardware_trigger
+
+
+def test_a_block_is_pushed_after_0_8_s_and_3_s_after_each_return_in_samples_that_are_not_computed_yet(monkeypatch):
+    asked = []
+
+    class Stage:
+        shots = 7
+
+        def __init__(self, rig, rate_hz, first_shot):
+            self.of = rig, rate_hz, first_shot
+
+        def push(self, time_s):
+            asked.append((time_s, bench._next_sample / RATE))
+            return SimpleNamespace(end_s=time_s + 1.1)
+
+        def fill(self, first, out):
+            out[:] = first // 200_000
+
+    monkeypatch.setattr(digitizer, "SimulatedStream", Stage)
+    bench = BenchDigitizer(real_time=False, first_shot=5)
+    bench.arm(SETTINGS)
+    assert bench._stage.of == (bench._rig, RATE, 5)
+    buffer = np.empty((1_000_000, 3), np.int16)
+    for _ in range(90):
+        bench.read_into(buffer, 0.0)
+    assert [time_s for time_s, _ in asked] == pytest.approx([0.8, 4.9, 9.0], abs=1e-9)
+    for time_s, begun_s in asked:
+        assert time_s - 0.04 - 1e-9 <= begun_s < time_s - 0.02 + 1e-9
+    bench.arm(SETTINGS)
+    assert bench._stage.of[2] == 7  # the sequence of pushes goes on
+
+
+def test_a_source_is_the_rig_that_its_options_describe():
+    bench = open_source("bench?speed=0.35&added=0.05&first=3&seed=4&site=VC-D&effect=tilt:angle_rad=1e-4")
+    assert bench._rig == Bench(
+        effects={"tilt": {"angle_rad": 1e-4}}, site=site_named("VC-D"), seed=4, velocity_m_per_s=0.35,
+        velocity_spread=0.02, added_kg=0.05,
+    )  # fmt: skip
+    assert (bench._patient, bench._shots, bench._real_time) == (True, 3, True)
+    plain = open_source("bench")
+    assert plain._rig == Bench() and plain._shots == 0
+    able = plain.capabilities
+    assert (able.name, able.bits, able.rates_hz) == ("Simulated bench", 12, (10e6, 15e6, 20e6, 30e6))
+    assert (able.max_samples, able.hardware_trigger, able.real_time, able.simulated) == (None, False, True, True)
+    assert plain.setup == Bench().setup and plain.setup.moving_mass_kg == 17.85e-3
+    assert plain._memory_s == 0.5 and (plain._first_push_s, plain._push_every_s) == (0.8, 3.0)
+
+
+@pytest.mark.parametrize(("rate", "sampled"), [(8e6, True), (7.99e6, False), (60e6, True), (60.1e6, False)])
+def test_a_rate_must_resolve_the_beat_of_a_fast_block(rate, sampled):
+    bench = BenchDigitizer()
+    if sampled:
+        bench.arm(CaptureSettings(rate, 1, 1))
+    else:
+        with pytest.raises(DigitizerError, match=r"cannot sample at .* MS/s: choose 8 to 60 MS/s"):
+            bench.arm(CaptureSettings(rate, 1, 1))
+    for samples, before in ((0, 0), (5, -1), (5, 6)):
+        with pytest.raises(DigitizerError, match=r"pre-trigger|cannot sample"):
+            bench.arm(CaptureSettings(rate, samples, before))
+
+
+def test_a_reader_is_given_a_whole_block_or_what_came_by_its_deadline():
+    now, waits = [100.0], []
+    bench = BenchDigitizer(clock=lambda: now[0])
+    bench.arm(SETTINGS)
+
+    class Stop:
+        def wait(self, seconds):
+            waits.append(seconds)
+            now[0] += seconds
+            return False
+
+        def is_set(self):
+            return False
+
+    bench._stop = Stop()
+    buffer = np.empty((1_000_000, 3), np.int16)
+    assert bench.read_into(buffer, 1.0).samples == pytest.approx(400_000, abs=5)  # 40 ms
+    assert waits == [pytest.approx(0.04, abs=1e-6)]
+    assert bench.read_into(buffer, 0.01).samples == pytest.approx(100_000, abs=5)
+    assert bench.read_into(buffer[:1000], 1.0).samples == 1000
+    now[0] += 0.3
+    assert bench.read_into(buffer, 1.0).samples == 1_000_000  # what waits fills the buffer
+    for wrong in (buffer[:, :2], buffer[0], buffer.astype(np.int32)):
+        with pytest.raises(DigitizerError, match="for 3 channels of int16"):
+            bench.read_into(wrong, 0.0)

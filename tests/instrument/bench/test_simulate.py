@@ -6,7 +6,17 @@ import json
 import numpy as np
 import pytest
 
-from instrument.bench.effects import CATALOGUE, OFF_CATALOGUE, draw, effects_of_shot, parse, scaled
+from instrument.bench import forces as slot
+from instrument.bench.effects import (
+    CATALOGUE,
+    OFF_CATALOGUE,
+    complete,
+    draw,
+    effects_of_shot,
+    force_slots,
+    parse,
+    scaled,
+)
 from instrument.bench.mechanics import Bodies
 from instrument.bench.observation import observed, run_shot, with_leak
 from instrument.bench.optics import Optics
@@ -100,6 +110,38 @@ def test_a_wrong_effect_is_refused_in_one_line(text, message):
     with pytest.raises(ValueError, match=message) as refused:
         parse(text)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "good", "bad"),
+    [
+        ("tilt", "angle_rad", (-9.0, 0.0, 9.0), (np.inf, np.nan)),
+        ("viscous_drag", "coefficient_n_s_per_m", (0.0, 9.0), (-1e-9, np.inf)),
+        ("cyclic_error", "order", (1, 2, 3, 4), (0, 5, 1.5)),
+        ("frame_vibration_with_plate", "plate_factor", (0.0, 1.0), (1.001, -0.1)),
+        *(
+            (name, key, (1e-12,), (0.0, -1.0))
+            for name, key in (
+                *(("block_mode", "frequency_hz"), ("viscoelastic_arm", "relaxation_time_s"), ("adhesion", "range_m")),
+                *(("contact_area", "overlap_m"), ("bristle_friction", "deflection_m"), ("magnet", "range_m")),
+            )
+        ),
+    ],
+)
+def test_a_parameter_is_simulated_up_to_its_limits(name, key, good, bad):
+    for value in good:
+        assert complete({name: {key: value}})[name][key] == value
+    for value in bad:
+        with pytest.raises(ValueError, match=name):
+            complete({name: {key: value}})
+
+
+def test_a_second_mode_without_mass_is_none_and_several_effects_are_parted_by_semicolons():
+    assert slot.M_MODE not in force_slots(complete({"second_plate_mode": {"mass_kg": 0.0}}))
+    assert force_slots(complete({"second_plate_mode": {"mass_kg": 1e-9}}))[slot.M_MODE] == 1e-9
+    many = parse(" tilt : angle_rad = 1e-4 , ;; coulomb_friction;viscous_drag:")
+    assert list(many) == ["tilt", "coulomb_friction", "viscous_drag"] and many["tilt"] == {"angle_rad": 1e-4}
+    assert many["coulomb_friction"]["force_n"] == pytest.approx(np.sqrt(1e-5 * 3e-4))
 
 
 def test_effects_are_read_as_written():

@@ -341,3 +341,19 @@ def test_a_ring_is_limited_to_512_mib_unless_the_part_before_the_trigger_needs_m
         reader._make_ring(settings, 2)
         assert (len(made) == 1) == fits
         del made[1:]
+
+
+def test_a_reader_says_that_a_device_is_being_armed_while_it_is_and_no_longer() -> None:
+    seen: list[tuple[bool, bool]] = []
+
+    class Slow(FakeDigitizer):
+        def arm(self, settings: CaptureSettings) -> None:
+            seen.append((reader.starting, reader.running))
+            super().arm(settings)
+
+    reader = StreamReader(Slow())
+    reader.start(SETTINGS, OPTIONS)
+    assert seen == [(True, False)] and not reader.starting and reader.running
+    with pytest.raises(DigitizerError, match="the fake knows one rate"):
+        reader.start(CaptureSettings(2e6, 100, 10), OPTIONS)
+    assert len(seen) == 2 and not reader.starting and not reader.running

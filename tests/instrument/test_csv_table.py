@@ -1,14 +1,15 @@
 """Tables of numbers as many programs write them: columns, units, time and rate, against what was written."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from analysis.shot.recording import Role, Setup
+from analysis.shot.recording import Channel, Recording, Role, Setup
 from instrument.files import csv_table
 from instrument.files.foreign_file import ForeignColumn, ForeignMapping, MappedChannel
-from instrument.files.foreign_reading import _bits, _is_clipped, _rate, to_counts
+from instrument.files.foreign_reading import _bits, _channel, _is_clipped, _rate, _triggered, to_counts
 from instrument.files.recording_error import RecordingError
 
 ROWS = [(0.0, 1.0, 5.0), (0.5, 2.0, 6.0), (1.0, 3.0, 7.0), (1.5, 4.0, 9.0)]
@@ -172,3 +173,47 @@ def test_bits_and_rate_of_columns() -> None:
         _rate(path, mapping, [column(np.int8), column(np.int8, 1e6 * (1 + 2e-9))])
     with pytest.raises(RecordingError, match="does not state"):
         _rate(path, mapping, [column(np.int8, None)])
+
+
+@pytest.mark.parametrize(
+    ("kind", "column", "mapped", "volts"),
+    [
+        # what is stored, its scale in the file, the scale of the mapping, and the volts of stored 16 and 100
+        (np.float64, (None, 0.0), (None, None), (16.0, 100.0)),
+        (np.float64, (None, 0.0), (0.5, None), (8.0, 50.0)),
+        (np.float64, (None, 0.0), (None, 2.0), (18.0, 102.0)),
+        (np.float64, (None, 0.0), (0.5, 2.0), (10.0, 52.0)),
+        (np.int16, (None, 0.0), (None, None), (16 / 32768, 100 / 32768)),  # the full scale of integers is 1 V
+        (np.int8, (None, 0.0), (None, None), (16 / 128, 100 / 128)),
+        (np.uint8, (None, 0.0), (None, None), (16 / 128, 100 / 128)),
+        (np.int32, (None, 0.0), (None, None), (16 / 2**31, 100 / 2**31)),
+        (np.int16, (0.25, -3.0), (None, None), (1.0, 22.0)),
+        (np.int16, (0.25, -3.0), (None, 5.0), (9.0, 30.0)),  # an offset that is given goes before the file's
+        (np.int16, (0.25, -3.0), (2.0, None), (32.0, 200.0)),  # and a scale before both
+        (np.uint16, (0.25, -3.0), (-2.0, 1.0), (-31.0, -199.0)),
+    ],
+)
+def test_a_channel_has_the_volts_of_the_mapping_else_of_the_file_else_of_a_full_scale_of_one(
+    kind: type, column: tuple[float | None, float], mapped: tuple[float | None, ...], volts: tuple[float, ...]
+) -> None:
+    into = np.empty(2, np.int16)
+    stored = ForeignColumn(np.array([16, 100, 77], kind), *column)
+    channel = _channel(Path("a"), MappedChannel(Role.SWITCH, "c", *mapped), stored, into)
+    assert channel.role is Role.SWITCH
+    assert into * channel.volts_per_count + channel.offset_v == pytest.approx(volts, rel=1e-9)
+    with pytest.raises(RecordingError, match=r"^a: c: sample 1 is not a finite number$"):
+        _channel(Path("a"), MappedChannel(Role.SWITCH, "c"), ForeignColumn(np.array([0.0, np.inf])), into)
+
+
+def test_the_trigger_of_a_foreign_file_is_the_given_one_or_the_first_step_of_its_switch() -> None:
+    counts = np.zeros((9000, 2), np.int16)
+    counts[5000:, 1] = 40  # of a digitizer of 12 bits a step takes 205 counts, of one that reaches 41 so few
+    channels = (Channel(Role.MEASUREMENT, 1.0), Channel(Role.SWITCH, 1.0))
+    shot = Recording("s", counts, 1e6, channels, Setup(0.01, digitizer_bits=12))
+    path = Path("a")
+    assert _triggered(path, shot).trigger_sample == 5000
+    assert _triggered(path, replace(shot, trigger_sample=8999)).trigger_sample == 8999
+    lost = _triggered(path, replace(shot, trigger_sample=9000))
+    assert (lost.trigger_sample, lost.flags) == (None, ("trigger_lost",))
+    alone = replace(shot, counts=np.ascontiguousarray(counts[:, :1]), channels=channels[:1])
+    assert _triggered(path, alone) is alone

@@ -107,7 +107,7 @@ class LightSwitch:
         state = self._state.copy()  # another thread may advance it
         if self._settings.low_counts is not None:
             return float(state[_LOW]), float(state[_HIGH])
-        if not state[_SWING] or not state[_SEEN]:
+        if not state[_SWING]:
             return None, None
         falls = float(state[_MAXIMUM] - state[_SWING]) if state[_LEVEL] >= 0 else None
         rises = float(state[_MINIMUM] + state[_SWING]) if state[_LEVEL] <= 0 else None

@@ -94,3 +94,52 @@ def test_a_fit_that_does_not_come_leaves_the_readings_and_says_why(recording, an
     assert shot.impact.velocity_in_m_per_s == told[0][1].impact.velocity_in_m_per_s
     assert "fit_failed" in shot.flags and not awaits_fit(shot)
     assert why in shot.fit_problem and told[-1][2] is None
+
+
+def test_a_close_stops_the_analysis_under_way_and_begins_no_other_though_the_queue_is_full():
+    told, begun = [], threading.Event()
+
+    def endless(recording, progress, cancelled):
+        progress("reading", 0.25)
+        begun.set()
+        while not cancelled():
+            assert not never.wait(0.005)
+        raise Cancelled
+
+    never = threading.Event()
+    analyst = AnalysisThread(ShotAnalysis(endless, queue_length=2), lambda *all_of_it: told.append(all_of_it))
+    assert all(analyst.submit(key, None) for key in (1, 2)) and not analyst.submit(3, None)
+    analyst.start()
+    assert begun.wait(LONGEST_S) and (analyst.doing, analyst.steps) == (("reading", 0.25), 1)
+    while not analyst.submit(4, None):  # the first was taken from the queue
+        assert not never.wait(0.001)
+    assert analyst.close(LONGEST_S)
+    assert told == [(1, None, "the analysis was stopped")] and analyst.doing is None
+
+
+def test_a_cancelling_stops_one_analysis_and_the_next_is_done():
+    told, begun, ended = [], threading.Event(), threading.Event()
+
+    def once(recording, progress, cancelled):
+        begun.set()
+        while recording == "slow" and not cancelled():
+            assert not ended.wait(0.005)
+        if cancelled():
+            raise Cancelled
+        raise AnalysisError("no\nbeat")
+
+    def done(*all_of_it):
+        told.append(all_of_it)
+        if len(told) == 3:
+            ended.set()
+
+    analyst = AnalysisThread(ShotAnalysis(once), done)
+    analyst.cancel()  # nothing is under way: nothing is stopped
+    for key, recording in enumerate(("quick", "slow", "quick")):
+        analyst.submit(key, recording)
+    analyst.start()
+    while not told or analyst.doing is None:
+        assert not ended.wait(0.001)
+    analyst.cancel()
+    assert ended.wait(LONGEST_S) and analyst.close(LONGEST_S)
+    assert told == [(0, None, "no beat"), (1, None, "the analysis was stopped"), (2, None, "no beat")]

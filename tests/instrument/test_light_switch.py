@@ -76,6 +76,17 @@ def test_the_polarity_chooses_the_step() -> None:
         assert STEP <= rising <= STEP + 12 and STEP + 700 <= falling <= STEP + 712
 
 
+def test_the_first_of_several_steps_is_told_though_it_is_the_first_sample_of_a_block() -> None:
+    for channels in (1, 2, 3):
+        counts = np.zeros((6000, channels), np.int16)
+        counts[:3000, -1] = 2000
+        counts[4500:, -1] = 2000
+        for how in (TriggerSettings(low_counts=700, high_counts=1200), LEARNED):
+            switch = LightSwitch(how, channels - 1, 12)
+            switch.first_step(np.zeros((LEARNED_FROM + 1, channels), np.int16))
+            assert switch.first_step(counts) == 0 and switch.toggles == 3
+
+
 def test_noise_alone_is_no_step() -> None:
     rng = np.random.default_rng(5)
     switch = LightSwitch(LEARNED, 0, 12)

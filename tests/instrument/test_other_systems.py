@@ -127,6 +127,21 @@ def test_priority_is_lowered_by_class_on_windows(monkeypatch: pytest.MonkeyPatch
     assert [how for _, how in asked] == [0x4000]
 
 
+@pytest.mark.parametrize(("system", "scheduled"), [("linux", [(0, 3, 0)]), ("darwin", [])])
+def test_priority_is_lowered_by_steps_elsewhere_and_on_linux_the_class_too(
+    system: str, scheduled: list[tuple[int, int, int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steps: list[int] = []
+    asked: list[tuple[int, int, int]] = []
+    monkeypatch.setattr(sys, "platform", system)
+    monkeypatch.setattr(os, "nice", steps.append, raising=False)
+    monkeypatch.setattr(os, "SCHED_BATCH", 3, raising=False)
+    monkeypatch.setattr(os, "sched_param", lambda priority: priority, raising=False)
+    monkeypatch.setattr(os, "sched_setscheduler", lambda *given: asked.append(given), raising=False)
+    child.lower_priority(7)
+    assert (steps, asked) == ([7], scheduled)
+
+
 def test_libusb_comes_from_its_package_where_the_system_has_none(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("usb.backend.libusb1.get_backend", lambda: None)
     monkeypatch.setitem(sys.modules, "libusb_package", SimpleNamespace(get_libusb1_backend=lambda: "theirs"))

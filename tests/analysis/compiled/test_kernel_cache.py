@@ -176,6 +176,7 @@ def test_a_home_that_cannot_be_written_to(tmp_path: Path) -> None:
     environment = {"PATH": "/usr/bin:/bin", "HOME": str(wall), "XDG_CACHE_HOME": str(wall), "TMPDIR": str(tmp_path)}
     kept = _root(environment)
     assert kept.startswith(str(tmp_path / "levimass-kernels"))
+    assert os.name == "nt" or Path(kept).stat().st_mode & 0o7777 == 0o700  # no other user may lay binaries there
     environment["NUMBA_CACHE_DIR"] = str(wall)
     assert _root(environment) == kept
 

@@ -88,8 +88,8 @@ class AnalysisThread:
             if self._closing:
                 continue
             key, recording = item
-            self.doing = ("analysing", 0.0)
             self._cancelled.clear()
+            self.doing = ("analysing", 0.0)  # from here on it can be cancelled
             shot, problem = self._attempt(partial(self._analysis.analyse, recording))
             del recording, item  # the file closes with the last reference to its recording
             if shot is not None and awaits_fit(shot):

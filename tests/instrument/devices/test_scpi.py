@@ -343,6 +343,44 @@ def test_fetched_pieces_are_read_in_any_blocks_with_the_trigger_once_and_the_end
     assert scope._blocks.empty()
 
 
+def test_an_instrument_that_says_stopped_soon_after_arming_speaks_of_the_shot_before() -> None:
+    now, link = [100.0], Link("RIGOL")
+    scope = ScpiOscilloscope(link, clock=lambda: now[0])  # type: ignore[arg-type]
+    link.query = lambda command, timeout_s=5.0: said[0]  # type: ignore[method-assign]
+    said = ["STOP"]
+
+    def waited() -> threading.Thread:
+        thread = threading.Thread(target=scope._wait_for_shot, daemon=True)
+        thread.start()
+        thread.join(0.1)
+        assert thread.is_alive()
+        return thread
+
+    thread = waited()
+    now[0] = 100.49
+    thread.join(0.1)
+    assert thread.is_alive()
+    now[0] = 100.51  # half a second later it means this one
+    thread.join(5.0)
+    assert not thread.is_alive()
+    said[0] = "WAIT"
+    thread = waited()
+    said[0] = "STOP"  # it was seen to wait: done at once
+    thread.join(5.0)
+    assert not thread.is_alive()
+
+
+def test_the_makers_guides_say_how_much_is_read_at_once_and_what_memories_there_are() -> None:
+    assert {
+        one.name: (one.bits, one.bytes_per_sample, one.points_a_read, one.depths, one.divisions, one.max_samples)
+        for one in DIALECTS
+    } == {
+        "Siglent SDS1000X-E": (8, 1, 500_000, (7_000, 70_000, 700_000, 7_000_000), 14, 7_000_000),
+        "Rigol DS1000Z": (8, 1, 250_000, (6_000, 60_000, 600_000, 6_000_000, 12_000_000), 12, 12_000_000),
+        "Keysight InfiniiVision": (16, 2, None, (), 10, 8_000_000),
+    }
+
+
 def test_a_fault_or_a_stop_while_it_is_fetched_ends_the_shot() -> None:
     scope, buffer = ScpiOscilloscope(Link("RIGOL,DS1,0,0")), np.empty((1, 2), np.int16)  # type: ignore[arg-type]
     scope._armed = True
@@ -521,7 +559,10 @@ def test_an_impossible_time_base_is_refused(rate: float, total: float) -> None:
 
 @pytest.mark.parametrize(
     ("volts", "offset", "possible"),
-    [(2e-12, 0, True), (-9e3, -9e5, True), (1e-13, 0, False), (2e4, 0, False), (1.0, 2e6, False), (1.0, -2e6, False)],
+    [
+        *((1.01e-12, 0, True), (-9.9e3, -9.9e5, True), (0.99e-12, 0, False), (1.01e4, 0, False)),
+        *((1.0, 1.01e6, False), (1.0, -1.01e6, False)),
+    ],
 )
 def test_an_impossible_scale_is_refused(volts: float, offset: float, possible: bool) -> None:
     if possible:

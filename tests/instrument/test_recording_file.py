@@ -5,6 +5,7 @@ import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,9 +13,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from analysis.shot.recording import Gap, Recording
+from instrument.files import recording_writer
 from instrument.files.atomic_file import write_text_atomic
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_file import data_hash, read_recording
+from instrument.files.recording_metadata import read_metadata
 from instrument.files.recording_search import find_recordings
 from instrument.files.recording_writer import RecordingWriter, rewrite_note, write_recording
 
@@ -236,6 +239,57 @@ def test_a_capture_cut_off_reopens_as_far_as_it_got(shot: Recording, tmp_path: P
     assert later.trigger_sample == 2_000 and later.gaps[0].samples_lost == 10
     meta = writer.close()
     assert data_hash(meta).agrees and read_recording(meta).flags == ("gap",)
+
+
+@pytest.mark.parametrize(("every", "value", "clipped"), [(800, 2047, True), (1300, 2047, False), (800, -2048, True)])
+def test_a_beat_is_clipped_that_is_at_the_rails_in_more_than_a_thousandth_of_its_samples(
+    shot: Recording, tmp_path: Path, every: int, value: int, clipped: bool
+) -> None:
+    counts = np.zeros((200_000, 3), np.int16)
+    counts[::every, 0] = value
+    counts[:, 1:] = [-value // 2, value]  # the switch may be at a rail
+    found = read_recording(write_recording(replace(shot, counts=counts, gaps=()), tmp_path / "a"))
+    assert ("clipped" in found.flags) == clipped
+    counts[:, 0] = value - 1 if value > 0 else value + 1  # one count from it
+    assert "clipped" not in read_recording(write_recording(replace(shot, counts=counts), tmp_path / "b")).flags
+
+
+def test_what_changed_is_written_down_four_times_a_second_while_samples_come(
+    shot: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now, synced = [100.0], []
+    monkeypatch.setattr(recording_writer, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    write = recording_writer.write_json_atomic
+    monkeypatch.setattr(
+        recording_writer, "write_json_atomic", lambda *of, sync: (synced.append(sync), write(*of, sync=sync))
+    )
+    writer = RecordingWriter(tmp_path / "s", shot.sample_rate_hz, shot.channels, shot.setup, started_at="now")
+    assert synced == [False] and read_metadata(writer.meta_path).started_at == "now"
+    now[0] = 200.0
+    writer.append(shot.counts[:10])
+    assert len(synced) == 1  # nothing is new
+    for change, at, writes in (
+        (lambda: writer.trigger(3), 100.25, 1),
+        (lambda: writer.gap(4, None), 200.0, 2),
+        (lambda: writer.note("n"), 200.25, 2),
+        (lambda: writer.more({"global": {"x": 1}}), 200.26, 3),
+    ):
+        change()
+        now[0] = at
+        writer.append(shot.counts[:10])
+        assert len(synced) == writes
+    found = read_metadata(writer.meta_path)
+    assert (found.trigger_sample, found.gaps, found.note, found.declared_samples) == (3, (Gap(4, None),), "n", None)
+    assert found.extra["global"] == {"x": 1} and writer.samples == 50
+    for wrong in (shot.counts[:, :2], shot.counts[0]):
+        with pytest.raises(RecordingError, match="do not fit its channels"):
+            writer.append(wrong)
+    assert writer.close(interrupted=True) == writer.meta_path and synced[3:] == [True]
+    assert read_metadata(writer.meta_path).sha512 is None
+    writer.release()
+    writer.abandon()
+    writer.abandon()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_note_is_changed_in_place(shot: Recording, tmp_path: Path) -> None:

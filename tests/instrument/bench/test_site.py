@@ -139,6 +139,16 @@ def test_the_stream_is_one_whatever_the_stretch_asked_for_and_runs_smoothly_thro
             "[spectrum]\nfrequency_hz = [1, 2]\nacceleration_m_per_s2_per_sqrt_hz = [1e-4, 1e-4]\nunit = 1",
             "spectrum.unit: is none of",
         ),
+        (
+            "[spectrum]\nfrequency_hz = [1, 2]\nacceleration_m_per_s2_per_sqrt_hz = [1e-4]",
+            "spectrum.frequency_hz: 2 frequencies and 1 densities",
+        ),
+        ("[spectrum]\nfrequency_hz = []\nacceleration_m_per_s2_per_sqrt_hz = []", "0 frequencies and 0 densities"),
+        ("[spectrum]\nfrequency_hz = [1, -2]\nacceleration_m_per_s2_per_sqrt_hz = [1, 1]", "hz[1]: -2 is not"),
+        ("[spectrum]\nfrequency_hz = [9]\nacceleration_m_per_s2_per_sqrt_hz = [1]", "at least two frequencies"),
+        ('criterion = "VC-A"\nthird_octave_m_per_s = 1e-5', "criterion: is one of ISO-office, VC-A"),
+        ("third_octave_m_per_s = 1.001", "1.001 is not from 0 to 1"),
+        ("[[line]]\nfrequency_hz = 50\namplitude_m = 2e-3", "amplitude_m of a line is 0.002: 0 to 0.001 can be"),
         ("colour = 1", "colour: is none of"),
         ("= 1", "not TOML"),
     ],
@@ -166,3 +176,13 @@ def test_a_site_is_read_from_a_file(tmp_path):
         site_named("VC-Z")
     with pytest.raises(ValueError, match="no such file"):
         site_named(str(tmp_path / "none.toml"))
+
+
+def test_a_site_may_be_a_level_alone_under_a_name_of_its_own(tmp_path):
+    path = tmp_path / "a.TOML"
+    path.write_text('name = "annex"\nthird_octave_m_per_s = 2e-5\n')
+    assert site_named(str(path)) == Site("annex", 2e-5)
+    path.write_text("")
+    assert site_named(str(path)) == Site("a") and not site_named(str(path)).moves
+    for part in (Site(lines=(Line(1.0, 0.0),)), Site(knocks=(Knock(0.0),)), Site(spectrum=((1.0, 1.0), (2.0, 1.0)))):
+        assert part.moves

@@ -128,6 +128,15 @@ def test_a_picked_up_mass_takes_its_share_of_the_momentum_once_on_the_way_out():
     assert run.velocity_in_m_per_s == -SPEED
 
 
+def test_a_mass_picked_up_while_they_touch_takes_its_share_once_though_they_part_later():
+    run = collide(-SPEED, extra={slot.JUMP_MASS: 1e-3, slot.JUMP_X: -1e-3})
+    v, a = run.states[:, slot.BLOCK_V], run.acceleration_m_per_s2
+    sudden = np.diff(v) - 0.5 * (a[1:] + a[:-1]) * np.diff(run.time_s)
+    (at,) = np.flatnonzero(np.abs(sudden) > 1e-3)
+    assert run.states[at, slot.BLOCK_X] == pytest.approx(-1e-3, abs=2e-6) and run.time_s[at] < run.release_time_s
+    assert v[at + 1] / v[at] == pytest.approx(17.85 / 18.85, rel=1e-3)
+
+
 def test_a_drag_of_one_direction_drives_the_block_in_and_brakes_it_out():
     run = _run("asymmetric_drag:coefficient_n_s_per_m=1e-3")
     assert run.velocity_in_m_per_s == pytest.approx(-SPEED - 1e-3 * 2e-3 / 17.85e-3, rel=1e-9)

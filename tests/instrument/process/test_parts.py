@@ -15,12 +15,14 @@ from hypothesis import strategies as st
 from analysis.shot.shot import AnalysisError, Cancelled
 from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, DigitizerError
 from instrument.files.recording_error import RecordingError
-from instrument.process import subprocess_worker
-from instrument.process.child import BlockReady
+from instrument.process import child as child_module
+from instrument.process import device_process, subprocess_worker
+from instrument.process.child import Answer, BlockReady, DeviceState, Order, _Child
+from instrument.process.device_process import DeviceProcess
 from instrument.process.shared_ring import SharedRing
 from instrument.process.subprocess_digitizer import SubprocessDigitizer
 from instrument.process.subprocess_worker import SubprocessWorker, _Report, _run, _seal, _Task
-from tests.instrument.fake_digitizer import CHANNELS, FakeDigitizer
+from tests.instrument.fake_digitizer import CHANNELS, FakeDigitizer, samples
 
 CAPACITY = 700
 
@@ -226,3 +228,223 @@ def test_after_its_end_a_worker_works_here(monkeypatch: pytest.MonkeyPatch) -> N
     worker.start()
     assert worker.child_id is None
     assert worker.run(lambda progress, cancelled: (progress, cancelled), print, len) == (print, len)
+
+
+class Waiting(DeviceProcess):
+    """The parent's end of a child that sends ``messages``, each at its time, on a clock of its own."""
+
+    def __init__(self, messages: list[tuple[float, Answer]]) -> None:
+        self.now, self.messages, self.waits, self.over = 100.0, messages, [], False
+        self.ended: list[float | None] = []
+
+    def receive(self, timeout_s: float) -> Answer | None:  # type: ignore[override]
+        self.waits.append(timeout_s)
+        if self.messages and self.messages[0][0] <= self.now + timeout_s:
+            at, message = self.messages.pop(0)
+            self.now = max(self.now, at)
+            return message
+        self.now += timeout_s
+        return None
+
+    def end(self, patience_s: float | None = None) -> None:  # type: ignore[override]
+        self.ended.append(patience_s)
+
+
+@pytest.mark.parametrize(
+    ("messages", "give_up_s", "patience_s", "ends"),
+    [
+        ([(100.5, Answer(3, None)), (101.9, Answer(4, None))], None, None, "answer"),
+        ([(102.3, Answer(4, None))], None, None, "the digitizer does not answer: arm again"),
+        ([(100.5, Answer(4, None, DigitizerError("jammed")))], None, None, "jammed"),
+        ([(101.9, Answer(4, None))], 100.5, None, "nothing"),
+        ([(101.2, Answer(4, None))], 100.5, 1.0, "answer"),
+        ([(101.9, Answer(4, None))], 100.5, 1.0, "the arming was given up: arm again: it is started anew"),
+        ([(102.3, Answer(4, None))], 101.5, 9.0, "the arming was given up"),  # no longer than without giving up
+    ],
+)
+def test_an_order_is_waited_for_until_its_answer_its_limit_or_a_giving_up(
+    messages: list[tuple[float, Answer]], give_up_s: float | None, patience_s: float | None, ends: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    child = Waiting(messages)
+    monkeypatch.setattr(device_process, "time", SimpleNamespace(monotonic=lambda: child.now))
+
+    def given_up() -> bool:
+        return give_up_s is not None and child.now >= give_up_s - 1e-9
+
+    if ends in ("answer", "nothing"):
+        found = child._wait_for(4, 2.0, given_up, patience_s)
+        assert (found is None) == (ends == "nothing") and child.ended == []
+        assert found is None or found.serial == 4
+    else:
+        with pytest.raises(DigitizerError, match=ends):
+            child._wait_for(4, 2.0, given_up, patience_s)
+        assert child.ended == ([] if ends == "jammed" else [0.0])
+    assert set(child.waits) == {0.1}  # between two looks for a giving up
+    if ends.startswith("the arming"):
+        assert child.now == pytest.approx(min(give_up_s or 0.0, 101.0) + 1.0, abs=0.11)
+
+
+def test_a_device_tells_its_state_or_the_fault_that_hides_it_anew_each_time() -> None:
+    child = Waiting([])
+    child._device = DeviceState(None, None, DigitizerError("unplugged"))
+    for _ in range(2):
+        with pytest.raises(DigitizerError, match="unplugged"):
+            child.device  # noqa: B018 - the reading is what is tested
+    child._device = DeviceState(FakeDigitizer().capabilities, FakeDigitizer().setup)
+    assert child.device.capabilities == FakeDigitizer().capabilities
+
+
+class Sent:
+    """A connection that notes what is sent."""
+
+    def __init__(self, fails: bool = False) -> None:
+        self.orders: list[Order] = []
+        self.fails = fails
+
+    def send(self, order: Order) -> None:
+        if self.fails:
+            raise BrokenPipeError(32, "broken")
+        self.orders.append(order)
+
+
+def test_orders_are_numbered_and_none_is_sent_to_a_child_that_is_gone() -> None:
+    child = Waiting([])
+    child._sending, child._serial, child._orders = threading.Lock(), 0, Sent()  # type: ignore[assignment]
+    settings = CaptureSettings(1e6, 100, 10)
+    assert [child.send("prepare"), child.send("arm", settings, ("ring", 5, 2)), child.send("stop")] == [1, 2, 3]
+    assert child._orders.orders == [  # type: ignore[attr-defined]
+        Order("prepare", 1), Order("arm", 2, settings, ("ring", 5, 2)), Order("stop", 3),
+    ]  # fmt: skip
+    child._orders = Sent(fails=True)  # type: ignore[assignment]
+    with pytest.raises(DigitizerError, match="the digitizer's process is gone: arm again"):
+        child.send("stop")
+    child.over = True
+    for ask in (lambda: child.send("stop"), lambda: DeviceProcess.receive(child, 0.0)):
+        with pytest.raises(DigitizerError, match="the digitizer's process is gone: arm again"):
+            ask()
+
+
+class Told:
+    """The parent's end of a pipe: notes what a child sends."""
+
+    def __init__(self) -> None:
+        self.messages: list[Any] = []
+
+    def send(self, message: Any) -> None:
+        self.messages.append(message)
+
+    def take(self) -> list[Any]:
+        taken, self.messages = self.messages, []
+        return taken
+
+
+ONE = CaptureSettings(1e6, 20_000, 2_000)
+
+
+@pytest.fixture
+def shared() -> Iterator[SharedRing]:
+    made = SharedRing.create(20_000, 3)
+    yield made
+    made.unlink()
+    made.close()
+
+
+def _armed(digitizer: FakeDigitizer, shared: SharedRing) -> tuple[_Child, Told]:
+    told = Told()
+    served = _Child(digitizer, None, told)  # type: ignore[arg-type]
+    served._carry_out(Order("arm", 2, ONE, (shared.name, shared.capacity, shared.channels)))
+    (answer,) = told.take()
+    assert answer == Answer(2, served._device_state(), None, None, 0, 0) and served._run == 2
+    return served, told
+
+
+def test_a_child_fills_the_ring_as_far_as_it_is_read_and_tells_each_block(shared: SharedRing) -> None:
+    served, told = _armed(FakeDigitizer(gaps={7_000: 11}), shared)
+    for _ in range(7):
+        served._turn()
+    known = [(0, 5_000, 0), (5_000, 2_000, 0), (7_000, 5_000, 11), (12_000, 5_000, 0), (17_000, 3_000, 0)]
+    assert [(m.run, m.first, m.block.samples, m.block.lost_before) for m in told.take()] == [(2, *one) for one in known]
+    assert shared.beats == 7  # though two of the turns found the ring full
+    whole = np.empty((20_000, 3), np.int16)
+    shared.copy_into(0, whole)
+    assert np.array_equal(whole, np.concatenate((samples(0, 7_000), samples(7_011, 13_000))))
+    shared.mark_read(19_999, 4)
+    served._turn()
+    assert told.take() == []  # a block is filled where there is room for it
+    shared.mark_read(20_000, 5)
+    served._turn()
+    (message,) = told.take()
+    assert (message.first, message.block.samples) == (20_000, 5_000)
+    served._carry_out(Order("arm", 9, ONE))  # in the same memory: numbers go on, the rest is nobody's
+    assert told.take() == [Answer(9, served._device_state(), None, None, 25_000, 6)]
+    assert (shared.room(25_000), shared.blocks_read) == (20_000, 6)
+
+
+def test_a_child_announces_no_more_blocks_than_its_pipe_holds(
+    shared: SharedRing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(child_module, "MOST_BLOCKS", 2)
+    served, told = _armed(FakeDigitizer(), shared)
+    for _ in range(4):
+        served._turn()
+    assert len(told.take()) == 2
+    shared.mark_read(0, 1)
+    for _ in range(3):
+        served._turn()
+    assert len(told.take()) == 1
+
+
+def test_a_fault_nonsense_and_an_end_are_told_and_end_the_stream(shared: SharedRing) -> None:
+    gone = DigitizerError("unplugged", "plug it in")
+
+    def of(answer: Any) -> Any:
+        def told(fake: FakeDigitizer, at: int) -> Block:
+            if isinstance(answer, Exception):
+                raise answer
+            return answer
+
+        return told
+
+    nonsense = DigitizerError("the digitizer sent nonsense", "stop it, re-plug it, and report this")
+    bug = DigitizerError("unexpected: ValueError('a bug')", "arm again; report this if it happens again")
+    for answer, fault in ((gone, gone), (Block(10**6), nonsense), (Block(-1), nonsense), (ValueError("a bug"), bug)):
+        served, told = _armed(FakeDigitizer(before_block=of(answer)), shared)
+        served._turn()
+        (message,) = told.take()
+        assert (message.run, message.block, str(message.fault)) == (2, Block(0, ended=True), str(fault))
+        assert served._run is None
+    for answer, said, goes_on in (
+        (Block(0), 0, True),
+        (Block(0, fired=True), 1, True),
+        (Block(3, ended=True), 1, False),
+    ):
+        served, told = _armed(FakeDigitizer(before_block=of(answer)), shared)
+        served._turn()
+        assert (len(told.messages), served._run == 2) == (said, goes_on)
+        if not goes_on:  # the next shot may have other capabilities
+            assert told.messages[0].device == served._device_state()
+
+
+def test_a_stop_that_comes_while_a_device_is_armed_or_its_ring_is_full_is_heeded(shared: SharedRing) -> None:
+    digitizer = FakeDigitizer()
+    served = _Child(digitizer, None, Told())  # type: ignore[arg-type]
+    served._stopped = 3
+    served._carry_out(Order("arm", 2, ONE, (shared.name, 20_000, 3)))
+    assert digitizer.armed == 1 and not digitizer.running.is_set()
+    served._carry_out(Order("arm", 4, ONE))
+    assert digitizer.running.is_set() and served._run == 4
+    while shared.room(served._at):
+        served._turn()
+    served._stopped = 5
+    served._turn()
+    assert served._run is None
+    for kind, answered in (("defaults", digitizer.default_settings()), ("prepare", None)):
+        told = Told()
+        served._answers = told  # type: ignore[assignment]
+        served._carry_out(Order(kind, 6))
+        assert told.take() == [Answer(6, served._device_state(), None, answered, served._at, served._blocks)]
+    refused = _Child(FakeDigitizer(), None, told := Told())  # type: ignore[arg-type]
+    refused._carry_out(Order("arm", 1, CaptureSettings(5.0, 10, 1), (shared.name, 20_000, 3)))
+    (answer,) = told.take()
+    assert str(answer.fault) == "the fake knows one rate: choose 1 MS/s" and refused._run is None

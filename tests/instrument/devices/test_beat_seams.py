@@ -98,3 +98,49 @@ def test_the_beat_is_learned_over_several_calls_and_less_than_a_packet_tells_not
         found += [at + seam for seam in seams.find(part.reshape(-1))]
         at += len(part)
     assert found == [200]
+
+
+def _stepped(step_rad: float, noise: float = 20.0, packets: int = 400, at: int = 200) -> np.ndarray:
+    """Return a beat of 32 cycles a packet, amplitude 10000, whose phase steps before a packet."""
+    n = np.arange(256 * packets)
+    phase = 2 * np.pi / 8 * n + 0.3 + np.where(n >= 256 * at, step_rad, 0.0)
+    drawn = np.random.default_rng(5).normal(0.0, noise, n.size)
+    return np.round(10_000 * np.cos(phase) + drawn).astype(np.int16)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("step_rad", "found"), [(0.115, []), (0.125, [200]), (3.0, [200])])
+def test_a_steady_beat_tells_steps_from_0_12_rad_on(step_rad: float, found: list[int], sign: float) -> None:
+    assert BeatSeams(256).find(_stepped(sign * step_rad)) == found
+
+
+@pytest.mark.parametrize(("step_rad", "found"), [(0.24, []), (0.36, [200])])
+def test_a_noisy_beat_tells_steps_from_ten_times_its_noise_on(step_rad: float, found: list[int]) -> None:
+    noise = 0.03 / np.sqrt(6) / np.sqrt(2 / 256) * 10_000  # of second differences of a packet's phase: 0.03 rad
+    seams = BeatSeams(256)
+    assert seams.find(_stepped(step_rad, noise)) == found
+    assert seams._sigma == pytest.approx(0.03, rel=0.1)
+
+
+def test_noise_alone_is_no_beat_and_a_dark_packet_decides_nothing() -> None:
+    noise = np.random.default_rng(1).normal(0.0, 100.0, 256 * 200).astype(np.int16)
+    seams = BeatSeams(256)
+    assert seams.find(noise) == [] and seams._table is None
+    dark = _stepped(1.0)
+    dark[256 * 199 : 256 * 200] = noise[:256]  # the packet before the step
+    assert BeatSeams(256).find(dark) == []
+    for share, judged in ((0.35, True), (0.15, False)):  # of a packet's power in the beat
+        mixed = _stepped(1.0).astype(float)
+        packet = slice(256 * 199, 256 * 200)
+        mixed[packet] += np.random.default_rng(2).normal(0.0, 10_000 * np.sqrt(0.5 * (1 / share - 1)), 256)
+        mixed = np.clip(np.round(mixed), -32768, 32767).astype(np.int16)
+        assert (len(BeatSeams(256).find(mixed)) > 0) == judged
+
+
+def test_the_steps_size_is_learned_from_sixteen_packets() -> None:
+    whole = _stepped(1.0, packets=64 + 40, at=64 + 30)
+    for first, learned in ((64, True), (17, False)):
+        seams = BeatSeams(256)
+        seams._lock(whole)
+        assert seams.find(whole[: 256 * first]) == []
+        assert (seams._sigma > 0.0) == learned

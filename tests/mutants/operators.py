@@ -122,12 +122,17 @@ def _is_class(node: ast.expr) -> bool:
 
 
 def _sets(tree: ast.AST) -> Iterator[ast.AST]:
-    """Yield tuples whose order is none: exceptions to catch, and what a value is looked for in."""
+    """Yield tuples whose order is none: exceptions to catch, and what a value is looked for in.
+
+    Also what an assertion demands together: less of it guards against fewer other faults, and is none itself.
+    """
     for node in ast.walk(tree):
         match node:
             case ast.ExceptHandler(type=ast.Tuple() as those):
                 yield those
             case ast.Compare(ops=[ast.In() | ast.NotIn()], comparators=[ast.Tuple() as those]):
+                yield those
+            case ast.Assert(test=ast.BoolOp(op=ast.And()) as those):
                 yield those
             case ast.Call(func=ast.Name(id="isinstance" | "issubclass"), args=[_, ast.Tuple() as those]):
                 yield those

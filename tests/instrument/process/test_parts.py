@@ -1,5 +1,6 @@
 """The two ends of a subprocess, without the process: blocks cut into a reader's pieces, memory for a lag, reports."""
 
+import os
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from analysis.shot.shot import AnalysisError, Cancelled
 from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, DigitizerError
 from instrument.files.recording_error import RecordingError
 from instrument.process import child as child_module
-from instrument.process import device_process, subprocess_worker
+from instrument.process import device_process, shared_ring, subprocess_worker
 from instrument.process.child import Answer, BlockReady, DeviceState, Order, _Child
 from instrument.process.device_process import DeviceProcess
 from instrument.process.shared_ring import SharedRing
@@ -343,59 +344,59 @@ ONE = CaptureSettings(1e6, 20_000, 2_000)
 
 
 @pytest.fixture
-def shared() -> Iterator[SharedRing]:
+def memory() -> Iterator[SharedRing]:
     made = SharedRing.create(20_000, 3)
     yield made
     made.unlink()
     made.close()
 
 
-def _armed(digitizer: FakeDigitizer, shared: SharedRing) -> tuple[_Child, Told]:
+def _armed(digitizer: FakeDigitizer, memory: SharedRing) -> tuple[_Child, Told]:
     told = Told()
     served = _Child(digitizer, None, told)  # type: ignore[arg-type]
-    served._carry_out(Order("arm", 2, ONE, (shared.name, shared.capacity, shared.channels)))
+    served._carry_out(Order("arm", 2, ONE, (memory.name, memory.capacity, memory.channels)))
     (answer,) = told.take()
     assert answer == Answer(2, served._device_state(), None, None, 0, 0) and served._run == 2
     return served, told
 
 
-def test_a_child_fills_the_ring_as_far_as_it_is_read_and_tells_each_block(shared: SharedRing) -> None:
-    served, told = _armed(FakeDigitizer(gaps={7_000: 11}), shared)
+def test_a_child_fills_the_ring_as_far_as_it_is_read_and_tells_each_block(memory: SharedRing) -> None:
+    served, told = _armed(FakeDigitizer(gaps={7_000: 11}), memory)
     for _ in range(7):
         served._turn()
     known = [(0, 5_000, 0), (5_000, 2_000, 0), (7_000, 5_000, 11), (12_000, 5_000, 0), (17_000, 3_000, 0)]
     assert [(m.run, m.first, m.block.samples, m.block.lost_before) for m in told.take()] == [(2, *one) for one in known]
-    assert shared.beats == 7  # though two of the turns found the ring full
+    assert memory.beats == 7  # though two of the turns found the ring full
     whole = np.empty((20_000, 3), np.int16)
-    shared.copy_into(0, whole)
+    memory.copy_into(0, whole)
     assert np.array_equal(whole, np.concatenate((samples(0, 7_000), samples(7_011, 13_000))))
-    shared.mark_read(19_999, 4)
+    memory.mark_read(19_999, 4)
     served._turn()
     assert told.take() == []  # a block is filled where there is room for it
-    shared.mark_read(20_000, 5)
+    memory.mark_read(20_000, 5)
     served._turn()
     (message,) = told.take()
     assert (message.first, message.block.samples) == (20_000, 5_000)
     served._carry_out(Order("arm", 9, ONE))  # in the same memory: numbers go on, the rest is nobody's
     assert told.take() == [Answer(9, served._device_state(), None, None, 25_000, 6)]
-    assert (shared.room(25_000), shared.blocks_read) == (20_000, 6)
+    assert (memory.room(25_000), memory.blocks_read) == (20_000, 6)
 
 
 def test_a_child_announces_no_more_blocks_than_its_pipe_holds(
-    shared: SharedRing, monkeypatch: pytest.MonkeyPatch
+    memory: SharedRing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(child_module, "MOST_BLOCKS", 2)
-    served, told = _armed(FakeDigitizer(), shared)
+    served, told = _armed(FakeDigitizer(), memory)
     for _ in range(4):
         served._turn()
     assert len(told.take()) == 2
-    shared.mark_read(0, 1)
+    memory.mark_read(0, 1)
     for _ in range(3):
         served._turn()
     assert len(told.take()) == 1
 
 
-def test_a_fault_nonsense_and_an_end_are_told_and_end_the_stream(shared: SharedRing) -> None:
+def test_a_fault_nonsense_and_an_end_are_told_and_end_the_stream(memory: SharedRing) -> None:
     gone = DigitizerError("unplugged", "plug it in")
 
     def of(answer: Any) -> Any:
@@ -409,7 +410,7 @@ def test_a_fault_nonsense_and_an_end_are_told_and_end_the_stream(shared: SharedR
     nonsense = DigitizerError("the digitizer sent nonsense", "stop it, re-plug it, and report this")
     bug = DigitizerError("unexpected: ValueError('a bug')", "arm again; report this if it happens again")
     for answer, fault in ((gone, gone), (Block(10**6), nonsense), (Block(-1), nonsense), (ValueError("a bug"), bug)):
-        served, told = _armed(FakeDigitizer(before_block=of(answer)), shared)
+        served, told = _armed(FakeDigitizer(before_block=of(answer)), memory)
         served._turn()
         (message,) = told.take()
         assert (message.run, message.block, str(message.fault)) == (2, Block(0, ended=True), str(fault))
@@ -419,22 +420,22 @@ def test_a_fault_nonsense_and_an_end_are_told_and_end_the_stream(shared: SharedR
         (Block(0, fired=True), 1, True),
         (Block(3, ended=True), 1, False),
     ):
-        served, told = _armed(FakeDigitizer(before_block=of(answer)), shared)
+        served, told = _armed(FakeDigitizer(before_block=of(answer)), memory)
         served._turn()
         assert (len(told.messages), served._run == 2) == (said, goes_on)
         if not goes_on:  # the next shot may have other capabilities
             assert told.messages[0].device == served._device_state()
 
 
-def test_a_stop_that_comes_while_a_device_is_armed_or_its_ring_is_full_is_heeded(shared: SharedRing) -> None:
+def test_a_stop_that_comes_while_a_device_is_armed_or_its_ring_is_full_is_heeded(memory: SharedRing) -> None:
     digitizer = FakeDigitizer()
     served = _Child(digitizer, None, Told())  # type: ignore[arg-type]
     served._stopped = 3
-    served._carry_out(Order("arm", 2, ONE, (shared.name, 20_000, 3)))
+    served._carry_out(Order("arm", 2, ONE, (memory.name, 20_000, 3)))
     assert digitizer.armed == 1 and not digitizer.running.is_set()
     served._carry_out(Order("arm", 4, ONE))
     assert digitizer.running.is_set() and served._run == 4
-    while shared.room(served._at):
+    while memory.room(served._at):
         served._turn()
     served._stopped = 5
     served._turn()
@@ -445,6 +446,53 @@ def test_a_stop_that_comes_while_a_device_is_armed_or_its_ring_is_full_is_heeded
         served._carry_out(Order(kind, 6))
         assert told.take() == [Answer(6, served._device_state(), None, answered, served._at, served._blocks)]
     refused = _Child(FakeDigitizer(), None, told := Told())  # type: ignore[arg-type]
-    refused._carry_out(Order("arm", 1, CaptureSettings(5.0, 10, 1), (shared.name, 20_000, 3)))
+    refused._carry_out(Order("arm", 1, CaptureSettings(5.0, 10, 1), (memory.name, 20_000, 3)))
     (answer,) = told.take()
     assert str(answer.fault) == "the fake knows one rate: choose 1 MS/s" and refused._run is None
+
+
+@pytest.mark.skipif(not shared_ring._FILES.is_dir(), reason="the memory is no file here")
+def test_memory_is_had_before_it_is_used_or_refused_in_one_line_and_given_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else Linux ends the process that touches a page that there is no room for."""
+    asked: list[tuple[int, int]] = []
+    monkeypatch.setattr(os, "posix_fallocate", lambda file, start, size: asked.append((start, size)))
+    made = SharedRing.create(1_000_000, 2)
+    assert asked == [(0, 64 + 4_000_000)] and (made.capacity, made.channels) == (1_000_000, 2)
+    made.unlink()
+    made.unlink()
+    made.close()
+    names: list[str] = []
+
+    def full(file: int, start: int, size: int) -> None:
+        names.append(os.path.basename(os.readlink(f"/proc/self/fd/{file}")))
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    with pytest.raises(DigitizerError) as refusal:
+        SharedRing.create(1_000_000, 2)
+    assert refusal.value.what == "4 MB of shared memory cannot be had (No space left on device)"
+    assert len(names) == 1 and not (shared_ring._FILES / names[0]).exists()
+
+
+def test_a_worker_is_waited_for_until_it_is_warm_or_the_waiting_is_given_up_or_it_has_ended() -> None:
+    worker, polls = SubprocessWorker(), []
+    worker.await_ready(lambda: False)  # there is none
+    ends: list[Any] = [False, False, True]
+
+    def poll(timeout_s: float) -> bool:
+        polls.append(timeout_s)
+        end = ends.pop(0)
+        if isinstance(end, Exception):
+            raise end
+        return bool(end)
+
+    worker._reports = SimpleNamespace(poll=poll)  # type: ignore[assignment]
+    worker.await_ready(lambda: False)
+    assert len(polls) == 3 and ends == []
+    ends = [False, EOFError()]
+    worker.await_ready(lambda: False)
+    assert len(polls) == 5
+    ends = [False, True]
+    with pytest.raises(Cancelled):
+        worker.await_ready(lambda: True)
+    assert len(polls) == 6

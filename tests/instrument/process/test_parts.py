@@ -15,13 +15,14 @@ from hypothesis import strategies as st
 
 from analysis.shot.shot import AnalysisError, Cancelled
 from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, DigitizerError
+from instrument.devices.sources import open_source
 from instrument.files.recording_error import RecordingError
 from instrument.process import child as child_module
-from instrument.process import device_process, shared_ring, subprocess_worker
+from instrument.process import device_process, shared_ring, subprocess_digitizer, subprocess_worker
 from instrument.process.child import Answer, BlockReady, DeviceState, Order, _Child
 from instrument.process.device_process import DeviceProcess
 from instrument.process.shared_ring import SharedRing
-from instrument.process.subprocess_digitizer import SubprocessDigitizer
+from instrument.process.subprocess_digitizer import SubprocessDigitizer, open_in_subprocess
 from instrument.process.subprocess_worker import SubprocessWorker, _Report, _run, _seal, _Task
 from tests.instrument.fake_digitizer import CHANNELS, FakeDigitizer, samples
 
@@ -496,3 +497,13 @@ def test_a_worker_is_waited_for_until_it_is_warm_or_the_waiting_is_given_up_or_i
     with pytest.raises(Cancelled):
         worker.await_ready(lambda: True)
     assert len(polls) == 6
+
+
+def test_a_device_has_as_long_to_open_as_is_allowed_up_to_a_minute_and_the_bench_always_a_minute(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(subprocess_digitizer, "SubprocessDigitizer", lambda opener, patience_s: (opener, patience_s))
+    for source, allowed, patience_s in (("scpi:host", 5.0, 5.0), ("scpi:host", 100.0, 60.0), ("bench", 5.0, 60.0)):
+        opener, found = open_in_subprocess(source, arm_s=allowed)  # type: ignore[misc]
+        assert found == patience_s and (opener.func, opener.args) == (open_source, (source,))
+    assert open_in_subprocess("hantek6022")[1] == 60.0  # type: ignore[index]

@@ -507,3 +507,53 @@ def test_a_device_has_as_long_to_open_as_is_allowed_up_to_a_minute_and_the_bench
         opener, found = open_in_subprocess(source, arm_s=allowed)  # type: ignore[misc]
         assert found == patience_s and (opener.func, opener.args) == (open_source, (source,))
     assert open_in_subprocess("hantek6022")[1] == 60.0  # type: ignore[index]
+
+
+def test_each_request_has_its_time_and_a_child_that_is_gone_is_started_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+    settings_asked = CaptureSettings(2e6, 7, 3)
+
+    def request(kind: str, limit_s: float, *what: Any, give_up: Any = None, patience_s: float | None = None) -> Answer:
+        asked.append((kind, limit_s, *what, give_up is not None and give_up(), patience_s))
+        return Answer(8, None, None, settings_asked, 0, 3)
+
+    class Started(SimpleNamespace):
+        def __init__(self, opener: Any, give_up: Any, open_s: float) -> None:
+            asked.append((opener, give_up(), open_s))
+            device = SimpleNamespace(capabilities=FakeDigitizer().capabilities)
+            super().__init__(device=device, over=False, child_id=77, request=request, end=lambda: asked.append("end"))
+            self.send = lambda kind: asked.append(kind)
+
+    made = SimpleNamespace(name="ring", capacity=53_248, channels=3, unlink=lambda: asked.append("unlink"), close=int)
+    monkeypatch.setattr(SharedRing, "create", lambda *_: made)
+    monkeypatch.setattr(subprocess_digitizer, "DeviceProcess", Started)
+    opened = SubprocessDigitizer("opener", 12.0)  # type: ignore[arg-type]
+    assert opened.child_id == 77 and asked == [("opener", False, 12.0)]
+    asked.clear()
+    opened.stop()
+    opened.prepare()  # given up at once
+    assert asked == ["stop", ("prepare", 300.0, True, None)]
+    asked.clear()
+    assert opened.default_settings() == settings_asked and asked == [("defaults", 12.0, False, None)]
+    asked.clear()
+    opened.arm(ONE)
+    ring = ("ring", made.capacity, 3)
+    assert asked == [("arm", 12.0, ONE, ring, False, 5.0), "unlink"] and (opened._run, opened._blocks) == (8, 3)
+    opened._child.over = True
+    assert opened.child_id is None
+    for ask, known in (
+        (opened.default_settings, [("opener", False, 12.0), ("defaults", 12.0, False, None)]),
+        (
+            lambda: opened.arm(ONE),
+            ["unlink", ("opener", False, 12.0), ("prepare", 300.0, False, 5.0), ("arm", 12.0, ONE, ring, False, 5.0)],
+        ),
+    ):
+        asked.clear()
+        opened._child.over = True
+        ask()
+        assert asked[: len(known)] == known
+    asked.clear()
+    opened.close()
+    assert asked[:2] == ["close", "end"]
+    with pytest.raises(DigitizerError, match="the digitizer was closed: select the source again"):
+        opened.arm(ONE)

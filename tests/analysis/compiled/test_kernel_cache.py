@@ -285,6 +285,10 @@ def test_the_program_as_a_whole_changes_with_each_source_of_kernels_and_each_com
     monkeypatch.setattr(kernel_cache, "_BASE", tmp_path / "house")
     seen = [kernel_cache.whole_program(), kernel_cache.whole_program()]
     assert seen[0] == seen[1]
+    with pytest.MonkeyPatch.context() as turned:  # a disk lists files in any order
+        listed = Path.rglob
+        turned.setattr(Path, "rglob", lambda folder, pattern: reversed(list(listed(folder, pattern))))
+        assert kernel_cache.whole_program() == seen[0]
     (package / "parts" / "__init__.pyi").write_text(f"{STUB}# changed\n")
     seen.append(kernel_cache.whole_program())
     (package / "other.py").write_text("WORDS = 'changed'\n")

@@ -43,6 +43,35 @@ def test_a_device_at_its_rate_is_not() -> None:
     assert after(4.0, 0.5, waits=True) is None  # the computer is late
 
 
+@pytest.mark.parametrize(
+    ("passed_s", "off_s", "told"),
+    [
+        (10.0, 0.304, False),  # 0.3 s that a driver may be late, and 5e-4 of the time
+        (10.0, 0.306, True),
+        (10.0, -0.304, False),
+        (10.0, -0.306, True),
+        (1000.0, 0.79, False),
+        (1000.0, 0.81, True),
+        (0.99, 0.5, False),  # too short to tell
+        (1.0, 0.5, True),
+    ],
+)
+def test_a_rate_is_doubted_from_where_neither_a_driver_nor_a_crystal_can_be_so_far_off(
+    passed_s: float, off_s: float, told: bool
+) -> None:
+    rate = DeliveredRate(1e6)
+    rate.add(77_000, 0, 5.0, waits=False)  # the first block only starts the clock
+    came = round((passed_s - off_s) * 1e6)
+    rate.add(came - 1000, 1000, 5.0 + passed_s, waits=False)
+    assert rate.doubtful_hz == (pytest.approx(came / passed_s) if told else None)
+    rate.add(round(off_s * 1e6), 0, 5.0 + passed_s, waits=False)
+    assert rate.doubtful_hz is None  # it came after all
+    for lost, now in ((None, 100.0), (0, 3.0)):  # a loss of unknown length, a clock that was set back: begun anew
+        rate.add(10**9, lost, now, waits=False)
+        rate.add(2_000_000, 0, now + 2.0, waits=False)
+        assert rate.doubtful_hz is None
+
+
 def test_what_was_lost_and_said_counts_as_delivered() -> None:
     assert after(4.0, 1.0, stall_s=1.0) is not None
     assert after(4.0, 1.0, stall_s=1.0, lost=1_000_000) is None

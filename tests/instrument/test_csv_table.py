@@ -15,6 +15,9 @@ from instrument.files.recording_error import RecordingError
 ROWS = [(0.0, 1.0, 5.0), (0.5, 2.0, 6.0), (1.0, 3.0, 7.0), (1.5, 4.0, 9.0)]
 
 
+UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "\u00b5s": 1e-6, "\u03bcs": 1e-6, "ns": 1e-9}
+
+
 def _table(path: Path, header: str, rows: list[tuple[float, ...]] = ROWS, end: str = "\n") -> Path:
     path.write_text(header + "\n".join(",".join(map(str, row)) for row in rows) + end, encoding="utf-8")
     return path
@@ -25,6 +28,7 @@ def _table(path: Path, header: str, rows: list[tuple[float, ...]] = ROWS, end: s
     [
         ("Time (ms),PD0 [V],PD1\n", ("PD0", "PD1"), ("V", ""), 2e3),
         ("time,a,b\n(us),(mV),(V)\n", ("a", "b"), ("mV", "V"), 2e6),
+        *((f"t ({unit}),a,b\n", ("a", "b"), ("", ""), 2.0 / scale) for unit, scale in UNITS.items()),
         ("t_ns,a,a\n", ("a", "a (2)"), ("", ""), 2e9),
         ("Zeit,,b\n", ("column 2", "b"), ("", ""), 2.0),
         ("a,x [s],b\n", ("a", "b"), ("", ""), 1.0),  # seconds are a time, whatever the name

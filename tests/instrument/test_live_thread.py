@@ -242,6 +242,26 @@ def test_what_lags_by_half_a_ring_goes_on_with_the_newest_quarter_and_counts_wha
     assert (live.skipped, live._at, live._rest, live._problem) == (0, 0, None, None)
 
 
+def test_a_reader_that_is_lapped_goes_on_shortly_before_the_newest_sample(tmp_path: Path) -> None:
+    ring = Ring(4000, 1)
+    stream = Stream(
+        ring, 0, CaptureSettings(RATE_HZ, 50, 10), CHANNELS, Setup(17.85e-3, rest_frequency_hz=91e3), "bench"
+    )
+    live, fed = _fed(stream, tmp_path)
+    _numbered(ring, 0, 1500)
+    feed = fed.feed
+
+    def lapped(counts: np.ndarray) -> LiveChunk:
+        if len(fed.pieces) == 1:
+            _numbered(ring, 1500, 3600)
+        return feed(counts.copy())
+
+    fed.feed = lapped  # type: ignore[method-assign]
+    live._follow(stream)
+    assert fed.pieces == [1000, 500, 250] and fed.came[1500:] == [("gap", 0), ("gap", 3350), *range(4850, 5100)]
+    assert live.skipped == 500 + 3350 and live._at == 5100
+
+
 def test_the_newest_two_thousand_samples_are_shown_in_volts_at_their_times_in_the_stream(tmp_path: Path) -> None:
     ring = Ring(10_000, 2)
     counts = np.random.default_rng(3).integers(-2000, 2000, (4000, 2)).astype(np.int16)

@@ -122,6 +122,15 @@ def test_without_pd0_the_rest_frequency_is_the_mean_of_the_first_twenty_windows_
     assert MotionTrigger(0, None, RATE, LAMBDA, SPEED, 2.7e6 + 1.5 * DOPPLER_HZ).first_step(early) is None
 
 
+def test_the_rest_frequency_that_is_learned_is_the_mean_of_beats_that_differ() -> None:
+    window = round(WINDOW_S * RATE)
+    swinging = _stretches([20e3, -20e3], windows=11)  # the first window is not counted: ten above, ten of those below
+    for shift, fires in ((0.9, False), (1.1, True)):
+        after = _stretches([0.0, shift * DOPPLER_HZ], windows=5)
+        found = MotionTrigger(0, None, RATE, LAMBDA, SPEED).first_step(np.concatenate((swinging, after)))
+        assert found == ((22 + 5 + 2) * window - 1 if fires else None)
+
+
 @pytest.mark.parametrize("rate", [1e5, 1e6, 30e6])
 def test_a_window_is_half_a_millisecond_and_at_least_64_samples(rate: float) -> None:
     window = MotionTrigger(0, 1, rate, LAMBDA, SPEED)._window

@@ -17,6 +17,8 @@ from instrument.devices.source_options import SourceOptions
     [
         (" 192.168.1.5 ", "scpi:192.168.1.5"),
         ("scope.lab:5025", "scpi:scope.lab:5025"),
+        ("scope.lab:1", "scpi:scope.lab:1"),
+        ("scope.lab:65535", "scpi:scope.lab:65535"),
         ("[fe80::1]:5555", "scpi:[fe80::1]:5555"),
         ("SCPI:scope?channels=1,2&trigger=3", "scpi:scope?channels=1,2&trigger=3"),
         ("TCPIP0::192.168.1.5::INSTR", "scpi:TCPIP0::192.168.1.5::INSTR"),
@@ -29,7 +31,7 @@ def test_an_address_is_a_source(typed: str, source: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "typed", ["", "  ", "two words", "host:", "host:0", "host:70000", "a/b", "-x", "host?", "host?x", "usb", "x" * 400]
+    "typed", ["", "  ", "two words", "host:", "host:0", "host:65536", "a/b", "-x", "host?", "host?x", "usb", "x" * 400]
 )
 def test_what_is_none_is_refused_in_one_line(typed: str) -> None:
     with pytest.raises(DigitizerError) as refusal:
@@ -43,6 +45,7 @@ def test_what_is_none_is_refused_in_one_line(typed: str) -> None:
     [
         ("192.168.1.5", "SocketTransport", ("192.168.1.5", None)),
         ("scope.lab:65535", "SocketTransport", ("scope.lab", 65535)),
+        ("scope.lab:1", "SocketTransport", ("scope.lab", 1)),
         ("[fe80::1]:5555", "SocketTransport", ("fe80::1", 5555)),
         ("TCPIP0::1.2.3.4::INSTR", "VisaTransport", ("TCPIP0::1.2.3.4::INSTR",)),
     ],

@@ -32,7 +32,8 @@ STRONGER = 3  # more, where the residual is far above noise
 WORTH_FINISHING = 40.0  # of the criterion behind the best after a short search: worth a longer one
 WORTH_FITTING = 8.0  # of gain; a fit that promises less never makes the fall that is required
 UNLEARNED = 3  # more, of those that do best under a noise that has not absorbed what the model lacks
-OTHER_FIRSTS = 2  # first effects to begin with where those that were found leave a residual
+OTHER_FIRSTS = 2  # first effects to begin with where those that were found leave a residual ...
+FIRSTS_IN_WANDER = 4  # ... or a noise that wanders: it takes up most of what either of two effects does alone
 NARROW = 3  # of those that score best are fitted in such a search, where the right one leads
 EXPLAINED = 1.1  # chi^2 per sample under a noise that was not learnt: clean sets 0.91 to 1.05, a wrong valley 22
 CLOSE = 500.0  # of the criterion, to a fit with one effect less: further off, it may be the wrong valley
@@ -129,9 +130,9 @@ def explore(
     return climb(start, trail, most), trail
 
 
-def another_way(best: Fitted, trail: Trail) -> Fitted:
-    """Restart the search from other first effects: two that depend on each other may look like a third."""
-    firsts = [fitted for fitted in trail.alone() if not set(fitted.effects) <= set(best.effects)][:OTHER_FIRSTS]
+def another_way(best: Fitted, trail: Trail, most: int = OTHER_FIRSTS) -> Fitted:
+    """Restart the search from ``most`` other first effects: two that depend on each other may look like a third."""
+    firsts = [fitted for fitted in trail.alone() if not set(fitted.effects) <= set(best.effects)][:most]
     ends = [climb(polish(first, trail, from_white=True), trail, CRITERIA.most_effects - 1, NARROW) for first in firsts]
     return min([best, *ends], key=lambda fitted: fitted.bic)
 

@@ -14,7 +14,14 @@ from analysis.diagnosis.search.competing_models import (
     separations_of,
     with_look_alikes_tried,
 )
-from analysis.diagnosis.search.forward_selection import Trail, another_way, better, without
+from analysis.diagnosis.search.forward_selection import (
+    FIRSTS_IN_WANDER,
+    OTHER_FIRSTS,
+    Trail,
+    another_way,
+    better,
+    without,
+)
 from analysis.diagnosis.verdict.conclusion import conclude, leaves_something
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
@@ -140,12 +147,14 @@ def settle(
     ``residual`` is that of ``best``, where it is known.
     """
     settled = _settled(best, trail, held_out, progress, residual)
-    if not settled.residual.significant and not wanders_in_contact_alone(settled.best):
+    wanders = wanders_in_contact_alone(settled.best)
+    if not settled.residual.significant and not wanders:
         return settled
+    firsts = FIRSTS_IN_WANDER if wanders else OTHER_FIRSTS
     progress("searching from other first effects", 0.75)
     timed = replace(trail, stop=limit)
     what = "the search from other first effects"
-    other = limit.within(what, lambda: another_way(settled.best, timed), settled.best)
+    other = limit.within(what, lambda: another_way(settled.best, timed, firsts), settled.best)
     if not better(other, settled.best):
         return settled
     again = _settled(other, trail, held_out, lambda _what, _fraction: None)

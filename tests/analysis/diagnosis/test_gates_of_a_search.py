@@ -122,15 +122,16 @@ class Stages:
     """Stands in for what ``settle`` asks one after the other: each lets pass until a test says otherwise."""
 
     def __init__(self, patch: pytest.MonkeyPatch, left: dict[Any, Residual], other: Fit) -> None:
-        self.left, self.asked = left, 0
+        self.left, self.asked, self.firsts = left, 0, 0
         self.hides: tuple[Effect, ...] | None = None
         self.paid: dict[Any, Any] = {}
         self.bright: dict[Any, Any] = {}
         self.instead: dict[Any, Any] = {}
         self.clean: dict[Any, Any] = {}
 
-        def another_way(_best: Fit, _trail: Trail) -> Fit:
+        def another_way(_best: Fit, _trail: Trail, firsts: int) -> Fit:
             self.asked += 1
+            self.firsts = firsts
             return other
 
         def with_look_alikes_tried(best: Fit, at: object, *_: object) -> tuple[Fit, object, dict[str, object]]:
@@ -181,7 +182,7 @@ def test_another_way_is_taken_where_something_is_left_and_it_is_likelier(
 ) -> None:
     stages = Stages(monkeypatch, {ONE: rest, other: NOTHING_LEFT}, other)
     assert settled(trail()).best == (other if taken else ONE)
-    assert stages.asked == (0 if rest is NOTHING_LEFT else 1)
+    assert (stages.asked, stages.firsts) == ((0, 0) if rest is NOTHING_LEFT else (1, 2))
 
 
 @pytest.mark.parametrize(("other", "taken"), [(LIKELIER, True), (AS_LIKELY, False)])
@@ -191,7 +192,7 @@ def test_a_wander_that_flights_do_not_show_asks_for_another_way(
     stages = Stages(monkeypatch, {ONE: NOTHING_LEFT, other: NOTHING_LEFT}, other)
     stages.hides = ONE.effects
     assert settled(trail()).best == (other if taken else ONE)
-    assert stages.asked == 1
+    assert (stages.asked, stages.firsts) == (1, 4)  # it takes up most of what either of two effects does alone
 
 
 @pytest.mark.parametrize(

@@ -324,6 +324,9 @@ def test_a_search_begins_again_at_the_two_likeliest_effects_that_were_not_found(
     found: Any = module.another_way(best, trail)  # type: ignore[arg-type]
     assert found.bic == 70.0
     assert asked == [(("polished", one, True), CRITERIA.most_effects - 1, 3) for one in alone[1:3]]
+    asked.clear()
+    ends[CUBIC] = 60.0
+    assert module.another_way(best, trail, 3).bic == 60.0 and len(asked) == 3  # type: ignore[arg-type]
     ends[ADHESION] = 81.0
     assert module.another_way(best, trail) is best  # type: ignore[comparison-overlap, arg-type]
 

@@ -113,12 +113,13 @@ def test_two_flights_are_least_squares_with_velocities_at_the_ends_that_face_the
         std = 1e-8 * np.sqrt(covariance[1, 1])
         assert (flight.time_zero_s, flight.first, flight.last) == (TIME_S[zero], first, last)
         assert flight.coefficients[1] == pytest.approx(alone[1], abs=std)
-        assert 0.8 * std < flight.velocity(TIME_S[zero])[1] < 3.0 * std  # a floor is not ruled out
+        assert 0.8 * std < flight.velocity(TIME_S[zero])[1] < 4.0 * std  # a floor is not ruled out
         assert flight.coefficients[2] == pytest.approx(0.2, abs=5 * 1e-8 * np.sqrt(covariance[0, 0]))
         assert flight.noise_std_m == pytest.approx(1e-8, rel=0.2)
     plain = [1e-8 * np.sqrt(np.polyfit(TIME_S[:n], TIME_S[:n], 2, cov="unscaled")[1][1, 1]) for n in (250, 300)]
     assert np.array(flights.plain) / plain == pytest.approx([1.0, 1.0], abs=0.2)
-    assert abs(flights.velocity_covariance) < 0.5 * flights.plain[0] * flights.plain[1]
+    stds = [one.velocity(one.time_zero_s)[1] for one in (flights.incoming, flights.outgoing)]
+    assert 0.0 < flights.velocity_covariance < 0.5 * stds[0] * stds[1]  # of slow motion
     alone_in = read_flights(motion, (0, 249), None)
     assert alone_in is not None and alone_in.outgoing is None
     assert (alone_in.plain[1], alone_in.velocity_covariance) == (0.0, 0.0)

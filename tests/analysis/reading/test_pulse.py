@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import quad
 
+from analysis.reading import pulse
 from analysis.reading.edges import Edge
 from analysis.reading.flight import Flight
 from analysis.reading.floor_spectrum import FloorSpectrum, Octaves
@@ -279,3 +280,39 @@ def test_the_width_of_a_half_sine_is_two_thirds_of_it_and_less_is_not_read_from_
         assert isinstance(read_fwhm(cut, TOUCH, RELEASE, floor_of()), Quantity) is (end > 0.07)
         begun = motion_with(force_n=np.where(0.1 - end < TIME_S, pulse_force(0.5, 0.5), np.nan))
         assert isinstance(read_fwhm(begun, TOUCH, RELEASE, floor_of()), Quantity) is (end > 0.07)
+
+
+def test_the_width_of_a_skewed_pulse_is_between_the_lines_that_cross_half_of_its_top_and_scatters_as_it_says() -> None:
+    skewed = np.interp(TIME_S, [0.03, 0.06, 0.07], [0.0, 0.5, 0.0])
+    noise_m = 2e-9
+    widths, stds = [], []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pulse, "SMOOTH_HZ", (250.0,))
+        for seed in range(60):
+            noise = noise_m * np.random.default_rng(seed).standard_normal(TIME_S.size)
+            added = motion_from(TIME_S, noise, RIG).force_n if seed else 0.0
+            motion = motion_with(force_n=skewed + added)
+            reading = seen(read_fwhm(motion, TOUCH, RELEASE, floor_of(white_m=noise_m)))
+            widths.append(reading.value)
+            stds.append(reading.std)
+    smooth = smooth_force(motion_with(force_n=skewed), 250.0)
+    assert smooth is not None
+    top = int(smooth.argmax())
+    begin = np.interp(0.5 * smooth[top], smooth[600:top], TIME_S[600:top])
+    end = np.interp(-0.5 * smooth[top], -smooth[top:1400], TIME_S[top:1400])
+    assert widths[0] == pytest.approx(end - begin, rel=1e-9)
+    assert np.std(widths[1:]) == pytest.approx(np.mean(stds), rel=0.25)
+
+
+def test_a_floor_that_moves_is_in_the_slope_as_what_force_and_deflection_make_of_its_sines() -> None:
+    motion, flight = spring_motion(220.0)
+    floor = floor_of(1e-3, white_m=0.0)
+    inside = (TIME_S >= 0.03 + 0.209 * 0.04) & (TIME_S <= 0.03 + 0.975 * 0.04)
+    centred = np.sin(np.pi * (TIME_S[inside] - 0.03) / 0.04)
+    centred -= centred.mean()
+    weights = centred / (1e-3 * centred @ centred)
+    seen_of = np.exp(2j * np.pi * floor.octaves.frequency_hz[:, None] * TIME_S[inside]) @ weights
+    of_floor = MASS_KG * (2 * np.pi * floor.octaves.frequency_hz) ** 2
+    larger = np.maximum(of_floor, np.abs(220.0 - of_floor))
+    expected = np.linalg.norm(np.sqrt(floor._power) * np.abs(seen_of) * larger)
+    assert seen(read_slope(motion, TOUCH, RELEASE, flight, floor)).std == pytest.approx(expected, rel=0.2)

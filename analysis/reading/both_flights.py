@@ -174,7 +174,7 @@ def find_knocks(rest_m: Floats, into: Mask, white_m: float) -> tuple[list[tuple[
     power = np.zeros(rest_m.size)
     for side in (into, ~into):
         index = np.flatnonzero(side)
-        if index.size >= 3:
+        if index.size >= WINDOW:
             second = np.zeros(index.size)
             second[1:-1] = np.diff(rest_m[index], 2) ** 2
             second[0], second[-1] = second[1], second[-2]

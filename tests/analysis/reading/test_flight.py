@@ -133,6 +133,14 @@ def test_a_flight_of_four_bins_is_read_and_one_of_three_is_not(bins: int) -> Non
     assert flights is not None and (flights.outgoing is None) is (bins < 4)
 
 
+@pytest.mark.parametrize("bins", [7, 8])
+def test_of_eight_bins_a_flight_is_curved_and_of_seven_straight(bins: int) -> None:
+    flights = read_flights(parabola(), (250 - 5 * bins, 249), (300, 299 + 5 * (15 - bins)))
+    assert flights is not None and flights.outgoing is not None
+    sizes = flights.incoming.coefficients.size, flights.outgoing.coefficients.size
+    assert sizes == ((2, 3) if bins == 7 else (3, 2))
+
+
 def test_straight_lines_leave_the_curvature_of_the_flights() -> None:
     time = np.concatenate([np.linspace(-1e-2, 0.0, 9), np.linspace(0.03, 0.04, 9)])
     value = 3e-4 - 0.2 * time + 1e-9 * np.sin(700.0 * time)
@@ -159,6 +167,22 @@ def test_a_knock_is_what_is_five_times_as_loud_as_the_quiet_half_with_what_rings
         ((begin, end),), kept = find_knocks(*bins_of_rest(slice(at, at + 3), 30.0), 1.0)
         assert not kept and (begin == 0 if at == 4 else end < 90) and whole
     assert find_knocks(*bins_of_rest(slice(20, 23), 30.0), 100.0) == ([], False)  # white noise does as much
+
+
+def test_a_knock_has_twenty_five_times_the_power_of_the_quiet_and_its_ends_stand_for_the_bins_beyond() -> None:
+    into = np.arange(90) < 40
+    rest = np.where(np.arange(90) % 2, 1.0, -1.0)  # second differences of 4 everywhere
+    for times, found in ((4.8, False), (5.2, True)):
+        loud = rest * np.where((np.arange(90) >= 15) & (np.arange(90) < 25), times, 1.0)
+        assert bool(find_knocks(loud, into, 1e-3)[0]) is found
+    first, last = rest.copy(), rest.copy()
+    first[:4] *= 9.0
+    last[-4:] *= 9.0
+    assert find_knocks(first, into, 1e-3)[0][0][0] == 0
+    assert find_knocks(last, into, 1e-3)[0][0][1] == 90
+    for bins, seen in ((3, False), (4, True)):  # of fewer there is no power
+        blow = np.where(np.arange(90) < bins, 9.0 * rest, rest)
+        assert find_knocks(blow, np.arange(90) < bins, 1e-3) == ([], seen)
 
 
 def test_two_knocks_are_left_out_of_their_own_flights_and_one_that_fills_a_flight_is_said() -> None:

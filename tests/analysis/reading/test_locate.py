@@ -205,3 +205,21 @@ def test_a_contact_that_pulls_is_none() -> None:
     turn = _Turn(0, 550, x.size - 1, True)
     assert _span(motion_of(x), x, turn) is not None
     assert _span(motion_of(-x), -x, replace(turn, begin=500)) is None
+
+
+@pytest.mark.parametrize(("rests", "one"), [(15, True), (80, False)])
+def test_a_force_that_rests_for_a_tenth_of_the_contact_has_ended(rests: int, one: bool) -> None:
+    """A push that turns the block round, a rest, and a weaker push."""
+    parts = [(400, 0.0), (240, 1.7), (rests, 0.0), (60, 0.25), (500, 0.0)]  # samples, times the speed
+    pushes = [part * np.pi / (2 * n) * np.sin(np.pi * (np.arange(n) + 0.5) / n) for n, part in parts]
+    speed = SPEED / RATE * (np.cumsum(np.concatenate(pushes)) - 1.0)
+    span = find_collision(motion_of(np.cumsum(speed)))
+    assert span is not None
+    assert span.last == pytest.approx(640 + (rests + 60 if one else 0), abs=8)
+
+
+def test_a_pull_in_flight_is_another_force_as_a_push_is() -> None:
+    for sign in (1.0, -1.0):
+        pull = sign * 4e-9 * 1000 * np.clip(np.arange(600) - 300, 0, 100) ** 2 / 1e3
+        span = find_collision(motion_of(np.concatenate([bounce(after=0), bounce(after=600)[700:] + pull])))
+        assert span is not None and span.disturbed_after and span.flight_last < 1010

@@ -289,13 +289,12 @@ def _third_octaves(frequency_hz: Floats, power: Floats, waves: Sequence[tuple[fl
     A band of a few bins scatters: for a site exactly on a criterion's curve the largest of eleven bands is nearly
     always above it.
     """
-    width = float(frequency_hz[1] - frequency_hz[0])
     found, least = np.zeros(CENTRES_HZ.size), np.zeros(CENTRES_HZ.size)
     for k, centre in enumerate(CENTRES_HZ):
         low, high = centre * 10**-0.05, centre * 10**0.05
         inside = (frequency_hz >= low) & (frequency_hz < high)
         mean = power[inside].mean() if inside.any() else float(np.interp(centre, frequency_hz, power))
-        random = mean * (high - low) if inside.sum() * width < 2 * (high - low) else mean * inside.sum() * width
+        random = mean * (high - low)
         lines = sum(0.5 * speed**2 for frequency, speed in waves if low <= frequency < high)
         found[k] = random + lines
         least[k] = random / _most_by_chance(max(int(inside.sum()), 1)) + lines

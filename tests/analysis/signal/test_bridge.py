@@ -112,6 +112,41 @@ def test_a_gap_in_which_the_force_changed_leaves_the_position_unsure() -> None:
     assert np.array_equal(out, short, equal_nan=True) and not unsure
 
 
+@pytest.mark.parametrize(("apart", "unsure"), [(0.18, False), (0.22, True)])
+def test_a_join_is_unsure_where_half_as_many_samples_say_a_fifth_of_a_fringe_else(apart: float, unsure: bool) -> None:
+    """A push in the outer half of the samples before the gap, which the inner half does not know."""
+    fringe, n = 316.4e-9, np.arange(400.0)
+    bump = np.where((n >= 152) & (n < 176), (n - 176) ** 2, 0.0)
+    bump[200:] = np.nan
+    bump[210:] = 0.0
+    before, middle = np.arange(152, 200) - 204.5, 204.5
+    moved = -np.polyval(np.polyfit(before, bump[152:200], 2), 0.0)
+    assert middle > 200
+    out, told = joined(4e-7 * n + bump * apart * fringe / abs(moved), (210,), fringe)
+    assert told is unsure
+    assert np.isfinite(out[210:]).all()
+
+
+@pytest.mark.parametrize(("left", "unsure"), [(0.38, False), (0.42, True)])
+def test_a_join_that_misses_two_fifths_of_a_fringe_is_unsure(left: float, unsure: bool) -> None:
+    fringe, n = 316.4e-9, np.arange(400.0)
+    for sign in (1.0, -1.0):
+        cut = 4e-7 * n + np.where(n >= 210, (3.0 + sign * left) * fringe, 0.0)
+        cut[200:210] = np.nan
+        assert joined(cut, (210,), fringe)[1] is unsure
+
+
+@pytest.mark.parametrize("known", [11, 12])
+def test_twelve_samples_on_either_side_are_enough_to_join(known: int) -> None:
+    fringe, n = 316.4e-9, np.arange(400.0)
+    for side in (slice(0, 200 - known), slice(210 + known, 400)):
+        cut = 4e-7 * n + np.where(n >= 210, 3.0 * fringe, 0.0)
+        cut[200:210] = np.nan
+        cut[side] = np.nan
+        out, _ = joined(cut, (210,), fringe)
+        assert out[210] == pytest.approx(4e-7 * 210 + (3.0 * fringe if known < 12 else 0.0), abs=1e-12)
+
+
 def test_a_stretch_that_begins_late_has_no_hole_before_it() -> None:
     bridge = Bridge(0.3, 4, 3)
     pieces = [*bridge.feed(5000, SLOPE * np.arange(900), np.ones(900, np.float32)), *bridge.finish()]

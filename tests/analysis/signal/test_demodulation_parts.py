@@ -245,6 +245,12 @@ def test_a_motion_is_made_of_both_phases_and_carries_what_the_recording_states()
     assert np.median(both.displacement_std_m / motion.displacement_std_m) == pytest.approx(np.sqrt(2.0), rel=0.15)
 
 
+def test_a_path_that_walks_is_flagged_and_its_growth_is_the_motions(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(demodulation, "wander", lambda *of: 2e-8)
+    motion = demodulate(_recorded(), AnalysisSettings())
+    assert motion.displacement_wander_m_per_sqrt_s == 2e-8 and motion.flags == ("wander",)
+
+
 def test_what_was_dark_is_no_number_in_any_array_of_the_motion() -> None:
     def dimmed(role: Role, t: Any, signal: Any) -> Any:
         return np.where((t > 2e-3) & (t < 2.2e-3), 100.0, signal) if role is Role.MEASUREMENT else signal

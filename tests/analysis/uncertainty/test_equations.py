@@ -1,0 +1,236 @@
+"""Which scale moves each number by which power, what its budget says in rows and files, and what repeats."""
+
+import json
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.shot.quantity import NotSeen, Quantity
+from analysis.shot.recording import Setup
+from analysis.uncertainty.budget_sources import InstrumentUncertainty
+from analysis.uncertainty.gum_budget import (
+    COLUMNS,
+    Budget,
+    BudgetRow,
+    QuantityBudget,
+    budget,
+    budget_result,
+    budget_rows,
+    combined_of,
+    stated,
+)
+from analysis.uncertainty.measurement_equations import between_onsets, between_peaks, first_flights
+from tests.analysis.shots import ONSETS, PEAKS, RELEASES, at_speed, paper_impact, shot_of
+
+QUIET = dict.fromkeys(
+    (
+        "mass_u_kg", "wavelength_vacuum_relative", "air_temperature_u_k", "air_pressure_u_pa", "air_humidity_u_percent",
+        "room_temperature_u_k", "room_pressure_u_pa", "room_humidity_u_percent", "alignment_limit_rad",
+        "timebase_limit", "rest_frequency_u_hz", "instant_limit_s",
+    ),
+    0.0,
+)  # fmt: skip
+SETUP = Setup(moving_mass_kg=17.85e-3, wavelength_vacuum_m=632.991354e-9)
+# the powers of mass, clock and length that each number scales with
+POWERS = {
+    "velocity_in_m_per_s": (0, -1, 1),
+    "velocity_out_m_per_s": (0, -1, 1),
+    "cor_quasi_static": (0, 0, 0),
+    "cor_impulse": (0, 0, 0),
+    "cor_kinetic.force_peaks": (0, 0, 0),
+    "cor_kinetic.onsets": (0, 0, 0),
+    "cor_kinetic.flights": (0, 0, 0),
+    "cor_kinetic.contact": (0, 0, 0),
+    "force_peak_n": (1, -2, 1),
+    "force_fwhm_s": (0, 1, 0),
+    "contact_time_s": (0, 1, 0),
+    "deflection_max_m": (0, 0, 1),
+    "plate_stiffness_n_per_m": (1, -2, 0),
+    "plate_mass_kg": (1, 0, 0),
+    "contact_stiffness_n_per_m": (1, -2, 0),
+    "contact_damping_n_s_per_m": (1, -1, 0),
+    "stiffness_slope_n_per_m": (1, -2, 0),
+    "stiffness_from_slope_n_per_m": (1, -2, 0),
+}
+
+
+def rows_of(known: dict[str, float]) -> dict[str, QuantityBudget]:
+    tables = budget(shot_of(setup=SETUP), InstrumentUncertainty(**QUIET | known))  # type: ignore[arg-type]
+    return {table.key: table for table in tables.quantities}
+
+
+@pytest.mark.parametrize(
+    ("place", "known", "source", "relative"),
+    [
+        (0, {"mass_u_kg": 17.85e-6}, "mass", 1e-3),
+        (1, {"timebase_limit": 1e-3 * math.sqrt(3.0)}, "timebase", 1e-3),
+        (2, {"wavelength_vacuum_relative": 1e-3}, "wavelength in vacuum", 1e-3),
+        (2, {"alignment_limit_rad": 0.05}, "alignment (cosine)", 0.5 * 0.05**2 / math.sqrt(3.0)),
+    ],
+)
+def test_every_number_scales_with_its_powers_of_mass_clock_and_length(
+    place: int, known: dict[str, float], source: str, relative: float
+) -> None:
+    tables = rows_of(known)
+    assert set(tables) == set(POWERS)
+    for key, powers in POWERS.items():
+        found = sum(row.sensitivity * (row.std or 0.0) for row in tables[key].rows if row.source == source)
+        # the relative uncertainty is that of mass / value, of the clock and of the length
+        assert found == pytest.approx(powers[place] * relative * tables[key].value, rel=1e-6, abs=1e-12), key
+
+
+def test_each_reading_has_its_own_noise_under_its_own_name_as_type_a() -> None:
+    tables = rows_of({})
+    shot = shot_of(setup=SETUP)
+    assert shot.impact is not None and shot.fit is not None
+    for key, name in (
+        ("velocity_in_m_per_s", "beat noise, flight in"),
+        ("velocity_out_m_per_s", "beat noise, flight out"),
+        ("cor_impulse", "beat noise, impulses"),
+        ("force_peak_n", "beat noise, force"),
+        ("force_fwhm_s", "beat noise, pulse width"),
+        ("contact_time_s", "beat noise, contact time"),
+        ("deflection_max_m", "beat noise, deflection"),
+        ("stiffness_slope_n_per_m", "beat noise, slope"),
+        ("plate_stiffness_n_per_m", "beat noise, through the fit"),
+        ("plate_mass_kg", "beat noise, through the fit"),
+        ("contact_stiffness_n_per_m", "beat noise, through the fit"),
+        ("contact_damping_n_s_per_m", "beat noise, through the fit"),
+    ):
+        reading = getattr(shot.impact, key, None) or shot.fit.parameters[key]
+        (row,) = (row for row in tables[key].rows if row.source == name)
+        assert (row.kind, row.std, row.sensitivity) == ("A", pytest.approx(reading.std), pytest.approx(1.0)), key
+        assert tables[key].std == pytest.approx(reading.std), key
+
+
+def test_bounces_are_timed_between_peaks_onsets_and_the_ends_of_flights() -> None:
+    impact = paper_impact()
+    assert between_peaks(impact) == (PEAKS[:2], PEAKS[1:])
+    assert between_onsets(impact) == (ONSETS[:2], ONSETS[1:])
+    assert first_flights(impact) == ((RELEASES[0], ONSETS[1]), (RELEASES[1], ONSETS[2]))
+    for key, (first, second) in (
+        ("force_peaks", between_peaks(impact)),
+        ("onsets", between_onsets(impact)),
+        ("flights", first_flights(impact)),
+    ):
+        table = rows_of({})[f"cor_kinetic.{key}"]
+        assert table.value == pytest.approx((second[1] - second[0]) / (first[1] - first[0]))
+        parts = sorted(row.contribution for row in table.rows if row.source.startswith("beat noise"))
+        reading = getattr(impact.cor_kinetic, key)
+        assert math.hypot(*parts) == pytest.approx(reading.std, rel=1e-2)
+        assert parts[0] / parts[1] == pytest.approx(table.value, rel=0.01)  # both intervals are as unsure
+
+
+MADE = Budget(
+    "s",
+    (
+        QuantityBudget(
+            "k", "words", "N", 2.0,
+            (BudgetRow("x", "A", 3.0, "m", -1.0, "hx"), BudgetRow("y", "B", 2.0, "kg", 2.0, "hy"),
+             BudgetRow("z", "A", None, "N", 1.0, "hz")),
+        ),
+    ),
+)  # fmt: skip
+
+
+def test_contributions_add_in_squares_by_type() -> None:
+    (table,) = MADE.quantities
+    assert [row.contribution for row in table.rows] == [3.0, 4.0, 0.0]
+    assert (table.std_a, table.std_b, table.std, table.expanded) == (3.0, 4.0, 5.0, 10.0)
+    assert (table.quantity.value, table.quantity.std) == (2.0, 5.0)
+    assert MADE.of("k") is table and MADE.of("x") is None
+
+
+def test_a_budget_is_written_row_by_row_and_with_its_sums() -> None:
+    head = ["s", "k", "N", "2.0"]
+    assert budget_rows(MADE) == [
+        [*head, "x", "A", "3.0", "m", "-1.0", "3.0", "hx"],
+        [*head, "y", "B", "2.0", "kg", "2.0", "4.0", "hy"],
+        [*head, "z", "A", "", "N", "1.0", "0.0", "hz"],
+        [*head, "combined, type A", "A", "", "", "", "3.0", ""],
+        [*head, "combined, type B", "B", "", "", "", "4.0", ""],
+        [*head, "combined", "", "", "", "", "5.0", ""],
+        [*head, "expanded, k = 2", "", "", "", "", "10.0", ""],
+    ]
+    assert len(COLUMNS) == 11
+    source = {
+        "source": "x",
+        "type": "A",
+        "std": 3.0,
+        "unit": "m",
+        "sensitivity": -1.0,
+        "contribution": 3.0,
+        "how": "hx",
+    }
+    written = json.loads(json.dumps(budget_result(MADE)))
+    quantity = written["quantities"]["k"]
+    assert written["coverage_factor"] == 2.0 and quantity.pop("sources")[0] == source
+    assert quantity == {"value": 2.0, "unit": "N", "std_a": 3.0, "std_b": 4.0, "std": 5.0, "expanded": 10.0}
+
+
+def repeatability(shot: Any, others: list[Any]) -> BudgetRow:
+    table = budget(shot, others=others).of("cor_quasi_static")
+    assert table is not None
+    return next(row for row in table.rows if row.source == "repeatability")
+
+
+@pytest.mark.parametrize(
+    ("speed", "alike"), [(0.3 * 1.099, True), (0.3 * 1.101, False), (0.3 * 0.901, True), (0.3 * 0.899, False)]
+)
+def test_shots_within_a_tenth_of_the_speed_are_alike(speed: float, alike: bool) -> None:
+    own = at_speed("own", 0.3, 0.98, 1e-7)
+    row = repeatability(own, [own, at_speed("other", speed, 0.984, 1e-7)])
+    if alike:
+        assert (
+            row.std == pytest.approx(4e-3 / math.sqrt(2.0), rel=1e-3) and "2 shots at a like speed, beyond" in row.how
+        )
+    else:
+        assert (row.std, row.contribution) == (None, 0.0) and "no other shot" in row.how
+    assert (row.kind, row.sensitivity, row.unit) == ("A", 1.0, "1")
+
+
+@pytest.mark.parametrize(("count", "spread", "sloped"), [(3, 0.05, False), (4, 0.05, True), (4, 0.015, False)])
+def test_a_line_over_speed_is_taken_off_four_shots_of_different_speed(count: int, spread: float, sloped: bool) -> None:
+    shots = [
+        at_speed(f"s{k}", v, 0.9 + 0.1 * v, 1e-9) for k, v in enumerate(0.3 * (1 + spread * np.linspace(0, 1, count)))
+    ]
+    row = repeatability(shots[0], shots[1:])
+    values = [0.9 + 0.03 * (1 + spread * part) for part in np.linspace(0, 1, count)]
+    assert row.std is not None
+    if sloped:
+        assert row.std < 1e-6 and "about their line over speed" in row.how
+    else:
+        assert row.std == pytest.approx(np.std(values, ddof=1), rel=1e-3)
+
+
+def test_numbers_that_were_not_seen_or_are_none_do_not_repeat() -> None:
+    own = at_speed("own", 0.3, 0.98, 1e-7)
+    assert own.impact is not None
+    spoilt = [
+        replace(own, name=f"n{k}", impact=replace(own.impact, cor_quasi_static=bad))
+        for k, bad in enumerate((NotSeen("x"), Quantity(math.nan, 1.0), Quantity(0.9, math.inf)))
+    ]
+    assert repeatability(own, [own, *spoilt]).std is None
+
+
+def test_a_reading_is_stated_with_its_combined_uncertainty() -> None:
+    shot = shot_of(setup=SETUP)
+    combined = combined_of(shot)
+    assert combined == {table.key: table.std for table in budget(shot).quantities} and len(combined) >= 18
+    assert combined_of(replace(shot, impact=None)) == {}
+    reading = Quantity(3.0, 0.1, "how")
+    assert stated(reading, "a", {"a": 0.5}) == Quantity(3.0, 0.5, "how")
+    assert stated(reading, "a", {"b": 0.5}) is reading
+    unseen = NotSeen("x")
+    assert stated(unseen, "a", {"a": 0.5}) is unseen
+
+
+def test_without_a_fit_or_a_converged_one_a_slope_is_not_corrected() -> None:
+    shot = shot_of(setup=SETUP)
+    assert shot.fit is not None
+    for fit in (None, replace(shot.fit, converged=False), replace(shot.fit, parameters={})):
+        assert budget(replace(shot, fit=fit)).of("stiffness_from_slope_n_per_m") is None
+    assert budget(shot).of("youngs_modulus_pa") is None  # no geometry is stated

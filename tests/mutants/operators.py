@@ -9,7 +9,17 @@ from pathlib import Path
 _COMPARED = {"Lt": ">=", "LtE": ">", "Gt": "<=", "GtE": "<", "Eq": "!=", "NotEq": "=="}
 _ADDED = {"Add": "-", "Sub": "+", "Mult": "/", "Div": "*"}
 _EITHER_WAY = ("max", "min", "maximum", "minimum", "hypot", "isclose", "suppress")  # of arguments in any order
-_EITHER_WAY_OF_NUMPY = ("add", "multiply", "fmin", "fmax", "convolve", "logical_and", "logical_or", "array_equal")
+_EITHER_WAY_OF_NUMPY = (
+    "clip",
+    "add",
+    "multiply",
+    "fmin",
+    "fmax",
+    "convolve",
+    "logical_and",
+    "logical_or",
+    "array_equal",
+)
 _COUNTED = 9  # an integer up to which one more is one too many; a larger one is a size, and doubled
 _GUARD = "strict"  # of zip: what it guards against is another fault of the program
 _GENERIC = ("Callable", "Generic", "Mapping", "NDArray", "Sequence", "dict", "list", "tuple")  # subscripted: a type

@@ -1,7 +1,7 @@
 """The laser's wavelength in air.
 
 Refractive index after P. E. Ciddor, "Refractive index of air: new equations for the visible and near infrared",
-Applied Optics 35 (1996) 1566-1573, with the water vapour pressure of Davis/Giacomo used there.
+Applied Optics 35 (1996) 1566-1573, for 450 ppm of CO2, with the water vapour pressure of Davis/Giacomo used there.
 """
 
 import math
@@ -9,9 +9,6 @@ import math
 from analysis.shot.recording import DEFAULT_WAVELENGTH_AIR_M, Air, Setup
 
 STANDARD_AIR = Air(temperature_c=20.0, pressure_pa=101325.0, humidity_percent=50.0)
-CO2_PPM = 450.0  # of the air, for which the dispersion below holds
-_GAS_CONSTANT = 8.314510  # J/(mol K), the value Ciddor's densities were made with
-_WATER_MOLAR_MASS = 0.018015  # kg/mol
 
 
 def refractive_index(vacuum_wavelength_m: float, air: Air) -> float:
@@ -26,15 +23,14 @@ def refractive_index(vacuum_wavelength_m: float, air: Air) -> float:
     vapour_standard = 1.022e-8 * (
         295.235 + 2.6422 * wavenumber2 - 0.032380 * wavenumber2**2 + 0.004028 * wavenumber2**3
     )
-    dry_molar_mass = 1e-3 * (28.9635 + 12.011e-6 * (CO2_PPM - 400.0))
     water = _water_fraction(air)
     kelvin = air.temperature_c + 273.15
 
-    compressibility = _compressibility(air.temperature_c, air.pressure_pa, water)
-    dry = air.pressure_pa * dry_molar_mass * (1.0 - water) / (compressibility * _GAS_CONSTANT * kelvin)
-    vapour = air.pressure_pa * _WATER_MOLAR_MASS * water / (compressibility * _GAS_CONSTANT * kelvin)
-    dry_reference = 101325.0 * dry_molar_mass / (_compressibility(15.0, 101325.0, 0.0) * _GAS_CONSTANT * 288.15)
-    vapour_reference = 1333.0 * _WATER_MOLAR_MASS / (_compressibility(20.0, 1333.0, 1.0) * _GAS_CONSTANT * 293.15)
+    # densities over molar mass and gas constant, of which the ratios to the reference are free
+    moles = air.pressure_pa / (_compressibility(air.temperature_c, air.pressure_pa, water) * kelvin)
+    dry_reference = 101325.0 / (_compressibility(15.0, 101325.0, 0.0) * 288.15)
+    vapour_reference = 1333.0 / (_compressibility(20.0, 1333.0, 1.0) * 293.15)
+    dry, vapour = moles * (1.0 - water), moles * water
     return 1.0 + dry / dry_reference * dry_standard + vapour / vapour_reference * vapour_standard
 
 

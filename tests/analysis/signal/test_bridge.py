@@ -39,6 +39,7 @@ def test_the_result_does_not_depend_on_the_blocks() -> None:
     whole, _ = _bridged([], holes)
     for cut in range(690, 760, 3):
         assert np.array_equal(_bridged([cut], holes)[0], whole)
+    assert np.array_equal(_bridged(list(range(1, 760)), holes)[0], whole)  # one phase at a time
 
 
 def test_holes_are_listed_with_their_guard_and_filled_smoothly() -> None:

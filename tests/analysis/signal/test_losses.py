@@ -115,3 +115,23 @@ def test_beside_a_gap_that_is_known_only_what_was_not_reported_is_found() -> Non
     known = replace(recording, gaps=(Gap(60_000, 12),))
     (found,) = find_losses(known, REST_HZ)
     assert found.samples_lost == 7 and abs(found.sample_start - 119_988) <= 3
+
+
+def test_a_kink_beside_a_loss_that_is_known_or_found_is_that_loss() -> None:
+    """Whole periods of the rest beat are looked for at the others alone."""
+    recording = without_samples(recording_of(SHORT), {60_000: 11, 120_000: 22})
+    (first, second) = find_losses(recording, REST_HZ, [60_000, 119_989])
+    assert (first.samples_lost, second.samples_lost) == (11, 22)
+    for near, apart in ((60_000, True), (60_000 + 140, False), (60_000 - 140, False)):  # twice a block of 64
+        known = replace(recording, gaps=(Gap(near, 11),))
+        found = find_losses(known, REST_HZ, [60_000, 119_989])
+        assert [gap.samples_lost for gap in found] == ([22] if apart else [11, 22])
+    jumped = without_samples(recording_of(SHORT), {60_000: 3})
+    assert len(find_losses(jumped, REST_HZ, [60_050])) == 1
+
+
+@pytest.mark.parametrize("most", [2, 3])
+def test_what_loses_too_often_is_no_digitizer_that_skips(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("analysis.signal.losses.MOST_LOSSES", most)
+    found = find_losses(without_samples(recording_of(SHORT), {40_000: 1, 80_000: 2, 120_000: 3}), REST_HZ)
+    assert len(found) == (3 if most == 3 else 0)

@@ -185,6 +185,30 @@ def test_a_knock_has_twenty_five_times_the_power_of_the_quiet_and_its_ends_stand
         assert find_knocks(blow, np.arange(90) < bins, 1e-3) == ([], seen)
 
 
+def test_a_knock_reaches_four_bins_beyond_the_powers_that_hold_it_and_leaves_ten_of_a_flight() -> None:
+    """A blow in one bin is in three second differences, and these are in the power of six bins."""
+    into = np.arange(90) < 40
+    even = np.where(np.arange(90) % 2, 1.0, -1.0)
+    for bins, found in (((20,), [(14, 28)]), ((60,), [(54, 68)]), ((20, 60), [(14, 28), (54, 68)]), ((0,), [(0, 8)])):
+        blown = even.copy()
+        blown[list(bins)] += 60.0
+        assert find_knocks(blown, into, 1e-3) == (found, False)
+    for last, rest in ((18, ([(5, 26)], False)), (19, ([], True))):  # nine of thirty bins stay, or ten ...
+        blown = np.where(np.arange(80) % 2, 1.0, -1.0)
+        blown[11 : last + 1] *= 60.0
+        assert find_knocks(blown, np.arange(80) < 31, 1e-3) == rest
+
+
+def test_lines_are_looked_for_in_24_bins_of_flight_and_more() -> None:
+    rig = Synthetic(rate_hz=1e4, bandwidth_hz=1e3)
+    time = np.arange(0.0, 0.03, 1e-4)
+    x = -0.2 * time + 3e-7 * np.sin(2 * np.pi * 400.0 * time)
+    motion = motion_from(time, x + np.random.default_rng(1).normal(0.0, 1e-10, time.size), rig)
+    for bins, found in ((23, False), (24, True)):
+        flights = read_flights(motion, (300 - 5 * bins, 299), None)
+        assert flights is not None and bool(flights.lines) is found
+
+
 def test_two_knocks_are_left_out_of_their_own_flights_and_one_that_fills_a_flight_is_said() -> None:
     rest, into = bins_of_rest(slice(20, 22), 30.0)
     rest[60] += 40.0

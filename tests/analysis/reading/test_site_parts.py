@@ -72,6 +72,13 @@ def test_a_line_counts_whole_in_its_own_band_and_chance_is_taken_off_the_rest_al
     assert _most_by_chance(1) > _most_by_chance(5) > _most_by_chance(100) > 1.0
 
 
+def test_the_criteria_are_those_of_the_curves_in_um_per_s() -> None:
+    assert [round(1e6 * level, 6) for level in CRITERIA_M_PER_S.values()] == [
+        0.78, 1.56, 3.12, 6.25, 12.5, 25.0, 50.0, 100.0, 200.0, 400.0, 800.0,
+    ]  # fmt: skip
+    assert list(CRITERIA_M_PER_S)[:7] == [f"VC-{letter}" for letter in "GFEDCBA"]
+
+
 def test_a_criterion_is_the_strictest_that_no_band_from_8_to_80_hz_exceeds() -> None:
     inside = (CENTRES_HZ > 7.9) & (CENTRES_HZ < 81.0)
     names = list(CRITERIA_M_PER_S)

@@ -206,6 +206,21 @@ def test_a_line_over_speed_is_taken_off_four_shots_of_different_speed(count: int
         assert row.std == pytest.approx(np.std(values, ddof=1), rel=1e-3)
 
 
+def test_the_scatter_about_a_line_over_speed_has_two_degrees_of_freedom_fewer() -> None:
+    off = np.array([3e-4, -5e-4, 1e-4, 4e-4, -3e-4, 2e-4])
+    speeds = 0.3 * np.linspace(0.96, 1.04, 6)
+    shots = [at_speed(f"s{k}", v, 0.9 + 0.1 * v + e, 1e-9) for k, (v, e) in enumerate(zip(speeds, off, strict=True))]
+    left = off - np.polyval(np.polyfit(speeds, off, 1), speeds)
+    assert repeatability(shots[0], shots[1:]).std == pytest.approx(np.sqrt(left @ left / 4), rel=1e-3)
+
+
+def test_warmer_air_makes_lengths_longer_and_denser_air_shorter() -> None:
+    tables = rows_of({"room_temperature_u_k": 1.0, "room_pressure_u_pa": 100.0, "room_humidity_u_percent": 1.0})
+    rows = {row.source: row.sensitivity for row in tables["velocity_out_m_per_s"].rows}
+    for name, slope in (("air temperature", 0.95e-6), ("air pressure", -0.268e-8), ("air humidity", 0.0085e-6)):
+        assert rows[name] == pytest.approx(0.261702343 * slope, rel=0.03)
+
+
 def test_numbers_that_were_not_seen_or_are_none_do_not_repeat() -> None:
     own = at_speed("own", 0.3, 0.98, 1e-7)
     assert own.impact is not None

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.shot.motion import BeatQuality
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.shot.recording import Setup
+from analysis.shot.sample_rate_error import fit_with_rate_error, with_rate_error
 from analysis.uncertainty.budget_sources import InstrumentUncertainty
 from analysis.uncertainty.gum_budget import (
     COLUMNS,
@@ -24,6 +26,7 @@ from analysis.uncertainty.gum_budget import (
 )
 from analysis.uncertainty.measurement_equations import between_onsets, between_peaks, first_flights
 from tests.analysis.shots import ONSETS, PEAKS, RELEASES, at_speed, paper_impact, shot_of
+from tests.analysis.synthetic_collision import Synthetic, motion_from
 
 QUIET = dict.fromkeys(
     (
@@ -104,6 +107,25 @@ def test_each_reading_has_its_own_noise_under_its_own_name_as_type_a() -> None:
         (row,) = (row for row in tables[key].rows if row.source == name)
         assert (row.kind, row.std, row.sensitivity) == ("A", pytest.approx(reading.std), pytest.approx(1.0)), key
         assert tables[key].std == pytest.approx(reading.std), key
+
+
+def test_a_contradicted_rate_is_in_the_clock_alone_though_every_reading_carries_it() -> None:
+    """Each number's own noise is what it was before the rate's error was added to it, whatever its power of time."""
+    time = np.arange(0.0, 0.01, 1e-5)
+    motion = replace(
+        motion_from(time, -0.2 * time, Synthetic()), moving_mass_u_kg=0.0, rate_error=1e-3,
+        reference=BeatQuality(2.7e6, 0.4, 40.0, 0.0), rest_frequency_hz=Quantity(2.7e6, 0.0),
+    )  # fmt: skip
+    plain = shot_of(setup=SETUP)
+    assert plain.impact is not None and plain.fit is not None
+    impact, fit = with_rate_error(plain.impact, motion), fit_with_rate_error(plain.fit, motion)
+    wrong = budget(replace(plain, motion=motion, impact=impact, fit=fit), InstrumentUncertainty(**QUIET))  # type: ignore[arg-type]
+    for key, table in rows_of({}).items():
+        found = wrong.of(key)
+        assert found is not None
+        assert found.std_a == pytest.approx(table.std_a, rel=1e-2), key
+        own = sum(row.contribution for row in found.rows if row.source == "timebase")
+        assert own == pytest.approx(abs(1e-3 * POWERS[key][1] * found.value), rel=1e-6, abs=1e-12), key
 
 
 def test_bounces_are_timed_between_peaks_onsets_and_the_ends_of_flights() -> None:

@@ -236,6 +236,33 @@ def test_the_scatter_about_a_line_over_speed_has_two_degrees_of_freedom_fewer() 
     assert repeatability(shots[0], shots[1:]).std == pytest.approx(np.sqrt(left @ left / 4), rel=1e-3)
 
 
+def test_a_rest_frequency_taken_too_low_lifts_velocities_shortens_the_deflection_and_shears_the_slope() -> None:
+    time = np.arange(0.0, 0.01, 1e-5)
+    motion = replace(motion_from(time, -0.2 * time, Synthetic()), rest_frequency_hz=Quantity(2.7e6, 0.0))
+    shot = shot_of(setup=SETUP, motion=motion)
+    assert shot.impact is not None
+    lasts = shot.impact.turnaround_time_s.value - shot.impact.touch_time_s.value  # type: ignore[union-attr]
+    known = InstrumentUncertainty(**QUIET | {"rest_frequency_u_hz": 1.0})  # type: ignore[arg-type]
+    half = 0.5 * 632.8e-9  # m/s of a hertz
+    for key, expected in (
+        ("velocity_in_m_per_s", half),
+        ("velocity_out_m_per_s", half),
+        ("cor_quasi_static", half * (1.0 / 0.265 + 0.261702343 / 0.265**2)),  # -(v_out + d) / (v_in + d)
+        ("deflection_max_m", -half * lasts),
+    ):
+        table = budget(shot, known).of(key)
+        assert table is not None
+        found = {row.source: row.sensitivity for row in table.rows}["rest frequency"]
+        assert found == pytest.approx(expected, rel=1e-3), key
+    slope = budget(shot, known).of("stiffness_slope_n_per_m")
+    assert slope is not None
+    at = np.linspace(0.209, 0.975, 500)
+    depth = 2.388512e-3 * np.sin(np.pi * at)
+    (steeper, _) = np.polyfit(depth - half * 28.70771255e-3 * at, depth, 1)  # the deflection grows by less
+    found = {row.source: row.sensitivity for row in slope.rows}["rest frequency"]
+    assert found == pytest.approx(slope.value * (steeper - 1.0), rel=0.01)
+
+
 def test_warmer_air_makes_lengths_longer_and_denser_air_shorter() -> None:
     tables = rows_of({"room_temperature_u_k": 1.0, "room_pressure_u_pa": 100.0, "room_humidity_u_percent": 1.0})
     rows = {row.source: row.sensitivity for row in tables["velocity_out_m_per_s"].rows}

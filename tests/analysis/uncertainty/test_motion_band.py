@@ -14,7 +14,7 @@ from analysis.uncertainty.motion_band import _frame_in, _left, _wandering, band_
 from tests.analysis.shots import shot_of
 from tests.analysis.synthetic_collision import MASS_KG, Synthetic, motion_from
 
-RIG = Synthetic(rate_hz=1e4, bandwidth_hz=1e3)
+RIG = Synthetic(rate_hz=1e4, bandwidth_hz=1e3, noise_m=1e-9)
 TIME_S = np.arange(0.0, 0.2, 1 / RIG.rate_hz)
 MOTION = motion_from(TIME_S, -0.2 * TIME_S, RIG)
 SPAN_S = float(TIME_S[-1])

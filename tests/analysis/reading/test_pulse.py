@@ -316,3 +316,11 @@ def test_a_floor_that_moves_is_in_the_slope_as_what_force_and_deflection_make_of
     larger = np.maximum(of_floor, np.abs(220.0 - of_floor))
     expected = np.linalg.norm(np.sqrt(floor._power) * np.abs(seen_of) * larger)
     assert seen(read_slope(motion, TOUCH, RELEASE, flight, floor)).std == pytest.approx(expected, rel=0.2)
+
+
+def test_the_width_is_that_of_the_contact_whatever_pushes_the_block_half_a_contact_away() -> None:
+    pushed = pulse_force(0.5, 0.5)
+    plain = seen(read_fwhm(motion_with(force_n=pushed), TOUCH, RELEASE, floor_of()))
+    for away in (TIME_S < 0.006, TIME_S > 0.094):
+        other = motion_with(force_n=np.where(away, 3.0, pushed))
+        assert seen(read_fwhm(other, TOUCH, RELEASE, floor_of())).value == pytest.approx(plain.value, rel=1e-3)

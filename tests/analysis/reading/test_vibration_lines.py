@@ -12,6 +12,7 @@ from analysis.reading.vibration_lines import (
     Wave,
     _columns,
     _is_steady,
+    _strongest_line,
     add_line,
     design_matrix,
     frequency_derivative,
@@ -134,6 +135,29 @@ def test_a_line_is_found_and_fitted_with_a_true_uncertainty(frequency_hz: float)
         assert got.frequency_hz.std < 1.0 and got.amplitude_m.std < 5e-11
     rms = np.sqrt(np.mean(np.square(pulls), axis=0))
     assert np.all((rms > 0.5) & (rms < 1.6)), rms
+
+
+@pytest.mark.parametrize("flights", [1, 2])
+def test_the_strongest_sine_is_found_with_its_size_in_one_flight_or_both(flights: int) -> None:
+    kept = INTO | (flights == 2)
+    value = tone(333.0, 1e-9, 0.4) + noise(2)
+    bins = Bins(TIME_S[kept], value[kept], INTO[kept], EACH, STEP_S, WHITE_M)
+    octaves = Octaves.of(bins.time_s, BIN_S)
+    waves = np.hstack(waves_of(bins.time_s - bins.middle_s, EACH, STEP_S, octaves.frequency_hz))
+    observation = FlightObservation(value[kept], WHITE_M, (), octaves, waves)
+    columns = POLYNOMIALS[kept][:, : 2 * flights]
+    at = np.array([0.0, *np.full(octaves.centre_hz.size, -40.0), 0.0])
+    wave = _strongest_line(bins, observation, at, columns)
+    assert wave is not None
+    assert wave.frequency_hz == pytest.approx(333.0, abs=0.2 * bins.resolution_hz)
+    assert np.hypot(wave.cosine_m, wave.sine_m) == pytest.approx(1e-9, rel=0.2)
+    true = tone(333.0, 1e-9, 0.4)[kept]
+    cosine, sine, _ = _columns(bins, wave).T
+    assert np.std(true - wave.cosine_m * cosine - wave.sine_m * sine) < 0.4 * np.std(true)
+    found = add_line(bins, observation, [], columns, observation.estimate_floor(columns))
+    assert found is not None and len(found[0]) == 1
+    quiet = FlightObservation(noise(3)[kept], WHITE_M, (), octaves, waves)
+    assert _strongest_line(bins, quiet, at, columns) is None
 
 
 def test_two_lines_are_refined_together_from_a_fifth_of_the_resolution_away() -> None:

@@ -132,9 +132,9 @@ def _left_over(blocks: Floats, taps: Floats, amplitude: float) -> float:
     """
     remainder = blocks[:, -1] - taps @ blocks[:, :-1]
     beat = blocks[:, _REACH]
-    turned = np.fft.fft(beat, axis=1)
+    turned = np.fft.fft(beat)
     turned[:, BLOCK // 2 :] = 0.0
-    analytic = 2.0 * np.fft.ifft(turned, axis=1)
+    analytic = 2.0 * np.fft.ifft(turned)
     power = np.sum(np.abs(analytic) ** 2, axis=1)
     gain = 2.0 * np.abs(np.sum(remainder * np.conj(analytic), axis=1)) / power
     size = gain * np.sqrt(power / BLOCK) / amplitude

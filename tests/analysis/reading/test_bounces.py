@@ -1,10 +1,13 @@
 """The short flights between the first contacts: whether the block moves freely in them."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from analysis.reading import bounces
 from analysis.reading.bounces import (
     _as_it_grazes,
     _first_maximum,
@@ -34,6 +37,18 @@ def test_a_flight_whose_displacement_bends_by_more_than_the_noise_is_not_free(be
     displacement_m += np.random.default_rng(1).normal(0.0, RIG.noise_m, time_s.size)
     motion = motion_from(time_s, displacement_m, RIG)
     assert _is_straight(motion, (RELEASE, ONSET), RIG.noise_m) is straight
+
+
+@pytest.mark.parametrize(("edge", "sample", "straight"), [(0, 1, True), (0, 2, False), (1, -1, True), (1, -2, False)])
+def test_the_first_and_the_last_sample_of_a_flight_may_be_the_contacts(edge: int, sample: int, straight: bool) -> None:
+    time_s = np.arange(0.0, 3e-3, 1e-5)
+    ends = Edge(1.0e-3 + 1e-6, 1e-6), Edge(1.8e-3 - 1e-6, 1e-6)
+    pushed = 0.1 * time_s
+    at = round(ends[edge].time_s * 1e5) + sample
+    pushed[slice(None, at + 1) if edge == 0 else slice(at, None)] += 1e-7
+    assert _is_straight(motion_from(time_s, pushed, RIG), ends, RIG.noise_m) is straight
+    few = Edge(1.0e-3, 1e-6), Edge(1.045e-3, 1e-6)  # of three samples nothing is said
+    assert _is_straight(motion_from(time_s, 1e3 * time_s**2, RIG), few, RIG.noise_m)
 
 
 def test_what_the_flight_is_braked_by_is_taken_off_the_displacement() -> None:
@@ -167,3 +182,54 @@ def test_bounces_are_looked_for_in_the_first_two_fifths_of_a_contact_and_on_a_st
     assert moving.onsets[1].std_s > 1.4 * still.onsets[1].std_s
     holed = replace(motion, valid=np.arange(motion.time_s.size) != 1050)
     assert find_bounces(holed, touch, release, flight, floor(0.0)).onsets == (touch,)
+
+
+@pytest.mark.parametrize(("lasts", "level", "curved"), [(31, 1.0, None), (32, 1.39, False), (32, 1.41, True)])
+def test_a_flight_of_24_samples_has_a_line_of_its_own_which_a_floor_bends(
+    lasts: int, level: float, curved: bool | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """24 without an eighth at each end; a shorter one is fitted whole, with ten samples of contact on either side."""
+    seen: list[Any] = []
+    line = Flight(0.0, np.zeros(2), np.zeros((2, 2)), RIG.noise_m, 104, 100 + lasts - 4)
+    edge = Edge(1.0, 1.0)
+    monkeypatch.setattr(bounces, "fit_flight", lambda motion, *of, **how: seen.append((of, how)) or line)
+    monkeypatch.setattr(bounces, "edge_of_line", lambda motion, of, **how: seen.append((of.noise_std_m, how)) or edge)
+    monkeypatch.setattr(bounces, "edges_of_short_flight", lambda *of: seen.append(of) or (edge, edge))
+    time = np.arange(0.0, 3e-3, 1e-5)
+    noise_m = RIG.noise_m
+    motion = motion_from(time, -0.2 * time, RIG)
+    assert _flight_edges(motion, 100, 100 + lasts, noise_m, level * noise_m) == (edge, edge)
+    if curved is None:
+        ((at, x, std, release, onset),) = seen
+        assert (
+            at == pytest.approx(time[90:142]) and x == pytest.approx(motion.displacement_m[90:142]) and std == noise_m
+        )
+        assert release == pytest.approx((92e-5, 114e-5)) and onset == pytest.approx((117e-5, 139e-5))
+        seen.clear()
+        _flight_edges(motion, 5, 12, noise_m, noise_m)  # of a few samples a little more is searched
+        assert seen[0][0] == pytest.approx(time[:23])
+        assert seen[0][3] == pytest.approx((2e-5, 11e-5)) and seen[0][4] == pytest.approx((6e-5, 20e-5))
+        return
+    ends = {"nearest": 116, "curved": curved}
+    std, bend = (noise_m, 2) if curved else (level * noise_m, 0)
+    assert seen == [
+        ((104, 128), ends),
+        (pytest.approx(std), {"until": 104 - 44, "bend": bend}),
+        (pytest.approx(std), {"until": 128 + 44, "bend": bend}),
+    ]
+    monkeypatch.setattr(bounces, "fit_flight", lambda motion, *of, **how: None)
+    assert _flight_edges(motion, 100, 100 + lasts, noise_m, level * noise_m) is None
+
+
+def test_a_floor_is_asked_how_far_it_bends_a_flight_and_how_far_its_end_lies_off() -> None:
+    rig, asked = Synthetic(), list[Any]()
+    motion = motion_of(rig)
+    floor: Any = SimpleNamespace(
+        difference_std_m=lambda lag, order: asked.append((lag, order)) or 0.0,
+        end_std_m=lambda lasts, degree: asked.append((lasts, degree)) or 0.0,
+    )
+    flight = Flight(rig.touch_s, np.array([0.0, -0.265]), np.zeros((2, 2)), rig.noise_m, 0, 999)
+    found = find_bounces(motion, Edge(rig.touch_s, 1e-7), Edge(rig.touch_s + 28.7077e-3, 1e-6), flight, floor)
+    (half, second), (whole, first) = asked[:2]
+    assert (second, first) == (2, 1) and half == pytest.approx(0.5 * whole)
+    assert whole == pytest.approx(found.onsets[1].time_s - found.releases[0].time_s, abs=6e-5)

@@ -63,6 +63,9 @@ def test_the_duration_of_a_contact_follows_from_how_long_the_velocity_turns() ->
     slower = bounce(out=0.5 * SPEED)
     lengths = _contact_samples(motion_of(slower), slower, _Turn(0, 550, slower.size - 1, True))
     assert lengths is not None and lengths[1] == pytest.approx(SPEED / RATE, rel=1e-6)
+    # from 0.7 of its own speed to the turn each way, over the share of a half-sine that this is
+    share = (np.arcsin(0.7) + np.arcsin(0.35)) / (2.0 * np.arcsin(0.7))
+    assert lengths[0] == pytest.approx(share * 300, rel=0.1)
     assert _contact_samples(motion_of(gone), gone, _Turn(550, 550, 550, False)) is None
 
 

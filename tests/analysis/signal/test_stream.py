@@ -106,3 +106,20 @@ def test_what_comes_before_the_rest_frequency_is_known_keeps_its_order() -> None
     first = next(chunk for chunk in chunks if chunk.time_s.size)
     assert first.time_s.size > 1  # what waited comes with it
     assert np.all(np.diff(_joined(chunks, "time_s")) > 0)
+
+
+@pytest.mark.parametrize("rest_hz", [0.6e6, 2.73e6, 4.4e6])
+def test_a_beat_is_shown_with_its_frequency_and_height_up_to_its_farthest_doppler_shift(rest_hz: float) -> None:
+    """1.3 MHz, or three quarters of the way from the rest beat to zero or to half the sample rate."""
+    reach = min(1.3e6, 0.75 * rest_hz, 0.75 * (5e6 - rest_hz))
+    for share in (-0.9, 0.9):
+        speed = share * reach * 0.5 * 632.8e-9  # a beat below the rest beat where the block goes away
+        recording = make_recording(free_flight(speed), 300_000, rest_hz=rest_hz)
+        still = make_recording(free_flight(0.0), 60_000, rest_hz=rest_hz)
+        live = LiveDemodulator(10e6, 1, 0, recording.setup)
+        _run(live, still.counts, 20_000)
+        last = _run(live, recording.counts, 50_000)[-1]
+        assert last.beat_frequency_hz[-20:] == pytest.approx(rest_hz - share * reach, abs=50.0)
+        assert last.velocity_m_per_s[-20:] == pytest.approx(speed, abs=2e-5)
+        assert last.amplitude_counts[-20:] == pytest.approx(8000.0, rel=0.35)  # less at the edge of the band
+        assert last.amplitude_counts[-20:].std() < 50.0 and np.abs(last.force_n[-20:]).max() < 2e-3

@@ -109,6 +109,15 @@ def test_each_reading_has_its_own_noise_under_its_own_name_as_type_a() -> None:
         assert tables[key].std == pytest.approx(reading.std), key
 
 
+def test_what_cancels_from_a_stiffness_and_a_ratio_is_listed_without_sensitivity() -> None:
+    tables = rows_of({"wavelength_vacuum_relative": 1e-3, "alignment_limit_rad": 0.05})
+    for key in ("plate_stiffness_n_per_m", "stiffness_slope_n_per_m", "cor_quasi_static", "cor_impulse"):
+        found = {row.source: row.sensitivity for row in tables[key].rows}
+        assert found["wavelength in vacuum"] == found["alignment (cosine)"] == 0.0, key
+    for key in ("plate_mass_kg", "contact_time_s"):
+        assert not {"wavelength in vacuum", "alignment (cosine)"} & {row.source for row in tables[key].rows}
+
+
 def test_a_contradicted_rate_is_in_the_clock_alone_though_every_reading_carries_it() -> None:
     """Each number's own noise is what it was before the rate's error was added to it, whatever its power of time."""
     time = np.arange(0.0, 0.01, 1e-5)

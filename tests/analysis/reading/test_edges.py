@@ -1,5 +1,6 @@
 """Where a contact begins and ends: exact departures from flight, least squares by other means, and a true ±."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from analysis.reading import edges
 from analysis.reading.edges import (
     Edge,
     _bend_of,
@@ -216,10 +218,10 @@ def test_both_edges_of_a_short_flight_scatter_as_their_uncertainties_say() -> No
     for seed in range(40):
         shift = 1e-5 * float(np.random.default_rng(seed).uniform())
         true = 1.0e-4 + shift, 1.8e-4 + shift
-        edges = edges_of_short_flight(*short_flight(*true, seed), NOISE_M, (2e-5, 1.5e-4), (1.4e-4, 2.7e-4))
-        assert edges is not None
-        widest.append(max(edge.std_s for edge in edges))
-        pulls.append([(edge.time_s - at) / edge.std_s for edge, at in zip(edges, true, strict=True)])
+        both = edges_of_short_flight(*short_flight(*true, seed), NOISE_M, (2e-5, 1.5e-4), (1.4e-4, 2.7e-4))
+        assert both is not None
+        widest.append(max(edge.std_s for edge in both))
+        pulls.append([(edge.time_s - at) / edge.std_s for edge, at in zip(both, true, strict=True)])
     rms = np.sqrt(np.mean(np.square(pulls), axis=0))
     assert np.all((rms > 0.5) & (rms < 1.4)), rms
     assert np.median(widest) < 1.5e-5
@@ -235,3 +237,83 @@ def test_a_short_flight_whose_edge_lies_beyond_its_range_is_refused() -> None:
     plain = edges_of_short_flight(time, x, NOISE_M, (2e-5, 1.5e-4), (1.4e-4, 2.7e-4))
     assert louder is not None and plain is not None  # noise ten times the stated one is seen in what is left over
     assert [edge.std_s for edge in louder] == pytest.approx([edge.std_s for edge in plain], rel=0.6)
+
+
+def test_a_line_of_one_degree_more_and_a_shorter_departure_tell_the_systematic_error(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    seen: list[Any] = []
+    times = {(2, 200.0): 1.0, (3, 200.0): 1.02, (2, 200.0 / 3.0): 0.95, (0, 200.0): 1.0}
+
+    def edge_in(
+        motion: Any, window: Any, departure: Any, levels: Any, sign: int, bend: int, *, bending: bool = False
+    ) -> Any:
+        seen.append((bend, levels[1], bending))
+        return Edge(times[bend, levels[1]], 1e-3)
+
+    monkeypatch.setattr(edges, "_edge_in", edge_in)
+    anything: Any = None
+    levels = 1.0, 200.0, 0.0
+    for bend, bending, apart, tried in (
+        (2, False, 0.05, [(2, 200.0), (3, 200.0), (2, 200.0 / 3.0)]),
+        (2, True, 0.02, [(2, 200.0), (3, 200.0)]),
+        (0, False, 0.0, [(0, 200.0)]),
+    ):
+        seen.clear()
+        found = edges._edge_with_error(anything, anything, anything, levels, 1, bend, bending=bending)
+        assert found is not None and found[0] == Edge(1.0, 1e-3)
+        assert found[1] == pytest.approx(apart)
+        assert seen == [(*one, bending) for one in tried]
+    monkeypatch.setattr(edges, "_edge_in", lambda *of, **how: None)
+    assert edges._edge_with_error(anything, anything, anything, levels, 1, 2) is None
+
+
+@pytest.mark.parametrize(("sign", "depth_m"), [(1, 2e-4), (1, 1e-8), (1, 1e-2), (-1, 2e-4)])
+def test_an_edge_is_fitted_over_a_millisecond_of_flight_to_so_deep_a_departure(
+    sign: int, depth_m: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A bending force is tried first at a touch, to a departure ten times as deep."""
+    tried: list[Any] = []
+    monkeypatch.setattr(edges, "_edge_with_error", lambda motion, *of, **how: tried.append((of, how)) or None)
+    motion = departing(0.01, sign * 2.0, 2500.0, sign=sign, seed=1, noise_m=1e-12)
+    ends = (0, 999) if sign > 0 else (1001, 1999)
+    assert edge_of_flight(motion, ends, 1000, until=1000 + sign * 300, depth_m=depth_m, guard_s=2e-4) is None
+    std = NOISE_M  # as stated, more than is seen
+    most = max(12 * std, min(200 * std, 3e-5 * depth_m)) if sign > 0 else 200 * std
+    levels = [(10.0 * most, True), (most, False)] if sign > 0 else [(most, False)]
+    assert len(tried) == len(levels)
+    for ((window, departure, (noise, deep, omega), way, bend), how), (level, bending) in zip(
+        tried, levels, strict=True
+    ):
+        assert window.tolist() == list(range(1000 - sign * 120, 1000 + sign * 301, sign))
+        assert np.abs(departure[:100]).max() < 1e-11 and abs(departure[-1]) > 1e-8
+        assert (noise, deep, way, bend) == (std, pytest.approx(level), sign, 1)
+        assert omega == pytest.approx(0.2 / depth_m, rel=1e-3) and how.get("bending", False) is bending
+
+
+def test_what_is_late_apart_and_random_adds_in_an_edge(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(edges, "_edge_with_error", lambda *of, **how: (Edge(0.0101, 2e-6), 3e-6))
+    monkeypatch.setattr(edges, "_later", lambda u, *of: 6e-6 + 0.0 * float(u[0]))
+    motion = departing(0.01, 2.0, 2500.0, sign=1, seed=1)
+    edge = edge_of_flight(motion, (0, 999), 1000, until=1500, depth_m=2e-3, guard_s=1e-4)
+    assert edge == Edge(0.0101, pytest.approx(7e-6))
+    backwards = edge_of_flight(motion, (1001, 1999), 1000, until=500, depth_m=2e-3, guard_s=1e-4)
+    assert backwards == Edge(0.0101, pytest.approx(np.hypot(2e-6, 3e-6)))
+    seen: list[float] = []
+    monkeypatch.setattr(edges, "_later", lambda u, *of: seen.append(float(u[0])) or 0.0)
+    edge_of_flight(motion, (0, 999), 1000, until=1500, depth_m=2e-3, guard_s=1e-4)
+    assert seen == [pytest.approx(-1.1e-3 - 1e-4)]  # times count from the edge that was found
+
+
+def test_a_slow_record_gives_64_samples_to_the_line_of_its_flight(monkeypatch: pytest.MonkeyPatch) -> None:
+    windows: list[Any] = []
+    monkeypatch.setattr(edges, "_edge_with_error", lambda motion, window, *of, **how: windows.append(window) or None)
+    time = np.arange(0.0, 1.0, 2e-3)
+    slow = motion_from(time, -0.2 * time + 1e-9 * np.sin(time * 1e5), Synthetic(rate_hz=500.0, bandwidth_hz=100.0))
+    edge_of_flight(slow, (0, 299), 300, until=320, depth_m=1e-3, guard_s=6e-3)
+    edge_of_flight(slow, (270, 299), 300, until=320, depth_m=1e-3, guard_s=0.0)
+    edge_of_flight(slow, (0, 299), 300, until=9999, depth_m=1e-3, guard_s=6e-3)
+    assert [(window[0], window[-1]) for window in windows[::2]] == [(300 - 64 - 3, 320), (270, 320), (233, 499)]
+    held = replace(slow, valid=np.arange(500) != 290)
+    edge_of_flight(held, (0, 299), 300, until=320, depth_m=1e-3, guard_s=6e-3)
+    assert 290 not in windows[-1] and 289 in windows[-1]

@@ -151,6 +151,14 @@ def test_the_root_is_that_of_one_and_the_motion_its_diagonal_a_part_larger() -> 
     assert root_of(scaled) @ root_of(scaled).T == pytest.approx(np.eye(4) + motion, rel=1e-12)
 
 
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+def test_what_is_no_number_has_no_root(wrong: float) -> None:
+    scaled = np.random.default_rng(1).standard_normal((4, 3))
+    scaled[2, 1] = wrong
+    with pytest.raises(np.linalg.LinAlgError), np.errstate(invalid="ignore"):
+        root_of(scaled)
+
+
 def test_numbers_of_a_chain_are_as_likely_as_their_sizes_and_steps() -> None:
     level, step, at = np.array([2.0, np.inf, 3.0]), np.array([0.5, 4.0]), np.array([0.3, -1.0, 2.0])
     square = (0.3 / 2.0) ** 2 + (2.0 / 3.0) ** 2 + (1.3 / 0.5) ** 2 + (3.0 / 4.0) ** 2

@@ -70,6 +70,17 @@ def test_a_gap_separates_the_live_signals_and_is_counted_in_time() -> None:
     assert np.all(np.diff(_joined(chunks, "time_s")) > 0)
 
 
+def test_a_gap_of_unknown_length_separates_the_signals_and_takes_no_time() -> None:
+    recording = make_recording(free_flight(-0.3), 400_000)
+    live = LiveDemodulator(10e6, 1, 0, recording.setup)
+    chunks = _run(live, recording.counts[:200_000], 20_000)
+    live.gap(None)
+    chunks += _run(live, recording.counts[237_123:], 20_000)
+    time_s, velocity = _joined(chunks, "time_s"), _joined(chunks, "velocity_m_per_s")
+    assert np.isnan(velocity).sum() == 1 and np.all(np.diff(time_s) > 0)
+    assert time_s[-1] == pytest.approx(0.04 - 37_123 / 10e6, abs=6e-3)
+
+
 def test_it_waits_for_light_and_states_so() -> None:
     recording = make_recording(free_flight(0.1), 200_000)
     live = LiveDemodulator(10e6, 1, 0, recording.setup)

@@ -118,6 +118,8 @@ def test_a_disturbance_has_the_share_of_the_variance_that_white_noise_alone_woul
     assert _shares(quiet, impact) == pytest.approx({"velocity_in_m_per_s": 0.64, "velocity_out_m_per_s": 0.0})
     unseen = impact_of(velocity_in_m_per_s=Quantity(-0.265, 5e-6), velocity_out_m_per_s=NotSeen("no release"))
     assert _shares(quiet, unseen) == pytest.approx({"velocity_in_m_per_s": 0.64})
+    certain = impact_of(velocity_in_m_per_s=Quantity(-0.265, 0.0), velocity_out_m_per_s=NotSeen("no release"))
+    assert _shares(quiet, certain) == {}
 
 
 def test_the_impulse_of_the_pulse_scatters_as_its_uncertainty_says_in_a_building() -> None:

@@ -34,7 +34,7 @@ RIG = Synthetic(rate_hz=RATE_HZ, noise_m=NOISE_M)
 def least_of(design: Floats, wanted: Floats, free: list[bool]) -> float:
     """Return what columns leave of the squares, coefficients >= 0 but for the free."""
     low = np.where(free, -np.inf, 0.0)
-    solution = lsq_linear(design, wanted, (low, np.full(low.size, np.inf)), tol=1e-14)
+    solution = lsq_linear(design, wanted, (low, np.full(low.size, np.inf)), method="bvls", tol=1e-14)
     return float(np.sum((wanted - design @ solution.x) ** 2))
 
 
@@ -317,3 +317,34 @@ def test_a_slow_record_gives_64_samples_to_the_line_of_its_flight(monkeypatch: p
     held = replace(slow, valid=np.arange(500) != 290)
     edge_of_flight(held, (0, 299), 300, until=320, depth_m=1e-3, guard_s=6e-3)
     assert 290 not in windows[-1] and 289 in windows[-1]
+
+
+@pytest.mark.parametrize("bend", [1, 2])
+@pytest.mark.parametrize(("tension", "louder"), [(False, 1.0), (True, 1.0), (False, 3.0)])
+def test_an_instant_is_weighed_over_both_models_and_every_line_by_bounded_least_squares(
+    bend: int, tension: bool, louder: float
+) -> None:
+    """Trial by trial: a line, a slope of force, and a step of three times less credit, in more noise than is said."""
+    random = np.random.default_rng(bend)
+    u = np.linspace(-6e-4, 2e-4, 41)
+    since = np.maximum(u - 1.3e-5, 0.0)
+    x = 2e-9 * u / 6e-4 + 2.0 * since**2 / 2 + 2500.0 * since**3 / 6 + louder * NOISE_M * random.standard_normal(41)
+    found = edges._least_squares_edge(u, x, NOISE_M, (-1.5e-4, 1.5e-4), (bend, 0.0, 0), tension=tension)
+    assert found is not None
+    trials = np.linspace(-1.5e-4, 1.5e-4, 301)
+    line = np.vander(u / 6e-4, bend + 1)
+    costs = []
+    for trial in trials:
+        after = np.maximum(u - trial, 0.0) / 2e-4
+        both = np.column_stack([after**2, after**3, line])
+        free = [tension, False] + [True] * (bend + 1)
+        costs.append([least_of(both, x / NOISE_M, free), least_of(both[:, 1:], x / NOISE_M, free[1:])])
+    least = max(1.0, np.min(costs) / (41 - bend - 4))
+    assert least > 4.0 or louder == 1.0
+    likely = np.array(costs) / least
+    cost = -2.0 * np.logaddexp(-0.5 * likely[:, 0], np.log(3.0) - 0.5 * likely[:, 1])
+    weight = np.exp(-0.5 * (cost - cost.min()))
+    mean = weight @ trials / weight.sum()
+    std = np.sqrt(weight @ (trials - mean) ** 2 / weight.sum())
+    assert found.time_s == pytest.approx(mean, abs=0.1 * std)
+    assert found.std_s == pytest.approx(std, rel=0.1)

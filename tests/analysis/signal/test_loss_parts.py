@@ -12,6 +12,7 @@ from analysis.signal.losses import (
     _extrapolated,
     _joined,
     _jumps,
+    _losses,
     _moving_jump,
     _wrapped,
     kinks,
@@ -134,3 +135,15 @@ def test_a_moving_beat_jumps_by_the_samples_that_are_missing(lost: int) -> None:
     x[2048:2078] = 0.0  # what lies between the two sides is left out
     again = _moving_jump(x, 2048, 30)
     assert again is not None and again[1] == pytest.approx(jump, abs=5e-3)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize(("samples", "found"), [(63, False), (64, True), (400, True)])
+def test_a_loss_is_examined_with_64_samples_on_either_side(samples: int, found: bool, turned: bool) -> None:
+    """Half of the shorter side is doubtful, 32 samples at least; the rest tells the phase of the beat."""
+    n = np.arange(1000)
+    n = np.where(n < (1000 - samples if turned else samples), n, n + 3)
+    rest, moving = (np.rint(900 * np.cos(2 * np.pi * turns * n)).astype(np.int16) for turns in (TURNS, 0.3131))
+    at = 1000 - samples if turned else samples
+    gaps = _losses(rest, moving, at, TURNS)
+    assert [(gap.sample_start, gap.samples_lost) for gap in gaps] == ([(at, 3)] if found else [])

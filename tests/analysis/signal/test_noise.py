@@ -15,7 +15,7 @@ def _walk(w: float, seed: int) -> float:
     random = np.random.default_rng(seed)
     path = np.cumsum(random.normal(0.0, w / np.sqrt(RATE_HZ), SAMPLES)) + random.normal(0.0, STD_M, SAMPLES)
     acceleration = np.zeros(SAMPLES)
-    acceleration[2500:3300] = 1e6
+    acceleration[2500:3300] = 1e6 * (-1.0) ** seed  # a push, or a pull
     path[2500:3300] += 1e-6 * np.sin(np.linspace(0.0, np.pi, 800))
     path -= 0.2 * np.arange(SAMPLES) / RATE_HZ
     return wander(path, np.full(SAMPLES, STD_M), acceleration, np.full(SAMPLES, 1.0), RATE_HZ)

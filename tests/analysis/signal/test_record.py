@@ -94,7 +94,10 @@ def test_a_record_s_rate_band_mass_and_flags_are_its_own() -> None:
     assert motion.force_n == pytest.approx(0.1 * motion.acceleration_m_per_s2, nan_ok=True)
     assert motion.force_std_n == pytest.approx(0.1 * motion.acceleration_std_m_per_s2, nan_ok=True)
     for asked in (None, 1e4):
-        assert motion_from_displacement(TIME, _wave(), None, None, 0.1, 0.0, asked).bandwidth_hz == pytest.approx(100)
+        assert motion_from_displacement(
+            TIME, _wave(), None, None, 0.1, bandwidth_hz=asked
+        ).bandwidth_hz == pytest.approx(100)
+    assert motion_from_displacement(TIME, _wave(), None, None, 0.1).moving_mass_u_kg == 0.0
     for mass in (0.0, -0.1):
         with pytest.raises(AnalysisError, match="moving_mass_kg"):
             motion_from_displacement(TIME, _wave(), None, None, mass)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.reading import both_flights
 from analysis.reading.both_flights import _straight_lines, find_knocks, read_flights
 from analysis.reading.flight import MOST_BINS, Bins, Flight, binned, fit_flight, select
 from analysis.shot.motion import Motion
@@ -123,6 +124,22 @@ def test_two_flights_are_least_squares_with_velocities_at_the_ends_that_face_the
     alone_in = read_flights(motion, (0, 249), None)
     assert alone_in is not None and alone_in.outgoing is None
     assert (alone_in.plain[1], alone_in.velocity_covariance) == (0.0, 0.0)
+
+
+def test_knocks_are_left_out_of_the_bins_and_told_from_first_to_last_sample(monkeypatch: pytest.MonkeyPatch) -> None:
+    motion = parabola()
+    plain = read_flights(motion, (0, 249), (300, 599))
+    monkeypatch.setattr(both_flights, "find_knocks", lambda *of: ([(10, 14), (60, 62)], True))
+    flights = read_flights(motion, (0, 249), (300, 599))
+    assert plain is not None and flights is not None and flights.knocks_kept and not plain.knocks_kept
+    (first, second) = flights.knocks_s  # 50 bins of five samples to the touch, the others from the release on
+    assert first == pytest.approx((TIME_S[50], TIME_S[69])) and second == pytest.approx((TIME_S[350], TIME_S[359]))
+    loud = motion.displacement_m.copy()
+    loud[50:70] += 1e-6
+    loud[350:360] -= 1e-6
+    shaken = read_flights(motion_from(TIME_S, loud, RIG), (0, 249), (300, 599))
+    assert shaken is not None
+    assert shaken.incoming.coefficients == pytest.approx(flights.incoming.coefficients, rel=1e-6)
 
 
 @pytest.mark.parametrize("bins", [3, 4])

@@ -10,9 +10,9 @@ import pytest
 
 from analysis.shot.motion import BeatQuality
 from analysis.shot.quantity import NotSeen, Quantity
-from analysis.shot.recording import Setup
+from analysis.shot.recording import Plate, Setup
 from analysis.shot.sample_rate_error import fit_with_rate_error, with_rate_error
-from analysis.uncertainty.budget_sources import InstrumentUncertainty
+from analysis.uncertainty.budget_sources import InstrumentUncertainty, ShotSources
 from analysis.uncertainty.gum_budget import (
     COLUMNS,
     Budget,
@@ -28,6 +28,7 @@ from analysis.uncertainty.measurement_equations import between_onsets, between_p
 from tests.analysis.shots import ONSETS, PEAKS, RELEASES, at_speed, paper_impact, shot_of
 from tests.analysis.synthetic_collision import Synthetic, motion_from
 
+NOISES = ("beat noise", "repeatability", "m_p* of the fit", "k_N of the fit")
 QUIET = dict.fromkeys(
     (
         "mass_u_kg", "wavelength_vacuum_relative", "air_temperature_u_k", "air_pressure_u_pa", "air_humidity_u_percent",
@@ -299,6 +300,35 @@ def test_a_reading_is_stated_with_its_combined_uncertainty() -> None:
     assert stated(reading, "a", {"b": 0.5}) is reading
     unseen = NotSeen("x")
     assert stated(unseen, "a", {"a": 0.5}) is unseen
+
+
+def test_each_source_has_the_unit_of_its_own_kind() -> None:
+    plate = Plate(15e-3, 2e-3, 0.3e-3, 10e-3, 8510.0, 131e9)
+    known = replace(InstrumentUncertainty(), rest_frequency_u_hz=1.0)
+    time = np.arange(0.0, 0.01, 1e-5)
+    motion = motion_from(time, -0.2 * time, Synthetic())
+    units: dict[str, set[str]] = {}
+    for table in budget(shot_of(setup=replace(SETUP, plate=plate), motion=motion), known).quantities:
+        for row in table.rows:
+            units.setdefault(row.source, set()).add(row.unit)
+            assert row.kind == ("A" if row.source.split(",")[0] in NOISES else "B"), row.source
+    expected = {
+        "mass": "kg", "timebase": "1", "alignment (cosine)": "1", "wavelength in vacuum": "m", "air temperature": "K",
+        "air pressure": "Pa", "air humidity": "%", "rest frequency": "Hz", "bandwidth": "1", "bandwidth, T1": "s",
+        "plate: arm length": "m", "plate: arm width": "m", "plate: thickness": "m", "plate: disc diameter": "m",
+        "plate: beam theory": "1", "m_p* of the fit": "kg", "k_N of the fit": "N/m",
+    }  # fmt: skip
+    assert {source: units[source] for source in expected} == {source: {unit} for source, unit in expected.items()}
+    table = ShotSources(shot_of(setup=SETUP), known)
+    made = table.plate(plate)
+    sources = {name: table.variables.source(number) for name, number in made.items() if name != "youngs_modulus_pa"}
+    assert {name: source.unit for name, source in sources.items()} == {
+        "arm_length_m": "m", "arm_width_m": "m", "thickness_m": "m", "disc_diameter_m": "m", "density_kg_m3": "kg/m3",
+        "beam_theory": "1",
+    }  # fmt: skip
+    modulus: Any = made["youngs_modulus_pa"]
+    assert table.variables.source(modulus).unit == "Pa" and modulus.std_dev == pytest.approx(0.02 * 131e9)
+    assert made["arm_width_m"].nominal_value == 2e-3  # type: ignore[union-attr]
 
 
 def test_without_a_fit_or_a_converged_one_a_slope_is_not_corrected() -> None:

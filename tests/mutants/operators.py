@@ -20,6 +20,7 @@ _EITHER_WAY_OF_NUMPY = (
     "logical_or",
     "array_equal",
 )
+_EITHER_WAY_OF_LLVM = ("add", "mul")  # of the builder of its instructions
 _COUNTED = 9  # an integer up to which one more is one too many; a larger one is a size, and doubled
 _GUARD = "strict"  # of zip: what it guards against is another fault of the program
 _GENERIC = ("Callable", "Generic", "Mapping", "NDArray", "Sequence", "dict", "list", "tuple")  # subscripted: a type
@@ -113,8 +114,9 @@ def _changes(node: ast.AST, source: bytes, starts: list[int]) -> Iterator[tuple[
             if name in _THROUGH and arguments:
                 yield "call left out", node, f"({text(arguments[0])})"
             plain = len(arguments) >= 2 and not any(isinstance(a, ast.Starred) for a in arguments)
-            of_numpy = isinstance(called, ast.Attribute) and getattr(called.value, "id", "") == "np"
-            commutes = name in _EITHER_WAY or (of_numpy and name in _EITHER_WAY_OF_NUMPY)
+            of = getattr(called.value, "id", "") if isinstance(called, ast.Attribute) else ""
+            either_way = {"np": _EITHER_WAY_OF_NUMPY, "builder": _EITHER_WAY_OF_LLVM}.get(of, ())
+            commutes = name in _EITHER_WAY or name in either_way
             if plain and not commutes and text(arguments[0]) != text(arguments[1]):
                 rest = [text(a) for a in arguments[2:]] + [text(k) for k in named]
                 swapped = ", ".join([text(arguments[1]), text(arguments[0]), *rest])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from analysis.reading.site import (
     CENTRES_HZ,
@@ -70,6 +71,17 @@ def test_a_line_counts_whole_in_its_own_band_and_chance_is_taken_off_the_rest_al
     bins = [np.count_nonzero((c * 10**-0.05 <= F_HZ) & (c * 10**0.05 > F_HZ)) for c in CENTRES_HZ]
     assert (rms / least) ** 2 == pytest.approx([_most_by_chance(max(n, 1)) for n in bins])
     assert _most_by_chance(1) > _most_by_chance(5) > _most_by_chance(100) > 1.0
+
+
+@pytest.mark.parametrize("bins", [1, 2, 3, 9])
+def test_a_mean_of_bins_scatters_as_their_shares_of_one_hann_window_say(bins: int) -> None:
+    """Relative variance of the mean of powers that are correlated by the window's own transform."""
+    n = np.arange(4096)
+    weights = np.sin(np.pi * (n + 0.5) / n.size) ** 4
+    shared = [abs(np.sum(weights * np.exp(2j * np.pi * k * n / n.size)) / weights.sum()) ** 2 for k in range(bins)]
+    variance = sum((bins if k == 0 else 2 * (bins - k)) * share for k, share in enumerate(shared)) / bins**2
+    freedom = 2.0 / variance
+    assert _most_by_chance(bins) == pytest.approx(chi2.isf(0.05 / 11, freedom) / freedom, rel=1e-3)
 
 
 def test_the_criteria_are_those_of_the_curves_in_um_per_s() -> None:

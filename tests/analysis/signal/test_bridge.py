@@ -148,6 +148,20 @@ def test_twelve_samples_on_either_side_are_enough_to_join(known: int) -> None:
         assert out[210] == pytest.approx(4e-7 * 210 + (3.0 * fringe if known < 12 else 0.0), abs=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("dark", "doubtful"), [((1000, 1380), 0), ((1000, 1500), 1), ((0, 500), 0), ((1500, 1998), 0), ((1500, 1980), 1)]
+)
+def test_a_darkness_too_long_to_bridge_is_doubtful_where_the_beat_is_seen_on_either_side(
+    dark: tuple[int, int], doubtful: int
+) -> None:
+    index = np.arange(2000)
+    power = np.where((index >= dark[0]) & (index < dark[1]), 0.0, 1.0).astype(np.float32)
+    bridge = Bridge(0.3, 4, 3)
+    pieces = [*bridge.feed(0, SLOPE * index, power), *bridge.finish()]
+    assert bridge.doubtful == doubtful and len(bridge.holes) == 1 and bridge.breaks == []
+    assert sum(piece.size for _, piece, _ in pieces) == 2000
+
+
 def test_a_stretch_that_begins_late_has_no_hole_before_it() -> None:
     bridge = Bridge(0.3, 4, 3)
     pieces = [*bridge.feed(5000, SLOPE * np.arange(900), np.ones(900, np.float32)), *bridge.finish()]

@@ -11,6 +11,7 @@ from analysis.signal.tuning import (
     BATCH,
     IMAGE_REJECTION_DB,
     PHASE_STEPS,
+    _window,
     fixed_schedule,
     following_schedule,
     tune,
@@ -137,3 +138,19 @@ def test_plans_begin_with_a_band_that_follows_the_beat_and_end_with_one_that_hol
         assert rest_hz == pytest.approx(2.73e6, abs=300.0)
     alone = next(demodulation_plans(seen, None, recording, settings))
     assert alone.rest_tuning is None is alone.rest_schedule
+
+
+@pytest.mark.parametrize("asked", ASKED)
+def test_no_other_decimation_and_length_would_be_cheaper(asked) -> None:
+    """A phase costs its taps over the decimation, and some four samples' worth and twenty for each phase besides."""
+    rate, low, high, half, least, divides = asked
+    tuning = tune(*asked)
+    edge = min(2 * low, rate - 2 * high) - half
+    costs = {}
+    for decimation in range(1, int(rate / max(least, 2.4 * half)) + 1):
+        for share in (4, 8, 12, 16, 24, 32, 48, 64, 96, 128):
+            possible = share * decimation <= 4096 and not (divides and divides % decimation)
+            if possible and _window(rate, decimation, share, half, edge) is not None:
+                costs[decimation, share] = 20.0 / decimation + 4.0 + share
+                break
+    assert costs[tuning.decimation, tuning.length // tuning.decimation] == min(costs.values())

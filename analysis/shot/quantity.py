@@ -34,7 +34,7 @@ class Quantity:
         """Render it with a power of ten where it would begin with zeros or have more than five digits."""
         if not self.value or 1e-2 <= abs(self.value) < 1e5:
             return str(self)
-        exponent = int(f"{abs(self.value):e}".partition("e")[2])
+        exponent = int(f"{self.value:e}".partition("e")[2])
         return f"({self.scaled(10.0**-exponent)})e{exponent}"
 
     def scaled(self, factor: float) -> "Quantity":

@@ -90,6 +90,10 @@ def test_without_pd0_every_velocity_is_off_by_half_a_wavelength_of_the_rest_beat
     assert isinstance(deepest, Quantity) and isinstance(lasts, Quantity)
     sheared = math.hypot(deepest.std, 0.5 * lasts.value * offset)  # for half of the contact
     assert wider.deflection_max_m == replace(deepest, std=pytest.approx(sheared))
+    blind = with_rate_error(replace(impact, cor_impulse=NotSeen("x"), contact_time_s=NotSeen("y")), alone)
+    assert (blind.cor_impulse, blind.deflection_max_m) == (NotSeen("x"), deepest)
+    resting = with_rate_error(replace(impact, velocity_in_m_per_s=Quantity(0.0, 1e-6)), alone)
+    assert resting.cor_quasi_static == impact.cor_quasi_static  # a ratio to nothing says nothing
     # both velocities move alike: (v_out + d) / (v_in + d)
     before, after = impact.cor_quasi_static, wider.cor_quasi_static
     assert isinstance(before, Quantity) and isinstance(after, Quantity)

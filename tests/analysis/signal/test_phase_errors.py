@@ -8,7 +8,7 @@ import pytest
 
 from analysis.shot.recording import Gap, Recording, Role
 from analysis.signal import phase_errors
-from analysis.signal.phase_errors import Leak, find_leak
+from analysis.signal.phase_errors import Leak, find_leak, leak_phase
 from analysis.signal.rest import fit_rest_phase
 from analysis.signal.survey import survey
 from analysis.signal.track import BeatSpec, Grid, read_tracks
@@ -103,3 +103,33 @@ def test_beside_a_loss_a_leak_is_read_in_the_first_piece_that_is_long_enough(at:
     assert leak is not None
     assert leak.ratio == pytest.approx(0.02, rel=0.02)
     assert leak.cycles == pytest.approx(PHASE, abs=5e-3)
+
+
+@pytest.mark.parametrize("speed", [0.002, 0.006, 0.012])  # Doppler shifts of 6, 19 and 38 kHz: in the band, and beyond
+def test_a_leak_adds_to_a_phase_what_band_pass_and_decimator_leave_of_its_ripple(speed: float) -> None:
+    phases = []
+    for share in (0.0, 0.05):
+        start = float(np.random.default_rng(1).uniform(0, 2 * np.pi))
+
+        def alter(role: Role, t: Any, signal: Any, share: float = share, start: float = start) -> Any:
+            leak = share * 8000.0 * np.cos(2 * np.pi * (REST_HZ * t + PHASE) + start)
+            return signal + leak if role is Role.MEASUREMENT else signal
+
+        recording = make_recording(free_flight(-speed), 60_000, snr_db=None, alter=alter)
+        grid = Grid.of(recording, 100)
+        hz = REST_HZ + 2 * speed / WAVELENGTH_M
+        tuned = tune(10e6, 2.7e6, 2.8e6, 130e3, 450e3, 100)
+        spec = BeatSpec(tuned, fixed_schedule(tuned, hz), 1, survey(recording.counts[:, 1], 10e6, 16, "x"))
+        (track,) = read_tracks(recording, [spec], grid, None, None)
+        delay_s = tuned.delay_samples / 10e6
+        phases.append(track.phase_cycles + track.oscillator_hz * (grid.time_s(tuned) - delay_s))
+    time_s = grid.time_s(tuned)
+    rest = REST_HZ * time_s + start / (2 * np.pi)
+    inner = slice(30, -30)
+    added = leak_phase(Leak(0.05, 0.0, PHASE), phases[1], rest, track, grid)
+    seen = phases[1] - phases[0]
+    seen -= np.rint(np.nanmedian(seen))
+    largest = np.abs(seen[inner]).max()
+    assert largest < 0.06 / (2 * np.pi)
+    # the window's centre is where both phases are meant: the leak's own phase there is PHASE
+    assert np.abs(added[inner] - seen[inner]).max() < 0.03 * 0.05 / (2 * np.pi) + 0.02 * largest

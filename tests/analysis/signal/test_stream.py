@@ -74,6 +74,7 @@ def test_a_gap_of_unknown_length_separates_the_signals_and_takes_no_time() -> No
     recording = make_recording(free_flight(-0.3), 400_000)
     live = LiveDemodulator(10e6, 1, 0, recording.setup)
     chunks = _run(live, recording.counts[:200_000], 20_000)
+    assert live.rate_hz == pytest.approx(10e3, rel=0.05)  # where nothing else is asked for
     live.gap(None)
     chunks += _run(live, recording.counts[237_123:], 20_000)
     time_s, velocity = _joined(chunks, "time_s"), _joined(chunks, "velocity_m_per_s")

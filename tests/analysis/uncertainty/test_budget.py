@@ -210,6 +210,8 @@ def test_a_motion_record_brings_its_own_length() -> None:
     record = shot_of(setup=None, motion=replace(motion_of(Synthetic()), wavelength_m=None))
     velocity = of(record, "velocity_in_m_per_s")
     assert {row.source for row in velocity.rows} == {"beat noise, flight in", "timebase"}
+    stated = replace(record, setup=LASER)  # whatever a file beside it says of a laser
+    assert {row.source for row in of(stated, "velocity_in_m_per_s").rows} == {"beat noise, flight in", "timebase"}
 
 
 def test_a_shot_that_shows_little_has_a_short_budget() -> None:

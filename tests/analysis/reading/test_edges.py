@@ -19,6 +19,7 @@ from analysis.reading.edges import (
     _grams_of_each,
     _later,
     _likelihood_mean,
+    _of_both,
     edge_of_flight,
     edge_of_line,
     edges_of_short_flight,
@@ -38,7 +39,7 @@ def least_of(design: Floats, wanted: Floats, free: list[bool]) -> float:
     return float(np.sum((wanted - design @ solution.x) ** 2))
 
 
-@pytest.mark.parametrize("free", [[False] * 4, [True, False, False, False], [True, False, False]])
+@pytest.mark.parametrize("free", [[False] * 4, [True, *[False] * 5], [True, False, False]])
 def test_what_columns_explain_is_what_bounded_least_squares_leaves_out(free: list[bool]) -> None:
     random = np.random.default_rng(len(free) + sum(free))
     for _ in range(20):
@@ -70,16 +71,23 @@ def test_the_costs_of_an_edge_are_those_of_every_trial_with_and_without_its_step
         assert costs[k] == pytest.approx(best, rel=1e-6)
 
 
-def test_the_costs_of_two_edges_are_those_of_every_pair_the_releases_step_free() -> None:
+@pytest.mark.parametrize("terms", [2, 3])
+def test_the_costs_of_two_edges_are_those_of_every_pair_the_releases_step_free(terms: int) -> None:
     random = np.random.default_rng(5)
-    flat, wanted = random.standard_normal((20, 2 * 6)), random.standard_normal(20)
+    flat, wanted = random.standard_normal((20, 3 * 6)), random.standard_normal(20)
     costs = np.empty((3, 3))
-    _costs_of_two(flat.T @ flat, flat.T @ wanted, float(wanted @ wanted), costs)
-    sides = np.split(flat, 6, axis=1)
+    _costs_of_two(flat.T @ flat, flat.T @ wanted, float(wanted @ wanted), terms, costs)
+    sides = [side[:, :terms] for side in np.split(flat, 6, axis=1)]
     for i in range(3):
         for j in range(3):
             both = np.hstack([sides[i], sides[3 + j]])
-            assert costs[i, j] == pytest.approx(least_of(both, wanted, [True, False, False, False]), rel=1e-6)
+            assert costs[i, j] == pytest.approx(least_of(both, wanted, [True] + [False] * (2 * terms - 1)), rel=1e-6)
+
+
+def test_two_models_together_are_as_likely_as_the_sum_of_both_by_their_odds() -> None:
+    full, plain, least = np.array([3.0, 900.0, 4.0]), np.array([5.0, 4.0, 900.0]), 2.5
+    sum_of_both = np.exp(-0.5 * full / least) + 3.0 * np.exp(-0.5 * plain / least)
+    assert np.exp(-0.5 * _of_both(full, plain, least, np.log(3.0)) / least) == pytest.approx(sum_of_both, rel=1e-9)
 
 
 def test_terms_of_a_spring_are_those_of_cosine_and_sine_from_the_edge_on() -> None:
@@ -206,19 +214,23 @@ def test_where_nothing_departs_there_is_no_edge() -> None:
     assert edge_of_flight(few, (981, 999), 1000, until=1500, depth_m=2e-3, guard_s=1e-4) is not None
 
 
-def short_flight(release_s: float, onset_s: float, seed: int) -> tuple[Floats, Floats]:
+def short_flight(release_s: float, onset_s: float, seed: int, bends: float = 0.0) -> tuple[Floats, Floats]:
     time = np.arange(30) / RATE_HZ
     before, after = np.maximum(release_s - time, 0.0), np.maximum(time - onset_s, 0.0)
     x = -0.2 + 0.1 * time - 1.0 * before**2 / 2 + 6e4 * before**3 / 6 + 10.0 * after**2 / 2 + 3e4 * after**3 / 6
+    x += bends * (before**4 - after**4) / 24
     return time, x + np.random.default_rng(seed).normal(0.0, NOISE_M, time.size)
 
 
-def test_both_edges_of_a_short_flight_scatter_as_their_uncertainties_say() -> None:
+@pytest.mark.parametrize(
+    "bends", [0.0, 8e8]
+)  # of the slopes of force: at the ends of the record a third of what they do
+def test_both_edges_of_a_short_flight_scatter_as_their_uncertainties_say(bends: float) -> None:
     pulls, widest = [], []
     for seed in range(40):
         shift = 1e-5 * float(np.random.default_rng(seed).uniform())
         true = 1.0e-4 + shift, 1.8e-4 + shift
-        both = edges_of_short_flight(*short_flight(*true, seed), NOISE_M, (2e-5, 1.5e-4), (1.4e-4, 2.7e-4))
+        both = edges_of_short_flight(*short_flight(*true, seed, bends), NOISE_M, (2e-5, 1.5e-4), (1.4e-4, 2.7e-4))
         assert both is not None
         widest.append(max(edge.std_s for edge in both))
         pulls.append([(edge.time_s - at) / edge.std_s for edge, at in zip(both, true, strict=True)])

@@ -25,7 +25,7 @@ class RestPhase:
     middle_s: float
     half_s: float
     frequency_hz: Quantity  # mean over the record
-    unsteady_cycles: float  # rms residual of the smooth curve, beyond noise
+    unsteady_cycles: float  # beyond noise: rms residual of the curve, or more where means show slow parts as if white
     degree: int
 
     def phase_at(self, time_s: Floats) -> Floats:

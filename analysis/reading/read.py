@@ -29,6 +29,9 @@ from analysis.shot import (
 GUARD = 1.5  # of the force filter's reach: the distance of a flight's line from a contact's edge
 RELEASE_GUARD = 0.05  # of the contact: the same before the release is known
 SWAY_SHARE = 0.025  # of the contact, beyond the line, over which the floor's motion is not known
+RELEASE_LATER = (1, 2, 3)  # of RELEASE_GUARD: the release is looked for that long after the force has faded, in turn
+FEWEST_OF_LINE = 8  # samples
+HELD = 0.03  # of the departure from flight that a half-sine of force makes until a release; seen 0.7, of a floor 0.001
 RELEASE_CLEAR = 0.015  # of the contact: as RELEASE_GUARD, once the release is known
 EDGE_REACH = 0.4  # of the contact, up to which its force is fitted from its edge at most
 SWAYS_M = 1e-9  # rms of a floor that hides the end of a contact, and moves the plate
@@ -143,18 +146,37 @@ def _edges(motion: Motion, span: CollisionSpan) -> tuple[Edge, Edge | None]:
     if not span.finished:
         return touch, None
     flight = (min(span.last + 1, span.flight_last), span.flight_last)
-    # the force falls below its noise well before the release: with a first estimate of it the second is better
-    release: Edge | None = None
-    sample, guard = span.last, max(guard, RELEASE_GUARD * lasts)
-    for _ in range(2):
-        found = edge_of_flight(motion, flight, sample, until=span.last - reach, depth_m=depth, guard_s=guard)
-        if found is None:
-            break
-        moved = 0.0 if release is None else abs(found.time_s - release.time_s)
-        release = found.less_sure(moved)
-        guard = max(2.0 * found.std_s, RELEASE_CLEAR * lasts)
-        sample = min(int(np.searchsorted(motion.time_s, found.time_s)), flight[1])
-    return touch, release or _threshold_edge(motion, span.last)
+    guard = max(guard, RELEASE_GUARD * lasts)
+
+    def release_near(sample: int, guard_s: float) -> Edge | None:
+        near = min(sample, flight[1])
+        return edge_of_flight(motion, flight, near, until=span.last - reach, depth_m=depth, guard_s=guard_s)
+
+    first = release_near(span.last, guard)
+    if first is None:  # the force falls below its noise well before the release, now and then a twelfth of the contact
+        later = (release_near(span.last + round(k * guard * motion.sample_rate_hz), guard) for k in RELEASE_LATER)
+        first = next((found for found in later if found is not None and _is_held_until(found, motion, span)), None)
+    if first is None:
+        return touch, _threshold_edge(motion, span.last)
+    # with a first estimate of it the second is better
+    guard = max(2.0 * first.std_s, RELEASE_CLEAR * lasts)
+    second = release_near(int(np.searchsorted(motion.time_s, first.time_s)), guard)
+    return touch, first if second is None else second.less_sure(abs(second.time_s - first.time_s))
+
+
+def _is_held_until(release: Edge, motion: Motion, span: CollisionSpan) -> bool:
+    """Return whether a force acts from where it seemed to have faded until a release: the block is off its flight.
+
+    A half-sine of force makes a departure of v omega^2 u^3 / 6 in the time u.
+    """
+    lasts = float(motion.time_s[span.last] - motion.time_s[span.first])
+    u = motion.time_s - release.time_s
+    flight = np.flatnonzero((u > release.std_s) & (u < RELEASE_GUARD * lasts) & np.isfinite(motion.displacement_m))
+    if flight.size < FEWEST_OF_LINE:
+        return False
+    line = np.polyfit(u[flight], motion.displacement_m[flight], 1)
+    off_m = float(motion.displacement_m[span.last] - np.polyval(line, u[span.last]))
+    return off_m > HELD * float(line[0]) * (np.pi / lasts) ** 2 * abs(float(u[span.last])) ** 3 / 6.0
 
 
 def _read_flights(

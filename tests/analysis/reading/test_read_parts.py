@@ -13,7 +13,7 @@ from analysis.reading.bounces import Bounces
 from analysis.reading.edges import Edge
 from analysis.reading.flight import Flight
 from analysis.reading.floor_spectrum import FloorSpectrum, Octaves
-from analysis.reading.locate import CollisionSpan
+from analysis.reading.locate import CollisionSpan, find_collision
 from analysis.reading.read import (
     NoImpact,
     _edges,
@@ -220,6 +220,45 @@ def test_an_edge_is_found_by_its_displacement_or_else_by_the_forces_threshold() 
     assert _edges(dark, span) == (_threshold_edge(dark, 1000), None)
     before = replace(span, flight_first=999)  # no flight to leave
     assert _edges(motion, before) == (_threshold_edge(motion, 1000), release)
+
+
+@pytest.mark.parametrize("early", [70, 120])  # samples of 10 us
+def test_a_release_is_looked_for_later_where_the_force_seemed_to_fade_before_it(
+    early: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    motion = motion_of(Synthetic(), 0)
+    span = find_collision(motion)
+    assert span is not None
+    _, usual = _edges(motion, span)
+    faded = replace(span, last=span.last - early)
+    found = read.edge_of_flight
+    asked: list[int] = []
+
+    def none_at_first(motion: Motion, flight: Any, coarse: int, **more: Any) -> Edge | None:
+        asked.append(coarse)
+        return None if coarse == faded.last else found(motion, flight, coarse, **more)
+
+    monkeypatch.setattr(read, "edge_of_flight", none_at_first)
+    _, release = _edges(motion, faded)
+    assert usual is not None and release is not None and faded.last in asked
+    assert abs(release.time_s - usual.time_s) < 3.0 * release.std_s < 3e-4
+
+
+@pytest.mark.parametrize(("later_s", "std_s"), [(2e-3, 1e-4), (0.0, 3e-3)])
+def test_a_release_that_lies_in_flight_or_is_nowhere_is_none(
+    later_s: float, std_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    motion = motion_of(Synthetic(), 0)
+    span = find_collision(motion)
+    assert span is not None
+    _, usual = _edges(motion, span)
+    assert usual is not None
+    span = replace(span, last=int(np.searchsorted(motion.time_s, usual.time_s)))
+    wrong = Edge(usual.time_s + later_s, std_s)
+    monkeypatch.setattr(
+        read, "edge_of_flight", lambda motion, flight, coarse, **_: wrong if coarse > span.last else None
+    )
+    assert _edges(motion, span)[1] == _threshold_edge(motion, span.last)
 
 
 def test_a_contact_time_is_as_unsure_as_both_its_ends_and_a_turn_as_a_sample() -> None:

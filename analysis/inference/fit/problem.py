@@ -23,7 +23,7 @@ from analysis.shot import Floats, Stop
 _ROUNDS, _A_ROUND, _BRINGS = 8, 25, 0.05  # of ``continued``: rounds, evaluations in each, least gain of ln L
 _WANDERING_PARTS = 2  # at most, of a noise
 _NEAR = 0.04  # of chi^2 still to fall: no parameter is further than a fifth of its std from the minimum
-_ROUGH = 0.5  # the same beside an attraction: samples that come within its reach one by one make chi^2 rough
+_ROUGH = 1.0  # the same beside an attraction, a std: samples that come within its reach one by one make chi^2 rough
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from analysis.shot import (
 GUARD = 1.5  # of the force filter's reach: the distance of a flight's line from a contact's edge
 RELEASE_GUARD = 0.05  # of the contact: the same before the release is known
 SWAY_SHARE = 0.025  # of the contact, beyond the line, over which the floor's motion is not known
-RELEASE_LATER = (1, 2, 3)  # of RELEASE_GUARD: the release is looked for that long after the force has faded, in turn
+RELEASE_LATER = (1, 2, 3)  # of RELEASE_GUARD, after the force fell below its noise: there it is looked for in turn
 FEWEST_OF_LINE = 8  # samples
 HELD = 0.03  # of the departure from flight that a half-sine of force makes until a release; seen 0.7, of a floor 0.001
 RELEASE_CLEAR = 0.015  # of the contact: as RELEASE_GUARD, once the release is known
@@ -153,7 +153,7 @@ def _edges(motion: Motion, span: CollisionSpan) -> tuple[Edge, Edge | None]:
         return edge_of_flight(motion, flight, near, until=span.last - reach, depth_m=depth, guard_s=guard_s)
 
     first = release_near(span.last, guard)
-    if first is None:  # the force falls below its noise well before the release, now and then a twelfth of the contact
+    if first is None:  # in a building the force may fall below its noise a twelfth of the contact before the release
         later = (release_near(span.last + round(k * guard * motion.sample_rate_hz), guard) for k in RELEASE_LATER)
         first = next((found for found in later if found is not None and _is_held_until(found, motion, span)), None)
     if first is None:
@@ -165,7 +165,7 @@ def _edges(motion: Motion, span: CollisionSpan) -> tuple[Edge, Edge | None]:
 
 
 def _is_held_until(release: Edge, motion: Motion, span: CollisionSpan) -> bool:
-    """Return whether a force acts from where it seemed to have faded until a release: the block is off its flight.
+    """Return whether a force acts from where it fell below its noise until a release: the block is off its flight.
 
     A half-sine of force makes a departure of v omega^2 u^3 / 6 in the time u.
     """

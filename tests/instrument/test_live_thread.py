@@ -182,6 +182,12 @@ def _numbered(ring: Ring, first: int, length: int) -> None:
     append(ring, np.arange(first, first + length).astype(np.int16)[:, None])
 
 
+def _ring_and_stream() -> tuple[Ring, Stream]:
+    ring = Ring(4000, 1)
+    settings, setup = CaptureSettings(RATE_HZ, 50, 10), Setup(17.85e-3, rest_frequency_hz=91e3)
+    return ring, Stream(ring, 0, settings, CHANNELS, setup, "bench")
+
+
 def _fed(stream: Stream, tmp_path: Path) -> tuple[LiveThread, Fed]:
     live, fed = LiveThread(lambda: stream, lambda: tmp_path), Fed()
     live._begin(stream)
@@ -218,10 +224,7 @@ def test_every_sample_is_demodulated_once_and_each_loss_at_its_place(
 
 
 def test_what_lags_by_half_a_ring_goes_on_with_the_newest_quarter_and_counts_what_it_left_out(tmp_path: Path) -> None:
-    ring = Ring(4000, 1)
-    stream = Stream(
-        ring, 0, CaptureSettings(RATE_HZ, 50, 10), CHANNELS, Setup(17.85e-3, rest_frequency_hz=91e3), "bench"
-    )
+    ring, stream = _ring_and_stream()
     live, fed = _fed(stream, tmp_path)
     _numbered(ring, 0, 2000)
     live._follow(stream)
@@ -243,10 +246,7 @@ def test_what_lags_by_half_a_ring_goes_on_with_the_newest_quarter_and_counts_wha
 
 
 def test_a_reader_that_is_lapped_goes_on_shortly_before_the_newest_sample(tmp_path: Path) -> None:
-    ring = Ring(4000, 1)
-    stream = Stream(
-        ring, 0, CaptureSettings(RATE_HZ, 50, 10), CHANNELS, Setup(17.85e-3, rest_frequency_hz=91e3), "bench"
-    )
+    ring, stream = _ring_and_stream()
     live, fed = _fed(stream, tmp_path)
     _numbered(ring, 0, 1500)
     feed = fed.feed

@@ -15,13 +15,12 @@ from analysis.collision import Effect
 from analysis.compiled import side_by_side
 from analysis.diagnosis.search.forward_selection import WORTH_FINISHING, Trail, better, polish, without
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.inference import Fitted, Linearised, TrialEffect, refit
+from analysis.inference import Fitted, Linearised, TrialEffect, distinct_starts, refit
 
 Start = tuple[Mapping[str, float], ...]  # an effect's values for each shot
 _APART = 0.06  # of ln f: less is the same maximum of the scores ...
 _SAME = 0.02  # ... or of the fits
-_MOST = 8  # maxima that are fitted ...
-_SHARE = 0.3  # ... of those that promise so much of what the best does: a large mode keeps no promise to first order
+_MOST = 8  # maxima that are fitted
 _STEP = 0.02  # of ln f, between frequencies at which a mode of its natural size is tried
 _EVALUATIONS = 16
 
@@ -31,9 +30,9 @@ def at_likeliest_frequency(fitted: Fitted, trail: Trail) -> Fitted:
     best = min(at_other_frequencies(fitted, trail), key=lambda one: one.bic, default=fitted)
     if not better(best, fitted):
         return fitted
-    every = trail.elsewhere[frozenset(fitted.effects)]
-    every[next(k for k, one in enumerate(every) if one is best)] = best = polish(best, trail)
-    return best
+    key, polished = frozenset(fitted.effects), polish(best, trail)
+    trail.elsewhere[key] = [polished, *(one for one in trail.elsewhere[key] if one is not best)]
+    return polished
 
 
 def at_other_frequencies(fitted: Fitted, trail: Trail) -> list[Fitted]:
@@ -60,7 +59,7 @@ def _is_mode(effect: Effect) -> bool:
 
 
 def with_std_over(fitted: Fitted, others: Sequence[Fitted]) -> Fitted:
-    """Return the fit with the covariance of the mixture of it and of others, its own values the mean.
+    """Return the fit with the covariance, about its own values, of the mixture of it and of others.
 
     Each has the weight exp(-BIC / 2) (Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773).
     """
@@ -82,13 +81,8 @@ def _fits(fitted: Fitted, kind: TrialEffect, trail: Trail) -> list[Fitted]:
     if fewer is None:
         return []
     at = trail.linearised(fewer)
-    listed = at.scores(kind)
-    maxima: list[Start] = []
-    for score in listed:
-        frequency_hz = score.start[0]["frequency_hz"]
-        near = any(abs(math.log(frequency_hz / one[0]["frequency_hz"])) < _APART for one in maxima)
-        if not near and len(maxima) < _MOST and score.gain > _SHARE * listed[0].gain:
-            maxima.append(score.start)
+    # a large mode keeps no promise to first order: those that promise much less than the best are asked as well
+    maxima = [score.start for score in distinct_starts(at.scores(kind), _MOST, _APART)]
     found = _nearly(fitted, _fitted_from(maxima, fitted, at, kind, trail), kind.effect)
     if not found or not kind.effect.in_series:
         return found

@@ -151,16 +151,19 @@ def _linear(at: Projector, kind: TrialEffect, products: ColumnProducts, freedom:
     return out
 
 
-def distinct_starts(listed: Sequence[Score]) -> list[Score]:
-    """Return up to three starts that differ: the best, and those not near it in frequency, time, range or order."""
+def distinct_starts(listed: Sequence[Score], most: int = 3, apart: float = 0.12) -> list[Score]:
+    """Return up to ``most`` starts that differ: the best, and those not near it in frequency, time, range or order.
+
+    Near are values whose logarithms are less than ``apart`` from each other.
+    """
     out = list(listed[:1])
     for score in listed[1:]:
         mine = score.start[0]
         scales = [k for k in mine if k in ("frequency_hz", "relaxation_time_s", "range_m", "order")]
-        near = any(all(abs(math.log(mine[k] / other.start[0][k])) < 0.12 for k in scales) for other in out)
+        near = any(all(abs(math.log(mine[k] / other.start[0][k])) < apart for k in scales) for other in out)
         if score.gain > 0.3 * listed[0].gain and scales and not near:
             out.append(score)
-            if len(out) == 3:
+            if len(out) == most:
                 break
     return out
 

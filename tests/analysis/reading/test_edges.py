@@ -1,5 +1,6 @@
 """Where a contact begins and ends: exact departures from flight, least squares by other means, and a true ±."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -25,6 +26,7 @@ from analysis.reading.edges import (
     edges_of_short_flight,
 )
 from analysis.reading.flight import Flight, fit_flight
+from analysis.shot.motion import Motion
 from tests.analysis.synthetic_collision import Synthetic, motion_from
 
 Floats = NDArray[np.float64]
@@ -158,40 +160,44 @@ def departing(edge_s: float, step: float, slope: float, *, sign: int, seed: int,
 ENDS = [(2.0, 1), (-2.0, -1), (2.0, -1)]
 
 
-@pytest.mark.parametrize(("step", "sign"), ENDS[:2])
-def test_an_edge_at_the_end_of_a_flight_scatters_as_its_uncertainty_says(step: float, sign: int) -> None:
+def scatter(read: Callable[[Motion, float], Edge | None], step: float, sign: int) -> tuple[Floats, Floats]:
+    """Return the errors of an edge in s, read from 60 motions, and its standard deviations."""
     off, stds = [], []
     for seed in range(60):
         edge_s = 0.01 + 1e-5 * float(np.random.default_rng(seed).uniform())
-        motion = departing(edge_s, step, 2500.0, sign=sign, seed=seed)
-        coarse = round((edge_s + sign * 1e-4) * RATE_HZ)
-        flight = (0, coarse - 1) if sign > 0 else (coarse + 1, 1999)
-        edge = edge_of_flight(motion, flight, coarse, until=coarse + sign * 700, depth_m=2e-3, guard_s=3e-4)
+        edge = read(departing(edge_s, step, 2500.0, sign=sign, seed=seed), edge_s)
         assert edge is not None
         off.append(edge.time_s - edge_s)
         stds.append(edge.std_s)
+    return np.array(off), np.array(stds)
+
+
+@pytest.mark.parametrize(("step", "sign"), ENDS[:2])
+def test_an_edge_at_the_end_of_a_flight_scatters_as_its_uncertainty_says(step: float, sign: int) -> None:
+    def read(motion: Motion, edge_s: float) -> Edge | None:
+        coarse = round((edge_s + sign * 1e-4) * RATE_HZ)
+        flight = (0, coarse - 1) if sign > 0 else (coarse + 1, 1999)
+        return edge_of_flight(motion, flight, coarse, until=coarse + sign * 700, depth_m=2e-3, guard_s=3e-4)
+
+    off, stds = scatter(read, step, sign)
     assert abs(np.mean(off)) < 0.7 * np.median(stds)
-    assert 0.6 < np.sqrt(np.mean((np.array(off) / stds) ** 2)) < 1.3
+    assert 0.6 < np.sqrt(np.mean((off / stds) ** 2)) < 1.3
     assert np.median(stds) < 2e-6
 
 
 @pytest.mark.parametrize(("step", "sign"), ENDS)
 @pytest.mark.parametrize("bend", [0, 2])
 def test_an_edge_that_leaves_a_known_line_scatters_as_its_uncertainty_says(step: float, sign: int, bend: int) -> None:
-    off, stds = [], []
-    for seed in range(60):
-        edge_s = 0.01 + 1e-5 * float(np.random.default_rng(seed).uniform())
-        motion = departing(edge_s, step, 2500.0, sign=sign, seed=seed)
+    def read(motion: Motion, edge_s: float) -> Edge | None:
         near = round(edge_s * RATE_HZ) - sign * 30
         ends = (near - 200, near) if sign > 0 else (near, near + 200)
         line = fit_flight(motion, *ends, nearest=near, curved=bend > 0)
         assert line is not None
-        edge = edge_of_line(motion, line, until=near + sign * 150, bend=bend)
-        assert edge is not None
-        off.append(edge.time_s - edge_s)
-        stds.append(edge.std_s)
+        return edge_of_line(motion, line, until=near + sign * 150, bend=bend)
+
+    off, stds = scatter(read, step, sign)
     assert abs(np.mean(off)) < 0.8 * np.median(stds)
-    assert 0.6 < np.sqrt(np.mean((np.array(off) / stds) ** 2)) < 1.2
+    assert 0.6 < np.sqrt(np.mean((off / stds) ** 2)) < 1.2
     assert np.median(stds) < 2e-6
 
 

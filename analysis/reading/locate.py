@@ -23,14 +23,20 @@ SMOOTHED_SHARE = 0.1  # of the contact, over which the force is smoothed at leas
 SMOOTHED_MOST = 0.4
 FORCE_FRACTION = 0.03  # of the peak: a force that counts
 FORCE_SIGMAS = 6.0
+FADED = 0.15  # of the peak: a force is followed down to there, or to where it is lost in its noise
+FADED_MOST = 0.3  # the same, however large the noise
+FADES_ELSE = 0.05  # of the time that a half-sine takes to fade from there: by so much another force does it otherwise
+HALF_SINE_ENDS = 0.2  # of that width: by so much a force that fades like a half-sine is lost earlier or later
+SMOOTHED_ERROR = 0.01  # of the width over which the force was smoothed: by so much that is off
 FREE_SHARE = 0.1  # of the contact, that the force must stay small for, until the block counts as free
 FEWEST_SAMPLES = 32
 
 
 @dataclass(frozen=True, slots=True)
 class CollisionSpan:
-    """Sample indices of one collision: touch and release lie close to ``first`` and ``last``.
+    """Sample indices of one collision: touch and release lie close to ``first`` and ``last``, as the force tells them.
 
+    ``last_std_s`` is how well it does that: it fades before a release, and is lost in its noise.
     The flights lie between ``flight_first`` and ``first``, and between ``last`` and ``flight_last``;
     ``disturbed_before`` and ``disturbed_after``: another force acts beyond them.  ``finished`` False: the record ends
     in the contact.
@@ -39,6 +45,7 @@ class CollisionSpan:
     first: int
     turn: int
     last: int
+    last_std_s: float
     flight_first: int
     flight_last: int
     disturbed_before: bool
@@ -133,7 +140,8 @@ def _span(motion: Motion, x: Floats, turn: _Turn) -> CollisionSpan | None:
     away = np.ones(x.size, dtype=np.bool_)
     away[max(0, turn.at - round(1.2 * contact)) : turn.at + round(1.2 * contact) + 1] = False
     quiet = float(1.4826 * np.median(np.abs(force[away]))) if away.sum() >= 16 else 0.0
-    pushed = np.abs(force) > max(FORCE_FRACTION * peak, min(FORCE_SIGMAS * quiet, 0.3 * peak))
+    lost = max(FORCE_FRACTION * peak, min(FORCE_SIGMAS * quiet, FADED_MOST * peak))
+    pushed = np.abs(force) > lost
     run = max(2, round(FREE_SHARE * contact))
     before, after = pushed[turn.at :: -1], pushed[turn.at :]
     into, out = first_run(~before, run), first_run(~after, run)
@@ -141,16 +149,55 @@ def _span(motion: Motion, x: Floats, turn: _Turn) -> CollisionSpan | None:
     last = x.size - 1 if out is None else turn.at + out
     earlier = None if into is None else first_run(before[into:], max(2, width // 2))
     later = None if out is None else first_run(after[out:], max(2, width // 2))
+    finished = turn.rises and out is not None
+    release, std = last, 0.0
+    if finished:
+        half, std = _fades(force[turn.at : last + 1], lost / peak, width)
+        release = min(turn.at + round(half), x.size - 1)
     return CollisionSpan(
-        first=_refined_edge(motion, first, 1, width),
+        first=_refined_touch(motion, first, width),
         turn=turn.at,
-        last=_refined_edge(motion, last, -1, width),
+        last=release,
+        last_std_s=std / motion.sample_rate_hz,
         flight_first=0 if earlier is None else min(first, first - earlier + 2 * width),
         flight_last=x.size - 1 if later is None else max(last, last + later - 2 * width),
         disturbed_before=earlier is not None,
         disturbed_after=later is not None,
-        finished=turn.rises and out is not None,
+        finished=finished,
     )
+
+
+def _fades(force: Floats, lost: float, width: int) -> tuple[float, float]:
+    """Return after how many samples a force (n,) has faded, and how many that may be off.
+
+    It begins at the turn, is smoothed over ``width`` and ends where it falls to the share ``lost`` of its peak.  Down
+    to FADED of that it is followed, from there it fades as a half-sine does.  Where it is seen for longer or less than
+    such a one, something else pushes or pulls, until about the end of what is given.
+    """
+    share = max(FADED, lost)
+    at = _last_above(force, share)
+    half = at
+    for _ in range(4):  # how much the width smooths depends on the half-sine's length, and that on it
+        half = at / _faded_to(share, 0.5 * width / half)
+    if abs(force.size - half * _faded_to(lost, 0.5 * width / half)) > 1.0 + HALF_SINE_ENDS * width:
+        return force.size - HALF_SINE_ENDS * width, HALF_SINE_ENDS * width
+    return half, float(np.linalg.norm((FADES_ELSE * (half - at), SMOOTHED_ERROR * width, 0.5)))
+
+
+def _faded_to(share: float, smoothed: float) -> float:
+    """Return when a half-sine, smoothed over a part of its length, has faded to a share; it ends by itself at 1."""
+    half = 200  # samples
+    force = np.cos(0.5 * np.pi * np.minimum(np.abs(np.arange(-4 * half, 4 * half)) / half, 1.0))
+    smooth = _smooth_acceleration(np.cumsum(np.cumsum(force)), max(1, round(2 * half * smoothed)))[4 * half - 1 :]
+    return _last_above(smooth, share) / half
+
+
+def _last_above(force: Floats, share: float) -> float:
+    """Return the last place at which a force (n,) falls to a share of its peak, between samples."""
+    level = share * float(force.max())
+    k = int(np.flatnonzero(force > level)[-1])
+    after = force[k + 1] if k + 1 < force.size else 0.0
+    return k + float((force[k] - level) / (force[k] - after))
 
 
 def _contact_samples(motion: Motion, x: Floats, turn: _Turn) -> tuple[float, float] | None:
@@ -193,14 +240,11 @@ def _smooth_acceleration(x: Floats, width: int) -> Floats:
     return out
 
 
-def _refined_edge(motion: Motion, sample: int, inwards: int, width: int) -> int:
-    """Return the sample near ``sample`` at which the force at full bandwidth rises above its noise."""
-    low, high = (sample - width // 2, sample + 2 * width) if inwards > 0 else (sample - 2 * width, sample + width // 2)
-    low, high = max(low, 0), min(high, motion.force_n.size - 1)
-    force = motion.force_n[low : high + 1][::inwards]
+def _refined_touch(motion: Motion, sample: int, width: int) -> int:
+    """Return the sample near ``sample`` before the force at full bandwidth rises above its noise."""
+    low, high = max(sample - width // 2, 0), min(sample + 2 * width, motion.force_n.size - 1)
+    force = motion.force_n[low : high + 1]
     flight = motion.force_n[max(sample - 4 * width, 0) : max(sample - width, 0)]
-    if inwards < 0:
-        flight = motion.force_n[sample + width : sample + 4 * width]
     stds = motion.force_std_n[np.isfinite(motion.force_std_n)]
     stated = float(np.median(stds)) if stds.size else float("nan")
     flight = np.abs(flight[np.isfinite(flight)])
@@ -210,5 +254,5 @@ def _refined_edge(motion: Motion, sample: int, inwards: int, width: int) -> int:
         above = np.abs(force) > max(FORCE_SIGMAS * std, FORCE_FRACTION * peak)
     start = first_run(above, 2)
     if start is None or peak < 2.0 * FORCE_SIGMAS * std:
-        return min(max(sample + inwards * width // 2, 0), motion.force_n.size - 1)
-    return max(low + start - 1, 0) if inwards > 0 else min(high - start + 1, motion.force_n.size - 1)
+        return min(sample + width // 2, motion.force_n.size - 1)
+    return max(low + start - 1, 0)

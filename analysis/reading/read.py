@@ -27,12 +27,9 @@ from analysis.shot import (
 )
 
 GUARD = 1.5  # of the force filter's reach: the distance of a flight's line from a contact's edge
-RELEASE_GUARD = 0.05  # of the contact: the same before the release is known
 SWAY_SHARE = 0.025  # of the contact, beyond the line, over which the floor's motion is not known
-RELEASE_LATER = (1, 2, 3)  # of RELEASE_GUARD, after the force fell below its noise: there it is looked for in turn
-FEWEST_OF_LINE = 8  # samples
-HELD = 0.03  # of the departure from flight that a half-sine of force makes until a release; seen 0.7, of a floor 0.001
-RELEASE_CLEAR = 0.015  # of the contact: as RELEASE_GUARD, once the release is known
+FADED_SIGMAS = 3.0  # between the release that the displacement shows and the one that the force tells
+RELEASE_CLEAR = 0.015  # of the contact: the same at a release
 EDGE_REACH = 0.4  # of the contact, up to which its force is fitted from its edge at most
 SWAYS_M = 1e-9  # rms of a floor that hides the end of a contact, and moves the plate
 FLOOR_TIMES = 1.4  # times the white noise: half of the variance is then the floor's
@@ -130,7 +127,7 @@ def shaking_in(motion: Motion) -> Shaking | None:
 
 
 def _edges(motion: Motion, span: CollisionSpan) -> tuple[Edge, Edge | None]:
-    """Return touch and release; by a threshold of the force where the displacement does not show them clearly."""
+    """Return touch and release; as the force tells them where the displacement does not show them clearly."""
     reach = round(EDGE_REACH * (span.last - span.first))
     way = motion.displacement_m[min(span.first, span.turn) : span.turn + 1]
     if not np.isfinite(way).any():
@@ -145,38 +142,21 @@ def _edges(motion: Motion, span: CollisionSpan) -> tuple[Edge, Edge | None]:
     touch = touch or _threshold_edge(motion, span.first)
     if not span.finished:
         return touch, None
+    faded = _faded(motion, span)
     flight = (min(span.last + 1, span.flight_last), span.flight_last)
-    guard = max(guard, RELEASE_GUARD * lasts)
-
-    def release_near(sample: int, guard_s: float) -> Edge | None:
-        near = min(sample, flight[1])
-        return edge_of_flight(motion, flight, near, until=span.last - reach, depth_m=depth, guard_s=guard_s)
-
-    first = release_near(span.last, guard)
-    if first is None:  # in a building the force may fall below its noise a twelfth of the contact before the release
-        later = (release_near(span.last + round(k * guard * motion.sample_rate_hz), guard) for k in RELEASE_LATER)
-        first = next((found for found in later if found is not None and _is_held_until(found, motion, span)), None)
-    if first is None:
-        return touch, _threshold_edge(motion, span.last)
-    # with a first estimate of it the second is better
-    guard = max(2.0 * first.std_s, RELEASE_CLEAR * lasts)
-    second = release_near(int(np.searchsorted(motion.time_s, first.time_s)), guard)
-    return touch, first if second is None else second.less_sure(abs(second.time_s - first.time_s))
+    guard = max(guard, 2.0 * faded.std_s, RELEASE_CLEAR * lasts)
+    near = min(span.last, span.flight_last)
+    seen = edge_of_flight(motion, flight, near, until=span.last - reach, depth_m=depth, guard_s=guard)
+    if seen is None or seen.std_s > faded.std_s:
+        return touch, faded
+    apart = abs(seen.time_s - faded.time_s)
+    # the floor's motion departs from a flight as well, without a force; a pull holds on to the block with little of it
+    return touch, seen if apart < FADED_SIGMAS * faded.std_s else faded.less_sure(0.5 * apart)
 
 
-def _is_held_until(release: Edge, motion: Motion, span: CollisionSpan) -> bool:
-    """Return whether a force acts from where it fell below its noise until a release: the block is off its flight.
-
-    A half-sine of force makes a departure of v omega^2 u^3 / 6 in the time u.
-    """
-    lasts = float(motion.time_s[span.last] - motion.time_s[span.first])
-    u = motion.time_s - release.time_s
-    flight = np.flatnonzero((u > release.std_s) & (u < RELEASE_GUARD * lasts) & np.isfinite(motion.displacement_m))
-    if flight.size < FEWEST_OF_LINE:
-        return False
-    line = np.polyfit(u[flight], motion.displacement_m[flight], 1)
-    off_m = float(motion.displacement_m[span.last] - np.polyval(line, u[span.last]))
-    return off_m > HELD * float(line[0]) * (np.pi / lasts) ** 2 * abs(float(u[span.last])) ** 3 / 6.0
+def _faded(motion: Motion, span: CollisionSpan) -> Edge:
+    """Return the release as the force tells it."""
+    return Edge(float(motion.time_s[span.last]), span.last_std_s)
 
 
 def _read_flights(
@@ -234,12 +214,12 @@ def _with_floor_uncertainty(
     """Return the release with the uncertainty from the floor's motion beyond the flight's line.
 
     The force of a half-sine departs from the flight with the cube of the time, v omega^2 u^3 / 6: it is not seen as
-    long as that stays below the floor's motion.
+    long as that stays below the floor's motion.  Where the force tells it better, it is the force's.
     """
     lasts = max(float(motion.time_s[span.last] - motion.time_s[span.first]), 1.0 / motion.sample_rate_hz)
     omega = np.pi / lasts
     lost = float(np.cbrt(6.0 * flights.floor.difference_std_m(SWAY_SHARE * lasts, 3) / (abs(velocity_in) * omega**2)))
-    return release.less_sure(0.5 * lost)
+    return _faded(motion, span) if 0.5 * lost > span.last_std_s else release.less_sure(0.5 * lost)
 
 
 def _disturbance(flights: Flights, motion: Motion, impact: Impact) -> Disturbance:

@@ -8,8 +8,10 @@ import pytest
 
 from analysis.reading.locate import (
     _contact_samples,
+    _faded_to,
+    _fades,
     _filled,
-    _refined_edge,
+    _refined_touch,
     _slows,
     _smooth_acceleration,
     _span,
@@ -186,21 +188,54 @@ def test_a_force_is_smoothed_over_a_tenth_of_the_contact_or_over_more_until_its_
     assert _width(quiet, 4.0, SPEED / RATE) == 1
 
 
-@pytest.mark.parametrize("inwards", [1, -1])
-def test_an_edge_is_the_sample_before_the_force_rises_above_six_of_its_noise(inwards: int) -> None:
+def test_a_touch_is_the_sample_before_the_force_rises_above_six_of_its_noise() -> None:
     noise, edge = 1e-4, 500
     flown = noise * np.random.default_rng(5).uniform(-1.0, 1.0, 1000)
-    inside = np.arange(1000) >= edge if inwards > 0 else np.arange(1000) <= edge
+    inside = np.arange(1000) >= edge
     force = np.where(inside, 0.5, flown)
     motion = replace(motion_of(np.zeros(1000)), force_n=force, force_std_n=np.full(1000, noise))
     for further in (-15, 0, 9):
-        assert _refined_edge(motion, edge + further * inwards, inwards, 20) == edge - inwards
+        assert _refined_touch(motion, edge + further, 20) == edge - 1
     weak = replace(motion, force_n=np.where(inside, 13.0 * noise, force))
-    assert _refined_edge(weak, edge - 5 * inwards, inwards, 20) == edge - inwards
+    assert _refined_touch(weak, edge - 5, 20) == edge - 1
     drowned = replace(motion, force_n=np.where(inside, 11.0 * noise, force))
-    assert _refined_edge(drowned, edge - 5 * inwards, inwards, 20) == edge + 5 * inwards  # half a width inside
+    assert _refined_touch(drowned, edge - 5, 20) == edge + 5  # half a width inside
     loud = replace(drowned, force_n=np.where(inside, 25.0 * noise, 10.0 * flown))  # than it says
-    assert _refined_edge(loud, edge - 5 * inwards, inwards, 20) == edge + 5 * inwards
+    assert _refined_touch(loud, edge - 5, 20) == edge + 5
+
+
+@pytest.mark.parametrize("lost", [0.03, 0.3])  # of the peak
+@pytest.mark.parametrize("smoothed", [0.02, 0.1, 0.3])
+def test_a_force_that_fades_ends_where_its_half_sine_does(lost: float, smoothed: float) -> None:
+    """The second difference of a contact that springs with a little damping, of 2,870 samples."""
+    contact = 2870
+    width = round(smoothed * contact)
+    for damping, off in ((0.0, 0.002), (0.01, 0.004)):  # of critical: it fades earlier
+        rate, t = np.pi / contact, np.arange(2 * contact)
+        rung = rate * np.sqrt(1.0 - damping**2)
+        decay = np.exp(-damping * rate * t)
+        deep = decay * np.sin(rung * t) / rung
+        speed = decay * (np.cos(rung * t) - damping * rate / rung * np.sin(rung * t))
+        end = 100 + int(np.flatnonzero((rate**2 * deep + 2.0 * damping * rate * speed)[100:] < 0.0)[0])
+        x = np.concatenate([np.arange(-contact, 0), np.where(t < end, deep, deep[end] + speed[end] * (t - end))])
+        turn = int(x.argmax())
+        force = -_smooth_acceleration(x, width)[turn:]
+        seen = force[: int(np.flatnonzero(force < lost * force[0])[0]) + 1]
+        half, std = _fades(seen, lost, width)
+        assert turn + half == pytest.approx(contact + end, abs=off * contact)
+        fades = np.arcsin(max(lost, 0.15)) / np.pi * contact
+        assert std == pytest.approx(np.linalg.norm((0.05 * fades, 0.01 * width, 0.5)), rel=0.3)
+
+
+def test_a_force_that_is_seen_for_longer_or_less_than_a_half_sine_ends_where_it_is_lost() -> None:
+    width, half = 30, 150
+    x = np.cumsum(np.cumsum(np.maximum(np.cos(0.5 * np.pi * np.arange(-300, 300) / half), 0.0)))
+    force = _smooth_acceleration(x, width)[299:]
+    lost = round(half * _faded_to(0.03, 0.1))
+    for size in (lost - 6, lost + 6):
+        assert _fades(force[:size], 0.03, width)[0] == pytest.approx(half, abs=1.5)
+    for size in (lost - 9, lost + 9):
+        assert _fades(force[:size], 0.03, width) == (size - 6.0, 6.0)
 
 
 def test_a_contact_that_pulls_is_none() -> None:

@@ -36,7 +36,7 @@ from tests.analysis.synthetic_collision import Synthetic, motion_from, motion_of
 
 RIG = Synthetic(rate_hz=1e4, bandwidth_hz=1e3)
 TIME_S = np.arange(0.0, 0.1, 1 / RIG.rate_hz)
-SPAN = CollisionSpan(400, 550, 700, 0, 999, False, False, True)
+SPAN = CollisionSpan(400, 550, 700, 1e-3, 0, 999, False, False, True)
 OCTAVES = Octaves.of(TIME_S[::5], 5 / RIG.rate_hz)
 
 
@@ -150,6 +150,10 @@ def test_a_release_is_less_sure_by_the_time_in_which_a_half_sine_hides_in_the_fl
     u = np.linspace(1e-6, 2e-3, 200_000)
     lost_s = float(np.interp(hidden_m, speed / omega * (omega * u - np.sin(omega * u)), u))
     assert release == Edge(0.07, pytest.approx(0.5 * lost_s, rel=0.01))
+    # where the force tells it better, it is the force's
+    faded = replace(SPAN, last=705, last_std_s=0.4 * lost_s)
+    release = _with_floor_uncertainty(Edge(0.07, 1e-9), faded, flights_of(floor=floor), -speed, still())
+    assert release == Edge(pytest.approx(0.0705), 0.4 * lost_s)
 
 
 def test_an_edge_at_the_forces_threshold_is_as_unsure_as_its_filter_and_a_sample_are_long() -> None:
@@ -210,7 +214,7 @@ def test_flights_are_read_up_to_the_edges_and_no_longer_than_40_ms_or_400_sample
 
 def test_an_edge_is_found_by_its_displacement_or_else_by_the_forces_threshold() -> None:
     motion = motion_of(Synthetic())
-    span = CollisionSpan(1000, 2437, 3871, 0, 5999, False, False, True)
+    span = CollisionSpan(1000, 2437, 3871, 1e-4, 0, 5999, False, False, True)
     touch, release = _edges(motion, span)
     assert release is not None
     assert abs(touch.time_s - 0.010003) < 4 * touch.std_s < 4e-6
@@ -222,43 +226,31 @@ def test_an_edge_is_found_by_its_displacement_or_else_by_the_forces_threshold() 
     assert _edges(motion, before) == (_threshold_edge(motion, 1000), release)
 
 
-@pytest.mark.parametrize("early", [70, 120])  # samples of 10 us
-def test_a_release_is_looked_for_later_where_the_force_seemed_to_fade_before_it(
-    early: int, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("later_s", "std_s", "taken"),
+    [
+        (2.5e-4, 9e-5, "displacement"),
+        (3.5e-4, 9e-5, "force, apart"),
+        (2.5e-4, 1.1e-4, "force"),
+        (3.5e-4, 1.1e-4, "force"),
+    ],
+)
+def test_a_release_is_the_displacements_where_the_force_tells_about_the_same_and_not_better(
+    later_s: float, std_s: float, taken: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     motion = motion_of(Synthetic(), 0)
     span = find_collision(motion)
     assert span is not None
-    _, usual = _edges(motion, span)
-    faded = replace(span, last=span.last - early)
-    found = read.edge_of_flight
-    asked: list[int] = []
-
-    def none_at_first(motion: Motion, flight: Any, coarse: int, **more: Any) -> Edge | None:
-        asked.append(coarse)
-        return None if coarse == faded.last else found(motion, flight, coarse, **more)
-
-    monkeypatch.setattr(read, "edge_of_flight", none_at_first)
-    _, release = _edges(motion, faded)
-    assert usual is not None and release is not None and faded.last in asked
-    assert abs(release.time_s - usual.time_s) < 3.0 * release.std_s < 3e-4
-
-
-@pytest.mark.parametrize(("later_s", "std_s"), [(2e-3, 1e-4), (0.0, 3e-3)])
-def test_a_release_that_lies_in_flight_or_is_nowhere_is_none(
-    later_s: float, std_s: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    motion = motion_of(Synthetic(), 0)
-    span = find_collision(motion)
-    assert span is not None
-    _, usual = _edges(motion, span)
-    assert usual is not None
-    span = replace(span, last=int(np.searchsorted(motion.time_s, usual.time_s)))
-    wrong = Edge(usual.time_s + later_s, std_s)
+    span = replace(span, last_std_s=1e-4)
+    faded = Edge(float(motion.time_s[span.last]), 1e-4)
+    seen = Edge(faded.time_s + later_s, std_s)
     monkeypatch.setattr(
-        read, "edge_of_flight", lambda motion, flight, coarse, **_: wrong if coarse > span.last else None
+        read, "edge_of_flight", lambda motion, flight, coarse, **_: seen if coarse >= span.last else None
     )
-    assert _edges(motion, span)[1] == _threshold_edge(motion, span.last)
+    wide = Edge(faded.time_s, pytest.approx(np.hypot(1e-4, 0.5 * later_s)))
+    assert _edges(motion, span)[1] == {"displacement": seen, "force": faded, "force, apart": wide}[taken]
+    monkeypatch.setattr(read, "edge_of_flight", lambda *of, **_: None)
+    assert _edges(motion, span)[1] == faded
 
 
 def test_a_contact_time_is_as_unsure_as_both_its_ends_and_a_turn_as_a_sample() -> None:

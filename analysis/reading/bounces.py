@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebder, chebval, chebvander
 from numpy.typing import NDArray
 
 from analysis.reading.edges import Edge, edge_of_line, edges_of_short_flight
@@ -211,16 +212,18 @@ def _refined_peak(motion: Motion, onset_s: float, coarse_s: float, until_s: floa
     for degree, off in PEAK_DEGREES.items():
         if u.size < degree + 3:
             continue
-        design = np.polynomial.chebyshev.chebvander(u, degree)
+        design = chebvander(u, degree)
         inverse = np.linalg.pinv(design)
-        series = np.polynomial.Chebyshev(inverse @ motion.displacement_m[window])
+        derivatives = {k: chebder(np.eye(degree + 1), k) for k in (2, 3, 4)}  # of each term of the series
+        series = inverse @ motion.displacement_m[window]
         grid = np.linspace(max(u[0], -0.8), min(u[-1], 0.8 * PEAK_REACH), 2001)
-        force, snap = series.deriv(2)(grid), series.deriv(4)
+        force = chebval(grid, derivatives[2] @ series)
         top = int(force.argmax())
         if top in (0, grid.size - 1):
             continue
-        row = np.array([np.polynomial.Chebyshev.basis(k).deriv(3)(grid[top]) for k in range(degree + 1)])
-        std = max(std, noise_std_m * float(np.linalg.norm(row @ inverse)) / max(abs(float(snap(grid[top]))), 1e-300))
+        jerk = noise_std_m * float(np.linalg.norm(chebval(grid[top], derivatives[3]) @ inverse))
+        snap = float(chebval(grid[top], derivatives[4] @ series))
+        std = max(std, jerk / max(abs(snap), 1e-300))
         found = Edge(float(coarse_s + rise * grid[top]), rise * float(np.hypot(std, off)))
         best = found if best is None or found.std_s < best.std_s else best
     return best

@@ -171,7 +171,8 @@ class BestFirst:
             best, trail = finely
             branch.law = question.one_law_beside(trail.start)
         held_out = question.held_out(trail.start.problem.data, in_turn=best is not trail.start)
-        best, given = at_likeliest_frequency(best, trail), best
+        # where something is left that no effect explains, no support's frequency is worth the search for a large one
+        best, given = at_likeliest_frequency(best, trail, thoroughly=not branch.leaves_something), best
         judged = rest if finely is None and best is given else None
         settled = settle(best, trail, held_out, question.progress, question.limit, judged)
         branch.named = explain_with_effects(question, trail, settled, held_out)

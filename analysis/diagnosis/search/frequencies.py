@@ -25,9 +25,9 @@ _STEP = 0.02  # of ln f, between frequencies at which a mode of its natural size
 _EVALUATIONS = 16
 
 
-def at_likeliest_frequency(fitted: Fitted, trail: Trail) -> Fitted:
-    """Return the fit, its modes at other frequencies where that is likelier."""
-    best = min(at_other_frequencies(fitted, trail), key=lambda one: one.bic, default=fitted)
+def at_likeliest_frequency(fitted: Fitted, trail: Trail, *, thoroughly: bool = True) -> Fitted:
+    """Return the fit, its modes at other frequencies where that is likelier; ``thoroughly`` as below."""
+    best = min(at_other_frequencies(fitted, trail, thoroughly=thoroughly), key=lambda one: one.bic, default=fitted)
     if not better(best, fitted):
         return fitted
     key, polished = frozenset(fitted.effects), polish(best, trail)
@@ -35,10 +35,11 @@ def at_likeliest_frequency(fitted: Fitted, trail: Trail) -> Fitted:
     return polished
 
 
-def at_other_frequencies(fitted: Fitted, trail: Trail) -> list[Fitted]:
+def at_other_frequencies(fitted: Fitted, trail: Trail, *, thoroughly: bool = True) -> list[Fitted]:
     """Return fits of the same effects, one mode at another frequency, that are nearly as likely or more.
 
-    Cost: a short fit (20 ms) from each of 8 maxima, and where a support has several, from each of 70 frequencies more.
+    Cost: a short fit (20 ms) from each of 8 maxima, and where a support has several and it is to be done
+    ``thoroughly``, from each of 70 frequencies more.
     """
     modes = [effect for effect in trail.added(fitted) if _is_mode(effect)]
     if not modes:
@@ -48,7 +49,7 @@ def at_other_frequencies(fitted: Fitted, trail: Trail) -> list[Fitted]:
         found = [fitted]
         none: list[Fitted] = []
         for kind in (kind for kind in fitted.problem.effects if kind.effect in modes):
-            found += trail.within("other frequencies of a mode", partial(_fits, fitted, kind, trail), none)
+            found += trail.within("other frequencies of a mode", partial(_fits, fitted, kind, trail, thoroughly), none)
         trail.elsewhere[key] = found
     return [one for one in trail.elsewhere[key] if any(_apart(one, fitted, effect) for effect in modes)]
 
@@ -75,7 +76,7 @@ def with_std_over(fitted: Fitted, others: Sequence[Fitted]) -> Fitted:
     return replace(fitted, inverse=inverse)
 
 
-def _fits(fitted: Fitted, kind: TrialEffect, trail: Trail) -> list[Fitted]:
+def _fits(fitted: Fitted, kind: TrialEffect, trail: Trail, thoroughly: bool) -> list[Fitted]:
     """Return the fits with the mode ``kind`` at other frequencies that are nearly as likely or more."""
     fewer = without(fitted, kind.effect, trail)
     if fewer is None:
@@ -84,7 +85,7 @@ def _fits(fitted: Fitted, kind: TrialEffect, trail: Trail) -> list[Fitted]:
     # a large mode keeps no promise to first order: those that promise much less than the best are asked as well
     maxima = [score.start for score in distinct_starts(at.scores(kind), _MOST, _APART)]
     found = _nearly(fitted, _fitted_from(maxima, fitted, at, kind, trail), kind.effect)
-    if not found or not kind.effect.in_series:
+    if not (found and thoroughly and kind.effect.in_series):
         return found
     large = [(start,) * len(maxima[0]) for start in _of_natural_size(kind)]
     return _nearly(fitted, [*found, *_fitted_from(large, fitted, at, kind, trail)], kind.effect)

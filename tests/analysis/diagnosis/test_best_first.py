@@ -240,14 +240,16 @@ def test_one_law_takes_the_place_of_effects_where_nothing_speaks_against_it(
 def test_effects_are_named_at_the_records_own_rate_and_the_likeliest_frequency(
     finely: bool, found: bool, moved: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    one = branch(0.0)
+    one = branch(0.0, left=not found)
     searched: Any = one.searched
     if not found:
         searched.best = searched.trail.start
     fine: Any = ("fine best", SimpleNamespace(start=SimpleNamespace(problem=SimpleNamespace(data="fine data"))))
     monkeypatch.setattr(module, "at_full_rate", lambda *of: fine if finely and of[2] == "motions" else None)
     monkeypatch.setattr(
-        module, "at_likeliest_frequency", lambda best, trail: ("elsewhere", best, trail) if moved else best
+        module,
+        "at_likeliest_frequency",
+        lambda best, trail, *, thoroughly: ("elsewhere", best, trail, thoroughly) if moved else best,
     )
     monkeypatch.setattr(module, "settle", lambda *of: ("settled", of))
     monkeypatch.setattr(module, "explain_with_effects", lambda *of: of)
@@ -256,7 +258,7 @@ def test_effects_are_named_at_the_records_own_rate_and_the_likeliest_frequency(
     given._name(one)
     question: Any = given._question
     best, trail = fine if finely else (searched.best, searched.trail)
-    best = ("elsewhere", best, trail) if moved else best
+    best = ("elsewhere", best, trail, not one.leaves_something) if moved else best
     held = ("fine data" if finely else "data", finely or found)
     settled = best, trail, held, question.progress, question.limit, None if finely or moved else "residual"
     assert one.named == (question, trail, ("settled", settled), held)

@@ -1,6 +1,7 @@
 """A faint mode that fits at several frequencies: all of them are found, and its uncertainty spans them."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -49,6 +50,9 @@ def test_a_faint_support_is_found_at_the_frequency_that_is_likeliest_of_all(fain
         assert one.fitted_on(evaluations=40).bic > one.bic - 1.0
     at_ln = np.sort(np.log([frequency_hz(one) for one in (first, *others)]))
     assert len(others) >= 5 and float(np.diff(at_ln).min()) > 0.02
+    # a large one keeps no promise to first order: not thoroughly, only those are seen that do
+    quickly = at_other_frequencies(first, replace(trail, elsewhere={}), thoroughly=False)
+    assert 0 < len(quickly) < len(others)
 
 
 def test_the_uncertainty_of_a_faint_support_spans_all_its_frequencies(faint: tuple[Fitted, Trail]) -> None:

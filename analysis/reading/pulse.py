@@ -167,10 +167,16 @@ def read_impulse_ratio(
     # an integral of the force is a difference of velocities: the noise at both ends, and the white noise at the common
     # split, where the measured velocity is zero except for what the line through it does not follow
     ratio = unloading / loading
-    white = float(np.nanmedian(motion.velocity_std_m_per_s) * np.linalg.norm([ratio, 1.0 + ratio, 1.0]))
+    white = _white_velocity_std(motion, noise) * float(np.linalg.norm([ratio, 1.0 + ratio, 1.0]))
     sways = noise.velocity_std_m_per_s((begin, finish), (ratio, 1.0), motion.bandwidth_hz)
     std = motion.moving_mass_kg / loading * float(np.hypot(white, sways))
     return Quantity(ratio, std, "∫F over unloading / ∫F over loading, split where v = 0")
+
+
+def _white_velocity_std(motion: Motion, noise: FloorSpectrum) -> float:
+    """Return the std of a velocity in m/s by white noise alone: the motion's own holds the path's wander as well."""
+    taps = derivative_filters(motion.sample_rate_hz, motion.bandwidth_hz).velocity
+    return noise.white_std_m * float(np.linalg.norm(taps))
 
 
 def read_momentum(
@@ -190,7 +196,7 @@ def read_momentum(
     impulse = _integral(motion.time_s, motion.force_n, begin, finish) - margin * (drag_n[0] + drag_n[1])
     if not np.isfinite(impulse):
         return None
-    white = float(np.sqrt(2.0) * np.nanmedian(motion.velocity_std_m_per_s))
+    white = float(np.sqrt(2.0)) * _white_velocity_std(motion, noise)
     sways = noise.velocity_std_m_per_s((begin, finish), (-1.0, 1.0), motion.bandwidth_hz)
     grid = _TRAPEZOID * abs(impulse)
     into, out = velocities

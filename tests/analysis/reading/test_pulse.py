@@ -142,8 +142,10 @@ def pulse_force(loading_n: float, unloading_n: float, drag_n: tuple[float, float
 
 
 def test_impulses_are_those_of_the_contact_alone_in_the_order_unloading_over_loading() -> None:
-    drag, rms = (0.02, -0.05), 1e-6
-    motion = motion_with(force_n=pulse_force(0.5, 0.4, drag), velocity_std_m_per_s=np.full(TIME_S.size, rms))
+    drag, taps = (0.02, -0.05), derivative_filters(RIG.rate_hz, RIG.bandwidth_hz).velocity
+    rms = float(np.convolve(RIG.noise_m * np.random.default_rng(2).standard_normal(200_000), taps, "valid").std())
+    wanders = np.full(TIME_S.size, 1e-3)  # the motion's own std holds the path's wander, which is the floor's
+    motion = motion_with(force_n=pulse_force(0.5, 0.4, drag), velocity_std_m_per_s=wanders)
     reading = seen(read_impulse_ratio(motion, 0.05, TOUCH, RELEASE, drag, floor_of()))
     half = 0.5 * 0.04 / np.pi  # N s, of the loading
     assert reading.value == pytest.approx(0.8, rel=2e-3)
@@ -156,7 +158,7 @@ def test_impulses_are_those_of_the_contact_alone_in_the_order_unloading_over_loa
     assert found is not None
     impulse, change = found
     assert impulse.value == pytest.approx(1.8 * half, rel=1e-3)
-    assert impulse.std == pytest.approx(np.hypot(np.sqrt(2.0) * rms * MASS_KG, 1e-5 * impulse.value), rel=1e-6)
+    assert impulse.std == pytest.approx(np.hypot(np.sqrt(2.0) * rms * MASS_KG, 1e-5 * impulse.value), rel=0.01)
     assert [change.value, change.std] == pytest.approx([0.36 * MASS_KG, 5e-6 * MASS_KG])
 
 

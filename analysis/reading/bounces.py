@@ -130,12 +130,12 @@ def _flight_edges(motion: Motion, first: int, last: int, noise_m: float, level_m
     """Return the release before and the onset after the flight about samples ``first`` to ``last``.
 
     A long flight has a line of its own, which each edge leaves: a parabola, found together with each edge, where a
-    floor bends the flight.  A short flight is fitted whole.  ``level_m`` is how far noise and floor put the end of a
-    flight off its straight line.
+    floor bends the flight.  A short flight is fitted whole, with such a line as well.  ``level_m`` is how far noise
+    and floor put the end of a flight off its straight line.
     """
     trim = round(LINE_TRIM * (last - first))
+    curved = level_m > BENDS * noise_m
     if last - first - 2 * trim >= LONG_FLIGHT:
-        curved = level_m > BENDS * noise_m
         line = fit_flight(motion, first + trim, last - trim, nearest=(first + last) // 2, curved=curved)
         if line is None:
             return None
@@ -151,7 +151,9 @@ def _flight_edges(motion: Motion, first: int, last: int, noise_m: float, level_m
     room = max(6, round(0.45 * (last - first))) * step
     release_range = (time[0] + 2 * step, motion.time_s[first] + room)
     onset_range = (motion.time_s[last] - room, time[-1] - 2 * step)
-    return edges_of_short_flight(time, motion.displacement_m[low:high], level_m, release_range, onset_range)
+    x = motion.displacement_m[low:high]
+    bend, std_m = (2, noise_m) if curved else (1, level_m)
+    return edges_of_short_flight(time, x, std_m, release_range, onset_range, bend=bend)
 
 
 def _as_it_grazes(edges: tuple[Edge, Edge], first_contact_s: float) -> tuple[Edge, Edge]:

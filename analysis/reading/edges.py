@@ -108,7 +108,7 @@ def _later(u_s: Floats, departure_m: Floats, std_m: float, depth_m: float, omega
 
 
 _FEWEST = 8  # samples of a short flight
-_FLIGHT_NUMBERS = 10  # that are fitted to it: a line, two edges, a force of three terms on either side
+_FORCE_NUMBERS = 8  # that are fitted beside its line: two edges, a force of three terms on either side
 
 
 def _bend_of(u_s: Floats, x_m: Floats) -> int:
@@ -244,9 +244,17 @@ def _least_squares_edge(
 
 
 def edges_of_short_flight(
-    time_s: Floats, displacement_m: Floats, std_m: float, release: tuple[float, float], onset: tuple[float, float]
+    time_s: Floats,
+    displacement_m: Floats,
+    std_m: float,
+    release: tuple[float, float],
+    onset: tuple[float, float],
+    *,
+    bend: int,
 ) -> tuple[Edge, Edge] | None:
-    """Return release and onset of a short flight between two contacts, fitted together with its straight line.
+    """Return release and onset of a short flight between two contacts, fitted together with its line.
+
+    The line is a polynomial of degree ``bend``: 1, or 2 where the floor bends the flight.
 
     ``time_s`` and ``displacement_m`` (n,) span the flight and a little of the contact on either side; ``release`` and
     ``onset`` are the ranges in s that are searched.  None where an edge lies at the end of its range.
@@ -257,7 +265,8 @@ def edges_of_short_flight(
         return None
     zero = float(time_s.mean())
     tau = time_s - zero
-    line, _ = np.linalg.qr(np.stack([np.ones_like(tau), tau / np.abs(tau).max()], axis=1))
+    line, _ = np.linalg.qr(np.vander(tau / np.abs(tau).max(), bend + 1))
+    fitted = _FORCE_NUMBERS + bend + 1
     scaled = (displacement_m - displacement_m.mean()) / std_m
     scaled = scaled - line @ (line.T @ scaled)
     ranges = [np.linspace(*release, FLIGHT_TRIALS) - zero, np.linspace(*onset, FLIGHT_TRIALS) - zero]
@@ -269,7 +278,7 @@ def edges_of_short_flight(
         costs = np.empty((2, FLIGHT_TRIALS, FLIGHT_TRIALS))
         for without, each in enumerate(costs):
             _costs_of_two(flat.T @ flat, flat.T @ scaled, float(scaled @ scaled), 3 - without, each)
-        least = max(1.0, float(costs.min()) / max(tau.size - _FLIGHT_NUMBERS, 1))
+        least = max(1.0, float(costs.min()) / max(tau.size - fitted, 1))
         cost = _of_both(costs[0], costs[1], least, 2.0 * PLAINER)
         cost[ranges[1][None, :] <= ranges[0][:, None]] = np.inf
         i, j = (int(k) for k in np.unravel_index(int(cost.argmin()), cost.shape))

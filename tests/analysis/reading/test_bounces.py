@@ -194,21 +194,26 @@ def test_a_flight_of_24_samples_has_a_line_of_its_own_which_a_floor_bends(
     edge = Edge(1.0, 1.0)
     monkeypatch.setattr(bounces, "fit_flight", lambda motion, *of, **how: seen.append((of, how)) or line)
     monkeypatch.setattr(bounces, "edge_of_line", lambda motion, of, **how: seen.append((of.noise_std_m, how)) or edge)
-    monkeypatch.setattr(bounces, "edges_of_short_flight", lambda *of: seen.append(of) or (edge, edge))
+    monkeypatch.setattr(bounces, "edges_of_short_flight", lambda *of, bend: seen.append((*of, bend)) or (edge, edge))
     time = np.arange(0.0, 3e-3, 1e-5)
     noise_m = RIG.noise_m
     motion = motion_from(time, -0.2 * time, RIG)
     assert _flight_edges(motion, 100, 100 + lasts, noise_m, level * noise_m) == (edge, edge)
     if curved is None:
-        ((at, x, std, release, onset),) = seen
+        ((at, x, std, release, onset, bend),) = seen
         assert (
             at == pytest.approx(time[90:142]) and x == pytest.approx(motion.displacement_m[90:142]) and std == noise_m
         )
         assert release == pytest.approx((92e-5, 114e-5)) and onset == pytest.approx((117e-5, 139e-5))
+        assert bend == 1
         seen.clear()
         _flight_edges(motion, 5, 12, noise_m, noise_m)  # of a few samples a little more is searched
         assert seen[0][0] == pytest.approx(time[:23])
         assert seen[0][3] == pytest.approx((2e-5, 11e-5)) and seen[0][4] == pytest.approx((6e-5, 20e-5))
+        for floor_m, line in ((1.39 * noise_m, (1.39 * noise_m, 1)), (1.41 * noise_m, (noise_m, 2))):
+            seen.clear()
+            _flight_edges(motion, 100, 100 + lasts, noise_m, floor_m)
+            assert (seen[0][2], seen[0][5]) == line
         return
     ends = {"nearest": 116, "curved": curved}
     std, bend = (noise_m, 2) if curved else (level * noise_m, 0)

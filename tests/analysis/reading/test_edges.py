@@ -220,39 +220,41 @@ def test_where_nothing_departs_there_is_no_edge() -> None:
     assert edge_of_flight(few, (981, 999), 1000, until=1500, depth_m=2e-3, guard_s=1e-4) is not None
 
 
-def short_flight(release_s: float, onset_s: float, seed: int, bends: float = 0.0) -> tuple[Floats, Floats]:
+def short_flight(
+    release_s: float, onset_s: float, seed: int, bends: float = 0.0, shaken_m_per_s2: float = 0.0
+) -> tuple[Floats, Floats]:
     time = np.arange(30) / RATE_HZ
     before, after = np.maximum(release_s - time, 0.0), np.maximum(time - onset_s, 0.0)
     x = -0.2 + 0.1 * time - 1.0 * before**2 / 2 + 6e4 * before**3 / 6 + 10.0 * after**2 / 2 + 3e4 * after**3 / 6
-    x += bends * (before**4 - after**4) / 24
+    x += bends * (before**4 - after**4) / 24 + shaken_m_per_s2 * time**2 / 2
     return time, x + np.random.default_rng(seed).normal(0.0, NOISE_M, time.size)
 
 
-@pytest.mark.parametrize(
-    "bends", [0.0, 8e8]
-)  # of the slopes of force: at the ends of the record a third of what they do
-def test_both_edges_of_a_short_flight_scatter_as_their_uncertainties_say(bends: float) -> None:
-    pulls, widest = [], []
+# of the slopes of force: at the ends of the record a third of what they do; and of the flight itself, by the floor
+@pytest.mark.parametrize(("bends", "shaken_m_per_s2"), [(0.0, 0.0), (8e8, 0.0), (0.0, -0.3)])
+def test_both_edges_of_a_short_flight_scatter_as_their_uncertainties_say(bends: float, shaken_m_per_s2: float) -> None:
+    pulls, widest, bend = [], [], 2 if shaken_m_per_s2 else 1
     for seed in range(40):
         shift = 1e-5 * float(np.random.default_rng(seed).uniform())
         true = 1.0e-4 + shift, 1.8e-4 + shift
-        both = edges_of_short_flight(*short_flight(*true, seed, bends), NOISE_M, (2e-5, 1.5e-4), (1.4e-4, 2.7e-4))
+        flight = short_flight(*true, seed, bends, shaken_m_per_s2)
+        both = edges_of_short_flight(*flight, NOISE_M, (2e-5, 1.5e-4), (1.4e-4, 2.7e-4), bend=bend)
         assert both is not None
         widest.append(max(edge.std_s for edge in both))
         pulls.append([(edge.time_s - at) / edge.std_s for edge, at in zip(both, true, strict=True)])
     rms = np.sqrt(np.mean(np.square(pulls), axis=0))
     assert np.all((rms > 0.5) & (rms < 1.4)), rms
-    assert np.median(widest) < 1.5e-5
+    assert np.median(widest) < (2e-5 if shaken_m_per_s2 else 1.5e-5)
 
 
 def test_a_short_flight_whose_edge_lies_beyond_its_range_is_refused() -> None:
     time, x = short_flight(1.0e-4, 1.8e-4, 1)
-    assert edges_of_short_flight(time, x, NOISE_M, (2e-5, 1.5e-4), (1.4e-4, 2.7e-4)) is not None
-    assert edges_of_short_flight(time, x, NOISE_M, (1.2e-4, 1.5e-4), (1.4e-4, 2.7e-4)) is None
-    assert edges_of_short_flight(time, x, NOISE_M, (2e-5, 1.5e-4), (1.4e-4, 1.6e-4)) is None
-    assert edges_of_short_flight(time[:7], x[:7], NOISE_M, (2e-5, 4e-5), (3e-5, 6e-5)) is None
-    louder = edges_of_short_flight(time, x, 0.1 * NOISE_M, (2e-5, 1.5e-4), (1.4e-4, 2.7e-4))
-    plain = edges_of_short_flight(time, x, NOISE_M, (2e-5, 1.5e-4), (1.4e-4, 2.7e-4))
+    assert edges_of_short_flight(time, x, NOISE_M, (2e-5, 1.5e-4), (1.4e-4, 2.7e-4), bend=1) is not None
+    assert edges_of_short_flight(time, x, NOISE_M, (1.2e-4, 1.5e-4), (1.4e-4, 2.7e-4), bend=1) is None
+    assert edges_of_short_flight(time, x, NOISE_M, (2e-5, 1.5e-4), (1.4e-4, 1.6e-4), bend=1) is None
+    assert edges_of_short_flight(time[:7], x[:7], NOISE_M, (2e-5, 4e-5), (3e-5, 6e-5), bend=1) is None
+    louder = edges_of_short_flight(time, x, 0.1 * NOISE_M, (2e-5, 1.5e-4), (1.4e-4, 2.7e-4), bend=1)
+    plain = edges_of_short_flight(time, x, NOISE_M, (2e-5, 1.5e-4), (1.4e-4, 2.7e-4), bend=1)
     assert louder is not None and plain is not None  # noise ten times the stated one is seen in what is left over
     assert [edge.std_s for edge in louder] == pytest.approx([edge.std_s for edge in plain], rel=0.6)
 

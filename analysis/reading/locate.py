@@ -152,7 +152,7 @@ def _span(motion: Motion, x: Floats, turn: _Turn) -> CollisionSpan | None:
     finished = turn.rises and out is not None
     release, std = last, 0.0
     if finished:
-        half, std = _fades(force[turn.at : last + 1], lost / peak, width)
+        half, std = _fades(force[turn.at : last + 1] / peak, lost / peak, width)
         release = min(turn.at + round(half), x.size - 1)
     return CollisionSpan(
         first=_refined_touch(motion, first, width),
@@ -170,8 +170,8 @@ def _span(motion: Motion, x: Floats, turn: _Turn) -> CollisionSpan | None:
 def _fades(force: Floats, lost: float, width: int) -> tuple[float, float]:
     """Return after how many samples a force (n,) has faded, and how many that may be off.
 
-    It begins at the turn, is smoothed over ``width`` and ends where it falls to the share ``lost`` of its peak.  Down
-    to FADED of that it is followed, from there it fades as a half-sine does.  Where it is seen for longer or less than
+    It is in units of its peak, begins at the turn, is smoothed over ``width`` and ends where it falls to ``lost``.
+    Down to FADED it is followed, from there it fades as a half-sine does.  Where it is seen for longer or less than
     such a one, something else pushes or pulls, until about the end of what is given.
     """
     share = max(FADED, lost)
@@ -189,15 +189,13 @@ def _faded_to(share: float, smoothed: float) -> float:
     half = 200  # samples
     force = np.cos(0.5 * np.pi * np.minimum(np.abs(np.arange(-4 * half, 4 * half)) / half, 1.0))
     smooth = _smooth_acceleration(np.cumsum(np.cumsum(force)), max(1, round(2 * half * smoothed)))[4 * half - 1 :]
-    return _last_above(smooth, share) / half
+    return _last_above(smooth / smooth.max(), share) / half
 
 
 def _last_above(force: Floats, share: float) -> float:
-    """Return the last place at which a force (n,) falls to a share of its peak, between samples."""
-    level = share * float(force.max())
-    k = int(np.flatnonzero(force > level)[-1])
-    after = force[k + 1] if k + 1 < force.size else 0.0
-    return k + float((force[k] - level) / (force[k] - after))
+    """Return the last place at which a force (n,), which ends below a share, falls to that."""
+    k = int(np.flatnonzero(force > share)[-1])
+    return k + float((force[k] - share) / (force[k] - force[k + 1]))
 
 
 def _contact_samples(motion: Motion, x: Floats, turn: _Turn) -> tuple[float, float] | None:

@@ -221,7 +221,7 @@ def test_a_force_that_fades_ends_where_its_half_sine_does(lost: float, smoothed:
         turn = int(x.argmax())
         force = -_smooth_acceleration(x, width)[turn:]
         seen = force[: int(np.flatnonzero(force < lost * force[0])[0]) + 1]
-        half, std = _fades(seen, lost, width)
+        half, std = _fades(seen / force[0], lost, width)
         assert turn + half == pytest.approx(contact + end, abs=off * contact)
         fades = np.arcsin(max(lost, 0.15)) / np.pi * contact
         assert std == pytest.approx(np.linalg.norm((0.05 * fades, 0.01 * width, 0.5)), rel=0.3)
@@ -231,6 +231,7 @@ def test_a_force_that_is_seen_for_longer_or_less_than_a_half_sine_ends_where_it_
     width, half = 30, 150
     x = np.cumsum(np.cumsum(np.maximum(np.cos(0.5 * np.pi * np.arange(-300, 300) / half), 0.0)))
     force = _smooth_acceleration(x, width)[299:]
+    force /= force[0]
     lost = round(half * _faded_to(0.03, 0.1))
     for size in (lost - 6, lost + 6):
         assert _fades(force[:size], 0.03, width)[0] == pytest.approx(half, abs=1.5)

@@ -20,6 +20,8 @@ _TRAPEZOID = 1e-5  # of an impulse: the error of a sum over samples
 NEAR_S = 0.3e-3  # of flight before the touch, for the place of the touch
 HOLE_SHARE = 0.02  # of the contact: a hole up to so long is closed
 FORGOTTEN = 4.0  # periods of its cutoff, after which the end of a record no longer affects a low-pass
+TURN_SHARE = 0.05  # of the contact's samples, to each side of the turn, through which the velocity is a line ...
+TURN_SAMPLES = 9  # ... and not more
 TOP_FRACTION = 0.04  # of the contact time, to each side of the top, that a parabola follows
 
 
@@ -160,14 +162,16 @@ def read_impulse_ratio(
     begin, finish = touch.time_s - margin, release.time_s + margin
     if begin < motion.time_s[0] or finish > motion.time_s[-1]:
         return NotSeen("the record ends too close to the contact")
-    loading = _integral(motion.time_s, motion.force_n, begin, turnaround_s) - drag_n[0] * margin
-    unloading = _integral(motion.time_s, motion.force_n, turnaround_s, finish) - drag_n[1] * margin
+    # the line through the turn leaves some velocity there, which a step of Newton's takes away
+    speed, force = (np.interp(turnaround_s, motion.time_s, of) for of in (motion.velocity_m_per_s, motion.force_n))
+    split = float(turnaround_s - motion.moving_mass_kg * speed / force)
+    loading = _integral(motion.time_s, motion.force_n, begin, split) - drag_n[0] * margin
+    unloading = _integral(motion.time_s, motion.force_n, split, finish) - drag_n[1] * margin
     if not (np.isfinite(loading) and np.isfinite(unloading)) or loading <= 0.0:
         return NotSeen("the force is interrupted within the contact")
-    # an integral of the force is a difference of velocities: the noise at both ends, and the white noise at the common
-    # split, where the measured velocity is zero except for what the line through it does not follow
+    # an integral of the force is a difference of velocities, and at the split the measured one is zero
     ratio = unloading / loading
-    white = _white_velocity_std(motion, noise) * float(np.linalg.norm([ratio, 1.0 + ratio, 1.0]))
+    white = _white_velocity_std(motion, noise) * float(np.linalg.norm([ratio, 1.0]))
     sways = noise.velocity_std_m_per_s((begin, finish), (ratio, 1.0), motion.bandwidth_hz)
     std = motion.moving_mass_kg / loading * float(np.hypot(white, sways))
     return Quantity(ratio, std, "∫F over unloading / ∫F over loading, split where v = 0")
@@ -304,7 +308,8 @@ def find_turnaround(motion: Motion, touch: Edge, release: Edge) -> float | None:
     crossing = np.flatnonzero((velocity[:-1] < 0.0) & (velocity[1:] >= 0.0))
     if crossing.size == 0:
         return None
-    near = inside[max(crossing[0] - 8, 0) : crossing[0] + 10]  # a line over some samples steadies the noise
+    few = min(max(round(TURN_SHARE * inside.size), 1), TURN_SAMPLES)
+    near = inside[max(crossing[0] + 1 - few, 0) : crossing[0] + 1 + few]  # a line over some samples steadies the noise
     slope, offset = np.polyfit(motion.time_s[near] - motion.time_s[near[0]], motion.velocity_m_per_s[near], 1)
     return float(motion.time_s[near[0]] - offset / slope)
 

@@ -91,7 +91,9 @@ def _read(motion: Motion, span: CollisionSpan, touch: Edge, release: Edge | None
         flags.append("impulse_disagrees")
     impact = Impact(
         touch_time_s=Quantity(touch.time_s, touch.std_s, "where the displacement leaves the incoming flight"),
-        release_time_s=Quantity(release.time_s, release.std_s, "where the force has faded and the displacement joins the outgoing flight"),
+        release_time_s=Quantity(
+            release.time_s, release.std_s, "where the force has faded and the displacement joins the outgoing flight"
+        ),
         turnaround_time_s=Quantity(turnaround, 1.0 / motion.sample_rate_hz / np.sqrt(12.0), "where v = 0"),
         velocity_in_m_per_s=v_in,
         velocity_out_m_per_s=v_out,

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.integrate import quad
+from scipy.integrate import cumulative_trapezoid, quad
 
 from analysis.reading import pulse
 from analysis.reading.edges import Edge
@@ -141,17 +141,23 @@ def pulse_force(loading_n: float, unloading_n: float, drag_n: tuple[float, float
     return np.where(inside, np.where(TIME_S < 0.05, loading_n, unloading_n) * half, np.where(TIME_S < 0.05, *drag_n))
 
 
+def pushed(loading_n: float, unloading_n: float, drag_n: tuple[float, float] = (0.0, 0.0), **changes: Any) -> Motion:
+    """Return a motion with that force, which turns round at 0.05 s."""
+    still = {"velocity_m_per_s": np.zeros(TIME_S.size), **changes}
+    return motion_with(force_n=pulse_force(loading_n, unloading_n, drag_n), **still)
+
+
 def test_impulses_are_those_of_the_contact_alone_in_the_order_unloading_over_loading() -> None:
     drag, taps = (0.02, -0.05), derivative_filters(RIG.rate_hz, RIG.bandwidth_hz).velocity
     rms = float(np.convolve(RIG.noise_m * np.random.default_rng(2).standard_normal(200_000), taps, "valid").std())
     wanders = np.full(TIME_S.size, 1e-3)  # the motion's own std holds the path's wander, which is the floor's
-    motion = motion_with(force_n=pulse_force(0.5, 0.4, drag), velocity_std_m_per_s=wanders)
+    motion = pushed(0.5, 0.4, drag, velocity_std_m_per_s=wanders)
     reading = seen(read_impulse_ratio(motion, 0.05, TOUCH, RELEASE, drag, floor_of()))
     half = 0.5 * 0.04 / np.pi  # N s, of the loading
     assert reading.value == pytest.approx(0.8, rel=2e-3)
-    # loading: m (v - v_begin), unloading: m (v_end - v)
-    drawn = rms * np.random.default_rng(1).standard_normal((3, 40_000))
-    ratio = (0.4 / 0.5 * half + MASS_KG * (drawn[2] - drawn[1])) / (half + MASS_KG * (drawn[1] - drawn[0]))
+    # loading: m (0 - v_begin), unloading: m (v_end - 0)
+    drawn = rms * np.random.default_rng(1).standard_normal((2, 40_000))
+    ratio = (0.4 / 0.5 * half + MASS_KG * drawn[1]) / (half - MASS_KG * drawn[0])
     assert reading.std == pytest.approx(float(ratio.std()), rel=0.02)
     velocities = Quantity(-0.2, 3e-6), Quantity(0.16, 4e-6)
     found = read_momentum(motion, TOUCH, RELEASE, drag, velocities, floor_of())
@@ -162,9 +168,21 @@ def test_impulses_are_those_of_the_contact_alone_in_the_order_unloading_over_loa
     assert [change.value, change.std] == pytest.approx([0.36 * MASS_KG, 5e-6 * MASS_KG])
 
 
+@pytest.mark.parametrize("off_s", [0.0, -4e-4, 4e-4])
+def test_impulses_are_split_where_the_measured_velocity_is_zero_wherever_the_turn_was_read(off_s: float) -> None:
+    u = TIME_S - 0.05
+    force = np.where(np.abs(u) < 0.02, 0.5 * np.cos(np.pi * u / 0.04) * (1.0 - 8.0 * u), 0.0)
+    velocity = cumulative_trapezoid(force, TIME_S, initial=0.0) / MASS_KG
+    turn = 1030  # at 0.0515 s
+    velocity -= velocity[turn]
+    motion = motion_with(force_n=force, velocity_m_per_s=velocity)
+    ratio = seen(read_impulse_ratio(motion, float(TIME_S[turn]) + off_s, TOUCH, RELEASE, (0.0, 0.0), floor_of()))
+    assert ratio.value == pytest.approx(velocity[-1] / -velocity[0], rel=3e-4)
+
+
 def test_the_floors_velocity_between_both_ends_is_in_the_uncertainty_of_impulses() -> None:
     floor, margin_s = floor_of(1e-4), 6.0 / RIG.bandwidth_hz
-    motion = motion_with(force_n=pulse_force(0.5, 0.4))
+    motion = pushed(0.5, 0.4)
     begin_s, end_s = TOUCH.time_s - margin_s, RELEASE.time_s + margin_s
     at, half = 2 * np.pi * floor.octaves.frequency_hz, 0.5 * 0.04 / np.pi
     velocity = at * np.sqrt(floor._power)
@@ -184,13 +202,15 @@ def test_impulses_need_the_force_filters_ringing_on_either_side_of_the_contact(s
             Edge(TIME_S[0] + margin_s + inside * step_s, 0.0) if side == 0 else TOUCH,
             Edge(TIME_S[-1] - margin_s - inside * step_s, 0.0) if side == 1 else RELEASE,
         )
-        motion = motion_with(force_n=pulse_force(0.5, 0.4))
+        motion = pushed(0.5, 0.4)
         ratio = read_impulse_ratio(motion, 0.05, *edges, (0.0, 0.0), floor_of())
         momentum = read_momentum(motion, *edges, (0.0, 0.0), (Quantity(-0.2, 0.0), Quantity(0.1, 0.0)), floor_of())
         assert (isinstance(ratio, Quantity), momentum is not None) == ((inside > 0,) * 2)
     holed = np.where(np.abs(TIME_S - 0.04) < 1e-4, np.nan, pulse_force(0.5, 0.4))
-    assert isinstance(read_impulse_ratio(motion_with(force_n=holed), 0.05, *edges, (0.0, 0.0), floor_of()), NotSeen)
-    pulled = motion_with(force_n=-pulse_force(0.5, 0.4))
+    assert isinstance(
+        read_impulse_ratio(replace(pushed(0.5, 0.4), force_n=holed), 0.05, *edges, (0.0, 0.0), floor_of()), NotSeen
+    )
+    pulled = pushed(-0.5, -0.4)
     assert isinstance(read_impulse_ratio(pulled, 0.05, TOUCH, RELEASE, (0.0, 0.0), floor_of()), NotSeen)
 
 
@@ -260,6 +280,20 @@ def test_the_turn_is_where_the_line_through_the_velocity_is_zero() -> None:
     assert find_turnaround(replace(inside, velocity_m_per_s=-velocity), TOUCH, RELEASE) is None
     assert find_turnaround(inside, TOUCH, Edge(0.0499, 0.0)) is None
     assert find_turnaround(inside, Edge(0.0501, 0.0), RELEASE) is None
+
+
+@pytest.mark.parametrize(("every", "few"), [(1, 9), (20, 2)])  # 800 samples of a contact, or 40
+def test_a_turn_is_read_from_nine_samples_or_a_twentieth_of_the_contact_to_either_side(every: int, few: int) -> None:
+    velocity = 3.0 * (TIME_S - 0.0502 - 1e-7)[::every]
+    motion = replace(motion_with(), time_s=TIME_S[::every], velocity_m_per_s=velocity)
+    turn_s = find_turnaround(motion, TOUCH, RELEASE)
+    last_before = int(np.flatnonzero(velocity < 0.0)[-1])
+    for far, counts in ((few, False), (few - 1, True)):
+        for at in (last_before - far, last_before + 1 + far):
+            struck = velocity.copy()
+            struck[at] *= 1.01
+            found = find_turnaround(replace(motion, velocity_m_per_s=struck), TOUCH, RELEASE)
+            assert (found != turn_s) is counts
 
 
 def test_an_integral_between_samples_is_that_of_the_lines_between_them() -> None:

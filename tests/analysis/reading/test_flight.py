@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.reading import both_flights
-from analysis.reading.both_flights import _straight_lines, find_knocks, read_flights
+from analysis.reading.both_flights import _polynomials, _straight_lines, find_knocks, read_flights
 from analysis.reading.flight import MOST_BINS, Bins, Flight, binned, fit_flight, select
 from analysis.shot.motion import Motion
 from tests.analysis.synthetic_collision import Synthetic, motion_from
@@ -234,3 +234,18 @@ def test_two_knocks_are_left_out_of_their_own_flights_and_one_that_fills_a_fligh
     assert found[0][1] <= 40 <= found[1][0] and not kept
     assert find_knocks(*bins_of_rest(slice(4, 12), 30.0, (16, 50)), 1.0) == ([], True)
     assert find_knocks(*bins_of_rest(slice(0, 50), 30.0), 1.0) == ([], True)  # more than half of all
+
+
+def test_a_flights_polynomials_are_the_means_over_each_bins_samples() -> None:
+    each, step_s = 8, 1e-4
+    samples = np.arange(40 * each).reshape(40, each) * step_s
+    time_s = samples.mean(axis=1)
+    into = time_s < 0.016
+    zeros = 0.016, 0.0175
+    bins = Bins(time_s, np.zeros(40), into, each, step_s, 1e-10)
+    columns, drags = _polynomials(bins, zeros)
+    assert drags == (2, 5)
+    for side, zero, first in ((into, zeros[0], 0), (~into, zeros[1], 3)):
+        for degree in range(3):
+            mean = np.where(side, ((samples - zero) ** degree).mean(axis=1), 0.0)
+            assert columns[:, first + degree] == pytest.approx(mean, rel=1e-9, abs=1e-15)

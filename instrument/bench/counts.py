@@ -212,7 +212,7 @@ def _fill_levels(first, segments, per_segment, nodes, p, places, work, levels) -
         r3 = rest_slope[j] + rest_slope[j + 1] - 2.0 * d
         _fill_turns((r0, r1, r2, r3), places, rest[piece])
         _fill_turns((r0 - p0, r1 - p1, r2 - p2, r3 - p3), places, beat[piece])
-        if p[LEAK] != 0.0:
+        if p[LEAK]:
             w = p[LEAK_ORDER] - 1.0
             _fill_turns((r0 + w * p0 + p[LEAK_TURNS], r1 + w * p1, r2 + w * p2, r3 + w * p3), places, leaked[piece])
         _fill_line(light[j], light[j + 1], places, lit[piece])
@@ -229,5 +229,5 @@ def _fill_levels(first, segments, per_segment, nodes, p, places, work, levels) -
     _add_beat(np.float32(p[REFERENCE_A]), steady, rest, levels[0])
     levels[1, :] = np.float32(p[MEASUREMENT_OFFSET])
     _add_beat(np.float32(p[MEASUREMENT_A]), lit, beat, levels[1])
-    if p[LEAK] != 0.0:  # light in the wrong arm: a second beat, harmonic of the path
+    if p[LEAK]:  # light in the wrong arm: a second beat, harmonic of the path
         _add_beat(np.float32(p[LEAK] * p[MEASUREMENT_A]), lit, leaked, levels[1])

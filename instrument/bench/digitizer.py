@@ -63,12 +63,12 @@ class BenchDigitizer(Digitizer):
         self._closed = False
         self._stage: SimulatedStream | None = None
         self._shots = first_shot
-        self._rate_hz = 0.0
-        self._started = 0.0
-        self._next_sample = 0
-        self._next_push_s: float | None = None
+        self._rate_hz: float  # these and the next three from the arming on
+        self._started: float
+        self._next_sample: int
+        self._next_push_s: float | None
         self._chunk = np.empty((_CHUNK, len(self._rig.optics.channels)), np.int16)
-        self._chunk_at = -1
+        self._chunk_at: int | None  # None: no chunk is kept
 
     @property
     def capabilities(self) -> Capabilities:
@@ -113,7 +113,7 @@ class BenchDigitizer(Digitizer):
         self._stage = SimulatedStream(self._rig, rate, self._shots)
         self._rate_hz = rate
         self._next_sample = 0
-        self._chunk_at = -1
+        self._chunk_at = None
         self._next_push_s = self._first_push_s if self._push_every_s > 0 else None
         self._stop.clear()
         self._started = self._clock()

@@ -67,14 +67,14 @@ def pair_force_n(y: Floats, p: Floats, on: NDArray[np.int64]) -> float:
         xi = -gap
         rate = y[PLATE_V] + y[MODE_V] - y[BLOCK_V]
         spring = p[K_CONTACT] * xi
-        if p[CONTACT_DELTA] != 0.0:
-            spring *= (max(xi, 0.0) / p[CONTACT_XI0]) ** p[CONTACT_DELTA] if xi > 0.0 else 0.0
-        if p[AREA_GAIN] != 0.0:
+        if p[CONTACT_DELTA]:
+            spring *= (xi / p[CONTACT_XI0]) ** p[CONTACT_DELTA] if xi > 0.0 else 0.0
+        if p[AREA_GAIN]:
             spring *= 1.0 + p[AREA_GAIN] * (1.0 - math.exp(-max(xi, 0.0) / p[AREA_XI]))
         force += spring + (p[C_CONTACT] + p[C_OVERLAP] * max(xi, 0.0)) * rate
     if on[WITHIN_REACH] == 1:
         force -= p[F_ADHESION]
-    if p[F_MAGNET] != 0.0:
+    if p[F_MAGNET]:
         force += p[F_MAGNET] * math.exp(-max(gap, 0.0) / p[D_MAGNET])
     return force
 
@@ -92,7 +92,7 @@ def rates(y: Floats, p: Floats, on: NDArray[np.int64], frame: float, dy: Floats)
     drag = p[C_VISCOUS] * v + p[C_QUADRATIC] * v * abs(v) + p[C_ASYMMETRIC] * abs(v)
     drag += p[F_COULOMB] if on[MOVING_RIGHT] == 1 else -p[F_COULOMB]
     dy[BRISTLE_Z] = 0.0
-    if p[F_BRISTLE] > 0.0:  # LuGre with a Stribeck curve
+    if p[F_BRISTLE]:  # LuGre with a Stribeck curve
         steady = p[F_BRISTLE] + (p[F_BRISTLE_STATIC] - p[F_BRISTLE]) * math.exp(-((v / p[V_BRISTLE]) ** 2))
         rate = v - p[K_BRISTLE] * abs(v) / steady * y[BRISTLE_Z]
         dy[BRISTLE_Z] = rate
@@ -104,7 +104,7 @@ def rates(y: Floats, p: Floats, on: NDArray[np.int64], frame: float, dy: Floats)
     inner = 0.0
     dy[HIDDEN_X] = y[HIDDEN_V]
     dy[HIDDEN_V] = 0.0
-    if p[M_HIDDEN] > 0.0:
+    if p[M_HIDDEN]:
         w = p[W_HIDDEN]
         inner = p[M_HIDDEN] * (w * w * (y[HIDDEN_X] - y[BLOCK_X]) + 2.0 * p[Z_HIDDEN] * w * (y[HIDDEN_V] - v))
         dy[HIDDEN_V] = slope - inner / p[M_HIDDEN]
@@ -117,17 +117,17 @@ def rates(y: Floats, p: Floats, on: NDArray[np.int64], frame: float, dy: Floats)
     hold = p[K_PLATE] * bend + p[K_CUBIC] * bend * bend * bend + p[C_PLATE] * bend_rate + y[ARM_F]
     dy[PLATE_X] = y[PLATE_V]
     dy[PLATE_V] = -(hold + pair) / p[M_PLATE] - frame
-    dy[ARM_F] = p[K_ARM] * bend_rate - y[ARM_F] / p[TAU_ARM] if p[K_ARM] != 0.0 else 0.0
+    dy[ARM_F] = p[K_ARM] * bend_rate - y[ARM_F] / p[TAU_ARM] if p[K_ARM] else 0.0
     dy[MODE_Q] = y[MODE_V]
     dy[MODE_V] = 0.0
-    if p[M_MODE] > 0.0:
+    if p[M_MODE]:
         w = p[W_MODE]
         dy[MODE_V] = -pair / p[M_MODE] - 2.0 * p[Z_MODE] * w * y[MODE_V] - w * w * y[MODE_Q]
     dy[CLAMP_X] = y[CLAMP_V]
     dy[CLAMP_V] = 0.0
-    if p[CLAMP_COMPLIANCE] > 0.0:  # a mass 1 / (C w^2) on a spring 1 / C
+    if p[CLAMP_COMPLIANCE]:  # a mass 1 / (C w^2) on a spring 1 / C
         w = p[W_CLAMP]
         dy[CLAMP_V] = w * w * (hold * p[CLAMP_COMPLIANCE] - y[CLAMP_X]) - 2.0 * p[Z_CLAMP] * w * y[CLAMP_V] - frame
     dy[SLIP_X] = 0.0
-    if p[SLIP_MOBILITY] > 0.0 and abs(hold) > p[F_SLIP]:
+    if abs(hold) > p[F_SLIP]:
         dy[SLIP_X] = p[SLIP_MOBILITY] * (hold - math.copysign(p[F_SLIP], hold))

@@ -37,7 +37,7 @@ class FrameAcceleration(NamedTuple):
     jerk: Floats
 
 
-STILL = FrameAcceleration(1.0, np.empty(0), np.empty(0))
+STILL = FrameAcceleration(np.inf, np.array([]), np.array([]))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

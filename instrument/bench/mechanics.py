@@ -131,11 +131,10 @@ def collide(
     start[slot.BLOCK_X] = start[slot.HIDDEN_X] = distance_m
     start[slot.BLOCK_V] = start[slot.HIDDEN_V] = velocity_m_per_s
     w = float(np.sqrt(p[slot.K_PLATE] / p[slot.M_PLATE]))
-    if plate_at_touch != (0.0, 0.0):
-        back = w * (distance_m - plate_at_touch[0]) / abs(velocity_m_per_s)
-        x, v = plate_at_touch
-        start[slot.PLATE_X] = x * np.cos(back) - v / w * np.sin(back)
-        start[slot.PLATE_V] = x * w * np.sin(back) + v * np.cos(back)
+    x, v = plate_at_touch
+    back = w * (distance_m - x) / abs(velocity_m_per_s)
+    start[slot.PLATE_X] = x * np.cos(back) - v / w * np.sin(back)
+    start[slot.PLATE_V] = x * w * np.sin(back) + v * np.cos(back)
     drive = STILL
     if frame is not None:
         (x,), (v,) = frame.motion(np.zeros(1))

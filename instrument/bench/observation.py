@@ -74,7 +74,7 @@ def plate_support(frame: Frame | None, effects: Effects) -> Frame | None:
     The equations of motion are in the clamp's coordinates.
     """
     shake = effects.get("frame_vibration_with_plate", _NONE)
-    if not shake or shake["plate_factor"] == 0.0:
+    if not shake:
         return frame
     omega = 2 * math.pi * shake["frequency_hz"]
     size = shake["plate_factor"] * shake["amplitude_m_per_s"] / omega

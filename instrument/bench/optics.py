@@ -5,6 +5,7 @@ The measurement beat is the rest beat shifted in phase by 4 pi x / lambda; inwar
 
 import math
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
@@ -149,6 +150,5 @@ def fill(
 
 def _turns_modulo_one(frequency_hz: float, sample: int, sample_rate_hz: float) -> float:
     """Return the rest beat's phase at a sample, in turns; it stays exact after hours, unlike a product of floats."""
-    whole = math.floor(frequency_hz / sample_rate_hz * 2**40)
-    rest = frequency_hz / sample_rate_hz * 2**40 - whole
-    return ((whole * sample) % 2**40) / 2**40 + (rest * sample / 2**40) % 1.0
+    turns = Fraction(frequency_hz) / Fraction(sample_rate_hz) * sample
+    return float(turns - math.floor(turns))

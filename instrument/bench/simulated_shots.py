@@ -4,7 +4,7 @@ import base64
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +26,7 @@ SAMPLE_RATE_HZ = 10e6
 DURATION_S = 0.06
 BEFORE_TOUCH_S = 0.012
 SLOWEST_M_PER_S, FASTEST_M_PER_S = 0.16, 0.40
-_EPOCH = datetime(2026, 1, 1, 9, 0, 0, tzinfo=UTC)  # recordings of one seed are the same files on any day
+_EPOCH = datetime.fromisoformat("2026-01-01T09:00:00")  # UTC: recordings of one seed are the same files on any day
 
 
 def simulate(

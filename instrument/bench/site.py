@@ -6,6 +6,7 @@ by its criterion has random vibration at the limit of the curve, and a pump, a t
 Outside 8 to 80 Hz the velocity of a third-octave falls: with f below, with 1/f^2 above.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -128,7 +129,7 @@ def _read(path: Path) -> Site:
 
 def _described(whole: Checked) -> Site:
     name = whole.text("name") or whole.path.stem
-    level = whole.number("third_octave_m_per_s", 0.0, 1.0, default=0.0) or 0.0
+    level = whole.number("third_octave_m_per_s", -math.inf, math.inf) or 0.0
     criterion = whole.text("criterion")
     if criterion is not None:
         if criterion not in LEVELS_M_PER_S or "third_octave_m_per_s" in whole.values:
@@ -155,7 +156,8 @@ def _spectrum(table: Checked) -> tuple[tuple[float, float], ...]:
         if not isinstance(values, list):
             raise table.refuse(key, "a list of numbers is needed")
         listed = Checked(table.path, {f"{key}[{n}]": value for n, value in enumerate(values)}, table.place)
-        columns.append([listed.required(place, 0.0, 1e15) for place in listed.values])
-    if len(columns[0]) != len(columns[1]) or not columns[0]:
-        raise table.refuse("frequency_hz", f"{len(columns[0])} frequencies and {len(columns[1])} densities")
-    return tuple(zip(*columns, strict=True))
+        columns.append([listed.required(place, -math.inf, math.inf) for place in listed.values])
+    frequencies, densities = columns
+    if len(frequencies) != len(densities) or not frequencies:
+        raise table.refuse("frequency_hz", f"{len(frequencies)} frequencies and {len(densities)} densities")
+    return tuple(zip(frequencies, densities, strict=True))

@@ -69,7 +69,7 @@ class AnalysisThread:
         if self.doing is not None:
             self._cancelled.set()
 
-    def close(self, timeout_s: float = 30.0) -> bool:
+    def close(self, timeout_s: float) -> bool:
         """Cancel everything and end the thread.  Returns whether it ended."""
         self._closing = True
         while True:

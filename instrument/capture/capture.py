@@ -54,13 +54,13 @@ class Capture:
         self._orders, self._finished = capture.orders, capture.finished
         self.digitizer_held = False  # after ``close``: a call of the digitizer has not returned
         self._live = LiveThread(lambda: capture.run.stream, lambda: capture.options.folder) if live else None
+        self._others = [part for part in [self._finished.analysis, self._live] if part is not None]
 
     def start(self) -> None:
         """Start all threads; the digitizer is first touched in the capture thread."""
         self._capture.recorder.start()
-        for part in (self._finished.analysis, self._live):
-            if part is not None:
-                part.start()
+        for part in self._others:
+            part.start()
         self._capture.thread.start()
 
     def arm(self, *, automatic: bool = False) -> None:
@@ -143,8 +143,8 @@ class Capture:
         if not ended and capture.shot is not None and not capture.shot.complete:
             capture.shot.finish("the digitizer did not answer")
         ended &= capture.recorder.close(timeout_s)
-        for part in (self._finished.analysis, self._live):
-            ended &= part is None or part.close(timeout_s)
+        for part in self._others:
+            ended &= part.close(timeout_s)
         if not capture.thread.is_alive():
             capture.take_orders()  # the recorder's last report
             capture.release_folder()

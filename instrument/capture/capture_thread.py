@@ -58,7 +58,7 @@ class CaptureThread:
         self._look_from = 0  # ring number before which a step of the light switch is ignored
         self._fire = False
         self._lock: FolderLock | None = None
-        self._progress = (0, 0, 0)  # samples of the shot received and written, steps of the analysis
+        self._progress: tuple[int | None, ...] = ()  # samples of the shot received and written, steps of the analysis
         self._awaited: int | None = None  # number of the shot whose analysis ends the state ANALYSING
         self.thread = threading.Thread(target=self._main, name="levimass capture", daemon=True)
 
@@ -122,8 +122,7 @@ class CaptureThread:
     def _look_for_progress(self) -> None:
         """Restart the deadline whenever something progressed: a long shot, a slow disk, an analysis that compiles."""
         shot, analysis = self.shot, self.finished.analysis
-        grown = (shot.filled, shot.written) if shot is not None else (0, 0)
-        now = (*grown, analysis.steps if analysis is not None else 0)
+        now = getattr(shot, "filled", None), getattr(shot, "written", None), getattr(analysis, "steps", None)
         if now != self._progress:
             self._progress = now
             if self.machine.status.state is not State.ARMED:

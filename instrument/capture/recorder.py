@@ -146,7 +146,7 @@ class Recorder:
         """Save ``shot`` under the next free name in ``folder`` as it grows."""
         self._waiting.put((shot, folder))
 
-    def close(self, timeout_s: float = 30.0) -> bool:
+    def close(self, timeout_s: float) -> bool:
         """Save the queued shots, all of which must be complete, and end the thread.  Returns whether it ended."""
         self._waiting.put(None)
         if self._thread.is_alive():

@@ -61,9 +61,9 @@ class StreamReader:
         self._ring: Ring | None = None
         self._switch: LightSwitch | None = None
         self._motion: MotionTrigger | None = None
-        self._received_s = 0.0  # when the last samples came
+        self._received_s: float  # when the last samples came
         self._delivered: DeliveredRate | None = None  # of a stream in real time
-        self._block = 0
+        self._block: int  # samples read at a time
         self._options: tuple[object, ...] = ()
         self.stream: Stream | None = None
         self.running = False
@@ -160,22 +160,19 @@ class StreamReader:
         view = ring.space(self._block)
         block = self._digitizer.read_into(view, READ_TIMEOUT_S)
         _check_block(block, view.shape[0])
-        now = self._clock()
+        now, first = self._clock(), ring.total
+        if block.lost_before != 0 and block.samples > 0:
+            stream.note_loss(first, block.lost_before)
+        ring.commit(block.samples)
         if block.fired and block.samples == 0:
-            ring.commit(0)
-            return ReadBlock(view[:0], ring.total, 0, None, block.ended, fired=True)
+            return ReadBlock(view[:0], first, 0, None, block.ended, fired=True)
         if block.samples == 0 and not block.ended:
-            ring.commit(0)
             if now < self._received_s:
                 self._received_s = now  # a clock that ran backwards must not hide a stall for long
             if not self.hardware_trigger and not self.simulated and now - self._received_s > STALL_S:
                 raise self._stalled()
             return None
         self._received_s = now
-        first = ring.total
-        if block.lost_before != 0 and block.samples > 0:
-            stream.note_loss(first, block.lost_before)
-        ring.commit(block.samples)
         if self._delivered is not None:
             self._delivered.add(block.samples, block.lost_before, now, waits=block.samples == len(view))
             stream.doubtful_rate_hz = self._delivered.doubtful_hz

@@ -25,9 +25,9 @@ class BeatSeams:
     def __init__(self, packet_samples: int) -> None:
         self._n = packet_samples
         self._table: NDArray[np.float32] | None = None
-        self._phases = np.empty(0)
-        self._coherent = np.empty(0, bool)
-        self._sigma = 0.0
+        self._phases: NDArray[np.float64]  # these three of the beat in the table
+        self._coherent: NDArray[np.bool_]
+        self._sigma: float  # 0.0: not known yet
         self._first = np.empty(0)  # samples for the beat's frequency
 
     def forget(self) -> None:
@@ -80,7 +80,7 @@ class BeatSeams:
         spectrum = np.abs(np.fft.rfft((first - first.mean()) * np.hanning(length)))
         spectrum[:8] = 0.0
         peak = int(np.argmax(spectrum[:-2]))
-        if peak < 8 or spectrum[peak] < 20 * float(np.median(spectrum)):
+        if spectrum[peak] <= 20 * float(np.median(spectrum)):
             return False
         angle = 2 * math.pi * peak / length * np.arange(self._n)  # half a bin off: 1/128 of a cycle in a packet
         self._table = np.stack((np.cos(angle), -np.sin(angle), np.ones(self._n)), axis=1).astype(np.float32)

@@ -55,7 +55,7 @@ def hantek6022(backend: Any) -> list[FoundDevice]:
     from instrument.devices import usb_bus
 
     found = []
-    for device in usb_bus.find_devices((*firmware.COLD_IDS, *firmware.WARM_IDS), backend):
+    for device in usb_bus.find_devices(firmware.COLD_IDS | firmware.WARM_IDS, backend):
         problem, remedy = _permission(device)
         if not problem and (device.idVendor, device.idProduct) in firmware.COLD_IDS:
             try:

@@ -72,7 +72,7 @@ class Hantek6022(Digitizer):
         self._reference_column = self._roles.index(Role.REFERENCE) if Role.REFERENCE in self._roles else None
         self._codes = StreamedCodes(2e6, self._reference_column)
         self._fault: DigitizerError | None = None
-        self._received_s = 0.0  # when the last bytes came
+        self._received_s: float  # when the last bytes came
         self._open()
 
     @property

@@ -50,10 +50,10 @@ FOLDERS = firmware_folders(sys.platform, os.environ, Path.home())
 FILES = {0x6022: "fx2lafw-hantek-6022be.fw", 0x602A: "fx2lafw-hantek-6022bl.fw", 0x2020: "fx2lafw-hantek-6022be.fw"}
 REMEDY = firmware_remedy(sys.platform)
 
-COLD_IDS = ((0x04B4, 0x6022), (0x04B4, 0x602A), (0x04B4, 0x2020))
-OPENHANTEK_IDS = ((0x04B5, 0x6022), (0x04B5, 0x602A), (0x04B5, 0x2020))
+COLD_IDS = {(0x04B4, 0x6022), (0x04B4, 0x602A), (0x04B4, 0x2020)}
+OPENHANTEK_IDS = {(0x04B5, 0x6022), (0x04B5, 0x602A), (0x04B5, 0x2020)}
 SIGROK_ID = (0x1D50, 0x608E)
-WARM_IDS = (*OPENHANTEK_IDS, SIGROK_ID)
+WARM_IDS = OPENHANTEK_IDS | {SIGROK_ID}
 
 _LOAD = 0xA0
 _CPU_CONTROL = 0xE600

@@ -78,7 +78,8 @@ class NiscopeCard(Digitizer):
         self._worker: threading.Thread | None = None
         self._shots: queue.SimpleQueue[tuple[NDArray[np.int16], int] | DigitizerError | None] = queue.SimpleQueue()
         self._counts: NDArray[np.int16] | None = None
-        self._at = self._trigger_at = 0
+        self._at: int  # of the counts, as the next
+        self._trigger_at: int
         self._armed = False
         self._session: Any = self._open()
 
@@ -133,7 +134,7 @@ class NiscopeCard(Digitizer):
             if not self._armed:
                 return Block(0, ended=True)
             try:
-                item = self._shots.get(timeout=max(timeout_s, 1e-3))
+                item = self._shots.get(timeout=timeout_s)
             except queue.Empty:
                 return Block(0)
             if not isinstance(item, tuple):
@@ -205,13 +206,13 @@ class NiscopeCard(Digitizer):
                     counts.reshape(-1), timeout=max(5.0, settings.samples * 2e-6)
                 )
             self._scales = [(float(info.gain), float(info.offset)) for info in infos]
-            step_s = float(infos[0].x_increment)
+            first, *_ = infos  # all channels have one time base
+            step_s, start_s = float(first.x_increment), float(first.relative_initial_x)
             if not math.isfinite(step_s) or step_s <= 0:
                 raise DigitizerError(f"{self._resource} reports a sample every {step_s:g} s", "re-arm")
-            scales = [*self._scales, (float(infos[0].relative_initial_x), 0.0)]
-            if not all(math.isfinite(value) for scale in scales for value in scale):
+            if not all(math.isfinite(value) for scale in [*self._scales, [start_s]] for value in scale):
                 raise DigitizerError(f"{self._resource} reports no scale for its counts", "re-arm")
-            out.put((counts, round(-float(infos[0].relative_initial_x) / step_s)))
+            out.put((counts, round(-start_s / step_s)))
         except DigitizerError as error:
             out.put(error)
         except Exception as error:

@@ -44,8 +44,8 @@ class ReplayDigitizer(Digitizer):
         self._sleep = sleep or self._stopped.wait
         self._index = -1
         self._played = True
-        self._at = 0
-        self._started_at = 0.0
+        self._at: int  # these two from the arming on
+        self._started_at: float
         for _ in range(len(shots) - 1):  # skip broken recordings
             with contextlib.suppress(DigitizerError):
                 self._upcoming()

@@ -131,7 +131,7 @@ class ScpiOscilloscope(Digitizer):
             if not self._armed:
                 return Block(0, ended=True)
             try:
-                item = self._blocks.get(timeout=max(timeout_s, 1e-3))
+                item = self._blocks.get(timeout=timeout_s)
             except queue.Empty:
                 return Block(0)
             if item is None or isinstance(item, DigitizerError):

@@ -10,7 +10,6 @@ if TYPE_CHECKING:
     from instrument.devices.source_options import SourceOptions
 
 _USB_ADDRESS = re.compile(r"usb(?::([0-9a-f]{4}):([0-9a-f]{4}))?", re.IGNORECASE)
-_HOST_ADDRESS = re.compile(r"(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9][A-Za-z0-9._-]*)(?::(\d{1,5}))?")
 _HOST = re.compile(r"(\[[0-9a-fA-F:.]{2,45}\]|[A-Za-z0-9](?:[A-Za-z0-9._-]{0,251}[A-Za-z0-9])?)(?::(\d{1,5}))?")
 _VISA = re.compile(r"[A-Za-z0-9]+(?:::[A-Za-z0-9._,\[\]:-]+)+")
 _OPTIONS = re.compile(r"[A-Za-z]+=[^\s&?]+(?:&[A-Za-z]+=[^\s&?]+)*")
@@ -25,15 +24,20 @@ def network_source(typed: str) -> str:
     text = typed.strip()
     text = text[5:] if text.lower().startswith("scpi:") else text
     address, question_mark, options = text.partition("?")
-    host = _HOST.fullmatch(address)
-    port = int(host[2]) if host is not None and host[2] else 1
-    if not ((host is not None and 0 < port < 65536) or _VISA.fullmatch(address)):
+    if not (_host_of(address) or _VISA.fullmatch(address)):
         raise DigitizerError(f"{text[:60]!r} is no address" if text else "no address was given", _REMEDY)
     if address.lower() == "usb":
         raise DigitizerError("an oscilloscope on USB is found by itself", "plug it in and look again")
     if question_mark and not _OPTIONS.fullmatch(options):
         raise DigitizerError(f"{options[:60]!r} are no options", _REMEDY)
     return f"scpi:{text}"
+
+
+def _host_of(address: str) -> tuple[str, int | None] | None:
+    """Return host and port (None: the usual ones) of ``HOST[:PORT]``, None for what is no such address."""
+    host = _HOST.fullmatch(address)
+    port = int(host[2]) if host and host[2] else None
+    return (host[1], port) if host and (port is None or 0 < port < 65536) else None
 
 
 def network_name(source: str) -> str:
@@ -66,12 +70,11 @@ def _link(address: str) -> Any:
         from instrument.devices.scpi_visa import VisaTransport
 
         return VisaTransport(address)
-    if host := _HOST_ADDRESS.fullmatch(address):
+    if found := _host_of(address):
         from instrument.devices.scpi_socket import SocketTransport
 
-        port = int(host[2]) if host[2] else None
-        if port is None or 0 < port < 65536:
-            return SocketTransport(host[1].strip("[]"), port)
+        host, port = found
+        return SocketTransport(host.strip("[]"), port)
     raise DigitizerError(
         f"{address[:80]!r} is no address of an oscilloscope", "give HOST, HOST:PORT, usb or a VISA resource name"
     )

@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 from instrument.devices.digitizer import DigitizerError
 from instrument.devices.scpi_transport import (
+    ANSWER_S,
+    BLOCK_S,
     MAX_LINE_BYTES,
     Cancelled,
     Deadline,
@@ -50,7 +52,7 @@ class SocketTransport:
             self.close()
             raise DigitizerError(f"{self.name}: connection lost ({error})", _REMEDY) from error
 
-    def query(self, command: str, timeout_s: float = 5.0) -> str:
+    def query(self, command: str, timeout_s: float = ANSWER_S) -> str:
         """Send a command and return the line of its answer; line ends left by an earlier block are skipped."""
         deadline = Deadline(timeout_s)
         self.write(command)
@@ -67,7 +69,7 @@ class SocketTransport:
             self._receive_or_cancel(deadline, timeout_s, command, never)
 
     def query_block(
-        self, command: str, max_bytes: int, cancelled: Callable[[], bool] = never, timeout_s: float = 10.0
+        self, command: str, max_bytes: int, cancelled: Callable[[], bool] = never, timeout_s: float = BLOCK_S
     ) -> bytes:
         deadline = Deadline(timeout_s)
         self.write(command)
@@ -120,20 +122,19 @@ class SocketTransport:
                 self.close()
                 raise Cancelled
             try:
-                deadline.check(self.name, command)
-                pause.check(self.name, command)
+                left_s = min(deadline.check(self.name, command), pause.check(self.name, command))
             except DigitizerError:
                 self.close()
                 raise
             with contextlib.suppress(TimeoutError):
-                self._receive(min(deadline.left_s, pause.left_s, _LOOK_S))
+                self._receive(min(left_s, _LOOK_S))
                 return
 
     def _receive(self, wait_s: float) -> None:
         if self._socket is None:
             raise DigitizerError(f"{self.name} is closed", "re-arm")
         try:
-            self._socket.settimeout(max(0.001, wait_s))
+            self._socket.settimeout(wait_s)
             piece = self._socket.recv(_PIECE)
         except TimeoutError:
             raise

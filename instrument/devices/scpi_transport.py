@@ -8,6 +8,7 @@ from instrument.devices.digitizer import DigitizerError
 
 MAX_PREFIX_BYTES = 64
 MAX_LINE_BYTES = 1 << 16
+ANSWER_S, BLOCK_S = 5.0, 10.0  # for an answer of one line; for the beginning of a block, or a pause in it
 SLOWEST_BYTES_PER_S = 50e3  # GPIB through an adapter; a block that comes slower than this counts as stalled
 REMEDY = "check its connection, and that no other program uses it; then re-arm"
 
@@ -30,19 +31,16 @@ class Deadline:
     def __init__(self, seconds: float) -> None:
         self._end_s = time.monotonic() + seconds
 
-    @property
-    def left_s(self) -> float:
-        """Get the time left in s, 0 once it has passed."""
-        return max(0.0, self._end_s - time.monotonic())
-
     def allow_for(self, size_bytes: int) -> None:
         """Extend the deadline by the time that a block of this size may take."""
         self._end_s += size_bytes / SLOWEST_BYTES_PER_S
 
-    def check(self, name: str, command: str) -> None:
-        """Raise DigitizerError once it has passed."""
-        if self.left_s == 0.0:
+    def check(self, name: str, command: str) -> float:
+        """Return the time left in s.  Raises DigitizerError once it has passed."""
+        left_s = self._end_s - time.monotonic()
+        if left_s <= 0.0:
             raise DigitizerError(f"{name} does not answer {command} in time", REMEDY)
+        return left_s
 
 
 def never() -> bool:
@@ -56,11 +54,11 @@ class ScpiTransport(Protocol):
     def write(self, command: str) -> None:
         """Send a command that has no answer."""
 
-    def query(self, command: str, timeout_s: float = 5.0) -> str:
+    def query(self, command: str, timeout_s: float = ANSWER_S) -> str:
         """Send a command and return its answer, stripped; ``timeout_s`` is for the whole of it."""
 
     def query_block(
-        self, command: str, max_bytes: int, cancelled: Callable[[], bool] = never, timeout_s: float = 10.0
+        self, command: str, max_bytes: int, cancelled: Callable[[], bool] = never, timeout_s: float = BLOCK_S
     ) -> bytes:
         """Send a command and return the bytes of the IEEE 488.2 definite block in its answer.
 

@@ -7,6 +7,8 @@ from typing import Any
 
 from instrument.devices.digitizer import DigitizerError
 from instrument.devices.scpi_transport import (
+    ANSWER_S,
+    BLOCK_S,
     MAX_LINE_BYTES,
     Cancelled,
     Deadline,
@@ -44,7 +46,7 @@ class VisaTransport:
     def write(self, command: str) -> None:
         self._guard(lambda: self._session.write(command))
 
-    def query(self, command: str, timeout_s: float = 5.0) -> str:
+    def query(self, command: str, timeout_s: float = ANSWER_S) -> str:
         self.write(command)
         self._session.timeout = round(1000 * timeout_s)
         answer = str(self._guard(self._session.read))
@@ -53,7 +55,7 @@ class VisaTransport:
         return answer.strip()
 
     def query_block(
-        self, command: str, max_bytes: int, cancelled: Callable[[], bool] = never, timeout_s: float = 10.0
+        self, command: str, max_bytes: int, cancelled: Callable[[], bool] = never, timeout_s: float = BLOCK_S
     ) -> bytes:
         deadline = Deadline(timeout_s)
         self.write(command)

@@ -113,7 +113,7 @@ class ByteClock:
         self._start_s: float | None = None
         self._received = 0
         self._level_s: float | None = None  # the lag that counts as none
-        self._judged_s = 0.0
+        self._judged_s: float
 
     def count(self, received_bytes: int, now_s: float) -> int:
         """Count a chunk that arrived at ``now_s``; return the number of bytes found lost, mostly 0.

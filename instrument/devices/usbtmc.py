@@ -13,6 +13,8 @@ import usb.core
 from instrument.devices import usb_bus
 from instrument.devices.digitizer import DigitizerError
 from instrument.devices.scpi_transport import (
+    ANSWER_S,
+    BLOCK_S,
     MAX_LINE_BYTES,
     Cancelled,
     Deadline,
@@ -76,21 +78,20 @@ class UsbtmcTransport:
         with usb_bus.usb_errors_of(self.name):
             self._device.write(self._out, message, timeout=3000)
 
-    def query(self, command: str, timeout_s: float = 5.0) -> str:
+    def query(self, command: str, timeout_s: float = ANSWER_S) -> str:
         deadline = Deadline(timeout_s)
         self.write(command)
         answer = bytearray()
         ended = False
         while not ended:
-            deadline.check(self.name, command)
-            content, ended = self._request(MAX_LINE_BYTES, deadline.left_s)
+            content, ended = self._request(MAX_LINE_BYTES, deadline.check(self.name, command))
             answer += content
             if len(answer) > MAX_LINE_BYTES:
                 raise DigitizerError(f"{self.name} answered {command} without an end", "re-arm")
         return answer.decode("ascii", "replace").strip()
 
     def query_block(
-        self, command: str, max_bytes: int, cancelled: Callable[[], bool] = never, timeout_s: float = 10.0
+        self, command: str, max_bytes: int, cancelled: Callable[[], bool] = never, timeout_s: float = BLOCK_S
     ) -> bytes:
         """Send a command and return the bytes of the block in its answer, fetched in requests of at most 1 MiB."""
         deadline = Deadline(timeout_s)
@@ -104,8 +105,7 @@ class UsbtmcTransport:
                 raise Cancelled
             rest = max_bytes if start is None else start[0] + start[1] - len(received)
             try:
-                deadline.check(self.name, command)
-                pause_s = min(timeout_s, deadline.left_s)
+                pause_s = min(timeout_s, deadline.check(self.name, command))
                 content, ended = self._request(min(MAX_REQUEST_BYTES, max(rest, 0) + 64), pause_s)
             except DigitizerError as error:
                 raise Stalled(error.what, error.remedy, bytes(received[start[0] :]) if start else b"") from error

@@ -39,11 +39,11 @@ class Checked:
         """Return the values that were not read, to be written back."""
         return {key: value for key, value in self.values.items() if key not in self.used}
 
-    def number(self, key: str, low: float, high: float, *, default: float | None = None) -> float | None:
-        """Return a finite number in [low, high], ``default`` if the key is missing."""
+    def number(self, key: str, low: float, high: float) -> float | None:
+        """Return a finite number in [low, high], None if the key is missing."""
         value = self.get(key)
         if value is None:
-            return default
+            return None
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise self.refuse(key, f"{shown(value)} is not a number")
         try:
@@ -74,7 +74,7 @@ class Checked:
             raise self.refuse(key, f"{shown(value)} is not from {low} to {high}")
         return value
 
-    def text(self, key: str, longest: int = 1_000_000) -> str | None:
+    def text(self, key: str, longest: int = 10_000) -> str | None:
         """Return a string, None if the key is missing."""
         value = self.get(key)
         if value is None:

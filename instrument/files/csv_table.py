@@ -159,8 +159,9 @@ def _stated_step(header: Sequence[Sequence[str]]) -> float | None:
     """Return the time step under "Increment" in an oscilloscope's header, in s."""
     for names, values in pairwise(header):
         for name, value in zip(names, values, strict=False):
-            if name.lower() == "increment" and _is_number(value, True) and float(value.replace(",", ".")) > 0.0:
-                return float(value.replace(",", "."))
+            if name.lower() == "increment" and _is_number(value, True):
+                step_s = float(value.replace(",", "."))
+                return step_s if step_s > 0.0 else None
     return None
 
 

@@ -119,7 +119,7 @@ def read_mapping(path: Path) -> ForeignMapping:
         item = listed.object(role)
         if item is None:
             continue
-        name = item.text("name", 1000)
+        name = item.text("name")
         if name is None:
             raise item.refuse("name", "missing")
         scale = item.number("volts_per_unit", -1e9, 1e9)

@@ -19,7 +19,7 @@ from instrument.files.foreign_file import (
 from instrument.files.recording_error import RecordingError, one_line
 
 _MOST_SCALES = 64  # the library allocates a list of the length that the file states
-_TRUNCATION_LOGGERS = ("nptdms.reader", "nptdms.tdms_segment")  # they report truncated segments
+_TRUNCATION_LOGGERS = {"nptdms.reader", "nptdms.tdms_segment"}  # they report truncated segments
 
 
 def contents(path: Path) -> ForeignContents:

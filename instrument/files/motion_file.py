@@ -33,7 +33,6 @@ TABLE = ".csv"  # the only ending of such a table
 MODELS = ("contact", "plate")  # of a motion record whose force was not measured
 _MICRO = str.maketrans("\u00b5\u03bc\ufffd", "uuu")  # the last: a micro sign of another encoding
 _LENGTH_SUFFIX = re.compile(r"_(m|mm|.m)$")
-_LONGEST_NAME = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +75,7 @@ def read_motion(path: Path | str) -> MotionRecord:
         cause = f"neither {about.name} (of a motion record) nor a mapping (of raw beats) says what it is"
         raise RecordingError(table, f"{cause}; 'levimass --map {table.name}' shows how to give either")
     head = Checked(about, read_toml(about))
-    model = head.text("model", 1000)
+    model = head.text("model")
     if model not in _MODELS:
         raise head.refuse("model", "missing" if model is None else f"{model[:20]!r} is none of {', '.join(_MODELS)}")
     mass = head.number("moving_mass_kg", *MASSES_KG)
@@ -115,7 +114,7 @@ def length_unit(channel: ForeignChannel) -> str | None:
 def _mapped_columns(table: Path, columns: Checked) -> dict[str, NDArray[np.float64]]:
     """Return time_s and displacement_m, each of shape (n,), as ``[columns]`` says.  Raises RecordingError."""
     named = columns.object("displacement")
-    name = named.text("name", _LONGEST_NAME) if named is not None else None
+    name = named.text("name") if named is not None else None
     if named is None or name is None:
         raise columns.refuse("displacement.name", "missing")
     unit = named.text("unit", 10)
@@ -183,8 +182,7 @@ def _columns(table: Path) -> dict[str, Floats]:
 def _checked(table: Path, columns: dict[str, Floats], first_row: int) -> dict[str, Floats]:
     """Return the columns read-only.  Raises RecordingError for a bad row; rows are counted from ``first_row``."""
     for name, column in columns.items():
-        with np.errstate(invalid="ignore"):
-            bad = np.flatnonzero(~(np.abs(column) <= _LARGEST))
+        bad = np.flatnonzero(~(np.abs(column) <= _LARGEST))
         if bad.size:
             raise RecordingError(table, f"row {bad[0] + first_row} is not a finite number a rig could give", name)
         column.flags.writeable = False

@@ -129,12 +129,10 @@ def _samples(data: Path, channels: int) -> tuple[NDArray[np.int16], int]:
     frame = 2 * channels
     with os.fdopen(open_regular(data), "rb", buffering=0) as file:
         size = os.fstat(file.fileno()).st_size  # samples that a running capture adds later are not read
-        if size < frame:
-            raise RecordingError(data, "holds no samples")
         try:
             content = np.empty(size, np.uint8)
             filled = 0
-            while filled < size and (count := file.readinto(content[filled : filled + _PIECE_BYTES].data)):
+            while count := file.readinto(content[filled : filled + _PIECE_BYTES].data):
                 filled += count
         except OSError as error:
             raise FileNotReached(data, error.strerror or str(error)) from None

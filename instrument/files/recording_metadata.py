@@ -15,6 +15,7 @@ RATES_HZ = 1e-3, 1e12  # wider than any rig's, and safe in every formula
 MASSES_KG = 1e-9, 1e6
 _MOST_CHANNELS = 64
 _MOST_SAMPLES = 2**53
+_LONGEST_NOTE = 1_000_000
 _PLATE = ("arm_length_m", "arm_width_m", "thickness_m", "disc_diameter_m", "density_kg_m3", "youngs_modulus_pa")
 
 
@@ -42,10 +43,10 @@ def read_metadata(path: Path) -> Metadata:
     """Read and check a .sigmf-meta file.  Raises RecordingError."""
     whole = Checked(path, read_json(path))
     head = whole.required_object("global")
-    datatype = head.text("core:datatype", 1000)
+    datatype = head.text("core:datatype")
     if datatype != "ri16_le":
         raise head.refuse("core:datatype", "missing" if datatype is None else f"{datatype[:20]!r} is not 'ri16_le'")
-    head.text("core:version", 1000)
+    head.text("core:version")
     head.get("core:extensions")
     rate = head.required("core:sample_rate", *RATES_HZ)
     channels, channel_extra = _channels(head)
@@ -58,7 +59,7 @@ def read_metadata(path: Path) -> Metadata:
         raise head.refuse("core:dataset", "names another file; samples are read only from the file of the same name")
     trigger = head.whole("lmm:trigger_sample", 0, _MOST_SAMPLES)
     declared = head.whole("lmm:samples", 0, _MOST_SAMPLES)
-    sha512 = head.text("core:sha512", 1000)
+    sha512 = head.text("core:sha512")
     started_at, capture_extra = _captures(whole)
     found = _annotations(whole)
     if declared is None:
@@ -90,7 +91,7 @@ def _channels(head: Checked) -> tuple[tuple[Channel, ...], list[dict[str, Any]]]
         raise head.refuse("core:num_channels", f"{count}, but lmm:channels lists {len(listed)}")
     channels: list[Channel] = []
     for item in listed:
-        name = item.text("role", 1000)
+        name = item.text("role")
         if name not in tuple(Role):
             raise item.refuse("role", "missing" if name is None else f"{name[:20]!r} is none of {', '.join(Role)}")
         role = Role(name)
@@ -99,7 +100,7 @@ def _channels(head: Checked) -> tuple[tuple[Channel, ...], list[dict[str, Any]]]
         scale = item.required("volts_per_count", -1e6, 1e6)
         if abs(scale) < 1e-30:
             raise item.refuse("volts_per_count", "zero")
-        channels.append(Channel(role, scale, item.number("offset_v", -1e9, 1e9, default=0.0) or 0.0))
+        channels.append(Channel(role, scale, item.number("offset_v", -1e9, 1e9) or 0.0))
     if not any(channel.role is Role.MEASUREMENT for channel in channels):
         raise head.refuse("lmm:channels", "no channel has the role 'measurement'")
     foreign = [item.unread() for item in listed]
@@ -123,7 +124,7 @@ def setup_of(item: Checked) -> Setup:
         extra["plate"] = inside.unread()
     setup = Setup(
         moving_mass_kg=item.required("moving_mass_kg", *MASSES_KG),
-        moving_mass_u_kg=item.number("moving_mass_u_kg", 0.0, 1e6, default=0.0) or 0.0,
+        moving_mass_u_kg=item.number("moving_mass_u_kg", 0.0, 1e6) or 0.0,
         wavelength_vacuum_m=item.number("wavelength_vacuum_m", 1e-9, 1e-3),
         wavelength_air_m=item.number("wavelength_air_m", 1e-9, 1e-3),
         air=air,
@@ -142,7 +143,7 @@ def _captures(whole: Checked) -> tuple[str | None, list[dict[str, Any]]]:
         return None, []
     first = segments[0]
     first.whole("core:sample_start", 0, _MOST_SAMPLES)
-    started_at = first.text("core:datetime", 1000)
+    started_at = first.text("core:datetime")
     if first.number("core:header_bytes", 0, _MOST_SAMPLES):
         raise first.refuse("core:header_bytes", "only data files that hold nothing but samples can be read")
     foreign = [first.unread(), *(dict(segment.values) for segment in segments[1:])]
@@ -174,7 +175,7 @@ def _annotations(whole: Checked) -> _Annotations:
                 raise item.refuse("core:sample_start", "missing on a gap")
             gaps.append(Gap(start, item.whole("lmm:samples_lost", 0, _MOST_SAMPLES)))
         elif label == "note":
-            notes.append(item.text("core:comment") or "")
+            notes.append(item.text("core:comment", _LONGEST_NOTE) or "")
             if start == 0 and count:  # a note is about the shot: its extent is the shot's
                 note_samples = max(note_samples or 0, count)
         else:

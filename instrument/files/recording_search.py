@@ -97,4 +97,4 @@ def _shots_among(entries: list[Path]) -> list[Path]:
 
 def _counting_order(path: Path) -> tuple[list[tuple[int, int, str]], str]:
     parts = re.split(r"(\d+)", path.name)
-    return [(int(p), 0, "") if p.isdecimal() and len(p) < 20 else (-1, 0, p) for p in parts], path.name
+    return [(int(p), 0, "") if p.isdecimal() else (-1, 0, p) for p in parts], path.name

@@ -57,7 +57,7 @@ class LiveThread:
         self.channels: tuple[ChannelSignal, ...] = ()
         self.disk_free_bytes: int | None = None
 
-    def close(self, timeout_s: float = 10.0) -> bool:
+    def close(self, timeout_s: float) -> bool:
         """End the thread.  Returns whether it ended."""
         self._ending.set()
         if self._thread.is_alive():
@@ -74,7 +74,7 @@ class LiveThread:
                 self._demodulator = None
                 self.view = self._window.view(np.empty(0), np.empty((0, 0), np.float32), self._problem, 0)
             every_s = _EVERY_S if self.watched else _SIGNALS_EVERY_S
-            self._ending.wait(max(0.002, every_s - (time.monotonic() - begun)))
+            self._ending.wait(every_s - (time.monotonic() - begun))
 
     def _look(self, now: float) -> None:
         if now - self._disk_s > _DISK_EVERY_S:
@@ -112,7 +112,7 @@ class LiveThread:
         self._window.clear()
         self._problem = self._demodulator = None
         self.skipped = 0
-        self._most = max(256, min(_CHUNK, int(0.25 * stream.ring.capacity)))
+        self._most = min(_CHUNK, stream.ring.capacity // 4)
         self._rest = None
         measurement = stream.column(Role.MEASUREMENT)
         try:
@@ -198,9 +198,7 @@ class LiveThread:
 def warm() -> None:
     """Compile or load the kernels that a running stream needs, before its first samples come."""
     rate = 1e6
-    t = np.arange(8192) / rate
-    counts = np.empty((t.size, 2), np.int16)
-    counts[:] = np.rint(1000 * np.sin(2 * np.pi * 0.2 * rate * t))[:, None]
+    counts = np.resize(np.array([0, 951, 588, -588, -951], np.int16), (2, 8192)).T.copy()
     LightSwitch(TriggerSettings(), 0, 12).first_step(counts)
     MotionTrigger(0, 1, rate, 632.8e-9, 0.05).first_step(counts)
     live = LiveDemodulator(rate, 0, 1, Setup(0.01), OUTPUT_HZ)

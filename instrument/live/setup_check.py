@@ -228,15 +228,14 @@ def _strongest_line(power: NDArray[np.float64], bin_hz: float) -> tuple[float | 
     peak = int(np.argmax(power))
     if power[peak] <= 0.0:
         return None, None
-    low, high = max(0, peak - _LINE_HALF_WIDTH), peak + _LINE_HALF_WIDTH + 1
-    line = float(power[low:high].sum())
+    line = float(power[peak - _LINE_HALF_WIDTH : peak + _LINE_HALF_WIDTH + 1].sum())
     rest = float(power.sum()) - line
     snr = 10 * np.log10(line / max(rest, 1e-12 * line))
     if snr < -_LINE_BELOW_NOISE_DB:
         return None, None
     offset = 0.0
-    if 0 < peak < power.size - 1 and min(power[peak - 1], power[peak + 1]) > 0:
-        left, middle, right = np.log(power[peak - 1 : peak + 2])
-        if 2 * middle > left + right:
-            offset = 0.5 * (left - right) / (left - 2 * middle + right)
+    around = power[peak - 1 : peak + 2]
+    if around.size == 3 and around.min() > 0.0:  # the peak is the first of the highest: above its left neighbour
+        left, middle, right = np.log(around)
+        offset = 0.5 * (left - right) / (left - 2 * middle + right)
     return float((peak + offset) * bin_hz), float(snr)

@@ -24,7 +24,7 @@ from instrument.process.shared_ring import SharedRing
 
 Opener = Callable[[], Digitizer]
 
-STARTED, OPENED = -1, 0  # serial numbers of the two answers that no order asked for
+STARTED, OPENED = range(2)  # serial numbers of the two answers that no order asked for; the orders follow
 READ_TIMEOUT_S = 0.05
 _END_S = 3.0  # a driver that blocks for longer than this after the parent's end is abandoned
 _RING_FULL_S = 0.002
@@ -106,13 +106,13 @@ class _Child:
         self._orders = orders
         self._answers = answers
         self._received: queue.SimpleQueue[Order | None] = queue.SimpleQueue()  # None: the parent is gone
-        self._stopped = 0  # serial of the last stop
+        self._stopped = OPENED  # serial of the last stop
         self._ending = threading.Event()
         self._ring: SharedRing | None = None
         self._run: int | None = None  # serial of the order that began the stream
         self._at = 0
         self._blocks = 0
-        self._length = 0
+        self._length: int  # of a block, from the arming on
 
     def work(self) -> None:
         threading.Thread(target=self._receive_orders, name="orders", daemon=True).start()

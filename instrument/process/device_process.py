@@ -30,8 +30,8 @@ class DeviceProcess:
         ``give_up`` as in ``request``.  Raises DigitizerError.
         """
         context = multiprocessing.get_context("spawn")
-        child_orders, self._orders = context.Pipe(duplex=False)
-        self._answers, child_answers = context.Pipe(duplex=False)
+        pipes = (context.Pipe(duplex=False) for _ in range(2))
+        (child_orders, self._orders), (self._answers, child_answers) = pipes
         ends = opener, child_orders, child_answers
         self._process = context.Process(target=serve, args=ends, name="levimass digitizer")
         self._process.daemon = True

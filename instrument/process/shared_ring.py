@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from instrument.devices import DigitizerError
 
 _HEADER_BYTES = 64
-_READ, _BLOCKS, _BEATS = range(3)
+_READ, _BLOCKS, _BEATS = _COUNTERS = range(3)
 _FILES = Path("/dev/shm")  # where Linux keeps such memory
 
 
@@ -26,7 +26,7 @@ class SharedRing:
         self._memory = memory
         self.capacity = capacity
         self.channels = channels
-        self._counters = np.ndarray(3, np.int64, memory.buf)
+        self._counters = np.ndarray(len(_COUNTERS), np.int64, memory.buf)
         self._counts: NDArray[np.int16] = np.ndarray((capacity, channels), np.int16, memory.buf, _HEADER_BYTES)
 
     @classmethod

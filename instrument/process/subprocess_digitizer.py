@@ -65,10 +65,10 @@ class SubprocessDigitizer(Digitizer):
         self._ring: SharedRing | None = None
         self._run: int | None = None
         self._block: BlockReady | None = None  # partly read
-        self._read_of_block = 0  # samples
-        self._blocks = 0
-        self._beats = 0
-        self._alive_s = 0.0
+        self._read_of_block: int  # samples
+        self._blocks: int  # these three of the stream that was armed last
+        self._beats: int | None  # None: not seen yet
+        self._alive_s: float
         self._stopped = threading.Event()
         self._closed = False
         self._child = DeviceProcess(opener, lambda: False, arm_s)
@@ -114,15 +114,15 @@ class SubprocessDigitizer(Digitizer):
                 self._forget_ring()
                 self._child = DeviceProcess(self._opener, give_up, self._arm_s)
                 self._child.request("prepare", PREPARE_S, give_up=give_up, patience_s=ANSWER_S)
-            ring = self._ring_for(settings)
+            where, ring = self._ring_for(settings), self._ring
+            assert ring is not None
             try:
-                answer = self._child.request("arm", self._arm_s, settings, ring, give_up=give_up, patience_s=ANSWER_S)
+                answer = self._child.request("arm", self._arm_s, settings, where, give_up=give_up, patience_s=ANSWER_S)
             finally:
-                if ring is not None and self._ring is not None:
-                    self._ring.unlink()  # both processes have attached it, or never will: it is freed when they end
+                ring.unlink()  # both processes have attached it, or never will: it is freed when they end
             assert answer is not None
             self._run, self._blocks = answer.serial, answer.blocks
-            self._beats, self._alive_s = -1, time.monotonic()
+            self._beats, self._alive_s = None, time.monotonic()
 
     def read_into(self, buffer: NDArray[np.int16], timeout_s: float) -> Block:
         with self._exchange:
@@ -223,7 +223,6 @@ class SubprocessDigitizer(Digitizer):
 
     def _forget_stream(self) -> None:
         self._run = self._block = None
-        self._read_of_block = 0
 
     def _forget_ring(self) -> None:
         ring, self._ring = self._ring, None

@@ -2,6 +2,7 @@
 
 import contextlib
 import gc
+import itertools
 import multiprocessing
 import os
 import queue
@@ -28,7 +29,6 @@ CANCEL_S = 5.0  # a child that has not reacted to a cancellation by then is kill
 _LOOK_S = 0.02
 _REPORT_EVERY_S = 0.05
 _END_S = 5.0
-_READY = 0  # task numbers begin at 1
 
 ForkingPickler.register(MappingProxyType, lambda view: (MappingProxyType, (dict(view),)))
 
@@ -41,9 +41,9 @@ class _Task:
 
 @dataclass(frozen=True, slots=True)
 class _Report:
-    """The progress of the task ``number``, or its end."""
+    """The progress of the task ``number``, or its end; of none: the child is ready."""
 
-    number: int
+    number: int | None
     progress: tuple[str, float] | None = None
     result: Any = None
     problem: str | None = None
@@ -62,7 +62,7 @@ class SubprocessWorker:
         self._process: SpawnProcess | None = None
         self._tasks: Connection | None = None
         self._reports: Connection | None = None
-        self._number = 0
+        self._numbers = itertools.count()
         self._closed = False
 
     @property
@@ -76,8 +76,7 @@ class SubprocessWorker:
             if self._process is not None or self._closed:
                 return
             context = multiprocessing.get_context("spawn")
-            child_tasks, tasks = context.Pipe(duplex=False)
-            reports, child_reports = context.Pipe(duplex=False)
+            (child_tasks, tasks), (reports, child_reports) = (context.Pipe(duplex=False) for _ in range(2))
             ends = self._warm, child_tasks, child_reports
             process = context.Process(target=_serve, args=ends, name="levimass work")
             process.daemon = True
@@ -95,9 +94,8 @@ class SubprocessWorker:
         if self._closed:
             return work(progress=progress, cancelled=cancelled)
         self.start()
-        self._number += 1
         try:
-            return self._await(_Task(self._number, work), progress, cancelled)
+            return self._await(_Task(next(self._numbers), work), progress, cancelled)
         except (EOFError, OSError) as error:
             self._end(0.0)
             if cancelled():
@@ -189,7 +187,7 @@ def _serve(warm: Callable[[], object] | None, tasks: Connection, reports: Connec
             warm()
     gc.freeze()  # what is loaded by now is never freed
     with contextlib.suppress(OSError):
-        reports.send(_Report(_READY))
+        reports.send(_Report(None))
     while True:
         task = waiting.get()
         report = _run(task, reports, dropped)

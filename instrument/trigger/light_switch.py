@@ -263,5 +263,6 @@ def middle_of_step(switch: NDArray[np.int16], near: int, reach: int) -> int:
         return near
     begin = max(0, near - reach)
     window = switch[begin : near + reach].astype(np.float64)
-    beyond = (window - 0.5 * (low + high)) * np.sign(high - low) >= 0
+    middle = 0.5 * (low + high)
+    beyond = window >= middle if high > low else window <= middle
     return begin + int(np.argmax(beyond)) if beyond.any() else near

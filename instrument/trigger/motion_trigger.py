@@ -9,9 +9,9 @@ _LEARNED_FROM = 20  # windows that give the rest frequency if neither PD0 nor a 
 _CONFIRMED_BY = 2  # windows in a row beyond the threshold
 
 # indices into the state: of the windows, then six for each of the two channels
-_POSITION, _WINDOWS, _REST, _QUIET, _BEYOND, _SEEN = range(6)
-_MEAN, _LEVEL, _SIDE, _CROSSINGS, _SUM, _SQUARES = range(6)
-_CHANNEL = 6
+_POSITION, _WINDOWS, _REST, _QUIET, _BEYOND, _SEEN = _OF_WINDOWS = range(6)
+_MEAN, _LEVEL, _SIDE, _CROSSINGS, _SUM, _SQUARES = _OF_CHANNEL = range(6)
+_CHANNEL, _PER_CHANNEL = len(_OF_WINDOWS), len(_OF_CHANNEL)
 
 
 class MotionTrigger:
@@ -35,7 +35,7 @@ class MotionTrigger:
         self._window = max(64, round(WINDOW_S * sample_rate_hz))
         self._doppler_hz = 2 * speed_m_per_s / wavelength_m
         self._rest_hz = rest_frequency_hz or 0.0
-        self._state = np.zeros(_CHANNEL + 12)
+        self._state = np.zeros(_CHANNEL + len(self._columns) * _PER_CHANNEL)
         self._state[_REST] = self._rest_hz
 
     def first_step(self, counts: NDArray[np.int16]) -> int | None:
@@ -59,7 +59,7 @@ def _scan(counts, columns, window, rate, doppler, given, state):  # type: ignore
             column = measurement if c == 0 else reference
             if column < 0:
                 continue
-            base = _CHANNEL + 6 * c
+            base = _CHANNEL + _PER_CHANNEL * c
             value = float(counts[i, column])
             state[base + _SUM] += value
             state[base + _SQUARES] += value * value
@@ -73,9 +73,9 @@ def _scan(counts, columns, window, rate, doppler, given, state):  # type: ignore
         if state[_POSITION] < window:
             continue
         beat = state[_CHANNEL + _CROSSINGS] * rate / window
-        rest = state[_CHANNEL + 6 + _CROSSINGS] * rate / window
+        rest = state[_CHANNEL + _PER_CHANNEL + _CROSSINGS] * rate / window
         for c in range(2):
-            base = _CHANNEL + 6 * c
+            base = _CHANNEL + _PER_CHANNEL * c
             mean = state[base + _SUM] / window
             state[base + _MEAN] = mean
             state[base + _LEVEL] = 0.3 * np.sqrt(max(0.0, state[base + _SQUARES] / window - mean * mean))

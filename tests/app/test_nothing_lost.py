@@ -307,7 +307,7 @@ def test_a_fit_that_abort_stopped_is_made_beside_the_rig(qtbot: QtBot, away: Awa
     analyst.start()
     analyst.submit(1, open_recording(Path(str(read_shot.path))))
     qtbot.waitUntil(lambda: len(told) == 2, timeout=WAIT_MS)
-    assert analyst.close() and told[0] is not None and told[1] is not None
+    assert analyst.close(60.0) and told[0] is not None and told[1] is not None
     presenter.take(_finished(told[0]), stay=False)
     presenter.take(_finished(told[1], fitted_later=True), stay=False)
     shot = workbench.session.entries[0].shot

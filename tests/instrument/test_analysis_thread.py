@@ -42,7 +42,7 @@ def analyst(told):
         return begun, ended
 
     yield begin
-    assert all(begun.close() for begun in started)
+    assert all(begun.close(LONGEST_S) for begun in started)
 
 
 def test_the_two_steps_give_what_the_whole_road_gives(recording):

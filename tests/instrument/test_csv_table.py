@@ -111,6 +111,12 @@ def test_steps_of_time_may_err_by_two_fifths_of_a_step(tmp_path, off, even) -> N
     else:
         with pytest.raises(RecordingError, match=r"not equal \(line 6\)"):
             csv_table.columns(path, ["a"], True)
+    micro = _table(tmp_path / "c.csv", "t,a\n", [(f"{1e-6 * t:.9f}", a) for t, a in rows])
+    if even:
+        assert csv_table.columns(micro, ["a"], True)[0].sample_rate_hz == pytest.approx(1e6)
+    else:
+        with pytest.raises(RecordingError, match="not equal"):
+            csv_table.columns(micro, ["a"], True)
     falling = _table(tmp_path / "b.csv", "t,a\n", rows[::-1])
     with pytest.raises(RecordingError, match="does not rise"):
         csv_table.columns(falling, ["a"], True)

@@ -9,12 +9,19 @@ from analysis.shot.recording import Channel, Role
 from instrument.files.recording_file import read_recording
 from instrument.files.recording_search import find_recordings
 from instrument.trigger.light_switch import (
+    _HIGH,
+    _LEVEL,
+    _LOW,
+    _MAXIMUM,
+    _MINIMUM,
+    _SEEN,
     _SWING,
     LEARNED_FROM,
     Edge,
     Level,
     LightSwitch,
     TriggerSettings,
+    _passes,
     middle_of_step,
 )
 
@@ -77,7 +84,7 @@ def test_the_polarity_chooses_the_step() -> None:
 
 
 def test_the_first_of_several_steps_is_told_though_it_is_the_first_sample_of_a_block() -> None:
-    for channels in (1, 2, 3):
+    for channels in (1, 2, 3, 4):
         counts = np.zeros((6000, channels), np.int16)
         counts[:3000, -1] = 2000
         counts[4500:, -1] = 2000
@@ -186,6 +193,28 @@ def test_the_thresholds_are_where_the_next_step_is_found(how: TriggerSettings) -
         steps_seen += up or down
         level = switch.level
     assert steps_seen == 2
+
+
+def test_a_stretch_is_passed_over_where_its_extremes_allow_no_step_and_looked_into_where_they_do() -> None:
+    """The next step up is at 300, the next step down at 100, each only from the other side or from none."""
+    low, middle, high = (100, 190), (150, 240), (210, 300)
+    for level, passed in ((0, [False, True, False]), (1, [False, True, True]), (-1, [True, True, False])):
+        for learned in (False, True):
+            for (lowest, highest), wanted in zip((low, middle, high), passed, strict=True):
+                state = np.zeros(10)
+                state[_LOW], state[_HIGH] = (np.nan, np.nan) if learned else (100, 300)
+                state[_LEVEL], state[_SEEN], state[_SWING] = level, 1, 100
+                state[_MINIMUM], state[_MAXIMUM] = 200, 200
+                before = state.copy()
+                assert _passes(lowest, highest, state) == wanted, (level, learned, lowest)
+                if learned and wanted:
+                    before[_MINIMUM], before[_MAXIMUM] = min(lowest, 200), max(highest, 200)
+                np.testing.assert_array_equal(state, before)
+    unlearned = np.zeros(10)
+    unlearned[_LOW] = np.nan
+    for seen, swing in ((0, 100), (1, 0)):
+        unlearned[_SEEN], unlearned[_SWING] = seen, swing
+        assert not _passes(150, 240, unlearned)
 
 
 class SampleBySample:

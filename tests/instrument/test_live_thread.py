@@ -60,7 +60,7 @@ def test_a_picture_that_fails_is_said_and_the_next_stream_is_shown(tmp_path: Pat
         assert live.channels[0].frequency_hz == pytest.approx(91e3, rel=1e-2)
         assert live.disk_free_bytes is not None and live.disk_free_bytes > 0
     finally:
-        assert live.close()
+        assert live.close(10.0)
 
 
 def test_a_stream_without_a_moving_beat_says_so_and_still_shows_its_signals(tmp_path: Path) -> None:
@@ -72,7 +72,7 @@ def test_a_stream_without_a_moving_beat_says_so_and_still_shows_its_signals(tmp_
         assert live.view.problem == "no measurement channel (PD1)"
         assert live.view.raw_v.shape[1] == 1 and live.view.raw_v.shape[0] > 100
     finally:
-        assert live.close()
+        assert live.close(10.0)
 
 
 def test_a_stream_that_nobody_watches_shows_a_new_fault_soon(tmp_path: Path) -> None:
@@ -88,7 +88,7 @@ def test_a_stream_that_nobody_watches_shows_a_new_fault_soon(tmp_path: Path) -> 
         assert live_thread._SIGNALS_EVERY_S <= 0.2  # with the pull of a still page a third of a second
         assert live.view.time_s.size == 0  # and nothing is demodulated
     finally:
-        assert live.close()
+        assert live.close(10.0)
 
 
 def test_signals_are_looked_at_in_every_second_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -117,7 +117,7 @@ def test_looks_come_at_their_pace(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
             _until(lambda: len(looks) > 4)
             assert (looks[4] - looks[1]) / 3 > least_s
     finally:
-        assert live.close()
+        assert live.close(10.0)
 
 
 def test_samples_replaced_while_they_are_demodulated_are_not_shown(

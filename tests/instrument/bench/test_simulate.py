@@ -89,6 +89,8 @@ def test_undeclared_draws_all_kinds():
     kinds = [len(d) for d in drawn]
     assert {0, 1, 2} == set(kinds)
     assert {name for d in drawn for name in d} == set(CATALOGUE) | set(OFF_CATALOGUE)
+    shares = [np.random.default_rng((seed, 0xD)).random() for seed in range(400)]
+    assert [len(d) for d in drawn] == [2 if 0.6 <= share < 0.7 else int(share < 0.85) for share in shares]
     with pytest.raises(ValueError, match="drawn from the seed"):
         simulate("nowhere", 1, 1, {"tilt": {}}, True)
 

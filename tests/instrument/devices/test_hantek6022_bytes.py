@@ -176,6 +176,30 @@ def test_intel_hex_goes_where_its_records_say(tmp_path: Path) -> None:
             hantek6022_firmware.read_firmware(path)
 
 
+def _hex_record(address: int, content: bytes) -> str:
+    record = bytes([len(content), *address.to_bytes(2, "big"), 0, *content])
+    return f":{record.hex()}{-sum(record) & 255:02x}\n"
+
+
+def test_firmware_fills_the_memory_of_the_device_to_its_last_byte_and_no_further(tmp_path: Path) -> None:
+    path, end = tmp_path / "scope.fw", ":00000001FF\n"
+    for content, why in (
+        (bytes(0x4000), None),
+        (bytes(0x4001), "is no FX2 firmware: 16385 bytes, at most 16384 fit"),
+        (b"", "is no FX2 firmware: 0 bytes"),
+        ((_hex_record(0x3FF0, bytes(16)) + end).encode(), None),
+        ((_hex_record(0x3FF1, bytes(16)) + end).encode(), r"line 1: no record for the FX2's RAM"),
+        (_hex_record(0x10, bytes(16)).encode(), "ends before its last record"),
+    ):
+        path.write_bytes(content)
+        if why is None:
+            (segment,) = hantek6022_firmware.read_firmware(path)
+            assert segment.address + len(segment.content) == 0x4000
+        else:
+            with pytest.raises(DigitizerError, match=rf"scope\.fw.*{why}"):
+                hantek6022_firmware.read_firmware(path)
+
+
 def test_missing_firmware_is_one_line_with_a_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hantek6022_firmware, "FOLDERS", ())
     bus = ScriptedUsb([Plugged(0x04B4, 0x602A)])

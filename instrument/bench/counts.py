@@ -218,9 +218,10 @@ def _fill_levels(first, segments, per_segment, nodes, p, places, work, levels) -
         _fill_line(light[j], light[j + 1], places, lit[piece])
         e0 = (position_m[j] - p[SWITCH_X]) / p[SWITCH_WIDTH]
         e1 = (position_m[j + 1] - p[SWITCH_X]) / p[SWITCH_WIDTH]
-        if min(abs(e0), abs(e1)) > 6.0 and (e0 > 0.0) == (e1 > 0.0):
-            level = p[SWITCH_LOW] + (swing if e0 < 0.0 else 0.0)
-            _fill_line(level, level, places, switch[piece])
+        if min(e0, e1) > 6.0:
+            _fill_line(p[SWITCH_LOW], p[SWITCH_LOW], places, switch[piece])
+        elif max(e0, e1) < -6.0:
+            _fill_line(p[SWITCH_HIGH], p[SWITCH_HIGH], places, switch[piece])
         else:
             edge = switch[piece]
             for i in range(places.shape[0]):

@@ -179,7 +179,7 @@ def _check(name: str, values: Mapping[str, float]) -> None:
     for key in ("frequency_hz", "relaxation_time_s", "range_m", "overlap_m", "deflection_m"):
         if key in values and values[key] <= 0.0:
             raise ValueError(f"effect {name}: {key} must be above zero")
-    if values.get("plate_factor", 0.0) > 1.0:
+    if "plate_factor" in values and values["plate_factor"] > 1.0:
         raise ValueError(f"effect {name}: plate_factor={values['plate_factor']:g} is more than the frame itself")
 
 
@@ -193,9 +193,6 @@ def force_slots(effects: Effects) -> dict[int, float]:
                 extra[known[key].slot] = value * known[key].factor
         if name == "bristle_friction":
             extra[slot.K_BRISTLE] = values["force_n"] / values["deflection_m"]
-            extra[slot.C_BRISTLE] = 0.0
-        if name == "second_plate_mode" and values["mass_kg"] <= 0.0:
-            extra.pop(slot.M_MODE)
     return extra
 
 

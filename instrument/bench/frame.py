@@ -69,7 +69,7 @@ class Frame:
         if self.ringing and time_s[-1] > min(one.start_s for one in self.ringing):
             spacing_s = self._spacing_s
             nodes = int((time_s[-1] - time_s[0]) / spacing_s) + 2
-            node_s: Floats = float(time_s[0]) + np.arange(nodes, dtype=np.float64) * spacing_s
+            node_s: Floats = time_s[0] + np.arange(nodes) * spacing_s
             rung_x, rung_v = np.zeros(nodes), np.zeros(nodes)
             for one in self.ringing:
                 one.add(node_s, 0, rung_x)
@@ -89,7 +89,7 @@ class Frame:
         spacing_s = self._spacing_s
         nodes = int(np.ceil(duration_s / spacing_s)) + 2
         a, jerk = self.sines.acceleration(spacing_s, nodes)
-        node_s: Floats = np.arange(nodes, dtype=np.float64) * spacing_s
+        node_s: Floats = np.arange(nodes) * spacing_s  # type: ignore[assignment]
         for one in self.ringing:
             one.add(node_s, 2, a)
             one.add(node_s, 3, jerk)
@@ -111,7 +111,7 @@ class Frame:
             sign = float(random.choice((-1.0, 1.0)))
             if happens:
                 ringing.append(_ringing(knock, release_s + (at_s if knock.at_s is None else knock.at_s), sign))
-        return replace(self, ringing=tuple(ringing)) if ringing or self.ringing else self
+        return replace(self, ringing=tuple(ringing))
 
 
 def density_m2_per_hz(site: Site, frequency_hz: Floats) -> Floats:

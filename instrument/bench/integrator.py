@@ -10,7 +10,6 @@ from instrument.bench.forces import (
     BLOCK_V,
     BLOCK_X,
     D_ADHESION,
-    F_ADHESION,
     IN_CONTACT,
     JUMP_MASS,
     JUMP_X,
@@ -47,7 +46,7 @@ def frame_acceleration(drive: FrameAcceleration, t: float) -> float:
     if last < 0:
         return 0.0
     h = drive.spacing_s
-    j = min(max(int(t / h), 0), last)
+    j = min(int(t / h), last)
     u = t / h - j
     w = 1.0 - u
     d = drive.acceleration[j + 1] - drive.acceleration[j]
@@ -101,7 +100,7 @@ def _switches(y: Floats, p: Floats, before: NDArray[np.int64], now: NDArray[np.i
     gap = gap_m(y)
     now[IN_CONTACT] = 1 if gap < 0.0 else 0
     now[MOVING_RIGHT] = 1 if y[BLOCK_V] > 0.0 else 0
-    now[WITHIN_REACH] = 1 if p[F_ADHESION] != 0.0 and 0.0 <= gap < p[D_ADHESION] else 0
+    now[WITHIN_REACH] = 1 if 0.0 <= gap < p[D_ADHESION] else 0
     passed = p[JUMP_MASS] != 0.0 and y[BLOCK_V] > 0.0 and y[BLOCK_X] > p[JUMP_X]
     now[JUMPED] = 1 if passed or before[JUMPED] == 1 else 0
     different = False
@@ -165,7 +164,7 @@ def integrate(
             h = high
             _step(y, t, h, p, on, drive, k, new)
             _switches(new, p, on, now)
-            if now[JUMPED] == 1 and on[JUMPED] == 0:  # the mass picked up was at rest
+            if now[JUMPED] > on[JUMPED]:  # the mass picked up was at rest
                 carried = p[M_BLOCK] - p[M_HIDDEN]
                 new[BLOCK_V] *= carried / (carried + p[JUMP_MASS])
         t = t_end if t + h > t_end - 1e-15 else t + h

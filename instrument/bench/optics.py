@@ -99,7 +99,7 @@ def node_times_s(first_sample: int, samples: int, sample_rate_hz: float, spacing
     """Return the times of the path's nodes for these samples; a whole number of samples lies between two."""
     step = max(1, round(sample_rate_hz * spacing_s))
     nodes = -(-samples // step) + 1
-    return (first_sample + step * np.arange(nodes, dtype=np.float64)) / sample_rate_hz
+    return (first_sample + step * np.arange(nodes)) / sample_rate_hz
 
 
 def fill(

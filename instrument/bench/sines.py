@@ -154,13 +154,13 @@ def interpolate_with_slope(node_s: Floats, value: Floats, slope: Floats, time_s:
         while j < last and node_s[j + 1] <= t:
             j += 1
         h = node_s[j + 1] - node_s[j]
-        u = (t - node_s[j]) / h if h > 0.0 else 0.0
+        u = (t - node_s[j]) / h
         d = value[j + 1] - value[j]
         a = h * slope[j] - d
         b = d - h * slope[j + 1]
         w = 1.0 - u
         result[i] = value[j] + u * (d + w * (a * w + b * u))
-        rate[i] = (d + (w - u) * (a * w + b * u) + u * w * (b - a)) / h if h > 0.0 else slope[j]
+        rate[i] = (d + (w - u) * (a * w + b * u) + u * w * (b - a)) / h
     return result, rate
 
 

@@ -135,8 +135,7 @@ class ByteClock:
             return 0
         creep_s = DRIFT * (now_s - self._judged_s)
         self._judged_s = now_s
-        lasting = now_s - self._recent[0][0] > 0.9 * LASTING_S
-        lasting_s = min(lag for _, lag in self._recent) if lasting else self._level_s
+        lasting_s = min(lag for _, lag in self._recent)
         for lag_s, step_s in ((soon_s, SOON_STEP_S), (lasting_s, LASTING_STEP_S)):
             if lag_s - self._level_s > step_s + creep_s:
                 lost = round((lag_s - self._level_s) * self._rate)

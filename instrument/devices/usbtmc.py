@@ -3,6 +3,7 @@
 REN_CONTROL is never sent: oscilloscopes do not need it and some (Rigol, Siglent) hang on it.
 """
 
+import math
 import struct
 import time
 from collections.abc import Callable
@@ -135,10 +136,7 @@ class UsbtmcTransport:
         try:
             with usb_bus.usb_errors_of(self.name):
                 self._device.write(self._out, self._head(_IN, size, 0), timeout=3000)
-                padded = (_HEADER.size + size + 3) // 4 * 4
-                answer = bytes(self._device.read(self._in, padded, timeout=max(1, round(1000 * timeout_s))))
-                if not answer:  # some instruments begin with a packet of length zero
-                    answer = bytes(self._device.read(self._in, padded, timeout=max(1, round(1000 * timeout_s))))
+                answer = self._read(size, timeout_s) or self._read(size, timeout_s)  # some send an empty packet first
         except DigitizerError as error:
             if "unplugged" not in str(error):
                 self._abort()
@@ -155,6 +153,10 @@ class UsbtmcTransport:
             self._abort()
             raise DigitizerError(f"{self.name} announced {length} bytes and sent {len(content)}", "re-arm")
         return content, bool(attributes & 1)
+
+    def _read(self, size: int, timeout_s: float) -> bytes:
+        padded = (_HEADER.size + size + 3) // 4 * 4
+        return bytes(self._device.read(self._in, padded, timeout=math.ceil(1e3 * timeout_s)))  # 0 would be for ever
 
     def _abort(self) -> None:
         """End the answer under way, so that the next command is understood (USBTMC 1.0, 4.2.1.4)."""

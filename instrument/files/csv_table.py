@@ -92,12 +92,12 @@ def timed_column(path: Path, name: str, rate_hz: float | None) -> tuple[NDArray[
     layout = _layout(path)
     if rate_hz is None and layout.time_column is not None:
         time, values = columns(path, [layout.names[layout.time_column], name], False)
-        return np.asarray(time.values * _seconds(layout), np.float64), np.asarray(values.values, np.float64)
+        return time.values * _seconds(layout), values.values  # type: ignore[return-value] # floats, all of them
     step_s = 1.0 / rate_hz if rate_hz else layout.step_s
     if step_s is None:
         raise RecordingError(path, "no column is the time; give the rate (--rate)")
     values = columns(path, [name], False)[0]
-    return np.arange(values.values.size, dtype=np.float64) * step_s, np.asarray(values.values, np.float64)
+    return np.arange(values.values.size) * step_s, values.values  # type: ignore[return-value]
 
 
 def _even_rate(path: Path, layout: _Layout, time: NDArray[np.float64]) -> float:

@@ -103,7 +103,7 @@ class Stream:
     setup: Setup
     source: str
     unseen_loss_s: float = 0.0
-    gaps: list[tuple[int, int | None]] = field(default_factory=list)  # (ring number, samples lost before it)
+    gaps: list[tuple[int, int | None]] = field(default_factory=list)  # in the ring: (number, samples lost before it)
     lost: int = 0
     losses: int = 0
     doubtful_rate_hz: float | None = None  # the rate by the computer's clock, where it contradicts the stated one
@@ -117,12 +117,10 @@ class Stream:
 
     def note_loss(self, at: int, samples: int | None) -> None:
         """Note that samples were lost before ring number ``at``."""
-        self.gaps.append((at, samples))
+        oldest = self.ring.oldest
+        self.gaps = [*(gap for gap in self.gaps if gap[0] >= oldest), (at, samples)]
         self.lost += samples or 0
         self.losses += 1
-        oldest = self.ring.oldest
-        if len(self.gaps) > 64 and self.gaps[0][0] < oldest:
-            self.gaps = [gap for gap in self.gaps if gap[0] >= oldest]
 
 
 LEAST_S = 1.0  # of stream before the rate is judged

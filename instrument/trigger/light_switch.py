@@ -253,15 +253,15 @@ def middle_of_step(switch: NDArray[np.int16], near: int, reach: int) -> int:
     ``switch`` has shape (n,); the levels are medians of up to ``reach`` samples from ``near - 2 reach`` and from
     ``near + reach``.  Returns ``near`` if the levels do not differ significantly.
     """
-    before = switch[max(0, near - 2 * reach) : max(0, near - reach)]
+    begin = near - reach
     after = switch[near + reach : near + 2 * reach]
-    if before.size == 0 or after.size == 0:
+    if begin <= 0 or after.size == 0:
         return near
+    before = switch[max(0, begin - reach) : begin]
     low, high = float(np.median(before)), float(np.median(after))
     noise = max(float(np.std(before)), float(np.std(after)), 0.5)
     if abs(high - low) < 4 * noise:
         return near
-    begin = max(0, near - reach)
     window = switch[begin : near + reach].astype(np.float64)
     middle = 0.5 * (low + high)
     beyond = window >= middle if high > low else window <= middle

@@ -51,6 +51,12 @@ def test_a_shot_from_arm_to_result(tmp_path: Path) -> None:
         assert not rig.said
 
 
+def test_the_threads_of_a_capture_are_known_by_name_and_keep_no_process_alive(tmp_path: Path) -> None:
+    with Capturing(tmp_path, analysis=ShotAnalysis(analysed)):
+        running = {thread.name: thread.daemon for thread in threading.enumerate() if "levimass" in thread.name}
+    assert running == {f"levimass {part}": True for part in ("capture", "recorder", "analysis", "live")}
+
+
 def test_automatic_goes_on_and_no_sample_is_lost_to_a_slow_analysis(tmp_path: Path) -> None:
     gate = threading.Event()
 

@@ -225,6 +225,24 @@ def test_re_arming_is_an_order_of_its_own(stepped: Stepped) -> None:
     assert stepped.state is State.ARMED
 
 
+def test_the_folder_is_locked_from_the_arming_on_and_another_one_in_its_place(stepped: Stepped, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    other.mkdir()
+    stepped.take("arm", False)
+    first = stepped.thread._lock
+    stepped.take("abort")
+    stepped.take("arm", False)
+    assert first is not None and stepped.thread._lock is first and first.valid()
+    stepped.take("abort")
+    stepped.take("options", CaptureOptions(other, SETTINGS))
+    stepped.take("arm", False)
+    second = stepped.thread._lock
+    assert second is not None and second.folder == other and not first.valid()
+    stepped.thread.release_folder()
+    stepped.thread.release_folder()
+    assert stepped.thread._lock is None and not second.valid()
+
+
 @pytest.mark.parametrize(("lacks", "refused"), [(0, False), (1, True)])
 def test_a_shot_and_a_reserve_must_fit_the_disk(
     stepped: Stepped, monkeypatch: pytest.MonkeyPatch, lacks: int, refused: bool

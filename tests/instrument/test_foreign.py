@@ -447,7 +447,7 @@ def test_a_step_of_tdms_is_a_rate_if_it_is_a_possible_one_and_counts_keep_their_
     path = tmp_path / "a.tdms"
     scale = {
         "NI_Scaling_Status": "unscaled", "NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear",
-        "NI_Scale[0]_Linear_Slope": 0.25, "NI_Scale[0]_Linear_Y_Intercept": -3.0,
+        "NI_Scale[0]_Linear_Slope": -0.25, "NI_Scale[0]_Linear_Y_Intercept": -3.0,
         "NI_Scale[0]_Linear_Input_Source": 0xFFFFFFFF,
     }  # fmt: skip
     numbers = np.arange(50)
@@ -465,8 +465,8 @@ def test_a_step_of_tdms_is_a_rate_if_it_is_a_possible_one_and_counts_keep_their_
         (name, unit, rate and pytest.approx(rate)) for name, unit, rate in known
     ]
     counts, wide, plain = foreign_columns(held, ["g/counts", "g/wide", "g/plain"])
-    assert (counts.values.tolist(), counts.volts_per_unit, counts.offset_v) == (numbers.tolist(), 0.25, -3.0)
-    assert (wide.values.tolist(), wide.volts_per_unit, wide.offset_v) == ((0.25 * numbers - 3).tolist(), None, 0.0)
+    assert (counts.values.tolist(), counts.volts_per_unit, counts.offset_v) == (numbers.tolist(), -0.25, -3.0)
+    assert (wide.values.tolist(), wide.volts_per_unit, wide.offset_v) == ((-0.25 * numbers - 3).tolist(), None, 0.0)
     assert (plain.values.tolist(), plain.sample_rate_hz) == (numbers.tolist(), None)
 
 

@@ -71,6 +71,7 @@ def test_without_pd0_the_rest_frequency_must_be_given() -> None:
     found = _verdicts((SWITCH, switch), (PD1, _beat(2.73e6, 0.5)))
     assert found["rest frequency"] == ("fail", "no channel carries PD0: give the rest frequency")
     assert found["light switch"][0] == "warn"
+    assert judge([_signal(role=Role.SWITCH)], [SWITCH], BITS, RATE_HZ, 2)[0].line == "at 0.50 V, toggled 2 times"
     known = _verdicts((SWITCH, switch), (PD1, _beat(2.73e6, 0.5)), rest_frequency_hz=2.731e6, toggles=3)
     assert known["rest frequency"][0] == "ok"
     assert known["light switch"] == ("ok", "at 0.05 V, toggled 3 times")

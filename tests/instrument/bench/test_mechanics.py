@@ -137,6 +137,16 @@ def test_a_mass_picked_up_while_they_touch_takes_its_share_once_though_they_part
     assert v[at + 1] / v[at] == pytest.approx(17.85 / 18.85, rel=1e-3)
 
 
+def test_a_picked_up_mass_stays_on_the_block_that_a_spring_brings_back():
+    run = collide(-SPEED, extra={slot.K_BEARING: 200.0, slot.JUMP_MASS: 2e-3, slot.JUMP_X: 1e-3})
+    x, v, a = run.states[:, slot.BLOCK_X], run.states[:, slot.BLOCK_V], run.acceleration_m_per_s2
+    jumped = int(np.flatnonzero((x > 1e-3) & (v > 0.0))[0])
+    again = next(time for what, time in run.events if time > run.time_s[jumped])
+    back = (run.time_s > run.time_s[jumped]) & (run.time_s < again) & (v < 0.0)
+    assert np.count_nonzero(back) > 1000 and x[back].min() < 1e-3 < x[back].max()
+    assert a[back] == pytest.approx(-200.0 * x[back] / 19.85e-3, rel=1e-9)
+
+
 def test_a_drag_of_one_direction_drives_the_block_in_and_brakes_it_out():
     run = _run("asymmetric_drag:coefficient_n_s_per_m=1e-3")
     assert run.velocity_in_m_per_s == pytest.approx(-SPEED - 1e-3 * 2e-3 / 17.85e-3, rel=1e-9)

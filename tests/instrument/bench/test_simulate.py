@@ -139,7 +139,9 @@ def test_a_parameter_is_simulated_up_to_its_limits(name, key, good, bad):
 
 
 def test_a_second_mode_without_mass_is_none_and_several_effects_are_parted_by_semicolons():
-    assert slot.M_MODE not in force_slots(complete({"second_plate_mode": {"mass_kg": 0.0}}))
+    mode = complete({"second_plate_mode": {"mass_kg": 0.0}})
+    still, without = (run_shot(-SPEED, effects, Bodies(), 2e-3, 0.03) for effects in (mode, {}))
+    assert still.plate_m(TIME[:2000]) == pytest.approx(without.plate_m(TIME[:2000]), abs=1e-9)
     assert force_slots(complete({"second_plate_mode": {"mass_kg": 1e-9}}))[slot.M_MODE] == 1e-9
     many = parse(" tilt : angle_rad = 1e-4 , ;; coulomb_friction;viscous_drag:")
     assert list(many) == ["tilt", "coulomb_friction", "viscous_drag"] and many["tilt"] == {"angle_rad": 1e-4}

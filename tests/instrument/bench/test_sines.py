@@ -37,6 +37,16 @@ def test_two_sums_and_no_sines_at_all():
     assert SINES.plus(SINES).motion(time_s)[0] == pytest.approx(2 * SINES.motion(time_s)[0])
 
 
+def test_a_stream_sums_each_stretch_once_and_keeps_the_newest_two():
+    sums, stretch_s = Sines(SINES.omega, SINES.amplitude_m, SINES.phase), 512 * SINES._nodes[0]
+    for at in np.arange(0.1, 5.0, 0.3):
+        sums.motion(np.array([at * stretch_s, (at + 0.05) * stretch_s]))
+        kept = {k: id(sums._stretches[k]) for k in sums._stretches}
+        assert int(at) in kept and max(kept) - min(kept) < 2 and len(kept) <= 2
+        sums.motion(np.array([at * stretch_s]))
+        assert kept == {k: id(sums._stretches[k]) for k in sums._stretches}
+
+
 def test_acceleration_and_its_rate_are_the_second_and_third_derivative():
     a, jerk = SINES.acceleration(1e-3, 300)
     time_s = np.arange(300) * 1e-3

@@ -269,9 +269,20 @@ def test_one_channel_and_only_one_carries_the_moving_beat(roles: dict[str, Role]
 def test_a_wait_for_the_trigger_returns_in_time_and_ends_with_a_stop() -> None:
     card = NiscopeCard("Dev1", package=Card(polls=10**9))
     card.arm(CaptureSettings(30e6, 100, 10))
+    assert card._worker is not None and card._worker.daemon
     assert card.read_into(np.empty((100, 2), np.int16), 0.01) == Block(0)
     card.stop()
+    assert card._worker is None
     assert card.read_into(np.empty((100, 2), np.int16), 5.0) == Block(0, ended=True)
+
+
+def test_arming_again_gives_up_the_record_before() -> None:
+    card, begun = NiscopeCard("Dev1", package=Card(polls=10**9)), []
+    for _ in range(2):
+        card.arm(CaptureSettings(30e6, 100, 10))
+        begun.append(card._worker)
+    card.close()
+    assert begun[0] is not begun[1] and not any(worker is None or worker.is_alive() for worker in begun)
 
 
 def test_a_record_all_pre_trigger_is_refused() -> None:

@@ -3,13 +3,14 @@
 import math
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.shot.recording import Role
+from analysis.shot.recording import Channel, Role
 from instrument.devices.digitizer import Block, CaptureSettings, Digitizer, DigitizerError
 from instrument.devices.scpi import EXTERNAL, HardwareTrigger, ScpiOscilloscope, _Piece
 from instrument.devices.scpi_dialects import (
@@ -202,6 +203,7 @@ def test_waiting_is_stopped_from_another_thread(maker: str) -> None:
     with TcpScope(scope) as server:
         digitizer = ScpiOscilloscope(SocketTransport("127.0.0.1", server.port))
         digitizer.arm(digitizer.default_settings())
+        assert digitizer._worker is not None and digitizer._worker.daemon  # a program can end meanwhile
         buffer = np.empty((100, 2), np.int16)
         begun = time.monotonic()
         assert digitizer.read_into(buffer, 0.05).samples == 0
@@ -381,6 +383,26 @@ def test_the_makers_guides_say_how_much_is_read_at_once_and_what_memories_there_
     }
 
 
+def test_arming_again_gives_up_the_shot_before() -> None:
+    scope, begun = EmulatedScope("rigol", polls_until_trigger=10**9), []
+    with TcpScope(scope) as server:
+        digitizer = ScpiOscilloscope(SocketTransport("127.0.0.1", server.port))
+        for _ in range(2):
+            digitizer.arm(digitizer.default_settings())
+            begun.append(digitizer._worker)
+        assert begun[0] is not begun[1] and begun[0] is not None and not begun[0].is_alive()
+        digitizer.close()
+    assert scope.log.count(":STOP") == 2 == scope.log.count(":SING")
+
+
+def test_a_driver_that_hangs_is_waited_for_a_quarter_of_a_minute_and_left_behind() -> None:
+    scope, waited = ScpiOscilloscope(Link("RIGOL")), []  # type: ignore[arg-type, var-annotated]
+    scope._worker = SimpleNamespace(join=lambda timeout: waited.append(timeout))  # type: ignore[assignment]
+    scope.stop()
+    scope.stop()
+    assert waited == [15.0]
+
+
 def test_a_fault_or_a_stop_while_it_is_fetched_ends_the_shot() -> None:
     scope, buffer = ScpiOscilloscope(Link("RIGOL,DS1,0,0")), np.empty((1, 2), np.int16)  # type: ignore[arg-type]
     scope._armed = True
@@ -405,7 +427,7 @@ def test_an_instrument_is_called_by_its_maker_and_model_and_an_unknown_one_is_le
         scope = ScpiOscilloscope(Link(identity))  # type: ignore[arg-type]
         able = scope.capabilities
         assert able.name == name and able.hardware_trigger and not able.real_time and able.rates_hz == ()
-        assert [channel.role for channel in able.channels] == [Role.REFERENCE, Role.MEASUREMENT]
+        assert able.channels == (Channel(Role.REFERENCE, 1.0), Channel(Role.MEASUREMENT, 1.0))  # before its first shot
         assert (able.bits, able.max_samples) == (scope._dialect.bits, scope._dialect.max_samples)
     other = Link("TEKTRONIX,TDS1002")
     with pytest.raises(DigitizerError, match="no dialect"):
@@ -461,6 +483,8 @@ def test_line_ends_left_over_by_a_block_are_skipped_and_a_block_may_come_in_piec
         (b"x" * 64 + b"#15", "answered no data block"),
         (b"#0", "damaged data block head"),
         (b"#a", "damaged data block head"),
+        (b"#:0000000012", "damaged data block head"),
+        (b"#9000000012", (11, 12)),
         (b"#2+5", "damaged data block head"),
     ],
 )
@@ -571,7 +595,7 @@ def test_an_impossible_scale_is_refused(volts: float, offset: float, possible: b
 
 def test_an_answer_with_too_few_or_unreadable_numbers_is_refused() -> None:
     assert numbers("1,2.5,3", 2, "x") == [1.0, 2.5]
-    for answer in ("1", "1,x", "", "1,nan", "inf,1"):
+    for answer in ("1", "1,x", "", "1,nan", "inf,1", "1,1e999"):
         with pytest.raises(DigitizerError, match="where a pair is due"):
             numbers(answer, 2, "a pair")
     assert [dialect.decode(bytes([0, 128, 255])).tolist() for dialect in DIALECTS[:2]] == [

@@ -65,8 +65,10 @@ def test_an_answer_in_parts_after_an_empty_packet() -> None:
             *(_ask(3, 1 << 16), _answer(3, b"cde\n")),
         ]
     )
-    assert link.query("A?") == "abcde"
+    assert link.query("A?", 2.0) == "abcde"
     bus.finish()
+    reads = [limit for limit in bus.timeouts_ms if limit != 3000]
+    assert len(reads) == 3 and all(1500 < limit <= 2000 for limit in reads)
 
 
 def test_tags_count_to_255_and_begin_again_at_1() -> None:

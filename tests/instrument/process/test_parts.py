@@ -287,6 +287,22 @@ def test_an_order_is_waited_for_until_its_answer_its_limit_or_a_giving_up(
         assert child.now == pytest.approx(min(give_up_s or 0.0, 101.0) + 1.0, abs=0.11)
 
 
+@pytest.mark.parametrize(
+    ("code", "how"), [(0, "status 0"), (2, "status 2"), (-1, "killed by signal 1"), (None, "status None")]
+)
+def test_a_child_that_ended_by_itself_is_told_with_its_status_or_its_signal(code: int | None, how: str) -> None:
+    child = Waiting([])
+
+    def broken() -> None:
+        raise EOFError
+
+    child._answered, child._answers = lambda timeout_s: True, SimpleNamespace(recv=broken)  # type: ignore[assignment]
+    child.end = lambda patience_s: child.ended.append(patience_s) or code  # type: ignore[method-assign, func-returns-value]
+    with pytest.raises(DigitizerError, match=rf"process ended by itself \({how}\): arm again"):
+        DeviceProcess.receive(child, 0.0)
+    assert child.ended == [1.0]
+
+
 def test_a_device_tells_its_state_or_the_fault_that_hides_it_anew_each_time() -> None:
     child = Waiting([])
     child._device = DeviceState(None, None, DigitizerError("unplugged"))
@@ -381,6 +397,17 @@ def test_a_child_fills_the_ring_as_far_as_it_is_read_and_tells_each_block(memory
     served._carry_out(Order("arm", 9, ONE))  # in the same memory: numbers go on, the rest is nobody's
     assert told.take() == [Answer(9, served._device_state(), None, None, 25_000, 6)]
     assert (memory.room(25_000), memory.blocks_read) == (20_000, 6)
+
+
+def test_a_child_whose_ring_is_full_looks_again_after_two_milliseconds(
+    memory: SharedRing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served, told = _armed(FakeDigitizer(), memory)
+    slept: list[float] = []
+    monkeypatch.setattr(child_module, "time", SimpleNamespace(sleep=slept.append))
+    for _ in range(6):
+        served._turn()
+    assert len(told.take()) == 4 and slept == [0.002, 0.002]
 
 
 def test_a_child_announces_no_more_blocks_than_its_pipe_holds(
@@ -524,7 +551,13 @@ def test_each_request_has_its_time_and_a_child_that_is_gone_is_started_anew(monk
             super().__init__(device=device, over=False, child_id=77, request=request, end=lambda: asked.append("end"))
             self.send = lambda kind: asked.append(kind)
 
-    made = SimpleNamespace(name="ring", capacity=53_248, channels=3, unlink=lambda: asked.append("unlink"), close=int)
+    made = SimpleNamespace(
+        name="ring",
+        capacity=53_248,
+        channels=3,
+        unlink=lambda: asked.append("unlink"),
+        close=lambda: asked.append("unmap"),
+    )
     monkeypatch.setattr(SharedRing, "create", lambda *_: made)
     monkeypatch.setattr(subprocess_digitizer, "DeviceProcess", Started)
     opened = SubprocessDigitizer("opener", 12.0)  # type: ignore[arg-type]
@@ -545,7 +578,13 @@ def test_each_request_has_its_time_and_a_child_that_is_gone_is_started_anew(monk
         (opened.default_settings, [("opener", False, 12.0), ("defaults", 12.0, False, None)]),
         (
             lambda: opened.arm(ONE),
-            ["unlink", ("opener", False, 12.0), ("prepare", 300.0, False, 5.0), ("arm", 12.0, ONE, ring, False, 5.0)],
+            [
+                "unlink",
+                "unmap",
+                ("opener", False, 12.0),
+                ("prepare", 300.0, False, 5.0),
+                ("arm", 12.0, ONE, ring, False, 5.0),
+            ],
         ),
     ):
         asked.clear()
@@ -554,6 +593,6 @@ def test_each_request_has_its_time_and_a_child_that_is_gone_is_started_anew(monk
         assert asked[: len(known)] == known
     asked.clear()
     opened.close()
-    assert asked[:2] == ["close", "end"]
+    assert asked == ["close", "end", "unlink", "unmap"]
     with pytest.raises(DigitizerError, match="the digitizer was closed: select the source again"):
         opened.arm(ONE)

@@ -59,7 +59,6 @@ class BenchDigitizer(Digitizer):
         self._first_push_s, self._push_every_s = first_push_s, push_every_s
         self._clock = clock
         self._stop = threading.Event()
-        self._stop.set()
         self._closed = False
         self._stage: SimulatedStream | None = None
         self._shots = first_shot
@@ -90,11 +89,10 @@ class BenchDigitizer(Digitizer):
 
     def prepare(self) -> None:
         """Compile or load the bench's kernels, so that the first push loses no samples."""
-        twin = BenchDigitizer(self._rig, real_time=False, first_push_s=0.0)
-        twin.arm(CaptureSettings(RATES_HZ[0], 1, 0))
-        buffer = np.empty((_CHUNK, len(self._rig.optics.channels)), np.int16)
-        for _ in range(8):
-            twin.read_into(buffer, 0.0)
+        rate_hz, *_ = RATES_HZ
+        stage = SimulatedStream(self._rig, rate_hz)
+        pushed = stage.push(self._first_push_s)
+        stage.fill(round(pushed.release_s * rate_hz), self._chunk)
 
     def arm(self, settings: CaptureSettings) -> None:
         """Start a new stream, with the block held by the hand."""

@@ -97,9 +97,9 @@ def _fine_steps_s(p: Floats, steps_s: tuple[float, float], speed_m_per_s: float)
     """Return steps in contact and in flight that resolve the fastest resonance and the bristles."""
     contact_s, flight_s = steps_s
     fastest = max(p[slot.W_HIDDEN], p[slot.W_MODE], p[slot.W_CLAMP])
-    if fastest > 0.0:  # an error of 1e-9 of the oscillation per step
+    if fastest:  # an error of 1e-9 of the oscillation per step
         contact_s, flight_s = min(contact_s, 0.1 / fastest), min(flight_s, 0.1 / fastest)
-    if p[slot.F_BRISTLE] > 0.0:
+    if p[slot.F_BRISTLE]:
         flight_s = min(flight_s, 0.1 * p[slot.F_BRISTLE] / p[slot.K_BRISTLE] / speed_m_per_s)
         contact_s = min(contact_s, flight_s)
     return contact_s, flight_s

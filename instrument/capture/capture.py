@@ -24,7 +24,7 @@ _NO_START_S = 60.0  # ... or for longer than this before its first sample: firmw
 
 
 def _to_standard_error(line: str) -> None:
-    print(f"levimass: {line}", file=sys.stderr, flush=True)
+    print(f"levimass: {line}", file=sys.stderr)
 
 
 class Capture:
@@ -162,9 +162,9 @@ class Capture:
     def _progress(self, state: State) -> tuple[str | None, float | None]:
         shot = self._capture.shot
         if shot is not None and state is State.TRIGGERED:
-            return "recording", shot.filled / max(1, shot.counts.shape[0])
+            return "recording", shot.filled / shot.settings.samples
         if shot is not None and state is State.TRANSFERRING:
-            return "saving", shot.written / max(1, shot.filled)
+            return "saving", shot.written / shot.filled
         analysis = self._finished.analysis
         doing = analysis.doing if analysis is not None else None
         return doing if doing is not None else (None, None)

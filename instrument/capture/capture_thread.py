@@ -55,7 +55,7 @@ class CaptureThread:
         self.prepared = False  # while True every call of the digitizer returns soon
         self._digitizer = digitizer
         self._warm, self._say = warm, say
-        self._look_from = 0  # ring number before which a step of the light switch is ignored
+        self._look_from: int  # ring number before which a step of the light switch is ignored
         self._fire = False
         self._lock: FolderLock | None = None
         self._progress: tuple[int | None, ...] = ()  # samples of the shot received and written, steps of the analysis

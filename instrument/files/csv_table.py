@@ -204,7 +204,7 @@ def _blocks(
     lines: Iterator[str] = islice(file, layout.first_row, None)
     if layout.decimal_comma:
         lines = (line.replace(",", ".") for line in lines)
-    if '"' in "".join(_beginning(path)[layout.first_row : layout.first_row + 1]):
+    if '"' in _beginning(path)[layout.first_row]:
         lines = (line.replace('"', "") for line in lines)
     delimiter = None if layout.delimiter == " " else layout.delimiter
     at = layout.first_row

@@ -1,6 +1,6 @@
 """What the screen shows of a running stream: the live curves of its last seconds and the signal of each channel."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -54,19 +54,15 @@ def empty_view() -> LiveView:
     return LiveView(none, none, none, none, none, np.empty((0, 0), np.float32))
 
 
-@dataclass(slots=True)
 class LiveWindow:
     """The newest ``length`` points of the live curves, in memory allocated once."""
 
-    length: int
-    bin_points: int = field(init=False)
-    _values: Floats = field(init=False)  # (4, 2 length): the newest points, written twice as long as the window
-    _end: int = field(init=False, default=0)
-    _dropped: int = field(init=False, default=0)  # points before the first one kept: bins keep their places
-
-    def __post_init__(self) -> None:
-        self.bin_points = -(-self.length // MOST_BINS)
-        self._values = np.empty((4, 2 * self.length + 1))
+    def __init__(self, length: int) -> None:
+        self.length = length
+        self.bin_points = -(-length // MOST_BINS)
+        self._values = np.empty((4, 2 * length))  # twice as long as the window, so that it rarely is moved
+        self._dropped: int  # points before the first one kept: bins keep their places
+        self.clear()
 
     def clear(self) -> None:
         self._end = self._dropped = 0
@@ -80,7 +76,7 @@ class LiveWindow:
             self._end = 0
             new = new[:, surplus:]
         if self._end + new.shape[1] > self._values.shape[1]:
-            drop = max(0, self._end + new.shape[1] - self.length)
+            drop = self._end + new.shape[1] - self.length
             self._values[:, : self._end - drop] = self._values[:, drop : self._end].copy()
             self._end -= drop
             self._dropped += drop

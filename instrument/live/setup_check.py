@@ -63,7 +63,7 @@ def _beat(signal: ChannelSignal, range_v: float, sample_rate_hz: float) -> Check
     name = NAMES[signal.role]
     if signal.frequency_hz is None or signal.snr_db is None:
         return Check(name, Grade.FAIL, "no beat above the noise: check laser, alignment and cable")
-    share = signal.amplitude_v / range_v if range_v > 0 else 0.0
+    share = signal.amplitude_v / range_v
     found = (
         f"beat at {signal.frequency_hz / 1e6:.4f} MHz, {signal.amplitude_v:.3g} V ({100 * share:.0f} % of the range), "
         f"{signal.snr_db:.0f} dB"

@@ -52,13 +52,12 @@ class DeviceState:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """The answer to the order ``serial``; after ``arm``, ``first`` is the number of the next sample."""
+    """The answer to the order ``serial``; ``blocks`` of the ring were announced so far."""
 
     serial: int
     device: DeviceState | None
     fault: DigitizerError | None = None
     settings: CaptureSettings | None = None
-    first: int = 0
     blocks: int = 0
 
 
@@ -173,7 +172,7 @@ class _Child:
                 self._arm(order)
         except Exception as error:
             fault = _fault_of(error)
-        self._answers.send(Answer(order.serial, self._device_state(), fault, settings, self._at, self._blocks))
+        self._answers.send(Answer(order.serial, self._device_state(), fault, settings, self._blocks))
 
     def _arm(self, order: Order) -> None:
         assert order.settings is not None

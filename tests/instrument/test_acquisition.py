@@ -91,6 +91,24 @@ def test_the_table_holds_nothing_else() -> None:
     }
 
 
+@pytest.mark.parametrize(
+    ("state", "what", "remedy"),
+    [
+        (State.ARMED, "the light switch did not fire in time", "check its beam"),
+        (State.TRIGGERED, "the samples stopped coming", "what came is kept"),
+        (State.TRANSFERRING, "the disk takes too long", "the shot stays in memory"),
+        (State.ANALYSING, "the analysis took too long", "the recording is saved"),
+    ],
+)
+def test_of_a_wait_that_was_too_long_it_is_said_what_took_it_and_then_what_to_do(
+    state: State, what: str, remedy: str
+) -> None:
+    machine, clock = at(state)
+    clock.now += 1e4
+    machine.tick()
+    assert machine.status.message.startswith(what) and machine.status.remedy.startswith(remedy)
+
+
 @pytest.mark.parametrize("state", list(State))
 def test_every_wait_has_a_deadline(state: State) -> None:
     machine, clock = at(state)

@@ -47,6 +47,16 @@ def test_a_device_that_sends_nothing_is_said() -> None:
         try_signals(FakeDigitizer(before_block=silence), clock=lambda: now[0])
 
 
+@pytest.mark.parametrize(("sent", "judged"), [(511, False), (512, True)])
+def test_a_sixteenth_of_what_is_checked_is_enough_to_judge_a_stream_that_ends(sent: int, judged: bool) -> None:
+    digitizer = FakeDigitizer(max_samples=sent)
+    if judged:
+        assert [check.name for check in try_signals(digitizer)] == ["PD0", "PD1", "light switch", "rest frequency"]
+    else:
+        with pytest.raises(DigitizerError, match=r"fake sent no samples in 3 s"):
+            try_signals(digitizer)
+
+
 @pytest.mark.parametrize("simulated", [True, False])
 def test_a_busy_computer_delays_a_simulated_device_and_no_other(simulated: bool) -> None:
     """On one that compiled something else the bench was told to check its cables."""

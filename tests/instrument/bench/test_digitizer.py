@@ -234,6 +234,30 @@ def test_a_block_is_pushed_after_0_8_s_and_3_s_after_each_return_in_samples_that
     assert bench._stage.of[2] == 7  # the sequence of pushes goes on
 
 
+def test_what_a_first_push_needs_is_compiled_beforehand_without_touching_the_stream(monkeypatch):
+    done = []
+
+    class Stage(rig.SimulatedStream):
+        def push(self, time_s):
+            done.append(("push", time_s))
+            return super().push(time_s)
+
+        def fill(self, first_sample, out):
+            at = (first_sample + 1) / RATE
+            flies = any(pushed.release_s <= at <= pushed.caught_s for pushed in self._pushed)
+            done.append(("fill", flies, out.shape))
+            super().fill(first_sample, out)
+
+    monkeypatch.setattr(digitizer, "SimulatedStream", Stage)
+    bench = BenchDigitizer(real_time=False)
+    bench.prepare()
+    assert done == [("push", 0.8), ("fill", True, (200_000, 3))] and bench._stage is None
+    bench.arm(SETTINGS)
+    plain = BenchDigitizer(real_time=False)
+    plain.arm(SETTINGS)
+    assert np.array_equal(_read(bench, 300_000), _read(plain, 300_000))
+
+
 def test_a_source_is_the_rig_that_its_options_describe():
     bench = open_source("bench?speed=0.35&added=0.05&first=3&seed=4&site=VC-D&effect=tilt:angle_rad=1e-4")
     assert bench._rig == Bench(

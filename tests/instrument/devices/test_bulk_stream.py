@@ -54,6 +54,9 @@ class Libusb:
         return ctypes.pointer(self.made[-1])
 
     def submit_transfer(self, pointer: Any) -> int:
+        asked = pointer.contents
+        assert (asked.endpoint, asked.type, asked.flags, asked.timeout) == (0x86, 2, 0, 0)  # bulk, without a limit
+        assert asked.length >= SIZE and asked.buffer and asked.num_iso_packets == 0
         self.queued.append(pointer)
         self.most_queued = max(self.most_queued, len(self.queued))
         return 0
@@ -89,6 +92,7 @@ def read(libusb: Libusb, chunks: int) -> tuple[list[int], list[int], DigitizerEr
     """Return the first byte of each chunk, the places before which something was lost, and the fault at the end."""
     stream = BulkStream(libusb.device(), 0x86, BYTES_PER_S, "scope")
     stream.start()
+    assert stream._thread is not None and stream._thread.daemon and stream._thread.name == "usb scope"
     firsts, lost, fault = [], [], None
     try:
         for place in range(chunks):

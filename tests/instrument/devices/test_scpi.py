@@ -1,6 +1,7 @@
 """The SCPI driver against emulated oscilloscopes on a loopback socket."""
 
 import math
+import socket
 import threading
 import time
 from types import SimpleNamespace
@@ -287,6 +288,8 @@ def test_no_answer_is_a_fault() -> None:
     scope = EmulatedScope("rigol")
     with TcpScope(scope) as server:
         link = SocketTransport("127.0.0.1", server.port)
+        assert link._socket is not None
+        assert link._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) != 0  # else each command waits
         with pytest.raises(DigitizerError, match=r"does not answer :NOTHING\?"):
             link.query(":NOTHING?", timeout_s=0.2)
         assert link.query("*IDN?").startswith("RIGOL")

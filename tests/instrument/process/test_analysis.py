@@ -2,7 +2,7 @@
 
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from analysis.fitted.fitted_shot import awaits_fit
 from analysis.pipeline import analyse, read
 from analysis.shot.motion import ARRAYS
 from analysis.shot.recording import Recording
-from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Shot
+from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
 from instrument.bench.simulated_shots import simulate
 from instrument.files.recording_file import open_recording, read_recording
 from instrument.files.recording_writer import write_recording
@@ -30,6 +30,11 @@ def quiet(what: str, share: float) -> None:
 def never() -> bool:
     """Let the analysis go on."""
     return False
+
+
+def who(*, progress: Progress, cancelled: Callable[[], bool]) -> int:
+    """Return the process that this runs in."""
+    return os.getpid()
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +78,16 @@ def test_a_shot_comes_out_as_it_would_here(apart: SubprocessAnalysis, simulated:
     assert here.setup is not None
     assert there.setup == replace(here.setup, extra=dict(here.setup.extra))
     assert told
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="read from Linux's list of processes")
+def test_the_child_gives_way_to_samples_and_screen_and_leaves_ctrl_c_to_its_parent(apart: SubprocessAnalysis) -> None:
+    child = apart.run(who, quiet, never)
+    assert child == apart.child_id != os.getpid()
+    assert os.getpriority(os.PRIO_PROCESS, child) == min(19, os.getpriority(os.PRIO_PROCESS, 0) + 10)
+    assert os.sched_getscheduler(child) == os.SCHED_BATCH
+    status = dict(line.split(":\t") for line in Path(f"/proc/{child}/status").read_text().splitlines())
+    assert int(status["SigIgn"], 16) & 1 << (signal.SIGINT - 1)
 
 
 def test_altered_data_are_flagged_there_too(apart: SubprocessAnalysis, simulated: Recording, tmp_path: Path) -> None:

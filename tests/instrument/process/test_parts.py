@@ -373,7 +373,7 @@ def _armed(digitizer: FakeDigitizer, memory: SharedRing) -> tuple[_Child, Told]:
     served = _Child(digitizer, None, told)  # type: ignore[arg-type]
     served._carry_out(Order("arm", 2, ONE, (memory.name, memory.capacity, memory.channels)))
     (answer,) = told.take()
-    assert answer == Answer(2, served._device_state(), None, None, 0, 0) and served._run == 2
+    assert answer == Answer(2, served._device_state(), None, None, 0) and served._run == 2
     return served, told
 
 
@@ -395,7 +395,7 @@ def test_a_child_fills_the_ring_as_far_as_it_is_read_and_tells_each_block(memory
     (message,) = told.take()
     assert (message.first, message.block.samples) == (20_000, 5_000)
     served._carry_out(Order("arm", 9, ONE))  # in the same memory: numbers go on, the rest is nobody's
-    assert told.take() == [Answer(9, served._device_state(), None, None, 25_000, 6)]
+    assert told.take() == [Answer(9, served._device_state(), None, None, 6)]
     assert (memory.room(25_000), memory.blocks_read) == (20_000, 6)
 
 
@@ -472,7 +472,7 @@ def test_a_stop_that_comes_while_a_device_is_armed_or_its_ring_is_full_is_heeded
         told = Told()
         served._answers = told  # type: ignore[assignment]
         served._carry_out(Order(kind, 6))
-        assert told.take() == [Answer(6, served._device_state(), None, answered, served._at, served._blocks)]
+        assert told.take() == [Answer(6, served._device_state(), None, answered, served._blocks)]
     refused = _Child(FakeDigitizer(), None, told := Told())  # type: ignore[arg-type]
     refused._carry_out(Order("arm", 1, CaptureSettings(5.0, 10, 1), (memory.name, 20_000, 3)))
     (answer,) = told.take()
@@ -542,7 +542,7 @@ def test_each_request_has_its_time_and_a_child_that_is_gone_is_started_anew(monk
 
     def request(kind: str, limit_s: float, *what: Any, give_up: Any = None, patience_s: float | None = None) -> Answer:
         asked.append((kind, limit_s, *what, give_up is not None and give_up(), patience_s))
-        return Answer(8, None, None, settings_asked, 0, 3)
+        return Answer(8, None, None, settings_asked, 3)
 
     class Started(SimpleNamespace):
         def __init__(self, opener: Any, give_up: Any, open_s: float) -> None:

@@ -59,7 +59,7 @@ def read_without_hash(path: Path | str) -> tuple[Recording, str | None]:
     flags = []
     if sha512 is None:
         flags.append("interrupted")
-    if left_over or samples < max(declared or 0, at_least):
+    if left_over or samples < at_least or (declared is not None and samples < declared):
         flags.append("truncated")
         sha512 = None
     elif declared is not None and samples > declared:

@@ -63,14 +63,11 @@ def test_the_first_row_stands_among_the_first_200_lines_and_a_name_has_60_letter
     assert [one.name for one in thrice.channels] == ["u", "u (2)", "u (3)"]
 
 
-def test_a_time_alone_is_a_channel_and_a_shorter_row_is_no_row_of_the_table(tmp_path) -> None:
+def test_a_time_alone_is_a_channel(tmp_path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("time\n1\n2\n4\n")
     (alone,) = csv_table.contents(path).channels
     assert (alone.name, alone.samples, alone.sample_rate_hz) == ("time", 3, None)
-    path.write_text("2026,11\nt,a,b\n0,5,1\n0.5,6,1\n1,7,1\n")  # a date of two numbers before three names
-    found = csv_table.contents(path).channels
-    assert [(one.name, one.samples, one.sample_rate_hz) for one in found] == [("a", 3, 2.0), ("b", 3, 2.0)]
 
 
 def test_quoted_numbers_with_decimal_commas_between_tabs_or_blanks_are_read(tmp_path) -> None:

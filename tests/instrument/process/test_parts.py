@@ -1,8 +1,10 @@
 """The two ends of a subprocess, without the process: blocks cut into a reader's pieces, memory for a lag, reports."""
 
 import os
+import signal
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType, SimpleNamespace
@@ -19,7 +21,7 @@ from instrument.devices.sources import open_source
 from instrument.files.recording_error import RecordingError
 from instrument.process import child as child_module
 from instrument.process import device_process, shared_ring, subprocess_digitizer, subprocess_worker
-from instrument.process.child import Answer, BlockReady, DeviceState, Order, _Child
+from instrument.process.child import OPENED, STARTED, Answer, BlockReady, DeviceState, Order, _Child
 from instrument.process.device_process import DeviceProcess
 from instrument.process.shared_ring import SharedRing
 from instrument.process.subprocess_digitizer import SubprocessDigitizer, open_in_subprocess
@@ -408,6 +410,147 @@ def test_a_child_whose_ring_is_full_looks_again_after_two_milliseconds(
     for _ in range(6):
         served._turn()
     assert len(told.take()) == 4 and slept == [0.002, 0.002]
+
+
+class Exit:
+    """Stands for ``os._exit``: leaves the main thread, and notes which thread asked for it and how."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.asked: list[tuple[bool, int]] = []
+        monkeypatch.setattr(os, "_exit", self)
+
+    def __call__(self, status: int) -> None:
+        main = threading.current_thread() is threading.main_thread()
+        self.asked.append((main, status))
+        if main:
+            raise SystemExit
+
+
+def _until(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + 20.0
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.001)
+
+
+@pytest.mark.parametrize("simulated", [False, True])
+@pytest.mark.parametrize("ends", ["closed", "parent gone", "pipe broken", "bug"])
+def test_a_child_serves_until_it_is_closed_or_its_parent_is_gone_and_closes_its_device(
+    ends: str, simulated: bool, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    leave, told, did, lowered, slept = Exit(monkeypatch), Told(), [], [], []  # type: ignore[var-annotated]
+    monkeypatch.setattr(child_module, "time", SimpleNamespace(sleep=slept.append))
+    monkeypatch.setattr(child_module, "lower_priority", lowered.append)
+    monkeypatch.setattr(child_module, "gc", SimpleNamespace(freeze=lambda: did.append("freeze")))
+    given = [Order("prepare", 2), *([Order("close", 3)] if ends == "closed" else [])]
+    sent = told.send
+
+    def recv() -> Order:
+        if given and given[0].kind == "prepare":
+            return given.pop(0)
+        _until(lambda: len(told.messages) == 2 or bool(leave.asked))  # once the first order was carried out
+        if not given:
+            raise EOFError
+        return given.pop(0)
+
+    def send(message: Any) -> None:
+        if message.serial == 2 and ends in ("pipe broken", "bug"):
+            raise BrokenPipeError if ends == "pipe broken" else ValueError("cannot be pickled")
+        sent(message)
+
+    class Device(FakeDigitizer):
+        def prepare(self) -> None:
+            did.append("prepare")
+
+        def close(self) -> None:
+            did.append("close")
+
+        def stop(self) -> None:
+            did.append("stop")
+
+    told.send = send  # type: ignore[method-assign]
+    served = _Child(Device(simulated=simulated), SimpleNamespace(recv=recv), told)  # type: ignore[arg-type]
+    with pytest.raises(SystemExit):
+        served.work()
+    _until(lambda: len(leave.asked) == 2)
+    status = {"pipe broken": 1, "bug": 2}.get(ends, 0)
+    assert sorted(leave.asked) == [(False, 1), (True, status)] and slept == [3.0]
+    assert did[:2] == ["prepare", "freeze"] and did.count("close") == 1
+    assert did.count("stop") == (2 if ends == "closed" else 1)  # by the order, and where the parent is gone
+    serials = [message.serial for message in told.messages]
+    assert serials == ([OPENED, 2] if status == 0 else [OPENED])
+    assert lowered == ([5] if simulated else []) and ("cannot be pickled" in capfd.readouterr().err) == (ends == "bug")
+
+
+def test_a_device_that_cannot_be_opened_is_told_after_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    told, signals = Told(), []  # type: ignore[var-annotated]
+    monkeypatch.setattr(child_module.signal, "signal", lambda *which: signals.append(which))
+
+    def opener() -> Any:
+        raise DigitizerError("jammed", "oil it")
+
+    child_module.serve(opener, None, told)  # type: ignore[arg-type]
+    started, opened = told.messages
+    assert started == Answer(STARTED, None)
+    assert (opened.serial, opened.device, str(opened.fault)) == (OPENED, None, "jammed: oil it")
+    assert signals == [(signal.SIGINT, signal.SIG_IGN)]
+
+
+def _sum_of(array: np.ndarray, *, progress: Any, cancelled: Any) -> tuple[int, bool, bool]:
+    return int(array.sum()), array.flags.writeable, cancelled()
+
+
+def test_a_working_child_is_warm_before_it_says_so_does_its_tasks_in_turn_and_ends_with_its_parent(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    leave, did, reports = Exit(monkeypatch), [], []  # type: ignore[var-annotated]
+    monkeypatch.setattr(subprocess_worker, "lower_priority", lambda steps: did.append(("priority", steps)))
+    monkeypatch.setattr(subprocess_worker.signal, "signal", lambda *which: did.append(which))
+    monkeypatch.setattr(
+        subprocess_worker, "gc", SimpleNamespace(freeze=lambda: did.append("freeze"), collect=lambda: did.append("gc"))
+    )
+    given: list[Any] = [8, _Task(7, partial(_sum_of, np.arange(3))), _Task(8, partial(_sum_of, np.arange(4)))]
+
+    def recv() -> Any:
+        if not given:
+            raise EOFError
+        return given.pop(0)
+
+    def send(report: _Report) -> None:
+        if report.result == "unpicklable":
+            raise TypeError("no pickle")
+        reports.append(report)
+        if len(reports) == 3:
+            raise BrokenPipeError(32, "the parent is gone")
+
+    def warm() -> None:
+        did.append("warm")
+        raise RuntimeError  # kernels are then compiled at their first call
+
+    subprocess_worker._serve(warm, SimpleNamespace(recv=recv), SimpleNamespace(send=send))  # type: ignore[arg-type]
+    _until(lambda: len(leave.asked) == 1)
+    assert leave.asked == [(False, 0)]
+    assert reports == [_Report(None), _Report(7, result=(3, False, False)), _Report(8, result=(6, False, True))]
+    assert did == [(signal.SIGINT, signal.SIG_IGN), ("priority", 10), "warm", "freeze", "gc"]
+
+
+def test_a_child_that_is_to_give_up_has_five_seconds_and_is_then_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, ended, told = [100.0], [], []  # type: ignore[var-annotated]
+    monkeypatch.setattr(subprocess_worker, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    worker = SubprocessWorker()
+
+    def poll(timeout_s: float) -> bool:
+        assert timeout_s == 0.02
+        now[0] += 0.5
+        return False
+
+    worker._tasks = SimpleNamespace(send=told.append)  # type: ignore[assignment]
+    worker._reports = SimpleNamespace(poll=poll)  # type: ignore[assignment]
+    worker._end = ended.append  # type: ignore[assignment, method-assign]
+    task = _Task(4, len)
+    with pytest.raises(Cancelled):
+        worker._await(task, print, lambda: now[0] >= 110.0)
+    assert told == [task, 4] and ended == [0.0] and now[0] == 110.0 + 5.5
 
 
 def test_a_child_announces_no_more_blocks_than_its_pipe_holds(

@@ -214,7 +214,7 @@ class BulkStream:
             slot = self._slots[ctypes.addressof(transfer)]
             self._in_flight -= 1
             status = transfer.status
-            if transfer.actual_length > 0 and not (self._stopping and status == _CANCELLED):
+            if transfer.actual_length > 0 and not self._stopping:
                 self._chunks.append(Chunk(slot.codes[: transfer.actual_length], now, self._lost))
                 self._waiting_bytes += transfer.actual_length
                 self._lost = False

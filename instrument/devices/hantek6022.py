@@ -205,7 +205,7 @@ class Hantek6022(Digitizer):
             return b""  # the sigrok firmware cannot read it: the nominal scales apply
 
     def _request(self, request: int, value: int) -> None:
-        self._device.ctrl_transfer(0x40, request, 0, 0, bytes([value]), timeout=1000)
+        self._device.ctrl_transfer(0x40, request, 0, 0, bytes([value]))
 
     def _forget_device(self) -> None:
         device, self._device = self._device, None

@@ -125,7 +125,7 @@ def load_firmware(device: Any, segments: tuple[Segment, ...], name: str) -> None
 
 
 def _write(device: Any, address: int, content: bytes) -> None:
-    written = device.ctrl_transfer(0x40, _LOAD, address, 0, content, timeout=1000)
+    written = device.ctrl_transfer(0x40, _LOAD, address, 0, content)
     if written != len(content):
         raise usb.core.USBError(f"{written} of {len(content)} firmware bytes taken", errno=5)
 

@@ -103,13 +103,12 @@ class ReplayDigitizer(Digitizer):
         for gap in shot.gaps:
             if gap.sample_start == self._at:
                 lost = None if gap.samples_lost is None else (lost or 0) + gap.samples_lost
-        trigger = shot.trigger_sample
-        in_block = trigger is not None and self._at <= trigger < stop and shot.column(Role.SWITCH) is None
+        trigger = shot.trigger_sample if shot.column(Role.SWITCH) is None else None
         block = Block(
             samples=length,
             lost_before=lost,
             ended=stop == shot.samples,
-            trigger_sample=trigger - self._at if in_block and trigger is not None else None,
+            trigger_sample=trigger - self._at if trigger is not None and self._at <= trigger < stop else None,
         )
         self._at = stop
         if block.ended:
@@ -129,7 +128,7 @@ class ReplayDigitizer(Digitizer):
         wait = min(aim - self._clock(), timeout_s)
         if wait > 0:
             self._sleep(wait)
-        return min(shot.samples, int((self._clock() - self._started_at) * rate + 0.5))
+        return min(shot.samples, round((self._clock() - self._started_at) * rate))
 
     def _upcoming(self) -> Recording:
         """Return the recording being played, or the next one once it is over."""

@@ -95,6 +95,7 @@ def _shots_among(entries: list[Path]) -> list[Path]:
     return sorted(shots, key=_counting_order)
 
 
-def _counting_order(path: Path) -> tuple[list[tuple[int, int, str]], str]:
-    parts = re.split(r"(\d+)", path.name)
-    return [(int(p), 0, "") if p.isdecimal() else (-1, 0, p) for p in parts], path.name
+def _counting_order(path: Path) -> tuple[list[str | int], str]:
+    parts: list[str | int] = [*re.split(r"(\d+)", path.name)]  # text and number in turn, the text may be empty
+    parts[1::2] = [int(number) for number in parts[1::2]]
+    return parts, path.name

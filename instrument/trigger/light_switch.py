@@ -62,7 +62,7 @@ _RANGE_SHARE = 0.05
 _STRETCH = 1024  # samples that are passed over together if their extremes allow no step
 
 # indices into the state that is carried from block to block
-_SWING, _LOW, _HIGH, _LEVEL, _MINIMUM, _MAXIMUM, _SEEN, _PREVIOUS, _SQUARES, _EDGES = range(10)
+_SWING, _LOW, _HIGH, _LEVEL, _MINIMUM, _MAXIMUM, _SEEN, _PREVIOUS, _SQUARES, _EDGES = _STATE = range(10)
 
 
 class LightSwitch:
@@ -72,7 +72,7 @@ class LightSwitch:
         self._settings = settings
         self._column = column
         self._least = max(2.0, _RANGE_SHARE * 2.0**bits)
-        self._state = np.zeros(10)
+        self._state = np.zeros(len(_STATE))
         self._state[_LOW] = np.nan if settings.low_counts is None else settings.low_counts
         self._state[_HIGH] = np.nan if settings.high_counts is None else settings.high_counts
 
@@ -240,7 +240,7 @@ def _first_step(counts, column, edge, least, state):  # type: ignore[no-untyped-
     state[_LEVEL] = level
     state[_MINIMUM] = minimum
     state[_MAXIMUM] = maximum
-    state[_SEEN] = min(seen, 2 * LEARNED_FROM)
+    state[_SEEN] = seen
     state[_PREVIOUS] = previous
     state[_SQUARES] = squares
     state[_SWING] = swing

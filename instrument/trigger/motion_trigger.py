@@ -52,11 +52,11 @@ class MotionTrigger:
 @njit(cache=True, nogil=True, error_model="numpy")
 def _scan(counts, columns, window, rate, doppler, given, state):  # type: ignore[no-untyped-def]
     """Advance ``state`` over both beats; O(n), nothing allocated."""
-    measurement, reference = columns
+    _, reference = columns
     found = -1
     for i in range(counts.shape[0]):
-        for c in range(2):
-            column = measurement if c == 0 else reference
+        for c in range(len(columns)):
+            column = columns[c]
             if column < 0:
                 continue
             base = _CHANNEL + _PER_CHANNEL * c
@@ -74,7 +74,7 @@ def _scan(counts, columns, window, rate, doppler, given, state):  # type: ignore
             continue
         beat = state[_CHANNEL + _CROSSINGS] * rate / window
         rest = state[_CHANNEL + _PER_CHANNEL + _CROSSINGS] * rate / window
-        for c in range(2):
+        for c in range(len(columns)):
             base = _CHANNEL + _PER_CHANNEL * c
             mean = state[base + _SUM] / window
             state[base + _MEAN] = mean

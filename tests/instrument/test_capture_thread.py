@@ -214,6 +214,52 @@ def test_once_it_closes_no_order_starts_anything_and_an_abort_is_still_carried_o
     assert stepped.digitizer.armed == 1
 
 
+@pytest.mark.parametrize("ordered", [False, True])
+def test_the_thread_prepares_warms_and_watches_then_turns_until_it_closes(stepped: Stepped, ordered: bool) -> None:
+    thread, seen = stepped.thread, []  # type: ignore[var-annotated]
+    stepped.now = 7.0
+
+    def note(what: str) -> None:
+        seen.append((what, thread.touched, thread.prepared))
+
+    def turn() -> None:
+        note("turn")
+        assert thread.alive_s == stepped.now
+        stepped.now += 1.0
+        thread.closing = seen.count(("turn", True, True)) == 3
+        raise DigitizerError("one fault", "and its remedy")  # ends no turning
+
+    stepped.digitizer.prepare = lambda: note("prepare")  # type: ignore[method-assign]
+    thread._warm = lambda given_up: seen.append(("warm", thread.touched, thread.prepared, given_up()))
+    thread._watch = lambda: note("watch")  # type: ignore[method-assign]
+    thread._turn = turn  # type: ignore[method-assign]
+    if ordered:  # an order begins the stream itself
+        thread.orders.put(("abort", None))
+    thread._main()
+    begun = [("prepare", True, False), ("warm", False, False, False)] + [("watch", True, True)] * (not ordered)
+    assert seen == [*begun, *[("turn", True, True)] * 3] and stepped.said == ["one fault: and its remedy"] * 3
+    seen.clear()
+    thread._main()  # it closes before it has begun
+    assert seen == []
+
+
+def test_a_shot_under_way_when_the_program_is_closed_is_kept_and_the_device_stopped(stepped: Stepped) -> None:
+    stepped.take("arm", False)
+    stepped.turn(lambda: bool(stepped.shots))
+    shot, real = stepped.shots[0][0], stepped.thread._turn
+    assert not shot.complete
+
+    def last() -> None:
+        real()
+        stepped.thread.closing = True
+
+    stepped.thread._turn = last  # type: ignore[method-assign]
+    before = shot.filled
+    stepped.thread._main()
+    assert shot.complete and shot.ended_early == "the program was closed" and shot.filled > before
+    assert not stepped.digitizer.running.is_set() and not stepped.thread.run.running
+
+
 def test_re_arming_is_an_order_of_its_own(stepped: Stepped) -> None:
     stepped.take("arm", True)
     assert stepped.machine.status.automatic

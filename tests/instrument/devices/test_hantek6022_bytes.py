@@ -2,6 +2,7 @@
 
 import errno
 from collections import deque
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -299,6 +300,39 @@ def test_after_an_unplugging_the_next_arm_opens_it_again() -> None:
     scope.arm(CaptureSettings(8e6, 1000, 0))
     scope.stop()
     assert scope.read_into(np.empty((10, 2), np.int16), 0.1).ended
+    bus.finish()
+
+
+def test_arming_again_stops_the_stream_before() -> None:
+    stop = Out(0xE3, 0, b"\x00")
+    bus = ScriptedUsb([Plugged(0x04B5, 0x6022)], [EEPROM, *_arming(10), stop, *_arming(8), stop])
+    streams = [GivenStream([]), GivenStream([])]
+    made = iter(streams)
+    scope = Hantek6022(backend=bus, make_stream=lambda *given: next(made)(*given))  # type: ignore[arg-type, return-value]
+    scope.arm(CaptureSettings(10e6, 1000, 0))
+    scope.arm(CaptureSettings(8e6, 1000, 0))
+    assert [stream.stopped for stream in streams] == [True, False]
+    scope.close()
+    assert streams[1].stopped
+    bus.finish()
+
+
+@pytest.mark.parametrize("fails_at", [3, 5])
+def test_a_device_that_is_lost_while_it_is_armed_is_let_go_and_opened_anew(fails_at: int) -> None:
+    requests = _arming(10)
+    requests[fails_at] = replace(requests[fails_at], answer=GONE)
+    stop = [Out(0xE3, 0, b"\x00", answer=GONE)] if fails_at == 5 else []  # once its stream was begun
+    bus = ScriptedUsb([Plugged(0x04B5, 0x6022)], [EEPROM, *requests[: fails_at + 1], *stop])
+    stream = GivenStream([])
+    scope = Hantek6022(backend=bus, make_stream=stream)
+    with pytest.raises(DigitizerError, match="Hantek 6022 was unplugged"):
+        scope.arm(CaptureSettings(10e6, 1000, 0))
+    bus.finish()
+    assert bus.opened == 0 and stream.stopped == (fails_at == 5)
+    assert scope.read_into(np.empty((10, 2), np.int16), 0.0).ended
+    bus.script = [EEPROM, *_arming(10), Out(0xE3, 0, b"\x00")]
+    scope.arm(CaptureSettings(10e6, 1000, 0))
+    scope.close()
     bus.finish()
 
 

@@ -117,7 +117,7 @@ def _mapped_columns(table: Path, columns: Checked) -> dict[str, NDArray[np.float
     name = named.text("name") if named is not None else None
     if named is None or name is None:
         raise columns.refuse("displacement.name", "missing")
-    unit = named.text("unit", 10)
+    unit = named.text("unit")
     if unit is None or (unit := unit.translate(_MICRO)) not in LENGTHS_M:
         raise named.refuse("unit", f"is none of {', '.join(LENGTHS_M)}")
     csv_table.contents(table).channel(name)

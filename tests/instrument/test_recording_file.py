@@ -16,7 +16,14 @@ from analysis.shot.recording import Gap, Recording
 from instrument.files import recording_writer
 from instrument.files.atomic_file import write_text_atomic
 from instrument.files.recording_error import RecordingError
-from instrument.files.recording_file import data_hash, read_recording
+from instrument.files.recording_file import (
+    data_hash,
+    hash_matches,
+    open_recording,
+    open_without_hash,
+    read_recording,
+    read_without_hash,
+)
 from instrument.files.recording_metadata import read_metadata
 from instrument.files.recording_search import find_recordings
 from instrument.files.recording_writer import RecordingWriter, rewrite_note, write_recording
@@ -121,6 +128,23 @@ def test_lengths_that_differ_are_flagged(shot: Recording, tmp_path: Path) -> Non
     assert data_hash(meta).agrees is False
     edit(meta, lmm_samples=None)  # a foreign writer states the length in the extent of its note
     assert "longer_than_declared" in read_recording(meta).flags
+
+
+def test_what_was_altered_is_told_by_the_hash_alone_and_a_recording_can_be_opened_without_it(
+    shot: Recording, tmp_path: Path
+) -> None:
+    meta = write_recording(replace(shot, gaps=()), tmp_path / "s")
+    whole, sha512 = read_without_hash(meta)
+    assert sha512 == json.loads(meta.read_text())["global"]["core:sha512"] and hash_matches(whole, sha512.upper())
+    data = tmp_path / "s.sigmf-data"
+    raw = data.read_bytes()
+    data.write_bytes(bytes([raw[0] ^ 1]) + raw[1:])
+    assert [open_one(meta).flags for open_one in (open_recording, open_without_hash)] == [("data_altered",), ()]
+    for opened in (open_recording(meta), open_without_hash(meta)):
+        assert isinstance(opened, Recording) and opened.counts[0, 0] == shot.counts[0, 0] ^ 1
+        assert np.array_equal(opened.counts[1:], shot.counts[1:])
+    data.write_bytes(raw[:-6])  # what is not whole has no hash to compare
+    assert read_without_hash(meta)[1] is None and "truncated" in open_without_hash(meta).flags
 
 
 def test_a_beat_at_the_rails_is_flagged(shot: Recording, tmp_path: Path) -> None:

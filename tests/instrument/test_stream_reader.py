@@ -134,6 +134,21 @@ def test_the_rate_of_an_endless_stream_in_real_time_is_judged(how: dict[str, Any
     assert reader.hardware_trigger == how.get("hardware_trigger", False)
 
 
+def test_a_stream_that_comes_at_half_its_rate_is_doubted_and_one_whose_reader_is_late_is_not() -> None:
+    now = [100.0]
+    for pace_s, most, doubtful_hz in ((0.01, 5_000, 5e5), (0.005, 5_000, None), (0.01, 40_000, None)):
+        digitizer = FakeDigitizer(
+            real_time=True, before_block=lambda fake, at, most=most: Block(most) if most > 5_000 else None
+        )
+        reader = StreamReader(digitizer, clock=lambda: now[0])
+        reader.start(SETTINGS, OPTIONS)
+        for _ in range(200):
+            now[0] += pace_s
+            reader.read()
+        assert reader.stream is not None
+        assert reader.stream.doubtful_rate_hz == (None if doubtful_hz is None else pytest.approx(doubtful_hz, rel=1e-2))
+
+
 @pytest.mark.parametrize(
     ("how", "stalls"), [({}, True), ({"simulated": True}, False), ({"hardware_trigger": True}, False)]
 )

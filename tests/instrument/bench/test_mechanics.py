@@ -5,7 +5,10 @@ import pytest
 
 from instrument.bench import forces as slot
 from instrument.bench.effects import force_slots, parse
+from instrument.bench.frame import Frame
 from instrument.bench.mechanics import Bodies, collide
+from instrument.bench.sines import Sines
+from instrument.bench.site import QUIET
 
 SPEED = 0.265
 
@@ -117,6 +120,19 @@ def test_a_magnet_repels_with_a_force_that_fades_over_its_range():
     gap = np.maximum(run.states[:, slot.BLOCK_X] - run.states[:, slot.PLATE_X], 0.0)
     magnet = 5e-3 * (1e-3 * np.exp(-gap / 1e-3) + xi)  # overlapping, it stays what it is at the gap zero
     assert np.ptp(bent + 0.5 * 1e4 * xi**2 + magnet) < 1e-6 * bent[0] < 1e-2 * np.ptp(magnet)
+
+
+def test_a_block_in_flight_is_not_moved_by_the_frame_that_it_is_seen_from():
+    frame = Frame(QUIET, 0, Sines(np.array([1500.0]), np.array([1e-4]), np.array([0.4])))
+    run = collide(-SPEED, frame=frame, duration_s=0.007)
+    assert run.events == ()
+    x, v = frame.motion(run.time_s)
+    assert run.states[:, slot.BLOCK_X] + x == pytest.approx(2e-3 - SPEED * run.time_s, rel=0, abs=5e-10)
+    assert run.states[:, slot.BLOCK_V] + v == pytest.approx(-SPEED, rel=0, abs=1e-7)
+    plate = run.states[:, slot.PLATE_X] + x  # a spring on a shaken clamp, in its stationary motion
+    w = np.sqrt(221.4 / 1.984e-4)
+    answer = 1 / (1 - (1500.0 / w) ** 2)
+    assert np.abs(plate - answer * x).max() < 0.02 * np.abs(answer * x).max()
 
 
 def test_a_picked_up_mass_takes_its_share_of_the_momentum_once_on_the_way_out():

@@ -1,0 +1,69 @@
+"""Recording shots without a screen: each saved and reported once, and one line that says why it ended."""
+
+from pathlib import Path
+
+import pytest
+
+from analysis.shot.recording import Setup
+from instrument.capture import headless_acquisition as module
+from instrument.capture.headless_acquisition import RESCUED, AcquireError, acquire
+from instrument.devices.digitizer import Block, DigitizerError
+from instrument.files.recording_file import read_recording
+from tests.instrument.capturing import SETTINGS, assert_true_samples
+from tests.instrument.fake_digitizer import CHANNELS, FakeDigitizer
+from tests.instrument.test_capture_disk import FullDisk
+
+
+def test_each_shot_is_saved_and_reported_once_in_its_turn(tmp_path: Path) -> None:
+    digitizer, told = FakeDigitizer(), []  # type: ignore[var-annotated]
+    out = tmp_path / "new" / "folder"
+    saved = acquire(digitizer, out, 3, SETTINGS, 20.0, told.append, setup=Setup(0.5))
+    assert saved == [out / f"shot-{n:04d}.sigmf-meta" for n in (1, 2, 3)]
+    assert told == [f"shot {n} of 3: {path}" for n, path in enumerate(saved, 1)] and digitizer.closed
+    shots = [read_recording(path) for path in saved]
+    firsts = [assert_true_samples(shot) for shot in shots]
+    assert firsts == sorted(set(firsts)) and [shot.setup.moving_mass_kg for shot in shots] == [0.5] * 3
+    again = acquire(FakeDigitizer(), out, 1, SETTINGS, 20.0)
+    assert again == [out / "shot-0004.sigmf-meta"]  # the folder may be there, and nothing is overwritten
+
+
+def test_a_trigger_that_does_not_come_in_time_and_a_device_that_fails_are_one_line_with_what_was_saved(
+    tmp_path: Path,
+) -> None:
+    still = FakeDigitizer(channels=CHANNELS[:2], pace_s=0.002)
+    with pytest.raises(AcquireError) as late:
+        acquire(still, tmp_path, 1, SETTINGS, 0.3)
+    assert str(late.value).startswith("the light switch did not fire in time (0.3 s): check its beam")
+    assert late.value.saved == [] and still.closed
+
+    told: list[str] = []
+
+    def unplugged(fake: FakeDigitizer, at: int) -> Block | None:
+        if told:  # of the first shot
+            raise DigitizerError("unplugged", "plug it in")
+        return None
+
+    with pytest.raises(AcquireError, match=r"^unplugged: plug it in$") as lost:
+        acquire(FakeDigitizer(before_block=unplugged), tmp_path, 2, SETTINGS, 20.0, told.append)
+    assert lost.value.saved == [tmp_path / "shot-0001.sigmf-meta"]
+    (tmp_path / "file").write_text("")
+    closed = FakeDigitizer()
+    with pytest.raises(AcquireError, match="file/folder: Not a directory"):
+        acquire(closed, tmp_path / "file" / "folder", 1, SETTINGS, 20.0)
+    assert closed.closed and closed.armed == 0
+
+
+def test_a_rescued_shot_lies_in_the_home_folder_closed_to_others_else_with_the_temporary_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("instrument.capture.recorder.RecordingWriter", FullDisk)
+    places = {name: tmp_path / name for name in ("home", "temporary")}
+    monkeypatch.setattr(module.tempfile, "gettempdir", lambda: str(places["temporary"]))
+    for place in places.values():
+        place.mkdir()
+    for home, used in ((places["home"], "home"), (tmp_path / "none", "temporary")):
+        monkeypatch.setattr(Path, "home", lambda home=home: home)
+        with pytest.raises(AcquireError, match=f"the shot was saved to {places[used]}.* instead; make room, then go"):
+            acquire(FakeDigitizer(), tmp_path / "out", 1, SETTINGS, 20.0)
+        rescued = places[used] / RESCUED
+        assert len(list(rescued.glob("*.sigmf-meta"))) == 1 and rescued.stat().st_mode & 0o777 == 0o700

@@ -1,11 +1,18 @@
 """A shot while it comes in: who brings it to disk is woken by every block and by the end."""
 
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from analysis.shot.recording import Channel, Role, Setup
-from instrument.capture.recorder import GrowingShot
+from analysis.shot.recording import Channel, Gap, Role, Setup
+from instrument.capture.recorder import GrowingShot, Recorder
 from instrument.devices.digitizer import CaptureSettings
+from instrument.files import recording_writer
+from instrument.files.recording_error import RecordingError
+from instrument.files.recording_file import read_recording
+from instrument.files.recording_writer import RecordingWriter
 
 
 @pytest.fixture
@@ -92,3 +99,77 @@ def test_a_shot_tells_of_its_capture_only_what_there_is_to_tell(shot: GrowingSho
     assert recording.flags == ("gap", "cut_short", "rate_contradicted") and recording.trigger_sample is None
     assert (recording.samples, recording.name, recording.extra) == (15, "b", shot.extra)
     assert not recording.counts.flags.writeable
+
+
+class Growing:
+    """Stands for the event that wakes the writer: at each wait the next of ``steps`` happens to the shot."""
+
+    def __init__(self, *steps: Callable[[], object]) -> None:
+        self.steps, self.waits, self.clears = list(steps), [], 0
+
+    def wait(self, longest_s: float) -> None:
+        self.waits.append(longest_s)
+        assert self.clears == len(self.waits) - 1  # else it would not wait at all
+        self.steps.pop(0)()
+
+    def clear(self) -> None:
+        self.clears += 1
+
+    def set(self) -> None:
+        pass
+
+
+def test_what_came_is_on_disk_before_the_shot_is_whole_and_its_gaps_trigger_and_end_with_it(
+    shot: GrowingShot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recording_writer, "_REFRESH_S", -1.0)  # with every block, not four times a second
+    on_disk: list[tuple[int, int | None]] = []
+
+    def look() -> None:
+        found = read_recording(tmp_path / "shot-0001")
+        assert shot.written == shot.filled == found.samples and np.array_equal(found.counts, shot.counts[: shot.filled])
+        on_disk.append((found.samples, found.trigger_sample))
+
+    def more() -> None:
+        look()
+        shot.lost(5)
+        shot.append(np.full((20, 2), 7, np.int16))
+
+    def end() -> None:
+        look()
+        shot.append(np.full((3, 2), 8, np.int16))
+        shot.trigger_sample = 21
+        shot.finish("the cable was pulled")
+
+    shot.append(np.full((40, 2), 6, np.int16))
+    shot.grown = growing = Growing(more, look, end)  # type: ignore[assignment]
+    saved = Recorder(print)._save(shot, tmp_path)
+    assert growing.waits == [0.02] * 3 and growing.steps == []
+    assert on_disk == [(40, 20), (60, 20), (60, 20)]
+    assert saved.problem is None and saved.partial is None and saved.shot is shot
+    assert saved.recording.path == str(tmp_path / "shot-0001.sigmf-meta") and saved.recording.samples == 63
+    assert saved.recording.trigger_sample == 21 and saved.recording.gaps == (Gap(40, 5),)
+    assert saved.recording.flags == ("gap", "cut_short") and saved.recording.extra["global"] == shot.extra["global"]
+
+
+def test_a_shot_that_cannot_be_saved_is_waited_for_and_kept_with_why(
+    shot: GrowingShot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing(error: Exception) -> Callable[[RecordingWriter, np.ndarray], None]:
+        def append(writer: RecordingWriter, counts: np.ndarray) -> None:
+            raise error
+
+        return append
+
+    shot.append(np.full((40, 2), 6, np.int16))
+    for number, (error, why) in enumerate(
+        ((RecordingError("a", "full"), "a: full"), (ValueError("odd"), "unexpected: ValueError('odd')")), 1
+    ):
+        monkeypatch.setattr(RecordingWriter, "append", failing(error))
+        shot.complete = False
+        shot.grown = growing = Growing(lambda: None, shot.finish)  # type: ignore[assignment]
+        kept = Recorder(print)._save(shot, tmp_path)
+        assert kept.problem == why and growing.waits == [0.02] * 2 and growing.clears == 2
+        assert kept.recording.name == f"shot-{number:04d}" and kept.recording.samples == 40
+        assert kept.partial is not None and kept.partial._file.closed  # what was begun stays until it is saved
+        assert kept.partial.data_path.exists()

@@ -187,6 +187,31 @@ def test_the_device_s_own_trigger_goes_before_that_of_the_switch() -> None:
         assert block is not None and block.step is None
 
 
+def test_a_device_that_says_that_it_fired_has_sent_no_sample_yet() -> None:
+    for ended in (False, True):
+        reader = _reader(FakeDigitizer(before_block=lambda *_, ended=ended: Block(0, ended=ended, fired=True)))
+        ring = reader.stream.ring if reader.stream is not None else None
+        block = reader.read()
+        assert block is not None and ring is not None
+        assert (block.fired, block.ended, block.step, block.lost_before, len(block.counts)) == (True, ended, None, 0, 0)
+        assert block.first == ring.total == 0 and ring.oldest == 0  # and no sample in the ring is claimed for it
+
+
+def test_why_a_switch_has_not_fired_is_told_until_it_has() -> None:
+    reader = _reader()
+    for _ in range(5):
+        reader.read()
+    assert reader.why_no_step() == "the light switch moved by 0 counts, a step takes 205"
+    given = _reader(options=replace(OPTIONS, switch_low_v=0.5, switch_high_v=0.9))
+    given.read()
+    assert given.why_no_step() == "the light switch never crossed its thresholds"
+    assert _reader(FakeDigitizer(channels=CHANNELS[:2])).why_no_step() == ""
+    for one in (reader, given):
+        while not one.toggles:
+            one.read()
+        assert one.why_no_step() == ""
+
+
 def test_an_ended_stream_runs_no_more_and_stays_readable() -> None:
     reader = _reader(FakeDigitizer(max_samples=7_000))
     first, last = reader.read(), reader.read()

@@ -128,6 +128,18 @@ def test_noise_is_white_and_normal():
     assert 4.0 < np.abs(noise).max() < 6.0
 
 
+def test_the_noise_of_each_channel_is_its_own():
+    loud = Optics(
+        reference_v=0.5, reference_snr_db=0.0, measurement_v=0.5, measurement_snr_db=0.0, rest_frequency_hz=1e-3,
+        switch_noise_v=0.3, range_v=8.0,
+    )  # fmt: skip
+    out, _ = _counts(loud, samples=400_000)
+    noise = (out - out.mean(axis=0)) / out.std(axis=0)
+    for one, other in ((0, 1), (0, 2), (1, 2)):
+        for lag in (0, 1, 2):
+            assert abs(np.mean(noise[lag:, one] * noise[: len(noise) - lag, other])) < 5 / np.sqrt(len(noise))
+
+
 @pytest.mark.parametrize("bits", [8, 10, 12, 14])
 def test_steps_and_rails_of_the_digitizer(bits):
     optics = replace(Optics(), bits=bits, reference_v=1.2)

@@ -1,7 +1,9 @@
 """The two ends of a subprocess, without the process: blocks cut into a reader's pieces, memory for a lag, reports."""
 
+import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -343,6 +345,119 @@ def test_orders_are_numbered_and_none_is_sent_to_a_child_that_is_gone() -> None:
     for ask in (lambda: child.send("stop"), lambda: DeviceProcess.receive(child, 0.0)):
         with pytest.raises(DigitizerError, match="the digitizer's process is gone: arm again"):
             ask()
+
+
+class Context:
+    """Stands for ``multiprocessing``: pipes and one process that notes what is done to it."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, alive: bool = False, starts: bool = True) -> None:
+        self.did: list[Any] = []
+        self.alive, self.starts, self.daemon, self.pid, self.exitcode = alive, starts, False, 77, -9
+        self.closed: list[str] = []
+        self._ends = iter(("first reads", "first writes", "second reads", "second writes"))
+        monkeypatch.setattr(
+            subprocess_worker.multiprocessing, "get_context", lambda kind: self if kind == "spawn" else 0
+        )
+
+    def Pipe(self, duplex: bool) -> tuple[Any, Any]:
+        assert not duplex
+        return tuple(
+            SimpleNamespace(end=end, close=lambda end=end: self.closed.append(end))
+            for end in (next(self._ends), next(self._ends))
+        )
+
+    def Process(self, target: Any, args: Any, name: str) -> "Context":
+        self.did.append((target, [getattr(arg, "end", arg) for arg in args], name))
+        return self
+
+    def start(self) -> None:
+        if not self.starts:
+            raise OSError("no room for a process")
+        self.did.append(("start", self.daemon))  # else it would outlive its parent
+
+    def join(self, longest_s: float) -> None:
+        self.did.append(("join", longest_s))
+
+    def is_alive(self) -> bool:
+        return self.alive
+
+    def kill(self) -> None:
+        self.did.append("kill")
+
+    def close(self) -> None:
+        self.did.append("close")
+
+
+@pytest.mark.parametrize("alive", [False, True])
+def test_a_device_s_process_is_started_with_one_end_of_each_pipe_and_ended_by_force_where_it_does_not_end(
+    alive: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    context, waited = Context(monkeypatch, alive), []  # type: ignore[var-annotated]
+    monkeypatch.setattr(device_process, "_looking_at", lambda answers: answers.end)
+    monkeypatch.setattr(DeviceProcess, "_wait_for", lambda child, *how: waited.append(how))
+    made = DeviceProcess("opener", len, 7.0)  # type: ignore[arg-type]
+    ends = ["opener", "first reads", "second writes"]
+    assert context.did == [(child_module.serve, ends, "levimass digitizer"), ("start", True)]
+    assert waited == [(STARTED, 60.0, len, None), (OPENED, 7.0, len, None)]
+    assert context.closed == ends[1:] and (made._answered, made.child_id) == ("second reads", 77)  # the child's alone
+    context.did.clear()
+    assert made.end() == -9 and made.over and made.end() is None
+    forced = ["kill", ("join", 5.0)] if alive else []
+    assert context.did == [("join", 5.0), *forced, "close"]
+    assert context.closed[2:] == ["first writes", "second reads"]
+
+
+def test_a_device_that_does_not_open_leaves_no_process_and_one_that_does_not_start_is_said(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def jammed(child: DeviceProcess, serial: int, *how: object) -> None:
+        if serial == OPENED:
+            raise DigitizerError("jammed")
+
+    context = Context(monkeypatch)
+    monkeypatch.setattr(device_process, "_looking_at", lambda answers: None)
+    monkeypatch.setattr(DeviceProcess, "_wait_for", jammed)
+    with pytest.raises(DigitizerError, match="jammed"):
+        DeviceProcess("opener", len, 7.0)  # type: ignore[arg-type]
+    assert context.did[-2:] == [("join", 5.0), "close"] and len(context.closed) == 4
+    Context(monkeypatch, starts=False)
+    with pytest.raises(DigitizerError, match="did not start: no room for a process: close other programs"):
+        DeviceProcess("opener", len, 7.0)  # type: ignore[arg-type]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a pipe waits by itself there")
+def test_a_message_is_waited_for_in_milliseconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    answers, child_answers = multiprocessing.Pipe(duplex=False)
+    answered = device_process._looking_at(answers)
+    assert not answered(0.0)
+    child_answers.send("one")
+    assert answered(0.0) and answers.recv() == "one" and not answered(0.0)
+    asked: list[Any] = []
+    waiting = SimpleNamespace(register=lambda *which: asked.append(which), poll=asked.append)
+    monkeypatch.setattr(device_process, "select", SimpleNamespace(poll=lambda: waiting, POLLIN=1))
+    assert not device_process._looking_at(answers)(0.25)
+    assert asked == [(answers.fileno(), 1), 250.0]
+    for end in (answers, child_answers):
+        end.close()
+
+
+@pytest.mark.parametrize("alive", [False, True])
+def test_a_working_process_is_started_once_and_ended_by_force_where_it_does_not_end(
+    alive: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    context, worker = Context(monkeypatch, alive), SubprocessWorker(print)
+    worker.start()
+    worker.start()
+    ends = [print, "first reads", "second writes"]
+    assert context.did == [(subprocess_worker._serve, ends, "levimass work"), ("start", True)]
+    assert context.closed == ends[1:] and worker.child_id == 77
+    context.did.clear()
+    worker.close()
+    worker.close()
+    worker.start()  # there is none any more
+    forced = ["kill", ("join", 5.0)] if alive else []
+    assert context.did == [("join", 5.0), *forced, "close"] and worker.child_id is None
+    assert context.closed[2:] == ["first writes", "second reads"]
 
 
 class Told:

@@ -1,6 +1,7 @@
 """The capture thread turn by turn, without threads: what each block and each order makes of stream and shot."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,16 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.shot.recording import Setup
 from instrument.capture import capture_thread
 from instrument.capture.acquisition import Acquisition, Deadlines, State
 from instrument.capture.capture import Capture
 from instrument.capture.capture_thread import CaptureThread
 from instrument.capture.recorder import GrowingShot, Recorded
 from instrument.capture.stream_reader import CaptureOptions
-from instrument.devices.digitizer import Block, DigitizerError
+from instrument.devices.digitizer import Block, Capabilities, DigitizerError
 from instrument.trigger.light_switch import Level
 from tests.instrument.capturing import SETTINGS
-from tests.instrument.fake_digitizer import FIRST, RATE_HZ, FakeDigitizer, samples
+from tests.instrument.fake_digitizer import CHANNELS, FIRST, RATE_HZ, FakeDigitizer, samples
 
 
 class Stepped:
@@ -114,6 +116,24 @@ def test_losses_inside_a_shot_are_its_gaps_and_those_at_its_ends_are_not(tmp_pat
     stepped.turn(lambda: stepped.state is State.TRANSFERRING)
     shot = stepped.shots[0][0]
     assert [(gap.sample_start, gap.samples_lost) for gap in shot.gaps] == [(3_030, 30), (9_000, None)]
+
+
+def test_a_shot_says_what_its_stream_is_and_what_of_its_rate_and_its_losses_is_in_doubt(tmp_path: Path) -> None:
+    class Doubtful(FakeDigitizer):
+        @property
+        def capabilities(self) -> Capabilities:
+            return replace(super().capabilities, unseen_loss_s=2e-3)
+
+    setup = Setup(0.5, rest_frequency_hz=91e3)
+    stepped = Stepped(tmp_path, Doubtful(), options=CaptureOptions(tmp_path, SETTINGS, setup))
+    stepped.take("arm", False)
+    stream = stepped.thread.run.stream
+    assert stream is not None
+    stream.doubtful_rate_hz = 9e5
+    stepped.turn(lambda: bool(stepped.shots))
+    shot = stepped.shots[0][0]
+    assert (shot.unseen_loss_s, shot.doubtful_rate_hz, shot.source) == (2e-3, 9e5, "fake")
+    assert (shot.settings, shot.channels, shot.setup) == (SETTINGS, CHANNELS, replace(setup, digitizer_bits=12))
 
 
 @pytest.mark.parametrize("told_late", [False, True])

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -157,6 +158,24 @@ def test_the_site_is_measured_on_the_rate_at_which_points_come(tmp_path: Path) -
     assert live._rest._rate_hz == rate_hz / live_thread._AVERAGED
     time_s = live._window._values[0, : live._window._end]
     assert rate_hz == pytest.approx((time_s.size - 1) / (time_s[-1] - time_s[0]), rel=1e-9)
+
+
+def test_a_new_stream_begins_with_empty_curves_and_is_demodulated_in_quarters_of_its_ring_up_to_half_a_million(
+    tmp_path: Path,
+) -> None:
+    first, second = _stream(), replace(_stream(), ring=Ring(3_000_000, 1))
+    live = LiveThread(lambda: first, lambda: tmp_path)
+    live._look(10.0)
+    live.skipped, live._rest, live._problem = 7, None, "dim"
+    assert live._window.curves()[0].size > 0 and live._most == 50_000
+    asked: list[object] = []
+    live._newest = lambda: second
+    real = live._begin
+    live._begin = lambda stream: (asked.append(stream), real(stream))[1]  # type: ignore[func-returns-value, method-assign]
+    for now in (11.0, 12.0):
+        live._look(now)
+    assert asked == [second] and live._window.curves()[0].size == 0 and live._most == 1 << 19
+    assert (live.skipped, live._problem, live._at) == (0, None, 0)
 
 
 class Fed:

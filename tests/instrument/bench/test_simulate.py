@@ -20,7 +20,15 @@ from instrument.bench.effects import (
 from instrument.bench.mechanics import Bodies
 from instrument.bench.observation import observed, run_shot, with_leak
 from instrument.bench.optics import Optics
-from instrument.bench.simulated_shots import FASTEST_M_PER_S, SLOWEST_M_PER_S, draw_undeclared, simulate, speeds_of_set
+from instrument.bench.rig import Bench
+from instrument.bench.simulated_shots import (
+    FASTEST_M_PER_S,
+    SLOWEST_M_PER_S,
+    draw_undeclared,
+    record_shot,
+    simulate,
+    speeds_of_set,
+)
 from instrument.bench.site import site_named
 from instrument.files.recording_file import data_hash, read_recording
 from instrument.files.recording_search import find_recordings
@@ -63,6 +71,15 @@ def test_the_speeds_of_a_set_scatter_to_both_sides_of_even_steps_and_no_two_sets
     assert np.all(np.diff(sets, axis=1) > 0) and np.unique(sets).size == sets.size
     assert np.all((sets < even).any(axis=0) & (sets > even).any(axis=0))
     assert sets.mean(axis=0) == pytest.approx(even, abs=4e-3)  # 40 draws within 9 mm/s: 0.8 mm/s
+
+
+@pytest.mark.parametrize(("beat_v", "flags"), [(0.9, ()), (1.1, ("clipped",))])
+def test_a_beat_beyond_the_range_of_the_digitizer_is_flagged(beat_v, flags):
+    rig = Bench(optics=Optics(measurement_v=beat_v))
+    recording, truth = record_shot(rig, 2, 0.3, 10e6, 0.015)
+    assert (recording.flags, recording.name, recording.setup, truth) == (flags, "shot-3", rig.setup, {})
+    assert recording.started_at == "2026-01-01T09:01:02Z"  # a minute a seed, a second a shot
+    assert recording.counts.shape == (150_000, 3) and recording.channels == rig.optics.channels
 
 
 def test_one_seed_is_one_set(tmp_path):

@@ -4,6 +4,8 @@ import math
 import socket
 import threading
 import time
+from contextlib import nullcontext
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -26,7 +28,7 @@ from instrument.devices.scpi_dialects import (
     short_depth,
 )
 from instrument.devices.scpi_socket import SocketTransport
-from instrument.devices.scpi_transport import Deadline, block_start
+from instrument.devices.scpi_transport import Deadline, Stalled, block_start
 from instrument.devices.sources import open_source
 from tests.instrument.devices.scpi_emulator import EmulatedScope, TcpScope
 
@@ -384,6 +386,56 @@ def test_the_makers_guides_say_how_much_is_read_at_once_and_what_memories_there_
         "Rigol DS1000Z": (8, 1, 250_000, (6_000, 60_000, 600_000, 6_000_000, 12_000_000), 12, 12_000_000),
         "Keysight InfiniiVision": (16, 2, None, (), 10, 8_000_000),
     }
+
+
+@pytest.mark.parametrize(
+    ("maker", "stalls_at", "received", "rows"),
+    [
+        ("RIGOL", 70, 7, [20, 20, 7]),  # in parts of 20 points
+        ("RIGOL", 30, 0, [0]),
+        ("RIGOL", None, 0, [20, 20, 10]),
+        ("KEYSIGHT", 30, 45, [15]),  # the whole memory at once, of which the first 30 points lie before the shot
+        ("KEYSIGHT", 30, 99, [50]),
+        ("KEYSIGHT", None, 0, [50]),
+    ],
+)
+def test_of_a_transfer_that_stalls_the_rows_are_kept_that_every_channel_has(
+    maker: str, stalls_at: int | None, received: int, rows: list[int]
+) -> None:
+    scope = ScpiOscilloscope(Link(maker))  # type: ignore[arg-type]
+    whole = scope._dialect.points_a_read is None
+    scope._dialect = replace(
+        scope._dialect,
+        points_a_read=None if whole else 20,
+        timing=lambda query, n: Timing(1e6, 100, 40),
+        scaling=lambda query, n: Scaling(0.5 * n, 0.25),
+    )
+    memory = np.arange(100, dtype=np.int16)
+
+    def points(n: int, at: int, count: int, timing: Timing) -> np.ndarray:
+        if n == 2 and at == stalls_at:
+            start = 0 if whole else at
+            sent = (memory + 50)[start : start + received]
+            raise Stalled("slow", "re-arm", sent.tobytes() if whole else (sent + 128).astype(np.uint8).tobytes())
+        return (memory + (50 if n == 2 else 0))[at : at + count]
+
+    scope._points = points  # type: ignore[method-assign]
+    with pytest.raises(Stalled, match="slow") if stalls_at is not None else nullcontext():
+        scope._fetch(CaptureSettings(1e6, 50, 10), scope._blocks)
+    pieces = []
+    while not scope._blocks.empty():
+        pieces.append(scope._blocks.get())
+    assert [channel.volts_per_count for channel in scope.capabilities.channels] == [0.5, 1.0]  # read with the shot
+    fired, *parts = pieces
+    assert isinstance(fired, _Piece) and fired.counts.shape == (0, 2) and not fired.last
+    assert [len(part.counts) for part in parts if isinstance(part, _Piece)] == rows
+    at = 30  # ten samples before the trigger
+    for part in parts:
+        assert isinstance(part, _Piece) and part.trigger_sample == 40 - at
+        wanted = memory[at : at + len(part.counts)]
+        assert np.array_equal(part.counts, np.stack((wanted, wanted + 50), axis=1))
+        at += len(part.counts)
+        assert part.last == (at == 80 and stalls_at is None)
 
 
 def test_arming_again_gives_up_the_shot_before() -> None:

@@ -13,6 +13,7 @@ import pytest
 from analysis.shot.recording import Setup
 from instrument.capture import capture_thread
 from instrument.capture.acquisition import Acquisition, Deadlines, State
+from instrument.capture.analysis_thread import ShotAnalysis
 from instrument.capture.capture import Capture
 from instrument.capture.capture_thread import CaptureThread
 from instrument.capture.recorder import GrowingShot, Recorded
@@ -423,6 +424,65 @@ def test_a_capture_whose_digitizer_hangs_ends_the_shot_under_way_and_none_that_i
     assert not capture.close(0.0) and capture.digitizer_held
     assert shot.complete and shot.ended_early == why
     thread.release_folder()
+
+
+def _parted(tmp_path: Path, hangs: str = "") -> tuple[Capture, list[Any]]:
+    """Return a capture whose parts only note that they are started and closed; one of them does not end."""
+    did: list[Any] = []
+    alive = [True]
+    digitizer = FakeDigitizer()
+    capture = Capture(digitizer, CaptureOptions(tmp_path, SETTINGS), analysis=ShotAnalysis(print))  # type: ignore[arg-type]
+    thread = capture._capture
+
+    def join(longest_s: float) -> None:
+        did.append(("join", longest_s))
+        alive[0] = hangs == "thread"
+
+    thread.thread = SimpleNamespace(  # type: ignore[assignment]
+        start=lambda: did.append("thread"), is_alive=lambda: alive[0], join=join
+    )
+    parts = {"recorder": thread.recorder, "analysis": capture._finished.analysis, "live": capture._live}
+    for name, part in parts.items():
+        part.start = lambda name=name: did.append(name)  # type: ignore[union-attr, misc, method-assign]
+        part.close = lambda s, name=name: did.append((name, s)) or name != hangs  # type: ignore[union-attr, misc, method-assign]
+    digitizer.stop = lambda: did.append(("stop", thread.closing))  # type: ignore[method-assign]
+    digitizer.close = lambda: did.append("close")  # type: ignore[method-assign]
+    thread.take_orders = lambda: did.append("orders")  # type: ignore[method-assign]
+    thread.release_folder = lambda: did.append("folder")  # type: ignore[method-assign]
+    return capture, did
+
+
+def test_a_capture_is_closed_part_by_part_the_device_stopped_first_and_closed_last(tmp_path: Path) -> None:
+    capture, did = _parted(tmp_path)
+    with capture as entered:
+        assert entered is capture and did == ["recorder", "analysis", "live", "thread"]
+        did.clear()
+    parts = [(name, 30.0) for name in ("join", "recorder", "analysis", "live")]
+    assert did == [("stop", True), *parts, "orders", "folder", "close"] and not capture.digitizer_held
+    for hangs in ("recorder", "analysis", "live"):
+        capture, did = _parted(tmp_path, hangs)
+        assert not capture.close(2.0) and did[-4:] == [("live", 2.0), "orders", "folder", "close"]
+    for touched in (False, True):  # while it calls the digitizer nobody else may
+        capture, did = _parted(tmp_path, "thread")
+        capture._capture.touched = capture._capture.prepared = touched
+        assert not capture.close(2.0) and capture.digitizer_held == touched
+        assert did[-2:] == [("live", 2.0), "close"] if not touched else did[-1] == ("live", 2.0)
+
+
+def test_what_is_asked_of_a_capture_is_an_order_to_its_thread(tmp_path: Path) -> None:
+    capture, options = _parted(tmp_path)[0], CaptureOptions(tmp_path / "other")
+    for ask in (
+        capture.arm, lambda: capture.arm(automatic=True), lambda: capture.set_automatic(False), capture.abort,
+        capture.trigger_now, lambda: capture.set_options(options),
+    ):  # fmt: skip
+        ask()
+    asked = [capture._orders.get_nowait() for _ in range(6)]
+    assert asked == [
+        *(("arm", False), ("arm", True), ("automatic", False), ("abort", None), ("fire", None), ("options", options))
+    ]
+    assert capture._live is not None and capture._live.watched
+    capture.watch(False)
+    assert not capture._live.watched and capture._orders.empty()
 
 
 @pytest.mark.parametrize(

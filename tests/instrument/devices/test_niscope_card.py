@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
+from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -274,6 +275,38 @@ def test_a_wait_for_the_trigger_returns_in_time_and_ends_with_a_stop() -> None:
     card.stop()
     assert card._worker is None
     assert card.read_into(np.empty((100, 2), np.int16), 5.0) == Block(0, ended=True)
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "line"),
+    [
+        ("DriverNotInstalledError", "no", r"the NI-SCOPE runtime is not installed: install .* ni\.com/downloads"),
+        ("DriverTooOldError", "old", "the NI-SCOPE runtime is not installed: install"),
+        (
+            "DriverError",
+            "the device\n is  busy",
+            "Dev7: the device is busy: check the name in NI MAX, or levimass --doctor",
+        ),
+        ("DriverError", "", "Dev7: DriverError: check the name in NI MAX"),
+    ],
+)
+@pytest.mark.parametrize("at", ["Session", "configure_vertical", "acquisition_status", "fetch_into"])
+def test_an_error_of_nis_package_is_one_line_wherever_it_comes(kind: str, text: str, line: str, at: str) -> None:
+    def fails(*given: object, **named: object) -> NoReturn:
+        raise type(kind, (Exception,), {})(text)
+
+    package = Card(polls=0)
+    if at == "Session":
+        package.Session = fails  # type: ignore[method-assign]
+        with pytest.raises(DigitizerError, match=f"^{line}"):
+            NiscopeCard("Dev7", package=package)
+        return
+    card = NiscopeCard("Dev7", package=package)
+    setattr(package, at, fails)
+    with pytest.raises(DigitizerError, match=f"^{line}"):
+        card.arm(CaptureSettings(30e6, 100, 10))
+        card.read_into(np.empty((100, 2), np.int16), 5.0)
+    assert card.read_into(np.empty((100, 2), np.int16), 0.0) == Block(0, ended=True)
 
 
 def test_arming_again_gives_up_the_record_before() -> None:

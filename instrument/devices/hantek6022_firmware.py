@@ -71,9 +71,9 @@ class Segment:
 
 def find_firmware(product: int) -> Path:
     """Return the installed firmware file for a product id.  Raises DigitizerError with the remedy."""
-    name = FILES.get(product)
+    name = FILES[product]
     for folder in FOLDERS:
-        if name and (folder / name).is_file():
+        if (folder / name).is_file():
             return folder / name
     raise DigitizerError(f"the Hantek 6022 needs its firmware {name}, which is not on this computer", REMEDY)
 

@@ -64,7 +64,7 @@ def read_metadata(path: Path) -> Metadata:
     found = _annotations(whole)
     if declared is None:
         declared = found.note_samples
-    at_least = max(found.at_least, 0 if trigger is None else trigger + 1)
+    ends = found.ends if trigger is None else [*found.ends, trigger + 1]
     extensions = head.values.get("core:extensions")
     extra: dict[str, Any] = {
         "global": head.unread(),
@@ -76,7 +76,17 @@ def read_metadata(path: Path) -> Metadata:
     }
     extra = {key: value for key, value in extra.items() if value}
     return Metadata(
-        rate, channels, setup, trigger, found.gaps, found.note, started_at, sha512, declared, at_least, extra
+        rate,
+        channels,
+        setup,
+        trigger,
+        found.gaps,
+        found.note,
+        started_at,
+        sha512,
+        declared,
+        max(ends, default=0),
+        extra,
     )
 
 
@@ -155,7 +165,7 @@ class _Annotations:
     gaps: tuple[Gap, ...]
     note: str
     foreign: list[dict[str, Any]]
-    at_least: int
+    ends: list[int]  # of what is annotated, each the sample after its last
     note_samples: int | None
 
 
@@ -163,13 +173,13 @@ def _annotations(whole: Checked) -> _Annotations:
     gaps: list[Gap] = []
     notes: list[str] = []
     foreign: list[dict[str, Any]] = []
-    at_least = 0
+    ends: list[int] = []
     note_samples: int | None = None
     for item in whole.objects("annotations") or []:
         label = item.get("core:label")
         start = item.whole("core:sample_start", 0, _MOST_SAMPLES)
         count = item.whole("core:sample_count", 0, _MOST_SAMPLES)
-        at_least = max(at_least, (start or 0) + (count or 0))
+        ends.append((start or 0) + (count or 0))
         if label == "gap":
             if start is None:
                 raise item.refuse("core:sample_start", "missing on a gap")
@@ -181,7 +191,7 @@ def _annotations(whole: Checked) -> _Annotations:
         else:
             foreign.append(dict(item.values))
     gaps.sort(key=lambda gap: gap.sample_start)
-    return _Annotations(tuple(gaps), "\n".join(n for n in notes if n), foreign, at_least, note_samples)
+    return _Annotations(tuple(gaps), "\n".join(n for n in notes if n), foreign, ends, note_samples)
 
 
 def metadata_json(metadata: Metadata) -> dict[str, Any]:

@@ -158,3 +158,28 @@ def test_a_place_that_cannot_be_written_to_is_told_before_a_long_computation(
     monkeypatch.setattr(os, "access", lambda place, mode: (place, mode) != (tmp_path, os.W_OK))
     with pytest.raises(RecordingError, match="no right to write there"):
         check_writable(tmp_path / "new")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="owners as POSIX has them")
+@pytest.mark.parametrize("theirs", [False, True])
+def test_a_file_keeps_its_owner_where_that_may_be_and_loses_the_right_to_run_as_its_owner(
+    tmp_path: Path, theirs: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, asked = tmp_path / "a", []  # type: ignore[var-annotated]
+    path.write_text("old")
+    path.chmod(0o4751)
+    real = os.stat_result
+
+    def stat(self: Path, **how: bool) -> real:
+        found = os.stat(self, **how)
+        return real((*found[:4], 77, 88, *found[6:])) if theirs and self == path else found
+
+    def chown(which: Path, owner: int, group: int) -> None:
+        asked.append((which.name.endswith(".new"), owner, group))
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(Path, "stat", stat)
+    monkeypatch.setattr(os, "chown", chown)
+    write_text_atomic(path, "new", sync=True)
+    assert path.read_text() == "new" and os.stat(path).st_mode & 0o7777 == 0o751
+    assert asked == ([(True, 77, 88)] * 2 if theirs else [])  # before there is content, and before it takes its place

@@ -211,6 +211,18 @@ def test_firmware_fills_the_memory_of_the_device_to_its_last_byte_and_no_further
                 hantek6022_firmware.read_firmware(path)
 
 
+def test_firmware_is_taken_from_the_first_folder_that_has_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folders = tuple(tmp_path / name for name in ("none", "first", "second"))
+    monkeypatch.setattr(hantek6022_firmware, "FOLDERS", folders)
+    for folder in folders[1:]:
+        folder.mkdir()
+        (folder / "fx2lafw-hantek-6022be.fw").write_bytes(b"image")
+    (folders[2] / "fx2lafw-hantek-6022bl.fw").write_bytes(b"image")
+    for product, folder, kind in ((0x6022, 1, "be"), (0x2020, 1, "be"), (0x602A, 2, "bl")):
+        found = hantek6022_firmware.find_firmware(product)
+        assert found == folders[folder] / f"fx2lafw-hantek-6022{kind}.fw"
+
+
 def test_missing_firmware_is_one_line_with_a_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hantek6022_firmware, "FOLDERS", ())
     bus = ScriptedUsb([Plugged(0x04B4, 0x602A)])

@@ -45,13 +45,14 @@ class LiveThread:
         self._stream: Stream | None = None
         self._demodulator: LiveDemodulator | None = None
         self._rest: RestWatch | None = None
-        self._at = 0
-        self._gaps_seen = 0
+        self._at: int  # ring number of the next sample; of the stream, as the next three
+        self._gaps_seen: int
         self._unwatched = False  # at the last look
         self._problem: str | None = None
-        self._most = 0  # samples demodulated at a time
-        self._disk_s = self._signals_s = -np.inf
-        self.skipped = 0
+        self._most: int  # samples demodulated at a time
+        self._signals_s: float
+        self._disk_s = -np.inf
+        self.skipped: int
         self.watched = True  # whether somebody looks: else the stream is only checked, and nothing is demodulated
         self.view = empty_view()
         self.channels: tuple[ChannelSignal, ...] = ()

@@ -258,6 +258,20 @@ class SampleBySample:
         return -1 if self.swing and self.level >= 0 and value <= self.maximum - self.swing else 0
 
 
+@pytest.mark.parametrize(("noise", "needed"), [(100, 12 * 100 / np.sqrt(2)), (10, 0.05 * 4096)])
+def test_a_step_takes_twelve_times_the_noise_of_the_beginning_and_a_twentieth_of_the_range(
+    noise: int, needed: float
+) -> None:
+    switch = LightSwitch(LEARNED, 0, 12)
+    assert switch.needed_counts == 0.05 * 4096
+    counts = np.where(np.arange(LEARNED_FROM + 2) % 2, noise, 0).astype(np.int16)[:, None]
+    for part, known in ((slice(LEARNED_FROM), 0.05 * 4096), (slice(LEARNED_FROM, None), needed)):
+        assert switch.first_step(counts[part]) is None
+        assert switch.needed_counts == pytest.approx(known)
+    for height, step in ((np.ceil(needed) - 1, None), (np.ceil(needed) + noise, 0)):
+        assert switch.first_step(np.full((1, 1), height, np.int16)) == step
+
+
 @settings(max_examples=150, deadline=None)
 @given(
     st.sampled_from([(LEARNED, 0.0), (LEARNED, 200.0), (TriggerSettings(low_counts=0, high_counts=200), 0.0)]),

@@ -57,6 +57,44 @@ def test_a_sixteenth_of_what_is_checked_is_enough_to_judge_a_stream_that_ends(se
             try_signals(digitizer)
 
 
+def test_a_device_that_triggers_itself_has_twenty_seconds_and_whatever_fails_it_is_stopped() -> None:
+    now, asked = [0.0], []
+
+    class Silent(FakeDigitizer):
+        def read_into(self, buffer: np.ndarray, timeout_s: float) -> Block:
+            asked.append((buffer.shape, timeout_s))
+            now[0] += 0.5
+            return super().read_into(buffer, timeout_s)
+
+    silent = Silent(hardware_trigger=True, before_block=lambda *_: Block(0))
+    with pytest.raises(DigitizerError, match="fake sent no samples before its trigger: fire its trigger, and check"):
+        try_signals(silent, clock=lambda: now[0])
+    assert now[0] == 20.0 and set(asked) == {((1 << 17, 3), 0.05)} and not silent.running.is_set()
+
+    def unplugged(fake: FakeDigitizer, at: int) -> Block:
+        raise DigitizerError("unplugged")
+
+    broken = FakeDigitizer(before_block=unplugged)
+    with pytest.raises(DigitizerError, match="unplugged"):
+        try_signals(broken)
+    assert broken.armed == 1 and not broken.running.is_set()
+
+
+def test_a_beat_that_is_gone_at_the_end_is_told_though_it_was_there_before() -> None:
+    now = [0.0]
+
+    class Darkened(FakeDigitizer):
+        def read_into(self, buffer: np.ndarray, timeout_s: float) -> Block:
+            block = super().read_into(buffer, timeout_s)
+            now[0] = self.at / 1e6
+            if now[0] > 0.9:
+                buffer[: block.samples, 1] = 0
+            return block
+
+    grades = {check.name: check.grade for check in try_signals(Darkened(), 1.0, lambda: now[0])}
+    assert grades["PD0"] is Grade.OK and grades["PD1"] is Grade.FAIL
+
+
 @pytest.mark.parametrize("simulated", [True, False])
 def test_a_busy_computer_delays_a_simulated_device_and_no_other(simulated: bool) -> None:
     """On one that compiled something else the bench was told to check its cables."""

@@ -396,8 +396,9 @@ def test_a_snapshot_counts_the_samples_and_losses_of_this_stream_and_says_how_fa
         filled = thread.run.stream.ring.total - thread.run.stream.start  # type: ignore[union-attr]
         shown = capture.latest()
         assert (shown.signal.samples_read, shown.doing, shown.progress) == (filled, "recording", filled / 20_000)
-        while thread.machine.status.state is State.TRIGGERED:
-            thread._turn()
+        for _ in range(400):
+            if thread.machine.status.state is State.TRIGGERED:
+                thread._turn()
         thread.shot.written = 5_000  # type: ignore[union-attr]
         shown = capture.latest()
         assert (shown.doing, shown.progress, shown.since_s) == ("saving", 0.25, 5.0)
@@ -415,8 +416,10 @@ def test_a_capture_whose_digitizer_hangs_ends_the_shot_under_way_and_none_that_i
     capture = Capture(FakeDigitizer(), CaptureOptions(tmp_path, SETTINGS), live=False, say=print)
     thread = capture._capture
     thread._take(("arm", False))
-    while thread.shot is None:
-        thread._turn()
+    for _ in range(400):
+        if thread.shot is None:
+            thread._turn()
+    assert thread.shot is not None
     shot, thread.prepared = thread.shot, True
     shot.complete = complete
     thread.thread = SimpleNamespace(is_alive=lambda: True, join=lambda _: None)  # type: ignore[assignment]
@@ -524,8 +527,9 @@ def test_a_snapshot_has_the_options_folder_its_room_and_what_the_switch_does(
     assert (nothing.samples_read, nothing.samples_lost, nothing.losses, nothing.switch_toggles) == (0, 0, 0, 0)
     thread = capture._capture
     thread._watch()
-    while thread.run.toggles < 2:
-        thread._read()
+    for _ in range(400):
+        if thread.run.toggles < 2:
+            thread._read()
     thread.folder_problem = "full"
     line = capture.latest().signal
     assert (line.folder, line.folder_problem, line.disk_free_bytes, line.channels) == (tmp_path, "full", 12, ())

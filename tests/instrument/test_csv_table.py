@@ -30,6 +30,7 @@ def _table(path: Path, header: str, rows: list[tuple[float, ...]] = ROWS, end: s
         ("time,a,b\n(us),(mV),(V)\n", ("a", "b"), ("mV", "V"), 2e6),
         *((f"t ({unit}),a,b\n", ("a", "b"), ("", ""), 2.0 / scale) for unit, scale in UNITS.items()),
         ("t_ns,a,a\n", ("a", "a (2)"), ("", ""), 2e9),
+        ("t,(V),b [mV]\n", ("(V)", "b"), ("V", "mV"), 2.0),  # a unit alone is the name too
         ("Zeit,,b\n", ("column 2", "b"), ("", ""), 2.0),
         ("a,x [s],b\n", ("a", "b"), ("", ""), 1.0),  # seconds are a time, whatever the name
         ("a,b,c\n", ("a", "b", "c"), ("", "", ""), None),

@@ -260,6 +260,9 @@ def test_what_lags_by_half_a_ring_goes_on_with_the_newest_quarter_and_counts_wha
     live._look(1.1)  # looked at again: the newest 250
     assert live.skipped == 1001 + 650 and fed.came[3001:] == [("gap", 650), *range(4651, 4901)]
     assert live.view.skipped == 1651 and live.view.problem == "dim"
+    _numbered(ring, 4901, 900)
+    live._look(1.2)  # and from then on every sample
+    assert live.skipped == 1651 and fed.came[-900:] == list(range(4901, 5801))
     live._begin(stream)
     assert (live.skipped, live._at, live._rest, live._problem) == (0, 0, None, None)
 

@@ -32,7 +32,7 @@ def _read(bench, samples, block=100_000):
     while sum(map(len, parts)) < samples:
         buffer = np.empty((min(block, samples - sum(map(len, parts))), len(bench.capabilities.channels)), np.int16)
         got = bench.read_into(buffer, 1.0)
-        assert got.lost_before == 0
+        assert got.lost_before == 0 and got.samples > 0
         parts.append(buffer[: got.samples].copy())
     return np.concatenate(parts)
 

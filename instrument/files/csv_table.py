@@ -47,8 +47,8 @@ def contents(path: Path) -> ForeignContents:
     rate = 1.0 / layout.step_s if layout.step_s else None
     if layout.time_column is not None:
         with _text(path) as file:
-            start = next(_blocks(path, file, layout, [layout.time_column], 1000), np.empty((0, 1)))[:, 0]
-        span = float(start[-1] - start[0]) if start.size > 1 else 0.0
+            start = next(_blocks(path, file, layout, [layout.time_column], 1000))[:, 0]
+        span = float(start[-1] - start[0])
         rate = (start.size - 1) / (span * _seconds(layout)) if span > 0.0 and np.isfinite(span) else None
     found = [
         ForeignChannel(name, rows, "text", unit, rate)
@@ -80,7 +80,7 @@ def columns(path: Path, names: Sequence[str], timed: bool) -> list[ForeignColumn
     table = np.concatenate(parts)
     stated = 1.0 / layout.step_s if layout.step_s and timed else None
     rate = stated if time_column is None else _even_rate(path, layout, table[:, -1])
-    return [ForeignColumn(np.ascontiguousarray(table[:, i]), None, 0.0, rate) for i in range(len(wanted))]
+    return [ForeignColumn(np.ascontiguousarray(table[:, i]), sample_rate_hz=rate) for i in range(len(wanted))]
 
 
 def timed_column(path: Path, name: str, rate_hz: float | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -190,7 +190,9 @@ def _is_number(cell: str, comma: bool) -> bool:
 
 
 def _seconds(layout: _Layout) -> float:
-    return 1.0 if layout.time_column is None else _TIME_UNITS.get(layout.units[layout.time_column], 1.0)
+    """Return the unit of the time column in s."""
+    assert layout.time_column is not None
+    return _TIME_UNITS.get(layout.units[layout.time_column], 1.0)
 
 
 def _text(path: Path) -> TextIO:

@@ -67,7 +67,7 @@ def _column(path: Path, file: Any, name: str) -> ForeignColumn:
         raise RecordingError(path, "stored in pieces too large to unpack", one_line(name, 60))
     upright = index is None or item.shape[0] >= item.shape[1]
     where = slice(None) if index is None else (slice(None), index) if upright else (index, slice(None))
-    return ForeignColumn(np.ascontiguousarray(item[where]), None, 0.0, _rate(item))
+    return ForeignColumn(np.ascontiguousarray(item[where]), sample_rate_hz=_rate(item))
 
 
 def _rate(item: Any) -> float | None:

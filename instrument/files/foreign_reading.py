@@ -44,7 +44,7 @@ def _wav_columns(path: Path, names: Sequence[str]) -> list[ForeignColumn]:
     """Return the named channels; the full scale of integers is 1 V unless the mapping states another."""
     rate, values = _read_wav(path)
     chosen = [values[:, int(name.removeprefix("channel ")) - 1] for name in names]
-    return [ForeignColumn(column, None, 0.0, rate) for column in chosen]
+    return [ForeignColumn(column, sample_rate_hz=rate) for column in chosen]
 
 
 def _read_wav(path: Path) -> tuple[float, Column]:

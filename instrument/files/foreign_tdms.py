@@ -46,7 +46,7 @@ def _column(channel: Any) -> ForeignColumn:
         raw = np.asarray(channel.read_data(scaled=False))
         if raw.dtype.kind in "iu" and raw.dtype.itemsize <= 2:
             return ForeignColumn(raw, scale[0], scale[1], _rate(channel))
-    return ForeignColumn(np.asarray(channel.read_data(scaled=True)), None, 0.0, _rate(channel))
+    return ForeignColumn(np.asarray(channel.read_data(scaled=True)), sample_rate_hz=_rate(channel))
 
 
 def _linear_scale(properties: Any) -> tuple[float, float] | None:

@@ -64,6 +64,23 @@ def test_the_first_row_stands_among_the_first_200_lines_and_a_name_has_60_letter
     assert [one.name for one in thrice.channels] == ["u", "u (2)", "u (3)"]
 
 
+def test_a_file_is_a_table_up_to_two_gibibytes_whose_first_row_stands_in_its_first_quarter_mebibyte(tmp_path) -> None:
+    path = tmp_path / "a.csv"
+    for size, why in ((2 * 2**30, "not a text table"), (2 * 2**30 + 1, "larger than 2048 MiB")):
+        with path.open("wb") as file:
+            file.truncate(size)  # holds nothing, so that it takes no room
+        with pytest.raises(RecordingError, match=why):
+            csv_table.contents(path)
+    for cut, read in ((0, True), (1, False)):  # what may be cut is no row
+        table = "a,b\n1,2\n3,4\n"
+        path.write_text("x" * (2**18 - 1 - len("a,b\n1,2\n3") + cut) + "\n" + table)
+        if read:
+            assert csv_table.columns(path, ["b"], False)[0].values.tolist() == [2.0, 4.0]
+        else:
+            with pytest.raises(RecordingError, match="no row of numbers in its first 2 lines"):
+                csv_table.contents(path)
+
+
 def test_a_time_alone_is_a_channel(tmp_path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("time\n1\n2\n4\n")
@@ -120,6 +137,7 @@ def test_steps_of_time_may_err_by_two_fifths_of_a_step(tmp_path, off, even) -> N
         with pytest.raises(RecordingError, match=r"not equal \(line 6\)"):
             csv_table.columns(path, ["a"], True)
     micro = _table(tmp_path / "c.csv", "t,a\n", [(f"{1e-6 * t:.9f}", a) for t, a in rows])
+    assert csv_table.contents(micro).channels[0].sample_rate_hz == pytest.approx(1e6)
     if even:
         assert csv_table.columns(micro, ["a"], True)[0].sample_rate_hz == pytest.approx(1e6)
     else:

@@ -143,7 +143,7 @@ class Hantek6022(Digitizer):
                 self._forget_device()
                 raise fault
             try:
-                chunk = stream.take(max(0.0, end - time.monotonic()))
+                chunk = stream.take(end - time.monotonic())
             except DigitizerError as error:
                 self._fault = error
                 self._codes.flush()

@@ -119,7 +119,7 @@ def _layout(path: Path) -> _Layout:
     for delimiter in (";", "\t", ",", " "):
         for index, line in enumerate(lines):
             cells = _cells(line, delimiter)
-            if cells and all(_is_number(cell, delimiter != ",") for cell in cells):
+            if cells and all(_is_number(cell) for cell in cells):
                 following = _cells(lines[index + 1], delimiter) if index + 1 < len(lines) else cells
                 if len(following) == len(cells) and (best is None or len(cells) > best[0]):
                     best = (len(cells), delimiter, index)
@@ -133,7 +133,7 @@ def _layout(path: Path) -> _Layout:
     if not above:  # oscilloscopes write "X,CH1,CH2,Start,Increment" over rows of three
         wider = [cells for line in lines[:first] if len(cells := _cells(line, delimiter)) > width]
         step_s = _stated_step(wider)
-        above = [cells[:width] for cells in wider if not any(_is_number(cell, True) for cell in cells[:width])]
+        above = [cells[:width] for cells in wider if not any(_is_number(cell) for cell in cells[:width])]
         above = above[:1]
     units = [""] * width
     if len(above) > 1 and all(re.fullmatch(r"[\[(].{1,12}[\])]|\S{0,3}", cell) for cell in above[-1]):
@@ -159,7 +159,7 @@ def _stated_step(header: Sequence[Sequence[str]]) -> float | None:
     """Return the time step under "Increment" in an oscilloscope's header, in s."""
     for names, values in pairwise(header):
         for name, value in zip(names, values, strict=False):
-            if name.lower() == "increment" and _is_number(value, True):
+            if name.lower() == "increment" and _is_number(value):
                 step_s = float(value.replace(",", "."))
                 return step_s if step_s > 0.0 else None
     return None
@@ -185,8 +185,8 @@ def _cells(line: str, delimiter: str) -> list[str]:
     return cells
 
 
-def _is_number(cell: str, comma: bool) -> bool:
-    return bool(re.fullmatch(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?", cell)) and (comma or "," not in cell)
+def _is_number(cell: str) -> bool:
+    return bool(re.fullmatch(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?", cell))
 
 
 def _seconds(layout: _Layout) -> float:

@@ -187,7 +187,7 @@ def _annotations(whole: Checked) -> _Annotations:
         elif label == "note":
             notes.append(item.text("core:comment", _LONGEST_NOTE) or "")
             if start == 0 and count:  # a note is about the shot: its extent is the shot's
-                note_samples = max(note_samples or 0, count)
+                note_samples = max(note_samples or count, count)
         else:
             foreign.append(dict(item.values))
     gaps.sort(key=lambda gap: gap.sample_start)

@@ -151,6 +151,8 @@ def test_two_faults_are_told_together_and_a_falling_channel_has_the_same_range()
         "small for this range: raise the gain"
     )
     assert both.grade is Grade.WARN and both.name == "PD0"
+    (wide,) = judge([_signal()], [Channel(Role.REFERENCE, 4 * VOLTS)], BITS, RATE_HZ, 0)
+    assert wide.line == "beat at 2.7300 MHz, 0.5 V (12 % of the range), 40 dB"
 
 
 @pytest.mark.parametrize(("shift_hz", "grade"), [(20e3, "ok"), (-20e3, "ok"), (20.1e3, "warn"), (-20.1e3, "warn")])

@@ -79,7 +79,7 @@ def test_arming_sends_the_firmwares_own_rate_code(vendor: int, product: int, rat
     stream = GivenStream([])
     scope = Hantek6022(gains=(1, 10), backend=bus, make_stream=stream)
     scope.arm(CaptureSettings(rate_hz, 1000, 0))
-    assert stream.started
+    assert stream.started and bus.claimed == [0]
     assert stream.asked_for == (0x86, 2 * rate_hz)
     scope.close()
     assert stream.stopped
@@ -167,7 +167,7 @@ def test_the_firmware_is_loaded_and_the_device_found_again(tmp_path: Path) -> No
         EEPROM,
     ]
     scope = Hantek6022(firmware=path, backend=bus, make_stream=GivenStream([]))
-    assert bus.timeouts_ms == [1000] * 4 + [500]
+    assert bus.timeouts_ms == [1000] * 4 + [500] and bus.claimed == [0]
     assert scope.capabilities.rates_hz[:3] == (12e6, 8e6, 4e6)  # the sigrok firmware's
     assert scope.default_settings() == CaptureSettings(12e6, 2_000_000, 300_000)
     scope.close()
@@ -262,8 +262,10 @@ def test_eeprom_scales_the_channels() -> None:
     eeprom[7] = 0x80 - 2  # CH2, gain 5
     bus = ScriptedUsb([Plugged(0x04B5, 0x6022)], [In(0xA2, 8, 80, bytes(eeprom))])
     scope = Hantek6022((Role.SWITCH, Role.MEASUREMENT), (2, 5), backend=bus, make_stream=GivenStream([]))
-    first, second = scope.capabilities.channels
-    assert first.role is Role.SWITCH
+    able = scope.capabilities
+    first, second = able.channels
+    assert first.role is Role.SWITCH and (able.bits, able.max_samples, able.real_time) == (8, None, True)
+    assert (able.hardware_trigger, able.unseen_loss_s) == (False, 0.004)  # without PD0 the clock alone tells losses
     assert first.volts_per_count == pytest.approx(1.1 * 5.12 / 256)
     assert first.offset_v == pytest.approx(-2.9 * first.volts_per_count)
     assert second.volts_per_count == pytest.approx(5.12 / 640)
@@ -355,6 +357,6 @@ def test_a_device_that_falls_silent_is_a_fault(monkeypatch: pytest.MonkeyPatch) 
     scope.arm(CaptureSettings(10e6, 1000, 0))
     buffer = np.empty((10, 2), np.int16)
     assert scope.read_into(buffer, 0.0).samples == 0
-    with pytest.raises(DigitizerError, match="sends nothing"):
+    with pytest.raises(DigitizerError, match=r"^Hantek 6022 sends nothing: unplug it, plug it in again and re-arm$"):
         scope.read_into(buffer, 1.0)
     bus.finish()

@@ -308,6 +308,14 @@ def test_an_error_of_nis_package_is_one_line_wherever_it_comes(kind: str, text: 
     assert card.read_into(np.empty((100, 2), np.int16), 0.0) == Block(0, ended=True)
 
 
+def test_a_driver_that_hangs_is_waited_for_ten_seconds_and_left_behind() -> None:
+    card, waited = NiscopeCard("Dev1", package=Card()), []  # type: ignore[var-annotated]
+    card._worker = SimpleNamespace(join=lambda timeout: waited.append(timeout))  # type: ignore[assignment]
+    card.stop()
+    card.stop()
+    assert waited == [10.0]
+
+
 def test_arming_again_gives_up_the_record_before() -> None:
     card, begun = NiscopeCard("Dev1", package=Card(polls=10**9)), []
     for _ in range(2):

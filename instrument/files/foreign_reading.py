@@ -222,8 +222,6 @@ def to_counts(values: Column) -> tuple[NDArray[np.int16], float, float]:
     if kind == np.uint8 or kind == np.uint16:
         middle = 128 if kind == np.uint8 else 32768
         return (values.astype(np.int32) - middle).astype(np.int16), 1.0, float(middle)
-    if values.size == 0:
-        return np.empty(0, np.int16), 1.0, 0.0
     low, high = float(values.min()), float(values.max())
     if not (np.isfinite(low) and np.isfinite(high)):
         raise NotFinite(int(np.argmin(np.isfinite(values))))
@@ -244,7 +242,5 @@ def _is_clipped(values: Column, extreme: float, inward: int) -> bool:
     if at <= _CLIPPED_SHARE * values.size or at < 8:
         return False
     rest = values[values != extreme]
-    if rest.size == 0:
-        return False
     following = rest.max() if inward < 0 else rest.min()
     return bool(at > _CLIPPED_RATIO * np.count_nonzero(rest == following))

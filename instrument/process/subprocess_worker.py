@@ -97,7 +97,7 @@ class SubprocessWorker:
         try:
             return self._await(_Task(next(self._numbers), work), progress, cancelled)
         except (EOFError, OSError) as error:
-            self._end(0.0)
+            self._end()
             if cancelled():
                 raise Cancelled from error
             what = "the analysis's process ended by itself: start it again; a shot's recording is saved"
@@ -130,7 +130,7 @@ class SubprocessWorker:
                 tasks.send(task.number)
             if not reports.poll(_LOOK_S):
                 if cancelled_s is not None and time.monotonic() - cancelled_s > CANCEL_S:
-                    self._end(0.0)
+                    self._end()
                     raise Cancelled
                 continue
             report: _Report = reports.recv()
@@ -146,7 +146,7 @@ class SubprocessWorker:
                 _seal(report.result)
                 return report.result
 
-    def _end(self, patience_s: float) -> None:
+    def _end(self, patience_s: float = 0.0) -> None:
         with self._lock:
             process, self._process = self._process, None
             tasks, self._tasks = self._tasks, None

@@ -425,6 +425,21 @@ def test_a_device_that_does_not_open_leaves_no_process_and_one_that_does_not_sta
         DeviceProcess("opener", len, 7.0)  # type: ignore[arg-type]
 
 
+def test_a_child_that_dies_during_a_task_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    context, worker = Context(monkeypatch), SubprocessWorker(print)
+
+    def broken(task: object) -> None:
+        raise BrokenPipeError(32, "broken")
+
+    for cancelled, fault in ((False, AnalysisError), (True, Cancelled)):
+        worker.start()
+        worker._tasks.send = broken  # type: ignore[union-attr, method-assign]
+        with pytest.raises(fault):
+            worker.run(len, print, lambda cancelled=cancelled: cancelled)  # type: ignore[misc]
+        assert context.did[-2:] == [("join", 0.0), "close"] and worker.child_id is None
+        context = Context(monkeypatch)
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="a pipe waits by itself there")
 def test_a_message_is_waited_for_in_milliseconds(monkeypatch: pytest.MonkeyPatch) -> None:
     answers, child_answers = multiprocessing.Pipe(duplex=False)
@@ -453,7 +468,7 @@ def test_a_working_process_is_started_once_and_ended_by_force_where_it_does_not_
     assert context.closed == ends[1:] and worker.child_id == 77
     context.did.clear()
     worker.close()
-    worker.close()
+    worker._end()
     worker.start()  # there is none any more
     forced = ["kill", ("join", 5.0)] if alive else []
     assert context.did == [("join", 5.0), *forced, "close"] and worker.child_id is None
@@ -661,11 +676,11 @@ def test_a_child_that_is_to_give_up_has_five_seconds_and_is_then_ended(monkeypat
 
     worker._tasks = SimpleNamespace(send=told.append)  # type: ignore[assignment]
     worker._reports = SimpleNamespace(poll=poll)  # type: ignore[assignment]
-    worker._end = ended.append  # type: ignore[assignment, method-assign]
+    worker._end = lambda: ended.append(now[0])  # type: ignore[assignment, method-assign]
     task = _Task(4, len)
     with pytest.raises(Cancelled):
         worker._await(task, print, lambda: now[0] >= 110.0)
-    assert told == [task, 4] and ended == [0.0] and now[0] == 110.0 + 5.5
+    assert told == [task, 4] and ended == [110.0 + 5.5]
 
 
 def test_a_child_announces_no_more_blocks_than_its_pipe_holds(

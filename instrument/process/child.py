@@ -109,7 +109,7 @@ class _Child:
         self._ending = threading.Event()
         self._ring: SharedRing | None = None
         self._run: int | None = None  # serial of the order that began the stream
-        self._at = 0
+        self._at: int  # number of the next sample, from the arming on
         self._blocks = 0
         self._length: int  # of a block, from the arming on
 

@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import pickle
 import signal
 import sys
 import threading
@@ -9,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from multiprocessing.reduction import ForkingPickler
 from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
@@ -185,6 +187,12 @@ def test_every_array_of_a_task_or_a_result_is_read_only_again_wherever_it_lies()
     work = partial(print, one, [two, (three,)], key={"a": four, "b": Held(five)})
     _seal((work, Held({"c": [six]}), MappingProxyType({"d": seven}), eight, None, "text", 3))
     assert not any(array.flags.writeable for array in arrays)
+
+
+def test_a_read_only_view_of_a_dictionary_travels_between_processes() -> None:
+    view = MappingProxyType({"a": 1, "b": MappingProxyType({})})
+    again = pickle.loads(ForkingPickler.dumps(view))
+    assert type(again) is MappingProxyType and again == view and type(again["b"]) is MappingProxyType
 
 
 def _reported(work: Any, dropped: set[int]) -> tuple[list[_Report], _Report, set[int]]:
@@ -736,8 +744,9 @@ def test_a_stop_that_comes_while_a_device_is_armed_or_its_ring_is_full_is_heeded
     assert digitizer.armed == 1 and not digitizer.running.is_set()
     served._carry_out(Order("arm", 4, ONE))
     assert digitizer.running.is_set() and served._run == 4
-    while memory.room(served._at):
+    for _ in range(4):
         served._turn()
+    assert memory.room(served._at) == 0
     served._stopped = 5
     served._turn()
     assert served._run is None

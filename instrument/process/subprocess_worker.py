@@ -30,7 +30,13 @@ _LOOK_S = 0.02
 _REPORT_EVERY_S = 0.05
 _END_S = 5.0
 
-ForkingPickler.register(MappingProxyType, lambda view: (MappingProxyType, (dict(view),)))
+
+def _read_only(values: dict[Any, Any]) -> Mapping[Any, Any]:
+    return MappingProxyType(values)
+
+
+# the class of such a view has no name under which another process would find it: a function makes it there
+ForkingPickler.register(MappingProxyType, lambda view: (_read_only, (dict(view),)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,9 @@ import os
 import signal
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ import pytest
 from analysis.fitted.fitted_shot import awaits_fit
 from analysis.pipeline import analyse, read
 from analysis.shot.motion import ARRAYS
-from analysis.shot.recording import Recording
+from analysis.shot.recording import Recording, Setup
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Shot
 from instrument.bench.simulated_shots import simulate
 from instrument.files.recording_file import open_recording, read_recording
@@ -35,6 +37,11 @@ def never() -> bool:
 def who(*, progress: Progress, cancelled: Callable[[], bool]) -> int:
     """Return the process that this runs in."""
     return os.getpid()
+
+
+def echo(what: object, *, progress: Progress, cancelled: Callable[[], bool]) -> object:
+    """Return what it is given."""
+    return what
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +95,13 @@ def test_the_child_gives_way_to_samples_and_screen_and_leaves_ctrl_c_to_its_pare
     assert os.sched_getscheduler(child) == os.SCHED_BATCH
     status = dict(line.split(":\t") for line in Path(f"/proc/{child}/status").read_text().splitlines())
     assert int(status["SigIgn"], 16) & 1 << (signal.SIGINT - 1)
+
+
+def test_what_is_known_of_a_rig_travels_to_the_child_and_back(apart: SubprocessAnalysis) -> None:
+    """A shot that is only in memory is fitted there with the setup that it was taken with."""
+    for setup in (Setup(0.01), Setup(0.01, extra=MappingProxyType({"moving_mass_assumed": True}))):
+        again = apart.run(partial(echo, setup), quiet, never)
+        assert again == setup and again.extra == setup.extra and type(again.extra) is MappingProxyType
 
 
 def test_altered_data_are_flagged_there_too(apart: SubprocessAnalysis, simulated: Recording, tmp_path: Path) -> None:

@@ -315,6 +315,17 @@ def test_a_child_that_ended_by_itself_is_told_with_its_status_or_its_signal(code
     assert child.ended == [1.0]
 
 
+def test_a_request_is_an_order_and_the_wait_for_its_answer() -> None:
+    child, asked = Waiting([]), []  # type: ignore[var-annotated]
+    child.send = lambda *order: asked.append(order) or 9  # type: ignore[assignment, func-returns-value, method-assign]
+    child._wait_for = lambda *how: asked.append(how) or "answer"  # type: ignore[assignment, func-returns-value, method-assign]
+    settings = CaptureSettings(1e6, 100, 10)
+    found = child.request("arm", 3.0, settings, ("ring", 5, 2), give_up=all, patience_s=2.0)  # type: ignore[arg-type]
+    assert found == "answer" and asked == [("arm", settings, ("ring", 5, 2)), (9, 3.0, all, 2.0)]
+    child.request("stop", 4.0)
+    assert asked[2] == ("stop", None, None) and (asked[3][:2], asked[3][3]) == ((9, 4.0), None) and not asked[3][2]()
+
+
 def test_a_device_tells_its_state_or_the_fault_that_hides_it_anew_each_time() -> None:
     child = Waiting([])
     child._device = DeviceState(None, None, DigitizerError("unplugged"))

@@ -55,7 +55,6 @@ class CaptureThread:
         self.prepared = False  # while True every call of the digitizer returns soon
         self._digitizer = digitizer
         self._warm, self._say = warm, say
-        self._look_from: int  # ring number before which a step of the light switch is ignored
         self._fire = False
         self._lock: FolderLock | None = None
         self._progress: tuple[int | None, ...] = ()  # samples of the shot received and written, steps of the analysis
@@ -184,7 +183,6 @@ class CaptureThread:
         assert stream is not None
         self._check_folder(2 * len(stream.channels) * settings.samples)
         stream.settings = settings
-        self._look_from = stream.ring.total
 
     def _check_folder(self, shot_bytes: int) -> None:
         folder = self.options.folder
@@ -257,7 +255,7 @@ class CaptureThread:
         step = block.step
         if len(block.counts) == 0:
             return
-        if step is not None and block.first + step >= self._look_from:
+        if step is not None:
             self._begin_shot(block, block.first + step)
         elif self.run.hardware_trigger:
             # the device sends from the shot's first sample on; it may report later where the trigger was

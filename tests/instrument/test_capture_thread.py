@@ -84,7 +84,6 @@ def test_steps_that_passed_before_the_arming_start_no_shot(stepped: Stepped) -> 
     stepped.thread._watch()
     stepped.turn(lambda: stepped.digitizer.at >= FIRST + 5_000)
     stepped.take("arm", False)
-    assert stepped.thread._look_from == stepped.digitizer.at
     stepped.turn(lambda: bool(stepped.shots))
     assert stepped.digitizer.at >= FIRST + 20_000
 

@@ -168,7 +168,8 @@ class CaptureThread:
             self._stop_unless_wanted()
         elif action is Action.STOP:
             self._stop_unless_wanted()
-        elif action is Action.CANCEL and self.finished.analysis is not None:
+        elif action is Action.CANCEL:
+            assert self.finished.analysis is not None  # it is what is being done
             self.finished.analysis.cancel()
 
     def _start(self) -> None:

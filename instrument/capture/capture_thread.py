@@ -234,7 +234,8 @@ class CaptureThread:
             self._do(self.machine.handle(Event.TRIGGER))
         elif state is State.ARMED or (state is State.TRIGGERED and self.shot is None):
             self._look_for_trigger(block)
-        elif state is State.TRIGGERED and self.shot is not None:
+        elif state is State.TRIGGERED:
+            assert self.shot is not None
             if block.lost_before != 0:
                 self.shot.lost(block.lost_before)
             if block.step is not None and self.run.hardware_trigger:

@@ -168,14 +168,14 @@ class Recorder:
             writer.trigger(shot.trigger_sample)
             gaps = 0
             while True:
-                complete = shot.complete  # read before ``filled``, so that no sample is missed
+                complete = shot.complete  # read before ``filled``, which is final then
                 if shot.filled > shot.written:
                     writer.append(shot.counts[shot.written : shot.filled])
                     shot.written = writer.samples
                 for gap in shot.gaps[gaps:]:
                     writer.gap(gap.sample_start, gap.samples_lost)
                     gaps += 1
-                if complete and shot.written == shot.filled:
+                if complete:
                     break
                 shot.grown.wait(_LOOK_S)
                 shot.grown.clear()

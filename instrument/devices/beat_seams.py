@@ -83,7 +83,7 @@ class BeatSeams:
         if spectrum[peak] <= 20 * float(np.median(spectrum)):
             return False
         angle = 2 * math.pi * peak / length * np.arange(self._n)  # half a bin off: 1/128 of a cycle in a packet
-        self._table = np.stack((np.cos(angle), -np.sin(angle), np.ones(self._n)), axis=1).astype(np.float32)
+        self._table = np.stack((np.cos(angle), np.sin(angle), np.ones(self._n)), axis=1).astype(np.float32)
         self._sigma = 0.0
         self.forget()
         return True

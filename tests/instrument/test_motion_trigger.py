@@ -131,6 +131,28 @@ def test_the_rest_frequency_that_is_learned_is_the_mean_of_beats_that_differ() -
         assert found == ((22 + 5 + 2) * window - 1 if fires else None)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("cycles", "fires"), [(79, False), (80, True)])
+def test_each_cycle_of_a_window_counts_once(cycles: int, fires: bool, sign: float) -> None:
+    """The speed shifts the beat by 79.01 cycles in a window."""
+    assert 79.0 < DOPPLER_HZ * WINDOW_S < 79.02
+    counts = _stretches([0.0, sign * cycles / WINDOW_S])
+    window = round(WINDOW_S * RATE)
+    for reference, rest_hz in ((1, None), (None, 2.7e6)):
+        found = MotionTrigger(0, reference, RATE, LAMBDA, SPEED, rest_hz).first_step(counts)
+        assert found == (8 * window - 1 if fires else None)
+
+
+@pytest.mark.parametrize(("reference", "rest_hz"), [(1, None), (None, 100e3)])
+def test_noise_about_the_mean_of_a_slow_beat_is_no_cycle(reference: int | None, rest_hz: float | None) -> None:
+    """Near its mean the beat changes by less than the noise from one sample to the next."""
+    slow = 0.004  # m/s: six cycles in a window
+    counts = _stretches([0.0, 8 / WINDOW_S], windows=40, rest_hz=100e3).astype(float)
+    noisy = np.rint(counts + np.random.default_rng(4).normal(0.0, 60.0, counts.shape)).astype(np.int16)
+    found = MotionTrigger(0, reference, RATE, LAMBDA, slow, rest_hz).first_step(noisy)
+    assert found == 42 * round(WINDOW_S * RATE) - 1
+
+
 @pytest.mark.parametrize("rate", [1e5, 1e6, 30e6])
 def test_a_window_is_half_a_millisecond_and_at_least_64_samples(rate: float) -> None:
     window = MotionTrigger(0, 1, rate, LAMBDA, SPEED)._window

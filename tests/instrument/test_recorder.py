@@ -1,5 +1,6 @@
 """A shot while it comes in: who brings it to disk is woken by every block and by the end."""
 
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -59,6 +60,26 @@ def test_a_shot_that_lacks_more_than_a_tenth_after_its_trigger_is_cut_short(
     shot.finish("the cable was pulled")
     assert shot.ended_early == ("the cable was pulled" if short else None)
     assert ("cut_short" in shot.recording("a").flags) == short
+
+
+def test_a_recorder_saves_what_is_queued_before_it_ends_and_counts_what_it_saved(tmp_path: Path) -> None:
+    channels, counts = (Channel(Role.MEASUREMENT, 1e-3),), np.zeros((100, 1), np.int16)
+    shots = [GrowingShot(CaptureSettings(1e6, 100, 20), channels, Setup(0.01), "", "", 20, counts) for _ in range(2)]
+    done: list[str] = []
+    recorder = Recorder(lambda recorded: time.sleep(0.05) or done.append(recorded.recording.name))
+    assert recorder.close(0.0)  # it was not started
+    recorder = Recorder(lambda recorded: time.sleep(0.05) or done.append(recorded.recording.name))
+    for shot in shots:
+        shot.append(counts[:1])
+        shot.lost(3)
+        shot.append(counts[1:])
+        shot.finish()
+        assert [(gap.sample_start, gap.samples_lost) for gap in shot.gaps] == [(1, 3)]
+        recorder.begin(shot, tmp_path)
+    assert recorder._name_without_file(tmp_path / "none") == "shot-unsaved-1"
+    recorder.start()
+    assert recorder.close(20.0) and done == ["shot-0001", "shot-0002"]
+    assert recorder._name_without_file(tmp_path / "none") == "shot-unsaved-3"
 
 
 def test_a_loss_before_the_first_sample_is_no_gap_of_the_shot(shot: GrowingShot) -> None:
@@ -129,6 +150,7 @@ def test_what_came_is_on_disk_before_the_shot_is_whole_and_its_gaps_trigger_and_
         found = read_recording(tmp_path / "shot-0001")
         assert shot.written == shot.filled == found.samples and np.array_equal(found.counts, shot.counts[: shot.filled])
         on_disk.append((found.samples, found.trigger_sample))
+        assert found.extra["global"]["lmm:capture"]["samples"] == 100 and found.started_at == shot.started_at
 
     def more() -> None:
         look()

@@ -146,6 +146,9 @@ def test_a_stream_that_comes_at_half_its_rate_is_doubted_and_one_whose_reader_is
             now[0] += pace_s
             reader.read()
         assert reader.stream is not None
+        if doubtful_hz is None and most == 5_000:
+            digitizer.gaps[digitizer.at] = None  # a loss of unknown length begins the comparison anew
+            reader.read()
         assert reader.stream.doubtful_rate_hz == (None if doubtful_hz is None else pytest.approx(doubtful_hz, rel=1e-2))
 
 
@@ -210,6 +213,17 @@ def test_why_a_switch_has_not_fired_is_told_until_it_has() -> None:
         while not one.toggles:
             one.read()
         assert one.why_no_step() == ""
+
+
+def test_settings_that_no_shot_can_have_arm_nothing_and_a_block_that_cannot_be_is_a_fault() -> None:
+    for wrong in (CaptureSettings(RATE_HZ, 0, 0), CaptureSettings(RATE_HZ, 10, 11), CaptureSettings(0.0, 10, 1)):
+        digitizer = FakeDigitizer()
+        with pytest.raises(DigitizerError, match=r"a shot of|sample rate of"):
+            StreamReader(digitizer).start(wrong, OPTIONS)
+        assert digitizer.armed == 0
+    for nonsense in (Block(10**7), Block(-1), Block(5, lost_before=-3)):
+        with pytest.raises(DigitizerError, match="the digitizer sent nonsense: stop it, re-plug it"):
+            _reader(FakeDigitizer(before_block=lambda *_, nonsense=nonsense: nonsense)).read()
 
 
 def test_an_ended_stream_runs_no_more_and_stays_readable() -> None:

@@ -137,6 +137,33 @@ def test_noise_alone_is_no_beat_and_a_dark_packet_decides_nothing() -> None:
         assert (len(BeatSeams(256).find(mixed)) > 0) == judged
 
 
+def _strongest_over_median(counts: np.ndarray) -> float:
+    spectrum = np.abs(np.fft.rfft((counts - counts.mean()) * np.hanning(counts.size)))[8:]
+    return float(spectrum.max() / np.median(spectrum))
+
+
+@pytest.mark.parametrize(("amplitude", "beat"), [(45.0, True), (24.0, False)])
+def test_a_line_twenty_times_above_the_median_of_the_spectrum_is_a_beat(amplitude: float, beat: bool) -> None:
+    n = np.arange(1 << 14)
+    noise = np.random.default_rng(3).normal(0.0, 100.0, n.size)
+    counts = np.round(amplitude * np.cos(2 * np.pi * 0.1234 * n) + noise).astype(np.int16)
+    assert (_strongest_over_median(counts) > 20) == beat
+    seams = BeatSeams(256)
+    assert seams._lock(counts) == beat and (seams._table is not None) == beat
+
+
+@pytest.mark.parametrize(("dark", "known"), [(45, True), (55, False)])
+def test_a_beat_that_most_packets_lack_is_looked_for_anew(dark: int, known: bool) -> None:
+    whole = _stepped(0.0, packets=64 + 100).reshape(-1, 256)
+    seams = BeatSeams(256)
+    assert seams.find(whole[:64].reshape(-1)) == []
+    seams.forget()
+    spoilt = whole[64:].copy()
+    spoilt[:dark] = np.random.default_rng(1).normal(0.0, 3000.0, (dark, 256))
+    seams.find(spoilt.reshape(-1))
+    assert (seams._table is not None) == known
+
+
 def test_the_steps_size_is_learned_from_sixteen_packets() -> None:
     whole = _stepped(1.0, packets=64 + 40, at=64 + 30)
     for first, learned in ((64, True), (17, False)):

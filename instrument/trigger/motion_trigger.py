@@ -65,10 +65,10 @@ def _scan(counts, columns, window, rate, doppler, given, state):  # type: ignore
             state[base + _SQUARES] += value * value
             above = value - state[base + _MEAN]
             if state[base + _SIDE] <= 0.0 and above > state[base + _LEVEL]:
-                state[base + _SIDE] = 1.0
+                state[base + _SIDE] = above
                 state[base + _CROSSINGS] += 1.0
             elif state[base + _SIDE] >= 0.0 and above < -state[base + _LEVEL]:
-                state[base + _SIDE] = -1.0
+                state[base + _SIDE] = above
         state[_POSITION] += 1.0
         if state[_POSITION] < window:
             continue

@@ -114,7 +114,7 @@ class _Child:
         self._length: int  # of a block, from the arming on
 
     def work(self) -> None:
-        threading.Thread(target=self._receive_orders).start()
+        threading.Thread(target=self._receive_orders, daemon=True).start()
         status = 0
         try:
             device = self._device_state()

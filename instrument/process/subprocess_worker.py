@@ -187,7 +187,7 @@ def _serve(warm: Callable[[], object] | None, tasks: Connection, reports: Connec
                     waiting.put(order)
         os._exit(0)  # the parent is gone
 
-    threading.Thread(target=receive).start()
+    threading.Thread(target=receive, daemon=True).start()
     if warm is not None:
         with contextlib.suppress(Exception):  # kernels are then compiled at their first call
             warm()

@@ -1,6 +1,7 @@
 """The SCPI driver against emulated oscilloscopes on a loopback socket."""
 
 import math
+import re
 import socket
 import threading
 import time
@@ -436,6 +437,38 @@ def test_of_a_transfer_that_stalls_the_rows_are_kept_that_every_channel_has(
         assert np.array_equal(part.counts, np.stack((wanted, wanted + 50), axis=1))
         at += len(part.counts)
         assert part.last == (at == 80 and stalls_at is None)
+
+
+@pytest.mark.parametrize("off", [9e-4, -9e-4, 1.1e-3, -1.1e-3])
+def test_a_shot_is_taken_at_its_rate_to_a_thousandth(off: float) -> None:
+    scope = ScpiOscilloscope(Link("RIGOL"))  # type: ignore[arg-type]
+    rate = 1e6 * (1 + off)
+    scope._dialect = replace(
+        scope._dialect, timing=lambda query, n: Timing(rate, 100, 40), scaling=lambda query, n: Scaling(1.0, 0.0)
+    )
+    scope._points = lambda n, at, count, timing: np.zeros(count, np.int16)  # type: ignore[method-assign]
+    refused = pytest.raises(DigitizerError, match=re.escape(f"Rigol took {rate:g} samples/s, not 1e+06: re-arm"))
+    with refused if abs(off) > 1e-3 else nullcontext():
+        scope._fetch(CaptureSettings(1e6, 50, 10), scope._blocks)
+
+
+def test_a_stop_that_the_instrument_does_not_take_is_a_fault_and_ends_the_shot() -> None:
+    link = Link("RIGOL")
+    scope = ScpiOscilloscope(link)  # type: ignore[arg-type]
+    asked: list[str] = []
+
+    def gone(command: str) -> None:
+        asked.append(command)
+        raise DigitizerError("connection lost")
+
+    link.write = gone  # type: ignore[method-assign]
+    scope._cancel.set()
+    scope._armed = True
+    scope._work(CaptureSettings(1e6, 50, 10), scope._blocks)
+    assert asked == [":STOP"]
+    with pytest.raises(DigitizerError, match="connection lost"):
+        scope.read_into(np.empty((1, 2), np.int16), 0.0)
+    assert scope._blocks.get_nowait() is None and scope._blocks.empty()
 
 
 def test_arming_again_gives_up_the_shot_before() -> None:

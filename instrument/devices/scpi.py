@@ -181,9 +181,8 @@ class ScpiOscilloscope(Digitizer):
             depth = min(dialect.depths, key=lambda candidate: abs(math.log(candidate / needed)))
             write(dialect.set_depth.format(samples=depth, short=short_depth(depth)))
         write(dialect.set_time_per_division.format(seconds=per_division))
-        record_s = per_division * dialect.divisions
-        before_s = wanted.pre_trigger_samples / wanted.sample_rate_hz + (record_s - length_s) / 2
-        write(dialect.set_trigger_delay.format(seconds=record_s / 2 - before_s))
+        before_s = wanted.pre_trigger_samples / wanted.sample_rate_hz
+        write(dialect.set_trigger_delay.format(seconds=length_s / 2 - before_s))  # the shot amid the record
         now = self.default_settings()
         if abs(now.sample_rate_hz / wanted.sample_rate_hz - 1) > RATE_TOLERANCE:
             raise DigitizerError(
@@ -260,7 +259,7 @@ class ScpiOscilloscope(Digitizer):
             )
         first = max(0, (timing.trigger_sample or 0) - settings.pre_trigger_samples)
         end = min(timing.samples, first + settings.samples)
-        step = dialect.points_a_read or end - first
+        step = dialect.points_a_read or end
         for at in range(first, end, step):
             count = min(step, end - at)
             trigger = None if timing.trigger_sample is None else timing.trigger_sample - at

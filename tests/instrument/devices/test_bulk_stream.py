@@ -73,7 +73,8 @@ class Libusb:
         self.halts_cleared += 1
         return 0
 
-    def finish_one(self, *_: Any) -> int:
+    def finish_one(self, _context: Any, longest: Any, *_: Any) -> int:
+        assert (longest._obj.tv_sec, longest._obj.tv_usec) == (0, 50_000)
         time.sleep(1e-4)
         pointer = self.queued.popleft()
         transfer = pointer.contents
@@ -121,6 +122,14 @@ def test_after_a_stall_the_halt_is_cleared_and_the_loss_is_flagged_once() -> Non
     assert firsts == [n for n in range(101) if n != 10] and fault is None
     assert libusb.halts_cleared == 1 and libusb.queued_at_halt == [0]  # with one queued it would halt again
     assert len(lost) == 1
+
+
+def test_a_device_that_is_gone_by_the_time_its_halt_is_cleared_is_told_as_unplugged() -> None:
+    libusb = Libusb({10: _STALL})
+    libusb.libusb_clear_halt = lambda *_: -4  # type: ignore[attr-defined]
+    firsts, lost, fault = read(libusb, 100)
+    assert (firsts[:10], lost) == (list(range(10)), []) and fault is not None
+    assert str(fault) == "scope was unplugged: plug it in again and re-arm"
 
 
 def test_a_device_that_is_unplugged_is_told_after_what_came_before() -> None:

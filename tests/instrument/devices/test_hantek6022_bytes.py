@@ -181,10 +181,22 @@ def test_intel_hex_goes_where_its_records_say(tmp_path: Path) -> None:
         hantek6022_firmware.Segment(0x10, b"\x01\x02\x03"),
         hantek6022_firmware.Segment(0x20, b"\x55"),
     )
-    for broken in (":03001000010203E8\n", ":0300100001\n", ":zz\n", ":03001000010203E7\n", ":02000004FFFFFC\n"):
-        path.write_text(broken)
-        with pytest.raises(DigitizerError, match=r"scope\.hex"):
-            hantek6022_firmware.read_firmware(path)
+    for broken, why in (
+        (":03001000010203E8", "line 1: damaged line"),  # its sum
+        (":0300100001EC", "line 1: damaged line"),  # shorter than it says
+        (":030010000102030400E3", "line 1: damaged line"),
+        (":00000000", "line 1: damaged line"),
+        (":zz", "line 1: not a line"),
+        (":02000004FFFFFC", "line 1: no record for the FX2's RAM"),
+        (":03001000010203E7\n;03001000010203E7", "line 2: damaged line"),
+        (":03001000010203E7", None),
+    ):
+        path.write_text(broken + "\n:00000001FF\n")
+        if why is None:
+            assert len(hantek6022_firmware.read_firmware(path)) == 1
+        else:
+            with pytest.raises(DigitizerError, match=rf"scope\.hex, {why}"):
+                hantek6022_firmware.read_firmware(path)
 
 
 def _hex_record(address: int, content: bytes) -> str:

@@ -248,6 +248,7 @@ def test_a_transfer_is_cancelled_and_the_next_shot_is_whole(maker: str) -> None:
     [
         (":WAV:PRE?", b"nonsense\n", "answered 'nonsense' where the waveform's preamble is due"),
         (":WAV:PRE?", b"0,2,6,1,nan,0,0,nan,nan,nan\n", "where the waveform's preamble is due"),
+        (":ACQ:SRAT?", b"0\n", "60000 samples at 0 a second"),
         (":WAV:DATA?", b"#9999999999" + bytes(100), "announced 999999999 bytes where at most 60000 were requested"),
         (":WAV:DATA?", b"#9000000010" + bytes(10) + b"\n", "sent 10 of 60000 samples of channel 1"),
         (":WAV:DATA?", bytes(100), "answered no data block"),
@@ -658,6 +659,18 @@ def test_steps_of_a_time_base_and_names_of_a_memory_depth() -> None:
 )
 def test_a_trigger_lies_within_its_record(rate: float, total: float, trigger: float, expected: int | None) -> None:
     assert _timing(rate, total, trigger) == Timing(rate, int(total), expected)
+
+
+@pytest.mark.parametrize(
+    ("step", "line"),
+    [("0", "a sample every 0 s"), ("-1e-6", "a sample every -1e-06 s"), ("1e4", "at 0.0001 a"), ("1e-13", r"at 1e.13")],
+)
+def test_a_preamble_with_an_impossible_step_is_refused(step: str, line: str) -> None:
+    preamble = f"0,0,100,1,{step},0,0,1,0,0"
+    with pytest.raises(ImplausibleAnswer, match=f"the oscilloscope reports .*{line}.*: set its time base anew"):
+        DIALECTS[2].timing(lambda command: preamble, 1)
+    sound = DIALECTS[2].timing(lambda command: "0,0,100,1,1e-6,-25e-6,5,1,0,0", 1)
+    assert sound == Timing(pytest.approx(1e6), 100, 30)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("rate", "total"), [(9e-4, 10), (1.1e12, 10), (1e6, 0.5), (1e6, 2**31 + 1), (math.nan, 10)])

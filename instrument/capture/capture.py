@@ -164,7 +164,7 @@ class Capture:
         if shot is not None and state is State.TRIGGERED:
             return "recording", shot.filled / shot.settings.samples
         if shot is not None and state is State.TRANSFERRING:
-            return "saving", shot.written / shot.filled
+            return "saving", shot.written / max(1, shot.filled)  # a device may end at once
         analysis = self._finished.analysis
         doing = analysis.doing if analysis is not None else None
         return doing if doing is not None else (None, None)

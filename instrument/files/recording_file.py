@@ -249,7 +249,7 @@ def _why_no_recording(folder: Path) -> str:
     try:
         foreign = next((p for p in sorted(folder.iterdir()) if format_of(p) is not None and p.is_file()), None)
     except OSError as error:
-        return str(error.strerror)
+        return error.strerror or str(error)
     if foreign is None:
         return "this folder holds no recording"
     return f"this folder holds no recording, but {foreign.name}; {_advice(foreign)}"

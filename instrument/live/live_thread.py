@@ -75,7 +75,8 @@ class LiveThread:
                 self._demodulator = None
                 self.view = self._window.view(np.empty(0), np.empty((0, 0), np.float32), self._problem, 0)
             every_s = _EVERY_S if self.watched else _SIGNALS_EVERY_S
-            self._ending.wait(every_s - (time.monotonic() - begun))
+            # however long a look takes, the capture gets the interpreter in between
+            self._ending.wait(max(0.002, every_s - (time.monotonic() - begun)))
 
     def _look(self, now: float) -> None:
         if now - self._disk_s > _DISK_EVERY_S:

@@ -71,4 +71,4 @@ def test_a_recording_spliced_from_pieces(pieces: int) -> None:
 
 def test_a_flight_without_samples_has_no_edges() -> None:
     nothing = np.empty(0)
-    assert edges_of_short_flight(nothing, nothing, 1e-9, (0.0, 1e-3), (1e-3, 2e-3)) is None
+    assert edges_of_short_flight(nothing, nothing, 1e-9, (0.0, 1e-3), (1e-3, 2e-3), bend=1) is None

@@ -101,7 +101,7 @@ def _later(u_s: Floats, departure_m: Floats, std_m: float, depth_m: float, omega
     """
     deep_m = max(DEEP * depth_m, CLEAR_SIGMAS * std_m)
     deep = first_run(np.abs(departure_m) > deep_m, 3)
-    if deep is None or deep == 0 or omega <= 0.0:
+    if deep is None or deep == 0 or omega <= 0.0 or depth_m <= 0.0:
         return 0.0
     took_s, longest_s = float(u_s[deep - 1]), float(np.cbrt(6.0 * deep_m / depth_m)) / omega
     return took_s - SHORTENED * longest_s if took_s > SLOWER * longest_s else 0.0

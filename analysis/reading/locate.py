@@ -174,13 +174,15 @@ def _fades(force: Floats, lost: float, width: int) -> tuple[float, float]:
     Down to FADED it is followed, from there it fades as a half-sine does.  Where it is seen for longer or less than
     such a one, something else pushes or pulls, until about the end of what is given.
     """
-    share = max(FADED, lost)
+    share, apart = max(FADED, lost), HALF_SINE_ENDS * width
+    if not np.any(force > share):
+        return force.size - apart, apart
     at = _last_above(force, share)
     half = at
     for _ in range(4):  # how much the width smooths depends on the half-sine's length, and that on it
         half = at / _faded_to(share, 0.5 * width / half)
-    if abs(force.size - half * _faded_to(lost, 0.5 * width / half)) > 1.0 + HALF_SINE_ENDS * width:
-        return force.size - HALF_SINE_ENDS * width, HALF_SINE_ENDS * width
+    if abs(force.size - half * _faded_to(lost, 0.5 * width / half)) > 1.0 + apart:
+        return force.size - apart, apart
     return half, float(np.linalg.norm((FADES_ELSE * (half - at), SMOOTHED_ERROR * width, 0.5)))
 
 
@@ -188,7 +190,8 @@ def _faded_to(share: float, smoothed: float) -> float:
     """Return when a half-sine, smoothed over a part of its length, has faded to a share; it ends by itself at 1."""
     half = 200  # samples
     force = np.cos(0.5 * np.pi * np.minimum(np.abs(np.arange(-4 * half, 4 * half)) / half, 1.0))
-    smooth = _smooth_acceleration(np.cumsum(np.cumsum(force)), max(1, round(2 * half * smoothed)))[4 * half - 1 :]
+    width = max(1, round(2 * half * min(smoothed, SMOOTHED_MOST)))
+    smooth = _smooth_acceleration(np.cumsum(np.cumsum(force)), width)[4 * half - 1 :]
     return _last_above(smooth / smooth.max(), share) / half
 
 

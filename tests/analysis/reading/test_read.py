@@ -248,3 +248,38 @@ def test_the_slope_says_what_a_badly_known_end_of_the_contact_costs() -> None:
     held = replace(motion, displacement_m=np.where(motion.time_s > RIG.touch_s, -1e-3, motion.displacement_m))
     resting = read_slope(held, touch, Edge(end_s, 1e-6), flight, noise)  # counted in steps of a millimetre
     assert isinstance(resting, NotSeen) and "the same" in resting.reason
+
+
+def any_motion(random: np.random.Generator) -> Motion:
+    """Return a motion of any rate, noise and shape: wanders, pushes, bounces, swings, holes."""
+    rate_hz, samples, speed = 10 ** random.uniform(2.5, 5.0), int(random.integers(64, 4000)), random.uniform(0.05, 0.4)
+    time = np.arange(samples) / rate_hz
+    lasts = samples / rate_hz
+    pushes = np.zeros(samples)
+    for begin, end in np.sort(random.integers(0, samples, (3, 2)), axis=1):
+        push = random.uniform(-1.0, 2.0) * np.sin(np.linspace(0.0, np.pi, max(end - begin, 2)))
+        pushes[begin : begin + push.size] += push[: samples - begin]
+    scale = 2.0 * speed * rate_hz / max(abs(float(pushes.sum())), 1e-9)
+    shapes = (
+        1e-6 / samples * np.cumsum(np.cumsum(random.standard_normal(samples))),
+        -speed * time + scale * np.cumsum(np.cumsum(pushes)) / rate_hz**2,
+        speed * np.abs(time - lasts * random.uniform(0.2, 0.8)),
+        speed * lasts * np.cos(2 * np.pi * random.uniform(0.5, 6.0) * time / lasts),
+    )
+    noise_m = 10 ** random.uniform(-11.0, -3.0)
+    x = shapes[random.integers(4)] + noise_m * random.standard_normal(samples)
+    if random.uniform() < 0.2:
+        x[random.integers(0, samples, samples // 50 + 1)] = np.nan
+    rig = Synthetic(rate_hz=rate_hz, bandwidth_hz=rate_hz * random.uniform(0.02, 0.2), noise_m=noise_m)
+    return motion_from(time, x, rig)
+
+
+def test_any_motion_is_read_or_refused_in_words() -> None:
+    ends = set()
+    for seed in range(400):
+        try:
+            ends.add(type(read_impact(any_motion(np.random.default_rng(seed))).release_time_s))
+        except NoImpact as refused:
+            assert str(refused)
+            ends.add(NoImpact)
+    assert ends == {Quantity, NotSeen, NoImpact}

@@ -15,6 +15,7 @@ from analysis.signal import LEAST_NOISE_M, stretches, white_noise
 SUPPORTS = (5, 7, 9, 11, 15, 21)  # samples a local parabola may span
 FLIGHT_SIGMAS = 4.0
 FLIGHT_FRACTION = 0.03  # of the first contact's force: below it the block counts as free
+NOISY = 1.5  # times that: a larger force within a flight is a contact, however short
 EARLY_FRACTION = 0.4  # of the whole contact in which bounces are looked for
 STRAIGHT_SIGMAS = 4.0  # rms about a flight's line, in units of the record's white noise
 SHORTEST_FLIGHT = 5  # samples
@@ -59,7 +60,7 @@ def find_bounces(motion: Motion, touch: Edge, release: Edge, flight_in: Flight, 
     if inside.size >= 2 * SUPPORTS[0] and motion.valid[inside].all():
         force, std = _local_force(motion, inside, noise)
         head = force[: max(4, force.size // 6)]
-        free = np.abs(force) < max(FLIGHT_SIGMAS * std, FLIGHT_FRACTION * float(head.max()))
+        free = _free(np.abs(force), max(FLIGHT_SIGMAS * std, FLIGHT_FRACTION * float(head.max())))
         for first, stop in stretches(free):
             last = stop - 1
             if stop - first < SHORTEST_FLIGHT or stop == free.size:
@@ -76,6 +77,16 @@ def find_bounces(motion: Motion, touch: Edge, release: Edge, flight_in: Flight, 
                 releases.append(edges[0])
                 onsets.append(edges[1])
     return Bounces(tuple(onsets), tuple(releases), _peaks(motion, onsets, releases, end, noise), disturbed)
+
+
+def _free(force: Floats, limit: float) -> NDArray[np.bool_]:
+    """Return where a force's absolute value (n,) is below a limit, but for samples of noise that part no flight."""
+    free = force < limit
+    for first, stop in stretches(~free):
+        noise = stop - first < SHORTEST_FLIGHT and float(force[first:stop].max()) < NOISY * limit
+        if noise and first > 0 and stop < free.size:
+            free[first:stop] = True
+    return free
 
 
 def _straightened(motion: Motion, flight: Flight) -> Motion:

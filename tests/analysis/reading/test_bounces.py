@@ -12,6 +12,7 @@ from analysis.reading.bounces import (
     _as_it_grazes,
     _first_maximum,
     _flight_edges,
+    _free,
     _is_flight,
     _is_straight,
     _local_force,
@@ -238,3 +239,14 @@ def test_a_floor_is_asked_how_far_it_bends_a_flight_and_how_far_its_end_lies_off
     (half, second), (whole, first) = asked[:2]
     assert (second, first) == (2, 1) and half == pytest.approx(0.5 * whole)
     assert whole == pytest.approx(found.onsets[1].time_s - found.releases[0].time_s, abs=6e-5)
+
+
+def test_a_sample_of_noise_parts_no_flight_and_a_contact_does_however_short() -> None:
+    force = np.concatenate([np.full(20, 5.0), np.full(60, 0.5), np.full(20, 5.0)])
+    whole = (force < 1.0).tolist()
+    for samples, height, parted in ((1, 1.4, False), (1, 1.6, True), (4, 1.4, False), (5, 1.4, True)):
+        struck = force.copy()
+        struck[40 : 40 + samples] = height
+        expected = [free and not (parted and 40 <= k < 40 + samples) for k, free in enumerate(whole)]
+        assert _free(struck, 1.0).tolist() == expected
+    assert _free(np.array([1.2, 0.5, 0.5, 1.2]), 1.0).tolist() == [False, True, True, False]  # the ends are contacts

@@ -83,8 +83,9 @@ def _free(force: Floats, limit: float) -> NDArray[np.bool_]:
     """Return where a force's absolute value (n,) is below a limit, but for samples of noise that part no flight."""
     free = force < limit
     for first, stop in stretches(~free):
+        flown = free[max(first - SHORTEST_FLIGHT, 0) : first].sum() + free[stop : stop + SHORTEST_FLIGHT].sum()
         noise = stop - first < SHORTEST_FLIGHT and float(force[first:stop].max()) < NOISY * limit
-        if noise and first > 0 and stop < free.size:
+        if noise and flown == 2 * SHORTEST_FLIGHT:
             free[first:stop] = True
     return free
 

@@ -60,17 +60,16 @@ def seen(request: pytest.FixtureRequest) -> Mapping[str, tuple[np.ndarray, np.nd
 
 
 @pytest.mark.parametrize("name", TRUE)
-def test_a_reading_scatters_as_its_uncertainty_says(
+def test_a_reading_is_as_far_from_the_truth_as_its_uncertainty_says(
     seen: Mapping[str, tuple[np.ndarray, np.ndarray]], name: str
 ) -> None:
     values, stds = seen[name]
     assert values.size > 0.95 * SHOTS
     middle, true = float(np.median(values)), TRUE[name]
     assert true is None or abs(middle - true) < 0.75 * np.median(stds)
-    # the end of a contact that the floor hides is where its force fades: damping moves that by as much in every shot
-    about, least = (true, 0.6) if name == "contact_time_s" and true is not None else (middle, 0.8)
-    ratio = float(np.sqrt(np.mean(((values - about) / stds) ** 2)))
-    assert least < ratio < 1.25
+    # what a series or a fading force puts an instant off by is the same in every shot, and stands in the ± as well
+    ratio = float(np.sqrt(np.mean(((values - (middle if true is None else true)) / stds) ** 2)))
+    assert (0.6 if name == "contact_time_s" else 0.8) < ratio < 1.25
 
 
 @pytest.mark.parametrize("share", [1e-2, 1e-3])

@@ -1,6 +1,7 @@
 """Find the first bounces: the contacts and the short flights between them."""
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebder, chebval, chebvander
@@ -228,16 +229,22 @@ def _refined_peak(motion: Motion, onset_s: float, coarse_s: float, until_s: floa
             continue
         design = chebvander(u, degree)
         inverse = np.linalg.pinv(design)
-        derivatives = {k: chebder(np.eye(degree + 1), k) for k in (2, 3, 4)}  # of each term of the series
+        second, third, fourth = _derivatives(degree)
         series = inverse @ motion.displacement_m[window]
         grid = np.linspace(max(u[0], -0.8), min(u[-1], 0.8 * PEAK_REACH), 2001)
-        force = chebval(grid, derivatives[2] @ series)
+        force = chebval(grid, second @ series)
         top = int(force.argmax())
         if top in (0, grid.size - 1):
             continue
-        jerk = noise_std_m * float(np.linalg.norm(chebval(grid[top], derivatives[3]) @ inverse))
-        snap = float(chebval(grid[top], derivatives[4] @ series))
+        jerk = noise_std_m * float(np.linalg.norm(chebval(grid[top], third) @ inverse))
+        snap = float(chebval(grid[top], fourth @ series))
         std = max(std, jerk / max(abs(snap), 1e-300))
         found = Edge(float(coarse_s + rise * grid[top]), rise * float(np.hypot(std, off)))
         best = found if best is None or found.std_s < best.std_s else best
     return best
+
+
+@lru_cache(maxsize=len(PEAK_DEGREES))
+def _derivatives(degree: int) -> tuple[Floats, ...]:
+    """Return the second to the fourth derivative of each Chebyshev polynomial up to a degree, as series, in columns."""
+    return tuple(np.asarray(chebder(np.eye(degree + 1), k), np.float64) for k in (2, 3, 4))

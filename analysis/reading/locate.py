@@ -26,8 +26,8 @@ FORCE_SIGMAS = 6.0
 FADED = 0.15  # of the peak: a force is followed down to there, or to where it is lost in its noise
 FADED_MOST = 0.3  # the same, however large the noise
 FADES_ELSE = 0.05  # of the time that a half-sine takes to fade from there: by so much another force does it otherwise
+SMOOTHED_ERROR = 0.01  # of the width over which a force was smoothed: by so much is off when it is over
 HALF_SINE_ENDS = 0.2  # of that width: by so much a force that fades like a half-sine is lost earlier or later
-SMOOTHED_ERROR = 0.01  # of the width over which the force was smoothed: by so much that is off
 FREE_SHARE = 0.1  # of the contact, that the force must stay small for, until the block counts as free
 FEWEST_SAMPLES = 32
 

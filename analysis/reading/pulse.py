@@ -179,8 +179,7 @@ def read_impulse_ratio(
 
 def _white_velocity_std(motion: Motion, noise: FloorSpectrum) -> float:
     """Return the std of a velocity in m/s by white noise alone: the motion's own holds the path's wander as well."""
-    taps = derivative_filters(motion.sample_rate_hz, motion.bandwidth_hz).velocity
-    return noise.white_std_m * float(np.linalg.norm(taps))
+    return noise.white_std_m * derivative_filters(motion.sample_rate_hz, motion.bandwidth_hz).velocity_gain
 
 
 def read_momentum(

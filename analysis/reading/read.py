@@ -27,9 +27,9 @@ from analysis.shot import (
 )
 
 GUARD = 1.5  # of the force filter's reach: the distance of a flight's line from a contact's edge
+RELEASE_CLEAR = 0.015  # of the contact: the same distance from a release, at least
 SWAY_SHARE = 0.025  # of the contact, beyond the line, over which the floor's motion is not known
 FADED_SIGMAS = 3.0  # between the release that the displacement shows and the one that the force tells
-RELEASE_CLEAR = 0.015  # of the contact: the same at a release
 EDGE_REACH = 0.4  # of the contact, up to which its force is fitted from its edge at most
 SWAYS_M = 1e-9  # rms of a floor that hides the end of a contact, and moves the plate
 FLOOR_TIMES = 1.4  # times the white noise: half of the variance is then the floor's

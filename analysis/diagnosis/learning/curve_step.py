@@ -12,6 +12,8 @@ from analysis.diagnosis.learning.curve_motion import Term
 from analysis.inference import damped_step
 from analysis.shot import Floats
 
+_GRID = np.arange(-34.0, 14.0, 1.5)  # ln of a smoothing in units of the curve's own curvature
+_NEIGHBOURS = 16  # in it
 _RIDGE = 1e-9  # of each coefficient's own curvature: keeps what no shot visits at rest
 
 
@@ -70,23 +72,38 @@ def _smoothing(a: Floats, b: Floats, s: float, free_samples: int, terms: Sequenc
         return out
 
     ridge = _RIDGE * np.diag(np.diag(a)) + 1e-300 * np.eye(a.shape[0])
-
-    def value(powers: Sequence[float]) -> float:
-        total = a + whole(powers) + ridge
-        try:
-            factor = np.linalg.cholesky(total)
-        except np.linalg.LinAlgError:
-            return -math.inf
-        half = np.linalg.solve(factor, b)
-        rss = max(s - float(half @ half), 1e-300)
-        ranks = [size - 2 for size in sizes]
-        prior = 0.5 * sum(r * p for r, p in zip(ranks, powers, strict=True))
-        return -0.5 * free_samples * math.log(rss) - float(np.sum(np.log(np.diag(factor)))) + prior
-
     for _ in range(1 if len(terms) == 1 else 3):
-        for k in range(len(terms)):
-            grid = np.arange(-34.0, 14.0, 1.5)
-            tried = [value([*logs[:k], float(g), *logs[k + 1 :]]) for g in grid]
-            logs[k] = float(grid[int(np.argmax(tried))])
+        for k, size in enumerate(sizes):
+            alone = np.zeros_like(a)
+            alone[edges[k] : edges[k + 1], edges[k] : edges[k + 1]] = shapes[k]
+            others = a + ridge + whole([-math.inf if i == k else log for i, log in enumerate(logs)])
+            value = (size - 2) * _GRID / 2 + _likelihoods(others, alone, b, s, free_samples)
+            logs[k] = float(_GRID[int(np.argmax(value))])
     penalty = whole(logs) + ridge
     return penalty, np.asarray(np.linalg.solve(a + penalty, b), dtype=np.float64)
+
+
+def _likelihoods(a: Floats, shape: Floats, b: Floats, s: float, free_samples: int) -> Floats:
+    """Return ln L of the smoothings exp(_GRID) of one curve; -inf where the matrix is not positive.
+
+    A matrix and its smoothing are made diagonal together, for some neighbours at once: further away rounding would
+    hide what little smoothing there is.
+    """
+    out, first = np.full(_GRID.size, -math.inf), 0
+    while first < _GRID.size:
+        some = slice(first, first + _NEIGHBOURS)
+        least = math.exp(_GRID[first])
+        try:
+            factor = np.linalg.cholesky(a + least * shape)
+        except np.linalg.LinAlgError:
+            first += 1
+            continue
+        turned = np.linalg.solve(factor, np.linalg.solve(factor, shape).T)
+        values, vectors = np.linalg.eigh(turned)
+        half = (vectors.T @ np.linalg.solve(factor, b)) ** 2
+        grown = 1.0 + np.outer(np.exp(_GRID[some]) - least, np.maximum(values, 0.0))
+        rss = np.maximum(s - (half / grown).sum(axis=1), 1e-300)
+        determinant = np.log(np.diag(factor)).sum() + 0.5 * np.log(grown).sum(axis=1)
+        out[some] = -0.5 * free_samples * np.log(rss) - determinant
+        first += _NEIGHBOURS
+    return out

@@ -70,10 +70,7 @@ def free_curves(start: Fitted, tell: Progress, stop: Stop, beside: LearnedLaw | 
 
     ``beside`` is a law that ``start`` has already.  Raises Cancelled.
     """
-    known = (beside.where, beside.argument) if beside is not None else None
-    arguments = [a for a in arguments_of(start) if (a.where, a.name) != known]
-    curves = _screened(start, arguments, tell, stop)
-    return curves if curves and curves[0].at_best <= start.bic - CRITERIA.law_fall else []
+    return led_on(start, rough_curves(start, tell, stop, beside), stop)
 
 
 def learn_law(
@@ -141,8 +138,13 @@ def _argument(learned: Learned) -> Argument:
     return learned.terms[-1].argument
 
 
-def _screened(start: Fitted, arguments: Sequence[Argument], tell: Progress, stop: Stop) -> list[Learned]:
-    """Return the curves that explain most, best first, the leading ones with as many knots as pay."""
+def rough_curves(start: Fitted, tell: Progress, stop: Stop, beside: LearnedLaw | None = None) -> list[Learned]:
+    """Return a curve for every argument that a law missing in ``start`` may have, as far as a few steps lead.
+
+    The best first; otherwise as ``free_curves``.
+    """
+    known = (beside.where, beside.argument) if beside is not None else None
+    arguments = [a for a in arguments_of(start) if (a.where, a.name) != known]
     try:
         ground = ground_of(start)
     except Infeasible:  # a contact drawn so stiff by what is missing that no curve can be followed
@@ -157,6 +159,16 @@ def _screened(start: Fitted, arguments: Sequence[Argument], tell: Progress, stop
         except (Infeasible, ValueError, np.linalg.LinAlgError):
             return None
 
+    rough = side_by_side(one, arguments)
+    return sorted((curve for curve in rough if curve is not None), key=lambda curve: curve.bic)
+
+
+def led_on(start: Fitted, rough: Sequence[Learned], stop: Stop) -> list[Learned]:
+    """Return the curves that may come to the front, led to the end, with as many knots as pay, best first.
+
+    [] where no form may pay.
+    """
+
     def further(learned: Learned) -> Learned:
         try:
             rest = _ALL_STEPS - _FIRST_STEPS
@@ -164,12 +176,12 @@ def _screened(start: Fitted, arguments: Sequence[Argument], tell: Progress, stop
         except (Infeasible, np.linalg.LinAlgError):
             return learned
 
-    rough = side_by_side(one, arguments)
-    first = sorted((curve for curve in rough if curve is not None), key=lambda curve: curve.bic)
-    to_the_front = [c for c in first[:_GO_ON] if c is first[0] or may_reach(first[0].bic, c.bic, start.bic)]
+    to_the_front = [c for c in rough[:_GO_ON] if c is rough[0] or may_reach(rough[0].bic, c.bic, start.bic)]
     found = sorted(side_by_side(further, to_the_front), key=lambda curve: curve.bic)
     ahead = [curve for curve in found[:FOLLOWED] if curve.at_best < start.bic - CRITERIA.law_fall]
     curves = sorted(side_by_side(lambda curve: finer(curve, MOST_PIECES, stop), ahead), key=lambda curve: curve.bic)
+    if not curves or curves[0].at_best > start.bic - CRITERIA.law_fall:
+        return []
     # A form saves no more than its curve's freedom costs: others cannot come to the front.
     return [curve for curve in curves if curve.at_best < curves[0].bic + CRITERIA.form_excluded]
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from analysis.diagnosis.learning.curve_fit import Learned
-from analysis.diagnosis.learning.law_learning import Discovery, forms_may_reach, free_curves, learn_law
+from analysis.diagnosis.learning.law_learning import Discovery, forms_may_reach, learn_law, led_on, rough_curves
 from analysis.diagnosis.learning.two_laws import two_curves
 from analysis.diagnosis.limit import Limit
-from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach
 from analysis.diagnosis.verdict.identifiability import separation
 from analysis.inference import Fitted, TrialEffect
 from analysis.shot import Progress, Stop
@@ -33,11 +33,16 @@ class SingleLaw:
     limit: Limit = field(repr=False)
 
     @cached_property
-    def curves(self) -> Sequence[Learned]:
-        """Get the free curves that the law may have, the likeliest first."""
+    def rough(self) -> Sequence[Learned]:
+        """Get a free curve for every argument, as far as a few steps lead, the likeliest first."""
         if len(self.start.problem.data.shots) < 2 or not self.held:
             return []
-        return self.limit.within(_STEP, lambda: free_curves(self.start, self._tell_half, self.limit), [])
+        return self.limit.within(_STEP, lambda: rough_curves(self.start, self._tell_half, self.limit), [])
+
+    @cached_property
+    def curves(self) -> Sequence[Learned]:
+        """Get the free curves that the law may have, the likeliest first."""
+        return self.limit.within(_STEP, lambda: led_on(self.start, self.rough, self.limit), []) if self.rough else []
 
     @cached_property
     def found(self) -> Discovery | None:
@@ -48,22 +53,28 @@ class SingleLaw:
 
         return self.limit.within(_STEP, learned, None) if self.curves else None
 
+    def _rough_may_reach(self, beat: float) -> bool:
+        return any(may_reach(beat, curve.bic, self.start.bic) for curve in self.rough)
+
     def _tell_half(self, what: str, _fraction: float) -> None:
         self.tell(what, _HALF)
 
     def or_two_may_reach(self, beat: float) -> bool:
         """Return whether this law, or two laws in its place, may come below the criterion ``beat``."""
-        if not self.curves:
+        if self._rough_may_reach(beat):
+            if not self.curves:
+                return False
+            if forms_may_reach(beat, self.curves, self.start):
+                return True
+        if not self.rough:
             return False
-        if forms_may_reach(beat, self.curves, self.start):
-            return True
         two = self.limit.within(_STEP, lambda: two_curves(self.start, self.limit, beat=beat), None)
         return two is not None and forms_may_reach(beat, [two], self.start)
 
     def replaces_effects(self, best: Fitted, catalogue: Sequence[TrialEffect]) -> bool:
         """Return whether the law explains all where ``best`` does not, and is no effect of the ``catalogue``."""
         beat = best.bic - CRITERIA.law_fall
-        if not forms_may_reach(beat, self.curves, self.start):
+        if not self._rough_may_reach(beat) or not forms_may_reach(beat, self.curves, self.start):
             return False
         law = self.found
         if law is None or not law.explains or law.fitted.bic > beat:

@@ -352,8 +352,8 @@ def prune(fitted: Fitted, trail: Trail) -> Fitted:
         removable = trail.added(fitted)
         if len(removable) < 2:
             return fitted
-        fewer = [f for effect in removable if (f := without(fitted, effect, trail)) is not None]
-        best = min(fewer, key=lambda f: f.bic, default=None)
+        fewer = side_by_side(partial(without, fitted, trail=trail), removable)
+        best = min((f for f in fewer if f is not None), key=lambda f: f.bic, default=None)
         if best is None or trail.pays(fitted, best):
             return fitted
         fitted = best

@@ -10,7 +10,7 @@ from analysis.inference.fit.arrow import Arrow
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.least_squares import Minimum, Square
-from analysis.inference.fit.problem import Fitted, Linearised, Problem
+from analysis.inference.fit.problem import COMPARABLE, Fitted, Linearised, Problem
 from analysis.inference.screen.screening import distinct_starts
 from analysis.shot import Cancelled, Floats, Stop
 
@@ -78,12 +78,12 @@ def refit(
     def hopeless(z: Floats, square: Square) -> bool:
         return problem.fitted(Minimum(z, square, False)).bic > least_bic + _FAR_BEHIND
 
-    stop_early = hopeless if math.isfinite(least_bic) else None
+    behind = hopeless if math.isfinite(least_bic) else None
     for share in _START_SHARES:  # a linear step may lead to where there is no trajectory
         weaker = [kind.times(given, share) for given in start]
         try:
             z = _compensated(at, problem, _vector_with(problem, at.effective, kind, weaker))
-            return problem.fit_once(z, evaluations=_COMPARING, hopeless=stop_early, cancelled=stop)
+            return problem.fit_once(z, evaluations=_COMPARING, tolerance=COMPARABLE, hopeless=behind, cancelled=stop)
         except _NO_FIT:
             continue
     return None

@@ -70,6 +70,8 @@ _CORRECTIONS = 6
 _STEEP = 1e-5  # relative damping: directions with less curvature than that are not corrected
 _LITTLE = 15.0  # of chi^2: once the next step promises less, ``hopeless`` is called
 _ROUNDED = 1e-2  # of chi^2: where no step makes even so little of a promise true, rounding hides it (noise of 1 pm)
+_MOST_DAMPING = 1e12  # relative: steps are nothing then
+_SHORTER = 0.7  # of a refused step's length: a longer one would be refused as well
 _STRAIGHT = 1.0  # of chi^2: a step that promises less is too short for corrections
 
 
@@ -110,24 +112,21 @@ def minimise(
             if hopeless(here, square):
                 break
             hopeless = None
-        step = _step(square, free, damping.value)
-        if step is None:
-            if not damping.raise_to(1e-8):
-                break
-            continue
-        there = np.clip(here + step, low, high)
-        moved = there - here
-        expected = float(-2 * moved @ square.gradient - moved @ square.curvature @ moved)
+        way = damping.way(square, here, free, (low, high))
+        if way is None:
+            return Minimum(here, square, 0 <= promised < _ROUNDED * unit, stuck=True)
+        there, expected = way
         corrected = residual if expected > _STRAIGHT or damping.refused else None
         trial = _trial(function, corrected, square, here, there, free, (low, high))
         fell = -np.inf if trial is None else square.chi2 - trial[1].chi2
         used += 1
-        if trial is not None and fell > 0 and expected > 0:
+        if trial is not None and fell > 0:
             here, square = trial
             damping.ease(fell / expected)
-        elif 0 < expected < 1e-12 * square.chi2 + tolerance * 1e-2 or not damping.refuse():
-            # rounding hides falls below 1e-12 of chi^2, or no step lowers chi^2, however short
+        elif expected < 1e-12 * square.chi2 + tolerance * 1e-2:  # rounding hides falls below 1e-12 of chi^2
             return Minimum(here, square, 0 <= promised < _ROUNDED * unit, stuck=True)
+        else:
+            damping.refuse(_length(square, there - here))
     return Minimum(here, square, False)
 
 
@@ -137,6 +136,24 @@ class _Damping:
     def __init__(self) -> None:
         self.value = 1e-6  # the base model has directions a million times softer than others: near Gauss-Newton
         self.refused = 0
+        self._too_long = np.inf
+
+    def way(
+        self, square: Square, here: Floats, free: np.ndarray, bounds: tuple[Floats, Floats]
+    ) -> tuple[Floats, float] | None:
+        """Return where the next step leads and the fall of chi^2 it promises; None where no damping gives one.
+
+        After a refusal damping is raised until the step is clearly shorter: at first it changes only soft directions.
+        """
+        while self.value <= _MOST_DAMPING:
+            there = _stepped(square, here, free, self.value, bounds)
+            if there is not None and _length(square, there - here) <= _SHORTER * self._too_long:
+                moved = there - here
+                expected = float(-2 * moved @ square.gradient - moved @ square.curvature @ moved)
+                if expected > 0:
+                    return there, expected
+            self.value = max(10 * self.value, 1e-9)
+        return None
 
     def ease(self, ratio: float) -> None:
         """Reduce or raise damping after a step with ``ratio`` of the expected fall; slowly after a refusal."""
@@ -144,16 +161,13 @@ class _Damping:
         self.value *= easing if ratio > 0.7 else (0.5 if ratio > 0.3 else 4.0)
         self.value = max(self.value, 1e-14)
         self.refused = max(0, self.refused - 1)
+        self._too_long = np.inf
 
-    def refuse(self) -> bool:
-        """Raise damping after a step uphill; return whether a shorter step is worth trying."""
+    def refuse(self, length: float) -> None:
+        """Raise damping after a step of such a length led uphill."""
         self.refused = 3
-        return self.raise_to(1e-9)
-
-    def raise_to(self, least: float) -> bool:
-        """Multiply damping by ten, to at least ``least``; return whether it is still of use."""
-        self.value = max(10 * self.value, least)
-        return self.value <= 1e12
+        self._too_long = length
+        self.value = max(10 * self.value, 1e-9)
 
 
 def _within(point: Floats, low: Floats, high: Floats) -> bool:
@@ -219,6 +233,32 @@ def _corrected_step(
             break
         there = np.clip(there + correction, *bounds)
     return None if best is None else (best, chi2)
+
+
+def _stepped(
+    square: Square, here: Floats, free: np.ndarray, damping: float, bounds: tuple[Floats, Floats]
+) -> Floats | None:
+    """Return where the damped step leads between ``bounds``; None where the matrix is singular.
+
+    Parameters that it would lead beyond their bounds end on them, and the others move as is best beside that.
+    """
+    there, free = here.copy(), free.copy()
+    while True:
+        step = _step(square, free, damping, square.gradient + square.curvature @ (there - here))
+        if step is None:
+            return None
+        wanted = there + step
+        inside = np.clip(wanted, *bounds)
+        beyond = inside != wanted
+        if not beyond.any():
+            return wanted
+        there[beyond] = inside[beyond]
+        free &= ~beyond
+
+
+def _length(square: Square, step: Floats) -> float:
+    """Return the length of a step, each parameter in its standard deviations where the others are known."""
+    return float(np.sqrt(np.diag(square.curvature) @ step**2))
 
 
 def _step(square: Square, free: np.ndarray, damping: float, gradient: Floats | None = None) -> Floats | None:

@@ -23,6 +23,7 @@ from analysis.shot import Floats, Stop
 _ROUNDS, _A_ROUND, _BRINGS = 8, 25, 0.05  # of ``continued``: rounds, evaluations in each, least gain of ln L
 _WANDERING_PARTS = 2  # at most, of a noise
 _NEAR = 0.04  # of chi^2 still to fall: no parameter is further than a fifth of its std from the minimum
+COMPARABLE = 0.1  # of chi^2 still to fall where a noise is given up for the one learnt there, or fits are only compared
 _ROUGH = 1.0  # the same beside an attraction, a std: samples that come within its reach one by one make chi^2 rough
 
 
@@ -98,7 +99,7 @@ class Problem(WeighedModel):
 
     def fit(self, z: Floats, *, evaluations: int = 25, anew: bool = False, cancelled: Stop | None = None) -> "Fitted":
         """Fit from ``z`` under the noise given, then under that learnt from its residual."""
-        first = self.fit_once(z, evaluations=evaluations, cancelled=cancelled)
+        first = self.fit_once(z, evaluations=evaluations, tolerance=COMPARABLE, cancelled=cancelled)
         again = max(8, evaluations // 2)
         final = first.problem.fit_once(first.z, evaluations=again, anew=anew, cancelled=cancelled)
         return final if final.log_likelihood >= first.log_likelihood else first

@@ -50,7 +50,7 @@ def test_of_two_effects_the_one_that_does_not_pay_is_taken_out_where_the_rest_ca
     worth: float, fitted: bool, left: tuple[Effect, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     without = {TILT: Fit((ADHESION,), worth=worth), ADHESION: Fit((TILT,), worth=1.5 * worth)}
-    monkeypatch.setattr(forward_selection, "without", lambda _, effect, __: without[effect] if fitted else None)
+    monkeypatch.setattr(forward_selection, "without", lambda _, effect, trail: without[effect] if fitted else None)
     assert prune(cast(Any, Fit(BOTH.effects, worth=worth)), trail()).effects == left
 
 

@@ -62,11 +62,12 @@ class Screen:
         patch.setattr(module, "screen", screen)
         patch.setattr(module, "fit_terms", fit_terms)
         patch.setattr(module, "finer", finer)
-        self.arguments = [argument(name) for name in rough]
+        arguments = [argument(name) for name in rough]
+        patch.setattr(module, "arguments_of", lambda start: arguments)
 
-    def curves(self, start: float = 1000.0) -> list[tuple[str, float]]:
+    def curves(self, start: float = 1000.0, beside: Any = None) -> list[tuple[str, float]]:
         begin: Any = SimpleNamespace(bic=start)
-        found = module._screened(begin, self.arguments, lambda *what: self.told.append(what), calm)
+        found = module.free_curves(begin, lambda *what: self.told.append(what), calm, beside)
         return [(one.terms[-1].argument.name, one.bic) for one in found]
 
 
@@ -91,32 +92,27 @@ def test_curves_that_no_form_may_bring_to_the_front_are_left(monkeypatch: pytest
     assert [name for name, _ in screen.curves()] == ["a", "b"]  # ten behind the best curve
     assert Screen(monkeypatch, {"a": None}, {}, {}).curves() == []
     with pytest.raises(Cancelled):
-        module._screened("start", [argument("a")], lambda *_: None, lambda: True)  # type: ignore[arg-type]
+        module.rough_curves("start", lambda *_: None, lambda: True)  # type: ignore[arg-type]
 
     def stiff(start: Any) -> Any:
         raise Infeasible("drawn stiff")
 
     monkeypatch.setattr(module, "ground_of", stiff)
-    assert module._screened("start", [argument("a")], lambda *_: None, calm) == []  # type: ignore[arg-type]
+    assert module.rough_curves("start", lambda *_: None, calm) == []  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("at_best", "found"), [(972.0, True), (972.1, False)])
+@pytest.mark.parametrize(("at_best", "found"), [(971.9, True), (972.1, False)])
 def test_curves_of_a_law_that_is_known_are_not_sought_again(
     at_best: float, found: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: list[Any] = []
-    made = [curve(900.0, at_best=at_best)]
-    every = [argument("a"), argument("b"), argument("a", "plate")]
-    monkeypatch.setattr(module, "arguments_of", lambda start: every)
-    monkeypatch.setattr(module, "_screened", lambda *given: asked.append(given) or made)
-    start: Any = SimpleNamespace(bic=1000.0)
-    tell: Any = "tell"
-    assert module.free_curves(start, tell, calm) == (made if found else [])
+    fine = {"a": (965.0, "a", at_best), "b": (966.0, "b", 980.0)}
+    screen = Screen(monkeypatch, {"a": 900.0, "b": 900.0}, {}, fine)
+    monkeypatch.setattr(module, "arguments_of", lambda start: [argument("a"), argument("b"), argument("a", "plate")])
+    assert screen.curves() == ([("a", 965.0), ("a", 965.0)] if found else [])
     beside: Any = SimpleNamespace(where="block", argument="a")
-    module.free_curves(start, tell, calm, beside)
-    assert asked == [(start, every, tell, calm), (start, every[1:], tell, calm)]
-    monkeypatch.setattr(module, "_screened", lambda *given: [])
-    assert module.free_curves(start, tell, calm) == []
+    screen.told.clear()
+    assert len(screen.curves(beside=beside)) == (1 if found else 0)
+    assert sorted(screen.told) == [("trying a force of the a", 0.8), ("trying a force of the b", 0.8)]
 
 
 class Forms:

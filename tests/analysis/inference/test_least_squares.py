@@ -1,11 +1,12 @@
 """Where a minimisation says that it has converged."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 
-from analysis.inference.fit.least_squares import Square, damped_step, minimise
+from analysis.inference.fit.least_squares import Minimum, Square, damped_step, minimise
 
 
 @pytest.mark.parametrize("at", [0.0, 1e12])
@@ -96,3 +97,46 @@ def test_a_damped_step_solves_the_damped_equations(damping: float) -> None:
     assert damped_step(np.array([[1.0, 2.0], [2.0, 1.0]]), np.ones(2), 0.0) is None
     assert damped_step(np.array([[1.0, 2.0], [2.0, 1.0]]), np.ones(2), 1.5) is not None
     assert damped_step(np.eye(2), np.array([np.inf, 0.0]), 0.0) is None
+
+
+def test_a_refused_step_is_followed_by_one_that_is_clearly_shorter() -> None:
+    """Two directions a million times apart in curvature, uphill everywhere: no two points are nearly the same."""
+    curvature, start = np.array([[1.0, 0.9], [0.9, 1.0]]) * np.outer([1e3, 1.0], [1e3, 1.0]), np.zeros(2)
+    asked: list[np.ndarray] = []
+
+    def square(z: np.ndarray) -> Square:
+        asked.append(z)
+        return Square(1e3 + 1e-3 * len(asked), curvature, np.array([2e4, -3.0]), 1000)
+
+    found = minimise(square, start, evaluations=30)
+    lengths = np.sqrt(np.array(asked[1:]) ** 2 @ np.diag(curvature))
+    assert found.stuck and not found.converged and np.array_equal(found.parameters, start)
+    assert np.all(lengths[1:] <= 0.7 * lengths[:-1]) and np.all(lengths[1:] >= 0.05 * lengths[:-1])
+    assert 5 < len(asked) < 20
+
+
+def followed(square: Callable[[np.ndarray], Square], start: np.ndarray, **options: Any) -> tuple[Minimum, list[Any]]:
+    """Return the minimum of a search, and where it has been."""
+    asked: list[np.ndarray] = []
+
+    def noted(z: np.ndarray) -> Square:
+        asked.append(z)
+        return square(z)
+
+    return minimise(noted, start, **options), asked
+
+
+def test_every_step_between_bounds_promises_a_fall_and_ends_within_them() -> None:
+    """Cut at the bounds, Newton's step would lead uphill in nearly every valley that crosses a corner."""
+    rng = np.random.default_rng(7)
+    for _ in range(200):
+        root = rng.standard_normal((6, 4)) * [1.0, 0.1, 1.0, 3.0]
+        curvature, lowest = root.T @ root, rng.normal(0.0, 3.0, 4)
+        start = rng.uniform(-1.0, 1.0, 4)
+        found, asked = followed(quadratic(curvature, lowest), start, bounds=(np.full(4, -1.0), np.full(4, 1.0)))
+        values = [quadratic(curvature, lowest)(z).chi2 for z in asked]
+        assert found.converged and np.all(np.diff(values) < 0) and np.all(np.abs(asked) <= 1.0)
+        pull = found.square.gradient  # nothing presses but against its bound
+        inside = np.abs(found.parameters) < 1.0
+        assert np.all(np.abs(pull[inside]) < 1e-2 * np.sqrt(np.diag(curvature)[inside]))
+        assert np.all(pull[~inside] * found.parameters[~inside] <= 1e-9)

@@ -62,7 +62,7 @@ class BestFirst:
     def __init__(self, question: Question) -> None:
         self._question = question
         self._search = Search(
-            question.motions,
+            question.shots,
             question.begin,
             question.catalogue,
             question.accepted,

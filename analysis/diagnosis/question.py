@@ -13,9 +13,11 @@ from analysis.diagnosis.verdict.cross_validation import choose
 from analysis.inference import (
     Fitted,
     JointData,
+    Samples,
     SearchStart,
     Site,
     TrialEffect,
+    averaged_shots,
     base_named,
     first_fit,
     shakings_of,
@@ -57,6 +59,11 @@ class Question:
         return findings(self.named)
 
     @cached_property
+    def shots(self) -> tuple[Samples, ...]:
+        """Get the averaged shots."""
+        return averaged_shots(self.motions)
+
+    @cached_property
     def site(self) -> Site | None:
         """Get what shook the rig as the flights before and after the contact show it; None where that is nothing."""
         shakings = shakings_of(self.motions, self.model, self.shakings_read)
@@ -65,7 +72,7 @@ class Question:
     @cached_property
     def begin(self) -> SearchStart:
         """Get where every search begins: the base model as a first fit has it."""
-        return first_fit(self.motions, self.model, self.site, self.stop)
+        return first_fit(self.shots, self.model, self.site, self.stop)
 
     def held_out(self, data: JointData, *, in_turn: bool = True) -> tuple[int, ...]:
         """Return the shots that are predicted from the others, each in turn."""

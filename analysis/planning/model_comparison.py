@@ -15,6 +15,7 @@ from analysis.inference import (
     Floor,
     Point,
     Problem,
+    averaged_shots,
     joint_data,
     shakings_of,
     site_under,
@@ -146,7 +147,7 @@ def refit_diagnosed(given: Fit, motions: Sequence[Motion], stop: Stop, others: S
     finely = any(effect.ripples for effect in (*given.effects, *others))
     site = site_under(motions, shakings_of(motions, given.model, None), CRITERIA.site_nm)
     begin = start_from_fit(given, motions)
-    data = joint_data(motions, begin, site, FINE_RATE_HZ if finely else RATE_HZ)
+    data = joint_data(averaged_shots(motions, FINE_RATE_HZ if finely else RATE_HZ), begin, site)
     values = tuple({kind.effect: _values(given, kind.effect, shot) for kind in kinds} for shot in range(len(motions)))
     fixed = {kind.effect: kind.fixed_in(values[0][kind.effect]) for kind in kinds}
     problem = Problem(data, kinds, data.white_noise, fixed=fixed)

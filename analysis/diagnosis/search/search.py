@@ -22,6 +22,7 @@ from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference import (
     Fitted,
     Point,
+    Samples,
     SearchStart,
     Site,
     TrialEffect,
@@ -32,7 +33,7 @@ from analysis.inference import (
     resembles_frame_motion,
     white_floor,
 )
-from analysis.shot import Motion, Progress, Stop
+from analysis.shot import Progress, Stop
 
 
 @dataclass(frozen=True)
@@ -71,9 +72,9 @@ class Searched:
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """A search of ``motions``: the base fit begins at ``given``, ``accepted`` effects are part of the model."""
+    """A search of averaged ``shots``: the base fit begins at ``given``, ``accepted`` effects are part of the model."""
 
-    motions: Sequence[Motion]
+    shots: tuple[Samples, ...]
     given: SearchStart
     catalogue: Sequence[TrialEffect]
     accepted: Sequence[Effect]
@@ -86,7 +87,7 @@ class Search:
 
         What cannot come below the criterion ``beat`` of a likelier search is not followed.
         """
-        data = joint_data(self.motions, self.given, site)
+        data = joint_data(self.shots, self.given, site)
         catalogue = [
             kind
             for kind in self.catalogue
@@ -127,7 +128,7 @@ class Search:
         """
         if not best.effects:
             return False
-        data = joint_data(self.motions, self.given, None)
+        data = joint_data(self.shots, self.given, None)
         rms_m = math.sqrt(float(np.mean(np.concatenate(best.residual_m) ** 2)))
         still = replace(best.problem, data=data, noise=white_floor(rms_m, best.noise.spacing_s))
         return still.fit(best.z, cancelled=self.stop).bic < best.bic

@@ -107,10 +107,10 @@ def base_named(model: str) -> Base:
     return Base(Variant.named(model), one_body=False)
 
 
-def base_of(model: str, motions: Sequence[Motion]) -> Base:
-    """Return the base model with this name for a set of shots, with as many plates as the shots were taken on."""
+def base_of(model: str, plates: int) -> Base:
+    """Return the base model with this name for a set of shots that were taken on so many plates."""
     base = base_named(model)
-    return base if base.one_body else replace(base, plates=plate_count(motions))
+    return base if base.one_body else replace(base, plates=plates)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +134,7 @@ class SearchStart:
 
 def start_from_fit(fit: Fit, motions: Sequence[Motion]) -> SearchStart:
     """Return the end of a fit of ``motions``, without its effects, as the start of a search."""
-    base = base_of(fit.model, motions)
+    base = base_of(fit.model, plate_count(motions))
     own = [[s.velocity_in_m_per_s.value, s.touch_time_s.value, s.offset_m.value] for s in fit.shots]
     shared = np.array([fit.parameters[name].value for name in base.names])
     return SearchStart(base, shared, np.array(own), left=fit.reduced_chi2)

@@ -20,12 +20,12 @@ from analysis.inference.fit.first_guesses import first_guesses, resembled
 from analysis.inference.fit.free_parameters import trials_of
 from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.problem import Fitted, Problem
-from analysis.inference.fit.samples import Samples, averaged_shots
+from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.site import Site
 from analysis.inference.noise.sway import on_site
-from analysis.shot import AnalysisError, Cancelled, Floats, Motion, Stop
+from analysis.shot import AnalysisError, Cancelled, Floats, Stop
 
 STRONG = 30.0  # chi^2 per sample, above which missing effects may have pulled base parameters far from their values
 _EARLY = 0.3  # of the contact time: the first bounces
@@ -38,16 +38,15 @@ _ASTRAY = 1.0  # chi^2 per sample of that first search, above which it ended in 
 
 
 def first_fit(
-    motions: Sequence[Motion], model: str, site: Site | None, stop: Stop, *, noise: Floor | None = None
+    shots: tuple[Samples, ...], model: str, site: Site | None, stop: Stop, *, noise: Floor | None = None
 ) -> SearchStart:
-    """Return the base ``model``'s best fit to ``motions``; ``noise`` is that of their flights, where known.
+    """Return the base ``model``'s best fit to ``shots``; ``noise`` is that of their flights, where known.
 
-    Raises ValueError for an unknown model, NoCollision (an AnalysisError) where a motion shows none, AnalysisError
-    where no motion of the model comes near, Cancelled when asked to stop.  Cost: 0.1 s for three shots, 0.3 s more
-    where the frame moves.
+    Raises ValueError for an unknown model, NoCollision (an AnalysisError) where no candidate resembles a contact,
+    AnalysisError where no motion of the model comes near, Cancelled when asked to stop.  Cost: 0.1 s for three
+    shots, 0.3 s more where the frame moves.
     """
-    base = base_of(model, motions)
-    shots = averaged_shots(motions)
+    base = base_of(model, 1 + max(shot.plate_number for shot in shots))
     own = np.array([shot.course.own for shot in shots])
     noise = noise or noise_of_flights(shots, site)[0]
 

@@ -87,7 +87,7 @@ def first_guesses(base: Base, shots: Sequence[Samples], stop: Stop, sways_m: flo
             raise Cancelled
         with contextlib.suppress(Infeasible):
             z = problem.pack(Point(base.shared(guess.collision), contact.course.own[None, :], ({},)))
-            found = problem.search(z, evaluations=_EVALUATIONS, tolerance=1e-6, cancelled=stop)
+            found = problem.search(z, evaluations=_EVALUATIONS, cancelled=stop)
             return found, problem.unpack(found.parameters).base
         return None
 

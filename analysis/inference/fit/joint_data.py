@@ -9,7 +9,7 @@ import numpy as np
 from analysis.collision import Infeasible
 from analysis.compiled import side_by_side
 from analysis.inference.fit.base import Base, SearchStart
-from analysis.inference.fit.samples import RATE_HZ, Samples, averaged_shots
+from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor, white_by_differences, white_floor
 from analysis.inference.noise.site import BELOW_HZ, Site, site_of
@@ -92,13 +92,12 @@ def site_under(
     return site_of(shakings, max(float(np.ptp(motion.time_s)) for motion in motions), least_nm, whole=whole)
 
 
-def joint_data(motions: Sequence[Motion], begin: SearchStart, site: Site | None, rate_hz: float = RATE_HZ) -> JointData:
+def joint_data(plain: tuple[Samples, ...], begin: SearchStart, site: Site | None) -> JointData:
     """Return averaged shots for a joint fit, the frame's contribution computed for the motion of ``begin``.
 
     Where a plate swings far, its likeliest state in ``begin`` is the one about which that contribution is linear.
     """
     base = begin.base
-    plain = averaged_shots(motions, rate_hz)
     if site is None:
         return JointData(plain, base)
     try:

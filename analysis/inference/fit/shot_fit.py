@@ -21,7 +21,7 @@ from analysis.inference.fit.free_parameters import trial_effect, trials_of
 from analysis.inference.fit.joint_data import can_tell, joint_data, site_under, with_plates
 from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import Fitted, Problem
-from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ, averaged_shots
+from analysis.inference.fit.samples import FINE_RATE_HZ, averaged_shots
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.site import Site
 from analysis.inference.noise.sway import on_site
@@ -122,10 +122,11 @@ def _fit_on(
     site: Site | None, motions: Sequence[Motion], model: str, effects: Sequence[Effect], stop: Stop
 ) -> _SearchEnd:
     """Return the end of the search with the frame moving as ``site`` says.  Raises AnalysisError and Cancelled."""
-    noise, trusted = noise_of_flights(averaged_shots(motions), site)
-    begin = first_fit(motions, model, site, stop, noise=noise)
+    shots = averaged_shots(motions)
+    noise, trusted = noise_of_flights(shots, site)
+    begin = first_fit(shots, model, site, stop, noise=noise)
     finely = any(effect.ripples for effect in effects)
-    data = joint_data(motions, begin, site, FINE_RATE_HZ if finely else RATE_HZ)
+    data = joint_data(averaged_shots(motions, FINE_RATE_HZ) if finely else shots, begin, site)
     if finely or data.site is not site:
         noise, trusted = noise_of_flights(data.shots, data.site)
     try:

@@ -50,4 +50,4 @@ def calm() -> bool:
 def base_fit(motions: tuple[Motion, ...]) -> Fitted:
     """Return the base model's best fit at the diagnosis' rate."""
     data = JointData(averaged_shots(motions), base_named("paper"))
-    return begin.base_fit(data, first_fit(motions, "paper", None, calm), calm)
+    return begin.base_fit(data, first_fit(averaged_shots(motions), "paper", None, calm), calm)

@@ -100,13 +100,13 @@ class Stage:
 
     def search(self, *, accepted: Any = (), limit: Any = None) -> Search:
         catalogue = [KINDS[name] for name in ("viscous_drag", "tilt", "viscoelastic_arm")]
-        return Search("motions", "given", catalogue, accepted, self.tell, "stop", limit)  # type: ignore[arg-type]
+        return Search("shots", "given", catalogue, accepted, self.tell, "stop", limit)  # type: ignore[arg-type]
 
 
 def test_at_rest_the_whole_catalogue_is_searched(monkeypatch: pytest.MonkeyPatch) -> None:
     stage = Stage(monkeypatch)
     searched = stage.search(limit="limit").under(None, most=2, beat=7.0)
-    data = ("shots", ("motions", "given", None))
+    data = ("shots", ("shots", "given", None))
     told, (_, start, given, names, stop, options) = stage.asked
     assert told == ("scoring the catalogue", 0.15)
     assert start[:2] == ("accepted", ("base", data, "given", "stop", ())) and start[3:] == ((), "stop")
@@ -123,7 +123,7 @@ def test_on_a_moving_frame_its_motion_is_no_finding_and_its_response_follows(mon
     searched = stage.search(accepted=(TILT,)).under("site", most=3)  # type: ignore[arg-type]
     *_, (_, start, _, names, _, options), climb = stage.asked
     assert names == ["viscous_drag", "tilt"]  # which the model has, though it resembles a frame
-    assert start[1][1] == ("shots", ("motions", "given", "site")) and start[0] == "anew" and start[-1] == "stop"
+    assert start[1][1] == ("shots", ("shots", "given", "site")) and start[0] == "anew" and start[-1] == "stop"
     assert options == {"most": 1, "limit": None}  # plates seem to move where an effect is missing
     assert climb[1].bic == 49.0 and climb[1].effects == (DRAG,) and climb[2] == 2  # likelier by the frame's response
     assert (searched.best.bic, searched.best.swayed) == (39.0, True)
@@ -170,10 +170,10 @@ def test_a_fit_may_be_likelier_without_a_building(better: bool, monkeypatch: pyt
     best: Any = fit(
         100.0, DRAG, residual_m=[np.array([3.0, -4.0]), np.array([0.0, 5.0])], problem="problem", noise=noise, z="z"
     )
-    one = Search("motions", "given", (), (), print, "stop")  # type: ignore[arg-type]
+    one = Search("shots", "given", (), (), print, "stop")  # type: ignore[arg-type]
     assert one.likelier_without_site(best) is better
     ((problem, new),) = made
-    assert problem == "problem" and new["data"] == ("motions", "given", None)
+    assert problem == "problem" and new["data"] == ("shots", "given", None)
     assert new["noise"] == (pytest.approx(math.sqrt(50.0 / 4)), 2e-5)
     assert not one.likelier_without_site(fit(100.0))  # there is nothing that bends flights
 

@@ -23,7 +23,7 @@ from tests.analysis.diagnosis.shots import KINDS, calm, shots
 def test_an_effect_that_draws_the_base_to_a_wall_is_found_from_where_the_collision_was_read() -> None:
     size = 2.9e5  # the contact that is read is drawn to a wall as well
     motions = shots({"cubic_stiffness": {"coefficient_n_per_m3": size}})
-    given = first_fit(motions, "paper", None, calm)
+    given = first_fit(averaged_shots(motions), "paper", None, calm)
     before = base_fit(JointData(averaged_shots(motions), base_named("paper")), given, calm)
     assert given.left > CRITERIA.drawn_far and not before.converged
     assert before.point.base[2] > 10 * 1e4  # the contact is not a tenth as stiff

@@ -24,6 +24,7 @@ from analysis.inference.noise.site import Site, site_of
 from analysis.inference.noise.sway import Sway, swayed
 from analysis.pipeline import analyse
 from analysis.reading.read import shaking_in
+from analysis.shot import plate_count
 from analysis.shot.impact import Shaking
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisSettings
@@ -145,7 +146,7 @@ def problem_at_vc_d() -> tuple[Problem, np.ndarray]:
     site = site_under(motions, shakings, CRITERIA.site_nm)
     fit = fit_shots(motions, shakings=shakings)
     begin = start_from_fit(fit, motions)
-    data = joint_data(motions, begin, site)
+    data = joint_data(averaged_shots(motions), begin, site)
     problem = Problem(data, (), data.white_noise)
     return problem, problem.pack(Point(begin.shared, begin.own, ({},) * 3))
 
@@ -209,7 +210,7 @@ def test_nobody_says_what_a_frame_does_where_nothing_collides() -> None:
     drawn_off = replace(fit, parameters={**fit.parameters, **{name: Quantity(v, 0.0) for name, v in names.items()}})
     site = site_under(motions, shakings_of(motions, "paper", None), CRITERIA.site_nm)
     assert site is not None
-    assert joint_data(motions, start_from_fit(drawn_off, motions), site).site is None
+    assert joint_data(averaged_shots(motions), start_from_fit(drawn_off, motions), site).site is None
 
 
 @pytest.mark.slow  # quicker: friction alone is named there, below
@@ -237,7 +238,7 @@ def test_directions_are_orthonormal_where_a_frame_moves_a_million_times_the_nois
     site = site_under(motions, shakings_of(motions, "paper", None), CRITERIA.site_nm)
     assert site is not None
     (shot,) = averaged_shots(motions)
-    base, shared = base_of("paper", motions), np.array([221.4, 1.984e-4, 1e4, 0.4])
+    base, shared = base_of("paper", plate_count(motions)), np.array([221.4, 1.984e-4, 1e4, 0.4])
     sway = swayed(shot, site, base, shared, np.array(shot.course.own))
     assert np.abs(sway.basis.T @ sway.basis - np.eye(sway.basis.shape[1])).max() < 1e-12
 
@@ -249,7 +250,7 @@ def test_a_frame_that_nothing_feels_takes_nothing(share: float, capfd: pytest.Ca
     assert site is not None
     still = replace(site, shaking=replace(site.shaking, power_m2=site.shaking.power_m2 * share**2))
     (shot,) = averaged_shots(motions)
-    base, shared = base_of("paper", motions), np.array([221.4, 1.984e-4, 1e4, 0.4])
+    base, shared = base_of("paper", plate_count(motions)), np.array([221.4, 1.984e-4, 1e4, 0.4])
     sway = swayed(shot, still, base, shared, np.array(shot.course.own))
     noise = a_noise(shot.white_m, (0.0,) * site.bands)
     rows = np.random.default_rng(1).standard_normal((int(shot.valid.sum()), 2))

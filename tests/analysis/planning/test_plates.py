@@ -22,6 +22,7 @@ from analysis.planning.model_comparison import refit_diagnosed
 from analysis.planning.next_shot import Reach, contact_s, next_shots
 from analysis.planning.precision import plan_precision
 from analysis.planning.predictions import blank_shot, predict
+from analysis.shot import plate_count
 from analysis.shot.plates_of_set import plate_numbers, plates_words
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Plate
@@ -109,7 +110,7 @@ def test_the_contact_cor_of_each_shot_uses_its_own_plate(five):
 
 def test_the_derivatives_by_both_plates_are_those_of_the_sum_of_squares(five):
     motions, _, found = five
-    base, shots = base_of("paper", motions), averaged_shots(motions)
+    base, shots = base_of("paper", plate_count(motions)), averaged_shots(motions)
     problem = Problem(JointData(shots, base), (), noise_of_flights(shots)[0])
     shared = np.array([found.fit_before.parameters[name].value * 1.0001 for name in base.names])
     here = problem.pack(Point(shared, np.array([shot.course.own for shot in shots]), ({},) * len(shots)))

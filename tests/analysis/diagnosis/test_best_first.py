@@ -31,7 +31,7 @@ class Over:
 class Question:
     """A question whose time is over or not, of shots in a building or at rest."""
 
-    motions, begin, catalogue, accepted, stop = "motions", "begin", "catalogue", "accepted", "stop"
+    motions, shots, begin, catalogue, accepted, stop = "motions", "shots", "begin", "catalogue", "accepted", "stop"
 
     def __init__(self, site: str | None = "site", *, over: bool = False) -> None:
         self.site, self.over, self.told = site, over, []
@@ -176,7 +176,7 @@ def test_each_noise_is_searched_for_what_may_still_win() -> None:
         return branch(5.0).searched
 
     found = BestFirst(Question())
-    assert (found._search.motions, found._search.given, found._search.catalogue) == ("motions", "begin", "catalogue")
+    assert (found._search.shots, found._search.given, found._search.catalogue) == ("shots", "begin", "catalogue")
     assert (found._search.accepted, found._search.stop) == ("accepted", "stop")
     question: Any = found._question
     assert found._search.tell is question.progress and found._search.limit is question.limit

@@ -108,21 +108,27 @@ def vibration_with_plate_from_wave(frequency_hz: float, cosine_and_sine_m: Float
 
 
 def cyclic_error(seen: Sensed, x: Any, p: Any) -> Any:
-    """Measure x + A sin(4 pi n x / lambda + phi); p = (A in m, n, phi in rad).
+    """Measure x - s arg(1 - A/s e^(i u)), s = lambda / (4 pi), u = n x / s + phi; p = (A in m, n, phi in rad).
 
-    Polarisation leak (Wu and Deslattes, Appl. Opt. 37 (1998) 6696).  The demodulator passes only the chirp near the
-    turnaround, where 2 n |v| / lambda is within its band.  The error repeats along the whole path, a frame that moves
+    Polarisation leak (Wu and Deslattes, Appl. Opt. 37 (1998) 6696), A sin u to first order.  The demodulator passes
+    only the chirp near the turnaround, where 2 n |v| / lambda is within its band.  The error repeats along the whole path, a frame that moves
     included: where the displacement was measured, the path is that minus the error, otherwise the model's.
     """
-    line = 2 * np.abs(p[1, :1].real) * np.abs(seen.velocity_m_per_s)[:, None] / seen.wavelength_m / seen.rate_hz
+    velocity_m_per_s = np.gradient(x[:, :1].real, seen.time_s, axis=0)  # of the path, not of the block alone
+    line = 2 * np.abs(p[1, :1].real * velocity_m_per_s) / seen.wavelength_m / seen.rate_hz
     beyond = np.clip((line - _CHIRP_PASSES) / (_CHIRP_STOPS - _CHIRP_PASSES), 0.0, 1.0)
-    size, turns = p[0] * (0.5 + 0.5 * np.cos(np.pi * beyond)), 4 * math.pi * p[1] / seen.wavelength_m
+    passed, scale = 0.5 + 0.5 * np.cos(np.pi * beyond), seen.wavelength_m / (4 * math.pi)
+
+    def error_at(path: Any) -> Any:
+        turn = p[1] * path / scale + p[2]
+        return passed * scale * np.arctan(p[0] * np.sin(turn) / (scale - p[0] * np.cos(turn)))
+
     if seen.measured_m is None:
-        return x + size * np.sin(turns * x + p[2])
+        return x + error_at(x)
     measured_m = np.where(np.isfinite(seen.measured_m), seen.measured_m, x[:, 0].real)[:, None]
     error: Any = 0.0
     for _ in range(_ROUNDS):
-        error = size * np.sin(turns * (measured_m - error) + p[2])
+        error = error_at(measured_m - error)
     return x + error
 
 

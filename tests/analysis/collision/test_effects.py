@@ -202,6 +202,7 @@ def test_a_cyclic_error_repeats_along_the_measured_path_where_that_is_known() ->
     path = 1e-8 + 2e-3 * t
     frame = 5e-8 * np.sin(2 * math.pi * 3e3 * t)
     p = np.array([[5e-9], [2.0], [0.3]])
-    error = 5e-9 * np.sin(8 * math.pi / 632.8e-9 * (path + frame) + 0.3)
+    scale = 632.8e-9 / (4 * math.pi)  # of the path, over the phase of the light that shows it
+    error = -scale * np.angle(1.0 - 5e-9 / scale * np.exp(1j * (2.0 / scale * (path + frame) + 0.3)))
     seen = Sensed(t, np.full(t.size, 2e-3), 632.8e-9, 1e6, measured_m=path + frame + error)
     assert cyclic_error(seen, path[:, None], p)[:, 0] == pytest.approx(path + error, abs=1e-11)

@@ -111,8 +111,9 @@ def cyclic_error(seen: Sensed, x: Any, p: Any) -> Any:
     """Measure x - s arg(1 - A/s e^(i u)), s = lambda / (4 pi), u = n x / s + phi; p = (A in m, n, phi in rad).
 
     Polarisation leak (Wu and Deslattes, Appl. Opt. 37 (1998) 6696), A sin u to first order.  The demodulator passes
-    only the chirp near the turnaround, where 2 n |v| / lambda is within its band.  The error repeats along the whole path, a frame that moves
-    included: where the displacement was measured, the path is that minus the error, otherwise the model's.
+    only the chirp near the turnaround, where 2 n |v| / lambda is within its band.  The error repeats along the whole
+    path, a frame that moves included: where the displacement was measured, the path is that minus the error, otherwise
+    the model's.
     """
     velocity_m_per_s = np.gradient(x[:, :1].real, seen.time_s, axis=0)  # of the path, not of the block alone
     line = 2 * np.abs(p[1, :1].real * velocity_m_per_s) / seen.wavelength_m / seen.rate_hz

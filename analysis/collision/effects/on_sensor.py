@@ -182,7 +182,7 @@ ROWS = (
         "a cyclic error of the interferometer",
         Acts.ON_SENSOR,
         (
-            Parameter("amplitude_m", "m", 1e-9, lower=0.0),
+            Parameter("amplitude_m", "m", 1e-9, lower=0.0, upper=3e-8),  # less light than that it leaks into
             Parameter("order", "", 1.0, lower=0.5, upper=4.0, grid=(1.0, 2.0), fixed=True),
             Parameter("phase_rad", "rad", 0.0, grid=(0.0, math.pi / 2), tried=(0.0,), own=True),
         ),

@@ -154,13 +154,14 @@ def test_what_the_optics_show_is_what_the_row_says(row: Effect) -> None:
         assert bool(np.abs(moved - told).max() > 1e-10) is row.ripples
     assert (row.delays == row.amplitude) is row.remembers and bool(row.delays) is row.remembers
     # beyond a pure delay a lag shows only with its square
-    small, twice = (sensed(row, x, v, size) for size in (2e-5, 4e-5))
+    one = 2e-5 if row.delays else 1e-3 * next(p.scale for p in row.parameters if p.name == row.amplitude)
+    small, twice = (sensed(row, x, v, size) for size in (one, 2.0 * one))
 
     def shown(told: np.ndarray, size: float) -> float:
         delayed = np.interp(TIME_S - size, TIME_S, x) if row.delays else x
         return float(np.abs(told - delayed)[300:].max())
 
-    assert shown(twice, 4e-5) / shown(small, 2e-5) == pytest.approx(2.0**row.grows_as, rel=0.05)
+    assert shown(twice, 2.0 * one) / shown(small, one) == pytest.approx(2.0**row.grows_as, rel=0.05)
 
 
 @pytest.mark.parametrize("complexly", [False, True])

@@ -81,7 +81,7 @@ def first_crossing(reach, stepper, system, motion, h):  # type: ignore[no-untype
         when = h
         if not ends[item, 0] < 0.0:
             value, rate = guard(item, motion.here, system) * sign, guard_rate(item, motion.here, system) * sign
-            if item >= VELOCITY or not may_touch(value, rate, ends[item, 1], h):
+            if item == VELOCITY or not may_touch(value, rate, ends[item, 1], h):
                 continue
             when = _lowest(reach, stepper, system, motion, item, h, ends[item, 1])
             reach(stepper, system, motion, when, one)

@@ -143,7 +143,7 @@ def _crosses(z, z_end, h, form, active, signs):  # type: ignore[no-untyped-def]
         sign = signs[item]
         if along(form.guard, item, z_end) * sign < 0.0:
             return True
-        if item < VELOCITY:
+        if item != VELOCITY:
             rate_end = along(form.guard_rate, item, z_end) * sign
             if rate_end * h > 0.0:
                 rate = along(form.guard_rate, item, z) * sign

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.modes import FREE, PHASE, PLATE, guard, guard_rate, is_gone, may_be_gone, may_touch
+from analysis.collision.modes import FREE, PHASE, PLATE, VELOCITY, guard, guard_rate, is_gone, may_be_gone, may_touch
 from analysis.collision.parameters import Floats
 from analysis.collision.rates import derivative_rates, rates, state_rates
 from analysis.collision.system import (
@@ -209,9 +209,9 @@ def _crossed(motion, system, h):  # type: ignore[no-untyped-def]
     for item in range(signs.size):
         if signs[item] != 0.0 and guard(item, motion.there, system) * signs[item] < 0.0:
             return True
-    for item in range(3):
+    for item in range(signs.size):
         sign = signs[item]
-        if sign != 0.0:
+        if sign != 0.0 and item != VELOCITY:
             value, rate = guard(item, motion.here, system) * sign, guard_rate(item, motion.here, system) * sign
             if may_touch(value, rate, guard_rate(item, motion.there, system) * sign, h):
                 return True

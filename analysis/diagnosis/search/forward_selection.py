@@ -36,7 +36,8 @@ OTHER_FIRSTS = 2  # first effects to begin with where those that were found leav
 FIRSTS_IN_WANDER = 4  # ... or a noise that wanders: it takes up most of what either of two effects does alone
 NARROW = 3  # of those that score best are fitted in such a search, where the right one leads
 EXPLAINED = 1.1  # chi^2 per sample under a noise that was not learnt: clean sets 0.91 to 1.05, a wrong valley 22
-CLOSE = 500.0  # of the criterion, to a fit with one effect less: further off, it may be the wrong valley
+CLOSE = 500.0  # of the criterion, to another fit: further off, one of them may be in a wrong valley
+_ANEW = 30.0  # of the criterion, by which a fit is worse without an effect, or better than when that was last asked
 
 
 @dataclass
@@ -50,7 +51,7 @@ class Trail:
     fits: dict[frozenset[Effect], Fitted] = field(default_factory=dict)
     elsewhere: dict[frozenset[Effect], list[Fitted]] = field(default_factory=dict)  # with a mode at other frequencies
     last: Linearised | None = None  # of the last round
-    asked: set[frozenset[Effect]] = field(default_factory=set)  # fitted from a fit with one effect more as well
+    asked: dict[frozenset[Effect], float] = field(default_factory=dict)  # fitted from one effect more: its criterion
     widens: bool = True  # try the wider of two effects where the narrow one was found
     limit: Limit | None = None
     beat: float = math.inf  # the criterion of a likelier search: what cannot come below it is not followed
@@ -323,10 +324,10 @@ def without(fitted: Fitted, effect: Effect, trail: Trail) -> Fitted | None:
     """
     left = frozenset(fitted.effects) - {effect}
     known = trail.of(left)
-    sure = not left or left in trail.asked
-    if known is not None and (sure or (known.converged and known.bic < fitted.bic + CLOSE)):
+    sure = not left or trail.asked.get(left, math.inf) < fitted.bic + _ANEW
+    if known is not None and (sure or (known.converged and known.bic < fitted.bic + _ANEW)):
         return known
-    trail.asked.add(left)
+    trail.asked[left] = fitted.bic
     trial = without_effect(fitted, effect, trail.stop)
     if trial is None:
         return known

@@ -58,7 +58,7 @@ def with_sway_updated(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
 
 def _anew(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
     """Return the best fit, which is of other data of the same shots, with a trail of these data."""
-    anew = replace(trail, start=_at(trail.start, best.problem.data, trail.stop), fits={}, asked=set())
+    anew = replace(trail, start=_at(trail.start, best.problem.data, trail.stop), fits={}, asked={})
     anew.keep(best)
     return polish(prune(best, anew), anew), anew
 

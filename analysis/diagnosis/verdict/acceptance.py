@@ -184,6 +184,9 @@ def _settled(
     progress("testing the residual", 0.7)
     best, linearised = without_faint_effects(predicted, trail)
     best, linearised, separations = with_look_alikes_tried(best, linearised, trail, predicts)
+    if not best.converged and (further := best.continued(trail.stop)).converged:  # two effects share a bent valley
+        best, linearised = further, trail.linearised(further)
+        separations = separations_of(best, linearised, trail)
     residual = known if known is not None and best is given else residual_of(best, linearised)
     if residual.significant and best is not trail.start:
         other, of_other, left = alternative_without_misfit(best, linearised, residual, trail, predicts)

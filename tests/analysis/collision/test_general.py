@@ -94,3 +94,20 @@ def test_what_swings_too_fast_to_be_followed_is_refused(stepper: str, monkeypatc
     assert time.thread_time() - began < 5.0  # minutes, before
     damped = replace(PAPER, contact_damping_n_s_per_m=100.0 if stepper == "step by step" else 1e3)
     assert np.isfinite(general.solve(damped, [], TIME_S).displacement_m).all()  # overdamped, and followed to its end
+
+
+@pytest.mark.parametrize("share", [0.9, 0.99, 0.999, 1.001])
+def test_a_block_that_hardly_leaves_the_range_of_an_attraction_leaves_it(share: float) -> None:
+    """Of the gap's peak between two touches: an excursion may be shorter than a step, which ends within the range."""
+    time_s = np.arange(400) * 1e-5
+
+    def run(effect: Effect, range_m: float) -> general.Trajectory:
+        return general.solve(PAPER, [general.Active(effect, (6e-5, range_m))], time_s)
+
+    adhesion = CATALOGUE["adhesion"]
+    far = run(adhesion, 1e-3)
+    range_m = share * float((far.displacement_m - far.contact_point_m)[:130].max())
+    closed, stepped = (run(effect, range_m) for effect in (adhesion, replace(adhesion, nonlinear=True)))
+    assert np.abs(closed.displacement_m - stepped.displacement_m).max() < 1e-15
+    events = [[event.kind for event in trajectory.events] for trajectory in (closed, stepped)]
+    assert events[0] == events[1] and events[0].count("range") == (2 if share < 1.0 else 0)

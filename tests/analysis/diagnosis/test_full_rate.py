@@ -224,7 +224,7 @@ def test_a_trail_of_other_data_begins_anew(monkeypatch: pytest.MonkeyPatch) -> N
     asked: list[Any] = []
     start = Some(effects=(), bic=100.0, problem="problem of start", z="z")
     old: Any = Trail(start, (), calm)  # type: ignore[arg-type]
-    old.asked.add(frozenset([named("tilt")]))
+    old.asked[frozenset([named("tilt")])] = 60.0
     best: Any = Some(effects=(named("tilt"),), bic=50.0, problem=Some(data="fine data"))
     again = Some(effects=(), bic=90.0)
 

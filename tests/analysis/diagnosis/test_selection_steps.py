@@ -250,10 +250,14 @@ def test_a_fit_without_an_effect_is_the_known_one_where_that_is_sure(monkeypatch
         return found
 
     new: Fit | None = Fit(300.0, TILT)
-    near = Fit(599.0, TILT)
+    near = Fit(129.0, TILT)
     assert without(near) is near and not made
-    far, unsure = Fit(601.0, TILT), Fit(400.0, TILT, converged=False)
-    assert without(far) is new and without(unsure) is new and made == [(two, DRAG, calm)]
+    far, unsure = Fit(601.0, TILT), Fit(120.0, TILT, converged=False)
+    assert without(far) is new and without(unsure) is unsure and made == [(two, DRAG, calm)]
+    trail = trail_of(start, far)
+    for fitted, times in ((two, 1), (Fit(71.0, DRAG, TILT), 1), (Fit(69.0, DRAG, TILT), 2)):  # better by thirty
+        module.without(fitted, DRAG, trail)  # type: ignore[arg-type]
+        assert len([one for one in made if one[0] is not two]) == times - 1
     better = Fit(299.0, TILT, converged=False)
     assert without(better) is better and made  # the likelier of both
     new = None

@@ -16,8 +16,8 @@ from analysis.diagnosis.explanation import Explanation, explain_with_effects, ex
 from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.question import Question
 from analysis.diagnosis.result import Verdict
-from analysis.diagnosis.search.frequencies import at_likeliest_frequency
 from analysis.diagnosis.search.full_rate import at_full_rate
+from analysis.diagnosis.search.other_scales import at_likeliest_scale
 from analysis.diagnosis.search.search import Search, Searched
 from analysis.diagnosis.verdict.acceptance import Settled, settle
 from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach
@@ -172,7 +172,7 @@ class BestFirst:
             branch.law = question.one_law_beside(trail.start)
         held_out = question.held_out(trail.start.problem.data, in_turn=best is not trail.start)
         # where something is left that no effect explains, no support's frequency is worth the search for a large one
-        best, given = at_likeliest_frequency(best, trail, thoroughly=not branch.leaves_something), best
+        best, given = at_likeliest_scale(best, trail, thoroughly=not branch.leaves_something), best
         judged = rest if finely is None and best is given else None
         settled = settle(best, trail, held_out, question.progress, question.limit, judged)
         branch.named = explain_with_effects(question, trail, settled, held_out)

@@ -10,7 +10,7 @@ from analysis.diagnosis.question import Question
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Remainder, Verdict
 from analysis.diagnosis.search.competing_models import separations_of
 from analysis.diagnosis.search.forward_selection import Trail, without
-from analysis.diagnosis.search.frequencies import at_other_frequencies, with_std_over
+from analysis.diagnosis.search.other_scales import at_other_scales, with_std_over
 from analysis.diagnosis.verdict.acceptance import Settled, accepted_effects, clear
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
@@ -65,7 +65,7 @@ def explain_with_effects(question: Question, trail: Trail, settled: Settled, hel
     question.progress("telling look-alikes apart", 0.8)
     best, linearised, separations, residual = settled.best, settled.linearised, settled.separations, settled.residual
     while True:
-        sure = with_std_over(best.under_likely_noises(), at_other_frequencies(best, trail))
+        sure = with_std_over(best.under_likely_noises(), at_other_scales(best, trail))
         sure = with_profile_std(sure, question.stop)
         parameters = effect_parameters(sure)
         found = [_found(best, n, parameters[n], residual, separations[n], trail) for n in trail.added(best)]

@@ -248,7 +248,7 @@ def test_effects_are_named_at_the_records_own_rate_and_the_likeliest_frequency(
     monkeypatch.setattr(module, "at_full_rate", lambda *of: fine if finely and of[2] == "motions" else None)
     monkeypatch.setattr(
         module,
-        "at_likeliest_frequency",
+        "at_likeliest_scale",
         lambda best, trail, *, thoroughly: ("elsewhere", best, trail, thoroughly) if moved else best,
     )
     monkeypatch.setattr(module, "settle", lambda *of: ("settled", of))

@@ -18,7 +18,7 @@ from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
     ("name", "effects", "off"),
     [
         ("viscous_drag", {"viscous_drag": {"coefficient_n_s_per_m": 2e-5}}, 0.02),
-        ("cyclic_error", {"cyclic_error": {"amplitude_m": 5e-9, "order": 2.0}}, 0.02),  # of each shot's own phase
+        ("cyclic_error", {"cyclic_error": {"amplitude_m": 2e-9, "order": 2.0}}, 0.02),  # of each shot's own phase
         (
             "block_mode",
             {"block_mode": {"mass_kg": 2e-5, "frequency_hz": 870.0, "damping_ratio": 0.01}},

@@ -50,7 +50,7 @@ class Stage:
             progress=lambda *what: self.told.append(what), stop="stop", limit="limit"
         )  # fmt: skip
         self.nothing_without: tuple[Any, ...] = ()
-        patch.setattr(module, "at_other_frequencies", lambda fit, trail: (fit, trail))
+        patch.setattr(module, "at_other_scales", lambda fit, trail: (fit, trail))
         patch.setattr(module, "with_std_over", lambda fit, others: fit if others == (fit[1], self.trail) else None)
         patch.setattr(module, "with_profile_std", lambda fit, stop: (stop, *fit))
         patch.setattr(module, "effect_parameters", lambda sure: {one: f"of {one.name}" for one in sure[2].effects})

@@ -22,5 +22,6 @@ def test_the_ripple_repeats_with_the_path_that_is_shown_whichever_was_found_firs
     late = shown(time_s, PAPER.vector[:4], own, {"demodulation_lag": LAG}).displacement_m
     turn = int(np.argmin(late))
     near = slice(turn - 15, turn + 15)  # slow enough for the demodulator
-    ripple = 1e-9 * np.sin(8 * np.pi / 632.8e-9 * late[near] + 0.3)
+    scale = 632.8e-9 / (4 * np.pi)
+    ripple = -scale * np.angle(1.0 - 1e-9 / scale * np.exp(1j * (2.0 / scale * late[near] + 0.3)))
     assert np.abs(both[0][near] - late[near] - ripple).max() < 1e-12

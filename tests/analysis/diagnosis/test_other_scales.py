@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.diagnosis.search.forward_selection import Trail, climb
-from analysis.diagnosis.search.frequencies import at_likeliest_frequency, at_other_frequencies, with_std_over
+from analysis.diagnosis.search.other_scales import at_likeliest_scale, at_other_scales, with_std_over
 from analysis.inference import Fitted, effect_parameters, refit
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
@@ -33,9 +33,9 @@ def frequency_hz(fitted: Fitted) -> float:
 
 def test_a_faint_support_is_found_at_the_frequency_that_is_likeliest_of_all(faint: tuple[Fitted, Trail]) -> None:
     first, trail = faint
-    others = at_other_frequencies(first, trail)
+    others = at_other_scales(first, trail)
     assert frequency_hz(first) < 1000.0  # where a search by scores ends
-    best = at_likeliest_frequency(first, trail)
+    best = at_likeliest_scale(first, trail)
     assert best.converged and best.bic < first.bic - 1.0
     assert frequency_hz(best) == pytest.approx(1985.0, rel=2e-3)
     # nothing on a grid that it does not know is likelier
@@ -51,14 +51,14 @@ def test_a_faint_support_is_found_at_the_frequency_that_is_likeliest_of_all(fain
     at_ln = np.sort(np.log([frequency_hz(one) for one in (first, *others)]))
     assert len(others) >= 5 and float(np.diff(at_ln).min()) > 0.02
     # a large one keeps no promise to first order: not thoroughly, only those are seen that do
-    quickly = at_other_frequencies(first, replace(trail, elsewhere={}), thoroughly=False)
+    quickly = at_other_scales(first, replace(trail, elsewhere={}), thoroughly=False)
     assert 0 < len(quickly) < len(others)
 
 
 def test_the_uncertainty_of_a_faint_support_spans_all_its_frequencies(faint: tuple[Fitted, Trail]) -> None:
     first, trail = faint
-    best = at_likeliest_frequency(first, trail)
-    others = at_other_frequencies(best, trail)
+    best = at_likeliest_scale(first, trail)
+    others = at_other_scales(best, trail)
     assert [frequency_hz(one) for one in others].count(frequency_hz(first)) == 1
     assert frequency_hz(best) not in [frequency_hz(one) for one in others]
     found = effect_parameters(with_std_over(best, others))[SUPPORT.effect]
@@ -75,7 +75,7 @@ def test_the_uncertainty_of_a_faint_support_spans_all_its_frequencies(faint: tup
 
 def test_a_support_that_stands_out_has_one_frequency() -> None:
     first, trail = searched(2e-6, 1000.0)
-    assert at_other_frequencies(first, trail) == [] and at_likeliest_frequency(first, trail) is first
+    assert at_other_scales(first, trail) == [] and at_likeliest_scale(first, trail) is first
     assert with_std_over(first, []) is first
 
 
@@ -87,7 +87,7 @@ def fit(z: list[float], std: list[float], bic: float, names: str = "ab") -> Any:
 def test_the_covariance_is_that_of_numbers_drawn_from_all_fits_by_their_likelihood(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("analysis.diagnosis.search.frequencies.replace", lambda one, inverse: inverse)
+    monkeypatch.setattr("analysis.diagnosis.search.other_scales.replace", lambda one, inverse: inverse)
     fits = [fit([1.0, 5.0], [0.3, 0.1], 0.0), fit([3.0, 4.0], [0.2, 0.4], 1.2), fit([-2.0, 7.0], [0.5, 0.2], 4.0)]
     turned = fit([7.0, -2.0], [0.2, 0.5], 4.0, "ba")  # the same fit, its parameters in another order
     got: Any = with_std_over(fits[0], [fits[1], turned])
@@ -101,6 +101,25 @@ def test_the_covariance_is_that_of_numbers_drawn_from_all_fits_by_their_likeliho
 
 
 def test_a_fit_that_is_likelier_than_the_one_reported_weighs_no_more_than_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("analysis.diagnosis.search.frequencies.replace", lambda one, inverse: inverse)
+    monkeypatch.setattr("analysis.diagnosis.search.other_scales.replace", lambda one, inverse: inverse)
     here, there = fit([0.0], [0.1], 10.0), fit([4.0], [0.1], -50.0)
     assert float(np.asarray(with_std_over(here, [there]))[0, 0]) == pytest.approx(0.01 + 8.0)
+
+
+def test_a_faint_adhesion_may_end_between_other_gaps_that_the_bounces_reach() -> None:
+    adhesion = KINDS["adhesion"]
+    trail = Trail(base_fit(shots({"adhesion": {"force_n": 5e-7, "range_m": 4e-5}})), [adhesion], calm)
+
+    def range_m(fitted: Fitted) -> float:
+        return fitted.point.values[0][adhesion.effect]["range_m"]
+
+    begun = refit(trail.start.linearise(), adhesion, ({"force_n": 5e-7, "range_m": 3e-4},) * 3, calm)
+    assert begun is not None
+    wrong = begun.fitted_on(evaluations=40)
+    assert wrong.converged and range_m(wrong) > 2e-4  # a maximum by itself
+    best = at_likeliest_scale(wrong, trail)
+    assert best.bic < wrong.bic - 5.0 and 2e-5 < range_m(best) < 5e-5
+    others = at_other_scales(best, trail)
+    assert any(range_m(one) == pytest.approx(range_m(wrong), rel=0.02) for one in others)
+    found, alone = (effect_parameters(one)[adhesion.effect]["range_m"] for one in (with_std_over(best, others), best))
+    assert found.value == alone.value and found.std > 1.2 * alone.std

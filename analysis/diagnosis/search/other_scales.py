@@ -1,6 +1,7 @@
-"""Other frequencies at which a mode is nearly as likely: a faint one fits the residual at several.
+"""Other frequencies of a mode, or ranges of an attraction, at which it is nearly as likely.
 
-The likelihood has a maximum wherever one period more or less fits into the contact.  The curvature at one of them says
+The likelihood has a maximum wherever one period more or less fits into the contact, or the range ends between two of
+the gaps that the bounces reach.  The curvature at one of them says
 nothing of the others, so the parameters' covariance is that of all, each weighed by its likelihood.
 """
 
@@ -18,16 +19,17 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Fitted, Linearised, TrialEffect, distinct_starts, refit
 
 Start = tuple[Mapping[str, float], ...]  # an effect's values for each shot
-_APART = 0.06  # of ln f: less is the same maximum of the scores ...
+_SCALES = ("frequency_hz", "range_m")
+_APART = 0.06  # of the logarithm: less is the same maximum of the scores ...
 _SAME = 0.02  # ... or of the fits
 _MOST = 8  # maxima that are fitted
 _STEP = 0.02  # of ln f, between frequencies at which a mode of its natural size is tried
 _EVALUATIONS = 16
 
 
-def at_likeliest_frequency(fitted: Fitted, trail: Trail, *, thoroughly: bool = True) -> Fitted:
-    """Return the fit, its modes at other frequencies where that is likelier; ``thoroughly`` as below."""
-    best = min(at_other_frequencies(fitted, trail, thoroughly=thoroughly), key=lambda one: one.bic, default=fitted)
+def at_likeliest_scale(fitted: Fitted, trail: Trail, *, thoroughly: bool = True) -> Fitted:
+    """Return the fit, its effects at other scales where that is likelier; ``thoroughly`` as below."""
+    best = min(at_other_scales(fitted, trail, thoroughly=thoroughly), key=lambda one: one.bic, default=fitted)
     if not better(best, fitted):
         return fitted
     key, polished = frozenset(fitted.effects), polish(best, trail)
@@ -35,28 +37,29 @@ def at_likeliest_frequency(fitted: Fitted, trail: Trail, *, thoroughly: bool = T
     return polished
 
 
-def at_other_frequencies(fitted: Fitted, trail: Trail, *, thoroughly: bool = True) -> list[Fitted]:
-    """Return fits of the same effects, one mode at another frequency, that are nearly as likely or more.
+def at_other_scales(fitted: Fitted, trail: Trail, *, thoroughly: bool = True) -> list[Fitted]:
+    """Return fits of the same effects, one at another frequency or range, that are nearly as likely or more.
 
     Cost: a short fit (20 ms) from each of 8 maxima, and where a support has several and it is to be done
     ``thoroughly``, from each of 70 frequencies more.
     """
-    modes = [effect for effect in trail.added(fitted) if _is_mode(effect)]
-    if not modes:
+    scaled = [effect for effect in trail.added(fitted) if _scale_of(effect) is not None]
+    if not scaled:
         return []
     key = frozenset(fitted.effects)
     if key not in trail.elsewhere:
         found = [fitted]
         none: list[Fitted] = []
-        for kind in (kind for kind in fitted.problem.effects if kind.effect in modes):
-            found += trail.within("other frequencies of a mode", partial(_fits, fitted, kind, trail, thoroughly), none)
+        for kind in (kind for kind in fitted.problem.effects if kind.effect in scaled):
+            found += trail.within("other frequencies and ranges", partial(_fits, fitted, kind, trail, thoroughly), none)
         trail.elsewhere[key] = found
-    return [one for one in trail.elsewhere[key] if any(_apart(one, fitted, effect) for effect in modes)]
+    return [one for one in trail.elsewhere[key] if any(_apart(one, fitted, effect) for effect in scaled)]
 
 
-def _is_mode(effect: Effect) -> bool:
-    shared = (free.name for free in effect.parameters if not free.own)
-    return effect.wave is None and "frequency_hz" in shared
+def _scale_of(effect: Effect) -> str | None:
+    """Return the name of the parameter that all shots share and in which the likelihood has several maxima, if any."""
+    shared = [free.name for free in effect.parameters if not free.own]
+    return next((name for name in _SCALES if name in shared), None) if effect.wave is None else None
 
 
 def with_std_over(fitted: Fitted, others: Sequence[Fitted]) -> Fitted:
@@ -77,12 +80,12 @@ def with_std_over(fitted: Fitted, others: Sequence[Fitted]) -> Fitted:
 
 
 def _fits(fitted: Fitted, kind: TrialEffect, trail: Trail, thoroughly: bool) -> list[Fitted]:
-    """Return the fits with the mode ``kind`` at other frequencies that are nearly as likely or more."""
+    """Return the fits with the effect ``kind`` at other scales that are nearly as likely or more."""
     fewer = without(fitted, kind.effect, trail)
     if fewer is None:
         return []
     at = trail.linearised(fewer)
-    # a large mode keeps no promise to first order: those that promise much less than the best are asked as well
+    # a large effect keeps no promise to first order: those that promise much less than the best are asked as well
     maxima = [score.start for score in distinct_starts(at.scores(kind), _MOST, _APART)]
     found = _nearly(fitted, _fitted_from(maxima, fitted, at, kind, trail), kind.effect)
     if not (found and thoroughly and kind.effect.in_series):
@@ -106,7 +109,7 @@ def _of_natural_size(kind: TrialEffect) -> list[Mapping[str, float]]:
 def _fitted_from(
     starts: Sequence[Start], like: Fitted, at: Linearised, kind: TrialEffect, trail: Trail
 ) -> list[Fitted]:
-    """Return the likeliest fits with the mode begun at these starts, that may be nearly as likely as ``like``."""
+    """Return the likeliest fits with the effect begun at these starts, that may be nearly as likely as ``like``."""
     short = side_by_side(lambda start: refit(at, kind, start, trail.stop, least_bic=like.bic), starts)
     promising = [one for one in short if one is not None and one.bic < like.bic + WORTH_FINISHING]
     promising.sort(key=lambda one: one.bic)
@@ -114,7 +117,7 @@ def _fitted_from(
 
 
 def _nearly(fitted: Fitted, found: Sequence[Fitted], effect: Effect) -> list[Fitted]:
-    """Return those of the fits that are nearly as likely, one for each frequency but that of ``fitted``."""
+    """Return those of the fits that are nearly as likely, one for each scale but that of ``fitted``."""
     out: list[Fitted] = []
     for one in sorted(found, key=lambda one: one.bic):
         determined = bool(np.all(np.isfinite(one.inverse)))
@@ -128,5 +131,7 @@ def _nearly(fitted: Fitted, found: Sequence[Fitted], effect: Effect) -> list[Fit
 
 
 def _apart(one: Fitted, other: Fitted, effect: Effect) -> bool:
-    first, second = (fitted.point.values[0][effect]["frequency_hz"] for fitted in (one, other))
+    scale = _scale_of(effect)
+    assert scale is not None
+    first, second = (fitted.point.values[0][effect][scale] for fitted in (one, other))
     return abs(math.log(first / second)) > _SAME

@@ -52,15 +52,13 @@ class Square:
 class Minimum:
     """The end of a search; ``converged``: the next step would move no parameter by 1e-3 standard deviations.
 
-    Where rounding hides what steps of up to 0.1 standard deviations change, that is the end as well.  ``stuck``: no
-    step lowers chi^2, however short.
+    Where rounding hides what steps of up to 0.1 standard deviations change, that is the end as well.
     """
 
     parameters: Floats
     square: Square
     converged: bool
     at_bound: tuple[int, ...] = ()
-    stuck: bool = False
 
 
 Function = Callable[[Floats], Square]
@@ -114,7 +112,7 @@ def minimise(
             hopeless = None
         way = damping.way(square, here, free, (low, high))
         if way is None:
-            return Minimum(here, square, 0 <= promised < _ROUNDED * unit, stuck=True)
+            return Minimum(here, square, 0 <= promised < _ROUNDED * unit)
         there, expected = way
         corrected = residual if expected > _STRAIGHT or damping.refused else None
         trial = _trial(function, corrected, square, here, there, free, (low, high))
@@ -124,7 +122,7 @@ def minimise(
             here, square = trial
             damping.ease(fell / expected)
         elif expected < 1e-12 * square.chi2 + tolerance * 1e-2:  # rounding hides falls below 1e-12 of chi^2
-            return Minimum(here, square, 0 <= promised < _ROUNDED * unit, stuck=True)
+            return Minimum(here, square, 0 <= promised < _ROUNDED * unit)
         else:
             damping.refuse(_length(square, there - here))
     return Minimum(here, square, False)

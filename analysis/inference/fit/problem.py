@@ -24,7 +24,6 @@ _ROUNDS, _A_ROUND, _BRINGS = 8, 25, 0.05  # of ``continued``: rounds, evaluation
 _WANDERING_PARTS = 2  # at most, of a noise
 _NEAR = 0.04  # of chi^2 still to fall: no parameter is further than a fifth of its std from the minimum
 COMPARABLE = 0.1  # of chi^2 still to fall where a noise is given up for the one learnt there, or fits are only compared
-_ROUGH = 1.0  # the same beside an attraction, a std: samples that come within its reach one by one make chi^2 rough
 
 
 @dataclass(frozen=True)
@@ -130,9 +129,7 @@ class Problem(WeighedModel):
         else:
             gradient = found.square.gradient
             still_to_fall = float(gradient @ inverse @ gradient)
-            rough = found.stuck and any(kind.effect.range_at >= 0 for kind in self.effects)
-            near = _ROUGH if rough else _NEAR
-            converged = converged or still_to_fall < near * found.square.chi2 / found.square.samples
+            converged = converged or still_to_fall < _NEAR * found.square.chi2 / found.square.samples
         return Fitted(self.with_noise(noise), found.parameters, value, left, inverse, converged)
 
     def linearise(self, z: Floats, near: Projector | None = None) -> "Linearised":

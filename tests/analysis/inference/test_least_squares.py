@@ -22,7 +22,7 @@ def test_an_end_in_rounding_is_a_minimum_only_where_little_was_promised(
         return Square(chi2, np.eye(1), np.array([np.sqrt(promise)]), 1000)
 
     found = minimise(square, start)
-    assert found.converged is converged and found.stuck
+    assert found.converged is converged
     assert np.array_equal(found.parameters, start)
 
 
@@ -110,7 +110,7 @@ def test_a_refused_step_is_followed_by_one_that_is_clearly_shorter() -> None:
 
     found = minimise(square, start, evaluations=30)
     lengths = np.sqrt(np.array(asked[1:]) ** 2 @ np.diag(curvature))
-    assert found.stuck and not found.converged and np.array_equal(found.parameters, start)
+    assert not found.converged and np.array_equal(found.parameters, start)
     assert np.all(lengths[1:] <= 0.7 * lengths[:-1]) and np.all(lengths[1:] >= 0.05 * lengths[:-1])
     assert 5 < len(asked) < 20
 

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from analysis.collision.parameters import Infeasible
-from analysis.inference.fit.added_effect import refit
 from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import Fitted, Problem
-from tests.analysis.diagnosis.shots import KINDS, WHITE_M, base_fit, calm, shots
+from tests.analysis.diagnosis.shots import WHITE_M, base_fit, shots
 
 
 def test_a_fit_that_allows_for_its_own_error_is_led_on() -> None:
@@ -63,19 +62,6 @@ def test_a_search_cut_off_is_an_end_within_a_fifth_of_a_standard_deviation(stds:
     end = cut_off(best, stds)
     assert best.problem.fitted(end).converged is near
     assert best.problem.fitted(replace(end, converged=True)).converged
-    assert best.problem.fitted(replace(end, stuck=True)).converged is near  # chi^2 of the base model is smooth
-
-
-@pytest.mark.parametrize(("stds", "near"), [(0.99, True), (1.01, False)])
-def test_a_search_stuck_beside_an_attraction_is_an_end_within_a_standard_deviation(stds: float, near: bool) -> None:
-    kind = KINDS["adhesion"]
-    given = {"force_n": 5e-7, "range_m": 6e-6}
-    base = base_fit(shots({"adhesion": given}))
-    beside = refit(base.linearise(), kind, (given,) * 3, calm)
-    assert beside is not None
-    end = cut_off(beside, stds)
-    assert not beside.problem.fitted(end).converged
-    assert beside.problem.fitted(replace(end, stuck=True)).converged is near
 
 
 @pytest.fixture(scope="module")

@@ -25,6 +25,10 @@ class AcquireError(Exception):
         self.saved = saved
 
 
+class _Failed(Exception):
+    """Why no further shot comes, in one line."""
+
+
 def acquire(
     digitizer: Digitizer,
     out: Path,
@@ -54,14 +58,20 @@ def acquire(
         deadlines=Deadlines(armed_s=timeout_s),
         say=faults.append,
     )
-    with capture:
-        for number in range(shots):
-            capture.arm()
-            shot = _wait(capture, number + 1, timeout_s, faults, saved)
-            assert shot.path is not None
-            saved.append(shot.path)
-            cut = f" ({shot.problem})" if shot.problem else ""
-            report(f"shot {number + 1} of {shots}: {shot.path}{cut}")
+    try:
+        with capture:
+            for number in range(shots):
+                capture.arm()
+                shot = _wait(capture, number + 1, timeout_s, faults)
+                assert shot.path is not None
+                saved.append(shot.path)
+                cut = f" ({shot.problem})" if shot.problem else ""
+                report(f"shot {number + 1} of {shots}: {shot.path}{cut}")
+    except _Failed as failed:
+        now = capture.latest()  # closed: a shot that was under way is saved by now, or only in memory
+        saved += [shot.path for shot in now.finished if shot.path is not None and shot.path not in saved]
+        what = f"{now.message}: {_rescued(capture)}" if now.unsaved else str(failed)
+        raise AcquireError(what, saved) from None
     return saved
 
 
@@ -79,7 +89,7 @@ def _rescued(capture: Capture) -> str:
     return f"{', '.join(left)} is lost: there is no room in the home folder or the temporary one either"
 
 
-def _wait(capture: Capture, index: int, timeout_s: float, faults: list[str], saved: list[Path]) -> FinishedShot:
+def _wait(capture: Capture, index: int, timeout_s: float, faults: list[str]) -> FinishedShot:
     armed = False
     while True:
         now = capture.latest()
@@ -87,10 +97,8 @@ def _wait(capture: Capture, index: int, timeout_s: float, faults: list[str], sav
             if shot.index >= index and shot.path is not None and now.state is State.IDLE:
                 return shot
         if now.state is State.FAULT:
-            if now.unsaved:
-                raise AcquireError(f"{now.message}: {_rescued(capture)}", saved)
-            raise AcquireError(faults[-1] if faults else now.message, saved)
+            raise _Failed(faults[-1] if faults else now.message)
         armed |= now.state is not State.IDLE
         if armed and now.state is State.IDLE and now.message:
-            raise AcquireError(f"{now.message} ({timeout_s:g} s): {now.remedy}", saved)
+            raise _Failed(f"{now.message} ({timeout_s:g} s): {now.remedy}")
         time.sleep(_LOOK_S)

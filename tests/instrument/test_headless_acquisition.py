@@ -53,6 +53,27 @@ def test_a_trigger_that_does_not_come_in_time_and_a_device_that_fails_are_one_li
     assert closed.closed and closed.armed == 0
 
 
+@pytest.mark.parametrize("full", [False, True])
+@pytest.mark.parametrize(("at", "flags"), [(40_000, ("cut_short",)), (50_000, ())])  # within the shot, just after it
+def test_the_shot_under_way_when_a_device_fails_is_among_those_saved(
+    at: int, flags: tuple[str, ...], full: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unplugged(fake: FakeDigitizer, now: int) -> Block | None:
+        if now >= at:
+            raise DigitizerError("unplugged", "plug it in")
+        return None
+
+    monkeypatch.setattr(module, "_LOOK_S", 0.1)
+    monkeypatch.setattr(Path, "home", lambda: tmp_path)
+    if full:
+        monkeypatch.setattr("instrument.capture.recorder.RecordingWriter", FullDisk)
+    with pytest.raises(AcquireError, match=r"the shot was saved to" if full else r"^unplugged: plug it in$") as failed:
+        acquire(FakeDigitizer(before_block=unplugged), tmp_path / "out", 2, SETTINGS, 20.0)
+    there = list((tmp_path / RESCUED if full else tmp_path / "out").glob("*.sigmf-meta"))
+    assert len(there) == 1 and failed.value.saved == ([] if full else there)
+    assert read_recording(there[0]).flags == flags
+
+
 def test_a_rescued_shot_lies_in_the_home_folder_closed_to_others_else_with_the_temporary_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -149,9 +149,9 @@ def fill_counts(
 ) -> None:
     """Fill ``out`` (n, channels) with counts of the samples from ``first_sample`` on.
 
-    ``nodes`` (6, m), the path at samples ``first_sample + j * per_segment``: 2 x / lambda, subtracted from the rest
+    ``nodes`` (5, m), the path at samples ``first_sample + j * per_segment``: 2 x / lambda, subtracted from the rest
     beat (block inward: beat above rest), and its slope per segment; the laser's deviation from a steady rest beat, in
-    turns, and its slope; the share of the light; the block's position in m.  ``noise`` is the seed and GAUSS,
+    turns, straight between nodes; the share of the light; the block's position in m.  ``noise`` is the seed and GAUSS,
     ``columns`` are those of reference, measurement and switch in ``out``, -1 when not recorded.  Clipped samples are
     added to ``clipped`` (channels,).  Cost: about 5 ns per sample of three channels.
     """
@@ -193,28 +193,24 @@ def _fill_levels(first, segments, per_segment, nodes, p, places, work, levels) -
 
     ``work`` (5, m) receives the phases of both beats and of light in the wrong arm, and the light; its last row is one.
     """
-    path_turns, path_slope, rest_turns, rest_slope = nodes[0], nodes[1], nodes[2], nodes[3]
-    light, position_m = nodes[4], nodes[5]
+    path_turns, path_slope, rest_turns, light, position_m = nodes[0], nodes[1], nodes[2], nodes[3], nodes[4]
     rest, beat, leaked, lit, steady = work[0], work[1], work[2], work[3], work[4]
     switch = levels[2]
     swing = p[SWITCH_HIGH] - p[SWITCH_LOW]
     for segment in range(segments):
         j, piece = first + segment, slice(segment * per_segment, segment * per_segment + places.shape[0])
-        # cubic Hermite of both phases, as polynomials in u = i / per_segment
+        # cubic Hermite of the path, as a polynomial in u = i / per_segment
         d = path_turns[j + 1] - path_turns[j]
-        p0, p1 = path_turns[j] - math.floor(path_turns[j]), path_slope[j] / per_segment
+        p0, p1 = path_turns[j], path_slope[j] / per_segment
         p2 = 3.0 * d - 2.0 * path_slope[j] - path_slope[j + 1]
         p3 = path_slope[j] + path_slope[j + 1] - 2.0 * d
-        d = rest_turns[j + 1] - rest_turns[j]
         r0 = p[START_TURNS] + p[TURNS_PER_SAMPLE] * (j * per_segment) + rest_turns[j]
-        r1 = rest_slope[j] / per_segment + p[TURNS_PER_SAMPLE]
-        r2 = 3.0 * d - 2.0 * rest_slope[j] - rest_slope[j + 1]
-        r3 = rest_slope[j] + rest_slope[j + 1] - 2.0 * d
-        _fill_turns((r0, r1, r2, r3), places, rest[piece])
-        _fill_turns((r0 - p0, r1 - p1, r2 - p2, r3 - p3), places, beat[piece])
+        r1 = (rest_turns[j + 1] - rest_turns[j]) / per_segment + p[TURNS_PER_SAMPLE]
+        _fill_turns((r0, r1, 0.0, 0.0), places, rest[piece])
+        _fill_turns((r0 - p0, r1 - p1, -p2, -p3), places, beat[piece])
         if p[LEAK]:
             w = p[LEAK_ORDER] - 1.0
-            _fill_turns((r0 + w * p0 + p[LEAK_TURNS], r1 + w * p1, r2 + w * p2, r3 + w * p3), places, leaked[piece])
+            _fill_turns((r0 + w * p0 + p[LEAK_TURNS], r1 + w * p1, w * p2, w * p3), places, leaked[piece])
         _fill_line(light[j], light[j + 1], places, lit[piece])
         e0 = (position_m[j] - p[SWITCH_X]) / p[SWITCH_WIDTH]
         e1 = (position_m[j + 1] - p[SWITCH_X]) / p[SWITCH_WIDTH]

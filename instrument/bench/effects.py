@@ -23,12 +23,12 @@ TWO_PI = 2 * math.pi
 class Parameter:
     """One parameter: its usual range (drawn logarithmically), whether its sign is free, its slot in forces.py.
 
-    ``slot`` -1: not a force, see observation.py.
+    ``slot`` None: not a force, see observation.py.
     """
 
     low: float
     high: float
-    slot: int = -1
+    slot: int | None = None
     factor: float = 1.0
     signed: bool = False
     scales: bool = True  # proportional to the strength of the effect
@@ -189,8 +189,8 @@ def force_slots(effects: Effects) -> dict[int, float]:
     for name, values in effects.items():
         known = ALL[name]
         for key, value in values.items():
-            if known[key].slot >= 0:
-                extra[known[key].slot] = value * known[key].factor
+            if (at := known[key].slot) is not None:
+                extra[at] = value * known[key].factor
         if name == "bristle_friction":
             extra[slot.K_BRISTLE] = values["force_n"] / values["deflection_m"]
     return extra

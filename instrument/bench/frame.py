@@ -143,7 +143,7 @@ def frame_of(site: Site, seed: int) -> Frame:
     """Return the frame of a site; the same seed gives the same motion."""
     random = np.random.default_rng((seed, 0x51))
     known_hz = [frequency for frequency, _ in site.spectrum]
-    lowest, highest = min((LOWEST_HZ, *known_hz)), max((HIGHEST_HZ, *known_hz))
+    lowest, highest = min([LOWEST_HZ, *known_hz]), max([HIGHEST_HZ, *known_hz])
     edges = _edges_hz(lowest, highest)
     frequency_hz = random.uniform(edges[:-1], edges[1:])
     rms_m = np.sqrt(density_m2_per_hz(site, frequency_hz) * np.diff(edges))

@@ -138,13 +138,12 @@ def integrate(
     out_t, out_y, out_on = out
     k = np.empty((7, STATES))
     on = np.zeros(SWITCHES, np.int64)
-    now = np.zeros(SWITCHES, np.int64)
-    _switches(y, p, on, now)
+    now = np.empty(SWITCHES, np.int64)
+    _switches(y, p, on, on)
     t = 0.0
     n = 0
     out_t[0] = t
-    _keep(y, now, out_y[0], out_on[0])
-    _keep(y, now, y, on)
+    _keep(y, on, out_y[0], out_on[0])
     while t < t_end:
         n += 1
         if n >= out_t.shape[0]:

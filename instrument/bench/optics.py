@@ -113,7 +113,6 @@ def fill(
     step = round(float(time_s[1] - time_s[0]) * sample_rate_hz)
     per_count = optics.volts_per_count
     segment_s = step / sample_rate_hz
-    drift = optics.rest_drift_hz_per_s
     p = np.zeros(counts.PARAMETERS)
     p[counts.TURNS_PER_SAMPLE] = optics.rest_frequency_hz / sample_rate_hz
     p[counts.START_TURNS] = _turns_modulo_one(optics.rest_frequency_hz, first_sample, sample_rate_hz)
@@ -135,13 +134,12 @@ def fill(
     p[counts.LOWEST], p[counts.HIGHEST] = -(2 ** (optics.bits - 1)), 2 ** (optics.bits - 1) - 1
     column = {role: index for index, role in enumerate(optics.roles)}
     clipped = np.zeros(len(column), np.int64)
-    nodes = np.empty((6, time_s.size))
+    nodes = np.empty((5, time_s.size))
     nodes[0] = path.optical_m * (2 / optics.wavelength_m)
     nodes[1] = path.optical_m_per_s * (2 * segment_s / optics.wavelength_m)
-    nodes[2] = 0.5 * drift * time_s**2
-    nodes[3] = drift * segment_s * time_s
-    nodes[4] = optics.light(time_s)
-    nodes[5] = path.block_m
+    nodes[2] = 0.5 * optics.rest_drift_hz_per_s * time_s**2
+    nodes[3] = optics.light(time_s)
+    nodes[4] = path.block_m
     columns = column.get(Role.REFERENCE, -1), column[Role.MEASUREMENT], column.get(Role.SWITCH, -1)
     noise = seed & (2**63 - 1), counts.GAUSS
     counts.fill_counts(first_sample, step, nodes, p, noise, columns, out, clipped)

@@ -6,6 +6,7 @@ import pytest
 from instrument.bench import forces as slot
 from instrument.bench.effects import force_slots, parse
 from instrument.bench.frame import Frame
+from instrument.bench.integrator import FrameAcceleration, _step
 from instrument.bench.mechanics import Bodies, collide
 from instrument.bench.sines import Sines
 from instrument.bench.site import QUIET
@@ -212,6 +213,27 @@ def test_a_weaker_resonance_or_bristle_shortens_the_steps_that_must_resolve_it()
 def test_a_block_that_friction_stops_is_refused():
     with pytest.raises(ValueError, match="more events"):
         _run("coulomb_friction:force_n=1.0")
+
+
+def test_one_step_follows_a_force_that_is_cubic_in_time_exactly():
+    """A step of fifth order has a path of fifth degree exactly, whatever its length."""
+    p = np.zeros(slot.PARAMETERS)
+    p[slot.M_BLOCK], p[slot.M_PLATE] = 2.0, 1.0
+    a = np.polynomial.Polynomial([3.0, -5.0, 7.0, -4.0])
+    drive = FrameAcceleration(0.8, a(0.8 * np.arange(4)), a.deriv()(0.8 * np.arange(4)))
+    y, new, at, h = np.zeros(slot.STATES), np.empty(slot.STATES), 0.7, 1.5
+    y[[slot.BLOCK_X, slot.BLOCK_V]] = 90.0, 2.0
+    _step(y, at, h, p, np.zeros(slot.SWITCHES, np.int64), drive, np.empty((7, slot.STATES)), new)
+    speed = -a.integ(1, lbnd=at)
+    fallen = speed.integ(1, lbnd=at)(at + h)
+    assert new[[slot.BLOCK_V, slot.PLATE_V]] == pytest.approx([2.0 + speed(at + h), speed(at + h)], rel=1e-12)
+    assert new[[slot.BLOCK_X, slot.PLATE_X]] == pytest.approx([90.0 + 2.0 * h + fallen, fallen], rel=1e-12)
+
+
+def test_a_start_within_reach_begins_with_that_force_and_no_event():
+    run = _run("adhesion:force_n=5e-3,range_m=3e-3", distance_m=2e-3, duration_s=1e-4)
+    assert run.time_s == pytest.approx(1e-5 * np.arange(11), rel=1e-9)
+    assert run.acceleration_m_per_s2 == pytest.approx(-5e-3 / 17.85e-3, rel=1e-9)
 
 
 def test_the_end_of_a_shot_is_its_last_node():

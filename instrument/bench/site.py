@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from instrument.files import Checked, RecordingError, read_toml
+from instrument.files import Checked, RecordingError, read_toml, shown
 
 Part = TypeVar("Part")
 LEVELS_M_PER_S: Mapping[str, float] = {
@@ -107,7 +107,7 @@ def site_named(text: str) -> Site:
     if known is not None:
         return _of_criterion(known)
     if not text.lower().endswith(".toml"):
-        raise ValueError(f"no site is called {text[:60]!r}; there are {', '.join(NAMES)}, or a TOML file")
+        raise ValueError(f"no site is called {shown(text)}; there are {', '.join(NAMES)}, or a TOML file")
     return _read(Path(text))
 
 
@@ -145,7 +145,7 @@ def _described(whole: Checked) -> Site:
 def _all_read(table: Checked, part: Part) -> Part:
     """Return what was read from ``table``; a key that it does not know is an error."""
     for key in table.unread():
-        raise table.refuse(key[:40], f"is none of {', '.join(sorted(table.used))}")
+        raise table.refuse(key, f"is none of {', '.join(sorted(table.used))}")
     return part
 
 

@@ -61,7 +61,7 @@ class Hantek6022(Digitizer):
         self._roles = tuple(roles)
         self._gains = tuple(gains)
         self._firmware = firmware
-        self._setup = setup or assumed_rig(8)
+        self._setup = setup or assumed_rig()
         self._backend = backend
         self._make_stream = make_stream
         self._device: Any = None
@@ -225,7 +225,7 @@ def open_digitizer(_: str, options: SourceOptions) -> Hantek6022:
         options.roles("reference,measurement"),
         options.wholes("gains", "2,2", "gain"),
         firmware=Path(firmware) if firmware else None,
-        setup=options.rig(8),
+        setup=options.rig(),
     )
 
 

@@ -71,7 +71,7 @@ class NiscopeCard(Digitizer):
         self._roles = dict(roles)
         self._trigger = trigger or CardTrigger()
         self._range_v = range_v
-        self._setup = setup or assumed_rig(16)
+        self._setup = setup or assumed_rig()
         self._scales = [(range_v / 65536, 0.0)] * len(roles)
         self._cancel = threading.Event()
         self._lock = threading.Lock()
@@ -230,4 +230,4 @@ def open_digitizer(resource: str, options: SourceOptions) -> NiscopeCard:
     channels = [str(number) for number in options.wholes("channels", "0,1", "channel")]
     trigger = CardTrigger(options.text("trigger", "2"), options.number("level", "1"), options.slope())
     range_v = options.number("range", "2")
-    return NiscopeCard(resource, options.assigned(channels), trigger, range_v=range_v, setup=options.rig(16))
+    return NiscopeCard(resource, options.assigned(channels), trigger, range_v=range_v, setup=options.rig())

@@ -74,7 +74,7 @@ class ScpiOscilloscope(Digitizer):
             raise
         model = identity.split(",")[1].strip() if identity.count(",") else ""
         self._name = f"{self._dialect.name.split()[0]} {model}".strip()
-        self._setup = setup or assumed_rig(self._dialect.bits)
+        self._setup = setup or assumed_rig()
         self._scales = {n: Scaling(1.0, 0.0) for n in self._roles}
         with contextlib.suppress(ImplausibleAnswer):  # zeros before the first shot; ``arm`` refuses them
             self._read_known_scales()

@@ -4,6 +4,7 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from instrument.devices.digitizer import DigitizerError
+from instrument.files import shown
 
 if TYPE_CHECKING:
     from instrument.devices.scpi import ScpiOscilloscope
@@ -25,11 +26,11 @@ def network_source(typed: str) -> str:
     text = text[5:] if text.lower().startswith("scpi:") else text
     address, question_mark, options = text.partition("?")
     if not (_host_of(address) or _VISA.fullmatch(address)):
-        raise DigitizerError(f"{text[:60]!r} is no address" if text else "no address was given", _REMEDY)
+        raise DigitizerError(f"{shown(text)} is no address" if text else "no address was given", _REMEDY)
     if address.lower() == "usb":
         raise DigitizerError("an oscilloscope on USB is found by itself", "plug it in and look again")
     if question_mark and not _OPTIONS.fullmatch(options):
-        raise DigitizerError(f"{options[:60]!r} are no options", _REMEDY)
+        raise DigitizerError(f"{shown(options)} are no options", _REMEDY)
     return f"scpi:{text}"
 
 
@@ -53,7 +54,8 @@ def open_digitizer(address: str, options: "SourceOptions") -> "ScpiOscilloscope"
     if "trigger" in options:
         source = EXTERNAL if options.text("trigger", "") == EXTERNAL else options.whole("trigger", "")
     trigger = HardwareTrigger(source, options.slope(), options.number("level", "") if "level" in options else None)
-    return ScpiOscilloscope(_link(address), roles, trigger, setup=options.rig(None))
+    rig = options.rig()  # every option is read before the instrument is held
+    return ScpiOscilloscope(_link(address), roles, trigger, setup=rig)
 
 
 def _link(address: str) -> Any:
@@ -76,5 +78,5 @@ def _link(address: str) -> Any:
         host, port = found
         return SocketTransport(host.strip("[]"), port)
     raise DigitizerError(
-        f"{address[:80]!r} is no address of an oscilloscope", "give HOST, HOST:PORT, usb or a VISA resource name"
+        f"{shown(address)} is no address of an oscilloscope", "give HOST, HOST:PORT, usb or a VISA resource name"
     )

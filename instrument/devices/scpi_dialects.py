@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from instrument.devices.digitizer import DigitizerError
+from instrument.files import shown
 
 Query = Callable[[str], str]
 
@@ -89,7 +90,7 @@ def numbers(answer: str, count: int, what: str) -> list[float]:
     except ValueError:
         found = []
     if len(found) < count or not all(math.isfinite(value) for value in found[:count]):
-        raise DigitizerError(f"the oscilloscope answered {answer[:60]!r} where {what} is due", "re-arm")
+        raise DigitizerError(f"the oscilloscope answered {shown(answer)} where {what} is due", "re-arm")
     return found[:count]
 
 
@@ -268,7 +269,7 @@ def dialect_of(identity: str) -> Dialect:
         if maker.startswith(dialect.makers):
             return dialect
     known = ", ".join(dialect.name for dialect in DIALECTS)
-    raise DigitizerError(f"no dialect for the instrument {identity[:60]!r}", f"known are {known}")
+    raise DigitizerError(f"no dialect for the instrument {shown(identity)}", f"known are {known}")
 
 
 def one_two_five(value: float) -> float:

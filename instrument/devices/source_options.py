@@ -10,6 +10,7 @@ from urllib.parse import unquote
 from analysis.shot import Role, Setup
 from instrument.devices.digitizer import DigitizerError
 from instrument.devices.sources import RIG
+from instrument.files import shown
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +26,7 @@ class SourceOptions:
         for item in filter(None, text.split("&")):
             name, equals, value = item.partition("=")
             if name not in known or not equals or not value:
-                raise DigitizerError(f"source {source}: {item[:60]!r} is no option", f"known are {', '.join(known)}")
+                raise DigitizerError(f"source {source}: {shown(item)} is no option", f"known are {', '.join(known)}")
             given[name] = unquote(value)
         return cls(given)
 
@@ -39,7 +40,7 @@ class SourceOptions:
         """Return a number; ``what`` is its name in an error, if not ``name``."""
         text = self.text(name, default)
         if not re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,2})?", text.strip()):
-            raise DigitizerError(f"{text[:40]!r} is no {what or name}")
+            raise DigitizerError(f"{shown(text)} is no {what or name}")
         return float(text)
 
     def whole(self, name: str, default: str, what: str = "") -> int:
@@ -53,7 +54,7 @@ class SourceOptions:
         parts = text.split(",") if several else [text]
         for part in parts:
             if not re.fullmatch(r"\d{1,4}", part.strip()):
-                raise DigitizerError(f"{part[:40]!r} is no {what or name} number")
+                raise DigitizerError(f"{shown(part)} is no {what or name} number")
         return tuple(map(int, parts))
 
     def roles(self, default: str) -> tuple[Role, ...]:
@@ -62,7 +63,7 @@ class SourceOptions:
         try:
             return tuple(Role(name.strip()) for name in text.split(","))
         except ValueError as error:
-            raise DigitizerError(f"roles={text[:60]} names an unknown role", f"known are {', '.join(Role)}") from error
+            raise DigitizerError(f"{shown(text)} names an unknown role", f"known are {', '.join(Role)}") from error
 
     def assigned(self, channels: Sequence[Any]) -> dict[Any, Role]:
         """Return the role of each channel."""
@@ -78,18 +79,20 @@ class SourceOptions:
         """Return the slope of the trigger, "rising" or "falling"."""
         slope = self.text("slope", "rising")
         if slope not in ("rising", "falling"):
-            raise DigitizerError(f"slope={slope[:40]} is neither rising nor falling")
+            raise DigitizerError(f"the slope {shown(slope)} is neither rising nor falling")
         return slope
 
-    def rig(self, bits: int | None) -> Setup | None:
+    def rig(self) -> Setup | None:
         """Return the assumed rig with the values from the options; None if none of them is given."""
-        given = {key: self.number(name, "") for name, key in RIG.items() if name in self}
+        given = {}
         for name, key in RIG.items():
-            if given.get(key, 1.0) <= 0:
-                raise DigitizerError(f"{name}={self.given[name][:40]} is not above zero")
+            if name in self:
+                given[key] = self.number(name, "")
+                if given[key] <= 0:
+                    raise DigitizerError(f"{name}={self.given[name]} is not above zero")
         if not given:
             return None
-        rig = assumed_rig(bits or 16)
+        rig = assumed_rig()
         if "mass" in self:
             rig = replace(rig, extra={key: value for key, value in rig.extra.items() if key != "moving_mass_assumed"})
         return replace(rig, **given)  # type: ignore[arg-type]
@@ -98,10 +101,6 @@ class SourceOptions:
 PAPER_MOVING_MASS_KG = 17.85e-3
 
 
-def assumed_rig(bits: int) -> Setup:
-    """Return the paper's block behind a digitizer of ``bits``; the recording says that it is assumed."""
-    return Setup(
-        moving_mass_kg=PAPER_MOVING_MASS_KG,
-        digitizer_bits=bits,
-        extra=MappingProxyType({"moving_mass_assumed": True}),
-    )
+def assumed_rig() -> Setup:
+    """Return the paper's block; the recording says that it is assumed."""
+    return Setup(moving_mass_kg=PAPER_MOVING_MASS_KG, extra=MappingProxyType({"moving_mass_assumed": True}))

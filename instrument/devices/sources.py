@@ -118,15 +118,16 @@ def open_source(text: str) -> "Digitizer":
     """
     from instrument.devices.digitizer import DigitizerError
     from instrument.devices.source_options import SourceOptions
+    from instrument.files import shown
 
     source = source_of(text)
     rest = text.strip()[len(source.name) :]
     remedy = f"use one of {', '.join(source.text for source in SOURCES)}"
     if not source.name or (source.address and (not rest.startswith(":") or rest == ":")):
-        raise DigitizerError(f"unknown source {text[:80]!r}", remedy)
+        raise DigitizerError(f"unknown source {shown(text)}", remedy)
     rest = rest.removeprefix(":")
     if not source.address and rest and not rest.startswith("?"):
-        raise DigitizerError(f"source {source.name} takes no address, but got {rest[:80]!r}", remedy)
+        raise DigitizerError(f"source {source.name} takes no address, but got {shown(rest)}", remedy)
     address, _, given = rest.partition("?") if source.options else (rest, "", "")
     options = SourceOptions.read(given, source.name, source.options)
     digitizer: Digitizer = imported(source.opener)(address, options)

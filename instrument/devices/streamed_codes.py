@@ -124,7 +124,7 @@ class ByteClock:
             self._start_s = self._judged_s = now_s
             return 0  # the first chunk only starts the clock: the time it took to fill is unknown
         self._received += received_bytes
-        self._recent.append((now_s, now_s - self._start_s - self._received / self._rate))
+        self._recent.append((now_s, now_s - self._received / self._rate))
         while self._recent[0][0] < now_s - LASTING_S:
             self._recent.popleft()
         if now_s - self._start_s < SOON_S or len(self._recent) < 4:

@@ -19,7 +19,7 @@ from instrument.files import csv_table
 from instrument.files.atomic_file import write_toml_atomic
 from instrument.files.checked import Checked
 from instrument.files.foreign_file import ForeignChannel
-from instrument.files.recording_error import RecordingError, one_line
+from instrument.files.recording_error import RecordingError, one_line, shown
 from instrument.files.recording_metadata import MASSES_KG, RATES_HZ
 from instrument.files.recording_search import TABLES, motion_table
 from instrument.files.text_file import read_text, read_toml
@@ -77,7 +77,7 @@ def read_motion(path: Path | str) -> MotionRecord:
     head = Checked(about, read_toml(about))
     model = head.text("model")
     if model not in _MODELS:
-        raise head.refuse("model", "missing" if model is None else f"{model[:20]!r} is none of {', '.join(_MODELS)}")
+        raise head.refuse("model", "missing" if model is None else f"{shown(model)} is none of {', '.join(_MODELS)}")
     mass = head.number("moving_mass_kg", *MASSES_KG)
     mass_u = head.number("moving_mass_u_kg", 0.0, 1e6)
     mapped = head.object("columns")

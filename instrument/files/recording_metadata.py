@@ -7,6 +7,7 @@ from typing import Any
 
 from analysis.shot import Air, Channel, Gap, Plate, Role, Setup
 from instrument.files.checked import Checked
+from instrument.files.recording_error import shown
 from instrument.files.text_file import read_json
 
 SIGMF_VERSION = "1.2.5"
@@ -45,7 +46,7 @@ def read_metadata(path: Path) -> Metadata:
     head = whole.required_object("global")
     datatype = head.text("core:datatype")
     if datatype != "ri16_le":
-        raise head.refuse("core:datatype", "missing" if datatype is None else f"{datatype[:20]!r} is not 'ri16_le'")
+        raise head.refuse("core:datatype", "missing" if datatype is None else f"{shown(datatype)} is not 'ri16_le'")
     head.text("core:version")
     head.get("core:extensions")
     rate = head.required("core:sample_rate", *RATES_HZ)
@@ -103,7 +104,7 @@ def _channels(head: Checked) -> tuple[tuple[Channel, ...], list[dict[str, Any]]]
     for item in listed:
         name = item.text("role")
         if name not in tuple(Role):
-            raise item.refuse("role", "missing" if name is None else f"{name[:20]!r} is none of {', '.join(Role)}")
+            raise item.refuse("role", "missing" if name is None else f"{shown(name)} is none of {', '.join(Role)}")
         role = Role(name)
         if any(channel.role is role for channel in channels):
             raise item.refuse("role", f"a second {role} channel")

@@ -87,9 +87,8 @@ def test_channels_get_the_usual_roles_in_their_order_unless_they_are_given() -> 
     assert given.assigned((1, 2)) == {1: "switch", 2: "measurement"}
     assert (given.number("level", "1"), given.number("none", "+3."), given.whole("depth", "1")) == (-0.005, 3.0, 12)
     assert (given.slope(), SourceOptions({"slope": "falling"}).slope()) == ("rising", "falling")
-    for bits, stored in ((8, 8), (None, 16)):
-        rig = given.rig(bits)
-        assert rig is not None and (rig.moving_mass_kg, rig.digitizer_bits, dict(rig.extra)) == (0.02, stored, {})
+    rig = given.rig()
+    assert rig is not None and (rig.moving_mass_kg, dict(rig.extra)) == (0.02, {})
     for text in ("1e100", "1,2", "0x1", "nan", "1 2", ""):
         with pytest.raises(DigitizerError, match="is no level"):
             SourceOptions({"level": text}).number("level", "0")

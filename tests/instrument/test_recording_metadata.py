@@ -133,7 +133,7 @@ def test_a_number_is_read_up_to_its_limits_and_refused_by_name_beyond(
         (("global", "core:num_channels"), 2, "core:num_channels: 2, but lmm:channels lists 3"),
         ((*CHANNEL, "role"), "reference", "lmm:channels[1].role: a second reference channel"),
         ((*CHANNEL, "role"), None, "lmm:channels[1].role: missing"),
-        ((*CHANNEL, "role"), "x" * 30, f"lmm:channels[1].role: '{'x' * 20}' is none of reference, measurement, switch"),
+        ((*CHANNEL, "role"), "x" * 30, f"lmm:channels[1].role: '{'x' * 30}' is none of reference, measurement, switch"),
         (("global", "core:datatype"), "rf32_le", "core:datatype: 'rf32_le' is not 'ri16_le'"),
         (("global", "core:trailing_bytes"), 4, "core:trailing_bytes: only recordings whose data file holds nothing"),
         (("global", "core:metadata_only"), True, "core:metadata_only: only recordings whose data file holds nothing"),

@@ -2,6 +2,7 @@
 
 import re
 import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -48,6 +49,7 @@ from tests.instrument.devices.scripted_usb import In, Plugged, ScriptedUsb
         ("scpi:host?slope=up", "neither rising nor falling"),
         ("scpi:host?level=1e999999", "is no level"),
         ("hantek6022?mass=0", "mass=0 is not above zero"),
+        ("scpi:host?wavelength=-632e-9", "wavelength=-632e-9 is not above zero"),
         ("niscope:Dev1?trigger=2&range=wide", "is no range"),
     ],
 )
@@ -90,7 +92,11 @@ def test_the_rig_is_assumed_until_it_is_said(monkeypatch: pytest.MonkeyPatch) ->
         setups.append(open_source(text).setup)
     assert (setups[0].moving_mass_kg, dict(setups[0].extra)) == (17.85e-3, {"moving_mass_assumed": True})
     assert (setups[1].moving_mass_kg, setups[1].rest_frequency_hz) == (0.0213, 2.73e6)
-    assert (setups[1].wavelength_air_m, setups[1].digitizer_bits, dict(setups[1].extra)) == (632.8e-9, 8, {})
+    assert (setups[1].wavelength_air_m, dict(setups[1].extra)) == (632.8e-9, {})
+    monkeypatch.setitem(sys.modules, "niscope", SimpleNamespace(Session=lambda name: None))
+    of_card = open_source("niscope:Dev1?rest=2e6").setup
+    assert (of_card.rest_frequency_hz, of_card.moving_mass_kg) == (2e6, 17.85e-3)
+    assert dict(of_card.extra) == {"moving_mass_assumed": True} == dict(open_source("niscope:Dev1").setup.extra)
 
 
 def test_what_is_told_of_the_sources() -> None:
@@ -130,5 +136,5 @@ def test_options_are_read_as_an_address_writes_them() -> None:
     assert read.text("b", "usual") == "1=2" and read.text("c", "usual") == "usual"
     assert SourceOptions.read("a=x%20y%26", "scpi", ("a",)).text("a", "") == "x y&"
     for wrong in ("c=1", "a", "a=", "=1", "a=1&" + "x" * 80 + "=1"):
-        with pytest.raises(DigitizerError, match=r"source scpi: '.{0,60}' is no option: known are a, b"):
+        with pytest.raises(DigitizerError, match=r"source scpi: '.{0,56}('|\.\.\.) is no option: known are a, b"):
             SourceOptions.read(wrong, "scpi", ("a", "b"))

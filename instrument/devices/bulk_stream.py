@@ -172,7 +172,6 @@ class BulkStream:
         """Cancel the queued transfers and wait for their end; harmless when not started."""
         with self._ready:
             self._stopping = True
-            self._ready.notify_all()
         if self._thread is not None:
             self._thread.join(timeout=5.0)
             if self._thread.is_alive():  # the kernel still uses the buffers: they must not be freed
@@ -237,21 +236,17 @@ class BulkStream:
 
     def _serve(self) -> None:
         tick = _Timeval(0, 50_000)
-        cancelled = False
         while True:
             with self._ready:
                 ending = self._stopping or self._error is not None
                 if ending and not self._in_flight:
                     return
                 recovering = bool(self._failed) and not ending
-                cancel = (ending or recovering) and not cancelled
-                pointers = [slot.pointer for slot in self._slots.values()] if cancel else []
-            for pointer in pointers:
+                pointers = [slot.pointer for slot in self._slots.values()] if ending or recovering else []
+            for pointer in pointers:  # one that is not queued, or is cancelled already, refuses and stays as it is
                 self._lib.libusb_cancel_transfer(pointer)
-            cancelled = cancelled or cancel
             if recovering and not self._in_flight:
                 self._recover()
-                cancelled = False
                 continue
             if self._in_flight:
                 self._lib.libusb_handle_events_timeout_completed(self._context, ctypes.byref(tick), None)

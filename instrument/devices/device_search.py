@@ -11,7 +11,7 @@ from typing import Any
 from instrument.devices import sources
 from instrument.devices.digitizer import DigitizerError
 
-_NI_VENDOR = "0x1093"
+_NI_VENDOR = b"0x1093"
 _PCI = Path("/sys/bus/pci/devices")
 _WINDOWS_PCI = r"SYSTEM\CurrentControlSet\Enum\PCI"
 _USB_NODES = Path("/dev/bus/usb")
@@ -123,7 +123,7 @@ def _ni_in_sys(pci: Path) -> list[str]:
     found = []
     for entry in sorted(pci.glob("*/vendor")):
         with contextlib.suppress(OSError):
-            if entry.read_text(encoding="utf-8").strip().lower() == _NI_VENDOR:
+            if entry.read_bytes().strip().lower() == _NI_VENDOR:
                 found.append(entry.parent.name)
     return found
 

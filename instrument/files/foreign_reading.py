@@ -226,7 +226,7 @@ def to_counts(values: Column) -> tuple[NDArray[np.int16], float, float]:
     if not (np.isfinite(low) and np.isfinite(high)):
         raise NotFinite(int(np.argmin(np.isfinite(values))))
     offset, half = 0.5 * low + 0.5 * high, 0.5 * high - 0.5 * low
-    if half <= 0.0:
+    if half / _RAIL < np.finfo(np.float64).tiny:  # one value, or a step too small to divide by
         return np.zeros(values.size, np.int16), 1.0, offset
     unit = half / (_RAIL if _is_clipped(values, high, -1) or _is_clipped(values, low, 1) else _TOP)
     counts = np.empty(values.size, np.int16)

@@ -48,8 +48,8 @@ class RecordingWriter:
         self._metadata = Metadata(
             sample_rate_hz, channels, setup, None, (), "", started_at, None, None, 0, dict(extra or {})
         )
-        self._stale = False
-        self._refreshed_at = 0.0
+        self._stale: bool  # these two since the metadata were written
+        self._refreshed_at: float
         if self.meta_path.exists():
             raise RecordingExists(self.meta_path)
         with as_recording_error(self.data_path):
@@ -79,23 +79,19 @@ class RecordingWriter:
 
     def gap(self, sample_start: int, samples_lost: int | None) -> None:
         """Note that samples were lost before ``sample_start``."""
-        self._metadata = replace(self._metadata, gaps=(*self._metadata.gaps, Gap(sample_start, samples_lost)))
-        self._stale = True
+        self._change(gaps=(*self._metadata.gaps, Gap(sample_start, samples_lost)))
 
     def trigger(self, sample: int) -> None:
         """Note the sample at which the light switch fired."""
-        self._metadata = replace(self._metadata, trigger_sample=sample)
-        self._stale = True
+        self._change(trigger_sample=sample)
 
     def note(self, text: str) -> None:
         """Set the operator's note."""
-        self._metadata = replace(self._metadata, note=text)
-        self._stale = True
+        self._change(note=text)
 
     def more(self, extra: Mapping[str, Any]) -> None:
         """Replace the extra metadata given at the start."""
-        self._metadata = replace(self._metadata, extra=dict(extra))
-        self._stale = True
+        self._change(extra=dict(extra))
 
     def close(self, *, interrupted: bool = False) -> Path:
         """Write samples and final metadata to disk and return the metadata's path.
@@ -106,7 +102,7 @@ class RecordingWriter:
             os.fsync(self._file.fileno())
             self._file.close()
         if not interrupted:
-            self._metadata = replace(self._metadata, sha512=self._hash.hexdigest(), declared_samples=self.samples)
+            self._change(sha512=self._hash.hexdigest(), declared_samples=self.samples)
         self._write_metadata(sync=True)
         return self.meta_path
 
@@ -120,6 +116,10 @@ class RecordingWriter:
         """Close the file after an error and keep it.  Never raises."""
         with contextlib.suppress(OSError):
             self._file.close()
+
+    def _change(self, **what: Any) -> None:
+        self._metadata = replace(self._metadata, **what)
+        self._stale = True
 
     def _write_metadata(self, *, sync: bool) -> None:
         write_json_atomic(self.meta_path, metadata_json(self._metadata), sync=sync)

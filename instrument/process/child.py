@@ -58,7 +58,7 @@ class Answer:
     device: DeviceState | None
     fault: DigitizerError | None = None
     settings: CaptureSettings | None = None
-    blocks: int = 0
+    blocks: int | None = None  # of an order
 
 
 @dataclass(frozen=True, slots=True)

@@ -120,7 +120,7 @@ class SubprocessDigitizer(Digitizer):
                 answer = self._child.request("arm", self._arm_s, settings, where, give_up=give_up, patience_s=ANSWER_S)
             finally:
                 ring.unlink()  # both processes have attached it, or never will: it is freed when they end
-            assert answer is not None
+            assert answer is not None and answer.blocks is not None
             self._run, self._blocks = answer.serial, answer.blocks
             self._beats, self._alive_s = None, time.monotonic()
 

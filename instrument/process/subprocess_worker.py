@@ -3,6 +3,7 @@
 import contextlib
 import gc
 import itertools
+import math
 import multiprocessing
 import os
 import queue
@@ -152,14 +153,15 @@ class SubprocessWorker:
                 _seal(report.result)
                 return report.result
 
-    def _end(self, patience_s: float = 0.0) -> None:
+    def _end(self, patience_s: float | None = None) -> None:
         with self._lock:
             process, self._process = self._process, None
             tasks, self._tasks = self._tasks, None
             if tasks is not None:
                 tasks.close()  # on which the child ends
             if process is not None:
-                process.join(patience_s)
+                if patience_s is not None:
+                    process.join(patience_s)
                 if process.is_alive():
                     process.kill()
                     process.join(_END_S)
@@ -208,7 +210,7 @@ def _serve(warm: Callable[[], object] | None, tasks: Connection, reports: Connec
 
 
 def _run(task: _Task, reports: Connection, dropped: set[int]) -> _Report:
-    reported_s = 0.0
+    reported_s = -math.inf
 
     def progress(what: str, share: float) -> None:
         nonlocal reported_s

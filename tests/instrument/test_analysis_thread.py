@@ -97,9 +97,10 @@ def test_a_fit_that_does_not_come_leaves_the_readings_and_says_why(recording, an
 
 
 def test_a_close_stops_the_analysis_under_way_and_begins_no_other_though_the_queue_is_full():
-    told, begun = [], threading.Event()
+    told, begun, at_first = [], threading.Event(), []
 
     def endless(recording, progress, cancelled):
+        at_first.append(analyst.doing)
         progress("reading", 0.25)
         begun.set()
         while not cancelled():
@@ -115,6 +116,7 @@ def test_a_close_stops_the_analysis_under_way_and_begins_no_other_though_the_que
         assert not never.wait(0.001)
     assert analyst.close(LONGEST_S)
     assert told == [(1, None, "the analysis was stopped")] and analyst.doing is None
+    assert at_first == [("analysing", 0.0)]
 
 
 def test_a_cancelling_stops_one_analysis_and_the_next_is_done():

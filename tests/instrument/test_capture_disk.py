@@ -10,11 +10,12 @@ from instrument.capture.acquisition import State
 from instrument.capture.analysis_thread import ShotAnalysis
 from instrument.capture.capture import Capture
 from instrument.capture.stream_reader import CaptureOptions
+from instrument.devices.digitizer import CaptureSettings
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_file import data_hash, read_recording
 from instrument.files.recording_writer import RecordingWriter
 from tests.instrument.capturing import SETTINGS, Capturing, analysed, assert_true_samples, until
-from tests.instrument.fake_digitizer import FakeDigitizer
+from tests.instrument.fake_digitizer import RATE_HZ, FakeDigitizer
 
 
 class FullDisk(RecordingWriter):
@@ -140,8 +141,16 @@ def test_a_second_instance_is_refused_politely(tmp_path: Path) -> None:
         assert (tmp_path / "shot-0002.sigmf-meta").exists()  # the first one's is not overwritten
 
 
-def test_too_little_room_is_said_before_the_shot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("instrument.capture.capture_thread.disk_free_bytes", lambda folder: 70_000_000 - 3_000_000)
-    with Capturing(tmp_path, live=False) as rig:
+@pytest.mark.parametrize("short", [0, 1])
+def test_room_for_the_shot_and_64_mib_more_is_asked_for_before_it(
+    short: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    free = 6_000_000 + 64 * 2**20 - short
+    monkeypatch.setattr("instrument.capture.capture_thread.disk_free_bytes", lambda folder: free)
+    options = CaptureOptions(tmp_path, CaptureSettings(RATE_HZ, 1_000_000, 1_000))
+    with Capturing(tmp_path, live=False, options=options) as rig:
         rig.capture.arm()
-        assert "67 MB free" in until(rig.capture, lambda s: s.state is State.FAULT).message
+        now = until(rig.capture, lambda s: s.state is (State.FAULT if short else State.TRIGGERED))
+        if short:
+            reserve = "a shot takes 6 MB, and a disk reserve is required"
+            assert now.message == now.signal.folder_problem == f"{tmp_path}: only 73 MB free, {reserve}"

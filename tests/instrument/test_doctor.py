@@ -1,6 +1,7 @@
 """The checks of the computer, with simulated buses and disks."""
 
 import importlib.metadata
+import os
 import re
 import sys
 from collections import namedtuple
@@ -159,7 +160,7 @@ def test_permission_is_read_from_the_device_node(monkeypatch: pytest.MonkeyPatch
     (tmp_path / "001" / "007").touch()
     monkeypatch.setattr(device_search, "_USB_NODES", tmp_path)
     asked = []
-    monkeypatch.setattr(device_search.os, "access", lambda node, mode: asked.append(node))
+    monkeypatch.setattr(device_search.os, "access", lambda node, mode: asked.append((node, mode)))
     (device,) = device_search.found_devices(ScriptedUsb([Plugged(0x1D50, 0x608E, address=7, forbidden=True)]))
     assert device.problem == "no permission to open it"
-    assert asked == [tmp_path / "001" / "007"]
+    assert asked == [(tmp_path / "001" / "007", os.R_OK | os.W_OK)]

@@ -1,5 +1,6 @@
 """Raw beats in files of other programs: their channels listed, read by a mapping, refused in one line."""
 
+import re
 import struct
 import wave
 from collections.abc import Callable
@@ -180,8 +181,12 @@ def test_a_remembered_mapping_makes_a_file_a_shot(volts: Volts, tmp_path: Path) 
     assert find_recordings([tmp_path]) == [tmp_path]
     with pytest.raises(RecordingError, match=r"levimass --map notes\.csv"):
         open_recording(tmp_path)
-    with pytest.raises(RecordingError, match=r"levimass --map shot-2\.wav"):
+    advice = "'levimass --map shot-2.wav' lists them and shows how to say it"
+    line = f"{first}: nothing says which of its channels is which; {advice}"
+    with pytest.raises(RecordingError, match=re.escape(line)):
         open_recording(first)
+    with pytest.raises(RecordingError, match=re.escape(f"{tmp_path / 'shot-3.wav'}: no such file")):
+        open_recording(tmp_path / "shot-3.wav")
     mapping = mapping_for(first, names)
     write_mapping(mapping, mapping_path(first))
     assert find_recordings([tmp_path]) == [first]
@@ -217,9 +222,14 @@ def test_counts_hold_the_volts_to_half_a_step_and_see_clipping() -> None:
         values = np.array([np.iinfo(dtype).min, np.iinfo(dtype).max], dtype)
         counts, unit, offset = to_counts(values)
         assert (unit, offset) == (1.0, middle) and np.array_equal(counts.astype(int) + middle, values.astype(int))
-    with pytest.raises(NotFinite):
-        to_counts(np.array([0.0, np.nan]))
-    assert np.all(to_counts(np.full(9, 3.5))[0] == 0)
+    for first in (1, 3):
+        with pytest.raises(NotFinite) as refusal:
+            to_counts(np.where(np.arange(6) < first, 1.0, np.inf))
+        assert refusal.value.args == (first,)
+    assert to_counts(np.full(9, 3.5))[1:] == (1.0, 3.5) and np.all(to_counts(np.full(9, 3.5))[0] == 0)
+    least = 2 * 32767 * np.finfo(np.float64).tiny  # of which a count is the smallest number there is
+    assert to_counts(np.array([0.0, 0.9 * least]))[0].tolist() == [0, 0]
+    assert to_counts(np.array([0.0, 1.1 * least]))[0].tolist() == [-32000, 32000]
     assert np.isfinite(to_counts(np.array([-1.7e308, 1.7e308]))[1])
 
 

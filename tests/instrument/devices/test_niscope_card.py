@@ -317,12 +317,14 @@ def test_a_driver_that_hangs_is_waited_for_ten_seconds_and_left_behind() -> None
 
 
 def test_arming_again_gives_up_the_record_before() -> None:
-    card, begun = NiscopeCard("Dev1", package=Card(polls=10**9)), []
+    card = NiscopeCard("Dev1", package=Card(polls=10**9))
     for _ in range(2):
+        before = card._worker
         card.arm(CaptureSettings(30e6, 100, 10))
-        begun.append(card._worker)
+        assert before is None or not before.is_alive()
+    last = card._worker
     card.close()
-    assert begun[0] is not begun[1] and not any(worker is None or worker.is_alive() for worker in begun)
+    assert last is not None and last is not before and not last.is_alive()
 
 
 def test_a_record_all_pre_trigger_is_refused() -> None:

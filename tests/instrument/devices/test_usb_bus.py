@@ -40,11 +40,11 @@ def test_an_error_of_the_bus_says_what_happened_to_which_device_and_then_what_to
 
 def test_devices_come_in_the_order_of_the_bus_and_of_their_address_on_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever order the library lists them in: the first of a kind is the same at every start."""
-    places = [(2, 1), (1, 9), (None, 4), (1, 3)]
+    places = [(2, 1), (1, 9), (None, 4), (1, 3), (1, None), (0, 3)]
     devices = [SimpleNamespace(bus=bus, address=address) for bus, address in places]
     monkeypatch.setattr(usb.core, "find", lambda **_given: iter(devices))
     found = find_matching(lambda _device: True, backend="theirs")
-    assert [(one.bus, one.address) for one in found] == [(None, 4), (1, 3), (1, 9), (2, 1)]
+    assert [(one.bus, one.address) for one in found] == [(0, 3), (None, 4), (1, None), (1, 3), (1, 9), (2, 1)]
 
 
 class Device:

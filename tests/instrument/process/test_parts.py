@@ -455,7 +455,7 @@ def test_a_child_that_dies_during_a_task_is_not_waited_for(monkeypatch: pytest.M
         worker._tasks.send = broken  # type: ignore[union-attr, method-assign]
         with pytest.raises(fault):
             worker.run(len, print, lambda cancelled=cancelled: cancelled)  # type: ignore[misc]
-        assert context.did[-2:] == [("join", 0.0), "close"] and worker.child_id is None
+        assert context.did[-2:] == [("start", True), "close"] and worker.child_id is None
         context = Context(monkeypatch)
 
 

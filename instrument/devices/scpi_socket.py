@@ -57,11 +57,9 @@ class SocketTransport:
         deadline = Deadline(timeout_s)
         self.write(command)
         while True:
-            del self._received[: len(self._received) - len(self._received.lstrip(b"\r\n"))]
-            line_end = self._received.find(b"\n")
-            if line_end >= 0:
-                line = bytes(self._received[:line_end])
-                del self._received[: line_end + 1]
+            line, end, rest = self._received.lstrip(b"\r\n").partition(b"\n")
+            if end:
+                self._received = rest
                 return line.decode("ascii", "replace").strip()
             if len(self._received) > MAX_LINE_BYTES:
                 self.close()

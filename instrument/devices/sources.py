@@ -96,7 +96,7 @@ SOURCES = (
 
 def source_of(text: str) -> Source:
     """Return the row that a source's text names; a row without a name for an unknown source."""
-    name = re.split("[:?]", text.strip(), maxsplit=1)[0].lower()
+    name = re.split("[:?]", text.strip())[0].lower()
     return next((source for source in SOURCES if source.name == name), Source("", ""))
 
 

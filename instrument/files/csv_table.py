@@ -26,6 +26,7 @@ _ROWS = 2**19  # read at once
 _TIME_NAME = re.compile(r"(time|zeit|t|seconds?)\b", re.IGNORECASE)
 _TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
 _TIME_SUFFIX = re.compile(r"(?:time|zeit|t)_([mun\u00b5\u03bc]?s)$", re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?((\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?|nan|inf)", re.IGNORECASE)
 _UNIT = re.compile(r"^(.*?)\s*[\[(]([^\])]{1,12})[\])]$")
 
 
@@ -117,13 +118,17 @@ def _layout(path: Path) -> _Layout:
     lines = _beginning(path)
     best: tuple[int, str, int] | None = None
     for delimiter in (";", "\t", ",", " "):
+        odd = False  # after a row that none follows, as of a count of samples: the table begins below further words
         for index, line in enumerate(lines):
             cells = _cells(line, delimiter)
-            if cells and all(_is_number(cell) for cell in cells):
+            if not cells or not all(_is_number(cell) for cell in cells):
+                odd = False
+            elif not odd:
                 following = _cells(lines[index + 1], delimiter) if index + 1 < len(lines) else cells
-                if len(following) == len(cells) and (best is None or len(cells) > best[0]):
-                    best = (len(cells), delimiter, index)
-                break
+                odd = len(following) != len(cells) or not any(_is_number(cell) for cell in following)
+                if not odd:
+                    best = max(best or (0, "", 0), (len(cells), delimiter, index), key=lambda found: found[0])
+                    break
     if best is None:
         raise RecordingError(path, f"no row of numbers in its first {len(lines)} lines")
     width, delimiter, first = best
@@ -186,7 +191,7 @@ def _cells(line: str, delimiter: str) -> list[str]:
 
 
 def _is_number(cell: str) -> bool:
-    return bool(re.fullmatch(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?", cell))
+    return _NUMBER.fullmatch(cell) is not None
 
 
 def _seconds(layout: _Layout) -> float:

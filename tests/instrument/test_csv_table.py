@@ -81,6 +81,26 @@ def test_a_file_is_a_table_up_to_two_gibibytes_whose_first_row_stands_in_its_fir
                 csv_table.contents(path)
 
 
+@pytest.mark.parametrize("header", ["4\n", "logger\n4\nin volts\n7,8\n", "1,2,3\n", "4\nfrom\n2026,11\n27\n9,9\n"])
+def test_numbers_that_stand_above_the_words_of_a_table_are_none_of_its_rows(tmp_path, header) -> None:
+    path = _table(tmp_path / "a.csv", f"{header}time,PD0,PD1\n")
+    assert [one.name for one in csv_table.contents(path).channels] == ["PD0", "PD1"]
+    assert csv_table.columns(path, ["PD1"], True)[0].values.tolist() == [5.0, 6.0, 7.0, 9.0]
+
+
+def test_a_row_without_a_value_is_one_of_the_table(tmp_path) -> None:
+    path = _table(tmp_path / "a.csv", "time,a\n", [("0", "nan"), ("1", "-INF"), ("2", "NaN"), ("3", "4")])
+    values = csv_table.columns(path, ["a"], True)[0].values
+    np.testing.assert_array_equal(values, [np.nan, -np.inf, np.nan, 4.0])
+
+
+def test_a_row_that_lacks_a_number_is_not_passed_over_as_if_the_table_began_below_it(tmp_path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("a;b\n0.5;1\n2\n3;4\n5;6\n")
+    with pytest.raises(RecordingError, match="no row of numbers"):
+        csv_table.contents(path)
+
+
 def test_a_time_alone_is_a_channel(tmp_path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("time\n1\n2\n4\n")

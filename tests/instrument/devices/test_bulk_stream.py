@@ -2,6 +2,7 @@
 
 import ctypes
 import gc
+import threading
 import time
 import weakref
 from collections import deque
@@ -189,6 +190,37 @@ def test_a_reader_that_waits_for_a_silent_device_is_woken_at_once() -> None:
         assert waiting.result(10.0) is None
     stream.stop()
     assert libusb.freed == len(libusb.made) and not libusb.queued
+
+
+class Late(Libusb):
+    """Bring nothing until it is let go."""
+
+    def __init__(self, plan: dict[int, int]) -> None:
+        super().__init__(plan)
+        self.go = threading.Event()
+
+    def finish_one(self, *given: Any) -> int:
+        return super().finish_one(*given) if self.go.wait(0.01) else 0
+
+
+@pytest.mark.parametrize("brings", ["bytes", "stalls", "unplugged"])
+def test_a_reader_that_waits_has_bytes_or_a_fault_as_soon_as_they_come(brings: str) -> None:
+    statuses = {"bytes": _COMPLETED, "stalls": _STALL, "unplugged": _NO_DEVICE}
+    libusb = Late({number: statuses[brings] for number in range(500)})
+    stream = BulkStream(libusb.device(), 0x86, BYTES_PER_S, "scope")
+    stream.start()
+    with ThreadPoolExecutor(1) as reader:
+        waiting = reader.submit(stream.take, 60.0)
+        time.sleep(0.05)
+        assert not waiting.done()
+        libusb.go.set()
+        ended = waiting.exception(10.0)
+        if brings == "bytes":
+            assert waiting.result().codes[0] == 0  # type: ignore[union-attr]
+        else:
+            assert isinstance(ended, DigitizerError) and brings in str(ended).replace("stalled", "stalls")
+    stream.stop()
+    assert libusb.freed == len(libusb.made)
 
 
 def test_buffers_that_the_kernel_may_still_fill_are_kept_though_nobody_holds_the_stream() -> None:

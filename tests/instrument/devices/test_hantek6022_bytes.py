@@ -2,8 +2,10 @@
 
 import errno
 from collections import deque
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,7 +15,7 @@ import usb.core
 from analysis.shot.recording import Role
 from instrument.devices import hantek6022_firmware
 from instrument.devices.bulk_stream import Chunk
-from instrument.devices.digitizer import CaptureSettings, DigitizerError
+from instrument.devices.digitizer import Block, CaptureSettings, DigitizerError
 from instrument.devices.hantek6022 import Hantek6022, channel_of
 from tests.instrument.devices.scripted_usb import In, Out, Plugged, ScriptedUsb
 
@@ -27,6 +29,8 @@ class GivenStream:
     def __init__(self, chunks: list[Chunk], error: DigitizerError | None = None) -> None:
         self.chunks, self.error = deque(chunks), error
         self.started = self.stopped = False
+        self.waited: list[float] = []
+        self.waits: Callable[[float], object] = lambda timeout_s: None
 
     def __call__(self, device: Any, endpoint: int, bytes_per_s: float, name: str) -> "GivenStream":
         self.asked_for = (endpoint, bytes_per_s)
@@ -36,6 +40,8 @@ class GivenStream:
         self.started = True
 
     def take(self, timeout_s: float) -> Chunk | None:
+        self.waited.append(timeout_s)
+        self.waits(timeout_s)
         if self.chunks:
             return self.chunks.popleft()
         if self.error:
@@ -363,12 +369,19 @@ def test_a_device_that_is_lost_while_it_is_armed_is_let_go_and_opened_anew(fails
 
 
 def test_a_device_that_falls_silent_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("instrument.devices.hantek6022.SILENCE_S", 0.02)
+    """Two seconds after its last bytes; until then each wait is as long as the reader is willing to wait."""
+    now = [70.0]
+    monkeypatch.setattr("instrument.devices.hantek6022.time", SimpleNamespace(monotonic=lambda: now[0]))
     bus = ScriptedUsb([Plugged(0x04B5, 0x6022)], [EEPROM, *_arming(10), Out(0xE3, 0, b"\x00")])
-    scope = Hantek6022(backend=bus, make_stream=GivenStream([]))
+    stream = GivenStream([Chunk(_codes(4), 71.0)])
+    stream.waits = lambda timeout_s: now.__setitem__(0, now[0] + min(timeout_s, 0.25))
+    scope = Hantek6022(backend=bus, make_stream=stream)
     scope.arm(CaptureSettings(10e6, 1000, 0))
     buffer = np.empty((10, 2), np.int16)
-    assert scope.read_into(buffer, 0.0).samples == 0
+    assert scope.read_into(buffer, 0.5) == Block(0) and stream.waited == [0.5, 0.25]
+    now[0] = 72.875
+    assert scope.read_into(buffer, 0.125) == Block(0) and now[0] == 73.0
     with pytest.raises(DigitizerError, match=r"^Hantek 6022 sends nothing: unplug it, plug it in again and re-arm$"):
         scope.read_into(buffer, 1.0)
+    assert now[0] == 73.25
     bus.finish()

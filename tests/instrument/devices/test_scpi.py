@@ -299,6 +299,21 @@ def test_no_answer_is_a_fault() -> None:
         assert link.query("*IDN?").startswith("RIGOL")
 
 
+def test_a_command_is_sent_whole_and_has_three_seconds_for_it_whatever_was_received_before() -> None:
+    with TcpScope(EmulatedScope("rigol")) as server:
+        link = SocketTransport("127.0.0.1", server.port)
+        link.query("*IDN?")
+        real, did = link._socket, []  # type: ignore[var-annotated]
+        link._socket = SimpleNamespace(  # type: ignore[assignment]
+            settimeout=lambda longest_s: did.append(longest_s), sendall=lambda sent: did.append(sent)
+        )
+        link.write(":SING")
+        assert did == [3.0, b":SING\n"]
+        link._socket = real
+        assert link.query("*IDN?").startswith("RIGOL")
+        link.close()
+
+
 class Link:
     """A link to an instrument that only says what it is."""
 

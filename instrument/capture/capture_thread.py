@@ -87,7 +87,7 @@ class CaptureThread:
         if self.closing:
             return
         self.prepared = True
-        if not self.closing and self.orders.empty():  # a queued order starts the stream itself, or reports why not
+        if self.orders.empty():  # a queued order starts the stream itself, or reports why not
             self._guarded(self._watch)
         while not self.closing:
             self.alive_s = self.machine.clock()
@@ -145,7 +145,7 @@ class CaptureThread:
             self._fire = self.machine.status.state is State.ARMED
         elif kind == "options":
             self.options = what
-            if self.machine.status.state is State.IDLE and not self.closing:
+            if self.machine.status.state is State.IDLE:
                 self._watch()
         elif kind == "recorded":
             self._recorded(what)
@@ -207,7 +207,6 @@ class CaptureThread:
 
     def _stop_unless_wanted(self) -> None:
         """Stop the digitizer, unless its stream goes on after a shot: its signals are watched."""
-        self._fire = False
         if self.machine.status.state is State.FAULT or not self.run.endless:
             self._quietly_stop()
 
@@ -230,7 +229,7 @@ class CaptureThread:
         if block is None:
             return
         state = self.machine.status.state
-        if block.fired and state is State.ARMED:
+        if block.fired:
             self._do(self.machine.handle(Event.TRIGGER))
         elif state is State.ARMED or (state is State.TRIGGERED and self.shot is None):
             self._look_for_trigger(block)
@@ -292,7 +291,6 @@ class CaptureThread:
         shot.filled = length
         shot.gaps += [Gap(n - first, lost) for n, lost in stream.gaps if first < n < first + length]
         self.shot = shot
-        self._fire = False
         self._do(self.machine.handle(Event.TRIGGER))
         self.recorder.begin(shot, self.options.folder)
 

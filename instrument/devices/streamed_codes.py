@@ -110,8 +110,7 @@ class ByteClock:
     def __init__(self, bytes_per_s: float) -> None:
         self._rate = bytes_per_s
         self._recent: deque[tuple[float, float]] = deque()  # (time, lag) in s
-        self._start_s: float | None = None
-        self._received = 0
+        self._received: int | None = None  # since the first chunk
         self._level_s: float | None = None  # the lag that counts as none
         self._judged_s: float
 
@@ -120,14 +119,14 @@ class ByteClock:
 
         A loss of more than 30 ms of data is found after 0.3 s, one of more than 4 ms after 2 s.
         """
-        if self._start_s is None:
-            self._start_s = self._judged_s = now_s
+        if self._received is None:
+            self._received = 0
             return 0  # the first chunk only starts the clock: the time it took to fill is unknown
         self._received += received_bytes
         self._recent.append((now_s, now_s - self._received / self._rate))
         while self._recent[0][0] < now_s - LASTING_S:
             self._recent.popleft()
-        if now_s - self._start_s < SOON_S or len(self._recent) < 4:
+        if len(self._recent) < 4:
             return 0
         soon_s = min(lag for at, lag in self._recent if at >= now_s - SOON_S)
         if self._level_s is None:

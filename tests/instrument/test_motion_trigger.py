@@ -153,6 +153,16 @@ def test_noise_about_the_mean_of_a_slow_beat_is_no_cycle(reference: int | None, 
     assert found == 42 * round(WINDOW_S * RATE) - 1
 
 
+def test_a_crest_or_a_trough_with_a_dip_down_to_the_mean_is_one_side_of_one_cycle() -> None:
+    """The levels lie 0.3 of the rms above and below the mean; a beat changes its side at the far one alone."""
+    cycle = np.array([1.0, 0.1, 1.0, -1.0, -0.1, -1.0] * 2 + [1.0] * 4 + [-1.0] * 4)  # three, in 20 samples
+    window = round(WINDOW_S * RATE)
+    counts = np.rint(1000 * np.tile(cycle, 6 * window // 20))[:, None].astype(np.int16)
+    moving = np.rint(1000 * np.tile(np.repeat([1.0, -1.0], 10), 6 * window // 20))[:, None].astype(np.int16)
+    trigger = MotionTrigger(0, None, RATE, LAMBDA, SPEED, 3 * RATE / 20)
+    assert trigger.first_step(counts) is None and trigger.first_step(moving) == 2 * window - 1
+
+
 @pytest.mark.parametrize("rate", [1e5, 1e6, 30e6])
 def test_a_window_is_half_a_millisecond_and_at_least_64_samples(rate: float) -> None:
     window = MotionTrigger(0, 1, rate, LAMBDA, SPEED)._window

@@ -100,6 +100,8 @@ def test_the_clock_finds_a_loss_among_late_deliveries(lost_s: float, told_after_
     assert len(told) == 1
     assert times[500] < told[0][0] < times[500] + told_after_s
     assert told[0][1] == pytest.approx(lost_s * rate, rel=0.15)
+    late_in_the_day = _clocked(np.full(chunks, size), times + 86_000.0, rate)  # whatever the computer's clock shows
+    assert [(now - 86_000.0, lost) for now, lost in late_in_the_day] == [pytest.approx(one, rel=1e-6) for one in told]
 
 
 @pytest.mark.parametrize(("lost_s", "told_after"), [(0.012, range(120, 170)), (0.05, range(10, 40))])

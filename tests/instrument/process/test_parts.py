@@ -550,6 +550,29 @@ def test_a_child_fills_the_ring_as_far_as_it_is_read_and_tells_each_block(memory
     assert (memory.room(25_000), memory.blocks_read) == (20_000, 6)
 
 
+def test_before_a_device_is_armed_its_child_lets_go_of_the_memory_before_and_clears_up(
+    memory: SharedRing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    did: list[str] = []
+
+    class Device(FakeDigitizer):
+        def arm(self, settings: CaptureSettings) -> None:
+            did.append("arm")
+            super().arm(settings)
+
+    monkeypatch.setattr(child_module, "gc", SimpleNamespace(collect=lambda: did.append("gc")))
+    served, told = _armed(Device(), memory)
+    served._turn()
+    before, other = served._ring, SharedRing.create(30_000, 3)
+    served._carry_out(Order("arm", 5, ONE, (other.name, other.capacity, other.channels)))
+    assert did == ["gc", "arm"] * 2 and before is not None and before._memory.buf is None
+    served._turn()
+    answer, ready = told.take()[1:]
+    assert (answer.blocks, ready.run, ready.first, other.room(5_000)) == (0, 5, 0, 25_000)  # both count anew
+    other.unlink()
+    other.close()
+
+
 def test_a_child_whose_ring_is_full_looks_again_after_two_milliseconds(
     memory: SharedRing, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -99,7 +99,11 @@ def test_a_shot_started_by_hand_triggers_at_the_newest_sample(stepped: Stepped) 
     at = stepped.digitizer.at
     assert (shot.trigger_sample, shot.filled) == (4_000, 4_001)
     np.testing.assert_array_equal(shot.counts[: shot.filled], samples(at - shot.filled, shot.filled))
-    assert not stepped.thread._fire
+    stepped.turn(lambda: stepped.state is State.TRANSFERRING)
+    stepped.saved()
+    stepped.take("arm", False)
+    stepped.turn()
+    assert stepped.state is State.ARMED and len(stepped.shots) == 1  # it was for one shot
     stepped.take("abort")
     stepped.take("arm", False)
     stepped.take("fire")

@@ -88,7 +88,8 @@ def test_steps_that_passed_before_the_arming_start_no_shot(stepped: Stepped) -> 
     assert stepped.digitizer.at >= FIRST + 20_000
 
 
-def test_a_shot_started_by_hand_triggers_at_the_newest_sample(stepped: Stepped) -> None:
+def test_a_shot_started_by_hand_triggers_at_the_newest_sample(tmp_path: Path) -> None:
+    stepped = Stepped(tmp_path, options=CaptureOptions(tmp_path, replace(SETTINGS, samples=10_000)))
     stepped.take("fire")
     assert not stepped.thread._fire  # nobody is armed
     stepped.take("arm", False)

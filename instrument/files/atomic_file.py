@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from instrument.files.recording_error import RecordingError, RecordingExists
+from instrument.files.recording_error import RecordingError, RecordingExists, cause_of
 
 PATIENCE_S = 2.0
 _LOOK_S = 0.05
@@ -121,7 +121,7 @@ def as_recording_error(path: Path) -> Iterator[None]:
     except FileNotFoundError:
         raise RecordingError(path, "the folder does not exist") from None
     except OSError as error:
-        raise RecordingError(path, error.strerror or str(error)) from error
+        raise RecordingError(path, cause_of(error)) from error
 
 
 def replace_file(source: Path, target: Path) -> None:
@@ -171,4 +171,4 @@ def _may_be_held(target: Path) -> bool:
 
 def _in_words(error: OSError) -> str:
     in_use = getattr(error, "winerror", None) in (5, 32)
-    return "held by another program (a virus scanner, a synchronised folder?)" if in_use else str(error.strerror)
+    return "held by another program (a virus scanner, a synchronised folder?)" if in_use else cause_of(error)

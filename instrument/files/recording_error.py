@@ -42,6 +42,11 @@ def one_line(text: str, longest: int = 200) -> str:
     return flat if len(flat) <= longest else flat[: longest - 3] + "..."
 
 
+def cause_of(error: OSError) -> str:
+    """Return what the system refused, without the number of the error and the path."""
+    return error.strerror or str(error)
+
+
 def shown(value: Any) -> str:
     """Return a value from a file, shortened for a message."""
     if isinstance(value, str):

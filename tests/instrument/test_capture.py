@@ -15,10 +15,11 @@ from analysis.shot.recording import Recording, Setup
 from analysis.shot.shot import Cancelled, Shot
 from instrument.capture.acquisition import Deadlines, State
 from instrument.capture.analysis_thread import ShotAnalysis
-from instrument.capture.snapshot import SignalLine
+from instrument.capture.snapshot import SignalLine, Snapshot
 from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.digitizer import Block, CaptureSettings
 from instrument.files.recording_file import data_hash, read_recording
+from instrument.live.live_view import empty_view
 from instrument.trigger.light_switch import Level
 from tests.instrument.capturing import SETTINGS, Capturing, analysed, assert_true_samples, until
 from tests.instrument.fake_digitizer import CHANNELS, FIRST, PERIOD, RATE_HZ, FakeDigitizer, samples
@@ -29,6 +30,9 @@ def test_a_line_of_signals_that_nobody_measured_shows_none() -> None:
     line = SignalLine()
     assert not line.channels and line.switch_level is Level.UNKNOWN and line.disk_free_bytes is None
     assert (line.switch_toggles, line.samples_lost, line.losses, line.samples_read) == (0, 0, 0, 0)
+    now = Snapshot(State.IDLE, 0.0, False, "", "", line, empty_view())
+    assert (now.shots, now.doing, now.progress) == (0, None, None)
+    assert now.waiting == now.finished == now.unsaved == ()
 
 
 def test_a_shot_from_arm_to_result(tmp_path: Path) -> None:

@@ -54,7 +54,7 @@ def test_without_an_analysis_a_shot_is_finished_when_it_is_recorded_and_the_newe
     assert [(shot.index, shot.name) for shot in finished.newest] == [(n, f"s{n}") for n in range(3, 19)]
     path = Path("/data/s18.sigmf-meta")
     assert finished.newest[-1] == FinishedShot(18, "s18", path, SETTINGS, None, "the stream ended")
-    assert finished.newest[0].problem is None
+    assert finished.newest[0].problem is None and not finished.newest[0].fitted_later
 
 
 def test_an_analysed_shot_comes_with_its_readings_then_under_the_same_index_with_its_fit(

@@ -30,7 +30,12 @@ def test_each_shot_is_saved_and_reported_once_in_its_turn(tmp_path: Path) -> Non
 def test_a_trigger_that_does_not_come_in_time_and_a_device_that_fails_are_one_line_with_what_was_saved(
     tmp_path: Path,
 ) -> None:
-    still = FakeDigitizer(channels=CHANNELS[:2], pace_s=0.002)
+    def too_late(fake: FakeDigitizer, at: int) -> Block | None:
+        if at > 10_000_000:
+            raise DigitizerError("nobody gave up")
+        return None
+
+    still = FakeDigitizer(channels=CHANNELS[:2], pace_s=0.002, before_block=too_late)
     with pytest.raises(AcquireError) as late:
         acquire(still, tmp_path, 1, SETTINGS, 0.3)
     assert str(late.value).startswith("the light switch did not fire in time (0.3 s): check its beam")

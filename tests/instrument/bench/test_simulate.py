@@ -258,6 +258,9 @@ def test_what_only_the_optics_see_leaves_the_block_alone(base):
     x, _ = observed(base, lag, TIME)
     flight = (TIME > 1e-3) & (base.touch_time_s > TIME)
     assert x[flight] - base.block_m(TIME[flight]) == pytest.approx(SPEED * 1e-5, rel=1e-6)  # it lags behind
+    for begin in (np.zeros(1), np.array([0.0, 1e-6])):  # from the first moment on
+        x, v = observed(base, lag, begin)
+        assert x - base.block_m(begin) == pytest.approx(SPEED * 1e-5, rel=1e-6) and v == pytest.approx(-SPEED, rel=1e-6)
     shake = parse("frame_vibration:amplitude_m_per_s=1e-4,frequency_hz=100,phase_rad=1.0")
     x, v = observed(base, shake, TIME)
     extra = v - base.block_velocity_m_per_s(TIME)

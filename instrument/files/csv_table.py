@@ -222,7 +222,7 @@ def _blocks(
             )
         except (ValueError, IndexError, OverflowError) as error:
             # loadtxt counts rows from 1 in some errors and from 0 in others: only the start of the block is certain
-            cause = one_line(str(error).split(";")[0], 100)
+            cause = str(error).split(";")[0]
             raise RecordingError(path, f"{cause}, counted from line {at + 1}") from None
         if values.size:
             yield values

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from analysis.shot import Role, Setup
 from instrument.files.atomic_file import write_toml_atomic
 from instrument.files.checked import Checked
-from instrument.files.recording_error import RecordingError, one_line
+from instrument.files.recording_error import RecordingError, shown
 from instrument.files.recording_metadata import RATES_HZ, setup_json, setup_of
 from instrument.files.text_file import read_toml
 
@@ -50,8 +50,8 @@ class ForeignContents:
         for channel in self.channels:
             if channel.name == name:
                 return channel
-        shown = ", ".join(repr(c.name) for c in self.channels[:8])
-        raise RecordingError(self.path, f"no channel {one_line(repr(name), 60)}; it holds {shown or 'none'}")
+        held = ", ".join(repr(c.name) for c in self.channels[:8])
+        raise RecordingError(self.path, f"no channel {shown(name)}; it holds {held or 'none'}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ def checked_channels(path: Path, channels: Sequence[ForeignChannel]) -> tuple[Fo
     for channel in channels:
         if channel.samples > MOST_SAMPLES:
             cause = f"{channel.samples} samples, more than {MOST_SAMPLES}"
-            raise RecordingError(path, cause, one_line(channel.name, 60))
+            raise RecordingError(path, cause, channel.name)
     return tuple(channels[:MOST_CHANNELS])
 
 
@@ -127,7 +127,7 @@ def read_mapping(path: Path) -> ForeignMapping:
             raise item.refuse("volts_per_unit", "zero")
         channels.append(MappedChannel(role, name, scale, item.number("offset_v", -1e9, 1e9)))
     if unknown := sorted(set(listed.unread())):
-        raise listed.refuse(one_line(unknown[0], 40), f"is none of {', '.join(Role)}")
+        raise listed.refuse(unknown[0], f"is none of {', '.join(Role)}")
     if all(channel.role is not Role.MEASUREMENT for channel in channels):
         raise listed.refuse("measurement", "missing: the beat that the moving corner cube shifts is needed")
     return ForeignMapping(

@@ -59,12 +59,12 @@ def _column(path: Path, file: Any, name: str) -> ForeignColumn:
         index = int(number)
     item = file[stem]
     if item.external or item.is_virtual:
-        raise RecordingError(path, "its samples lie in other files; only what is inside is read", one_line(name, 60))
+        raise RecordingError(path, "its samples lie in other files; only what is inside is read", name)
     claimed = math.prod(item.shape) * item.dtype.itemsize
     if claimed > _MOST_COMPRESSED * item.id.get_storage_size():
-        raise RecordingError(path, "claims more samples than the file holds", one_line(name, 60))
+        raise RecordingError(path, "claims more samples than the file holds", name)
     if item.chunks is not None and math.prod(item.chunks) * item.dtype.itemsize > _LARGEST_CHUNK_BYTES:
-        raise RecordingError(path, "stored in pieces too large to unpack", one_line(name, 60))
+        raise RecordingError(path, "stored in pieces too large to unpack", name)
     upright = index is None or item.shape[0] >= item.shape[1]
     where = slice(None) if index is None else (slice(None), index) if upright else (index, slice(None))
     return ForeignColumn(np.ascontiguousarray(item[where]), sample_rate_hz=_rate(item))

@@ -25,7 +25,7 @@ from instrument.files.foreign_file import (
     checked_channels,
     format_of,
 )
-from instrument.files.recording_error import RecordingError, one_line
+from instrument.files.recording_error import RecordingError
 from instrument.files.text_file import open_regular
 from instrument.trigger import LightSwitch, TriggerSettings
 
@@ -94,7 +94,7 @@ def read_foreign(path: Path | str, mapping: ForeignMapping) -> Recording:
     path = Path(path)
     kind = _format(path)
     if mapping.format != kind:
-        raise RecordingError(path, f"its mapping is for {one_line(mapping.format, 20)}, this is {kind}")
+        raise RecordingError(path, f"its mapping is for {mapping.format}, this is {kind}")
     contents = foreign_channels(path)
     names = [contents.channel(channel.name).name for channel in mapping.channels]
     if kind == "csv":
@@ -132,7 +132,7 @@ def _call_reader(path: Path, read: Callable[..., Result], *arguments: object) ->
     except RecordingError:
         raise
     except Exception as error:
-        cause = one_line(str(error), 100) or type(error).__name__
+        cause = str(error) or type(error).__name__
         raise RecordingError(path, f"cannot be read as {format_of(path)} ({cause})") from None
 
 
@@ -157,7 +157,7 @@ def _channel(path: Path, mapped: MappedChannel, column: ForeignColumn, into: np.
         counts, unit_per_count, offset = to_counts(values)
     except NotFinite as error:
         cause = f"sample {error.args[0]} is not a finite number"
-        raise RecordingError(path, cause, one_line(mapped.name, 60)) from None
+        raise RecordingError(path, cause, mapped.name) from None
     into[:] = counts
     volts, shift = mapped.volts_per_unit, mapped.offset_v
     if volts is None:

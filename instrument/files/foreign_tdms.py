@@ -67,13 +67,13 @@ def _channels(path: Path, file: Any) -> dict[str, Any]:
     for group in file.groups():
         for channel in group.channels():
             if any(_scales(part.properties) > _MOST_SCALES for part in (channel, group, file)):
-                raise RecordingError(path, f"more than {_MOST_SCALES} scales", one_line(channel.name, 60))
+                raise RecordingError(path, f"more than {_MOST_SCALES} scales", channel.name)
             dtype = channel.dtype
             if dtype is None or dtype.kind not in "iuf" or len(channel) < 2:
                 continue
             stored = getattr(channel.data_type, "size", None) or 1
             if len(channel) * stored > size:  # TDMS is not compressed, so the length must be false
-                raise RecordingError(path, "claims more samples than the file holds", one_line(channel.name, 60))
+                raise RecordingError(path, "claims more samples than the file holds", channel.name)
             found[f"{group.name}/{channel.name}"] = channel
     return found
 

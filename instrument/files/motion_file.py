@@ -19,7 +19,7 @@ from instrument.files import csv_table
 from instrument.files.atomic_file import write_toml_atomic
 from instrument.files.checked import Checked
 from instrument.files.foreign_file import ForeignChannel
-from instrument.files.recording_error import RecordingError, one_line, shown
+from instrument.files.recording_error import RecordingError, shown
 from instrument.files.recording_metadata import MASSES_KG, RATES_HZ
 from instrument.files.recording_search import TABLES, motion_table
 from instrument.files.text_file import read_text, read_toml
@@ -172,7 +172,7 @@ def _columns(table: Path) -> dict[str, Floats]:
             StringIO(body), delimiter=parted, usecols=list(wanted.values()), ndmin=2, dtype=np.float64, comments=None
         )
     except (ValueError, IndexError, OverflowError) as error:
-        raise RecordingError(table, _bad_cell(body, parted, wanted) or one_line(str(error), 150)) from None
+        raise RecordingError(table, _bad_cell(body, parted, wanted) or str(error)) from None
     if values.shape[0] < 2:
         raise RecordingError(table, f"{values.shape[0]} rows, at least 2 are needed")
     found = {name: np.ascontiguousarray(values[:, position]) for position, name in enumerate(wanted)}
@@ -204,5 +204,5 @@ def _bad_cell(body: str, parted: str, wanted: Mapping[str, int]) -> str | None:
             try:
                 float(cells[place])
             except ValueError:
-                return f"{name}: row {row}: {one_line(cells[place].strip(), 30)!r} is not a number"
+                return f"{name}: row {row}: {shown(cells[place].strip())} is not a number"
     return None

@@ -11,7 +11,7 @@ class RecordingError(Exception):
     """A file that cannot be read or written; the message is one line: file, key or place, cause."""
 
     def __init__(self, path: Path | str, cause: str, key: str | None = None) -> None:
-        where = f"{path}: {key}" if key else f"{path}"
+        where = f"{path}: {one_line(key)}" if key else f"{path}"
         super().__init__(one_line(f"{where}: {cause}", 600))
         self.path = str(path)
         self.key = key

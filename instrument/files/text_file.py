@@ -90,7 +90,7 @@ def _parsed(path: Path, text: str, what: str, parse: Callable[[str], Value]) -> 
     except json.JSONDecodeError as error:
         raise RecordingError(path, f"not {what} ({error.msg}, line {error.lineno})") from None
     except ValueError as error:  # TOML's own, NaN, a key twice, or a whole number of thousands of digits
-        raise RecordingError(path, f"not {what} ({one_line(str(error), 100)})") from None
+        raise RecordingError(path, f"not {what} ({error})") from None
 
 
 def _no_constant(name: str) -> NoReturn:
@@ -100,7 +100,7 @@ def _no_constant(name: str) -> NoReturn:
 def _finite_number(text: str) -> float:
     value = float(text)
     if not math.isfinite(value):
-        raise ValueError(f"{text[:20]} is beyond every number")
+        raise ValueError(f"{one_line(text)} is beyond every number")
     return value
 
 

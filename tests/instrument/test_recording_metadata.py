@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from analysis.shot.recording import Gap, Recording
-from instrument.files.recording_error import RecordingError, RecordingExists, one_line, shown, cause_of
+from instrument.files.recording_error import RecordingError, RecordingExists, cause_of, one_line, shown
 from instrument.files.recording_metadata import metadata_json, read_metadata
 from instrument.files.recording_writer import write_recording
 

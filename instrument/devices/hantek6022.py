@@ -70,7 +70,7 @@ class Hantek6022(Digitizer):
         self._rates: dict[float, int] = {}
         self._eeprom = b""
         self._reference_column = self._roles.index(Role.REFERENCE) if Role.REFERENCE in self._roles else None
-        self._codes = StreamedCodes(2e6, self._reference_column)
+        self._codes: StreamedCodes | None = None  # of the stream that was armed last
         self._fault: DigitizerError | None = None
         self._received_s: float  # when the last bytes came
         self._open()
@@ -132,10 +132,10 @@ class Hantek6022(Digitizer):
 
     def read_into(self, buffer: NDArray[np.int16], timeout_s: float) -> Block:
         """Fill ``buffer`` with codes less 128; a loss begins a new block, a fault comes after its samples."""
-        stream = self._stream
+        stream, codes = self._stream, self._codes
         end = time.monotonic() + timeout_s
-        while not self._codes.ready:
-            if stream is None or self._stream is not stream:
+        while codes is None or not codes.ready:
+            if codes is None or stream is None or self._stream is not stream:
                 return Block(0, ended=True)
             if self._fault is not None:
                 fault = self._fault
@@ -146,18 +146,18 @@ class Hantek6022(Digitizer):
                 chunk = stream.take(end - time.monotonic())
             except DigitizerError as error:
                 self._fault = error
-                self._codes.flush()
+                codes.flush()
                 continue
             if chunk is not None:
                 self._received_s = chunk.received_s
-                self._codes.accept(chunk)
+                codes.accept(chunk)
             elif self._stream is stream:
                 if time.monotonic() - self._received_s > SILENCE_S:
                     self._fault = DigitizerError(f"{NAME} sends nothing", "unplug it, plug it in again and re-arm")
-                    self._codes.flush()
+                    codes.flush()
                 elif time.monotonic() >= end:
                     return Block(0)
-        return self._codes.deliver(buffer)
+        return codes.deliver(buffer)
 
     def stop(self) -> None:
         with self._lock:

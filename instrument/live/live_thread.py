@@ -139,7 +139,7 @@ class LiveThread:
             stop = min(ring.total, self._at + self._most)
             gap = next((g for g in stream.gaps if self._gaps_seen < g[0] <= stop), None)
             if gap is not None:
-                stop = max(gap[0], self._at)
+                stop = gap[0]
             try:
                 fed = self._feed(ring, stop - self._at)
             except Overwritten:

@@ -202,7 +202,7 @@ def _first_step(counts, column, edge, least, state):  # type: ignore[no-untyped-
                 step = 1
             elif value <= state[_LOW]:
                 step = -1
-            if step == level or step == 0:
+            if step == level:
                 step = 0
             elif level == 0:  # the first level is not a step
                 level = step

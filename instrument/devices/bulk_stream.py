@@ -135,9 +135,8 @@ class BulkStream:
             transfer.timeout = 0
             transfer.callback = self._callback
         with self._ready:
-            for slot in self._slots.values():
-                if not self._submit(slot):
-                    break
+            for slot in self._slots.values():  # the system may grant fewer than are asked for
+                self._submit(slot)
             if not self._in_flight:
                 error = self._error or DigitizerError(f"{self._name}: no USB transfer could be queued", "re-plug it")
                 self._free()
@@ -186,19 +185,17 @@ class BulkStream:
             self._lib.libusb_free_transfer(slot.pointer)
         self._slots.clear()
 
-    def _submit(self, slot: _Slot) -> bool:
+    def _submit(self, slot: _Slot) -> None:
         transfer = slot.pointer.contents
         transfer.buffer = slot.codes.ctypes.data
         transfer.length = slot.size
         code = self._lib.libusb_submit_transfer(slot.pointer)
         if code == 0:
             self._in_flight += 1
-            return True
-        if code == _LIBUSB_NO_DEVICE:
+        elif code == _LIBUSB_NO_DEVICE:
             self._fail(DigitizerError(f"{self._name} was unplugged", "plug it in again and re-arm"))
         elif not self._in_flight:
             self._fail(DigitizerError(f"{self._name}: a USB transfer was refused (libusb {code})", "re-plug it"))
-        return False
 
     def _fail(self, error: DigitizerError) -> None:
         if self._error is None:
@@ -213,7 +210,7 @@ class BulkStream:
             slot = self._slots[ctypes.addressof(transfer)]
             self._in_flight -= 1
             status = transfer.status
-            if transfer.actual_length > 0 and not self._stopping:
+            if transfer.actual_length > 0:
                 self._chunks.append(Chunk(slot.codes[: transfer.actual_length], now, self._lost))
                 self._waiting_bytes += transfer.actual_length
                 self._lost = False

@@ -236,7 +236,7 @@ EEPROM_BYTES = 80
 
 _RANGE_INDEX = {10: 0, 5: 3, 2: 4, 1: 7}  # which of the eight ranges the calibration programs write for a gain
 _OFFSET, _GAIN, _FINE = 0, 32, 48  # from EEPROM_START
-_UNSET = (0x00, 0xFF)
+_UNSET = b"\x00\xff"
 
 
 def channel_of(role: Role, gain: int, column: int, eeprom: bytes) -> Channel:

@@ -138,12 +138,12 @@ def _keysight_set_now(query: Query, channel: int) -> Timing:
 
 
 def _rigol_scaling(query: Query, channel: int) -> Scaling:
-    volts, origin, reference = numbers(query(":WAV:PRE?"), 10, "the waveform's preamble")[7:10]
+    volts, origin, reference = numbers(query(":WAV:PRE?"), 10, "the waveform's preamble")[7:]
     return Scaling(volts, (128 - origin - reference) * volts)
 
 
 def _keysight_scaling(query: Query, channel: int) -> Scaling:
-    volts, origin_v, reference = numbers(query(":WAV:PRE?"), 10, "the waveform's preamble")[7:10]
+    volts, origin_v, reference = numbers(query(":WAV:PRE?"), 10, "the waveform's preamble")[7:]
     return Scaling(volts, origin_v - reference * volts)
 
 

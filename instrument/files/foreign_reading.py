@@ -57,7 +57,7 @@ def _read_wav(path: Path) -> tuple[float, Column]:
             rate, values = wavfile.read(path, mmap=True)
         except Exception:  # 24-bit samples and truncated files cannot be mapped
             rate, values = wavfile.read(path)
-    if rate <= 0 or values.size == 0 or values.dtype.kind not in "iuf":
+    if not (rate and values.size) or values.dtype.kind not in "iuf":
         raise RecordingError(path, "holds no samples")
     return float(rate), values.reshape(values.shape[0], -1)
 
@@ -110,7 +110,9 @@ def read_foreign(path: Path | str, mapping: ForeignMapping) -> Recording:
     for index, (mapped, column) in enumerate(zip(mapping.channels, columns, strict=True)):
         channels.append(_channel(path, mapped, column, counts[:, index]))
     counts.flags.writeable = False
-    unequal = any(column.values.size != samples for column in columns)
+    flags = list(contents.flags)
+    if any(column.values.size != samples for column in columns):
+        flags.append("unequal")
     recording = Recording(
         name=path.stem,
         counts=counts,
@@ -119,7 +121,7 @@ def read_foreign(path: Path | str, mapping: ForeignMapping) -> Recording:
         setup=replace(mapping.setup, digitizer_bits=_bits(mapping, columns)),
         trigger_sample=mapping.trigger_sample,
         started_at=contents.started_at,
-        flags=(*contents.flags, *(("unequal",) if unequal else ())),
+        flags=tuple(flags),
         path=str(path),
     )
     return _triggered(path, recording)

@@ -78,7 +78,7 @@ def _scan(counts, columns, window, rate, doppler, given, state):  # type: ignore
             base = _CHANNEL + _PER_CHANNEL * c
             mean = state[base + _SUM] / window
             state[base + _MEAN] = mean
-            state[base + _LEVEL] = 0.3 * np.sqrt(max(0.0, state[base + _SQUARES] / window - mean * mean))
+            state[base + _LEVEL] = 0.3 * np.sqrt(state[base + _SQUARES] / window - mean * mean)
             state[base + _CROSSINGS] = 0.0
             state[base + _SUM] = 0.0
             state[base + _SQUARES] = 0.0

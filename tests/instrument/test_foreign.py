@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from analysis.shot.recording import Air, Plate, Recording, Role, Setup
-from instrument.files import csv_table, foreign_file
+from instrument.files import csv_table, foreign_file, foreign_reading
 from instrument.files.foreign_file import (
     FOLDER_MAPPING,
     ForeignMapping,
@@ -148,10 +148,26 @@ def test_a_mapping_reads_as_it_was_written(tmp_path: Path) -> None:
         plate=Plate(0.015, 0.002, 0.0003, 0.01, 8510.0, 131e9), digitizer_bits=12,
         extra={"rig \"north\"\n": ["a", 1, 2.5, True, {"deep": "x"}], "air": {"co2": 450}},
     )  # fmt: skip
+    least, most = MappedChannel(Role.MEASUREMENT, "PD1", -1e9, -1e9), MappedChannel(Role.SWITCH, "PD1", 1e9, 1e9)
     channels = (MappedChannel(Role.REFERENCE, 'a "b"\\\n\x07é', 0.5, -1.0), MappedChannel(Role.MEASUREMENT, "PD1"))
-    mapping = ForeignMapping("tdms", channels, rig, 30e6, 17)
-    write_mapping(mapping, tmp_path / "m.toml")
-    assert read_mapping(tmp_path / "m.toml") == mapping
+    for chosen in (channels, (least, most)):
+        mapping = ForeignMapping("tdms", chosen, rig, 30e6, 17)
+        write_mapping(mapping, tmp_path / "m.toml")
+        assert read_mapping(tmp_path / "m.toml") == mapping
+
+
+@pytest.mark.parametrize(("error", "why"), [(ValueError("odd\nhead"), "odd head"), (EOFError(), "EOFError")])
+def test_what_a_formats_library_raises_is_one_line(
+    error: Exception, why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def breaks(path: Path) -> None:
+        raise error
+
+    (tmp_path / "a.wav").write_bytes(b"RIFF")
+    monkeypatch.setitem(foreign_reading._CONTENTS, "wav", breaks)
+    with pytest.raises(RecordingError) as refusal:
+        foreign_channels(tmp_path / "a.wav")
+    assert str(refusal.value) == f"{tmp_path / 'a.wav'}: cannot be read as wav ({why})"
 
 
 @pytest.mark.parametrize(
@@ -162,6 +178,10 @@ def test_a_mapping_reads_as_it_was_written(tmp_path: Path) -> None:
         ('format = "wav"\n[channels.measurement]\nname = 3\n', "name"),
         ('format = "wav"\n[channels.measurement]\nname = "a"\n', "setup"),
         (f"{HEAD}volts_per_unit = 0.0\n[setup]\nmoving_mass_kg = 1.0", "zero"),
+        (f"{HEAD}volts_per_unit = 1.01e9\n[setup]\nmoving_mass_kg = 1.0", r"10000000.0 is not from -1e\+09 to 1e\+09"),
+        (f"{HEAD}volts_per_unit = -1.01e9\n[setup]\nmoving_mass_kg = 1.0", r"10000000.0 is not from -1e\+09 to 1e\+09"),
+        (f"{HEAD}offset_v = 1.01e9\n[setup]\nmoving_mass_kg = 1.0", r"10000000.0 is not from -1e\+09 to 1e\+09"),
+        (f"{HEAD}offset_v = -1.01e9\n[setup]\nmoving_mass_kg = 1.0", r"10000000.0 is not from -1e\+09 to 1e\+09"),
         (f"{HEAD}[setup]\nmoving_mass_kg = nan", "moving_mass_kg"),
         ('format = "wav"\n[channels.light]\nname = "a"\n[channels.measurement]\nname = "a"\n', "light"),
         (f"sample_rate_hz = -1\n{HEAD}[setup]\nmoving_mass_kg = 1", "sample_rate"),

@@ -250,7 +250,7 @@ def test_a_reader_that_is_late_loses_what_no_transfer_was_queued_for_and_that_is
     try:
         stream.start()
         end = time.monotonic() + 20.0
-        while libusb.queued and time.monotonic() < end:
+        while stream._in_flight and time.monotonic() < end:
             time.sleep(0.01)
         waiting = libusb.brought
         assert waiting == 64 + 12  # those in flight when the room was spent came all the same

@@ -1,5 +1,7 @@
 """Lost packets are found at the right place, and nothing else is reported as lost."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -102,6 +104,22 @@ def test_the_clock_finds_a_loss_among_late_deliveries(lost_s: float, told_after_
     assert told[0][1] == pytest.approx(lost_s * rate, rel=0.15)
     late_in_the_day = _clocked(np.full(chunks, size), times + 86_000.0, rate)  # whatever the computer's clock shows
     assert [(now - 86_000.0, lost) for now, lost in late_in_the_day] == [pytest.approx(one, rel=1e-6) for one in told]
+
+
+@pytest.mark.parametrize(("after_s", "losses"), [(2.4, 1), (2.6, 2)])
+def test_a_loss_that_the_clock_shows_is_the_one_before_up_to_two_and_a_half_seconds(
+    after_s: float, losses: int
+) -> None:
+    stream, blocks = StreamedCodes(2e6, None), []  # type: ignore[var-annotated]
+    behind = {10.0 + after_s: 4096}
+    stream._clock = SimpleNamespace(count=lambda size, now: behind.get(now, 0))  # type: ignore[assignment]
+    for now_s, lost_before in ((9.0, False), (10.0, True), (10.0 + after_s, False), (13.0, False)):
+        stream.accept(Chunk(np.zeros(512 * 20, np.uint8), now_s, lost_before))
+        _drain(stream, blocks)
+    stream.flush()
+    _drain(stream, blocks)
+    assert sum(lost is None for _, lost in blocks) == losses
+    assert sum(len(counts) for counts, _ in blocks) == 256 * (4 * 20 - 8)
 
 
 @pytest.mark.parametrize(("lost_s", "told_after"), [(0.012, range(120, 170)), (0.05, range(10, 40))])

@@ -407,6 +407,27 @@ class Context:
         self.did.append("close")
 
 
+@pytest.mark.parametrize("refused", [False, True])
+def test_what_is_left_of_a_stream_is_none_of_the_next(ring: SharedRing, refused: bool) -> None:
+    parent, buffer = Parent(ring, [BlockReady(5, 0, Block(7))]), np.zeros((5, 2), np.int16)
+    assert parent.read_into(buffer, 0.0).samples == 5
+
+    def request(kind: str, *of: object, **how: object) -> Answer:
+        if refused:
+            raise DigitizerError("too fast", "choose a lower rate")
+        return Answer(8, None, blocks=3)
+
+    parent._arm_s, parent._child.request = 1.0, request  # type: ignore[method-assign, assignment]
+    parent._ring_for = lambda settings: None  # type: ignore[method-assign]
+    if refused:
+        with pytest.raises(DigitizerError, match="too fast"):
+            parent.arm(ONE)
+    else:
+        parent.arm(ONE)
+        assert (parent._run, parent._blocks) == (8, 3)
+    assert parent.read_into(buffer, 0.0) == Block(0, ended=refused)
+
+
 @pytest.mark.parametrize("alive", [False, True])
 def test_a_device_s_process_is_started_with_one_end_of_each_pipe_and_ended_by_force_where_it_does_not_end(
     alive: bool, monkeypatch: pytest.MonkeyPatch

@@ -90,7 +90,6 @@ def _rescued(capture: Capture) -> str:
 
 
 def _wait(capture: Capture, index: int, timeout_s: float, faults: list[str]) -> FinishedShot:
-    armed = False
     while True:
         now = capture.latest()
         for shot in now.finished:
@@ -98,7 +97,6 @@ def _wait(capture: Capture, index: int, timeout_s: float, faults: list[str]) -> 
                 return shot
         if now.state is State.FAULT:
             raise _Failed(faults[-1] if faults else now.message)
-        armed |= now.state is not State.IDLE
-        if armed and now.state is State.IDLE and now.message:
+        if now.state is State.IDLE and now.message:
             raise _Failed(f"{now.message} ({timeout_s:g} s): {now.remedy}")
         time.sleep(_LOOK_S)

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from io import StringIO
 from itertools import islice, pairwise
 from pathlib import Path
 from typing import TextIO
@@ -179,7 +180,7 @@ def _beginning(path: Path) -> list[str]:
         raw = file.read(_HEADER_BYTES)
     if b"\x00" in raw:
         raise RecordingError(path, "not a text table")
-    lines = raw.decode("utf-8-sig", "replace").splitlines()
+    lines = list(StringIO(raw.decode("utf-8-sig", "replace"), newline=None))  # ends of lines as in ``_text``
     return lines[: -1 if size > len(raw) else None][:_HEADER_LINES]
 
 

@@ -235,7 +235,7 @@ def to_counts(values: Column) -> tuple[NDArray[np.int16], float, float]:
     step = 2**20
     for start in range(0, values.size, step):  # block by block, to save the memory of a copy in floats
         block = values[start : start + step].astype(np.float64)
-        counts[start : start + step] = np.clip(np.rint((block - offset) / unit), -_RAIL, _RAIL)
+        counts[start : start + step] = np.rint((block - offset) / unit)
     return counts, unit, offset
 
 

@@ -50,7 +50,7 @@ def cause_of(error: OSError) -> str:
 def shown(value: Any) -> str:
     """Return a value from a file, shortened for a message."""
     if isinstance(value, str):
-        return one_line(repr(value[: _SHOWN + 1]), _SHOWN)
+        return one_line(repr(value[:_SHOWN]), _SHOWN)
     if isinstance(value, dict):
         return "an object"
     if isinstance(value, list):

@@ -80,6 +80,14 @@ def test_a_shot_holds_what_was_asked_for_around_the_step_and_the_stream_goes_on(
     assert (second.counts[:, 1] == samples(FIRST + 20_000 - 4_000, 20_000)[:, 1]).all()  # the step down, after the shot
 
 
+def test_a_shot_that_holds_a_second_step_keeps_the_first_as_its_trigger(tmp_path: Path) -> None:
+    stepped = Stepped(tmp_path, options=CaptureOptions(tmp_path, replace(SETTINGS, samples=40_000)))
+    stepped.take("arm", False)
+    stepped.turn(lambda: stepped.state is State.TRANSFERRING)
+    shot = stepped.shots[0][0]
+    assert shot.trigger_sample == 4_000 and np.ptp(shot.counts[10_000:, 2]) == 1_500
+
+
 def test_steps_that_passed_before_the_arming_start_no_shot(stepped: Stepped) -> None:
     stepped.thread._watch()
     stepped.turn(lambda: stepped.digitizer.at >= FIRST + 5_000)

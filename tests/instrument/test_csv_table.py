@@ -148,6 +148,17 @@ def test_a_rate_is_read_from_a_thousand_rows_and_must_be_even_in_all(tmp_path) -
     (column,) = csv_table.columns(path, ["a"], True)
     assert column.sample_rate_hz == pytest.approx(4.0) and column.values.tolist() == list(range(1500))
     assert csv_table.columns(path, ["a"], False)[0].sample_rate_hz is None
+    path = _table(tmp_path / "b.csv", "a,t,b\n", [(n * n, 0.25 * n, -n) for n in range(9)])
+    for names in (["a", "b"], ["b", "a"]):
+        assert [one.sample_rate_hz for one in csv_table.columns(path, names, True)] == [4.0, 4.0]
+
+
+def test_a_header_may_hold_what_ends_a_page_or_a_paragraph(tmp_path) -> None:
+    for header in ("page\x0c\n", "a\x0bb\u2028c\u0085d\n", "one\r\ntwo\r\n"):
+        path = tmp_path / "a.csv"
+        path.write_text(f"{header}a,b\n1,2\n3,4\n5,6\n", encoding="utf-8", newline="")
+        assert [one.samples for one in csv_table.contents(path).channels] == [3, 3]
+        assert csv_table.columns(path, ["b"], False)[0].values.tolist() == [2.0, 4.0, 6.0]
 
 
 @pytest.mark.parametrize(("off", "even"), [(0.39, True), (0.41, False)])

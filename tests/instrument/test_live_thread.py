@@ -168,6 +168,10 @@ def test_a_new_stream_begins_with_empty_curves_and_is_demodulated_in_quarters_of
     live._look(10.0)
     live.skipped, live._rest, live._problem = 7, None, "dim"
     assert live._window.curves()[0].size > 0 and live._most == 50_000
+    newest = np.arange(148_000, 150_000)
+    assert live.view.raw_time_s == pytest.approx(newest / RATE_HZ)
+    assert live.view.raw_v[:, 0] == pytest.approx(np.rint(900 * np.sin(2 * np.pi * 0.091 * newest)) * 1e-3)
+    assert live.view.skipped == 100_000  # more than half of the ring waited
     asked: list[object] = []
     live._newest = lambda: second
     real = live._begin

@@ -309,7 +309,7 @@ def test_what_changed_is_written_down_four_times_a_second_while_samples_come(
         with pytest.raises(RecordingError, match="do not fit its channels"):
             writer.append(wrong)
     assert writer.close(interrupted=True) == writer.meta_path and synced == [False] * 3 + [True]
-    assert read_metadata(writer.meta_path).sha512 is None
+    assert read_metadata(writer.meta_path).sha512 is None and writer._file.closed
     writer.release()
     writer.abandon()
     writer.abandon()

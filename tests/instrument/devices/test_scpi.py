@@ -305,10 +305,13 @@ def test_a_command_is_sent_whole_and_has_three_seconds_for_it_whatever_was_recei
         link.query("*IDN?")
         real, did = link._socket, []  # type: ignore[var-annotated]
         link._socket = SimpleNamespace(  # type: ignore[assignment]
-            settimeout=lambda longest_s: did.append(longest_s), sendall=lambda sent: did.append(sent)
+            settimeout=did.append, sendall=did.append, recv=lambda most: (did.append(most), b"ab")[1]
         )
         link.write(":SING")
         assert did == [3.0, b":SING\n"]
+        link._receive(0.07)  # and no longer than is asked for what comes
+        assert did[2:] == [0.07, 1 << 18] and link._received == b"ab"
+        link._received.clear()
         link._socket = real
         assert link.query("*IDN?").startswith("RIGOL")
         link.close()
@@ -637,6 +640,17 @@ def test_dialects_are_told_by_the_maker() -> None:
     with pytest.raises(DigitizerError, match="no dialect for the instrument 'TEKTRONIX,TDS1002': known are"):
         dialect_of("TEKTRONIX,TDS1002")
     assert len(DIALECTS) == 3
+    rigol, siglent, keysight = (dialect_of(maker).is_done for maker in ("RIGOL", "SIGLENT", "KEYSIGHT"))
+    for stops in (rigol, siglent):
+        assert [stops(answer) for answer in ("STOP", "Stop", "RUN", "WAIT", "")] == [True, True, False, False, False]
+    assert [keysight(answer) for answer in ("0", "+8", "1", "9", "247", "4095")] == [
+        True,
+        False,
+        True,
+        False,
+        True,
+        False,
+    ]
 
 
 @pytest.mark.parametrize(

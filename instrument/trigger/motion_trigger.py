@@ -11,7 +11,8 @@ _CONFIRMED_BY = 2  # windows in a row beyond the threshold
 # indices into the state: of the windows, then six for each of the two channels
 _POSITION, _WINDOWS, _REST, _QUIET, _BEYOND, _SEEN = _OF_WINDOWS = range(6)
 _MEAN, _LEVEL, _SIDE, _CROSSINGS, _SUM, _SQUARES = _OF_CHANNEL = range(6)
-_CHANNEL, _PER_CHANNEL = len(_OF_WINDOWS), len(_OF_CHANNEL)
+_CHANNEL = len(_OF_WINDOWS)
+_PER_CHANNEL = len(_OF_CHANNEL)
 
 
 class MotionTrigger:

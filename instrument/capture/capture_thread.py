@@ -139,7 +139,7 @@ class CaptureThread:
             self.machine.set_automatic(what)
         elif kind == "abort":
             self._do(self.machine.handle(Event.ABORT))
-            if self.machine.status.state is State.IDLE and not self.run.running:
+            if self.machine.status.state is State.IDLE:
                 self._watch()
         elif kind == "fire":
             self._fire = self.machine.status.state is State.ARMED

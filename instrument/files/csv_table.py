@@ -202,7 +202,7 @@ def _seconds(layout: _Layout) -> float:
 
 
 def _text(path: Path) -> TextIO:
-    return open(path, encoding="utf-8-sig", errors="replace", newline=None)
+    return open(path, encoding="utf-8-sig", errors="replace")
 
 
 def _blocks(

@@ -178,15 +178,12 @@ def _bits(mapping: ForeignMapping, columns: list[ForeignColumn]) -> int:
 
 
 def _rate(path: Path, mapping: ForeignMapping, columns: list[ForeignColumn]) -> float:
-    rates = {column.sample_rate_hz for column in columns}
-    rate = next(iter(rates))
-    if len(rates) > 1 and None not in rates:
-        known = [r for r in rates if r is not None]
-        if max(known) - min(known) > 1e-9 * max(known):
-            raise RecordingError(path, "its channels were sampled at different rates")
-    if rate is None:
+    rates = [column.sample_rate_hz for column in columns if column.sample_rate_hz is not None]
+    if not rates:
         raise RecordingError(path, "does not state its sample rate; give it in the mapping (--rate)")
-    return rate
+    if max(rates) - min(rates) > 1e-9 * max(rates):
+        raise RecordingError(path, "its channels were sampled at different rates")
+    return rates[0]
 
 
 def _triggered(path: Path, recording: Recording) -> Recording:

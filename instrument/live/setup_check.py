@@ -140,7 +140,7 @@ def try_signals(
             ended = block.ended
             if len(part) and not newest.size and not able.hardware_trigger:
                 end = clock() + seconds
-            if switch is not None and len(part):
+            if switch is not None:
                 switch.first_step(part)
             newest = np.concatenate((newest, part))[-CHECKED_SAMPLES:]
             if clock() >= look_at and len(newest) == CHECKED_SAMPLES:

@@ -242,6 +242,8 @@ def test_bits_and_rate_of_columns() -> None:
     assert _rate(path, mapping, [column(np.int8), column(np.int8, 1e6 * (1 + 5e-10))]) == pytest.approx(1e6)
     with pytest.raises(RecordingError, match="different rates"):
         _rate(path, mapping, [column(np.int8), column(np.int8, 1e6 * (1 + 2e-9))])
+    for columns in ((None, 1e6), (1e6, None)):  # a channel without a rate has that of the others
+        assert _rate(path, mapping, [column(np.int8, rate) for rate in columns]) == 1e6
     with pytest.raises(RecordingError, match="does not state"):
         _rate(path, mapping, [column(np.int8, None)])
 

@@ -6,6 +6,7 @@ import re
 import sys
 from collections import namedtuple
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -133,6 +134,12 @@ def test_of_a_bare_computer_every_check_is_told_with_what_is_missing(
     assert installed["USB permission"] == Check("USB permission", Grade.OK, f"udev rule installed in {tmp_path}")
     monkeypatch.setattr(sys, "platform", "darwin")
     assert "USB permission" not in {check.name for check in examine(tmp_path, ScriptedUsb([]))}
+    monkeypatch.setattr(importlib.metadata, "version", lambda name: f"{name} 9")
+    there = {check.name: check.line for check in examine(tmp_path, ScriptedUsb([]))}
+    assert there["numpy"] == "numpy 9" and there["pyvisa"] == "pyvisa 9"
+    assert there["niscope"].startswith("not installed, needed for NI cards only")  # it cannot be imported all the same
+    monkeypatch.setitem(sys.modules, "niscope", ModuleType("niscope"))
+    assert {check.name: check.line for check in examine(tmp_path, ScriptedUsb([]))}["niscope"] == "package niscope 9"
 
 
 def test_the_doctor_survives_a_part_that_fails(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -93,3 +93,6 @@ def test_a_rescued_shot_lies_in_the_home_folder_closed_to_others_else_with_the_t
             acquire(FakeDigitizer(), tmp_path / "out", 1, SETTINGS, 20.0)
         rescued = places[used] / RESCUED
         assert len(list(rescued.glob("*.sigmf-meta"))) == 1 and rescued.stat().st_mode & 0o777 == 0o700
+    with pytest.raises(AcquireError, match=f"the shot was saved to {rescued}"):
+        acquire(FakeDigitizer(), tmp_path / "out", 1, SETTINGS, 20.0)
+    assert len(list(rescued.glob("*.sigmf-meta"))) == 2  # beside the one before

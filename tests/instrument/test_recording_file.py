@@ -314,6 +314,10 @@ def test_what_changed_is_written_down_four_times_a_second_while_samples_come(
     writer.abandon()
     writer.abandon()
     assert list(tmp_path.iterdir()) == []
+    kept = RecordingWriter(tmp_path / "s", shot.sample_rate_hz, shot.channels, shot.setup)
+    kept.append(shot.counts[:10])
+    kept.release()
+    assert kept._file.closed and read_recording(tmp_path / "s").samples == 10
 
 
 def test_a_note_is_changed_in_place(shot: Recording, tmp_path: Path) -> None:

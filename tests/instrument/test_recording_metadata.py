@@ -138,6 +138,7 @@ def test_a_number_is_read_up_to_its_limits_and_refused_by_name_beyond(
         (("global", "core:trailing_bytes"), 4, "core:trailing_bytes: only recordings whose data file holds nothing"),
         (("global", "core:metadata_only"), True, "core:metadata_only: only recordings whose data file holds nothing"),
         (("captures", 0, "core:header_bytes"), 1, "captures[0].core:header_bytes: only data files that hold nothing"),
+        (("captures", 0, "core:sample_start"), "x", "captures[0].core:sample_start: 'x' is not a whole number"),
         (("global", "core:dataset"), "s.sigmf-meta", "core:dataset: names another file"),
         (("annotations", 1, "core:sample_start"), None, "annotations[1].core:sample_start: missing on a gap"),
         ((*SETUP, "moving_mass_kg"), None, "lmm:setup.moving_mass_kg: missing"),

@@ -299,6 +299,23 @@ def test_no_answer_is_a_fault() -> None:
         assert link.query("*IDN?").startswith("RIGOL")
 
 
+@pytest.mark.parametrize(("port", "tried"), [(None, [5025, 5555]), (77, [77])])
+def test_the_usual_ports_are_tried_in_turn_each_for_as_long_as_is_allowed(
+    port: int | None, tried: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[object, ...]] = []
+
+    def closed(address: tuple[str, int], timeout: float = math.inf) -> None:
+        asked.append((*address, timeout))
+        raise OSError(111, "Connection refused")
+
+    monkeypatch.setattr(socket, "create_connection", closed)
+    where = "scope.lab" if port is None else "scope.lab:77"
+    with pytest.raises(DigitizerError, match=f"oscilloscope at {where} does not answer .*refused.*: check its network"):
+        SocketTransport("scope.lab", port, 2.5)
+    assert asked == [("scope.lab", one, 2.5) for one in tried]
+
+
 def test_a_command_is_sent_whole_and_has_three_seconds_for_it_whatever_was_received_before() -> None:
     with TcpScope(EmulatedScope("rigol")) as server:
         link = SocketTransport("127.0.0.1", server.port)

@@ -74,7 +74,7 @@ def write_atomic(path: Path, content: Iterable[bytes | memoryview], *, sync: boo
             path.write_bytes(b"".join(content))
             return
         path = Path(os.path.realpath(path))
-        short = hashlib.sha256(os.fsencode(path.name)).hexdigest()[:12]  # a long name must not become too long
+        short = hashlib.sha1(os.fsencode(path.name)).hexdigest()  # a long name must not become too long
         new = path.with_name(f".{short}.{os.getpid()}-{threading.get_ident()}.new")  # other threads may write it too
         try:
             with open(new, "wb") as file:

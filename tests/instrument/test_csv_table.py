@@ -148,6 +148,9 @@ def test_a_rate_is_read_from_a_thousand_rows_and_must_be_even_in_all(tmp_path) -
     (column,) = csv_table.columns(path, ["a"], True)
     assert column.sample_rate_hz == pytest.approx(4.0) and column.values.tolist() == list(range(1500))
     assert csv_table.columns(path, ["a"], False)[0].sample_rate_hz is None
+    for rows, rate in ((1000, 4.0), (999, 999 / 250.75)):  # after which the table takes longer steps
+        path = _table(tmp_path / "c.csv", "t,a\n", [(0.25 * n + max(0, n - rows + 1), n) for n in range(1200)])
+        assert csv_table.contents(path).channels[0].sample_rate_hz == pytest.approx(rate, rel=1e-9)
     path = _table(tmp_path / "b.csv", "a,t,b\n", [(n * n, 0.25 * n, -n) for n in range(9)])
     for names in (["a", "b"], ["b", "a"]):
         assert [one.sample_rate_hz for one in csv_table.columns(path, names, True)] == [4.0, 4.0]

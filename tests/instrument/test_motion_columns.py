@@ -48,6 +48,7 @@ def test_a_table_with_decimal_commas_and_without_a_time(tmp_path: Path) -> None:
     path = written(tmp_path / "a.csv", "n;Weg (mm)", np.arange(4.0), 1e3 * LENGTH_M, parted=";", comma=True)
     with pytest.raises(RecordingError, match="no column is the time"):
         save_columns(path, MotionColumns("Weg", "mm"))
+    assert (MotionColumns("Weg", "mm").model, MotionColumns("Weg", "mm").moving_mass_kg) == ("contact", None)
     assert list(tmp_path.iterdir()) == [path]  # what cannot be read is not remembered
     save_columns(path, MotionColumns("Weg", "mm", sample_rate_hz=2e3))
     record = read_motion(path)

@@ -95,6 +95,10 @@ def test_a_folder_is_played_in_order_and_broken_ones_are_named(shot: Recording, 
         digitizer.default_settings()
     assert digitizer.capabilities.name == "replay of shot-1" and digitizer.setup == shot.setup
     assert digitizer.capabilities.channels[2].role is Role.SWITCH
+    two = ReplayDigitizer([tmp_path / "shot-0.sigmf-meta", tmp_path / "shot-2.sigmf-meta"])
+    assert two.capabilities.name == "replay of shot-2"
+    with pytest.raises(DigitizerError, match=r"shot-0.*not JSON.*: replay another recording"):
+        ReplayDigitizer([tmp_path / "shot-0.sigmf-meta"])
     with pytest.raises(DigitizerError, match="nothing to replay"):
         ReplayDigitizer([])
     with pytest.raises(DigitizerError, match="no such file"):

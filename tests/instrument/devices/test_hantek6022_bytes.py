@@ -176,6 +176,7 @@ def test_the_firmware_is_loaded_and_the_device_found_again(tmp_path: Path) -> No
     assert bus.timeouts_ms == [1000] * 4 + [500] and bus.claimed == [0]
     assert scope.capabilities.rates_hz[:3] == (12e6, 8e6, 4e6)  # the sigrok firmware's
     assert scope.default_settings() == CaptureSettings(12e6, 2_000_000, 300_000)
+    assert scope.capabilities.unseen_loss_s == 0.0  # PD0 tells every loss
     scope.close()
     bus.finish()
 

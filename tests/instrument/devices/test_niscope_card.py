@@ -270,7 +270,9 @@ def test_a_wait_for_the_trigger_returns_in_time_and_ends_with_a_stop() -> None:
     card = NiscopeCard("Dev1", package=Card(polls=10**9))
     card.arm(CaptureSettings(30e6, 100, 10))
     assert card._worker is not None and card._worker.daemon
-    assert [channel.volts_per_count for channel in card.capabilities.channels] == [2 / 65536] * 2  # the usual range
+    scales = [(channel.volts_per_count, channel.offset_v) for channel in card.capabilities.channels]
+    assert scales == [(2 / 65536, 0.0)] * 2  # of the usual range
+    assert ("edge", "2", 1.0, "dc", "up") in card._niscope.calls  # and the usual trigger
     assert card.read_into(np.empty((100, 2), np.int16), 0.01) == Block(0)
     card.stop()
     assert card._worker is None

@@ -95,22 +95,15 @@ def _steps(bend: NDArray[np.float64], judged: NDArray[np.bool_], limit: float) -
     ``bend[i]`` is centred on packet i + 1, so a step before packet m shows in bend m - 2 and m - 1.
     """
     beyond = judged & (np.abs(bend) > limit)
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], beyond, [False]))))
     found = []
-    i = 0
-    while i < bend.size:
-        if not beyond[i]:
-            i += 1
-            continue
-        end = i
-        while end < bend.size and beyond[end]:
-            end += 1
-        group = bend[i:end]
+    for begin, end in edges.reshape(-1, 2).tolist():
+        group = bend[begin:end]
         if end == bend.size and group.size < 3:
             break  # undecided without the next packets
         disturbed = group.size == 3 and abs(group.sum()) < limit and abs(group[0] - group[2]) < limit
         if group.size >= 2 and not disturbed:
-            found.append(i + 2)
+            found.append(begin + 2)
         if end == bend.size:
             return found, True
-        i = end
     return found, False

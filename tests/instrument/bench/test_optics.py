@@ -1,13 +1,23 @@
 """Photodiodes and switch: frequency, sign, amplitude, noise, steps, rails, and when the switch fires."""
 
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
 from scipy.stats import norm
 
 from analysis.shot.recording import Role
-from instrument.bench.optics import FLIGHT_NODES_S, HELD_NODES_S, DropOut, Optics, Path, fill, node_times_s
+from instrument.bench.optics import (
+    FLIGHT_NODES_S,
+    HELD_NODES_S,
+    DropOut,
+    Optics,
+    Path,
+    _turns_modulo_one,
+    fill,
+    node_times_s,
+)
 from instrument.bench.sines import path_vibration
 
 RATE = 10e6
@@ -98,6 +108,13 @@ def test_counts_are_the_beats_of_all_light_and_the_edge_of_the_switch(order, wit
     expected = np.stack(volts[0 if with_reference else 1 :], axis=1) / optics.volts_per_count
     assert np.abs(out - expected).max() < 1.0  # half a step, and what float32 leaves of 16 bits
     assert optics.light(np.array([25.0001, 25.0002, 25.0003, 25.0004])).tolist() == [1.0, 0.4, 0.4, 1.0]
+
+
+def test_the_phase_of_a_beat_is_exact_after_days():
+    for sample in (0, 7, 10**9, 3 * 10**13):
+        turns = _turns_modulo_one(2.73e6, sample, 30e6)  # 91 turns in a thousand samples
+        assert turns == pytest.approx(91 * sample % 1000 / 1000, abs=1e-15)
+    assert _turns_modulo_one(0.1, 10**13, 1.0) == float(Fraction(0.1) * 10**13 % 1)  # 0.1 is no tenth
 
 
 def test_amplitude_offset_and_noise_are_as_stated():

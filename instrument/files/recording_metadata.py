@@ -186,13 +186,14 @@ def _annotations(whole: Checked) -> _Annotations:
                 raise item.refuse("core:sample_start", "missing on a gap")
             gaps.append(Gap(start, item.whole("lmm:samples_lost", 0, _MOST_SAMPLES)))
         elif label == "note":
-            notes.append(item.text("core:comment", _LONGEST_NOTE) or "")
+            if comment := item.text("core:comment", _LONGEST_NOTE):
+                notes.append(comment)
             if start == 0 and count:  # a note is about the shot: its extent is the shot's
                 note_samples = max(note_samples or count, count)
         else:
             foreign.append(dict(item.values))
     gaps.sort(key=lambda gap: gap.sample_start)
-    return _Annotations(tuple(gaps), "\n".join(n for n in notes if n), foreign, ends, note_samples)
+    return _Annotations(tuple(gaps), "\n".join(notes), foreign, ends, note_samples)
 
 
 def metadata_json(metadata: Metadata) -> dict[str, Any]:

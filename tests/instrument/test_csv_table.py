@@ -193,6 +193,11 @@ def test_a_column_comes_with_its_time_or_with_a_rate_that_is_given_or_stated(tmp
     assert csv_table.timed_column(uneven, "a", 4.0)[0].tolist() == [0.0, 0.25, 0.5]
     stated = _table(tmp_path / "b.csv", "A,B,Start,Increment\nx,y,0,0.5\n", [(1, 2), (3, 4)])
     assert [part.tolist() for part in csv_table.timed_column(stated, "B", None)] == [[0.0, 0.5], [2, 4]]
+    for timed, rate in ((True, 2.0), (False, None)):
+        assert csv_table.columns(stated, ["B"], timed)[0].sample_rate_hz == rate
+    for value in ("a lot", "0", "-0.5"):  # no step
+        unstated = _table(tmp_path / "e.csv", f"A,B,Start,Increment\nx,y,0,{value}\n", [(1, 2), (3, 4)])
+        assert {one.sample_rate_hz for one in csv_table.contents(unstated).channels} == {None}
     with pytest.raises(RecordingError, match="no column is the time"):
         csv_table.timed_column(_table(tmp_path / "c.csv", "a,b\n", [(1, 2), (3, 4)]), "b", None)
     with pytest.raises(RecordingError, match="1 rows of numbers, at least 2"):

@@ -6,6 +6,7 @@ import wave
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from analysis.shot.recording import Air, Plate, Recording, Role, Setup
-from instrument.files import csv_table, foreign_file, foreign_reading
+from instrument.files import csv_table, foreign_file, foreign_reading, foreign_tdms
 from instrument.files.foreign_file import (
     FOLDER_MAPPING,
     ForeignMapping,
@@ -154,6 +155,36 @@ def test_a_mapping_reads_as_it_was_written(tmp_path: Path) -> None:
         mapping = ForeignMapping("tdms", chosen, rig, 30e6, 17 if chosen is channels else 0)
         write_mapping(mapping, tmp_path / "m.toml")
         assert read_mapping(tmp_path / "m.toml") == mapping
+
+
+@pytest.mark.parametrize(
+    ("changed", "scale"),
+    [
+        ({}, (0.25, -3.0)),
+        ({"NI_Scale[0]_Linear_Slope": 1.1e-30}, (1.1e-30, -3.0)),
+        ({"NI_Scale[0]_Linear_Slope": -1.1e-30}, (-1.1e-30, -3.0)),
+        ({"NI_Scale[0]_Linear_Slope": 0.9e-30}, None),
+        ({"NI_Scale[0]_Linear_Slope": np.inf}, None),
+        ({"NI_Scale[0]_Linear_Y_Intercept": np.nan}, None),
+        ({"NI_Scale[0]_Linear_Y_Intercept": "low"}, None),
+        ({"NI_Scale[0]_Scale_Type": "Polynomial"}, None),
+        ({"NI_Number_Of_Scales": 2}, None),
+        ({"NI_Number_Of_Scales": None}, None),
+    ],
+)
+def test_counts_keep_one_linear_scale_that_can_be(
+    changed: dict[str, object], scale: tuple[float, float] | None
+) -> None:
+    usual: dict[str, object] = {"NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear"}
+    usual |= {"NI_Scale[0]_Linear_Slope": 0.25, "NI_Scale[0]_Linear_Y_Intercept": -3.0}
+    assert foreign_tdms._linear_scale(usual | changed) == scale
+    assert foreign_tdms._linear_scale({}) is None
+
+
+@pytest.mark.parametrize(("step", "possible"), [(1.1e-12, True), (0.9e-12, False), (0.9e12, True), (1.1e12, False)])
+def test_a_step_of_tdms_lies_between_a_picosecond_and_its_inverse(step: float, possible: bool) -> None:
+    found = foreign_tdms._rate(SimpleNamespace(properties={"wf_increment": step}))
+    assert found == (pytest.approx(1 / step) if possible else None)
 
 
 @pytest.mark.parametrize(("error", "why"), [(ValueError("odd\nhead"), "odd head"), (EOFError(), "EOFError")])

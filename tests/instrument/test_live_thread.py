@@ -182,6 +182,17 @@ def test_a_new_stream_begins_with_empty_curves_and_is_demodulated_in_quarters_of
     assert (live.skipped, live._problem, live._at) == (0, None, 0)
 
 
+def test_a_picture_is_drawn_where_there_is_something_new(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = _stream()
+    live = LiveThread(lambda: stream, lambda: tmp_path)
+    drawn: list[int] = []
+    monkeypatch.setattr(live, "_draw", lambda stream: drawn.append(stream.ring.total))
+    for more in (0, 0, 100, 0):
+        append(stream.ring, np.zeros((more, 1), np.int16))
+        live._look(10.0)
+    assert drawn == [150_000, 150_100]
+
+
 class Fed:
     """Stands for the demodulator: notes what it is fed, one number a sample, and "gap" with the samples lost."""
 

@@ -192,6 +192,9 @@ def test_what_says_nothing_is_no_fault_and_what_is_left_out_has_its_usual_value(
     meta.write_text(json.dumps(whole))
     bare = read_metadata(meta)
     assert (bare.gaps, bare.note, bare.started_at, bare.at_least_samples) == ((), "", None, 7001)
+    del head["lmm:trigger_sample"]
+    meta.write_text(json.dumps(whole))
+    assert (read_metadata(meta).trigger_sample, read_metadata(meta).at_least_samples) == (None, 0)
 
 
 def test_a_value_is_shown_in_one_short_line() -> None:

@@ -165,6 +165,18 @@ def test_the_ring_holds_a_lag_of_a_second_and_a_half_within_its_memory(
     assert parent._ring_for(settings) is not None and made[-1][1] == 2
 
 
+def test_memory_for_another_lag_replaces_the_one_before() -> None:
+    parent = Parent(None, [])
+    given = parent._ring_for(CaptureSettings(1e6, 10, 1))
+    first = parent._ring
+    assert first is not None and given == (first.name, first.capacity, 3)
+    assert parent._ring_for(CaptureSettings(1e6, 99, 9)) is None and parent._ring is first  # it fits
+    assert parent._ring_for(CaptureSettings(2e6, 10, 1)) is not None and parent._ring is not first
+    assert first._memory.buf is None
+    parent._forget_ring()
+    assert parent._ring is None
+
+
 def test_a_ring_has_room_for_what_was_read_and_counts_blocks_and_beats(ring: SharedRing) -> None:
     ring.mark_read(1000, 7)
     assert [ring.room(at) for at in (1000, 1001, 1700)] == [700, 699, 0]

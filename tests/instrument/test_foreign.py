@@ -172,9 +172,7 @@ def test_a_mapping_reads_as_it_was_written(tmp_path: Path) -> None:
         ({"NI_Number_Of_Scales": None}, None),
     ],
 )
-def test_counts_keep_one_linear_scale_that_can_be(
-    changed: dict[str, object], scale: tuple[float, float] | None
-) -> None:
+def test_one_linear_scale_that_can_be_is_kept(changed: dict[str, object], scale: tuple[float, float] | None) -> None:
     usual: dict[str, object] = {"NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear"}
     usual |= {"NI_Scale[0]_Linear_Slope": 0.25, "NI_Scale[0]_Linear_Y_Intercept": -3.0}
     assert foreign_tdms._linear_scale(usual | changed) == scale

@@ -231,8 +231,9 @@ def test_a_beat_is_clipped_that_is_at_its_extreme_more_than_four_times_as_often_
 ) -> None:
     values = np.concatenate((np.full(at_top, 3.0), np.full(next_to_it, 2.9), np.linspace(-2.5, 2.5, 1000)))
     assert _is_clipped(values, 3.0, -1) == clipped == _is_clipped(-values, -3.0, 1)
-    many = np.concatenate((np.full(10, 3.0), np.linspace(-2.5, 2.5, 9991)))
-    assert not _is_clipped(many, 3.0, -1)  # less than a thousandth of the samples
+    for tops, enough in ((10, False), (11, True)):  # of 10,000 samples: a thousandth, and more
+        many = np.concatenate((np.full(tops, 3.0), np.linspace(-2.5, 2.5, 10_000 - tops)))
+        assert _is_clipped(many, 3.0, -1) == enough
     counts = to_counts(values)[0]
     assert abs(int(counts.max())) == (32_767 if clipped else 32_000)
 

@@ -295,7 +295,7 @@ def test_the_trigger_of_a_foreign_file_is_the_given_one_or_the_first_step_of_its
     path = Path("a")
     assert _triggered(path, shot).trigger_sample == 5000
     assert _triggered(path, replace(shot, trigger_sample=8999)).trigger_sample == 8999
-    lost = _triggered(path, replace(shot, trigger_sample=9000))
-    assert (lost.trigger_sample, lost.flags) == (None, ("trigger_lost",))
+    lost = _triggered(path, replace(shot, trigger_sample=9000, flags=("truncated",)))
+    assert (lost.trigger_sample, lost.flags) == (None, ("truncated", "trigger_lost"))
     alone = replace(shot, counts=np.ascontiguousarray(counts[:, :1]), channels=channels[:1])
     assert _triggered(path, alone) is alone

@@ -133,13 +133,16 @@ def test_lengths_that_differ_are_flagged(shot: Recording, tmp_path: Path) -> Non
 def test_what_was_altered_is_told_by_the_hash_alone_and_a_recording_can_be_opened_without_it(
     shot: Recording, tmp_path: Path
 ) -> None:
-    meta = write_recording(replace(shot, gaps=()), tmp_path / "s")
+    meta = write_recording(shot, tmp_path / "s")
     whole, sha512 = read_without_hash(meta)
     assert sha512 == json.loads(meta.read_text())["global"]["core:sha512"] and hash_matches(whole, sha512.upper())
     data = tmp_path / "s.sigmf-data"
     raw = data.read_bytes()
     data.write_bytes(bytes([raw[0] ^ 1]) + raw[1:])
-    assert [open_one(meta).flags for open_one in (open_recording, open_without_hash)] == [("data_altered",), ()]
+    assert [open_one(meta).flags for open_one in (open_recording, open_without_hash)] == [
+        ("gap", "data_altered"),
+        ("gap",),
+    ]
     for opened in (open_recording(meta), open_without_hash(meta)):
         assert isinstance(opened, Recording) and opened.counts[0, 0] == shot.counts[0, 0] ^ 1
         assert np.array_equal(opened.counts[1:], shot.counts[1:])

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.drive.catalogue import LAWS, Law
-from analysis.drive.regression import DEPENDENT, NonlinearValues, Regression, delay_of
+from analysis.drive.regression import DEPENDENT, ZERO_LENGTH, NonlinearValues, Regression, delay_of
 from analysis.drive.stretch import Mask, Stretch, Table, low_pass
 from analysis.shot import Floats
 
@@ -88,9 +88,9 @@ def project_out(basis: Floats, columns: Floats) -> Floats:
 
 
 def orthonormal(columns: Floats) -> Floats:
-    """Return an orthonormal basis of columns (m, k), none of which is zero."""
-    scale = np.linalg.norm(columns, axis=0)
-    return np.asarray(np.linalg.qr(columns / np.where(scale > 0.0, scale, 1.0))[0])
+    """Return an orthonormal basis of columns (m, k)."""
+    scale = np.maximum(np.linalg.norm(columns, axis=0), ZERO_LENGTH)
+    return np.asarray(np.linalg.qr(columns / scale)[0])
 
 
 def _group(table: Table, law: Law, nonlinear: tuple[float, ...], mask: Mask, basis: Floats) -> _Group | None:
@@ -123,29 +123,20 @@ def _ripple_pitches(table: Table, mask: Mask, basis: Floats, rest: Floats) -> li
     """Return the pitches at which the residual has the strongest waves along the travel."""
     place, speed = table.displacement_m[mask], np.abs(table.velocity_m_per_s[mask])
     travel = float(np.ptp(place))
-    if travel == 0.0:
-        return []
     rate, bandwidth = table.stretches[0].sample_rate_hz, table.stretches[0].bandwidth_hz
     taps = low_pass(rate, bandwidth)
     frequencies = np.linspace(0.0, 3.0 * bandwidth, 61)
     lag = np.arange(taps.size) - taps.size // 2
     gain = np.cos(2.0 * np.pi * frequencies[:, None] / rate * lag) @ taps
-    slow = max(float(np.quantile(speed, 0.2)), 1e-3 * float(speed.max()))
+    slow = float(np.quantile(speed, 0.2))
     finest = min(MOST_WAVES, 1.5 * bandwidth * travel / slow)  # beyond it the filter leaves nothing of the wave
-    found: list[tuple[float, float]] = []
-    for waves in np.array_split(np.arange(1.5, max(2.0, finest), WAVE_STEP), 16):
-        through = np.interp(speed[:, None] * waves / travel, frequencies, gain, right=0.0)
-        angle = 2.0 * np.pi / travel * (place - place.min())[:, None] * waves
-        sines, cosines = np.sin(angle) * through, np.cos(angle) * through
-        modelled = basis.T @ sines, basis.T @ cosines
-        ss = np.einsum("ij,ij->j", sines, sines) - np.einsum("ij,ij->j", modelled[0], modelled[0])
-        cc = np.einsum("ij,ij->j", cosines, cosines) - np.einsum("ij,ij->j", modelled[1], modelled[1])
-        sc = np.einsum("ij,ij->j", sines, cosines) - np.einsum("ij,ij->j", modelled[0], modelled[1])
-        s, c = rest @ sines, rest @ cosines  # the residual is orthogonal to the model already
-        determinant = ss * cc - sc**2
-        taken = (cc * s**2 - 2.0 * sc * s * c + ss * c**2) / np.maximum(determinant, 1e-300)
-        taken = np.where(determinant > 1e-6 * ss * cc, taken, 0.0)
-        found += list(zip(taken.tolist(), waves.tolist(), strict=True))
+    found = []
+    for wave in np.arange(1.5, finest, WAVE_STEP).tolist():
+        through = np.interp(speed * wave / travel, frequencies, gain, right=0.0)
+        angle = 2.0 * np.pi * wave / travel * place
+        columns = project_out(basis, np.stack([np.sin(angle) * through, np.cos(angle) * through], axis=1))
+        explained = columns @ np.linalg.lstsq(columns, rest, rcond=1e-3)[0]
+        found.append((_square(explained), wave))
     chosen: list[float] = []
     for _, wave in sorted(found, reverse=True):
         if all(abs(wave - other) > 1.0 for other in chosen):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.drive.catalogue import LAWS, laws_named
 from analysis.drive.law_screening import CandidateLaws, screen_laws
-from analysis.drive.regression import NonlinearValues, Regression, delay_of, design, regress, rms
+from analysis.drive.regression import NonlinearValues, Regression, delay_of, design, least_squares, regress, rms
 from analysis.drive.repeatability import folds
 from analysis.drive.stretch import Mask, Table
 from analysis.shot import AnalysisError, Floats
@@ -149,12 +149,10 @@ def cross_validated_n(split: Split, laws: Sequence[str], nonlinear: NonlinearVal
     """
     columns = design(split.table, laws, nonlinear)
     target = split.table.force(delay_of(nonlinear))
-    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     left = np.empty(target.size)
     for fold in np.unique(split.fold):
         out = split.fold == fold
-        values = np.linalg.lstsq(columns[~out] / scale, target[~out], rcond=1e-10)[0] / scale
-        left[out] = target[out] - columns[out] @ values
+        left[out] = target[out] - columns[out] @ least_squares(columns[~out], target[~out])
     return rms(left)
 
 
@@ -231,4 +229,4 @@ def look_alikes(table: Table, found: Regression, law: str) -> tuple[str, ...]:
             continue
         if bic_change(found, other, found.independent_samples) < BIC_AGAINST_NEXT:
             alike.append(candidate.laws[0])
-    return tuple(np.unique(alike).tolist())
+    return tuple(alike)

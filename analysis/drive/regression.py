@@ -13,7 +13,6 @@ from analysis.shot import AnalysisError, Floats, Quantity
 NonlinearValues = Mapping[str, tuple[float, ...]]  # by law, for each law that has nonlinear parameters
 ZERO_LENGTH = 1e-150  # of a column, its square still a number: a law that acts nowhere in a motion is shorter
 DEPENDENT = 1e-7  # of a column: with less than this orthogonal to the others it depends on them
-_EVALUATIONS = 40
 _STEP = 1e-3  # of a search coordinate, for derivatives by nonlinear parameters
 
 
@@ -99,7 +98,7 @@ def regress(
     linear, columns, target = _linear_part(table, laws, nonlinear, fixed)
     if linear and linearly_dependent(columns[mask]):
         raise AnalysisError(_why_dependent(laws))
-    values = _least_squares(columns[mask], target[mask])
+    values = least_squares(columns[mask], target[mask])
     residual = target - columns @ values
     free = _free_nonlinear(nonlinear, fixed)
     slopes = [_derivative(table, laws, nonlinear, fixed, values, at) for at in free]
@@ -159,13 +158,14 @@ def _linear_part(
     return tuple(names[place] for place in free), columns[:, free], target
 
 
-def _least_squares(columns: Floats, target: Floats) -> Floats:
-    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    return np.asarray(np.linalg.lstsq(columns / scale, target, rcond=None)[0] / scale)
+def least_squares(columns: Floats, target: Floats) -> Floats:
+    """Return the values of columns (m, k) that leave least of the target (m,); 0 for a column of zeros."""
+    scale = np.maximum(np.linalg.norm(columns, axis=0), ZERO_LENGTH)
+    return np.asarray(np.linalg.lstsq(columns / scale, target)[0] / scale)
 
 
 def _normal_equations(columns: Floats, target: Floats) -> Floats:
-    """Return ``_least_squares`` by normal equations: less exact, at a tenth of the cost."""
+    """Return ``least_squares`` by normal equations: less exact, at a tenth of the cost."""
     scale = np.maximum(np.sqrt(np.einsum("ij,ij->j", columns, columns)), ZERO_LENGTH)
     gram = (columns.T @ columns) / np.outer(scale, scale) + 1e-12 * np.eye(scale.size)
     return np.asarray(np.linalg.solve(gram, columns.T @ target / scale) / scale)
@@ -195,28 +195,26 @@ def _search_nonlinear(
         columns, target = columns[mask], target[mask]
         return np.asarray(target - columns @ _normal_equations(columns, target))
 
-    first, low, high, step = [], [], [], []
+    first, low, high = [], [], []
     for (name, k), parameter, scale in zip(free, parameters, scales, strict=True):
         share = held[name][k] / scale
         ends = (parameter.low, parameter.high)
         if parameter.scale is ParameterScale.PITCH:  # one wave more or fewer along the travel is another ripple
-            ends = (share / (1.0 + 0.5 * share), share / (1.0 - min(0.9, 0.5 * share)))
-        ends = (float(np.log(ends[0])), float(np.log(ends[1]))) if parameter.logarithmic else ends
-        z = float(np.log(share)) if parameter.logarithmic else share
-        low.append(ends[0])
-        high.append(ends[1])
-        first.append(min(max(z, ends[0] + 1e-6 * (ends[1] - ends[0])), ends[1] - 1e-6 * (ends[1] - ends[0])))
-        step.append(ends[1] - ends[0])
-    from scipy.optimize import least_squares  # 17 MB and a sixth of a second that a window need not have
+            ends = (share / (1.0 + 0.5 * share), share / (1.0 - 0.5 * share))
+        z, *bounds = np.log([share, *ends]) if parameter.logarithmic else (share, *ends)
+        low.append(bounds[0])
+        high.append(bounds[1])
+        first.append(np.clip(z, *bounds))
+    from scipy import optimize  # 17 MB and a sixth of a second that a window need not have
 
-    found = least_squares(
-        left, first, bounds=(low, high), x_scale=np.array(step) / 10.0, jac=_differences(left, step),
-        ftol=1e-6, xtol=1e-5, max_nfev=_EVALUATIONS,
-    )  # fmt: skip
+    width = np.subtract(high, low)
+    found = optimize.least_squares(
+        left, first, bounds=(low, high), x_scale=width, jac=_differences(left, width), ftol=1e-6, xtol=1e-5
+    )
     return at(found.x)
 
 
-def _differences(left, width: Sequence[float]):  # type: ignore[no-untyped-def]
+def _differences(left, width: Floats):  # type: ignore[no-untyped-def]
     def jacobian(z: Floats) -> Floats:
         out = []
         here = left(z)
@@ -252,17 +250,16 @@ def _derivative(
 
 
 def _covariance(columns: Floats, residual: Floats) -> Floats:
-    size = np.linalg.norm(columns, axis=0)
-    scale = np.where(size > ZERO_LENGTH, size, 1.0)
+    scale = np.maximum(np.linalg.norm(columns, axis=0), ZERO_LENGTH)
     scale_in = columns / scale
-    inverse = np.linalg.pinv(scale_in.T @ scale_in, rcond=1e-13, hermitian=True)
+    inverse = np.linalg.pinv(scale_in.T @ scale_in, rcond=1e-13)
     out = inverse @ _block_covariance(scale_in * residual[:, None]) @ inverse
     return np.asarray(out / np.outer(scale, scale))
 
 
 def _block_covariance(scores: Floats) -> Floats:
     """Return the covariance of the scores' sum, (k, k), from sums over blocks longer than their correlation."""
-    length = max(1, round(4.0 * scores.shape[0] ** (1.0 / 3.0)))
+    length = round(4.0 * scores.shape[0] ** (1.0 / 3.0))
     blocks = np.add.reduceat(scores, np.arange(0, scores.shape[0], length), axis=0)
     return np.asarray(blocks.T @ blocks)
 
@@ -276,8 +273,9 @@ def independent_count(residual: Floats, record: NDArray[np.int64]) -> float:
     variance = float(residual @ residual)
     if variance == 0.0:
         return float(residual.size)
-    shares, counts = np.bincount(record, residual**2) / variance, np.bincount(record)
-    evenly = 1.0 / float(np.sum(shares**2 / np.maximum(counts, 1)))
+    _, of, counts = np.unique(record, return_inverse=True, return_counts=True)
+    shares = np.bincount(of, residual**2) / variance
+    evenly = 1.0 / float(np.sum(shares**2 / counts))
     return evenly * variance / max(variance, float(_block_covariance(residual[:, None])[0, 0]))
 
 

@@ -164,10 +164,10 @@ def test_the_quick_solution_of_the_search_is_that_of_least_squares() -> None:
     columns, target, units = random.standard_normal((60, 4)), random.standard_normal(60), [1.0, 1e6, 1e-9, 3.0]
     exact = np.linalg.lstsq(columns, target, rcond=None)[0] / units
     columns = columns * units
-    for solve in (regression._normal_equations, regression._least_squares):
+    for solve in (regression._normal_equations, regression.least_squares):
         np.testing.assert_allclose(solve(columns, target), exact, rtol=1e-8)
     nowhere = np.concatenate([columns, np.zeros((60, 1))], axis=1)  # a law that acts nowhere
-    for solve in (regression._normal_equations, regression._least_squares):
+    for solve in (regression._normal_equations, regression.least_squares):
         np.testing.assert_allclose(solve(nowhere, target), [*exact, 0.0], rtol=1e-8)
 
 

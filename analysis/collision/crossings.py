@@ -14,7 +14,7 @@ def _root(reach, stepper, system, motion, item, low, high):  # type: ignore[no-u
 
     Newton's method within a bracket, to the last bit of the time.
     """
-    one = item - item + 1
+    one = motion.nothing.size
     sign = motion.signs[item]
     at = 0.5 * (low + high)
     for _ in range(90):
@@ -40,7 +40,7 @@ def _lowest(reach, stepper, system, motion, item, h, up):  # type: ignore[no-unt
 
     Stops earlier at a time when it is below zero.  Secants and bisections alternate.
     """
-    one = item - item + 1
+    one = motion.nothing.size
     sign = motion.signs[item]
     low, high, down, at = 0.0, h, guard_rate(item, motion.here, system) * sign, 0.0
     for trial in range(60):
@@ -67,7 +67,7 @@ def first_crossing(reach, stepper, system, motion, h):  # type: ignore[no-untype
     """
     signs, ends = motion.signs, motion.ends
     first, found = h, -1
-    one = found - found + 1  # has the type of ``rows``, so that ``reach`` is compiled once
+    one = motion.nothing.size
     rates(motion.here, one, system.which, system, motion.mode)
     reach(stepper, system, motion, h, one)
     for item in range(signs.size):

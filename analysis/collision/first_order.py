@@ -182,22 +182,21 @@ def _mark_active(effect, drives, work):  # type: ignore[no-untyped-def]
     linear, by_state, active, driven, used = effect.linear, effect.by_state, work.active, work.driven, work.used
     count, n = linear.shape[2], work.state.shape[0]
     for i in range(OUTPUTS):
-        driven[i] = 0 if effect.constant else 1
+        driven[i] = not effect.constant
         for j in range(SEEN + 1):
             for c in range(count):
-                used[i, j] = 1 if used[i, j] or by_state[i, j, c] != 0.0 else 0
-            driven[i] = 1 if driven[i] or used[i, j] else 0
+                used[i, j] = used[i, j] or by_state[i, j, c] != 0.0
+            driven[i] = driven[i] or used[i, j]
             if used[i, j]:
                 work.terms[i, work.term_count[i]] = j
                 work.term_count[i] += 1
     for i in range(INPUTS):
         if i >= 4:
-            active[i] = 1 if effect.shift != 0.0 else 0
+            active[i] = effect.shift != 0.0
         elif (i == 2) == effect.in_contact:
             active[i] = driven[drives[i]]
             for c in range(count):
-                if linear[drives[i], 0, c] != 0.0 or linear[drives[i], 1, c] != 0.0:
-                    active[i] = 1
+                active[i] = active[i] or linear[drives[i], 0, c] != 0.0 or linear[drives[i], 1, c] != 0.0
     for k in range(n):
         work.live[k] = k
     rows = n
@@ -324,7 +323,7 @@ def _march(effect, drives, path, out, room):  # type: ignore[no-untyped-def]
                     work.h[0, 0, c], work.h[0, 1, c] = path.effect_inputs[r, 0, X], path.effect_inputs[r, 0, V]
         if early[r] and not effect.in_flight:
             continue
-        if effect.hidden and not early[r] and abs(path.length_s[r] - last) > 1e-9 * abs(last):
+        if effect.hidden and abs(path.length_s[r] - last) > 1e-9 * abs(last):
             hidden_steps(effect.linear, path.length_s[r], work.steps, work.power, work.series)
             last = path.length_s[r]
         for point in range(3):
@@ -335,7 +334,7 @@ def _march(effect, drives, path, out, room):  # type: ignore[no-untyped-def]
                             work.bare[0, i, c] = work.bare[2, i, c]
             else:
                 _write_bare(effect, path, r, point, work)
-        if effect.hidden and not early[r]:
+        if effect.hidden:
             _step_hidden(work)
         _write_inputs(effect, drives, work)
         if not path.linked[r]:

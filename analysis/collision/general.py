@@ -192,7 +192,7 @@ def _solved(
     collision: Collision, effects: Sequence[Active], request: _Request, stride: float, rates: FastestRates
 ) -> tuple[Record, int, System]:
     times = np.ascontiguousarray(request.time_s, dtype=np.float64)
-    if times.ndim != 1 or times.size < request.block or times.size == 0 or not np.all(times[1:] >= times[:-1]):
+    if times.ndim != 1 or times.size < request.block or not np.all(times[1:] >= times[:-1]):
         raise ValueError("time_s must be one-dimensional, not empty and ascending")
     system = lay_out(collision, effects, request.directions)
     shown = 1 + system.numbers if request.whole else 5

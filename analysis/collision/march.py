@@ -99,12 +99,12 @@ def _cross(item, rows, system, motion, record, event):  # type: ignore[no-untype
     if rows > 1:  # d/dt of the guard function: its derivative along the motion
         for c in range(size):
             aside.z[0, c], aside.z[1, c] = here.z[0, c], here.f[0, c]
-        rates(aside, rows - rows + 2, motion.nothing, system, mode)
+        rates(aside, 1 + motion.nothing.size, motion.nothing, system, mode)
         rate = guard_derivative(item, 1, -1, aside, system)
     kind = _change_mode(item, mode, system.slots)
     for c in range(size):
         aside.z[0, c] = here.z[0, c]
-    rates(aside, rows - rows + 1, which, system, mode)
+    rates(aside, motion.nothing.size, which, system, mode)
     for j in range(1, rows):
         moved = -guard_derivative(item, j, which[j - 1], here, system) / rate
         record.event_d_time[event, j - 1] = moved
@@ -171,7 +171,7 @@ def _start(system, motion, forward):  # type: ignore[no-untyped-def]
                 mode[NEAR_0 + slot] = 1.0
     for c in range(size):
         aside.z[0, c] = here.z[0, c]
-    inertia = rates(aside, rows - rows + 1, which, system, mode)
+    inertia = rates(aside, motion.nothing.size, which, system, mode)
     for j in range(1, rows if attracts >= 0 else 1):  # the time at the edge depends on range and velocity
         by = which[j - 1]
         moved = -edge / p[4] ** 2 if by == 4 else (1.0 / p[4] if by == range_at(attracts, slots) else 0.0)

@@ -155,7 +155,7 @@ def linearise(form, plain, every, system, mode):  # type: ignore[no-untyped-def]
                     size += abs(term)
                 if not abs((f[0, i] if k < 0 else f[1 + n + k, i]) - total_of) <= _SAME * size:
                     return False
-    if mode[PLATE] < 0.5:  # the plate oscillates freely
+    if mode[PLATE] == 0.0:  # the plate oscillates freely
         a[2, 3], a[3, 2] = 1.0, -system.p[0] / system.p[1]
     _guards(form, system)
     return True

@@ -114,7 +114,7 @@ def _propagate(a0, a1, a2, h, out, work, term):  # type: ignore[no-untyped-def]
 
 
 @part
-def _jump(r, state, aside, system, steps, kick, watch):  # type: ignore[no-untyped-def]
+def _jump(r, one, state, aside, system, steps, kick, watch):  # type: ignore[no-untyped-def]
     """Write the jump of the state at the event with which a step begins."""
     item, n, size = steps.item[r], kick.size, state.z.shape[1]
     for i in range(n):
@@ -124,9 +124,9 @@ def _jump(r, state, aside, system, steps, kick, watch):  # type: ignore[no-untyp
         watch[j] = guard_derivative(item, 1 + j, -1, state, system)
     for c in range(size):
         aside.z[0, c], aside.z[1, c] = state.z[0, c], state.f[0, c]
-    rates(aside, n - n + 2, system.which, system, steps.modes[steps.event[r - 1]])
-    pace = guard_derivative(item, n - n + 1, -1, aside, system)
-    rates(aside, n - n + 1, system.which, system, steps.modes[steps.event[r]])
+    rates(aside, aside.z.shape[0], system.which, system, steps.modes[steps.event[r - 1]])
+    pace = guard_derivative(item, one, -1, aside, system)
+    rates(aside, one, system.which, system, steps.modes[steps.event[r]])
     for j in range(n):
         kick[j] = -(state.f[0, j] - aside.f[0, j]) / pace
 
@@ -146,7 +146,7 @@ def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
     system, steps, out = by_address(system), by_address(steps), by_address(out)
     n, size = out.propagator.shape[1], 4 * ((out.propagator.shape[1] + 5) // 4)
     rows = n + 6
-    one = rows - rows + 1
+    one = room.ndim  # of the type of ``rows``, so that a kernel is compiled once
     state, at = state_of(rows, size, room, 0)
     aside, at = state_of(2, size, room, at)
     state, aside = by_address(state), by_address(aside)
@@ -163,7 +163,7 @@ def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
     for r in range(steps.length_s.size):
         linked, length, mode = steps.item[r] == NONE, steps.length_s[r], steps.modes[steps.event[r]]
         if steps.item[r] >= 0:
-            _jump(r, state, aside, system, steps, out.kick[r], out.watch[r])
+            _jump(r, one, state, aside, system, steps, out.kick[r], out.watch[r])
         if not linked:
             _look(state, steps.states[r, 0], rows, system, mode, a[0], e[0])
             _tell(system, out.effect_inputs[r, 0])

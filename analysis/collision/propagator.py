@@ -175,7 +175,8 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
     bit, pieces, spacing, share = form.steps[STEP_S], int(form.steps[STEPS_PER_SAMPLE]), stepper.spacing_s, 1.0 / block
     z, z_end, odd = stepper.z[0], stepper.z[1], False
     i, t, left, h, why = ahead.i, motion.clock[TIME], stepper.at[LEFT], 0.0, DONE
-    omega, way, steps_left = math.sqrt(system.p[0] / system.p[1]), 1 if forward else -1, motion.clock[STEPS_LEFT]
+    omega, steps_left = math.sqrt(system.p[0] / system.p[1]), motion.clock[STEPS_LEFT]
+    way, edge = (1, 0) if forward else (-1, block - 1)  # where a block begins
     while (i <= last) if forward else (i >= last):
         if forward and may_be_gone(z[0, 0], z[2, 0], motion.mode):
             _lay(z, motion.here, 1)
@@ -200,8 +201,7 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
             i += way
             continue
         even = left > 0 or abs(remaining - way * spacing) < 2e-15
-        whole = i % block == 0 and i + block - 1 <= last if forward else i % block == block - 1
-        if whole and even and block > 1 and pieces == 1 and i != stepper.at[CAREFUL]:
+        if i % block == edge and even and block > 1 and pieces == 1 and i != stepper.at[CAREFUL]:
             slow = form.steps[SLOW] > 0.5
             if not slow and _may_cross(z, form, block, motion, stepper):
                 stepper.at[CAREFUL] = i

@@ -65,7 +65,7 @@ def _takes_part(slot, slots, flags):  # type: ignore[no-untyped-def]
         return flags[PLATE] > 0.5 or flags[NEAR_0 + slot] > 0.5
     if slots[slot, ON_PLATE_SIDE] > 0.5:
         return flags[PLATE] > 0.5
-    return slots[slot, RIDES] < 0.5 or flags[INSIDE] > 0.5
+    return slots[slot, RIDES] == 0.0 or flags[INSIDE] > 0.5
 
 
 @inlined

@@ -318,7 +318,7 @@ def show(stepper, system, motion, record, i, h):  # type: ignore[no-untyped-def]
             states[i, 4] += moves * q
         for j in range(1, system.which.size + 1):
             record.d_x[i, j - 1] = here.z[j, 0] if h == 0.0 else _quintic(here, there, 0, j, h, at)[0]
-        if motion.mode[PLATE] < 0.5:  # the plate oscillates freely
+        if motion.mode[PLATE] == 0.0:  # the plate oscillates freely
             omega = math.sqrt(system.p[0] / system.p[1])
             since = record.times[i] - motion.clock[LEFT_AT]
             cosine, sine = math.cos(omega * since), math.sin(omega * since)

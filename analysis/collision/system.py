@@ -56,7 +56,8 @@ class Motion(NamedTuple):
 
     ``mode`` are the flags of the mode, ``signs`` the signs of the guard functions in it, ``ends`` the guard functions
     and their rates after a step, ``clock`` the time, that at which the plate began to oscillate freely, and the number
-    of steps left; ``nothing`` is [-1]: derivatives by no parameter.
+    of steps left; ``nothing`` is [-1]: derivatives by no parameter.  Its size is a one that has the type of other
+    numbers of rows, so that a kernel is compiled once for them.
     """
 
     here: State

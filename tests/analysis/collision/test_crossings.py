@@ -27,7 +27,12 @@ def search(monkeypatch: pytest.MonkeyPatch) -> Any:
         monkeypatch.setattr(crossings, "guard_rate", lambda item, state, _: guards[item][1](state.at))
         of = np.array([signs.get(item, 0.0) for item in range(5)])
         motion = SimpleNamespace(
-            signs=of, ends=np.zeros((5, 2)), here=SimpleNamespace(at=0.0), there=SimpleNamespace(at=0.0), mode=None
+            signs=of,
+            ends=np.zeros((5, 2)),
+            here=SimpleNamespace(at=0.0),
+            there=SimpleNamespace(at=0.0),
+            mode=None,
+            nothing=np.array([-1]),
         )
 
         def reach(stepper: Any, of: Any, motion: Any, at: float, rows: int) -> None:

@@ -30,6 +30,7 @@ from analysis.collision.path_matrices import INPUTS
 from analysis.compiled import by_address, cut, cut_integers, kernel, part
 
 _PROBED = 16  # points along the trajectory at which the linearity of an effect's function is checked
+_SAME = 1e-9  # relative: steps of one length
 _SWING = 0.5  # largest phase step, in rad, of the fastest oscillation of an effect
 _DRIVES = (ON_BLOCK, ON_PLATE, PAIR, MASS)  # in the order of the path's inputs
 
@@ -312,7 +313,7 @@ def _march(effect, drives, path, out, room):  # type: ignore[no-untyped-def]
         return False
     work = by_address(arrays)
     live_rows = _mark_active(effect, drives, work)
-    last, begun = 0.0, False
+    last, begun = math.nan, False
     for r in range(path.length_s.size):
         if not early[r] and not begun:
             begun = True
@@ -323,7 +324,7 @@ def _march(effect, drives, path, out, room):  # type: ignore[no-untyped-def]
                     work.h[0, 0, c], work.h[0, 1, c] = path.effect_inputs[r, 0, X], path.effect_inputs[r, 0, V]
         if early[r] and not effect.in_flight:
             continue
-        if effect.hidden and abs(path.length_s[r] - last) > 1e-9 * abs(last):
+        if effect.hidden and not abs(path.length_s[r] - last) <= _SAME * last:
             hidden_steps(effect.linear, path.length_s[r], work.steps, work.power, work.series)
             last = path.length_s[r]
         for point in range(3):

@@ -47,7 +47,7 @@ def _follow(path, pull, omega, rows, room, which, weights, shown, after):  # typ
     n, count = path.propagator.shape[1], omega.size // 2
     state, begin, middle, end = rows[:n], rows[n], rows[n + 1], rows[n + 2]
     new, moved, turn = room[:n], room[n], room[n + 1]
-    last, begun = 0.0, False
+    last, begun = math.nan, False
     for r in range(path.length_s.size):
         if not begun and not path.early[r]:  # the steps before went back from the touch, those to come begin there
             begun = True
@@ -58,7 +58,7 @@ def _follow(path, pull, omega, rows, room, which, weights, shown, after):  # typ
                     state[i, c] = 0.0
         for c in range(2 * count):
             begin[c] = end[c]
-        if abs(path.length_s[r] - last) > _SAME * abs(last):
+        if not abs(path.length_s[r] - last) <= _SAME * abs(last):
             last = path.length_s[r]
             for c in range(count):
                 turn[c], turn[count + c] = math.cos(0.5 * omega[c] * last), math.sin(0.5 * omega[c] * last)

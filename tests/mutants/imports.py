@@ -4,6 +4,7 @@ import ast
 from pathlib import Path
 
 _MOST = 25  # test files that are run on a fault: from so far away few look closely
+_FILES = (".py", "/__init__.py")  # of a name that is imported
 TOPS = ("analysis", "instrument", "app", "tests")
 
 
@@ -56,5 +57,6 @@ class Imports:
                 names = [alias.name for alias in node.names]
             else:
                 continue
-            found |= {file for name in names if (file := name.replace(".", "/") + ".py") in self._size}
+            places = [name.replace(".", "/") for name in names]
+            found |= {file for place in places for end in _FILES if (file := place + end) in self._size}
         return found

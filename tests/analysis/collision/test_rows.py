@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from analysis.collision.effects import CATALOGUE, WIDER, in_contact, named, on_block, on_sensor
+from analysis.collision.effects import CATALOGUE, WIDER, in_contact, named, on_block, on_plate, on_sensor
 from analysis.collision.effects.kernel import (
+    BLOCK_MASS,
+    CONTACT_STIFFNESS,
     FORCE,
     MASS,
     NEAR,
@@ -120,6 +122,44 @@ def test_limits_are_those_of_physics(row: Effect) -> None:
         assert by_name["damping_ratio"].upper < 1.0  # it swings
     if "phase_rad" in by_name:
         assert by_name["phase_rad"].grid == (0.0, math.pi / 2)  # as sine and as cosine: all others are sums of these
+
+
+INF = math.inf
+HZ, ZETA, SIZE = (1.0, 2e4), (1e-4, 0.6), (0.0, INF)
+LIMITS = {  # what a search may not leave, parameter by parameter
+    "tilt": [(-0.5, 0.5)], "contact_exponent": [(-0.15, 2.0)], "plate_motion": [(-INF, INF)] * 2,
+    "block_mode": [(0.0, 8e-3), HZ, ZETA], "second_plate_mode": [(1e-5, 1e4), HZ, ZETA],
+    "viscoelastic_arm": [SIZE, (2e-5, 0.5)], "support_compliance": [(0.0, 1e-2), (1.0, 1e4)],
+    "adhesion": [SIZE, (1e-7, 5e-3)], "demodulation_lag": [(2e-7, 5e-4)],
+    "frame_vibration": [SIZE, HZ, (-INF, INF)], "cyclic_error": [SIZE, (0.5, 4.0), (-INF, INF)],
+    "frame_vibration_with_plate": [SIZE, HZ, (-INF, INF), (0.0, 1.0)],
+}  # fmt: skip
+
+
+def test_a_search_stays_within_the_limits_of_its_parameters() -> None:
+    found = {row.name: [(p.lower, p.upper) for p in row.parameters] for row in ROWS}
+    of_one = {name: [SIZE if name in LOSSES else (-INF, INF)] for name in found}
+    assert found == of_one | LIMITS
+
+
+def test_where_the_plate_is_locked_its_cubic_spring_is_the_contacts_own() -> None:
+    assert {row.name: row.locked for row in ROWS if row.locked} == {"cubic_stiffness": on_plate.cubic_contact}
+    assert {row.name for row in ROWS if not row.one_body} == {
+        "plate_damping", "viscoelastic_arm", "second_plate_mode", "support_compliance", "plate_motion",
+        "frame_vibration_with_plate",
+    }  # fmt: skip
+
+
+def test_a_contact_exponent_leaves_the_spring_as_it_is_at_50_um_and_acts_in_an_overlap_alone() -> None:
+    row, k = named("contact_exponent"), {CONTACT_STIFFNESS: 3e3}
+    # of Hertz twice as stiff at four times the overlap
+    for xi, more in ((50e-6, 0.0), (200e-6, 3e3 * 200e-6), (12.5e-6, -0.5 * 3e3 * 12.5e-6), (-200e-6, 0.0)):
+        assert outputs(row, k | {XI: xi}, delta=0.5)[PAIR] == pytest.approx(more, abs=1e-15)
+    assert outputs(row, k | {XI: 200e-6, TOUCHING: 0.0}, delta=0.5)[PAIR] == 0.0
+
+
+def test_a_tilted_block_is_pulled_by_its_weights_share() -> None:
+    assert outputs(named("tilt"), {BLOCK_MASS: 2.0}, angle_rad=math.pi / 6)[ON_BLOCK] == pytest.approx(9.80665)
 
 
 TIME_S = 3.0 + np.linspace(0.0, 0.02, 2001)

@@ -56,14 +56,14 @@ def _cycle_pairs(table: Table) -> Iterator[Pass]:
         size = stretch.used.size
         index = stretch.used // stretch.step
         place = np.full(int(index[-1] - index[0]) + 1, np.nan)
-        at = np.full(place.size, -1, dtype=np.int64)
+        at = np.zeros(place.size, dtype=np.int64)
         place[index - index[0]] = table.displacement_m[start : start + size]
         at[index - index[0]] = np.arange(start, start + size)
         start += size
         lag = _cycle_lag(place)
         if lag is None:
             continue
-        both = (at[:-lag] >= 0) & (at[lag:] >= 0)
+        both = np.isfinite(place[:-lag]) & np.isfinite(place[lag:])
         cycle_s = lag * stretch.step / stretch.sample_rate_hz
         yield at[:-lag][both], at[lag:][both], f"what its cycle of {cycle_s:.4g} s repeats to", cycle_s
 

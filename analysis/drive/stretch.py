@@ -84,7 +84,7 @@ def derived(sample_rate_hz: float, bandwidth_hz: float) -> tuple[Floats, Floats]
     signal-to-noise ratio would appear as a delay or an additional mass.
     """
     taps = low_pass(sample_rate_hz, bandwidth_hz)
-    length = 1 << int(np.ceil(np.log2(8 * taps.size)))
+    length = 8 * taps.size
     turn = 2.0j * np.pi * np.fft.rfftfreq(length, 1.0 / sample_rate_hz)
     half = taps.size  # twice the low-pass's own
     spectrum = np.fft.rfft(np.roll(np.pad(taps, (0, length - taps.size)), -(taps.size // 2)))

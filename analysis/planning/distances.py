@@ -108,7 +108,7 @@ def screen_shots(
         if stop():
             raise Cancelled
         try:
-            empty = blank_shot(shot, members[0].fitted)
+            (empty,) = _blank(comparison, (shot,))
             shown = {a: predict(members[a].fitted, empty) for a in true}
             return {(a, b): of_pair(members[b], shown[a]) for a, b in pairs}
         except Infeasible:
@@ -124,12 +124,17 @@ def screen_shots(
     )
 
 
+def _blank(comparison: ModelComparison, shots: Shots) -> list[Samples]:
+    """Return samples of shots not yet taken; they are the same under every member."""
+    return [blank_shot(shot, comparison.members[0].fitted) for shot in shots]
+
+
 def refitted(comparison: ModelComparison, shots: Shots, distances: Distances, stop: Stop) -> dict[Pair, float]:
     """Return ``Distances.pair_distances`` with the rivals fitted again, except those far off to first order.
 
     Raises Cancelled.
     """
-    empty = [blank_shot(shot, comparison.members[0].fitted) for shot in shots]
+    empty = _blank(comparison, shots)
     first = distances.pair_distances(shots)
     least = nearest(first)
     shown = {true: [predict(comparison.members[true].fitted, one) for one in empty] for true in least}
@@ -160,7 +165,7 @@ def search_rivals_again(
     """
     places = {member.effect: place for place, member in enumerate(comparison.members)}
     grids = {effect for effect in places if len(trial_effect(effect).starts) > 1}
-    empty = [blank_shot(shot, comparison.members[0].fitted) for shot in shots]
+    empty = _blank(comparison, shots)
     out = dict(known)
     for true, value in nearest(known).items():
         member = comparison.members[true]

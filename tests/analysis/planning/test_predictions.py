@@ -132,7 +132,7 @@ def test_a_motion_that_is_not_finite_is_refused(fitted: Fitted, monkeypatch: pyt
 def test_the_values_of_a_typical_shot_are_all_of_the_one_of_median_size() -> None:
     effect = named("plate_motion")
     kind = SimpleNamespace(effect=effect, own=[SimpleNamespace(name="velocity_m_per_s")])
-    sizes = [(-9.0, 1.0), (2.0, 7.0), (-3.0, 5.0)]
+    sizes = [(-9.0, 1.0), (2.0, 7.0), (-3.0, 5.0), (1.0, 2.0), (4.0, 3.0)]
     values = tuple({effect: {"velocity_m_per_s": v, "displacement_m": y}} for v, y in sizes)
     given: Any = SimpleNamespace(problem=SimpleNamespace(effects=[kind]), point=SimpleNamespace(values=values))
     assert predictions._typical(given) == {effect: {"velocity_m_per_s": -3.0, "displacement_m": 5.0}}

@@ -54,7 +54,7 @@ class Distances:
         for pair, every in self.present_information.items():
             for shot in shots:
                 every = every + self.each[shot][pair]
-            out[pair] = sqrt(max(0.0, every.least - self.own_misfit[pair[0]]))
+            out[pair] = _norms(every.least - self.own_misfit[pair[0]])
         return out
 
     def penalty(self, pair: Pair, shots: Shots) -> float:
@@ -149,7 +149,7 @@ def refitted(comparison: ModelComparison, shots: Shots, distances: Distances, st
             chi2 = refitted_chi2(comparison.members[rival].fitted, shown[true], comparison.floor, stop)
         except Infeasible:
             return inf
-        return sqrt(max(0.0, chi2 + distances.penalty(pair, shots) - distances.own_misfit[true]))
+        return _norms(chi2 + distances.penalty(pair, shots) - distances.own_misfit[true])
 
     pairs = list(first)
     return dict(zip(pairs, side_by_side(of_pair, pairs), strict=True))
@@ -175,8 +175,13 @@ def search_rivals_again(
         best = fit_as_if_taken(member.fitted, [predict(member.fitted, one) for one in empty], comparison.floor)
         for rival in rivals(best, member.effect, others, stop, NEAR):
             pair = (true, places[rival.effect])
-            out[pair] = min(out[pair], sqrt(max(0.0, rival.chi2 - distances.own_misfit[true])))
+            out[pair] = min(out[pair], _norms(rival.chi2 - distances.own_misfit[true]))
     return out
+
+
+def _norms(chi2: float) -> float:
+    """Return a distance in noise norms; 0 where the rival fits even better than the true member."""
+    return sqrt(max(0.0, chi2))
 
 
 def promising(distance: float) -> bool:

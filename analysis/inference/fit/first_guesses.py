@@ -153,9 +153,8 @@ def rank(shot: Samples, base: Base) -> list[Guess]:
     patterns = _patterns(base.variant, base.one_body)
     course, time_s, good = shot.course, shot.centre_s, np.flatnonzero(shot.valid)
     wanted_s = course.touch_time_s + patterns.at * course.contact_time_s
-    spacing_s = (time_s[-1] - time_s[0]) / max(time_s.size - 1, 1)
     nearest = good[np.clip(np.searchsorted(time_s[good], wanted_s), 0, good.size - 1)]
-    there = np.abs(time_s[nearest] - wanted_s) < 2 * spacing_s
+    there = np.abs(time_s[nearest] - wanted_s) < 2 * shot.spacing_s
     if there.sum() < 2 * patterns.moves.shape[2]:
         return []
     measured = np.interp(wanted_s[there], time_s[good], shot.displacement_m[good])

@@ -6,7 +6,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.inference.fit.least_squares import Minimum, Square, damped_step, minimise
+from analysis.collision import Infeasible
+from analysis.inference.fit.least_squares import (
+    Minimum,
+    Square,
+    _corrected_step,
+    _Damping,
+    _free,
+    _length,
+    damped_step,
+    minimise,
+)
 
 
 @pytest.mark.parametrize("at", [0.0, 1e12])
@@ -140,3 +150,117 @@ def test_every_step_between_bounds_promises_a_fall_and_ends_within_them() -> Non
         inside = np.abs(found.parameters) < 1.0
         assert np.all(np.abs(pull[inside]) < 1e-2 * np.sqrt(np.diag(curvature)[inside]))
         assert np.all(pull[~inside] * found.parameters[~inside] <= 1e-9)
+
+
+def square_of(curvature: np.ndarray, gradient: np.ndarray | None = None) -> Square:
+    return Square(1.0, curvature, np.zeros(len(curvature)) if gradient is None else gradient, 9)
+
+
+def test_a_covariance_is_the_inverse_of_what_is_free_and_none_where_rounding_hides_it() -> None:
+    units, two = np.array([1.0, 1e6, 1e-7]), np.ix_([0, 2], [0, 2])
+    root = np.random.default_rng(3).standard_normal((9, 3))
+    plain = root.T @ root
+    square = square_of(plain * np.outer(units, units))
+    found, free = square.covariance(), square.covariance(np.array([True, False, True]))
+    assert found is not None and free is not None
+    np.testing.assert_allclose(found * np.outer(units, units) @ plain, np.eye(3), atol=1e-9)
+    assert not free[1].any() and not free[:, 1].any()
+    np.testing.assert_allclose((free * np.outer(units, units))[two], np.linalg.inv(plain[two]), rtol=1e-9)
+    # of two unit columns with the cosine 1 - e the eigenvalues are e and 2 - e
+    for share, seen in ((1.1, True), (0.9, False)):
+        cosine = 1.0 - 2e-13 * share
+        alike = square_of(np.array([[1.0, cosine], [cosine, 1.0]])).covariance()
+        assert (alike is not None) is seen
+    assert square_of(np.diag([1.0, 0.0])).covariance() is None
+
+
+def test_parameters_that_follow_go_to_their_own_minimum() -> None:
+    curvature = np.array([[4.0, 1.0, 0.5], [1.0, 3.0, 0.2], [0.5, 0.2, 2.0]])
+    gradient, moved = np.array([0.3, -0.7, 0.1]), np.array([0.0, 0.5, 0.0])
+    own = [0, 2]
+    step = square_of(curvature, gradient).followed(moved, own)
+    whole = moved.copy()
+    whole[own] = step
+    np.testing.assert_allclose((gradient + curvature @ whole)[own], 0.0, atol=1e-12)
+
+
+def test_parameters_are_held_where_they_are_fixed_or_pressed_against_a_bound() -> None:
+    low, high = np.array([0.0, 0.0, 0.0, 0.0, 5.0, 0.0]), np.array([1.0, 1.0, 1.0, 1.0, 5.0, 1.0])
+    here, gradient = np.array([0.0, 0.0, 1.0, 1.0, 5.0, 0.5]), np.array([1.0, -1.0, 1.0, -1.0, 0.0, 9.0])
+    assert _free(here, gradient, low, high).tolist() == [False, True, True, False, False, True]
+
+
+def test_damping_eases_slowly_after_a_refusal_and_ends_where_no_step_is_short_enough() -> None:
+    one, other = _Damping(), _Damping()
+    one.ease(1.0)
+    other.refuse(1.0)
+    assert other.value > 5.0 * _Damping().value
+    begin = other.value
+    shares = []
+    for _ in range(4):
+        other.ease(1.0)
+        shares.append(other.value / begin)
+        begin = other.value
+    assert shares[:3] == pytest.approx([shares[0]] * 3) and shares[3] == pytest.approx(one.value / _Damping().value)
+    assert one.value / _Damping().value < shares[0] < 1.0
+    worse, fair = _Damping(), _Damping()
+    worse.ease(0.1)
+    fair.ease(0.5)
+    assert worse.value > _Damping().value > fair.value > one.value  # as the fall keeps what was promised of it
+    tries, here, wide = 0, np.zeros(2), (np.full(2, -9.0), np.full(2, 9.0))
+    square = square_of(np.eye(2), np.ones(2))
+    while (way := other.way(square, here, np.ones(2, dtype=bool), wide)) is not None:
+        tries += 1
+        assert 0.0 < way[1] <= 2.0  # of chi^2, what the whole way promises
+        other.refuse(_length(square, way[0]))
+    assert 8 < tries < 40 and other.value > 1e12
+
+
+def test_a_search_is_given_up_where_it_is_called_hopeless_once_little_is_promised() -> None:
+    """A valley of gradient 2 (z - 3): the promise is the square of what is left to go."""
+    asked: list[float] = []
+
+    def search(gives_up: bool, begin: float) -> bool:
+        asked.clear()
+
+        def hopeless(at: np.ndarray, square: Square) -> bool:
+            asked.append(float(at[0]))
+            return gives_up
+
+        curved = quadratic(np.eye(1), np.array([3.0]), rest=100.0)
+        return minimise(curved, np.array([begin]), hopeless=hopeless).converged
+
+    assert not search(True, 2.0) and asked == [2.0]
+    assert search(False, 2.0) and asked == [2.0]
+    far = 3.0 - np.sqrt(15.0 * 1.3)  # with chi^2 of 100 over 100 samples and more
+    assert search(False, far) and asked != [far]
+
+
+def bent(z: np.ndarray) -> np.ndarray:
+    return np.array([10.0 * (z[1] - z[0] ** 2), 1.0 - z[0]])
+
+
+def test_a_long_step_is_corrected_until_the_residual_is_as_predicted() -> None:
+    """Rosenbrock's valley, from its floor: straight on the residual would be a hundred times what it was."""
+    here, slope = np.array([-0.5, 0.25]), np.array([[10.0, 10.0], [-1.0, 0.0]])
+    left = bent(here)
+    square = Square(
+        float(left @ left), slope.T @ slope, slope.T @ left, 2, left, lambda s: slope @ s, lambda v: slope.T @ v
+    )
+    step, free, wide = np.array([1.0, -1.0]), np.ones(2, dtype=bool), (np.full(2, -9.0), np.full(2, 9.0))
+    straight = bent(here + step)
+    assert straight @ straight > 30.0 * square.chi2
+    found = _corrected_step(bent, square, here, step, free, wide)
+    assert found is not None
+    point, chi2 = found
+    assert chi2 == pytest.approx(bent(point) @ bent(point)) and chi2 < square.chi2
+    assert abs(point[0] - 0.5) < 0.2  # as far along the floor as the step was meant to go
+    held = _corrected_step(bent, square, here, step, free, (np.full(2, -0.6), np.full(2, 9.0)))
+    assert held is not None and (held[0] >= -0.6).all()
+
+    def nowhere(_: np.ndarray) -> np.ndarray:
+        raise Infeasible("none")
+
+    assert _corrected_step(nowhere, square, here, step, free, wide) is None
+    bare = Square(square.chi2, square.curvature, square.gradient, 2)
+    assert _corrected_step(bent, bare, here, step, free, wide) is None

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.collision.parameters import PAPER
 from analysis.inference.fit.samples import averaged_shot, averaged_shots, spacing
 from tests.analysis.collision.simulated import shot
 
@@ -42,6 +43,16 @@ def test_a_block_is_the_mean_of_its_samples_and_valid_where_all_are() -> None:
     np.testing.assert_allclose(found.averaged(columns)[4], columns[12:15].mean(axis=0))
     unknown = averaged_shot(replace(motion, displacement_std_m=np.where(expected, np.nan, std)))
     assert math.isnan(unknown.white_m) and unknown.factor == 5
+
+
+def test_five_contact_times_of_flight_on_either_side_are_fitted() -> None:
+    stiff = replace(PAPER, plate_stiffness_n_per_m=100.0 * PAPER.plate_stiffness_n_per_m, plate_mass_kg=1e-5)
+    motion = shot(stiff, samples=9000, touch_s=0.03)
+    found = averaged_shot(motion)
+    course = found.course
+    begin, end = course.touch_time_s - 5 * course.contact_time_s, course.release_time_s + 5 * course.contact_time_s
+    assert motion.time_s[0] < begin and end < motion.time_s[-1]
+    np.testing.assert_array_equal(found.used, (motion.time_s > begin) & (motion.time_s < end))
 
 
 def test_shots_weigh_by_their_noise_and_must_be_sampled_alike() -> None:

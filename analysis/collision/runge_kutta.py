@@ -245,7 +245,7 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
         signed = way * h
         _step(stepper, system, here, there, motion.mode, signed, rows)
         if not cleared and _crossed(motion, system, signed):
-            if h <= 1.000001 * shortest:
+            if h <= shortest:
                 return i, signed, AT_A_GUARD
             memory[STEP], memory[HELD] = max(h * _SHRINK, shortest), _SLOWLY
             continue

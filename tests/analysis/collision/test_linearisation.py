@@ -69,3 +69,27 @@ def test_a_path_is_cut_at_samples_and_events_in_steps_no_longer_than_its_mode_al
     few = steps_of([0.25], [FREE], np.array([-1.0, 0.0, 1.0]), (1, 1))
     assert few.begin_s.tolist() == [0.25, 0.0, 0.25] and few.end_s.tolist() == [0.0, -1.0, 1.0]
     assert few.sample.tolist() == [1, 0, 2] and few.event.tolist() == [-1, -1, 0]
+
+
+def laid(events_s: list[float], time_s: list[float], each: int = 1) -> list[tuple[float, float, int, int]]:
+    cut = steps_of(events_s, [CONTACT] * len(events_s), np.array(time_s), (each, each))
+    return list(zip(cut.begin_s.tolist(), cut.end_s.tolist(), cut.sample.tolist(), cut.event.tolist(), strict=True))
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_sample_is_at_an_event_within_a_ten_millionth_of_a_microsecond(way: float) -> None:
+    back, there = (0.0, -1.0, 0, -1), (0.0, 1.0, 2, 0)
+    near, apart = way * 5e-14, way * 5e-13
+    assert laid([0.0], [-1.0, near, 1.0]) == [back, there]
+    begun = [(0.0, apart, 1, 0), (apart, 1.0, 2, 0)] if way > 0 else [(0.0, apart, 1, -1), (apart, -1.0, 0, -1), there]
+    assert laid([0.0], [-1.0, apart, 1.0]) == [*([back] if way > 0 else []), *begun]
+    assert laid([0.0, 2.0], [-1.0, 0.0, 1.0, 2.0 + near, 3.0]) == [back, there, (1.0, 2.0, 3, 0), (2.0, 3.0, 4, 1)]
+    middle = [(1.0, 2.0, -1, 0), (2.0, 2.0 + apart, 3, 1), (2.0 + apart, 3.0, 4, 1)]
+    if way < 0:
+        middle = [(1.0, 2.0 + apart, 3, 0), (2.0 + apart, 2.0, -1, 0), (2.0, 3.0, 4, 1)]
+    assert laid([0.0, 2.0], [-1.0, 0.0, 1.0, 2.0 + apart, 3.0]) == [back, there, *middle]
+
+
+@pytest.mark.parametrize(("more", "pieces"), [(5e-7, 2), (5e-6, 3)])
+def test_a_step_may_be_longer_by_a_millionth(more: float, pieces: int) -> None:
+    assert len(laid([0.0], [0.0, 1.0, 2.0 + 0.5 * more], 2)) == 2 + pieces

@@ -71,6 +71,14 @@ def test_columns_beside_what_is_spanned(seed: int) -> None:
     assert np.allclose(found.products, new.T @ new)
     assert np.allclose(found.solve(left), np.linalg.lstsq(new, left, rcond=None)[0])
     assert found.new.all()
+    # of one shot alone, whatever the units, and beside a column of nothing
+    one, rows = arrow.blocks[0], len(arrow.blocks[0])
+    basis = Arrow.of([one], 0).span()
+    some = np.random.default_rng(seed).standard_normal((rows, 2))
+    few = basis.projected_columns(Arrow.of([np.column_stack([some * [1e-7, 1e5], np.zeros(rows)])], 0))
+    mine = basis.projected(left[:rows])
+    solved = np.linalg.lstsq(beside(one, some), mine, rcond=None)[0]
+    assert np.allclose(few.solve(mine) * [1e-7, 1e5, 1.0], [*solved, 0.0]) and few.new.tolist() == [True, True, False]
 
 
 def test_columns_that_are_spanned_already_are_not_new_and_get_nothing() -> None:

@@ -1,6 +1,8 @@
 """A diagnosis' own fit beside the fit of the same model to the same shots."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ import pytest
 from analysis.collision.effects import named
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.search.from_base import accept
-from analysis.inference.fit.as_fit import _has_loud_moment, as_fit, effect_parameters
+from analysis.inference.fit.as_fit import _has_loud_moment, _sway_left_std_m, as_fit, effect_parameters
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.pipeline import analyse
 from analysis.shot.fit import Fit
@@ -103,3 +105,31 @@ def test_a_residual_rings_that_is_loud_for_a_moment_and_not_throughout(
     whitened[: round(share * whitened.size)] *= louder
     assert _has_loud_moment(whitened) is rings
     assert not _has_loud_moment(whitened[:200])  # too short to tell
+
+
+@pytest.mark.parametrize("rows", [60, 512])
+def test_what_a_fit_leaves_of_a_frames_motion_is_what_generalised_least_squares_does(rows: int) -> None:
+    """Of the whole covariance C - J (J^T C^-1 J)^-1 J^T without its white part, between samples that are known."""
+    valid = np.ones(rows + 20, dtype=bool)
+    valid[:20] = False
+    times = np.arange(rows + 20) * 1e-3
+    turn = 2 * np.pi * np.outer(times[valid], [3.0, 8.0])
+    basis, factors, band = np.hstack([np.cos(turn), np.sin(turn)]), np.diag([3e-9, 2e-9, 3e-9, 2e-9]), [0, 1, 0, 1]
+    derivatives = np.zeros((rows + 20, 3))
+    derivatives[valid, :2] = np.stack([np.ones(rows), times[valid]], axis=1) * [1e3, 1.0]
+    sway = SimpleNamespace(basis=basis, factors=factors, band=np.array(band))
+    shot: Any = SimpleNamespace(sway=sway, valid=valid, weight=2.0, time_s=times + 5e-4, centre_s=times)
+    strengths = (np.log(4.0), np.log(0.25))
+    noise: Any = SimpleNamespace(white_m=5e-10, site=strengths)
+    found = _sway_left_std_m(shot, noise, derivatives)
+    sines = basis @ factors * np.array([2.0, 0.5, 2.0, 0.5])
+    moved = sines @ sines.T
+    inverse = np.linalg.inv(moved + 1e-18 * np.eye(rows))
+    some = derivatives[valid, :2]
+    taken = some @ np.linalg.inv(some.T @ inverse @ some) @ some.T
+    left = np.sqrt(np.maximum(np.diag(moved - taken), 0.0))
+    expected = np.interp(shot.time_s, times[valid], left)
+    if rows == 60:  # every sample is a point
+        np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-13)
+    else:  # each of 128 stands for four
+        np.testing.assert_allclose(found, expected, atol=0.03 * expected.max())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.inference.fit.course import NoCollision, _flight, _half_sine, _joined, read_course
+from analysis.inference.fit.course import NoCollision, _flight, _half_sine, _joined, _onset, read_course
 
 Floats = NDArray[np.float64]
 DT, TOUCH, SPEED, RATE, BACK = 1e-5, 0.0123456, -0.25, 210.0, 0.8
@@ -116,3 +116,41 @@ def test_a_flights_line_is_that_of_its_samples() -> None:
     time_s = 50.0 + np.arange(20) * 0.1
     slope, height = _flight(time_s, 3.0 * time_s - 7.0 + np.where(np.arange(20) < 5, 100.0, 0.0), 5, 20)
     assert (slope, height) == (pytest.approx(3.0), pytest.approx(-7.0))
+
+
+@pytest.mark.parametrize(("dip", "mark"), [(0.0, 0.05), (0.03, 0.05), (0.1, 0.12), (0.3, 0.36), (0.4, 0.4), (0.9, 0.4)])
+def test_the_touch_is_where_the_force_exceeds_what_pulls_the_other_way_and_a_twentieth_of_its_peak(
+    dip: float, mark: float
+) -> None:
+    """By a fifth, and two fifths of the peak at most; a plate cannot pull."""
+    time_s = np.arange(3000) * DT
+    peak, lasts = abs(SPEED) * RATE, math.pi / RATE
+    inside = (time_s > TOUCH) & (time_s < TOUCH + lasts)
+    force = np.where(inside, np.sin(RATE * (time_s - TOUCH)), 0.0)
+    force -= dip * np.exp(-(((time_s - 0.6 * TOUCH) / 4e-4) ** 2))
+    place = np.cumsum(np.cumsum(peak * force)) * DT**2 + SPEED * time_s
+    turn = int((TOUCH + 0.5 * lasts) / DT)
+    found = _onset(time_s, place, 1e-13, RATE, SPEED, turn, DT)
+    assert found == pytest.approx(TOUCH + math.asin(mark) / RATE, abs=3.0 * DT)
+    # where nothing is loud enough it is half a swing before the turn
+    level = _onset(time_s, SPEED * time_s, 1e-13, RATE, SPEED, turn, DT)
+    assert level == pytest.approx(time_s[turn] - 0.5 * lasts, abs=DT)
+
+
+def refusal(time_s: Floats, place: Floats) -> str:
+    """Return why a record shows no collision, or nothing."""
+    try:
+        read_course(time_s, place, np.ones(time_s.size, dtype=bool))
+    except NoCollision as why:
+        return str(why)
+    return ""
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "inside"), [(19, 900, False), (20, 900, True), (900, 9, False), (900, 10, True)]
+)
+def test_a_turn_must_lie_within_the_record(before: int, after: int, inside: bool) -> None:
+    time_s, place = noisy(noise=1e-12)
+    turn = int(np.argmin(place))
+    some = slice(turn - before, turn + after)
+    assert ("no turnaround" in refusal(time_s[some], place[some])) is not inside

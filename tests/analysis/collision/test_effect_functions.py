@@ -150,7 +150,7 @@ def test_a_plate_on_a_frame_answers_as_a_resonator() -> None:
     """y'' = -own (y - c) - own / Q (y' - c'): the real part of own / (own - w^2 + i ...) of the clamp's motion."""
     stiffness, mass, factor = 200.0, 2e-4, 0.7
     own = stiffness / mass
-    for hertz in (20.0, 150.0, 400.0):
+    for hertz in (20.0, 150.0, 1e3 / (2 * np.pi), 400.0):  # the third is its own
         omega = 2 * np.pi * hertz
 
         clamp = factor * 3e-6 / omega * np.exp(1j * (omega * 0.0123 + 0.4))
@@ -201,6 +201,14 @@ def test_what_an_effect_says_of_itself() -> None:
     assert replace(acts[Acts.ON_BLOCK], hidden=1).changes_contact
     assert replace(one, locked=on_plate.cubic_contact).one_body
     assert one == replace(one, words="other") != replace(one, name="other") and len({one, replace(one, words="x")}) == 1
+    nothing_more = {name: getattr(one, name) for name in Effect.__slots__[5:]}
+    assert {name for name, value in nothing_more.items() if value} == {"range_at", "grows_as", "fastest", "stiffens"}
+    assert (one.range_at, one.grows_as, one.fastest(np.ones(1), PAPER), one.stiffens(np.ones(1), PAPER)) == (
+        -1,
+        1,
+        0,
+        1,
+    )
     assert one != "some_effect" and repr(one) == "Effect('some_effect')"
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from analysis.collision.effects import CATALOGUE, WIDER, in_contact, named, on_block, on_plate, on_sensor
+from analysis.collision.effects import CATALOGUE, NUISANCES, WIDER, in_contact, named, on_block, on_plate, on_sensor
 from analysis.collision.effects.kernel import (
     BLOCK_MASS,
     CONTACT_STIFFNESS,
@@ -28,6 +28,7 @@ from analysis.collision.effects.kernel import (
     W,
 )
 from analysis.collision.effects.row import Acts, Effect, Sensed
+from analysis.shot.quantity import words_and_unit
 
 ROWS = [*CATALOGUE.values(), *WIDER.values()]
 KERNELS = [row for row in ROWS if row.kernel is not None]
@@ -142,6 +143,26 @@ def test_a_search_stays_within_the_limits_of_its_parameters() -> None:
     assert found == of_one | LIMITS
 
 
+def test_what_a_parameter_is_stands_in_its_name() -> None:
+    own, logarithms = set(), set()
+    for row in (*ROWS, *NUISANCES.values()):
+        for p in row.parameters:
+            assert p.unit == words_and_unit(p.name)[1], (row.name, p.name)
+            own |= {(row.name, p.name)} if p.own else set()
+            logarithms |= {(row.name, p.name)} if p.logarithmic else set()
+        assert row.in_series in (None, tuple(p.name for p in row.parameters)), row.name
+        assert row.amplitude == row.parameters[0].name and row.delays in ("", row.amplitude)
+    assert own == {(row.name, "phase_rad") for row in ROWS if "phase_rad" in [p.name for p in row.parameters]} | {
+        ("plate_motion", "velocity_m_per_s"), ("plate_motion", "displacement_m"),
+        ("flight_acceleration", "before_m_per_s2"), ("flight_acceleration", "after_m_per_s2"),
+    }  # fmt: skip
+    scales = {(row.name, p.name) for row in ROWS for p in row.parameters if p.name in ("frequency_hz", "damping_ratio")}
+    assert logarithms == scales | {
+        ("second_plate_mode", "mass_kg"), ("viscoelastic_arm", "relaxation_time_s"), ("adhesion", "range_m"),
+        ("demodulation_lag", "time_s"),
+    }  # fmt: skip
+
+
 def test_where_the_plate_is_locked_its_cubic_spring_is_the_contacts_own() -> None:
     assert {row.name: row.locked for row in ROWS if row.locked} == {"cubic_stiffness": on_plate.cubic_contact}
     assert {row.name for row in ROWS if not row.one_body} == {
@@ -225,6 +246,13 @@ def test_a_lag_is_that_of_a_first_order_filter_for_every_path_by_itself(complexl
             more[0, k] += 1e-8
             slope = (on_sensor.demodulation_lag(seen(v), paths, more)[:, k] - told[:, k].real) / 1e-8
             np.testing.assert_allclose(told[:, k].imag / 1e-30, slope, rtol=1e-3, atol=2e-4)
+    if complexly:  # a change of the path is another path, with a velocity of its own
+        change = np.stack([np.sin(700.0 * TIME_S), np.cos(300.0 * TIME_S)], axis=1)
+        moved = on_sensor.demodulation_lag(seen(v), paths + 1e-30j * change, p.real.astype(complex)).imag / 1e-30
+        for k in range(2):
+            speed = np.gradient(change[:, k], TIME_S)
+            alone = on_sensor.demodulation_lag(seen(speed), change[:, [k]], p.real[:, [k]])[:, 0]
+            np.testing.assert_allclose(moved[:, k], alone, rtol=1e-9, atol=1e-12)
     plain: Any = on_sensor._lag.py_func
     if not complexly:
         out = np.full_like(paths, np.nan)

@@ -11,88 +11,108 @@ from scipy.linalg import expm, expm_frechet
 from analysis.collision import exponentials, linear_coefficients
 from analysis.collision.matrices import TERMS
 
-N, ROWS = 5, 3  # numbers of a state with its constant, and state and derivatives
-COLUMNS = 4
+N = 5  # numbers of a state with its constant
+ROWS = pytest.mark.parametrize("rows", [2, 3, 6])  # state and derivatives
 
 
-def form_of(seed: int) -> Any:
-    """Return a mode whose matrix depends on the first of two parameters, with the last row nothing."""
+def columns(rows: int) -> int:
+    return 4 if rows <= 4 else 8
+
+
+def form_of(seed: int, rows: int) -> Any:
+    """Return a mode whose matrix depends on the first and the last parameter, with the last row nothing."""
     random = np.random.default_rng(seed)
-    a, by = random.standard_normal((N, N)), np.zeros((ROWS - 1, N, N))
-    by[0] = random.standard_normal((N, N))
+    a, by = random.standard_normal((N, N)), np.zeros((rows - 1, N, N))
+    by[0], by[-1] = random.standard_normal((2, N, N))
+    a[0], a[2, 0] = [0.0, 1.0, 0.0, 0.0, 0.0], 0.0  # as of a place and its velocity
+    by[0, 0], by[0, 1, 2], by[0, 2, 2] = 0.0, 1.0, 0.0
     a[-1] = 0.0
     by[:, -1] = 0.0
+    wide = columns(rows)
     return SimpleNamespace(
-        a=a, by=by, e=np.full((N, N), np.nan), d=np.full((N, N, COLUMNS), np.nan), whole=np.empty((N, N)),
-        d_whole=np.empty((N, N, COLUMNS)), shown=random.standard_normal((2, N)), mean=np.empty((2, N)),
-        d_mean=np.empty((N, COLUMNS)), steps=np.zeros(4),
+        a=a, by=by, e=np.full((N, N), np.nan), d=np.full((N, N, wide), np.nan), whole=np.empty((N, N)),
+        d_whole=np.empty((N, N, wide)), shown=random.standard_normal((2, N)), mean=np.empty((2, N)),
+        d_mean=np.empty((N, wide)), steps=np.zeros(4),
     )  # fmt: skip
 
 
-def room() -> Any:
+def room(rows: int) -> Any:
+    wide = columns(rows)
     return SimpleNamespace(
-        square=np.full((3, N, N), np.nan), d_term=np.full((ROWS - 1, N, N), np.nan),
-        d_work=np.full((N, N, COLUMNS), np.nan), columns=np.full((3, N, COLUMNS), np.nan),
+        square=np.full((3, N, N), np.nan), d_term=np.full((rows - 1, N, N), np.nan),
+        d_work=np.full((N, N, wide), np.nan), columns=np.full((3, N, wide), np.nan),
     )  # fmt: skip
 
 
-def made(seed: int, h: float) -> Any:
-    form = form_of(seed)
-    form.terms = exponentials.exponential.py_func(form, room(), ROWS, h)
+def made(seed: int, h: float, rows: int) -> Any:
+    form = form_of(seed, rows)
+    form.terms = exponentials.exponential.py_func(form, room(rows), rows, h)
     return form
 
 
-def state() -> np.ndarray:
-    z = np.random.default_rng(9).standard_normal((N, COLUMNS))
-    z[-1] = [1.0, 0.0, 0.0, 0.0]
-    z[:, ROWS:] = 0.0
+def slopes_of(form: Any, h: float) -> np.ndarray:
+    """Return the derivatives of the exponential, the first for the state itself, as columns along the last axis."""
+    out = np.zeros_like(form.d)
+    for k, by in enumerate(form.by):
+        out[:, :, 1 + k] = expm_frechet(form.a * h, by * h)[1] if by.any() else 0.0
+    return out
+
+
+def state(rows: int) -> np.ndarray:
+    z = np.random.default_rng(9).standard_normal((N, columns(rows)))
+    z[-1] = 0.0
+    z[-1, 0] = 1.0
+    z[:, rows:] = 0.0
     return z
 
 
+@ROWS
 @pytest.mark.parametrize("h", [0.1, -0.7, 2.0])
-def test_an_exponential_and_its_derivatives_are_scipys(h: float) -> None:
-    form = made(1, h)
+def test_an_exponential_and_its_derivatives_are_scipys(h: float, rows: int) -> None:
+    form = made(1, h, rows)
     np.testing.assert_allclose(form.e, expm(form.a * h), rtol=1e-11, atol=1e-13)
-    np.testing.assert_allclose(form.d[:, :, 1], expm_frechet(form.a * h, form.by[0] * h)[1], rtol=1e-10, atol=1e-12)
-    assert not form.d[:, :, 0].any() and not form.d[:, :, 2:].any()
-    assert 6 < form.terms < 60 and made(1, 0.5 * h).terms < form.terms
+    np.testing.assert_allclose(form.d, slopes_of(form, h), rtol=1e-10, atol=1e-11)
+    assert not form.d[:, :, 0].any() and 6 < form.terms < 60 and made(1, 0.5 * h, rows).terms < form.terms
 
 
-def test_a_step_carries_state_and_derivatives(monkeypatch: pytest.MonkeyPatch) -> None:
-    form, z, h = made(2, 0.3), state(), 0.3
-    e, d = expm(form.a * h), expm_frechet(form.a * h, form.by[0] * h)[1]
-    exact = np.stack([e @ z[:, 0], e @ z[:, 1] + d @ z[:, 0], e @ z[:, 2], 0 * z[:, 0]], axis=1)
-    out = np.full((N, COLUMNS), 7.0)
+@ROWS
+def test_a_step_carries_state_and_derivatives(rows: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    h, z = 0.3, state(rows)
+    form = made(2, h, rows)
+    exact = expm(form.a * h) @ z + np.einsum("ick,c->ik", slopes_of(form, h), z[:, 0])
+    out = np.full(z.shape, 7.0)
     exponentials.step.py_func(z, form.e, form.d, out)
-    np.testing.assert_allclose(out[:-1], exact[:-1], rtol=1e-11)
+    np.testing.assert_allclose(out[:-1], exact[:-1], rtol=1e-10, atol=1e-12)
     assert np.all(out[-1] == 7.0)
     form.steps[TERMS] = 25
-    by_series = np.full((N, COLUMNS), np.nan)
-    exponentials.series.py_func(z, ROWS, form, h, by_series, room())
-    np.testing.assert_allclose(by_series[:, :ROWS], exact[:, :ROWS], rtol=1e-11)
+    by_series = np.full(z.shape, np.nan)
+    exponentials.series.py_func(z, rows, form, h, by_series, room(rows))
+    np.testing.assert_allclose(by_series[:, :rows], exact[:, :rows], rtol=1e-10, atol=1e-12)
     monkeypatch.setattr(exponentials, "along", exponentials.along.py_func)
-    alone = np.full((N, COLUMNS), 7.0)
+    alone = np.full(z.shape, 7.0)
     exponentials.step_alone.py_func(z, form.e, alone)
     np.testing.assert_allclose(alone[:-1, 0], exact[:-1, 0], rtol=1e-11)
     assert np.all(alone[:, 1:] == 7.0)
     assert exponentials.along(form.shown, 1, z) == pytest.approx(form.shown[1] @ z[:, 0])
 
 
+@ROWS
 @pytest.mark.parametrize("times", [1, 2, 5])
-def test_a_block_is_so_many_steps_with_their_mean(times: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    form, z, h = made(3, 0.2), state(), 0.2
-    exponentials.repeat.py_func(form, room(), ROWS, times)
+def test_a_block_is_so_many_steps_with_their_mean(times: int, rows: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    h, z = 0.2, state(rows)
+    form = made(3, h, rows)
+    exponentials.repeat.py_func(form, room(rows), rows, times)
     np.testing.assert_allclose(form.whole, expm(form.a * h * times), rtol=1e-10, atol=1e-13)
-    slopes = [expm_frechet(form.a * h * k, form.by[0] * h * k)[1] for k in range(1, times + 1)]
-    np.testing.assert_allclose(form.d_whole[:, :, 1], slopes[-1], rtol=1e-9, atol=1e-12)
+    slopes = [slopes_of(form, h * k) for k in range(1, times + 1)]
+    np.testing.assert_allclose(form.d_whole, slopes[-1], rtol=1e-9, atol=1e-11)
     mean = np.mean([expm(form.a * h * k) for k in range(1, times + 1)], axis=0)
     np.testing.assert_allclose(form.mean, form.shown @ mean, rtol=1e-10, atol=1e-12)
-    np.testing.assert_allclose(form.d_mean[:, 1], np.mean(slopes, axis=0)[0], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(form.d_mean, np.mean(slopes, axis=0)[0], rtol=1e-9, atol=1e-11)
     monkeypatch.setattr(exponentials, "along", exponentials.along.py_func)
-    shown, d_x = np.ones(2), np.ones(ROWS - 1)
-    exponentials.show_mean.py_func(z, ROWS, form, shown, d_x)
+    shown, d_x = np.ones(2), np.ones(rows - 1)
+    exponentials.show_mean.py_func(z, rows, form, shown, d_x)
     np.testing.assert_allclose(shown, 1.0 + form.mean @ z[:, 0])
-    np.testing.assert_allclose(d_x, 1.0 + form.mean[0] @ z[:, 1:ROWS] + form.d_mean[:, 1:ROWS].T @ z[:, 0])
+    np.testing.assert_allclose(d_x, 1.0 + form.mean[0] @ z[:, 1:rows] + form.d_mean[:, 1:rows].T @ z[:, 0])
 
 
 def test_hidden_states_answer_a_parabola_exactly() -> None:

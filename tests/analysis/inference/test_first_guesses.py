@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.collision.parameters import PAPER, Collision
+from analysis.collision import solve
+from analysis.collision.parameters import PAPER, Collision, Variant
+from analysis.inference.fit import first_guesses as module
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.first_guesses import Guess, first_guesses, rank
 from analysis.inference.fit.problem import Problem
@@ -62,3 +64,67 @@ def test_one_search_is_enough_where_the_pattern_of_bounces_is_plain(monkeypatch:
     found = first_guesses(BASE, [averaged_shot(shot(PAPER))], lambda: False)
     assert len(searches) == 1
     assert found[0] == pytest.approx(PAPER.vector[:4], rel=1e-3)
+
+
+@pytest.mark.parametrize("one_body", [False, True])
+def test_every_candidate_swings_on_its_plate_as_slowly_as_the_others(one_body: bool) -> None:
+    """At 110 rad/s to a hundredth, so that a contact time tells which of them a record resembles; fast swings decay."""
+    found = list(module._candidates(Variant.CLAMPED, one_body))
+    assert len(found) == len(set(found)) == (3 if one_body else 168)
+    for c in found:
+        assert c.variant is Variant.CLAMPED and c.block_mass_kg == PAPER.block_mass_kg
+        spring = np.array([[1.0, -1.0], [-1.0, 1.0]])
+        mass = np.diag([c.block_mass_kg, c.plate_mass_kg])
+        stiff = c.contact_stiffness_n_per_m * spring + np.diag([0.0, c.plate_stiffness_n_per_m])
+        if one_body:
+            spring, mass, stiff = spring[:1, :1], mass[:1, :1], stiff[:1, :1]
+        squares, ways = np.linalg.eig(np.linalg.solve(mass, stiff))
+        assert np.sqrt(squares.min()) == pytest.approx(110.0, rel=0.01)
+        way = ways[:, squares.argmax()]
+        damping = c.contact_damping_n_s_per_m * (way @ spring @ way) / (way @ mass @ way) / (2 * np.sqrt(squares.max()))
+        assert min(abs(damping / share - 1.0) for share in (0.04, 0.15, 0.4)) < 0.07
+
+
+def test_a_candidate_is_scaled_to_a_shots_mass_time_and_speed() -> None:
+    course = averaged_shot(shot(PAPER)).course
+    faster = replace(course, velocity_in_m_per_s=-0.4, rate_rad_per_s=330.0)
+    candidate = replace(PAPER, variant=Variant.NO_TENSION)
+    scaled = module._scaled(candidate, faster, 2.0 * PAPER.block_mass_kg)
+    time_s = np.linspace(-2e-3, 0.04, 900)
+    slow, fast = solve(candidate, (), time_s), solve(scaled, (), time_s / 3.0)
+    ratio = -0.4 / PAPER.velocity_in_m_per_s / 3.0
+    np.testing.assert_allclose(fast.displacement_m, ratio * slow.displacement_m, rtol=1e-9, atol=1e-13)
+    assert scaled.block_mass_kg == 2.0 * PAPER.block_mass_kg and scaled.variant is Variant.NO_TENSION
+
+
+def test_of_a_shot_the_contact_with_a_little_flight_is_fitted() -> None:
+    whole = replace(averaged_shot(shot(PAPER)), weight=3.0, sway="a frame's")  # type: ignore[arg-type]
+    near, course = module._contact_of(whole), whole.course
+    begin = course.touch_time_s - 0.1 * course.contact_time_s
+    end = course.touch_time_s + 1.25 * course.contact_time_s
+    inside = (whole.centre_s >= begin) & (whole.centre_s < end)
+    np.testing.assert_array_equal(near.centre_s, whole.centre_s[inside])
+    np.testing.assert_array_equal(near.displacement_m, whole.displacement_m[inside])
+    assert near.time_s.size == near.used.size == near.factor * near.centre_s.size and near.valid.size == inside.sum()
+    np.testing.assert_allclose(near.averaged(near.time_s), near.centre_s)
+    assert near.weight == 1.0 and near.sway is None and near.course is course
+
+
+def test_with_several_plates_the_contact_is_that_of_most_shots_and_each_plate_its_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    base = replace(BASE, plates=3)
+    shots = [replace(averaged_shot(shot(PAPER)), plate_number=k) for k in (0, 1, 1, 2)]
+
+    def of_plate(one, those, *_):  # type: ignore[no-untyped-def]
+        assert one.plates == 1 and all(s.plate_number == 0 for s in those)
+        asked.append(len(those))
+        return [10.0 * len(asked) + np.arange(4.0), None]
+
+    asked: list[int] = []
+    found = module._plate_by_plate
+    monkeypatch.setattr(module, "first_guesses", of_plate)
+    shared = found(base, shots, lambda: False, 0.0)
+    assert asked == [1, 2, 1]
+    # stiffness and mass of the first plate, the contact of the second plate's shots, then the further plates
+    assert shared.tolist() == [10.0, 11.0, 22.0, 23.0, 20.0, 21.0, 30.0, 31.0]

@@ -1,6 +1,6 @@
 """Which starts of an effect are tried besides the best: those elsewhere on its grid that explain enough."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,8 +9,11 @@ import pytest
 
 from analysis.collision.effects import named
 from analysis.inference.fit.free_parameters import trial_effect
+from analysis.inference.fit.problem import Linearised
 from analysis.inference.screen import columns, screening
-from analysis.inference.screen.screening import Score, distinct_starts, opposite
+from analysis.inference.screen.screening import Score, all_scores, distinct_starts, opposite, scores
+from analysis.shot import Cancelled
+from tests.analysis.diagnosis.shots import KINDS, base_fit, shots
 
 
 def _scores(name: str, *starts: tuple[float, Mapping[str, float]]) -> list[Score]:
@@ -136,3 +139,97 @@ def test_a_start_is_turned_round_where_the_effect_may_act_either_way() -> None:
     assert opposite(Score(tilt, ({"angle_rad": -0.4},), 9.0, 1)) is not None
     assert opposite(Score(tilt, ({"angle_rad": -0.6},), 9.0, 1)) is None  # beyond the largest
     assert opposite(Score(friction, ({"force_n": 1e-5},), 9.0, 1)) is None
+
+
+@pytest.fixture(scope="module")
+def at() -> Linearised:
+    """Return a base fit of three shots whose frame vibrated and whose plates swung, linearised."""
+    line = {"amplitude_m_per_s": 4e-7, "frequency_hz": 333.0, "phase_rad": 0.3}
+    return base_fit(shots({"frame_vibration": line}, count=3)).linearise()
+
+
+def explained(at: Linearised, bare: Sequence[np.ndarray]) -> tuple[float, np.ndarray]:
+    """Return the fall of chi^2 by columns of each shot's own beside all parameters, and their amplitudes."""
+    kept = at.problem.data.shots
+    white = [shot.whitened(at.noise, one) for shot, one in zip(kept, bare, strict=True)]
+    rows, width = sum(map(len, white)), white[0].shape[1]
+    tangents, own = np.zeros((rows, at.tangents.size)), np.zeros((rows, width * len(white)))
+    for block, places, part in zip(at.tangents.blocks, at.tangents.places, at.tangents.parts(tangents), strict=True):
+        part[:, places] = block
+    for index, (one, part) in enumerate(zip(white, at.tangents.parts(own), strict=True)):
+        part[:, index * width : (index + 1) * width] = one
+    columns = np.hstack([tangents, own])
+    scale = np.linalg.norm(columns, axis=0)
+    left = [
+        at.whole - some @ np.linalg.lstsq(some, at.whole, rcond=1e-13)[0]
+        for some in (tangents / scale[: at.tangents.size], columns / scale)
+    ]
+    found = np.linalg.lstsq(columns / scale, at.whole, rcond=1e-13)[0] / scale
+    return float(left[0] @ left[0] - left[1] @ left[1]), found[at.tangents.size :]
+
+
+def test_a_wave_of_the_sensor_gains_what_cosine_and_sine_of_each_shot_explain(at: Linearised) -> None:
+    found = screening.scores(at, KINDS["frame_vibration"])
+    best = found[0]
+    assert [one.gain for one in found] == sorted((one.gain for one in found), reverse=True) and len(found) == 8
+    omega = best.unit
+    assert best.start[0]["frequency_hz"] == pytest.approx(333.0, rel=0.03) and best.freedom == 2 + 3
+    assert omega == pytest.approx(2 * np.pi * best.start[0]["frequency_hz"])
+    turns = [omega * shot.centre_s for shot in at.problem.data.shots]
+    gain, numbers = explained(at, [np.stack([np.cos(turn), np.sin(turn)], axis=1) for turn in turns])
+    assert best.gain == pytest.approx(gain, rel=1e-6) and gain > 100.0
+    size = omega * np.sqrt(np.mean(np.sum(numbers.reshape(3, 2) ** 2, axis=1)))
+    for start, (cosine, sine) in zip(best.start, numbers.reshape(3, 2), strict=True):
+        assert start["amplitude_m_per_s"] == pytest.approx(size)
+        assert np.exp(1j * start["phase_rad"]) == pytest.approx((-cosine + 1j * sine) / np.hypot(cosine, sine))
+
+
+def test_amplitudes_of_each_shot_are_those_that_explain_most(at: Linearised) -> None:
+    (score,) = screening.scores(at, KINDS["plate_motion"])
+    kind = KINDS["plate_motion"]
+    units = kind.starts[0]
+    alone = [{**dict.fromkeys(units, 0.0), name: units[name]} for name in kind.amplitude]
+    bare = columns.own_columns(at, kind, alone)
+    assert bare is not None and len(kind.amplitude) == 2 and score.freedom == 6
+    gain, numbers = explained(at, bare)
+    assert score.gain == pytest.approx(gain, rel=1e-5) and score.unit == units[kind.amplitude[0]]
+    for start, mine in zip(score.start, numbers.reshape(3, 2), strict=True):
+        for name, number in zip(kind.amplitude, mine, strict=True):
+            assert start[name] == pytest.approx(units[name] * number, rel=1e-3)
+
+
+def test_a_phase_of_each_shot_is_that_of_two_quadratures_of_one_size(at: Linearised) -> None:
+    kind = KINDS["cyclic_error"]
+    found = scores(at, kind)
+    assert sorted(one.start[0]["order"] for one in found) == [1.0, 2.0] and found[0].gain >= found[1].gain
+    for score in found:
+        begin = next(start for start in kind.starts if start["order"] == score.start[0]["order"])
+        bare = columns.own_columns(at, kind, [{**begin, "phase_rad": turn} for turn in (0.0, np.pi / 2)])
+        assert bare is not None
+        gain, numbers = explained(at, bare)
+        assert score.gain == pytest.approx(gain, rel=1e-5)
+        size = begin["amplitude_m"] * np.sqrt(np.mean(np.sum(numbers.reshape(3, 2) ** 2, axis=1)))
+        for start, (plain, quarter) in zip(score.start, numbers.reshape(3, 2), strict=True):
+            assert start["amplitude_m"] == pytest.approx(size, rel=1e-3)
+            towards = (plain + 1j * quarter) / np.hypot(plain, quarter)
+            assert np.exp(1j * start["phase_rad"]) == pytest.approx(towards, abs=1e-3)
+
+
+def test_all_effects_are_scored_in_the_order_given_until_someone_stops(at: Linearised) -> None:
+    kinds = [KINDS[name] for name in ("viscous_drag", "cyclic_error", "coulomb_friction", "frame_vibration")]
+    found = all_scores(at, kinds, lambda: False)
+    assert [listed[0].kind.effect.name for listed in found] == [kind.effect.name for kind in kinds]
+    assert found == [scores(at, kind) for kind in kinds]
+    with pytest.raises(Cancelled):
+        all_scores(at, kinds, lambda: True)
+
+
+def test_lines_between_the_points_of_a_grid_are_searched_where_one_could_pay(at: Linearised) -> None:
+    kind = KINDS["block_mode"]
+    eager, plain = (scores(at, kind, to_join=join) for join in (0.0, 1e9))
+    assert [one.gain for one in eager] == sorted((one.gain for one in eager), reverse=True)
+    slowest = at.problem.data.band_hz[0]
+    assert len(eager) > len(plain) >= sum(start["frequency_hz"] > slowest for start in kind.starts)
+    assert eager[0].gain >= plain[0].gain
+    beside = {one.start[0]["frequency_hz"] for one in eager} - {start["frequency_hz"] for start in kind.starts}
+    assert min(abs(np.log(f / 333.0)) for f in beside) < 0.01

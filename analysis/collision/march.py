@@ -60,10 +60,16 @@ from analysis.collision.system import (
     state_of,
     take,
 )
-from analysis.compiled import by_address, cut, cut_integers, kernel, part
+from analysis.compiled import by_address, cut, cut_integers, inlined, kernel, part
 
 TOO_MANY, RUNS_AWAY, NOT_LINEAR, NO_ROOM, TOO_LONG = -1, -2, -3, -4, -5
 TURN, RANGE = 90, 95  # kinds of event: the block turns; the bodies leave or enter an effect's range (plus its slot)
+
+
+@inlined
+def _passage(before, after):  # type: ignore[no-untyped-def]
+    """Return the kind of an event that leads from one phase of the contact to another."""
+    return 10 * before + after
 
 
 @part
@@ -87,7 +93,7 @@ def _change_mode(item, mode, slots):  # type: ignore[no-untyped-def]
     for slot in range(slots.shape[0]):  # an attraction acts while the bodies are apart
         if slots[slot, RANGE_AT] >= 0.0:
             mode[NEAR_0 + slot] = 1.0 if after == FREE else 0.0
-    return 10 * phase + after
+    return _passage(phase, after)
 
 
 @part
@@ -213,7 +219,7 @@ def march(arm, run, reach, show, stepper, system, motion, record):  # type: igno
                 record.event_d_time[0, j - 1] = 0.0
                 for c in range(here.z.shape[1]):
                     record.event_d_state[0, j - 1, c] = here.z[j, c]
-            _note(0, 10 * FREE + CONTACT, motion, record)
+            _note(0, _passage(FREE, CONTACT), motion, record)
             events = 1
         i, last = (split, samples - 1) if forward else (split - 1, 0)
         fresh, cleared = True, False

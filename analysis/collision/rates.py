@@ -205,7 +205,7 @@ def derivative_rates(state, rows, which, system, flags, mass):  # type: ignore[n
             if hidden:
                 out[row, at] = answer[STATES + Q_RATE].imag / _H
                 out[row, at + 1] = answer[STATES + W_RATE].imag / _H
-        if by >= 0 and slots.shape[0] > 0:
+        if by >= 0:
             p_complex[by] = p[by]
         out[row, 0] = z[row, 1]
         out[row, 1] = (d_block - out[0, 1] * d_mass) / mass

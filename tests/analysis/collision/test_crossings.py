@@ -87,6 +87,34 @@ def test_a_guard_that_dips_below_zero_within_a_step_is_found_where_it_enters(sea
     assert search(quartic, {0: 1.0}, 1.0) == (0, pytest.approx(0.8 - 1e-6**0.25, abs=1e-9))
 
 
+@pytest.mark.parametrize("zero", [0.0371, 0.31, 0.988])
+@pytest.mark.parametrize("steep", [30.0, 1e3, 1e5])
+def test_a_zero_from_which_newtons_steps_lead_away_is_found_by_halves(search: Any, zero: float, steep: float) -> None:
+    def rate(t: float) -> float:
+        return -steep / (1.0 + (steep * (t - zero)) ** 2)
+
+    step = {0: (lambda t: math.atan(steep * (zero - t)), rate)}
+    assert search(step, {0: 1.0}, 1.0) == (0, pytest.approx(zero, abs=1e-15))
+    assert len(search.asked) <= 2 + math.log2(steep) + 9
+
+
+@pytest.mark.parametrize("place", [0.3, 0.37, 0.45])
+def test_the_lowest_point_of_a_sharp_dip_is_found_by_secants_and_halves(search: Any, place: float) -> None:
+    """A hyperbola that dips below zero by next to nothing, and by nothing."""
+
+    def dips(depth: float) -> Guard:
+        def value(t: float) -> float:
+            return math.hypot(t - place, 1e-2) - 1e-2 - depth
+
+        return value, lambda t: (t - place) / math.hypot(t - place, 1e-2)
+
+    # x^2 + 1e-4 = (1e-2 + depth)^2 where it enters
+    width = math.sqrt((1e-2 + 1e-9) ** 2 - 1e-4)
+    assert search({0: dips(1e-9)}, {0: 1.0}, 1.0) == (0, pytest.approx(place - width, abs=1e-9))
+    assert len(search.asked) < 40
+    assert search({0: dips(-1e-12)}, {0: 1.0}, 1.0) == (-1, 1.0)
+
+
 def test_a_propagator_is_that_of_the_classical_method() -> None:
     random = np.random.default_rng(1)
     a = [random.standard_normal((3, 3)) for _ in range(3)]

@@ -48,7 +48,7 @@ def test_the_flags_of_a_phase(phase: int, spring: float, dash: float, parted: fl
     assert (mode[PHASE], mode[SPRING], mode[DASH], mode[PARTED], mode[INSIDE]) == (phase, spring, dash, parted, 0.0)
 
 
-def slots_of(*ranges: float, moves: float = 0.0) -> np.ndarray:
+def slots_of(*ranges: float, moves: float | tuple[float, ...] = 0.0) -> np.ndarray:
     slots = np.zeros((len(ranges), SLOT_COLUMNS))
     slots[:, RANGE_AT], slots[:, MOVES] = ranges, moves
     return slots
@@ -99,6 +99,20 @@ def test_what_is_watched_in_a_mode(phase: int, variant: int, watched: dict[int, 
         # what moves the contact point: three times as far as it is off, and a sixtieth of a second of its speed
         ((4.21e-4, 0.1, 0.0, 0.0, -1e-4, 6e-3), 2.0, slots_of(-1.0, moves=1.0), (0.0,), True),
         ((4.19e-4, 0.1, 0.0, 0.0, -1e-4, 6e-3), 2.0, slots_of(-1.0, moves=1.0), (0.0,), False),
+        (
+            (4.21e-4, 0.1, 0.0, 0.0, 9.0, 9.0, -1e-4, 6e-3),
+            2.0,
+            slots_of(-1.0, -1.0, moves=(0.0, 1.0)),
+            (0.0, 0.0),
+            True,
+        ),
+        (
+            (4.19e-4, 0.1, 0.0, 0.0, 0.0, 0.0, -1e-4, 6e-3),
+            2.0,
+            slots_of(-1.0, -1.0, moves=(0.0, 1.0)),
+            (0.0, 0.0),
+            False,
+        ),
     ],
 )
 def test_a_block_has_gone_where_nothing_can_meet_it_again(
@@ -128,15 +142,15 @@ def test_a_guard_may_have_dipped_below_zero_within_twice_the_depth_of_a_parabola
 def test_guards_and_their_rates(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(modes, "range_at", modes.range_at.py_func)
     slots = slots_of(-1.0, 4.0)
-    slots[0, MOVES] = 2.0
+    slots[:, MOVES] = 2.0, -1.0
     system: Any = SimpleNamespace(slots=slots, p=np.array([0.0, 0.0, 10.0, 3.0, 0.25]))
     z = np.array([[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 0.0, 0.0], [0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 0.0, 0.0]])
-    f = np.array([[2.0, 20.0, 4.0, 50.0, 6.0, 7.0, 0.0, 0.0]])
+    f = np.array([[2.0, 20.0, 4.0, 50.0, 6.0, 7.0, 8.0, 0.5]])
     contact = np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
     state: Any = SimpleNamespace(z=z, f=f, contact=contact)
     guards = [modes.guard.py_func(item, state, system) for item in (0, 1, 2, VELOCITY, RANGE_0 + 1)]
     assert guards == [0.1, 0.2, 0.3, 2.0, pytest.approx(0.35)]
-    second = 50.0 - 20.0 + 2.0 * 7.0
+    second = 50.0 - 20.0 + 2.0 * 7.0 - 0.5
     found = [modes.guard_rate.py_func(item, state, system) for item in (0, 1, 2, VELOCITY, RANGE_0 + 1)]
     assert found == [0.2, second, pytest.approx(10.0 * 0.2 + 3.0 * second), 20.0, 0.2]
     slopes = [modes.guard_derivative.py_func(item, 1, 4, state, system) for item in (0, 1, 2, VELOCITY, RANGE_0 + 1)]

@@ -76,3 +76,8 @@ def test_knots_are_denser_near_zero_where_the_range_comes_near_it() -> None:
     for low, high in ((1.0, 1.0), (2.0, 1.0)):
         with pytest.raises(ValueError, match="constant"):
             graded_basis(low, high, 5)
+
+
+def test_two_bases_of_the_same_knots_are_equal() -> None:
+    one, other = (graded_basis(-1.0, 2.0, 6) for _ in range(2))
+    assert one == other and hash(one) == hash(other) and one != graded_basis(-1.0, 2.0, 7)

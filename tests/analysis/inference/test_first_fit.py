@@ -1,0 +1,95 @@
+"""From where a search for the base model begins, and which of several ends is taken, over searches that are given."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.collision import Infeasible
+from analysis.collision.parameters import PAPER
+from analysis.inference.fit import first_fit as module
+from analysis.inference.fit.base import SearchStart, base_named
+from analysis.inference.fit.first_fit import likely_plates
+from analysis.inference.fit.joint_data import JointData
+from analysis.inference.fit.samples import averaged_shot
+from analysis.inference.noise.floor import white_floor
+from tests.analysis.collision.simulated import shot
+from tests.analysis.diagnosis.shots import calm
+
+BASE = base_named("paper")
+FLOOR = replace(white_floor(1e-10, 5e-5), site=(0.0,))
+
+
+def start(number: float, left: float = np.inf) -> SearchStart:
+    return SearchStart(BASE, np.full(4, number), np.zeros((1, 3)), (), left)
+
+
+@pytest.mark.parametrize(
+    ("ends", "early", "tried", "best"),
+    [
+        ([29.0, 1.0], 1.0, [1], 1.0),  # near enough at once
+        ([31.0, 1.0], 29.0, [1, -1, 9], 9.0),  # the first bounces lead there
+        ([31.0, 32.0, 40.0, 1.0], 31.0, [1, -1, 2, 3], 1.0),  # they do not: the next two, and the best of all
+        ([31.0, 29.0, 1.0], 31.0, [1, -1, 2], 2.0),
+        ([31.0, None, 28.0], 31.0, [1, -1, 2, 3], 3.0),
+        ([31.0, 29.0], None, [1, -1, 2], 2.0),
+    ],
+)
+def test_of_several_searches_the_best_counts_and_one_that_is_near_enough_ends_them(
+    monkeypatch: pytest.MonkeyPatch, ends: list[float | None], early: float | None, tried: list[int], best: float
+) -> None:
+    whole = JointData((averaged_shot(shot(PAPER)),), BASE)
+    asked: list[float] = []
+
+    def search(data: JointData, one: SearchStart, floor: Any, _stop: Any, evaluations: int = 60) -> SearchStart:
+        assert floor.site == ()
+        number = float(one.shared[0])
+        if data is whole:
+            asked.append(number)
+            left = 0.5 if number == 9.0 else ends[int(number) - 1]
+        else:  # of the first bounces alone, roughly
+            assert number == 1.0 and evaluations == 30
+            asked.append(-number)
+            left, number = early, 9.0
+        if left is None:
+            raise Infeasible("none")
+        return start(number, left)
+
+    monkeypatch.setattr(module, "_search_from", search)
+    found = module._best_of_searches(whole, [start(k) for k in range(1, len(ends) + 1)], FLOOR, calm)
+    assert asked == tried and found.shared[0] == best
+
+
+@pytest.mark.parametrize(
+    ("share", "left", "same"), [(1.029, 10.09, True), (0.971, 9.91, True), (1.031, 10.0, False), (1.0, 10.11, False)]
+)
+def test_two_ends_are_one_where_chi2_and_every_parameter_are(share: float, left: float, same: bool) -> None:
+    moved = start(2.0, left)
+    moved.shared[2] *= share
+    assert module._are_one(moved, start(2.0, 10.0)) is same
+
+
+def test_the_first_bounces_end_at_three_tenths_of_the_contact() -> None:
+    whole = averaged_shot(shot(PAPER))
+    course = whole.course
+    early = module._first_bounces(whole)
+    until = course.touch_time_s + 0.3 * course.contact_time_s
+    np.testing.assert_array_equal(early.valid, whole.valid & (whole.centre_s < until))
+    assert early.valid.any() and early.valid.sum() < whole.valid.sum()
+
+
+def test_a_plate_is_likely_where_a_frame_moves() -> None:
+    def plate(rest: np.ndarray, noise: Any) -> tuple[float, float]:
+        assert noise.site == (1.0,)
+        return float(rest.sum()), 2.0
+
+    shots = [SimpleNamespace(sway=SimpleNamespace(likely_plate=plate))] * 2
+    problem: Any = SimpleNamespace(
+        noise=SimpleNamespace(site=(1.0,)), data=SimpleNamespace(shots=shots),
+        residual_m=lambda z: [z, 3.0 * z],
+    )  # fmt: skip
+    assert likely_plates(problem, np.array([1.0, 2.0])) == ((3.0, 2.0), (9.0, 2.0))
+    problem.noise.site = ()
+    assert likely_plates(problem, np.array([1.0])) == ()

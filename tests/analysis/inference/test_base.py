@@ -1,12 +1,16 @@
 """The parameters of a base model over one plate and several, and the collision that they make."""
 
 import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from analysis.collision.parameters import PAPER, Infeasible, Variant
-from analysis.inference.fit.base import Base, base_named, named_on_plate
+from analysis.inference.fit import base as module
+from analysis.inference.fit.base import Base, base_named, base_of, named_on_plate, start_from_fit
 
 SHARED = np.array([200.0, 2e-4, 1e4, 0.4, 300.0, 3e-4, 400.0, 4e-4])
 THREE = Base(Variant.CLAMPED, one_body=False, plates=3)
@@ -49,3 +53,27 @@ def test_a_base_model_has_a_name() -> None:
     assert base_named("contact") == ALONE and base_named("clamped") == Base(Variant.CLAMPED, one_body=False)
     with pytest.raises(ValueError, match="no base model 'x'; there are paper, "):
         base_named("x")
+
+
+def test_a_search_begins_where_a_fit_of_the_shots_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "plate_count", lambda motions: len(set(motions)))
+    motions: Any = list("abcb")
+    assert base_of("clamped", motions[:1]).plates == 1 and base_of("contact", motions).plates == 1
+    base = base_of("clamped", motions)
+    assert base == replace(base_named("clamped"), plates=3)
+    numbers = {name: SimpleNamespace(value=10.0 + k) for k, name in enumerate(base.names)}
+    own = [
+        SimpleNamespace(**{
+            name: SimpleNamespace(value=k + part)
+            for name, part in (("velocity_in_m_per_s", 0.1), ("touch_time_s", 0.2), ("offset_m", 0.3))
+        })
+        for k in range(4)
+    ]  # fmt: skip
+    fit: Any = SimpleNamespace(
+        model="clamped", parameters={**numbers, "viscous_drag.coefficient": None}, shots=own, reduced_chi2=3.5
+    )
+    begin = start_from_fit(fit, motions)
+    assert begin.base == base and begin.shared.tolist() == [10.0 + k for k in range(8)]
+    np.testing.assert_allclose(begin.own, np.arange(4)[:, None] + np.array([0.1, 0.2, 0.3]))
+    assert begin.left == 3.5 and begin.plates == ()
+    assert begin.point.values == ({},) * 4 and begin.point.base is begin.shared and begin.point.own is begin.own

@@ -39,9 +39,23 @@ def test_a_plate_on_a_soft_clamp_is_seen_softer_and_its_mode_faster() -> None:
 
 def test_a_clamp_softer_than_what_is_seen_is_no_place_for_a_search() -> None:
     seen = to_effective(point())
-    soft = {**seen.values[0][SUPPORT], "compliance_m_per_n": 0.95 / seen.base[0]}
-    with pytest.raises(Infeasible, match="clamp"):
-        to_actual(Point(seen.base, seen.own, ({**seen.values[0], SUPPORT: soft},) * 2))
+    for share, left in ((0.91, False), (0.89, True)):
+        soft = {**seen.values[0][SUPPORT], "compliance_m_per_n": share / seen.base[0]}
+        one = Point(seen.base, seen.own[:1], ({**seen.values[0], SUPPORT: soft},))
+        if left:
+            assert to_actual(one).base[0] == pytest.approx(seen.base[0] / (1 - share), rel=1e-9)
+        else:
+            with pytest.raises(Infeasible, match="clamp"):
+                to_actual(one)
+
+
+def test_a_point_has_an_effect_more_with_values_for_each_shot() -> None:
+    more = point().with_effect(named("tilt"), [{"angle_rad": 1.0}, {"angle_rad": 2.0}])
+    assert more.base is not more.own and more.base.tolist() == point().base.tolist() and more.own is OWN
+    assert [values[named("tilt")]["angle_rad"] for values in more.values] == [1.0, 2.0]
+    assert [values[DELAY] for values in more.values] == [LAG] * 2
+    bare = Point(PAPER.vector[:4].copy(), OWN, ({}, {}))
+    assert to_effective(bare).own.tolist() == OWN.tolist() == to_actual(bare).own.tolist()
 
 
 def test_the_slope_is_that_of_the_parameters() -> None:

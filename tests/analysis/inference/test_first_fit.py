@@ -10,11 +10,12 @@ import pytest
 from analysis.collision import Infeasible
 from analysis.collision.parameters import PAPER
 from analysis.inference.fit import first_fit as module
-from analysis.inference.fit.base import SearchStart, base_named
-from analysis.inference.fit.first_fit import likely_plates
+from analysis.inference.fit.base import TRUSTED, SearchStart, base_named
+from analysis.inference.fit.first_fit import first_fit, likely_plates
 from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.samples import averaged_shot
 from analysis.inference.noise.floor import white_floor
+from analysis.shot import AnalysisError, Cancelled
 from tests.analysis.collision.simulated import shot
 from tests.analysis.diagnosis.shots import calm
 
@@ -93,3 +94,87 @@ def test_a_plate_is_likely_where_a_frame_moves() -> None:
     assert likely_plates(problem, np.array([1.0, 2.0])) == ((3.0, 2.0), (9.0, 2.0))
     problem.noise.site = ()
     assert likely_plates(problem, np.array([1.0])) == ()
+
+
+def searched(
+    monkeypatch: pytest.MonkeyPatch, lefts: list[float | None], still: float | None, *, moves: bool = True
+) -> tuple[SearchStart, list[float]]:
+    """Return the first fit where searches from rough ends 1, 2, ... end with these chi^2 per sample, and what it tried.
+
+    A search without the frame ends at 9 with ``still``, from where one with it ends with a tenth of that.
+    """
+    asked: list[float] = []
+    motion = shot(PAPER)
+    site: Any = SimpleNamespace(shaking=SimpleNamespace(rms_m=3e-9)) if moves else None
+
+    def guesses(base: Any, shots: Any, stop: Any, sways_m: float = 0.0) -> list[np.ndarray]:
+        assert sways_m == (3e-9 if moves else 0.0)
+        return [np.full(4, 50.0)]
+
+    def rough(_data: Any, starts: Any, _noise: Any, _stop: Any) -> Any:
+        begun = [float(one.shared[0]) for one in starts]
+        assert begun in ([40.0, 50.0], [9.0])
+        yield from [start(9.0)] if begun == [9.0] else [start(k) for k in range(1, len(lefts) + 1)]
+
+    def on_frame(_data: Any, one: SearchStart, _noise: Any, _stop: Any) -> SearchStart:
+        number = float(one.shared[0])
+        asked.append(number)
+        left = lefts[int(number) - 1] if number < 9.0 else still
+        if left is None:
+            raise Infeasible("nothing moves so")
+        return start(number, left if number < 9.0 else 0.1 * left)
+
+    def best(data: JointData, starts: list[SearchStart], _noise: Any, _stop: Any) -> SearchStart:
+        assert data.site is None and [one.shared[0] for one in starts] == [50.0]
+        assert starts[0].own.tolist() == [averaged_shot(motion).course.own.tolist()]
+        asked.append(-9.0)
+        if still is None:
+            raise Infeasible("nothing moves so")
+        return start(9.0, still)
+
+    monkeypatch.setattr(module, "resembled", lambda base, shots, most: [np.full(4, 40.0)])
+    monkeypatch.setattr(module, "first_guesses", guesses)
+    monkeypatch.setattr(module, "_rough_ends", rough)
+    monkeypatch.setattr(module, "_search_on_frame", on_frame)
+    monkeypatch.setattr(module, "_best_of_searches", best)
+    return first_fit([motion], "paper", site, calm, noise=FLOOR), asked
+
+
+@pytest.mark.parametrize(
+    ("lefts", "still", "tried", "best"),
+    [
+        ([5.0, TRUSTED - 0.1, 0.5], 1.0, [1, 2], 2.0),  # one that is believed ends the search
+        ([5.0, 4.0, 2.0], 1.0, [1, 2, 3], 3.0),
+        ([31.0, 29.0], 1.0, [1, 2], 2.0),
+        ([31.0, 32.0], 400.0, [1, 2, -9, 9], 1.0),  # all far off: a search without the frame, and on from there
+        ([31.0, 32.0], 50.0, [1, 2, -9, 9], 9.0),
+        ([None, 31.0], 20.0, [1, 2, -9, 9], 9.0),
+        ([None, None], 20.0, [1, 2, -9, 9], 9.0),
+    ],
+)
+def test_on_a_moving_frame_searches_go_on_until_one_is_believed(
+    monkeypatch: pytest.MonkeyPatch, lefts: list[float | None], still: float, tried: list[int], best: float
+) -> None:
+    found, asked = searched(monkeypatch, lefts, still)
+    assert asked == tried and found.shared[0] == best
+
+
+def test_two_searches_that_end_at_one_place_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "_are_one", lambda one, other: (one.shared[0], other.shared[0]) == (3.0, 1.0))
+    found, asked = searched(monkeypatch, [31.0, 32.0, 31.1, 0.1], 1.0)
+    assert asked == [1, 2, 3] and found.shared[0] == 1.0
+
+
+def test_without_a_frame_the_guesses_are_searched_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, asked = searched(monkeypatch, [], 77.0, moves=False)
+    assert asked == [-9.0] and found.left == 77.0
+
+
+@pytest.mark.parametrize("moves", [True, False])
+def test_where_nothing_moves_so_it_is_said(monkeypatch: pytest.MonkeyPatch, moves: bool) -> None:
+    with pytest.raises(AnalysisError, match="no motion of the paper model comes near these shots: nothing moves so"):
+        searched(monkeypatch, [None], None, moves=moves)
+    monkeypatch.setattr(module, "_best_of_searches", lambda *_: pytest.fail("cancelled"))
+    monkeypatch.setattr(module, "first_guesses", lambda *_: (_ for _ in ()).throw(Infeasible("late")))
+    with pytest.raises(Cancelled):
+        first_fit([shot(PAPER)], "paper", None, lambda: True, noise=FLOOR)

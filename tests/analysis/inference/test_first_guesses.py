@@ -1,17 +1,21 @@
 """First guesses: the same for every scale of the rig, whatever the record lacks, and cheap where it is plain."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from analysis.collision import solve
+from analysis.collision import Infeasible, solve
 from analysis.collision.parameters import PAPER, Collision, Variant
 from analysis.inference.fit import first_guesses as module
 from analysis.inference.fit.base import base_named
+from analysis.inference.fit.course import NoCollision
 from analysis.inference.fit.first_guesses import Guess, first_guesses, rank
 from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import averaged_shot
+from analysis.shot import Cancelled
 from tests.analysis.collision.simulated import shot
 
 BASE = base_named("paper")
@@ -128,3 +132,75 @@ def test_with_several_plates_the_contact_is_that_of_most_shots_and_each_plate_it
     assert asked == [1, 2, 1]
     # stiffness and mass of the first plate, the contact of the second plate's shots, then the further plates
     assert shared.tolist() == [10.0, 11.0, 22.0, 23.0, 20.0, 21.0, 30.0, 31.0]
+
+
+def guessed(
+    monkeypatch: pytest.MonkeyPatch, left_m: list[float | None], sways_m: float = 0.0, factors: tuple[float, ...] = ()
+) -> tuple[list[float], list[float]]:
+    """Return the contacts guessed (over PAPER's stiffness) and searched, where searches leave so many m of noise.
+
+    The candidates leave 1 um each before they are searched.
+    """
+    stiff = PAPER.contact_stiffness_n_per_m
+    ratios = factors or tuple(1.0 + k for k in range(len(left_m)))
+    ranked = [Guess(replace(PAPER, contact_stiffness_n_per_m=stiff * ratio), 1e-6) for ratio in ratios]
+    monkeypatch.setattr(module, "rank", lambda *_: ranked)
+    monkeypatch.setattr(module, "side_by_side", lambda of, some: [of(one) for one in some])
+    asked: list[float] = []
+
+    def search(problem: Problem, z: np.ndarray, *, evaluations: int, **_: Any) -> Any:
+        assert evaluations == 18
+        ratio = problem.unpack(z).base[2] / stiff
+        asked.append(float(ratio))
+        left = left_m[int(np.argmin(np.abs(np.array(ratios) - ratio)))]
+        if left is None:
+            raise Infeasible("none")
+        white = problem.noise.white_m
+        return SimpleNamespace(parameters=z, square=SimpleNamespace(chi2=100 * (left / white) ** 2, samples=100))
+
+    monkeypatch.setattr(Problem, "search", search)
+    found = first_guesses(BASE, [averaged_shot(shot(PAPER))], lambda: False, sways_m)
+    return [float(shared[2] / stiff) for shared in found], asked
+
+
+@pytest.mark.parametrize(
+    ("left_m", "sways_m", "enough"),
+    [
+        (0.029e-6, 0.0, True),  # of a wrong sequence's residual
+        (0.031e-6, 0.0, False),
+        (0.09e-6, 0.1e-6, True),  # no more than the frame's own motion
+        (0.11e-6, 0.1e-6, False),
+        (0.19e-6, 5e-6, True),  # a fifth at most, however the frame moves
+        (0.21e-6, 5e-6, False),
+    ],
+)
+def test_a_first_candidate_that_leaves_little_is_the_only_one(
+    monkeypatch: pytest.MonkeyPatch, left_m: float, sways_m: float, enough: bool
+) -> None:
+    found, asked = guessed(monkeypatch, [left_m, 0.5e-6, 0.6e-6], sways_m)
+    tried = pytest.approx([1.0] if enough else [1.0, 2.0, 3.0])
+    assert found == tried and asked == tried
+
+
+def test_six_candidates_are_searched_and_those_that_end_apart_are_kept_best_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found, asked = guessed(monkeypatch, [4e-7, 3e-7, None, 6e-7, 5e-7, 2e-7, 1e-7])
+    assert asked == pytest.approx([1, 2, 3, 4, 5, 6]) and found == pytest.approx([6, 2, 1, 5, 4])
+    near, _ = guessed(monkeypatch, [4e-7, 3e-7, 5e-7], factors=(1.0, 1.029, 1.07))
+    assert near == pytest.approx([1.029, 1.07])  # the first is within three hundredths of the second
+    with pytest.raises(NoCollision, match="no trajectory of the base model resembles"):
+        guessed(monkeypatch, [None, None])
+    monkeypatch.setattr(module, "rank", lambda *_: [])
+    with pytest.raises(NoCollision, match="no trajectory of the base model resembles"):
+        first_guesses(BASE, [averaged_shot(shot(PAPER))], lambda: False)
+
+
+def test_guesses_end_where_someone_stops_them_and_the_fastest_shot_is_looked_at() -> None:
+    slow, fast = (averaged_shot(shot(PAPER.at_speed(v))) for v in (-0.15, -0.3))
+    with pytest.raises(Cancelled):
+        first_guesses(BASE, [slow], lambda: True)
+    assert module._fastest([slow, fast]) is fast and module._fastest([fast, slow]) is fast
+    some = module.resembled(BASE, [slow, fast], 3)
+    np.testing.assert_array_equal(some, [BASE.shared(one.collision) for one in rank(fast, BASE)[:3]])
+    assert module.resembled(replace(BASE, plates=2), [slow, fast], 3) == []

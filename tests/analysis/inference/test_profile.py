@@ -1,12 +1,17 @@
 """An attraction's uncertainty follows its bent valley."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+import pytest
 
+from analysis.collision import Infeasible
 from analysis.collision.effects import named
 from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.profile import with_profile_std
+from analysis.inference.fit.profile import _stds_to_unit_rise, with_profile_std
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 
@@ -26,3 +31,46 @@ def test_an_attraction_is_no_surer_than_the_likelihood_along_its_valley() -> Non
     assert np.array_equal(wide.std[: problem.offset], best.std[: problem.offset])
     found = [best.point.values[0][named("adhesion")][name] for name in ("force_n", "range_m")]
     assert np.all(np.abs(np.subtract(found, list(true.values()))) < 3 * wide.std[own])
+
+
+STD = 0.5
+
+
+def rise(chi2: Callable[[float], float], side: float) -> tuple[float, list[float]]:
+    """Return how many stds raise chi^2 by one where it grows so with the stds off, and where that was asked."""
+    asked: list[float] = []
+    inverse = np.array([[STD**2, 0.3], [0.3, 9.0]])
+
+    def search(z: np.ndarray, *, held: list[int], evaluations: int, cancelled: Any) -> Any:
+        assert held == [0] and evaluations == 8 and cancelled is calm
+        off = (z[0] - 2.0) / STD
+        np.testing.assert_allclose(z[1], 5.0 + 0.3 / STD * off)  # the other follows along the valley
+        asked.append(off)
+        return SimpleNamespace(square=SimpleNamespace(chi2=100.0 + chi2(off)))
+
+    problem = SimpleNamespace(bounds=(np.full(2, -1e9), np.full(2, 1e9)), search=search)
+    fitted: Any = SimpleNamespace(
+        problem=problem, z=np.array([2.0, 5.0]), inverse=inverse, noise=None, chi2=lambda noise: 100.0
+    )
+    return _stds_to_unit_rise(fitted, 0, side, calm), asked
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_distance_to_a_growth_of_one_is_found_along_the_valley(side: float) -> None:
+    assert rise(lambda off: off**2, side) == (1.0, [side])
+    wide, asked = rise(lambda off: (off / 2.0) ** 2, side)
+    assert wide == pytest.approx(2.0) and asked == pytest.approx([side, 2.0 * side])
+    narrow, asked = rise(lambda off: (off / 0.5) ** 2, side)
+    assert narrow == pytest.approx(0.5) and asked == pytest.approx([side, 0.5 * side])
+    # flat at first: four times as far at most from one try to the next, and three tries
+    flat, asked = rise(lambda off: 0.04, side)
+    assert flat == pytest.approx(64.0) and asked == pytest.approx([side, 4.0 * side, 16.0 * side])
+    just, asked = rise(lambda off: 0.06 * off**2, side)
+    assert just == pytest.approx(0.06**-0.5, rel=1e-6) and asked[1] == pytest.approx(4.0 * side)
+
+
+def test_where_nothing_moves_the_curvature_has_to_do() -> None:
+    def nothing(_: float) -> float:
+        raise Infeasible("no motion")
+
+    assert rise(nothing, 1.0)[0] == 1.0

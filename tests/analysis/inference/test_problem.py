@@ -1,6 +1,7 @@
 """A fit that took its own error for a path that wanders is led out of there; predictions keep what is known."""
 
 from dataclasses import replace
+from types import SimpleNamespace as Some
 from typing import Any
 
 import numpy as np
@@ -146,3 +147,58 @@ def test_a_contact_too_stiff_for_the_samples_is_softened_until_it_is_not(best: F
     assert not problem.shot_at(0, soft).too_fast
     one_less = replace(soft, base=soft.base * [1.0, 1.0, 10.0, 1 / 0.3])
     assert problem.shot_at(0, one_less).too_fast
+
+
+@pytest.mark.parametrize(
+    ("rms", "site", "still", "kept"),
+    [(1.1, (), 6.0, False), (0.9, (), 6.0, True), (1.1, (), 5.0, True), (1.1, (0.0,), 6.0, True)],
+)
+def test_a_path_that_wanders_more_than_its_white_noise_must_be_likelier_than_white_noise_alone(
+    rms: float, site: tuple[float, ...], still: float, kept: bool
+) -> None:
+    white = Some(log_likelihood=still)
+    noise = Some(site=site, rms_m=(0.1, rms), white_m=1.0)
+    fit: Any = Some(noise=noise, log_likelihood=5.0, from_white=lambda *, evaluations, cancelled: white)
+    assert Fitted._without_wander(fit, None) is (fit if kept else white)
+
+
+@pytest.mark.parametrize(
+    ("begins", "rounds", "ends"),
+    [
+        (("converged", 0.0), [], "converged 0"),
+        (("further", 0.0), [("further", 9.0), ("converged", 10.0)], "converged 10"),
+        (("further", 0.0), [("further", 9.0), ("further", 9.01), ("converged", 99.0)], "further 9"),  # no more to gain
+        (("further", 0.0), [("converged", -1.0), ("converged", 99.0)], "further 0"),  # an end, and a worse one
+    ],
+)
+def test_a_search_goes_on_as_long_as_the_likelihood_grows(
+    begins: tuple[str, float], rounds: list[tuple[str, float]], ends: str
+) -> None:
+    class Found(tuple):  # type: ignore[type-arg]
+        converged = property(lambda self: self[0] == "converged")
+
+    left = iter([Found(one) for one in rounds])
+
+    def of(how: str, value: float) -> Any:
+        fit = Some(converged=how == "converged", log_likelihood=value, z=None, words=f"{how} {value:g}")
+        fit.problem = Some(search=lambda z, *, evaluations, cancelled: next(left), fitted=lambda found: of(*found))
+        fit._without_wander = lambda cancelled: fit.words
+        return fit
+
+    assert Fitted.continued(of(*begins)) == ends  # type: ignore[comparison-overlap]
+
+
+def test_whoever_stops_a_fit_is_asked_in_all_of_its_searches(best: Fitted, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+    search = Problem.search
+
+    def noted(self: Problem, z: np.ndarray, **how: Any) -> Minimum:
+        asked.append(how.get("cancelled"))
+        return search(self, z, **how)
+
+    monkeypatch.setattr(Problem, "search", noted)
+    best.problem.fit(best.z, cancelled=calm)
+    best.fitted_on(evaluations=2, cancelled=calm)
+    best.from_white(evaluations=2, cancelled=calm)
+    replace(best, converged=False).continued(calm)
+    assert len(asked) >= 7 and all(one is calm for one in asked)

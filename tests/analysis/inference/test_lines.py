@@ -1,12 +1,19 @@
 """Lines in what a fit leaves over: waves at even times, and records too short for any."""
 
+from types import SimpleNamespace as Some
+from typing import Any
+
 import numpy as np
 import pytest
 
+from analysis.collision.effects import named
 from analysis.collision.linearisation import linear_path
 from analysis.collision.on_moving_frame import moved_by_frame
 from analysis.collision.parameters import Collision
-from analysis.inference.screen.lines import _Waves, _waves
+from analysis.inference.fit.free_parameters import trial_effect
+from analysis.inference.screen import lines
+from analysis.inference.screen.lines import _Waves, _waves, near_loud_lines, scan
+from tests.analysis.diagnosis.shots import base_fit, shots
 
 TIME_S = 3e-3 + np.arange(1000) / 20e3
 
@@ -54,3 +61,54 @@ def test_a_lines_gain_is_that_of_a_fit_of_cosine_and_sine_beside_what_is_fitted(
     both = _Waves(products, directions, moved).gain(white, np.column_stack([fitted, left]))
     direct = _Waves(products, np.zeros((1000, 0)), np.zeros((0, 8))).gain(whole, np.column_stack([fitted, left]))
     np.testing.assert_allclose(both, direct, rtol=1e-9)
+
+
+def test_starts_lie_at_and_beside_the_loudest_lines_that_could_pay(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Five of them at most, a width apart: one over the record."""
+    grid = np.array([100.0, 104.0, 106.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0])
+    total = np.array([50.0, 49.0, 48.0, 10.0, 40.0, 30.0, 20.0, 21.0, 60.0])
+    monkeypatch.setattr(lines, "scan", lambda at: (grid, total))
+    some: Any = Some(problem=Some(data=Some(shots=[Some(length_s=0.1), Some(length_s=0.2)])))
+    mode, clamp = trial_effect(named("block_mode")), trial_effect(named("support_compliance"))
+
+    def found(kind: Any, louder_than: float) -> list[float]:
+        starts = near_loud_lines(some, kind, louder_than)
+        for start in starts:
+            assert set(start) == {p.name for p in kind.effect.parameters}
+            assert {**start, "frequency_hz": 0.0, "damping_ratio": 0.0} == {
+                **kind.starts[0], "frequency_hz": 0.0, "damping_ratio": 0.0,
+            }  # fmt: skip
+        return [start["frequency_hz"] for start in starts]
+
+    loud = [700.0, 100.0, 106.0, 300.0, 400.0]  # 104 Hz is within five of 100
+    beside = [f + by for f in loud for by in (-1.25, 0.0, 1.25)]
+    assert found(clamp, 0.0) == pytest.approx(beside)
+    assert found(mode, 0.0) == pytest.approx([f for f in beside for _ in range(2)])
+    dampings = [start["damping_ratio"] for start in near_loud_lines(some, mode, 0.0)]
+    assert len(set(dampings[:2])) == 2 and dampings == dampings[:2] * 15 and max(dampings) < 0.05
+    assert found(clamp, 49.5) == pytest.approx(beside[:6]) and found(clamp, 60.0) == []
+
+
+def test_a_scan_is_no_coarser_than_the_record_and_its_gains_are_those_of_every_shot() -> None:
+    line = {"amplitude_m_per_s": 3e-7, "frequency_hz": 333.0, "phase_rad": 0.3}
+    at = base_fit(shots({"frame_vibration": line}, count=2)).linearise()
+    grid, total = scan(at)
+    slowest, _ = at.problem.data.band_hz
+    length = max(shot.length_s for shot in at.problem.data.shots)
+    assert grid[0] == slowest and 2400.0 < grid[-1] < 2500.0
+    np.testing.assert_allclose(np.diff(grid), np.minimum(0.03 * grid[:-1], 0.4 / length))
+    assert abs(grid[total.argmax()] - 333.0) < 0.5 / length and total.max() > 100.0
+    for k in (3, int(total.argmax()), 400):
+        gain = 0.0
+        turn = 2 * np.pi * grid[k]
+        for index, (shot, left) in enumerate(zip(at.problem.data.shots, at.tangents.parts(at.left), strict=True)):
+            waves = np.stack([np.cos(turn * shot.centre_s), np.sin(turn * shot.centre_s)], axis=1)
+            white = shot.whitened(at.noise, waves)
+            taken = at.basis.of_shot(index).T @ white  # a shot by itself: other shots hold shared parameters
+            pull = white.T @ left
+            gain += pull @ np.linalg.solve(white.T @ white - taken.T @ taken, pull)
+        assert total[k] == pytest.approx(gain, rel=1e-6)
+    assert scan(at)[1] is total
+    none = type(at).of(at.problem, at.z)
+    object.__setattr__(none, "left", np.zeros_like(at.left))
+    assert not scan(none)[1].any()

@@ -2,12 +2,15 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from analysis.collision.parameters import PAPER
 from analysis.inference.fit.samples import averaged_shot, averaged_shots, spacing
+from analysis.inference.noise.floor import white_floor
 from tests.analysis.collision.simulated import shot
 
 
@@ -69,3 +72,28 @@ def test_shots_weigh_by_their_noise_and_must_be_sampled_alike() -> None:
         else:
             with pytest.raises(ValueError, match="sampled at different rates"):
                 spacing(other)
+
+
+def test_what_a_frame_may_have_added_counts_where_a_noise_holds_it() -> None:
+    bare = averaged_shot(shot())
+    valid = bare.valid.copy()
+    valid[:5] = False
+    sway: Any = SimpleNamespace(
+        whiten=lambda rows, floor: rows + 7.0,
+        of_plate_m=lambda plate: np.full(valid.size, sum(plate)),
+        likely=lambda left, floor: np.full(valid.sum(), 3.0),
+    )
+    still = replace(bare, valid=valid, weight=2.0)
+    moved = replace(still, sway=sway)
+    plain = white_floor(0.5, bare.spacing_s)
+    framed = replace(plain, site=(0.0,))
+    columns = np.random.default_rng(1).standard_normal((valid.size, 2))
+    white = columns[valid]  # half a metre of noise, twice as much in this shot
+    for one, floor, expected in ((still, framed, white), (moved, plain, white), (moved, framed, white + 7.0)):
+        np.testing.assert_allclose(one.whitened(floor, columns), expected)
+        likely = 3.0 if expected is not white else 0.0
+        np.testing.assert_allclose(one.without_frame_motion(floor, columns[:, 0]), columns[:, 0] - likely * valid)
+    swung = replace(moved, plate=(1.0, 2.0))
+    model = bare.displacement_m - 0.25
+    for one, expected in ((moved, 0.25), (swung, 3.25), (replace(still, plate=(1.0, 2.0)), 0.25)):
+        np.testing.assert_allclose(one.left_m(model), expected)

@@ -8,17 +8,17 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from analysis.collision.effects import effects_named
+from analysis.collision.effects import effects_named, named
+from analysis.collision.parameters import PAPER
 from analysis.inference.fit import joint_data, shot_fit
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.joint_data import JointData, can_tell, shakings_of, with_plates
-from analysis.inference.fit.problem import Fitted, Problem
+from analysis.inference.fit.problem import Fitted
 from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import _half_way, _settled, fit_shots
 from analysis.shot.shot import AnalysisError
 from tests.analysis.collision.simulated import shot
-from tests.analysis.diagnosis.shots import KINDS, base_fit, shots
 
 
 def point(base: list[float], own: list[list[float]], values: Any = ()) -> Point:
@@ -115,48 +115,6 @@ def test_the_frames_motion_is_read_where_it_is_not_known_and_there_is_a_plate(mo
     assert shakings_of(motions, "contact", known) == (None, None) == shakings_of(slow, "paper", known)
 
 
-def test_the_slope_of_a_search_vector_is_that_of_the_parameters_it_stands_for() -> None:
-    """With shared effects and ones of every shot, searched by size and by logarithm."""
-    best = base_fit(shots({}, count=2))
-    kinds = (KINDS["viscous_drag"], KINDS["plate_motion"], KINDS["block_mode"])
-    problem = Problem(best.problem.data, kinds, best.noise)
-    drag, swing, mode = (kind.effect for kind in kinds)
-    values = tuple(
-        {
-            drag: {"coefficient_n_s_per_m": 2e-4},
-            swing: {"velocity_m_per_s": v, "displacement_m": 1e-8},
-            mode: {"mass_kg": 1e-5, "frequency_hz": 700.0, "damping_ratio": 0.02},
-        }
-        for v in (1e-6, -3e-6)
-    )
-    there = Point(best.point.base, best.point.own, values)
-    z = problem.pack(there)
-    assert problem.names[problem.offset :] == (
-        ("viscous_drag.coefficient_n_s_per_m", -1), ("block_mode.mass_kg", -1), ("block_mode.frequency_hz", -1),
-        ("block_mode.damping_ratio", -1), ("plate_motion.velocity_m_per_s", 0), ("plate_motion.displacement_m", 0),
-        ("plate_motion.velocity_m_per_s", 1), ("plate_motion.displacement_m", 1),
-    )  # fmt: skip
-    assert problem.shared == [0, 1, 2, 3, 10, 11, 12, 13] and problem.offset == 10 and problem.size == 18
-    assert [place.tolist() for place in problem.places] == [
-        [*problem.shared, 4, 5, 6, 14, 15], [*problem.shared, 7, 8, 9, 16, 17],
-    ]  # fmt: skip
-    flat = problem.flat(there)
-    np.testing.assert_allclose(problem.flat(problem.unpack(z)), flat, rtol=1e-9)
-    assert flat[10:].tolist() == [2e-4, 1e-5, 700.0, 0.02, 1e-6, 1e-8, -3e-6, 1e-8]
-    slope = problem.slope(z)
-    for k in range(problem.size):
-        step = np.zeros(z.size)
-        step[k] = 1e-5 * max(1.0, abs(z[k]))
-        sides = [problem.flat(problem.unpack(z + sign * step)) for sign in (1.0, -1.0)]
-        numeric = (sides[0] - sides[1]) / (2 * step[k])
-        np.testing.assert_allclose(slope[:, k] / np.abs(flat), numeric / np.abs(flat), rtol=1e-4, atol=1e-5)
-    low, high = problem.bounds
-    assert low[3] == 0.0 and np.isinf(low[[0, 1, 2, 4]]).all() and np.isinf(high[:10]).all()
-    assert (low[12], high[12]) == pytest.approx(tuple(np.log(problem.data.band_hz)))
-    assert low[10] == 0.0 and high[13] == pytest.approx(np.log(0.6))
-    assert problem.unseen == []
-
-
 def test_what_stays_undecided_between_turns_is_added_to_the_covariance(monkeypatch: pytest.MonkeyPatch) -> None:
     left = Fitted(cast(Any, None), np.zeros(2), math.nan, (), np.diag([1.0, 4.0]), True)
     said: list[Any] = []
@@ -167,3 +125,29 @@ def test_what_stays_undecided_between_turns_is_added_to_the_covariance(monkeypat
     found: Any = SimpleNamespace(at_bound=(), square=SimpleNamespace(chi2=1.0))
     shot_fit._SearchEnd(problem, found, True, np.array([2.0, -1.0])).as_fit([], "paper", 0.0, lambda: False)
     np.testing.assert_array_equal(said[0], [[5.0, -2.0], [-2.0, 5.0]])
+
+
+def test_a_joint_fit_of_clean_shots_is_the_truth_with_its_uncertainty() -> None:
+    size = 2e-4
+    motions = [
+        shot(replace(PAPER, velocity_in_m_per_s=v), effects={"viscous_drag": (size,)}, seed=k)
+        for k, v in enumerate((-0.2, -0.33))
+    ]
+    fit = fit_shots(motions, effects=["viscous_drag"])
+    assert fit.converged and fit.flags == () and fit.model == "paper" and fit.effects == (named("viscous_drag"),)
+    assert fit.reduced_chi2 == pytest.approx(1.0, abs=0.15) and 0.0 < fit.seconds < 600.0
+    assert fit.chi2 == pytest.approx(fit.reduced_chi2 * (fit.samples - fit.free_parameters), rel=0.01)
+    assert fit.free_parameters == 5 + 2 * 3 and not fit.on_frames
+    truth = {name: getattr(PAPER, name) for name in list(fit.parameters)[:4]}
+    truth["viscous_drag.coefficient_n_s_per_m"] = size
+    assert set(fit.parameters) == set(truth)
+    for name, true in truth.items():
+        found = fit.parameters[name]
+        assert abs(found.value - true) < 4.5 * found.std < 0.2 * true, name
+    for one, motion, speed in zip(fit.shots, motions, (-0.2, -0.33), strict=True):
+        assert abs(one.velocity_in_m_per_s.value - speed) < 4.5 * one.velocity_in_m_per_s.std < 1e-4
+        assert one.residual_m.size == motion.time_s.size
+        assert np.nanstd(one.residual_m) == pytest.approx(1.5e-10, rel=0.05)
+        assert one.reduced_chi2 == pytest.approx(1.0, abs=0.2)
+    without = fit_shots(motions)
+    assert without.reduced_chi2 > 2.0 and set(without.parameters) == set(list(truth)[:4])

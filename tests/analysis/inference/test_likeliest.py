@@ -68,3 +68,29 @@ def test_coordinates_of_a_search_stand_for_ratios_and_times_within_bounds() -> N
     assert shape[2] == pytest.approx(math.exp(-12.0)) and shape[3] == pytest.approx(1.0)
     one = shape_at(np.array([99.0, -99.0]))
     assert one == pytest.approx([math.exp(14.0), 3e-4, 0.0, 1e-2])
+
+
+@pytest.mark.parametrize("begin", [(0.5, -2.0), (-3.0, 4.0), (4.0, 0.0), (0.5, -2.0, 0.0, 1.0), (2.0, 3.0, -1.0, -4.0)])
+def test_every_corner_of_the_simplex_goes_where_scipys_does(begin: tuple[float, ...]) -> None:
+    """From one simplex to the same numbers: every reflection, expansion, contraction and shrinking is the same."""
+    random = np.random.default_rng(7)
+    values = np.cumsum(random.normal(0.0, 0.2, 400)) + random.standard_normal(400)
+    series = Series(values, np.ones(400, bool), np.array([0, 400]), np.ones(1), SPACING_S, 400)
+    start = np.array(begin)
+    simplex = np.array([start, *(start + 0.6 * unit for unit in np.eye(start.size))])
+    asked: list[Floats] = []
+
+    def minus(z: Floats) -> float:
+        asked.append(z.copy())
+        return -float(likelihood(series, shape_at(z))[0])
+
+    options = {"initial_simplex": simplex, "xatol": 1e-2, "fatol": 1e-3, "maxfev": 10_000, "maxiter": 10_000}
+    other = minimize(minus, start, method="Nelder-Mead", options=options)
+    found = likeliest(series, start, 0.6, 10_000, 1e-2, 1e-3)
+    np.testing.assert_allclose(found, other.x, rtol=1e-9, atol=1e-12)
+    assert len(asked) > 40
+    # cut off after so many evaluations it is at the best of those
+    for most in (start.size + 1, 12, 25, 40):
+        cut = likelihood(series, shape_at(likeliest(series, start, 0.6, most, 1e-2, 1e-3)))[0]
+        best = max(likelihood(series, shape_at(z))[0] for z in asked[:most])
+        assert cut == pytest.approx(best, abs=1e-9)

@@ -1,9 +1,13 @@
 """Shots whose flights bend each in its own way: told from laws that all share, and taken along."""
 
 import sys
+from dataclasses import replace
+from types import SimpleNamespace as Some
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from analysis.collision.effects import named
 from analysis.diagnosis.diagnosis_of_shots import diagnose
@@ -14,6 +18,7 @@ from analysis.diagnosis.verdict.foretold import foretell
 from analysis.inference.fit.course import read_course
 from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import fit_shots
+from analysis.inference.noise import own_flights as module
 from analysis.inference.noise.own_flights import own_flights
 from analysis.shot.motion import Motion
 from tests.analysis.camera import MASS_KG, Camera
@@ -88,3 +93,71 @@ def test_what_one_law_of_all_shots_bends_is_not_taken_for_flights_of_their_own()
     found = diagnose(motions)
     assert [effect.name for effect in found.effects] == ["coulomb_friction"]
     assert found.verdict is Verdict.EFFECT_FOUND and not found.fit_after.shots[0].own_parameters
+
+
+def test_a_flight_is_a_line_with_the_accelerations_that_each_law_would_give_it() -> None:
+    """Before the touch and some time after the release, of valid samples, thirty at least."""
+    time_s = 7.0 + np.arange(400) * 1e-3
+    course = Some(touch_time_s=7.15, release_time_s=7.25, contact_time_s=0.1, touch_position_m=2.0)
+    place = np.where(time_s < 7.2, 2.0 - 3.0 * (time_s - 7.15), 2.0 + 0.5 * (time_s - 7.25))
+    valid = np.ones(400, dtype=bool)
+    valid[[0, 1, 20, 300]] = False
+    shot: Any = Some(
+        course=course, centre_s=time_s, spacing_s=1e-3, valid=valid, displacement_m=place, weight=1.5
+    )  # fmt: skip
+    first, second = module._flights(shot)
+    for flight, part, speed in ((first, slice(2, 147), -3.0), (second, slice(266, 400), 0.5)):
+        np.testing.assert_array_equal(flight.displacement_m, place[part])
+        np.testing.assert_array_equal(flight.valid, valid[part])
+        middle = time_s[part][valid[part]].mean()
+        u = time_s[part] - middle
+        np.testing.assert_allclose(flight.columns, np.stack([u**0, u, 0.5 * u**2], axis=1), atol=1e-12)
+        away = np.interp(middle, time_s, place) - 2.0
+        brakes = [-np.sign(speed), -speed, -speed * abs(speed)]
+        np.testing.assert_allclose(flight.laws, [1.0, *brakes, away], rtol=1e-9)
+        assert flight.weight == 1.5
+    valid[:117] = False
+    assert [flight.displacement_m.size for flight in module._flights(shot)] == [30, 134]
+    valid[117] = False
+    assert len(list(module._flights(shot))) == 1
+
+
+def test_bends_are_fitted_under_the_noise_that_they_leave_and_brakes_only_brake() -> None:
+    random = np.random.default_rng(4)
+    u = np.linspace(-1.0, 1.0, 200)
+    columns = np.stack([u**0, u, 0.5 * u**2], axis=1)
+    bends = np.array([0.3, -0.2, 0.5])
+    flights = [
+        module._Flight(np.ones(200, dtype=bool), columns @ [k, 1.0, bend] + 0.01 * random.standard_normal(200), columns,
+                       np.zeros(5), 1.0)
+        for k, bend in enumerate(bends)
+    ]  # fmt: skip
+    own, count = module._log_likelihood(flights, np.eye(3), np.zeros(3, dtype=bool), 1e-3)
+    # of white noise alone: each line and bend taken out
+    left = [f.displacement_m - columns @ np.linalg.lstsq(columns, f.displacement_m, rcond=None)[0] for f in flights]
+    square = sum(float(one @ one) for one in left) / 600
+    assert count == 3 and own == pytest.approx(-300 * (np.log(2 * np.pi * square) + 1), abs=1.0)
+    law = np.stack([[1.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
+    shared, acting = module._log_likelihood(flights, law, np.array([False, True]), 1e-3)
+    assert acting == 2 and shared < own - 50.0
+    brakes, acting = module._log_likelihood(flights, -law, np.array([False, True]), 1e-3)
+    assert acting == 1 and brakes < shared - 1.0
+
+
+@pytest.mark.parametrize(("share", "own"), [(1.01, True), (0.99, False)])
+def test_bends_are_the_shots_own_where_laws_would_leave_them_with_less_than_the_chance(
+    monkeypatch: pytest.MonkeyPatch, share: float, own: bool
+) -> None:
+    asked: list[tuple[tuple[int, ...], list[bool]]] = []
+    gain = share * 0.5 * chi2.isf(1e-3, 3)
+
+    def likelihood(flights: Any, bends: np.ndarray, one_way: np.ndarray, _spacing_s: float) -> tuple[float, int]:
+        asked.append((bends.shape, one_way.tolist()))
+        return [(0.0, 5), (gain, 8)][len(asked) - 1]
+
+    monkeypatch.setattr(module, "_log_likelihood", likelihood)
+    taken = averaged_shots(shots(OWN))
+    assert own_flights(taken, 1e-3) == ((named("flight_acceleration"),) if own else ())
+    # tilt and gradient may pull either way, friction and drags only brake; a bend may be any
+    assert asked == [((8, 5), [False, True, True, True, False]), ((8, 8), [False] * 8)]
+    assert own_flights([replace(one, wavelength_m=633e-9) for one in taken], 1e-3) == () and len(asked) == 2

@@ -130,6 +130,25 @@ def test_a_line_of_several_shots_is_one_and_the_floor_is_their_mean() -> None:
     assert list(site.band[~site.shaking.random] - site.random_bands) == [0, 0, 1]
     assert site.shaking.power_m2[~site.shaking.random] == pytest.approx([2e-18, 1e-18, 0.5e-18])
     assert site.shaking.density_m2_per_hz(200.0) == pytest.approx(2e-16 / 4.0, rel=0.02)
+    # sines closer than one over the record stand for random motion, in bands of a third of an octave
+    sines = site.shaking.frequency_hz[site.shaking.random]
+    np.testing.assert_allclose(sines, 0.45 / 0.06 * (0.25 + np.arange(sines.size)))
+    assert 0.45 / 0.06 > 296.0 - sines[-1] > 0.0 and site.bands == site.random_bands + 2
+    thirds = np.floor(3.0 * np.log2(sines[1:] / sines[1]))
+    np.testing.assert_array_equal(np.diff(site.band[: sines.size])[1:] > 0, np.diff(thirds) > 0)
+    assert site.band[:2].tolist() == [0, 0] and site.random_bands == np.unique(thirds).size
+    assert site_of((one, None), 0.06, CRITERIA.site_nm).shaking.power_m2[-1] == pytest.approx(2e-18)  # type: ignore[union-attr]
+    assert Site(Shaking(*[np.zeros(0)] * 2, np.zeros(0, bool)), np.zeros(0, int), 0).bands == 0
+
+
+@pytest.mark.parametrize(("whole", "sines"), [(False, 50), (True, 100)])
+def test_all_motion_is_the_frames_where_that_is_supposed(whole: bool, sines: int) -> None:
+    """A path's density falls with the square of the frequency: above its knee the motion is not the frame's."""
+    frequency = 0.45 / 0.06 * (0.25 + np.arange(100))
+    level = np.where(np.arange(100) < 50, 3.1, 1.0) * 1e-13
+    shaking = Shaking(frequency, level / frequency**2, np.ones(100, bool))
+    found = site_of((shaking,), 0.06, 0.0, whole=whole)
+    assert found is not None and abs(found.shaking.frequency_hz.size - sines) <= 1
 
 
 def test_a_quiet_table_is_no_site() -> None:

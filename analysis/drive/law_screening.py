@@ -135,8 +135,8 @@ def _ripple_pitches(table: Table, mask: Mask, basis: Floats, rest: Floats) -> li
         through = np.interp(speed * wave / travel, frequencies, gain, right=0.0)
         angle = 2.0 * np.pi * wave / travel * place
         columns = project_out(basis, np.stack([np.sin(angle) * through, np.cos(angle) * through], axis=1))
-        explained = columns @ np.linalg.lstsq(columns, rest, rcond=1e-3)[0]
-        found.append((_square(explained), wave))
+        pull = columns.T @ rest
+        found.append((float(pull @ np.linalg.pinv(columns.T @ columns, rcond=1e-6) @ pull), wave))
     chosen: list[float] = []
     for _, wave in sorted(found, reverse=True):
         if all(abs(wave - other) > 1.0 for other in chosen):

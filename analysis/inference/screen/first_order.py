@@ -17,9 +17,8 @@ from analysis.shot import Floats
 
 def steps_for(shot: ShotModel, effect: Effect, starts: Sequence[Mapping[str, float]]) -> list[int]:
     """Return the steps per sample that each start needs: powers of two, so that many share a path."""
-    spacing_s = float(shot.samples.centre_s[1] - shot.samples.centre_s[0])
     values = ([start[parameter.name] for parameter in effect.parameters] for start in starts)
-    return [steps_of(effect, given, shot.collision, spacing_s) for given in values]
+    return [steps_of(effect, given, shot.collision, shot.samples.spacing_s) for given in values]
 
 
 def parameter_columns(effect: Effect, starts: Sequence[Mapping[str, float]]) -> Floats:

@@ -60,6 +60,11 @@ def test_products_are_those_of_columns_that_the_fit_cannot_make(at: Linearised, 
         for index in range(2)
     ]
     agree(found, dense(at, bare), 1e-6 if few else 0.05)
+    fresh = replace(at, done={})
+    kept = column_products(fresh, kind, kind.starts, few, kept=True)
+    agree(kept, (found.whole, found.power, found.along), 1e-9)
+    how = "trajectories" if few else "first order"  # whitened columns of each shot are there for the next score
+    assert {key for key in fresh.done if " of " in key} == {f"{how} of block_mode, shot {k}" for k in (0, 1)}
 
 
 def one_by_one(at: Linearised, kind: TrialEffect, start: Any) -> list[np.ndarray]:

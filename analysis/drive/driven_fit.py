@@ -42,7 +42,7 @@ class MassCheck:
             return None
         ratio = self.stated.value / self.fitted.value
         spread = float(np.hypot(self.stated.std / self.stated.value, self.fitted.std / self.fitted.value))
-        return Quantity(ratio - 1.0, abs(ratio) * spread, "stated over fitted mass")
+        return Quantity(ratio - 1.0, ratio * spread, "stated over fitted mass")
 
 
 def check_mass(motions: Sequence[Motion], found: Regression) -> MassCheck:

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.drive.bandwidth import _clear_hz, bandwidth_of, force_noise
+from analysis.drive.bandwidth import _acceleration_gains, _clear_hz, _equal_noise_hz, bandwidth_of, force_noise
 from analysis.shot.shot import AnalysisError
-from analysis.signal.filters import MAX_BANDWIDTH_SHARE
+from analysis.signal.filters import MAX_BANDWIDTH_SHARE, derivative_filters
 from tests.analysis.drive.slider import RATE_HZ, Drive, Floats
 
 
@@ -88,3 +88,31 @@ def test_a_record_without_motion_or_too_short_is_refused_and_one_just_beyond_is_
                 bandwidth_of(short)
     with pytest.raises(AnalysisError, match=r"^0 samples"):
         bandwidth_of(replace(motion, force_n=np.full(motion.force_n.size, np.nan)))
+
+
+def test_noise_gains_are_those_of_the_derivative_filters_at_any_rate() -> None:
+    gains = _acceleration_gains()
+    shares = np.array([share for share, _ in gains])
+    assert shares[0] == pytest.approx(0.005) and shares[-1] == pytest.approx(MAX_BANDWIDTH_SHARE)
+    for share, gain in gains[::13]:
+        assert derivative_filters(200.0, 200.0 * share).acceleration_gain == pytest.approx(gain * 200.0**2, rel=1e-9)
+
+
+@pytest.mark.parametrize("noise_n", [0.05, 0.5, 5.0])
+@pytest.mark.parametrize("mass_kg", [-3.0, 90.0])
+def test_a_band_is_as_wide_as_the_noise_of_mass_times_acceleration_is_below_that_of_the_force(
+    mass_kg: float, noise_n: float
+) -> None:
+    """Whatever the sign of the force; drag, friction and an offset are none of the mass."""
+    rate, time_s = 200.0, np.arange(4000) / 200.0
+    place = 0.05 * np.sin(3.0 * time_s) + 0.02 * np.sin(11.0 * time_s)
+    velocity = 0.15 * np.cos(3.0 * time_s) + 0.22 * np.cos(11.0 * time_s)
+    acceleration = -0.45 * np.sin(3.0 * time_s) - 2.42 * np.sin(11.0 * time_s)
+    force = mass_kg * acceleration + 40.0 * velocity + 7.0 * np.sign(velocity) - 3.0
+    found = _equal_noise_hz(place, force, rate, 20.0, (1e-6, noise_n))
+    wide = 0.0
+    for share in np.geomspace(0.005, MAX_BANDWIDTH_SHARE, 40):
+        moved = abs(mass_kg) * 1e-6 * derivative_filters(rate, rate * share).acceleration_gain
+        if moved < noise_n * np.sqrt(2.0 * share):  # of white noise the filter leaves so much of the force's
+            wide = rate * share
+    assert found == pytest.approx(wide)

@@ -53,6 +53,10 @@ def test_a_stated_mass_agrees_within_a_fiftieth_or_four_sigmas(
     assert check.gain_error.std == pytest.approx(np.std(ratios), rel=0.05)
 
 
+def test_a_light_slider_is_weighed_too() -> None:
+    assert check_mass(stated((0.04, 0.0)), fitted(0.0405, 1e-4)).agrees
+
+
 def test_without_a_stated_mass_there_is_nothing_to_hold_it_against() -> None:
     check = check_mass(stated((np.nan, 0.0)), fitted(95.0, 1.0))
     assert (check.stated, check.agrees, check.fixed, check.gain_error) == (None, True, {}, None)

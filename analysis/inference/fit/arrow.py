@@ -136,7 +136,7 @@ class Span:
             gram[np.ix_(at, at)] += left.T @ left
             along[:, at] += shared.T @ left
             norm[at] += np.einsum("ij,ij->j", block, block)
-        return ProjectedColumns(columns, gram - along.T @ along, norm)
+        return ProjectedColumns(columns, gram - along.T @ along, np.where(norm > 0.0, norm, 1.0))
 
 
 @dataclass(frozen=True, slots=True)

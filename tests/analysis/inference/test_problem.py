@@ -10,7 +10,7 @@ import pytest
 from analysis.collision.parameters import Infeasible
 from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import Fitted, Problem
-from tests.analysis.diagnosis.shots import WHITE_M, base_fit, shots
+from tests.analysis.diagnosis.shots import WHITE_M, base_fit, calm, shots
 
 
 def test_a_fit_that_allows_for_its_own_error_is_led_on() -> None:

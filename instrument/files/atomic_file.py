@@ -35,7 +35,7 @@ def write_toml_atomic(path: Path, table: Mapping[str, Any], head: str = "") -> N
 def _toml_lines(table: Mapping[str, Any], name: str = "") -> list[str]:
     inner = {key: value for key, value in table.items() if isinstance(value, Mapping)}
     values = [(key, value) for key, value in table.items() if key not in inner and value is not None]
-    lines = ["", f"[{name}]"] if name else []
+    lines = ["", f"[{name}]"] if name and (values or not inner) else []
     lines += [f"{_toml_key(key)} = {_toml_value(value)}" for key, value in values]
     for key, value in inner.items():
         lines += _toml_lines(value, f"{name}.{_toml_key(key)}" if name else _toml_key(key))

@@ -132,7 +132,7 @@ LIMITS = {  # what a search may not leave, parameter by parameter
     "block_mode": [(0.0, 8e-3), HZ, ZETA], "second_plate_mode": [(1e-5, 1e4), HZ, ZETA],
     "viscoelastic_arm": [SIZE, (2e-5, 0.5)], "support_compliance": [(0.0, 1e-2), (1.0, 1e4)],
     "adhesion": [SIZE, (1e-7, 5e-3)], "demodulation_lag": [(2e-7, 5e-4)],
-    "frame_vibration": [SIZE, HZ, (-INF, INF)], "cyclic_error": [SIZE, (0.5, 4.0), (-INF, INF)],
+    "frame_vibration": [SIZE, HZ, (-INF, INF)], "cyclic_error": [(0.0, 3e-8), (0.5, 4.0), (-INF, INF)],
     "frame_vibration_with_plate": [SIZE, HZ, (-INF, INF), (0.0, 1.0)],
 }  # fmt: skip
 

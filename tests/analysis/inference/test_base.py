@@ -58,8 +58,8 @@ def test_a_base_model_has_a_name() -> None:
 def test_a_search_begins_where_a_fit_of_the_shots_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "plate_count", lambda motions: len(set(motions)))
     motions: Any = list("abcb")
-    assert base_of("clamped", motions[:1]).plates == 1 and base_of("contact", motions).plates == 1
-    base = base_of("clamped", motions)
+    assert base_of("clamped", 1).plates == 1 and base_of("contact", 3).plates == 1
+    base = base_of("clamped", 3)
     assert base == replace(base_named("clamped"), plates=3)
     numbers = {name: SimpleNamespace(value=10.0 + k) for k, name in enumerate(base.names)}
     own = [

@@ -137,7 +137,7 @@ def searched(
     monkeypatch.setattr(module, "_rough_ends", rough)
     monkeypatch.setattr(module, "_search_on_frame", on_frame)
     monkeypatch.setattr(module, "_best_of_searches", best)
-    return first_fit([motion], "paper", site, calm, noise=FLOOR), asked
+    return first_fit((averaged_shot(motion),), "paper", site, calm, noise=FLOOR), asked
 
 
 @pytest.mark.parametrize(
@@ -177,4 +177,4 @@ def test_where_nothing_moves_so_it_is_said(monkeypatch: pytest.MonkeyPatch, move
     monkeypatch.setattr(module, "_best_of_searches", lambda *_: pytest.fail("cancelled"))
     monkeypatch.setattr(module, "first_guesses", lambda *_: (_ for _ in ()).throw(Infeasible("late")))
     with pytest.raises(Cancelled):
-        first_fit([shot(PAPER)], "paper", None, lambda: True, noise=FLOOR)
+        first_fit((averaged_shot(shot(PAPER)),), "paper", None, lambda: True, noise=FLOOR)

@@ -75,15 +75,15 @@ def test_shots_take_the_plates_of_a_beginning_and_the_frame_as_it_moves_there(mo
     monkeypatch.setattr(
         module, "on_site", lambda shots, where, base, at: (shots[0].plate, where, base, at.base.tolist())
     )
-    found = joint_data(motions, begin, site, 1e5)
+    found = joint_data(averaged_shots(motions, 1e5), begin, site)
     assert found.shots == ((1e-9, 2e-6), site, BASE, [1.0] * 4) and found.site is site and found.base is BASE
-    still = joint_data(motions, begin, None, 1e5)
+    still = joint_data(averaged_shots(motions, 1e5), begin, None)
     assert still.site is None and still.shots[0].factor == 1 and still.shots[0].plate == (0.0, 0.0)
-    assert joint_data(motions, begin, None).shots[0].factor == 5
+    assert joint_data(averaged_shots(motions), begin, None).shots[0].factor == 5
 
     def nowhere(*_: Any) -> Any:
         raise Infeasible("no collision")
 
     monkeypatch.setattr(module, "on_site", nowhere)
-    assert joint_data(motions, begin, site).site is None
+    assert joint_data(averaged_shots(motions), begin, site).site is None
     assert with_plates(still.shots, ()) == still.shots

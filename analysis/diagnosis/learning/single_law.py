@@ -56,17 +56,19 @@ class SingleLaw:
     def _rough_may_reach(self, beat: float) -> bool:
         return any(may_reach(beat, curve.bic, self.start.bic) for curve in self.rough)
 
+    def _one_may_reach(self, beat: float) -> bool:
+        """Return whether a form of one curve may come below a criterion; curves far above it are not led on."""
+        return self._rough_may_reach(beat) and forms_may_reach(beat, self.curves, self.start)
+
     def _tell_half(self, what: str, _fraction: float) -> None:
         self.tell(what, _HALF)
 
     def or_two_may_reach(self, beat: float) -> bool:
         """Return whether this law, or two laws in its place, may come below the criterion ``beat``."""
-        if self._rough_may_reach(beat):
-            if not self.curves:
-                return False
-            if forms_may_reach(beat, self.curves, self.start):
-                return True
-        if not self.rough:
+        if self._one_may_reach(beat):
+            return True
+        led_nowhere = self._rough_may_reach(beat) and not self.curves
+        if led_nowhere or not self.rough:
             return False
         two = self.limit.within(_STEP, lambda: two_curves(self.start, self.limit, beat=beat), None)
         return two is not None and forms_may_reach(beat, [two], self.start)
@@ -74,7 +76,7 @@ class SingleLaw:
     def replaces_effects(self, best: Fitted, catalogue: Sequence[TrialEffect]) -> bool:
         """Return whether the law explains all where ``best`` does not, and is no effect of the ``catalogue``."""
         beat = best.bic - CRITERIA.law_fall
-        if not self._rough_may_reach(beat) or not forms_may_reach(beat, self.curves, self.start):
+        if not self._one_may_reach(beat):
             return False
         law = self.found
         if law is None or not law.explains or law.fitted.bic > beat:

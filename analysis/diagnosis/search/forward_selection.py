@@ -49,9 +49,10 @@ class Trail:
     stop: Stop
     scores: dict[Effect, Score] = field(default_factory=dict)
     fits: dict[frozenset[Effect], Fitted] = field(default_factory=dict)
-    elsewhere: dict[frozenset[Effect], list[Fitted]] = field(default_factory=dict)  # with a mode at other frequencies
+    elsewhere: dict[frozenset[Effect], list[Fitted]] = field(default_factory=dict)  # at other frequencies or ranges
     last: Linearised | None = None  # of the last round
-    asked: dict[frozenset[Effect], float] = field(default_factory=dict)  # fitted from one effect more: its criterion
+    # of each fit made from one with an effect more: the criterion of that one
+    asked: dict[frozenset[Effect], float] = field(default_factory=dict)
     widens: bool = True  # try the wider of two effects where the narrow one was found
     limit: Limit | None = None
     beat: float = math.inf  # the criterion of a likelier search: what cannot come below it is not followed

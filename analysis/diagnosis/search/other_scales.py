@@ -1,8 +1,8 @@
 """Other frequencies of a mode, or ranges of an attraction, at which it is nearly as likely.
 
 The likelihood has a maximum wherever one period more or less fits into the contact, or the range ends between two of
-the gaps that the bounces reach.  The curvature at one of them says
-nothing of the others, so the parameters' covariance is that of all, each weighed by its likelihood.
+the gaps that the bounces reach.  The curvature at one of them says nothing of the others, so the parameters' covariance
+is that of all, each weighed by its likelihood.
 """
 
 import math
@@ -19,7 +19,7 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Fitted, Linearised, TrialEffect, distinct_starts, refit
 
 Start = tuple[Mapping[str, float], ...]  # an effect's values for each shot
-_SCALES = ("frequency_hz", "range_m")
+_SCALES = ("frequency_hz", "range_m")  # parameters that say where in time or place an effect acts
 _APART = 0.06  # of the logarithm: less is the same maximum of the scores ...
 _SAME = 0.02  # ... or of the fits
 _MOST = 8  # maxima that are fitted

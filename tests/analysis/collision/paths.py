@@ -5,29 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision import (
-    acting,
-    crossings,
-    exponentials,
-    first_order,
-    linear_coefficients,
-    linearisation,
-    march,
-    matrices,
-    modes,
-    on_moving_frame,
-    path_matrices,
-    propagator,
-    rates,
-    runge_kutta,
-    system,
-    two_bodies,
-)
+from analysis.collision import first_order, linear_coefficients, linearisation, on_moving_frame, path_matrices
 from analysis.collision.effects import named
-from analysis.collision.effects.kernel import STATES
 from analysis.collision.general import Active
 from analysis.collision.parameters import Collision, Variant
-from tests.analysis.collision.plain import made_plain
+from tests.analysis.collision.plain import solver_in_python
 
 RIG = Collision(0.02, -0.3, 300.0, 2e-3, 3e3, 0.3)
 TIME_S = np.arange(-6, 120) * 2.5e-4 + 1.1e-4
@@ -42,23 +24,10 @@ CASES: list[tuple[Collision, list[Active]]] = [
 
 def paths_in_python(patch: pytest.MonkeyPatch) -> None:
     """Let path and effects be called in plain Python."""
-    made_plain(
-        patch, crossings, exponentials, first_order, linear_coefficients, linearisation, march, matrices, modes,
-        on_moving_frame, path_matrices, propagator, rates, runge_kutta, system, two_bodies,
-    )  # fmt: skip
-    functions: list[Any] = []
-
-    def numbered(function: Any) -> int:
-        functions.append(function)
-        return len(functions) - 1
-
-    def within(number: int, s: Any, p: Any, first: int) -> None:
-        functions[int(number)](s, p[first:], s[STATES:])
-
-    patch.setattr(acting, "address", numbered)
-    patch.setattr(acting, "complex_address", numbered)
+    numbered, functions = solver_in_python(
+        patch, first_order, linear_coefficients, linearisation, on_moving_frame, path_matrices
+    )
     patch.setattr(first_order, "address", numbered)
-    patch.setattr(rates, "call_within", within)
     patch.setattr(linear_coefficients, "call", lambda number, s, p, out: functions[int(number)](s, p, out))
 
 

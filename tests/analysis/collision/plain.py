@@ -1,10 +1,28 @@
 """The parts of kernels as plain Python, which a test can call one at a time."""
 
+from collections.abc import Callable
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
+
+from analysis.collision import (
+    acting,
+    crossings,
+    exponentials,
+    march,
+    matrices,
+    modes,
+    propagator,
+    rates,
+    runge_kutta,
+    system,
+    two_bodies,
+)
+from analysis.collision.effects.kernel import STATES
+
+SOLVER = (crossings, exponentials, march, matrices, modes, propagator, rates, runge_kutta, system, two_bodies)
 
 
 def made_plain(patch: pytest.MonkeyPatch, *modules: ModuleType) -> None:
@@ -18,6 +36,27 @@ def made_plain(patch: pytest.MonkeyPatch, *modules: ModuleType) -> None:
         for name, instead in (("cut", cut), ("cut_integers", cut_integers), ("by_address", lambda bundle: bundle)):
             if hasattr(module, name):
                 patch.setattr(module, name, instead)
+
+
+def solver_in_python(patch: pytest.MonkeyPatch, *more: ModuleType) -> tuple[Callable[[Any], int], list[Any]]:
+    """Let solver, effects and ``more`` be called in plain Python.
+
+    Returns what gives a function a number in the place of its address, and the functions by their numbers.
+    """
+    made_plain(patch, *SOLVER, *more)
+    functions: list[Any] = [None]  # an address is never zero
+
+    def numbered(function: Any) -> int:
+        functions.append(function)
+        return len(functions) - 1
+
+    def within(number: int, s: Any, p: Any, first: int) -> None:
+        functions[int(number)](s, p[first:], s[STATES:])
+
+    patch.setattr(acting, "address", numbered)
+    patch.setattr(acting, "complex_address", numbered)
+    patch.setattr(rates, "call_within", within)
+    return numbered, functions
 
 
 def cut(room: np.ndarray, at: int, shape: tuple[int, ...]) -> tuple[np.ndarray, int]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import count
 from typing import Any
 
 import numpy as np
@@ -10,24 +9,16 @@ import pytest
 
 from analysis.collision import (
     acting,
-    crossings,
-    exponentials,
     general,
     march,
-    matrices,
-    modes,
     propagator,
-    rates,
     runge_kutta,
-    system,
-    two_bodies,
 )
 from analysis.collision.effects import named
-from analysis.collision.effects.kernel import STATES
 from analysis.collision.general import Active, direction
 from analysis.collision.parameters import KERNEL_ORDER, Collision, Variant
 from tests.analysis.collision.hybrid import Beside, Hybrid, moved
-from tests.analysis.collision.plain import made_plain
+from tests.analysis.collision.plain import solver_in_python
 
 RIG = Collision(0.02, -0.3, 300.0, 2e-3, 3e3, 0.3)
 TIME_S = np.arange(-8, 150) * 2.5e-4 + 1.1e-4
@@ -37,20 +28,7 @@ PULL = (2e-3, 8e-5)
 @pytest.fixture(autouse=True)
 def plain(monkeypatch: pytest.MonkeyPatch) -> Iterator[pytest.MonkeyPatch]:
     """Let the solver and the effects be called in plain Python."""
-    every = (crossings, exponentials, march, matrices, modes, propagator, rates, runge_kutta, system, two_bodies)
-    made_plain(monkeypatch, *every)
-    numbers, functions = count(1), {}
-
-    def numbered(function: Any) -> int:
-        functions[number := next(numbers)] = function
-        return number
-
-    def called(number: int, s: Any, p: Any, first: int) -> None:
-        functions[int(number)](s, p[first:], s[STATES:])
-
-    monkeypatch.setattr(acting, "address", numbered)
-    monkeypatch.setattr(acting, "complex_address", numbered)
-    monkeypatch.setattr(rates, "call_within", called)
+    solver_in_python(monkeypatch)
     yield monkeypatch
 
 

@@ -65,6 +65,7 @@ Function = Callable[[Floats], Square]
 Residual = Callable[[Floats], Floats]
 Hopeless = Callable[[Floats, Square], bool]
 _CORRECTIONS = 6
+_FOLLOWED = 0.3  # of the fall of chi^2 that was promised may be missing after the last correction
 _STEEP = 1e-5  # relative damping: directions with less curvature than that are not corrected
 _LITTLE = 15.0  # of chi^2: once the next step promises less, ``hopeless`` is called
 _ROUNDED = 1e-2  # of chi^2: where no step makes even so little of a promise true, rounding hides it (noise of 1 pm)
@@ -224,7 +225,7 @@ def _corrected_step(
             break
         if value < chi2:
             best, chi2 = there, value
-        if chi2 - least < 0.05 * max(square.chi2 - least, 0.0) or value > chi2:
+        if chi2 - least < _FOLLOWED * max(square.chi2 - least, 0.0) or value > chi2:
             break
         correction = _step(square, free, _STEEP, square.pull(now - wanted))
         if correction is None:

@@ -16,6 +16,8 @@ from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.response import ShotModel
 from analysis.shot import Floats
 
+_BELOW = 0.8  # of the lowest frequency at which a line is looked for: one near it may lie a little lower
+
 
 @dataclass(frozen=True)
 class SearchVector:
@@ -151,7 +153,7 @@ class SearchVector:
             low[self.offset + k], high[self.offset + k] = free.bounds
             if free.name == "frequency_hz":
                 slowest, fastest = self.data.band_hz
-                low[self.offset + k], high[self.offset + k] = np.log(slowest), np.log(fastest)
+                low[self.offset + k], high[self.offset + k] = np.log(_BELOW * slowest), np.log(fastest)
         return low, high
 
     def shot_at(self, index: int, point: Point) -> ShotModel:

@@ -1,5 +1,6 @@
 """A base model with effects over some shots, weighed by a noise: displacement, derivatives and chi^2 at a vector."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
@@ -79,7 +80,10 @@ class WeighedModel(SearchVector):
     def _averaged(self, index: int, point: Point, laws: Sequence[Effect], *, derivatives: bool) -> Response:
         """Return one shot's motion, averaged like the data, with ``laws`` besides its effects; otherwise as ``run``."""
         shot, samples = self._slow_shot(index, point), self.data.shots[index]
-        shot = shot.with_laws(laws) if laws else shot  # these have rates of their own, which no search can raise
+        if laws:
+            alone, shot = shot, shot.with_laws(laws)
+            if shot.rates.every > max(alone.rates.every, math.pi / samples.spacing_s):
+                raise Infeasible("a law would move something faster than the averaged samples show")
         return respond(shot, samples.time_s, block=samples.factor, derivatives=derivatives, stride=self.stride)
 
     def _slow_shot(self, index: int, point: Point) -> ShotModel:

@@ -240,6 +240,22 @@ def bent(z: np.ndarray) -> np.ndarray:
     return np.array([10.0 * (z[1] - z[0] ** 2), 1.0 - z[0]])
 
 
+@pytest.mark.parametrize(("missing", "once"), [(0.29, True), (0.31, False)])
+def test_corrections_end_where_most_of_the_fall_that_was_promised_is_there(missing: float, once: bool) -> None:
+    """The step takes chi^2 from 9 to 1 in a straight valley; this one is bent by what is ``missing`` of that."""
+    left, wide = np.array([3.0, 0.0]), (np.full(2, -9.0), np.full(2, 9.0))
+    square = Square(9.0, np.eye(2), left, 2, left, lambda s: s, lambda v: v)
+    asked: list[np.ndarray] = []
+
+    def bent_by(point: np.ndarray) -> np.ndarray:
+        asked.append(point)
+        return np.array([np.sqrt(1.0 + 8.0 * missing), 0.0])
+
+    found = _corrected_step(bent_by, square, np.zeros(2), np.array([-2.0, 0.0]), np.ones(2, dtype=bool), wide)
+    assert found is not None and found[1] == pytest.approx(1.0 + 8.0 * missing)
+    assert (len(asked) == 1) == once
+
+
 def test_a_long_step_is_corrected_until_the_residual_is_as_predicted() -> None:
     """Rosenbrock's valley, from its floor: straight on the residual would be a hundred times what it was."""
     here, slope = np.array([-0.5, 0.25]), np.array([[10.0, 10.0], [-1.0, 0.0]])

@@ -51,7 +51,8 @@ def test_the_slope_of_a_search_vector_is_that_of_the_parameters_it_stands_for() 
         np.testing.assert_allclose(slope[:, k] / np.abs(flat), numeric / np.abs(flat), rtol=1e-4, atol=1e-5)
     low, high = problem.bounds
     assert low[3] == 0.0 and np.isinf(low[[0, 1, 2, 4]]).all() and np.isinf(high[:10]).all()
-    assert (low[12], high[12]) == pytest.approx(tuple(np.log(problem.data.band_hz)))
+    slowest, fastest = problem.data.band_hz  # a line may lie a little below those that are looked for
+    assert (low[12], high[12]) == pytest.approx((np.log(0.8 * slowest), np.log(fastest)))
     assert low[10] == 0.0 and high[13] == pytest.approx(np.log(0.6))
     assert problem.unseen == []
 

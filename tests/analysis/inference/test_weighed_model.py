@@ -1,13 +1,15 @@
 """A model over several shots: what it shows at a vector, how it changes with it, and what is kept of that."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from analysis.collision import Infeasible
+from analysis.collision import Effect, Infeasible
 from analysis.collision.effects import named
 from analysis.inference.fit import weighed_model
+from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.problem import Fitted
 from analysis.inference.fit.response import respond
 from tests.analysis.diagnosis.shots import base_fit, shots
@@ -85,3 +87,25 @@ def test_a_law_acts_besides_and_what_swings_too_fast_is_refused(best: Fitted) ->
     stiff = replace(point, base=point.base * [1.0, 1.0, 1e4, 1.0])
     with pytest.raises(Infeasible, match="faster than any record can show"):
         problem.averaged(0, stiff)
+
+
+def test_a_law_that_moves_something_faster_than_the_averaged_samples_show_is_refused(best: Fitted) -> None:
+    problem, row = replace(best.problem), named("viscous_drag")
+    shown = np.pi / problem.data.shots[0].spacing_s
+
+    def law(rate: float) -> Effect:
+        fixed = (replace(row.parameters[0], fixed=True),)
+        return replace(row, name="law", parameters=fixed, fastest=lambda _values, _collision: rate)
+
+    def beside(effects: Sequence[Effect], rate: float) -> None:
+        model = problem.with_effects([TrialEffect(one, one.parameters, (), ()) for one in effects], {})
+        values = tuple({one: {"coefficient_n_s_per_m": 1e-4} for one in effects} for _ in problem.data.shots)
+        model.averaged(0, replace(problem.unpack(best.z), values=values), [law(rate)])
+
+    beside([], 0.99 * shown)
+    with pytest.raises(Infeasible, match="faster than the averaged samples show"):
+        beside([], 1.01 * shown)
+    quick = replace(row, name="quick", fastest=lambda _values, _collision: 2.0 * shown)
+    beside([quick], 1.99 * shown)  # the model without the law is as fast
+    with pytest.raises(Infeasible, match="faster than the averaged samples show"):
+        beside([quick], 2.01 * shown)

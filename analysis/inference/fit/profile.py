@@ -40,7 +40,10 @@ def with_profile_std(fitted: Fitted, stop: Stop) -> Fitted:
 
 
 def _stds_to_unit_rise(fitted: Fitted, at: int, side: float, stop: Stop) -> float:
-    """Return how many of its standard deviations off a parameter raises chi^2 by one, on one side; 1 if unknown."""
+    """Return how many of its standard deviations off a parameter raises chi^2 by one, on one side; 1 if unknown.
+
+    Where a bound comes before that, its distance.
+    """
     low, high = fitted.problem.bounds
     best = fitted.chi2(fitted.noise)
     std = float(np.sqrt(fitted.inverse[at, at]))
@@ -53,6 +56,9 @@ def _stds_to_unit_rise(fitted: Fitted, at: int, side: float, stop: Stop) -> floa
         except (Infeasible, np.linalg.LinAlgError):
             return 1.0
         grown = float(found.square.chi2) - best
+        bound = abs(float(z[at] - fitted.z[at])) / std
+        if grown < 1.0 and bound < 0.999 * off:
+            return bound
         wanted = off / np.sqrt(grown) if grown > _FLAT else off * _WIDEST
         if abs(wanted / off - 1) < 0.1:
             return float(wanted)

@@ -36,19 +36,24 @@ def test_an_attraction_is_no_surer_than_the_likelihood_along_its_valley() -> Non
 STD = 0.5
 
 
-def rise(chi2: Callable[[float], float], side: float) -> tuple[float, list[float]]:
-    """Return how many stds raise chi^2 by one where it grows so with the stds off, and where that was asked."""
+def rise(chi2: Callable[[float], float], side: float, *, bound: float = 1e9) -> tuple[float, list[float]]:
+    """Return how many stds raise chi^2 by one where it grows so with the stds off, and where that was asked.
+
+    ``bound`` is how many stds off the parameter may be.
+    """
     asked: list[float] = []
     inverse = np.array([[STD**2, 0.3], [0.3, 9.0]])
 
     def search(z: np.ndarray, *, held: list[int], evaluations: int, cancelled: Any) -> Any:
         assert held == [0] and evaluations == 8 and cancelled is calm
         off = (z[0] - 2.0) / STD
-        np.testing.assert_allclose(z[1], 5.0 + 0.3 / STD * off)  # the other follows along the valley
+        if bound == 1e9:
+            np.testing.assert_allclose(z[1], 5.0 + 0.3 / STD * off)  # the other follows along the valley
         asked.append(off)
         return SimpleNamespace(square=SimpleNamespace(chi2=100.0 + chi2(off)))
 
-    problem = SimpleNamespace(bounds=(np.full(2, -1e9), np.full(2, 1e9)), search=search)
+    wide = np.array([bound * STD, 1e9])
+    problem = SimpleNamespace(bounds=(np.array([2.0, 5.0]) - wide, np.array([2.0, 5.0]) + wide), search=search)
     fitted: Any = SimpleNamespace(
         problem=problem, z=np.array([2.0, 5.0]), inverse=inverse, noise=None, chi2=lambda noise: 100.0
     )
@@ -67,6 +72,15 @@ def test_the_distance_to_a_growth_of_one_is_found_along_the_valley(side: float) 
     assert flat == pytest.approx(64.0) and asked == pytest.approx([side, 4.0 * side, 16.0 * side])
     just, asked = rise(lambda off: 0.06 * off**2, side)
     assert just == pytest.approx(0.06**-0.5, rel=1e-6) and asked[1] == pytest.approx(4.0 * side)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_bound_that_comes_before_a_growth_of_one_is_as_far_as_the_parameter_goes(side: float) -> None:
+    """Taken for the whole way, what little chi^2 grows up to the bound would say 64 standard deviations."""
+    assert rise(lambda off: (off / 8.0) ** 2, side, bound=3.0) == (3.0, [side, 3.0 * side])
+    assert rise(lambda off: (off / 2.0) ** 2, side, bound=0.0) == (0.0, [0.0])
+    steep, asked = rise(lambda off: (off / 2.0) ** 2, side, bound=3.0)
+    assert steep == pytest.approx(2.0) and asked == pytest.approx([side, 2.0 * side])
 
 
 def test_where_nothing_moves_the_curvature_has_to_do() -> None:

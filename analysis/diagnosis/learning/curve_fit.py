@@ -239,7 +239,10 @@ class _Went(NamedTuple):
 
 
 def _downhill(problem: Problem, here: _Place, damping: float) -> _Went:
-    rows, size = here.rows(problem), here.z.size
+    rows, size, (low, high) = here.rows(problem), here.z.size, problem.bounds
+    downhill = rows[:, 1 : 1 + size].T @ rows[:, 0]
+    pressed = ((here.z <= low) & (downhill < 0)) | ((here.z >= high) & (downhill > 0))
+    rows[:, 1 + np.flatnonzero(pressed)] = 0.0  # what the way down presses against its bound stays there
     moves, penalty, _ = penalised_step(rows, size, here.terms)
     chi2 = _penalised(rows[:, 0], here.terms, penalty)
 
@@ -250,7 +253,8 @@ def _downhill(problem: Problem, here: _Place, damping: float) -> _Went:
         by = moves if trial == 0.0 else damped(rows, here.terms, penalty, trial)
         if by is None:
             continue
-        z, terms = here.z + by[:size], _moved(here.terms, by[size:])
+        z, terms = np.clip(here.z + by[:size], low, high), _moved(here.terms, by[size:])
+        by = np.concatenate([z - here.z, by[size:]])
         try:
             shown = displacements(problem, z, terms)
             there = _Place(z, terms, Motions(shown, here.motions.derivatives), fresh=False)

@@ -92,7 +92,12 @@ class Rows:
 
     def __init__(self, noise: float = 1.0, site: Any = None) -> None:
         self.noise = noise
+        self.low, self.high = np.full(2, -1e9), np.full(2, 1e9)
         self.data: Any = SimpleNamespace(site=site, left_m=lambda shown: tuple(5.0 - one for one in shown))
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.low, self.high
 
     def whitened(self, columns: Any) -> np.ndarray:
         return np.vstack(columns) / self.noise
@@ -156,6 +161,44 @@ def test_a_step_is_damped_until_it_leads_down(monkeypatch: pytest.MonkeyPatch) -
     none = curve_fit._downhill(problem, here, 1e-4)
     assert none.there is None and (none.damping, none.fell) == (1e-4, 0.0)
     assert none.promised == pytest.approx(chi2 - 5 * (2.0 - moves.sum()) ** 2 - 0.5 * moves[2:] @ moves[2:])
+
+
+@pytest.mark.parametrize(("value", "side"), [(3.0, 1.0), (7.0, -1.0)])
+def test_a_step_ends_on_a_bound_and_what_presses_against_one_stays(
+    value: float, side: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The way down leads up from 3 and down from 7: a number at its bound there is no column of the step."""
+    moves, penalty = side * np.array([4.0, 1.0, *np.zeros(5)]), np.zeros((5, 5))
+    columns: list[np.ndarray] = []
+    shown: list[np.ndarray] = []
+
+    def stepped(rows: np.ndarray, size: int, terms: Any) -> Any:
+        columns.append(rows.copy())
+        return moves, penalty, 2.0
+
+    def displacements(problem: Any, z: np.ndarray, terms: Any) -> Any:
+        shown.append(z)
+        return np.full(3, 5.0), np.full(2, 5.0)
+
+    monkeypatch.setattr(curve_fit, "penalised_step", stepped)
+    monkeypatch.setattr(curve_fit, "displacements", displacements)
+    problem: Any = Rows()
+    for bound, end, stays in ((value + 1.5 * side, value + 1.5 * side, False), (value, value, True)):
+        columns.clear()
+        problem.low, problem.high = np.array([min(bound, value), -9.0]), np.array([max(bound, value), 9.0])
+        went = curve_fit._downhill(problem, place_of(value), 0.0)
+        assert went.there is not None and went.there.z.tolist() == shown[-1].tolist() == [end, side]
+        left = np.full(5, 5.0 - value)
+        np.testing.assert_allclose(columns[0][:, 0], left)
+        assert columns[0][:, 1].any() != stays and columns[0][:, 2:].all()
+        rest = left - (end - value) * columns[0][:, 1] - side
+        assert went.promised == pytest.approx(left @ left - rest @ rest)
+    far = np.array([value + 99.0 * side, 9.0 * side])
+    behind = np.array([value, -9.0 * side])
+    problem.low, problem.high = np.minimum(far, behind), np.maximum(far, behind)
+    columns.clear()
+    curve_fit._downhill(problem, place_of(value), 0.0)
+    assert columns[0][:, 1].all()  # a bound behind holds nothing
 
 
 class Walk:

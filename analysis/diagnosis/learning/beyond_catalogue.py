@@ -58,11 +58,14 @@ def beyond_catalogue(
 
 def _in_turn(alone: SingleLaw, nearest: Fitted, effects: Sequence[FoundEffect], beat: float) -> Iterator[Beyond]:
     before, held, tell, stop, limit = alone.start, alone.held, alone.tell, alone.stop, alone.limit
-    if alone.or_two_may_reach(beat) and (first := alone.found) is not None:
-        if not first.explains:
-            first = limit.within("a second law", partial(learn_another, first, held, tell, limit, beat=beat), first)
-        yield _alone(first)
     helped = _helps(before, nearest, held, stop)
+    # laws that explain all are at least about as likely as effects that leave something
+    instead = beat if helped is None else min(beat, nearest.bic + CRITERIA.law_fall)
+    if alone.or_two_may_reach(instead) and (first := alone.found) is not None:
+        if not first.explains:
+            another = partial(learn_another, first, held, tell, limit, beat=instead)
+            first = limit.within("a second law", another, first)
+        yield _alone(first)
     if helped is None:
         return
     tell("learning a law beside the effects that came nearest", 0.83)

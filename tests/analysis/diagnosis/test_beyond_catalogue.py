@@ -167,9 +167,11 @@ def test_a_form_may_gain_a_fifth_more_than_its_curve() -> None:
 @pytest.mark.parametrize("helped", [True, False])
 @pytest.mark.parametrize("joined", [True, False])
 @pytest.mark.parametrize("reach", [True, False])
+@pytest.mark.parametrize("nearest_bic", [-20.5, -19.5])
 def test_the_law_alone_two_laws_and_a_law_beside_effects_are_tried_in_turn(
-    reach: bool, joined: bool, helped: bool, explains: bool, monkeypatch: pytest.MonkeyPatch
+    nearest_bic: float, reach: bool, joined: bool, helped: bool, explains: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Laws without the effects must come below 8, and below 28 above the effects where these help."""
     asked: list[Any] = []
 
     class Limit:
@@ -181,9 +183,10 @@ def test_the_law_alone_two_laws_and_a_law_beside_effects_are_tried_in_turn(
     first = SimpleNamespace(explains=explains)
     alone: Any = SimpleNamespace(
         start="start", held=(3,), tell=lambda *what: told.append(what), stop="stop", limit=limit, found=first,
-        or_two_may_reach=lambda beat: reach and beat == 8.0,
+        or_two_may_reach=lambda beat: reach and beat == instead,
     )  # fmt: skip
-    nearest: Any = SimpleNamespace(linearise=lambda: "at")
+    instead = min(8.0, nearest_bic + 28.0) if helped else 8.0
+    nearest: Any = SimpleNamespace(linearise=lambda: "at", bic=nearest_bic)
     monkeypatch.setattr(module, "learn_another", lambda *given, beat: ("another", *given, beat))
     monkeypatch.setattr(module, "learn_law", lambda *given, beat: ("law", *given, beat) if joined else None)
     monkeypatch.setattr(module, "_alone", lambda found: ("alone", found))
@@ -194,7 +197,7 @@ def test_the_law_alone_two_laws_and_a_law_beside_effects_are_tried_in_turn(
     tell = alone.tell
     expected: list[Any] = []
     if reach:
-        two = ("another", first, (3,), tell, limit, 8.0)
+        two = ("another", first, (3,), tell, limit, instead)
         expected.append(("alone", first if explains else two))
     if helped and joined:
         law = ("law", nearest, (3,), tell, limit, 8.0)

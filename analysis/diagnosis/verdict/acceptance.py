@@ -6,6 +6,7 @@ decides of what is then left which effects are named.
 
 from dataclasses import dataclass, replace
 
+from analysis.compiled import side_by_side
 from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.diagnosis.search.competing_models import (
@@ -50,7 +51,7 @@ def keep_predictive(best: Fitted, held_out: tuple[int, ...], trail: Trail) -> tu
         if len(added) == 1:
             break
         fewer = [one for effect in added if (one := without(best, effect, trail)) is not None]
-        shorter = [(one, predict(one, held_out, floor, trail.stop)) for one in fewer]
+        shorter = side_by_side(lambda one: (one, predict(one, held_out, floor, trail.stop)), fewer)
         no_worse = [(one.bic, one) for one, of_it in shorter if of_it is not None and not prediction.beats(of_it)]
         if not no_worse:
             break

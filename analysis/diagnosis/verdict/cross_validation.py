@@ -99,20 +99,18 @@ def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> Prediction 
     one = one.with_noise(floor)
     own = [*(place for place in some.unseen if place not in one.unseen), *own]
     try:
-        trained = some.search(begin, evaluations=_TRAINED, cancelled=stop)
+        trained_z, covariance = _trained(fitted, held, some, begin, stop)
         learnt = dict(zip(one.shared, some.shared, strict=True))
         shared = [place for place in learnt if place not in own]
         learnt_at = [learnt[place] for place in shared]
         there = z.copy()
-        there[shared] = trained.parameters[learnt_at]
+        there[shared] = trained_z[learnt_at]
         there[own] += one.square(z).followed(there - z, own)
         found = one.predict(there, shared, evaluations=10, tolerance=1e-2)
-        seen = np.ones(some.size, dtype=np.bool_)
-        seen[some.unseen] = False
-        known = trained.square.covariance(seen)
         end = found.square
         assert end.residual is not None and end.pull is not None
-        left_open = _Open.of(end.curvature, shared, None if known is None else known[learnt_at][:, learnt_at])
+        known = None if covariance is None else covariance[np.ix_(learnt_at, learnt_at)]
+        left_open = _Open.of(end.curvature, shared, known)
         shown = one.full(one.unpack(found.parameters))[0]
         measured = fitted.problem.data.shots[held]
         off = measured.displacement_m - measured.averaged(shown)
@@ -127,6 +125,22 @@ def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> Prediction 
         )
     except (Infeasible, np.linalg.LinAlgError):
         return None
+
+
+def _trained(fitted: Fitted, held: int, others: Problem, begin: Floats, stop: Stop) -> tuple[Floats, Floats | None]:
+    """Return the parameters that the ``others`` than one shot lead to, and their covariance where they have one.
+
+    Kept with the fit, as a shot is predicted again under other noises.
+    """
+    if held not in fitted.trained:
+        found = others.search(begin, evaluations=_TRAINED, cancelled=stop)
+        seen = np.ones(others.size, dtype=np.bool_)
+        seen[others.unseen] = False
+        learnt = found.parameters, found.square.covariance(seen)
+        if stop():  # cut off, and not to be taken for the end
+            return learnt
+        fitted.trained[held] = learnt
+    return fitted.trained[held]
 
 
 def _of(fitted: Fitted, shots: list[int]) -> tuple[Problem, Floats, list[int]]:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -164,6 +164,7 @@ class Fitted(AtVector):
     """A problem at its minimum ``z``: its noise is the likeliest of the averaged residual ``residual_m`` of each shot.
 
     ``inverse`` is (J^T J)^-1 of the derivatives J whitened as in the search, shape (p, p), in its coordinates.
+    ``trained`` keeps, by the shot left out, the parameters that the other shots lead to and their covariance.
     """
 
     problem: Problem
@@ -171,6 +172,9 @@ class Fitted(AtVector):
     residual_m: tuple[Floats, ...]
     inverse: Floats
     converged: bool
+    trained: dict[int, tuple[Floats, Floats | None]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     @property
     def effects(self) -> tuple[Effect, ...]:

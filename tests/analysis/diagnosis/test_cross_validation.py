@@ -127,10 +127,12 @@ class OneOut:
             without_frame_motion=lambda floor, off: off + 1.0 if floor == "floor" else None,
         )  # fmt: skip
         data = SimpleNamespace(shots=["first", measured, "last"])
-        self.fitted: Any = SimpleNamespace(problem=SimpleNamespace(data=data))
+        self.fitted: Any = SimpleNamespace(problem=SimpleNamespace(data=data), trained={})
+        self.cut_off, self.searches = False, 0
 
     def search(self, z: Any, *, evaluations: int, cancelled: Any) -> Any:
-        assert z.tolist() == [10.0, 20.0, 1.0, 2.0] and (evaluations, cancelled) == (25, "stop")
+        assert z.tolist() == [10.0, 20.0, 1.0, 2.0] and (evaluations, cancelled) == (25, self.stop)
+        self.searches += 1
         if self.fails:
             raise Infeasible("nowhere")
         square = SimpleNamespace(
@@ -151,9 +153,12 @@ class OneOut:
         )  # fmt: skip
         return SimpleNamespace(parameters=z + 0.5, square=end)
 
+    def stop(self) -> bool:
+        return self.cut_off
+
     def told(self) -> Any:
         floor: Any = "floor"
-        return cross_validation._predict(self.fitted, 1, floor, "stop")  # type: ignore[arg-type]
+        return cross_validation._predict(self.fitted, 1, floor, self.stop)
 
 
 @pytest.mark.parametrize("unseen", [(), (1,)])
@@ -164,7 +169,7 @@ def test_a_shot_is_predicted_with_what_the_others_know_and_pays_for_its_own(
     out = OneOut(monkeypatch, unseen)
     told = out.told()
     shared, own = ([0], [1, 2]) if unseen else ([0, 1], [2])
-    moved, given, seen = out.asked
+    seen, moved, given = out.asked
     there = [11.0, 20.0, 30.0] if unseen else [11.0, 22.0, 30.0]
     assert moved == ([there[0] - 10.0, there[1] - 20.0, 0.0], own)
     begun = [value + 0.25 * (place in own) for place, value in enumerate(there)]
@@ -179,6 +184,18 @@ def test_a_shot_is_predicted_with_what_the_others_know_and_pays_for_its_own(
     assert told.squared(difference) == pytest.approx(
         open_.chi2(float(difference @ difference), out.rows.T @ difference)
     )
+
+
+def test_what_the_other_shots_say_is_kept_unless_it_was_cut_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    out = OneOut(monkeypatch)
+    out.cut_off = True
+    first = out.told()
+    assert out.searches == 1 and not out.fitted.trained
+    out.cut_off = False
+    for _ in range(2):
+        again = out.told()
+        assert out.searches == 2 and again.surprise == first.surprise and again.rms_m == first.rms_m
+    assert list(out.fitted.trained) == [1]
 
 
 def test_a_shot_that_cannot_be_followed_is_not_predicted(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -148,7 +148,7 @@ def settle(
     ``residual`` is that of ``best``, where it is known.
     """
     settled = _settled(best, trail, held_out, progress, residual)
-    wanders = wanders_in_contact_alone(settled.best)
+    wanders = settled.best.wanders_in_contact_alone
     if not settled.residual.significant and not wanders:
         return settled
     firsts = FIRSTS_IN_WANDER if wanders else OTHER_FIRSTS
@@ -161,12 +161,6 @@ def settle(
     again = _settled(other, trail, held_out, lambda _what, _fraction: None)
     calmer = not again.residual.significant and again.best is not trail.start
     return again if calmer or better(again.best, settled.best) else settled
-
-
-def wanders_in_contact_alone(fitted: Fitted) -> bool:
-    """Return whether the noise learnt from the whole shots wanders, and that of their flights does not."""
-    data = fitted.problem.data
-    return data.site is None and bool(fitted.noise.wander) and not data.noise_of_flights.wander
 
 
 def _settled(

@@ -111,8 +111,9 @@ def worst(fitted: Fitted, at: Linearised, unlearned: Linearised, slow: float = 1
     gains = side_by_side(lambda one: gain(fitted, unlearned if one[0] in laws else at, one[1]), shapes.items())
     for name, (value, width, floor) in zip(shapes, gains, strict=True):
         # A wandering floor is learnt from the same data, anew beside every shape.  Where a shape makes it cease to
-        # wander, the floor was the shape, and white noise is the measure.
-        factor = slow * (CRITERIA.wandering_gain if floor.coloured else 1.0)
+        # wander, the floor was the shape, and white noise is the measure; so it is where the flights show no wander.
+        wanders = floor.coloured and not fitted.wanders_in_contact_alone
+        factor = slow * (CRITERIA.wandering_gain if wanders else 1.0)
         if width:
             found.append(
                 LackOfFit(name, value, factor * float(chdtri(width, CRITERIA.freedom_chance / len(shapes))), width)

@@ -216,6 +216,12 @@ class Fitted(AtVector):
         """Get a noise that has not absorbed what the model lacks: on a moving frame the flights' own, else white."""
         return self.noise.still if self.problem.data.site is None else self.problem.data.noise_of_flights
 
+    @property
+    def wanders_in_contact_alone(self) -> bool:
+        """Get whether the noise learnt from the whole shots wanders, and that of their flights does not."""
+        data = self.problem.data
+        return data.site is None and bool(self.noise.wander) and not data.noise_of_flights.wander
+
     def linearise(self, near: Projector | None = None) -> Linearised:
         """Return the problem linearised at the minimum; ``near`` as in ``Problem.linearise``."""
         return self.problem.linearise(self.z, near)

@@ -150,7 +150,8 @@ class Stages:
         patch.setattr(acceptance, "alternative_without_misfit", alternative_without_misfit)
         patch.setattr(acceptance, "separations_of", lambda *_: {})
         patch.setattr(acceptance, "another_way", another_way)
-        patch.setattr(acceptance, "wanders_in_contact_alone", lambda best: best.effects == self.hides)
+        hides = property(lambda best: best.effects == self.hides)
+        patch.setattr(Fit, "wanders_in_contact_alone", hides, raising=False)
 
 
 def settled(found: Trail, judged: Residual | None = None) -> Any:
@@ -208,8 +209,9 @@ def test_a_path_that_wanders_does_so_in_flight_as_well(
     learnt: Floor, in_flight: Floor, site: object, hides: bool
 ) -> None:
     data = SimpleNamespace(site=site, noise_of_flights=in_flight)
-    fitted = SimpleNamespace(problem=SimpleNamespace(data=data), noise=learnt)
-    assert acceptance.wanders_in_contact_alone(cast(Any, fitted)) is hides
+    problem: Any = SimpleNamespace(data=data, with_noise=lambda noise: problem, noise=learnt)
+    fitted = Fitted(problem, np.zeros(1), 0.0, (), np.eye(1), True)
+    assert fitted.wanders_in_contact_alone is hides
 
 
 @pytest.mark.parametrize(

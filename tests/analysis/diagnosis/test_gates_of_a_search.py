@@ -20,7 +20,7 @@ from analysis.diagnosis.verdict.coincidence import Unforetold, by_chance
 from analysis.diagnosis.verdict.cross_validation import Prediction
 from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit, worst
 from analysis.diagnosis.verdict.residual import Residual
-from analysis.inference import joined
+from analysis.inference import Fitted, joined
 from analysis.inference.noise.floor import Floor
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 from tests.analysis.diagnosis.test_acceptance import CALM, TILT, WANDERING, Fit
@@ -309,7 +309,10 @@ def test_numbers_of_every_shot_that_fall_where_one_number_foretells_them_are_cha
 
 
 def lacking(
-    gains: dict[str, tuple[float, int, Floor]], monkeypatch: pytest.MonkeyPatch, slow: float = 1.0
+    gains: dict[str, tuple[float, int, Floor]],
+    monkeypatch: pytest.MonkeyPatch,
+    slow: float = 1.0,
+    in_contact: bool = False,
 ) -> LackOfFit:
     """Return the worst of shapes with these gains, widths and floors beside them, of one shot without effects."""
     kinks, *laws = gains
@@ -319,7 +322,7 @@ def lacking(
     monkeypatch.setattr(lack_of_fit, "free_laws", lambda *_: {name: [name] for name in laws})
     monkeypatch.setattr(lack_of_fit, "shared", lambda columns: columns[0])
     monkeypatch.setattr(lack_of_fit, "gain", lambda _fitted, _at, shape: gains[shape])
-    fitted = SimpleNamespace(problem=problem, point=None)
+    fitted = SimpleNamespace(problem=problem, point=None, wanders_in_contact_alone=in_contact)
     at = cast(Any, SimpleNamespace(lines=()))
     return worst(cast(Any, fitted), at, at, slow)
 
@@ -333,15 +336,22 @@ def test_an_effect_that_is_another_one_in_one_shot_is_missed_as_that(last: float
     assert (found.shape if found.significant else None) is missed
 
 
-@pytest.mark.parametrize(("floor", "times"), [(CALM, 1.0), (WANDERING, 3.0)])
+@pytest.mark.parametrize(
+    ("floor", "in_contact", "times"), [(CALM, False, 1.0), (WANDERING, False, 3.0), (WANDERING, True, 1.0)]
+)
 @pytest.mark.parametrize("slow", [1.0, 1.7])
 @pytest.mark.parametrize(("share", "missed"), [(1.01, True), (0.99, False)])
 def test_a_freedom_is_missed_where_it_gains_more_than_chance(
-    share: float, missed: bool, slow: float, floor: Floor, times: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    share: float, missed: bool, slow: float, floor: Floor, in_contact: bool, times: float,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """A wander that the flights do not show is no noise, beside which chance would gain more."""
     limit = times * slow * float(chi2.isf(3e-3 / 3, 4))  # of three shapes each has a third of the chance
     found = lacking(
-        {"kinks": (0.0, 9, CALM), "place": (share * limit, 4, floor), "speed": (0.0, 5, CALM)}, monkeypatch, slow
+        {"kinks": (0.0, 9, CALM), "place": (share * limit, 4, floor), "speed": (0.0, 5, CALM)},
+        monkeypatch,
+        slow,
+        in_contact,
     )
     assert found.shape == "place" and found.width == 4
     assert found.significant is missed

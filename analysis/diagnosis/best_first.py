@@ -112,9 +112,12 @@ class BestFirst:
         likelier = rest if building is None or rest.is_likelier_than(building) else building
         if likelier.leaves_something and not rest.law_was_tried:
             return partial(self._try_one_law_instead, rest, likelier)
-        if likelier is rest:
+        if building is None or likelier is rest:
             return partial(self._complete, rest)
-        assert building is not None
+        return self._next_in_likelier_building(building, rest)
+
+    def _next_in_likelier_building(self, building: Branch, rest: Branch) -> Callable[[], None]:
+        """Return what to do next where both branches are searched and the one in a building is the likelier."""
         if building.named is None:
             return partial(self._name, building)
         if building.named.explained:

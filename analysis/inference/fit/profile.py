@@ -17,6 +17,7 @@ from analysis.shot import Stop
 _TRIES = 3
 _FLAT = 0.05  # of chi^2: less growth than that says nothing about the distance to a growth of one
 _WIDEST = 4.0  # times the distance, from one try to the next
+_ROUNDED = 0.999  # of the distance that was asked: less was reached only where a bound lies before it
 
 
 def with_profile_std(fitted: Fitted, stop: Stop) -> Fitted:
@@ -56,10 +57,10 @@ def _stds_to_unit_rise(fitted: Fitted, at: int, side: float, stop: Stop) -> floa
         except (Infeasible, np.linalg.LinAlgError):
             return 1.0
         grown = float(found.square.chi2) - best
-        bound = abs(float(z[at] - fitted.z[at])) / std
-        if grown < 1.0 and bound < 0.999 * off:
-            return bound
-        wanted = off / np.sqrt(grown) if grown > _FLAT else off * _WIDEST
+        reached = abs(float(z[at] - fitted.z[at])) / std
+        if grown < 1.0 and reached < _ROUNDED * off:  # a bound comes first
+            return reached
+        wanted = reached / np.sqrt(grown) if grown > _FLAT else off * _WIDEST
         if abs(wanted / off - 1) < 0.1:
             return float(wanted)
         off = min(float(wanted), _WIDEST * off)

@@ -81,6 +81,8 @@ def test_a_bound_that_comes_before_a_growth_of_one_is_as_far_as_the_parameter_go
     assert rise(lambda off: (off / 2.0) ** 2, side, bound=0.0) == (0.0, [0.0])
     steep, asked = rise(lambda off: (off / 2.0) ** 2, side, bound=3.0)
     assert steep == pytest.approx(2.0) and asked == pytest.approx([side, 2.0 * side])
+    steep, asked = rise(lambda off: 0.09 if abs(off) < 2 else (off / 2.0) ** 2, side, bound=2.8)
+    assert steep == pytest.approx(2.0) and asked == pytest.approx([side, 2.8 * side, 2.0 * side])  # as far as it went
 
 
 def test_where_nothing_moves_the_curvature_has_to_do() -> None:

@@ -90,7 +90,7 @@ class BestFirst:
         return self._answer
 
     def _next_step(self) -> Callable[[], None]:
-        """Return what to do next: the one place where that is decided."""
+        """Return what to do next: here, and in what it calls, that is decided and nowhere else."""
         building, rest = self._in_building, self._at_rest
         if self._question.site is not None and building is None:
             return self._search_in_building

@@ -9,7 +9,7 @@ from .fit.first_guesses import first_guesses
 from .fit.frame_anew import on_frame_anew
 from .fit.free_parameters import TrialEffect, trial_effect, trial_effects, trials_of
 from .fit.joint_data import JointData, joint_data, shakings_of, site_under, with_plates
-from .fit.least_squares import damped_step
+from .fit.least_squares import damped_step, free_to_move
 from .fit.problem import Fitted, Linearised, Problem
 from .fit.profile import with_profile_std
 from .fit.samples import FINE_RATE_HZ, RATE_HZ, Samples, averaged_shots
@@ -48,6 +48,7 @@ __all__ = [
     "first_fit",
     "first_guesses",
     "fit_shots",
+    "free_to_move",
     "joined",
     "joint_data",
     "on_frame_anew",

@@ -17,7 +17,7 @@ from analysis.collision import Argument, Infeasible, graded_basis
 from analysis.compiled import side_by_side
 from analysis.diagnosis.learning.curve_motion import Ground, Motions, Term, displacements, motions
 from analysis.diagnosis.learning.curve_step import damped, penalised_step
-from analysis.inference import Fitted, Floor, Problem, white_floor
+from analysis.inference import Fitted, Floor, Problem, free_to_move, white_floor
 from analysis.shot import Cancelled, Floats, Stop
 
 _DAMPINGS = (0.0, 1e-8, 1e-6, 1e-4, 1e-2, 0.3)  # of a step, tried one after another until one leads down
@@ -240,9 +240,8 @@ class _Went(NamedTuple):
 
 def _downhill(problem: Problem, here: _Place, damping: float) -> _Went:
     rows, size, (low, high) = here.rows(problem), here.z.size, problem.bounds
-    downhill = rows[:, 1 : 1 + size].T @ rows[:, 0]
-    pressed = ((here.z <= low) & (downhill < 0)) | ((here.z >= high) & (downhill > 0))
-    rows[:, 1 + np.flatnonzero(pressed)] = 0.0  # what the way down presses against its bound stays there
+    free = free_to_move(here.z, -rows[:, 1 : 1 + size].T @ rows[:, 0], low, high)
+    rows[:, 1 + np.flatnonzero(~free)] = 0.0  # what the way down presses against its bound stays there
     moves, penalty, _ = penalised_step(rows, size, here.terms)
     chi2 = _penalised(rows[:, 0], here.terms, penalty)
 

@@ -132,15 +132,15 @@ def _trained(fitted: Fitted, held: int, others: Problem, begin: Floats, stop: St
 
     Kept with the fit, as a shot is predicted again under other noises.
     """
-    if held not in fitted.trained:
+    learnt = fitted.trained.get(held)
+    if learnt is None:
         found = others.search(begin, evaluations=_TRAINED, cancelled=stop)
         seen = np.ones(others.size, dtype=np.bool_)
         seen[others.unseen] = False
         learnt = found.parameters, found.square.covariance(seen)
-        if stop():  # cut off, and not to be taken for the end
-            return learnt
-        fitted.trained[held] = learnt
-    return fitted.trained[held]
+        if not stop():  # what was cut off is no end
+            fitted.trained[held] = learnt
+    return learnt
 
 
 def _of(fitted: Fitted, shots: list[int]) -> tuple[Problem, Floats, list[int]]:

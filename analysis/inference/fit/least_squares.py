@@ -65,7 +65,7 @@ Function = Callable[[Floats], Square]
 Residual = Callable[[Floats], Floats]
 Hopeless = Callable[[Floats, Square], bool]
 _CORRECTIONS = 6
-_FOLLOWED = 0.3  # of the fall of chi^2 that was promised may be missing after the last correction
+_NEAR_ENOUGH = 0.3  # of the fall of chi^2 that was promised: where no more is missing, nothing is corrected further
 _STEEP = 1e-5  # relative damping: directions with less curvature than that are not corrected
 _LITTLE = 15.0  # of chi^2: once the next step promises less, ``hopeless`` is called
 _ROUNDED = 1e-2  # of chi^2: where no step makes even so little of a promise true, rounding hides it (noise of 1 pm)
@@ -89,9 +89,9 @@ def minimise(
 
     ``bounds`` are the least and the largest values, shape (p,) each.  A fall of chi^2 by 1e-6 is a move of 1e-3
     standard deviations.  ``residual`` computes whitened residuals at a point without derivatives, which is cheap: if
-    it is given, and the squares carry their residual, a long step is corrected until the residual is what its
-    linearisation predicted, before derivatives are computed there.  In a bent valley steps may then be longer (a
-    retraction; Absil, Mahony and Sepulchre, "Optimization Algorithms on Matrix Manifolds", ch. 4).  ``hopeless`` is
+    it is given, and the squares carry their residual, a long step is corrected until the residual is nearly
+    what its linearisation predicted, before derivatives are computed there.  In a bent valley steps may then be longer
+    (a retraction; Absil, Mahony and Sepulchre, "Optimization Algorithms on Matrix Manifolds", ch. 4).  ``hopeless`` is
     called once, when little more is promised; the search stops if it returns True.  ``function`` may raise Infeasible
     anywhere but at the start.
     """
@@ -101,7 +101,7 @@ def minimise(
     damping = _Damping()
     used = 1
     while used < evaluations and not (cancelled is not None and cancelled()):
-        free = _free(here, square.gradient, low, high)
+        free = free_to_move(here, square.gradient, low, high)
         newton = _step(square, free, 0.0) if free.any() else np.zeros(start.size)
         promised = -1.0 if newton is None else float(-newton @ square.gradient)
         unit = max(1.0, square.chi2 / square.samples)
@@ -173,7 +173,7 @@ def _within(point: Floats, low: Floats, high: Floats) -> bool:
     return bool(np.all((point >= low) & (point <= high)))
 
 
-def _free(here: Floats, gradient: Floats, low: Floats, high: Floats) -> np.ndarray:
+def free_to_move(here: Floats, gradient: Floats, low: Floats, high: Floats) -> np.ndarray:
     """Return which parameters may move: not fixed ones, nor those that the gradient presses against their bound."""
     held = (low >= high) | ((here <= low) & (gradient > 0)) | ((here >= high) & (gradient < 0))
     return np.asarray(~held)
@@ -225,7 +225,7 @@ def _corrected_step(
             break
         if value < chi2:
             best, chi2 = there, value
-        if chi2 - least < _FOLLOWED * max(square.chi2 - least, 0.0) or value > chi2:
+        if chi2 - least < _NEAR_ENOUGH * max(square.chi2 - least, 0.0) or value > chi2:
             break
         correction = _step(square, free, _STEEP, square.pull(now - wanted))
         if correction is None:

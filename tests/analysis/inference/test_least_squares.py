@@ -12,9 +12,9 @@ from analysis.inference.fit.least_squares import (
     Square,
     _corrected_step,
     _Damping,
-    _free,
     _length,
     damped_step,
+    free_to_move,
     minimise,
 )
 
@@ -187,7 +187,7 @@ def test_parameters_that_follow_go_to_their_own_minimum() -> None:
 def test_parameters_are_held_where_they_are_fixed_or_pressed_against_a_bound() -> None:
     low, high = np.array([0.0, 0.0, 0.0, 0.0, 5.0, 0.0]), np.array([1.0, 1.0, 1.0, 1.0, 5.0, 1.0])
     here, gradient = np.array([0.0, 0.0, 1.0, 1.0, 5.0, 0.5]), np.array([1.0, -1.0, 1.0, -1.0, 0.0, 9.0])
-    assert _free(here, gradient, low, high).tolist() == [False, True, True, False, False, True]
+    assert free_to_move(here, gradient, low, high).tolist() == [False, True, True, False, False, True]
 
 
 def test_damping_eases_slowly_after_a_refusal_and_ends_where_no_step_is_short_enough() -> None:

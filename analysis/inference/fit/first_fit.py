@@ -30,7 +30,7 @@ from analysis.shot import AnalysisError, Cancelled, Floats, Stop
 STRONG = 30.0  # chi^2 per sample, above which missing effects may have pulled base parameters far from their values
 _EARLY = 0.3  # of the contact time: the first bounces
 _EVALUATIONS, _ROUGHLY = 60, 30  # of a search, and of one whose end is only a start for the next
-_TOLERANCE = 1e-3  # of chi^2
+_TOLERANCE = 0.03  # of chi^2
 _FOLLOWED = 3  # first guesses from which a search begins
 _SAME_LEFT, _SAME_PLACE = 0.01, 0.03  # of chi^2 and of each parameter: searches that end so near ended at one minimum
 _LOUDER = 100.0  # times the white noise, in the first of two searches where the frame moves

@@ -99,7 +99,7 @@ def minimise(
     here = np.clip(start, low, high)
     square = function(here)
     damping = _Damping()
-    used = 1
+    used, straight = 1, False
     while used < evaluations and not (cancelled is not None and cancelled()):
         free = free_to_move(here, square.gradient, low, high)
         newton = _step(square, free, 0.0) if free.any() else np.zeros(start.size)
@@ -116,8 +116,9 @@ def minimise(
             return Minimum(here, square, 0 <= promised < _ROUNDED * unit)
         there, expected = way
         corrected = residual if expected > _STRAIGHT or damping.refused else None
-        trial = _trial(function, corrected, square, here, there, free, (low, high))
+        trial = _trial(function, corrected, square, here, there, free, (low, high), straight)
         fell = -np.inf if trial is None else square.chi2 - trial[1].chi2
+        straight = trial is not None and trial[0] is there and fell > (1 - _NEAR_ENOUGH) * expected
         used += 1
         if trial is not None and fell > 0:
             here, square = trial
@@ -187,40 +188,50 @@ def _trial(
     there: Floats,
     free: np.ndarray,
     bounds: tuple[Floats, Floats],
+    straight: bool,
 ) -> tuple[Floats, Square] | None:
     """Return the point ``there``, corrected where there is a ``residual``, and the square at it; None if infeasible.
 
     Also None where chi^2 after the corrections has not fallen: the step would be refused, so its derivatives are saved.
+    Where the valley seems ``straight`` they are computed at once, since the step will hardly need a correction.
     """
-    back = None if residual is None else _corrected_step(residual, square, here, there - here, free, bounds)
-    if back is not None and back[1] >= square.chi2:
-        return None
-    point = there if back is None else back[0]
     try:
-        return point, function(point)
+        ahead = function(there) if straight or residual is None else None
+        back = None if residual is None else _corrected(residual, square, here, there, free, bounds, ahead)
+        if back is not None and back[1] >= square.chi2:
+            return None
+        point = there if back is None else back[0]
+        return point, function(point) if ahead is None or point is not there else ahead
     except Infeasible:
         return None
 
 
-def _corrected_step(
-    residual: Residual, square: Square, here: Floats, step: Floats, free: np.ndarray, bounds: tuple[Floats, Floats]
+def _corrected(
+    residual: Residual,
+    square: Square,
+    here: Floats,
+    there: Floats,
+    free: np.ndarray,
+    bounds: tuple[Floats, Floats],
+    ahead: Square | None = None,
 ) -> tuple[Floats, float] | None:
-    """Return ``here + step``, corrected until the residual is the one predicted linearly, and chi^2 there.
+    """Return ``there``, corrected until the residual is the one predicted linearly from ``here``, and chi^2 at it.
 
     The corrections use the derivatives at ``here``, which hold in steep directions; flat directions, along which the
-    step was meant to go, are left out.  None where the corrections do not converge.
+    step was meant to go, are left out.  ``ahead`` is the square at ``there``, where known.  None where the corrections
+    do not converge.
     """
     if square.residual is None or square.along is None or square.pull is None:
         return None
-    wanted = square.residual + square.along(step)
+    wanted = square.residual + square.along(there - here)
     least = float(wanted @ wanted)
-    there, best, chi2 = here + step, None, np.inf
+    best, chi2 = None, np.inf
     for _ in range(_CORRECTIONS):
         try:
-            now = residual(there)
+            now = residual(there) if ahead is None or ahead.residual is None else ahead.residual
         except Infeasible:
             break
-        value = float(now @ now)
+        ahead, value = None, float(now @ now)
         if best is not None and value > 0.9 * chi2 and value > square.chi2:
             break
         if value < chi2:

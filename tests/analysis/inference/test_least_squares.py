@@ -10,7 +10,7 @@ from analysis.collision import Infeasible
 from analysis.inference.fit.least_squares import (
     Minimum,
     Square,
-    _corrected_step,
+    _corrected,
     _Damping,
     _length,
     damped_step,
@@ -251,7 +251,7 @@ def test_corrections_end_where_most_of_the_fall_that_was_promised_is_there(missi
         asked.append(point)
         return np.array([np.sqrt(1.0 + 8.0 * missing), 0.0])
 
-    found = _corrected_step(bent_by, square, np.zeros(2), np.array([-2.0, 0.0]), np.ones(2, dtype=bool), wide)
+    found = _corrected(bent_by, square, np.zeros(2), np.array([-2.0, 0.0]), np.ones(2, dtype=bool), wide)
     assert found is not None and found[1] == pytest.approx(1.0 + 8.0 * missing)
     assert (len(asked) == 1) == once
 
@@ -266,17 +266,42 @@ def test_a_long_step_is_corrected_until_the_residual_is_as_predicted() -> None:
     step, free, wide = np.array([1.0, -1.0]), np.ones(2, dtype=bool), (np.full(2, -9.0), np.full(2, 9.0))
     straight = bent(here + step)
     assert straight @ straight > 30.0 * square.chi2
-    found = _corrected_step(bent, square, here, step, free, wide)
+    found = _corrected(bent, square, here, here + step, free, wide)
     assert found is not None
     point, chi2 = found
     assert chi2 == pytest.approx(bent(point) @ bent(point)) and chi2 < square.chi2
     assert abs(point[0] - 0.5) < 0.2  # as far along the floor as the step was meant to go
-    held = _corrected_step(bent, square, here, step, free, (np.full(2, -0.6), np.full(2, 9.0)))
+    held = _corrected(bent, square, here, here + step, free, (np.full(2, -0.6), np.full(2, 9.0)))
     assert held is not None and (held[0] >= -0.6).all()
 
     def nowhere(_: np.ndarray) -> np.ndarray:
         raise Infeasible("none")
 
-    assert _corrected_step(nowhere, square, here, step, free, wide) is None
+    assert _corrected(nowhere, square, here, here + step, free, wide) is None
     bare = Square(square.chi2, square.curvature, square.gradient, 2)
-    assert _corrected_step(bent, bare, here, step, free, wide) is None
+    assert _corrected(bent, bare, here, here + step, free, wide) is None
+
+
+def test_where_the_last_step_needed_no_correction_derivatives_are_computed_at_once() -> None:
+    """A valley that bends a little: no step of Newton needs a correction."""
+    asked: list[tuple[str, float]] = []
+
+    def residual(z: np.ndarray) -> np.ndarray:
+        asked.append(("residual", float(z[0])))
+        return at(z)
+
+    def at(z: np.ndarray) -> np.ndarray:
+        return np.array([9.0 - z[0] - 0.05 * z[0] ** 2])
+
+    def square(z: np.ndarray) -> Square:
+        asked.append(("square", float(z[0])))
+        left, slope = at(z), np.array([[-1.0 - 0.1 * z[0]]])
+        return Square(
+            float(left @ left), slope.T @ slope, slope.T @ left, 1, left, lambda s: slope @ s, lambda v: slope.T @ v
+        )
+
+    found = minimise(square, np.zeros(1), residual=residual, tolerance=1e-9)
+    assert found.converged and abs(found.parameters[0] - 6.7332) < 1e-3
+    kinds = [kind for kind, _ in asked]
+    assert kinds[:3] == ["square", "residual", "square"]  # the first step is looked at before its derivatives
+    assert set(kinds[3:]) == {"square"}

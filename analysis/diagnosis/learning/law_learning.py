@@ -30,7 +30,7 @@ from analysis.inference import Fitted, on_frame_anew
 from analysis.shot import Cancelled, Progress, Stop
 
 FIRST_PIECES, MOST_PIECES = 12, 96
-_FIRST_STEPS, _ALL_STEPS = 3, 7  # of a search: by the first it shows which arguments may come to the front
+FIRST_STEPS, _ALL_STEPS = 3, 7  # of a search: by the first it shows which arguments may come to the front
 _FINER_STEPS = 4  # from the curve in half as many pieces
 _GO_ON = 6  # arguments that are searched to the end at most
 _FINER_PAYS = 10.0  # of the criterion: worth twice the knots
@@ -111,14 +111,15 @@ def learn_law(
     within = fits[0].bic + CRITERIA.form_excluded
     fits = side_by_side(lambda one: _led_on(one, stop) if one.bic < within else one, fits)
     fits.sort(key=lambda one: one.bic)
-    fits[0] = replace(fits[0], fitted=over_kinks(fits[0].fitted, stop))
     best = fits[0].fitted
     if best.bic > start.bic - CRITERIA.law_fall:
         return None
-    rest = residual_of(best, best.linearise())
     before, after = (predict(f, held, best.noise, stop) for f in (start, best))
     if before is None or after is None or not after.earns_a_name(before):
         return None
+    fits[0] = replace(fits[0], fitted=over_kinks(best, stop))
+    best = fits[0].fitted
+    rest = residual_of(best, best.linearise())
     named = _meets(fits[0], curves)
     return Discovery(start, (as_learned(start, fits, named, after, held),), best, rest, (before, after))
 
@@ -155,7 +156,7 @@ def rough_curves(start: Fitted, tell: Progress, stop: Stop, beside: LearnedLaw |
             raise Cancelled
         tell(f"trying a force of the {argument.name}", 0.8)
         try:
-            return screen(ground, argument, FIRST_PIECES, stop, steps=_FIRST_STEPS)
+            return screen(ground, argument, FIRST_PIECES, stop, steps=FIRST_STEPS)
         except (Infeasible, ValueError, np.linalg.LinAlgError):
             return None
 
@@ -168,22 +169,27 @@ def led_on(start: Fitted, rough: Sequence[Learned], stop: Stop) -> list[Learned]
 
     [] where no form may pay.
     """
-
-    def further(learned: Learned) -> Learned:
-        try:
-            rest = _ALL_STEPS - _FIRST_STEPS
-            return fit_terms(learned.problem, learned.z, learned.terms, stop, steps=rest)
-        except (Infeasible, np.linalg.LinAlgError):
-            return learned
-
-    to_the_front = [c for c in rough[:_GO_ON] if c is rough[0] or may_reach(rough[0].bic, c.bic, start.bic)]
-    found = sorted(side_by_side(further, to_the_front), key=lambda curve: curve.bic)
+    found = to_the_front(start, rough[:_GO_ON], stop)
     ahead = [curve for curve in found[:FOLLOWED] if curve.at_best < start.bic - CRITERIA.law_fall]
     curves = sorted(side_by_side(lambda curve: finer(curve, MOST_PIECES, stop), ahead), key=lambda curve: curve.bic)
     if not curves or curves[0].at_best > start.bic - CRITERIA.law_fall:
         return []
     # A form saves no more than its curve's freedom costs: others cannot come to the front.
     return [curve for curve in curves if curve.at_best < curves[0].bic + CRITERIA.form_excluded]
+
+
+def to_the_front(start: Fitted, rough: Sequence[Learned], stop: Stop) -> list[Learned]:
+    """Return those of ``rough`` curves, best first, that may come to the front, led to the end, best first."""
+
+    def further(learned: Learned) -> Learned:
+        try:
+            rest = _ALL_STEPS - FIRST_STEPS
+            return fit_terms(learned.problem, learned.z, learned.terms, stop, steps=rest)
+        except (Infeasible, np.linalg.LinAlgError):
+            return learned
+
+    ahead = [one for one in rough if one is rough[0] or may_reach(rough[0].bic, one.bic, start.bic)]
+    return sorted(side_by_side(further, ahead), key=lambda curve: curve.bic)
 
 
 def finer(learned: Learned, most_pieces: int, stop: Stop) -> Learned:

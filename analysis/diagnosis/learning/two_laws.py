@@ -17,11 +17,13 @@ from analysis.diagnosis.learning.curve_motion import Term, ground_of
 from analysis.diagnosis.learning.form_fits import fit_forms, over_kinks
 from analysis.diagnosis.learning.law_learning import (
     FIRST_PIECES,
+    FIRST_STEPS,
     Discovery,
     arguments_of,
     finer,
     forms_may_reach,
     learn_law,
+    to_the_front,
 )
 from analysis.diagnosis.learning.learned_law import FormFit, as_learned, in_joint_fit
 from analysis.diagnosis.search.forward_selection import without_effect
@@ -31,8 +33,7 @@ from analysis.diagnosis.verdict.residual import residual_of
 from analysis.inference import Fitted
 from analysis.shot import Progress, Stop
 
-_PAIRS = 4  # of arguments, likeliest to first order: fitted to the end
-_STEPS = 7
+_PAIRS = 4  # of arguments, likeliest to first order: fitted
 _MOST_PIECES = 48
 _FORMS = 4  # of each curve, by their distance from it
 _AT_FIRST = 2  # of these with as many of the other's; then all beside the other's best
@@ -96,14 +97,18 @@ def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float =
     near = [pair for pair, one in tried.items() if one.bic < within]
     tried.update(zip(near, side_by_side(lambda pair: tried[pair].continued(stop), near), strict=True))
     at = best()
-    tried[at] = fitted = over_kinks(tried[at], stop)
-    if fitted.bic > curves.bic + CRITERIA.form_meets:
-        return None
-    fewer = [without_effect(fitted, effect, stop) for effect in fitted.effects[-2:]]
+    fitted = tried[at]
+    fewer = _without_each(fitted, stop)
     if any(one is not None and fitted.bic > one.bic - CRITERIA.law_fall for one in fewer):
         return None
     before, after = (predict(one, held, fitted.noise, stop) for one in (start, fitted))
     if before is None or after is None or not after.beats(before):
+        return None
+    tried[at] = over_kinks(fitted, stop)  # takes as long as all before it
+    if tried[at] is not fitted:
+        fitted = tried[at]
+        fewer = _without_each(fitted, stop)
+    if fitted.bic > curves.bic + CRITERIA.form_meets:
         return None
     laws = []
     for which in (0, 1):
@@ -115,6 +120,11 @@ def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float =
     return Discovery(start, tuple(laws), fitted, residual_of(fitted, fitted.linearise()), (before, after))
 
 
+def _without_each(fitted: Fitted, stop: Stop) -> list[Fitted | None]:
+    """Return the fits without one and without the other of two laws."""
+    return [without_effect(fitted, law, stop) for law in fitted.effects[-2:]]
+
+
 def two_curves(start: Fitted, stop: Stop, *, beat: float = math.inf) -> Learned | None:
     """Return the two free curves, fitted together, that explain most, with as many knots as pay.
 
@@ -124,14 +134,14 @@ def two_curves(start: Fitted, stop: Stop, *, beat: float = math.inf) -> Learned 
 
     def fitted(terms: tuple[Term, Term]) -> Learned | None:
         try:
-            return fit_terms(start.problem, start.z, terms, stop, steps=_STEPS)
+            return fit_terms(start.problem, start.z, terms, stop, steps=FIRST_STEPS)
         except (Infeasible, np.linalg.LinAlgError):
             return None
 
-    found = [one for one in side_by_side(fitted, pairs) if one is not None]
-    if not found:
+    rough = sorted((one for one in side_by_side(fitted, pairs) if one is not None), key=lambda one: one.bic)
+    if not any(may_reach(beat, one.bic, start.bic) for one in rough):
         return None
-    learned = min(found, key=lambda one: one.bic)
+    learned = to_the_front(start, rough, stop)[0]
     if not forms_may_reach(beat, [learned], start):
         return None
     for _ in learned.terms:

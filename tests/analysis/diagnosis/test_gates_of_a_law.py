@@ -268,6 +268,7 @@ def test_two_curves_that_cannot_come_low_enough_get_no_finer_knots(
     monkeypatch.setattr(two_laws, "arguments_of", lambda _start: [])
     monkeypatch.setattr(two_laws, "likeliest_pairs", lambda *_: [(1, 2)])
     monkeypatch.setattr(two_laws, "fit_terms", lambda *_, **__: pair)
+    monkeypatch.setattr(two_laws, "to_the_front", lambda _start, rough, _stop: rough)
     monkeypatch.setattr(two_laws, "finer", finer)
     curves = two_laws.two_curves(cast(Any, SimpleNamespace(bic=START, problem=None, z=None)), calm, beat=beat)
     assert (curves is pair) is found and len(refined) == (2 if found else 0)

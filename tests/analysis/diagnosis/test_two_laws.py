@@ -28,7 +28,7 @@ class Fit:
 
 def learned(
     monkeypatch: pytest.MonkeyPatch, *, curves_bic: float = CURVES, forms: Any = None, fewer: float = 930.0,
-    beats: bool = True, foretold: bool = True,
+    beats: bool = True, foretold: bool = True, kinks: Any = lambda fitted: fitted,
 ) -> tuple[Any, list[Any], list[Any]]:  # fmt: skip
     """Return what two laws are learned, the pairs in the order they were tried, and what was read of each law."""
     tried: list[Any] = []
@@ -51,7 +51,7 @@ def learned(
     monkeypatch.setattr(module, "two_curves", lambda *_, beat: curves)
     monkeypatch.setattr(module, "likely_forms", lambda c, most, which: [f"{'ab'[which]}{k}" for k in range(3)])
     monkeypatch.setattr(module, "fit_forms", fit_forms)
-    monkeypatch.setattr(module, "over_kinks", lambda fitted, stop: fitted)
+    monkeypatch.setattr(module, "over_kinks", lambda fitted, stop: kinks(fitted))
     monkeypatch.setattr(module, "without_effect", without)
     monkeypatch.setattr(module, "predict", foretell)
     monkeypatch.setattr(module, "residual_of", lambda fitted, at: "left" if at == "at" and fitted.pair else None)
@@ -98,6 +98,20 @@ def test_two_laws_must_each_bring_what_one_must(
     if "forms" in changes:
         changes = changes | {"fewer": 950.0}
     assert (learned(monkeypatch, **changes)[0] is not None) is found
+
+
+def test_corners_are_met_last_and_only_in_what_is_going_to_be_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    met: list[Any] = []
+
+    def kinks(fitted: Any) -> Any:
+        met.append(fitted.pair)
+        return Fit(fitted.bic - 3.0, "met")
+
+    assert learned(monkeypatch, fewer=910.0, kinks=kinks)[0] is None and not met
+    assert learned(monkeypatch, beats=False, kinks=kinks)[0] is None and not met
+    found, _, read = learned(monkeypatch, kinks=kinks)
+    assert met == [(2, 1)] and found.fitted.pair == "met" and read[0][1][0].fitted is found.fitted
+    assert found.predictions[1].of == (2, 1)
 
 
 def test_a_second_law_is_added_to_the_first_where_two_at_once_do_not_explain_all(
@@ -151,6 +165,7 @@ def test_the_pairs_of_curves_likeliest_to_first_order_are_fitted_and_the_best_ge
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     asked: list[Any] = []
+    led_on: list[list[float]] = []
     bics = {0: 60.0, 1: None, 2: 50.0, 3: 70.0}
 
     class Curves:
@@ -161,11 +176,16 @@ def test_the_pairs_of_curves_likeliest_to_first_order_are_fitted_and_the_best_ge
             return Curves(self.bic, self.order[1 - which] + self.order[which])
 
     def fit_terms(problem: Any, z: Any, terms: Any, stop: Any, *, steps: int) -> Any:
-        assert (problem, z, stop, steps) == ("problem", "z", "stop", 7)
+        assert (problem, z, stop, steps) == ("problem", "z", "stop", 3)
         asked.append(terms)
         if bics[terms] is None:
             raise Infeasible("nowhere")
         return Curves(bics[terms])
+
+    def to_the_front(given: Any, rough: list[Curves], stop: Any) -> list[Curves]:
+        assert (given, stop) == (start, "stop")
+        led_on.append([one.bic for one in rough])
+        return [Curves(one.bic - 10.0) for one in rough]
 
     def finer(learned: Curves, most: int, stop: Any) -> Curves:
         asked.append((learned.order, most, stop))
@@ -175,14 +195,18 @@ def test_the_pairs_of_curves_likeliest_to_first_order_are_fitted_and_the_best_ge
     monkeypatch.setattr(module, "arguments_of", lambda start: ("arguments", start))
     monkeypatch.setattr(module, "likeliest_pairs", lambda *given: [*range(7)] if given == pairs else [])
     monkeypatch.setattr(module, "fit_terms", fit_terms)
+    monkeypatch.setattr(module, "to_the_front", to_the_front)
     monkeypatch.setattr(module, "finer", finer)
     monkeypatch.setattr(module, "forms_may_reach", lambda beat, curves, start: beat > curves[0].bic)
-    start: Any = SimpleNamespace(problem="problem", z="z")
+    start: Any = SimpleNamespace(problem="problem", z="z", bic=100.0)
     pairs = (("ground", start), ("arguments", start), 12, "stop")
     stop: Any = "stop"
     found: Any = module.two_curves(start, stop)
-    assert (found.bic, found.order) == (48.0, "ab")
+    assert (found.bic, found.order) == (38.0, "ab") and led_on == [[50.0, 60.0, 70.0]]
     assert sorted(asked[:4]) == [0, 1, 2, 3] and asked[4:] == [("ba", 48, "stop"), ("ab", 48, "stop")]  # each in turn
-    assert module.two_curves(start, stop, beat=49.0) is None and module.two_curves(start, stop, beat=51.0) is not None
+    assert module.two_curves(start, stop, beat=39.0) is None and module.two_curves(start, stop, beat=41.0) is not None
+    led_on.clear()  # from 100 to 50 in a few steps, and as much again
+    assert module.two_curves(start, stop, beat=-1.0) is None and not led_on
+    assert module.two_curves(start, stop, beat=1.0) is None and led_on
     bics |= dict.fromkeys(range(4))
     assert module.two_curves(start, stop) is None

@@ -1,5 +1,6 @@
-"""Closed forms fitted to the shots: all of them a little way, to the end those that may still come to the front."""
+"""Closed forms fitted to the shots: each as far as it may still come to the front, the nearest to its end."""
 
+import contextlib
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,10 +11,14 @@ from analysis.collision import Infeasible, LawError
 from analysis.compiled import side_by_side
 from analysis.diagnosis.learning.closed_forms import Fitting
 from analysis.diagnosis.learning.curve_fit import Learned
+from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Fitted, Point, Problem, trial_effect
 from analysis.shot import Cancelled, Stop
 
-_SHORT, _LONG = 8, 40  # evaluations of a search that only compares, and of one to the end
+_SHORT = 8  # evaluations of a search that only compares
+_STAGES, _A_STAGE = 4, 10  # of a search to the end, and evaluations of each
+_MORE = 3.0  # times what its last stage gained: all that a search may still gain ...
+_LITTLE = 1.0  # ... of the criterion: where a stage gained less, who is ahead is decided
 _REACH = 200.0  # of the criterion behind the best: what a short search may have left, and no more
 _REACH_SHARE = 0.02  # of what the best explains, the same where that is much
 _OVER_A_KINK = 0.2  # of a safe step
@@ -27,7 +32,8 @@ def fit_forms(
 ) -> list[Fitted | None]:
     """Return the fits of closed forms in place of the curves of ``learned``, in order; None where there is none.
 
-    What falls far short of the best, or of the criterion ``beat``, is left where a short search ended.
+    What falls far short of the best, or of the criterion ``beat``, is left where a short search ended, and what comes
+    nearer too slowly where that shows.
     Cost: some 0.1 to 0.5 s a form that is no good, up to several seconds for one that is.
     """
 
@@ -40,11 +46,15 @@ def fit_forms(
         except (Infeasible, LawError, np.linalg.LinAlgError):
             return None
 
-    def ended(short: Fitted) -> Fitted:
-        try:
-            return short.fitted_on(evaluations=_LONG, cancelled=stop)
-        except (Infeasible, np.linalg.LinAlgError):
-            return short
+    def ended(here: Fitted, best: float = math.inf) -> Fitted:
+        with contextlib.suppress(Infeasible, np.linalg.LinAlgError):
+            for _ in range(_STAGES):
+                before, here = here.bic, here.fitted_on(evaluations=_A_STAGE, cancelled=stop)
+                gained = before - here.bic
+                too_slow = here.bic - _MORE * gained > best + CRITERIA.form_excluded
+                if here.converged or gained < _LITTLE or too_slow:
+                    break
+        return here
 
     short = side_by_side(begun, each)
     ahead = min((one for one in short if one is not None), key=lambda one: one.bic, default=None)
@@ -57,7 +67,7 @@ def fit_forms(
     def decided(one: Fitted | None) -> Fitted | None:
         if one is None or one is ahead:
             return None if one is None else first
-        return one if one.bic > best + reach * (1.0 if one.converged else _UNDECIDED) else ended(one)
+        return one if one.bic > best + reach * (1.0 if one.converged else _UNDECIDED) else ended(one, best)
 
     return side_by_side(decided, short)
 

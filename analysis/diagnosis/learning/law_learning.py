@@ -111,15 +111,14 @@ def learn_law(
     within = fits[0].bic + CRITERIA.form_excluded
     fits = side_by_side(lambda one: _led_on(one, stop) if one.bic < within else one, fits)
     fits.sort(key=lambda one: one.bic)
+    fits[0] = replace(fits[0], fitted=over_kinks(fits[0].fitted, stop))
     best = fits[0].fitted
     if best.bic > start.bic - CRITERIA.law_fall:
         return None
+    rest = residual_of(best, best.linearise())
     before, after = (predict(f, held, best.noise, stop) for f in (start, best))
     if before is None or after is None or not after.earns_a_name(before):
         return None
-    fits[0] = replace(fits[0], fitted=over_kinks(best, stop))
-    best = fits[0].fitted
-    rest = residual_of(best, best.linearise())
     named = _meets(fits[0], curves)
     return Discovery(start, (as_learned(start, fits, named, after, held),), best, rest, (before, after))
 

@@ -28,7 +28,7 @@ from analysis.diagnosis.learning.law_learning import (
 from analysis.diagnosis.learning.learned_law import FormFit, as_learned, in_joint_fit
 from analysis.diagnosis.search.forward_selection import without_effect
 from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach
-from analysis.diagnosis.verdict.cross_validation import predict
+from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.residual import residual_of
 from analysis.inference import Fitted
 from analysis.shot import Progress, Stop
@@ -54,10 +54,10 @@ def learn_another(
 
     Both at once where that explains all, else a second added to the first.  A form that was worse than its curve only
     by what the second law explains is then that of the first law.  ``beat`` is a criterion that two laws must come
-    below (``law_learning``).
+    below (``law_learning``), both at once also below that of the first alone by what a law must bring.
     """
     tell("learning two laws at once", 0.86)
-    together = learn_two(first.start, held, stop, beat=beat)
+    together = learn_two(first.start, held, stop, beat=min(beat, first.fitted.bic - CRITERIA.law_fall))
     if together is not None and together.explains:
         return together
     if not may_reach(beat, first.fitted.bic, first.start.bic):
@@ -89,7 +89,7 @@ def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float =
 
     counts = [len(one) for one in forms]
     ask([(i, j) for i in range(min(_AT_FIRST, counts[0])) for j in range(min(_AT_FIRST, counts[1]))])
-    if not tried:
+    if not tried or min(curves.bic, tried[best()].bic) > beat:
         return None
     ask([(i, best()[1]) for i in range(counts[0])])
     ask([(best()[0], j) for j in range(counts[1])])
@@ -98,31 +98,37 @@ def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float =
     tried.update(zip(near, side_by_side(lambda pair: tried[pair].continued(stop), near), strict=True))
     at = best()
     fitted = tried[at]
-    fewer = _without_each(fitted, stop)
-    if any(one is not None and fitted.bic > one.bic - CRITERIA.law_fall for one in fewer):
+    judged = _judged(start, fitted, held, stop)
+    if judged is not None and (finer := over_kinks(fitted, stop)) is not fitted:  # takes as long as all before it
+        tried[at] = fitted = finer
+        judged = _judged(start, fitted, held, stop)
+    if judged is None or fitted.bic > curves.bic + CRITERIA.form_meets:
         return None
-    before, after = (predict(one, held, fitted.noise, stop) for one in (start, fitted))
-    if before is None or after is None or not after.beats(before):
-        return None
-    tried[at] = over_kinks(fitted, stop)  # takes as long as all before it
-    if tried[at] is not fitted:
-        fitted = tried[at]
-        fewer = _without_each(fitted, stop)
-    if fitted.bic > curves.bic + CRITERIA.form_meets:
-        return None
+    fewer, predictions = judged
     laws = []
     for which in (0, 1):
         rivals = [pair for pair in tried if pair[1 - which] == at[1 - which]]
         last = curves.with_last(which)
         read = [FormFit(tried[pair], last, forms[which][pair[which]], which - 2) for pair in rivals]
         read.sort(key=lambda one: one.bic)
-        laws.append(as_learned(fewer[which] or start, read, True, after, held))
-    return Discovery(start, tuple(laws), fitted, residual_of(fitted, fitted.linearise()), (before, after))
+        laws.append(as_learned(fewer[which] or start, read, True, predictions[1], held))
+    return Discovery(start, tuple(laws), fitted, residual_of(fitted, fitted.linearise()), predictions)
 
 
-def _without_each(fitted: Fitted, stop: Stop) -> list[Fitted | None]:
-    """Return the fits without one and without the other of two laws."""
-    return [without_effect(fitted, law, stop) for law in fitted.effects[-2:]]
+def _judged(
+    start: Fitted, fitted: Fitted, held: tuple[int, ...], stop: Stop
+) -> tuple[list[Fitted | None], tuple[Prediction, Prediction]] | None:
+    """Return the fits without either of two laws, and the predictions without and with both; None where one is idle.
+
+    Or where both together do not predict better.
+    """
+    fewer = [without_effect(fitted, law, stop) for law in fitted.effects[-2:]]
+    if any(one is not None and fitted.bic > one.bic - CRITERIA.law_fall for one in fewer):
+        return None
+    before, after = (predict(one, held, fitted.noise, stop) for one in (start, fitted))
+    if before is None or after is None or not after.beats(before):
+        return None
+    return fewer, (before, after)
 
 
 def two_curves(start: Fitted, stop: Stop, *, beat: float = math.inf) -> Learned | None:

@@ -41,6 +41,7 @@ from analysis.inference.fit.base import OWN_NAMES, Base
 from analysis.inference.fit.effective_parameters import Values
 from analysis.inference.fit.samples import Samples
 
+STRIDE = 2.0  # of ``general.solve``, with which a nonlinear law is right to 0.05 pm: far below any noise
 _DEFAULT_WAVELENGTH_M = 632.8e-9
 _MOST_RADIANS = 1e5  # of the contact, or of an effect, over the whole record
 _MOST_RADIANS_A_SAMPLE = 60.0  # between two averaged samples: a trajectory follows no faster oscillation
@@ -128,7 +129,7 @@ class Response:
 
 
 def respond(
-    shot: ShotModel, time_s: Floats, *, derivatives: bool = False, stride: float = 2.0, block: int = 1
+    shot: ShotModel, time_s: Floats, *, derivatives: bool = False, stride: float = STRIDE, block: int = 1
 ) -> Response:
     """Solve the model of a shot at ``time_s``, shape (n,), on the recording's clock.
 

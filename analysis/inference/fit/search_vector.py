@@ -13,7 +13,7 @@ from analysis.inference.fit.coordinates import Coordinates
 from analysis.inference.fit.effective_parameters import Point, Values, chained, to_actual, to_effective
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.joint_data import JointData
-from analysis.inference.fit.response import ShotModel
+from analysis.inference.fit.response import STRIDE, ShotModel
 from analysis.shot import Floats
 
 _BELOW = 0.8  # of the lowest frequency at which a line is looked for: one near it may lie a little lower
@@ -31,8 +31,7 @@ class SearchVector:
     data: JointData
     effects: tuple[TrialEffect, ...]
     fixed: Values = field(default_factory=dict, kw_only=True)
-    # step of ``general.solve``: at 2 a nonlinear law is right to 0.05 pm, far below any noise
-    stride: float = field(default=2.0, kw_only=True)
+    stride: float = field(default=STRIDE, kw_only=True)  # of ``general.solve``, for the displacement
 
     @cached_property
     def free_parameters(self) -> list[tuple[Effect, Parameter, int]]:

@@ -14,7 +14,7 @@ from analysis.inference.fit.arrow import Arrow
 from analysis.inference.fit.effective_parameters import Point, Values, to_effective
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.least_squares import Square
-from analysis.inference.fit.response import Response, ShotModel, respond
+from analysis.inference.fit.response import STRIDE, Response, ShotModel, respond
 from analysis.inference.fit.search_vector import SearchVector
 from analysis.inference.noise.floor import Floor
 from analysis.shot import Floats
@@ -84,7 +84,8 @@ class WeighedModel(SearchVector):
             alone, shot = shot, shot.with_laws(laws)
             if shot.rates.every > max(alone.rates.every, math.pi / samples.spacing_s):
                 raise Infeasible("a law would move something faster than the averaged samples show")
-        return respond(shot, samples.time_s, block=samples.factor, derivatives=derivatives, stride=self.stride)
+        stride = STRIDE if derivatives else self.stride
+        return respond(shot, samples.time_s, block=samples.factor, derivatives=derivatives, stride=stride)
 
     def _slow_shot(self, index: int, point: Point) -> ShotModel:
         """Return the model of one shot; Infeasible where something in it oscillates too fast to be seen."""
@@ -130,7 +131,9 @@ class WeighedModel(SearchVector):
         """Return what ``of_shot`` does at a point, given the derivatives ``slope`` of its parameters by the vector."""
         response = self._averaged(index, point, laws, derivatives=True)
         at = self.places[index]
-        return response.displacement_m, response.derivatives @ slope[np.ix_(at, at)]
+        # a search ends where the displacement is right, and derivatives may be as rough as those of any other
+        shown = response.displacement_m if self.stride == STRIDE else self.averaged(index, point, laws)
+        return shown, response.derivatives @ slope[np.ix_(at, at)]
 
     def residual_m(self, z: Floats) -> tuple[Floats, ...]:
         """Return measured minus model displacement, averaged, one array for each shot."""

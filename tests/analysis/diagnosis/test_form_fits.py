@@ -22,14 +22,17 @@ TILT = named("tilt")
 class Short:
     """A short search that came to a criterion, and what it comes to at its end."""
 
-    def __init__(self, bic: float, *, converged: bool = True, breaks: bool = False) -> None:
-        self.bic, self.converged, self.breaks = bic, converged, breaks
+    def __init__(
+        self, bic: float, *, converged: bool = True, breaks: bool = False, gains: tuple[float, ...] = (10.0,)
+    ) -> None:
+        self.bic, self.converged, self.breaks, self.gains = bic, converged, breaks, gains
 
     def fitted_on(self, *, evaluations: int, cancelled: Any) -> Any:
-        assert (evaluations, cancelled) == (40, calm)
+        assert (evaluations, cancelled) == (10, calm)
         if self.breaks:
             raise Infeasible("nowhere")
-        return Short(self.bic - 10.0)
+        gain, *further = self.gains
+        return Short(self.bic - gain, converged=not further, gains=tuple(further))
 
 
 def calm() -> bool:
@@ -65,6 +68,22 @@ def test_forms_that_may_still_come_to_the_front_are_led_to_their_end(monkeypatch
     assert much == [90.0, 379.0, 391.0]
     with pytest.raises(Cancelled):
         fitted(monkeypatch, Short(100.0), stop=lambda: True)
+
+
+@pytest.mark.parametrize(
+    ("begin", "gains", "end"),
+    [
+        (130.0, (10.0, 10.0, 10.0, 10.0, 10.0), 90.0),  # four stages at most
+        (101.0, (1.1, 1.1, 0.9, 9.0), 97.9),  # a stage that brings less than one is the last
+        (150.0, (20.0, 7.6, 20.0), 102.4),  # from 122.4 three times 7.6 lead to within ten of 90
+        (150.0, (20.0, 7.4, 20.0), 122.6),
+    ],
+)
+def test_a_search_ends_where_it_comes_nearer_too_slowly(
+    begin: float, gains: tuple[float, ...], end: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ends = fitted(monkeypatch, Short(100.0), Short(begin, gains=gains))
+    assert ends == [90.0, pytest.approx(end)]
 
 
 @pytest.mark.parametrize("kinked", [True, False])

@@ -28,7 +28,7 @@ class Fit:
 
 def learned(
     monkeypatch: pytest.MonkeyPatch, *, curves_bic: float = CURVES, forms: Any = None, fewer: float = 930.0,
-    beats: bool = True, foretold: bool = True, kinks: Any = lambda fitted: fitted,
+    beats: bool = True, foretold: bool = True, kinks: Any = lambda fitted: fitted, below: float = math.inf,
 ) -> tuple[Any, list[Any], list[Any]]:  # fmt: skip
     """Return what two laws are learned, the pairs in the order they were tried, and what was read of each law."""
     tried: list[Any] = []
@@ -57,7 +57,7 @@ def learned(
     monkeypatch.setattr(module, "residual_of", lambda fitted, at: "left" if at == "at" and fitted.pair else None)
     monkeypatch.setattr(module, "as_learned", lambda start, fits, *told: read.append((start, fits, *told)) or "law")
     start: Any = Fit(START, "start")
-    return module.learn_two(start, (1,), lambda: False), tried, read
+    return module.learn_two(start, (1,), lambda: False, beat=below), tried, read
 
 
 def test_pairs_of_forms_are_tried_beside_the_best_of_the_other_law(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -100,6 +100,18 @@ def test_two_laws_must_each_bring_what_one_must(
     assert (learned(monkeypatch, **changes)[0] is not None) is found
 
 
+@pytest.mark.parametrize(
+    ("below", "curves_bic", "found"),
+    [(894.9, 900.0, False), (895.1, 900.0, True), (894.0, 893.9, True), (893.8, 893.9, False)],
+)
+def test_neither_curves_nor_the_nearest_forms_below_what_one_law_leaves_is_the_end(
+    below: float, curves_bic: float, found: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The best of the four nearest pairs of forms comes to 895."""
+    laws, tried, _ = learned(monkeypatch, below=below, curves_bic=curves_bic)
+    assert (laws is not None) is found and len(tried) == (7 if found else 4)
+
+
 def test_corners_are_met_last_and_only_in_what_is_going_to_be_said(monkeypatch: pytest.MonkeyPatch) -> None:
     met: list[Any] = []
 
@@ -111,7 +123,7 @@ def test_corners_are_met_last_and_only_in_what_is_going_to_be_said(monkeypatch: 
     assert learned(monkeypatch, beats=False, kinks=kinks)[0] is None and not met
     found, _, read = learned(monkeypatch, kinks=kinks)
     assert met == [(2, 1)] and found.fitted.pair == "met" and read[0][1][0].fitted is found.fitted
-    assert found.predictions[1].of == (2, 1)
+    assert found.predictions[1].of == "met"  # told again from there
 
 
 def test_a_second_law_is_added_to_the_first_where_two_at_once_do_not_explain_all(
@@ -128,16 +140,18 @@ def test_a_second_law_is_added_to_the_first_where_two_at_once_do_not_explain_all
     second, together = discovery(40.0, True, "second", ("p2", "p3")), discovery(30.0, True, "both", ("p4", "p5"))
     asked: list[Any] = []
     told: list[Any] = []
+    below: list[float] = []
 
     def another(two: Any, of_second: Any, beat: float = math.inf) -> Any:
         asked.clear()
-        monkeypatch.setattr(module, "learn_two", lambda *_, beat: two)
+        monkeypatch.setattr(module, "learn_two", lambda *_, beat: below.append(beat) or two)
         monkeypatch.setattr(module, "learn_law", lambda *given, **named: asked.append((given, named)) or of_second)
         monkeypatch.setattr(module, "in_joint_fit", lambda law, fitted, named: (law.name, fitted.name, named))
         told.clear()
         return module.learn_another(first, (1,), lambda *what: told.append(what), lambda: False, beat=beat)
 
     assert another(together, second) is together and not asked
+    assert another(together, second, beat=31.0) is together and below == [60.0 - 28.0, 31.0]
     assert told == [("learning two laws at once", 0.86)]
     found = another(replace(together, residual=first.residual), second)
     assert found == Discovery(

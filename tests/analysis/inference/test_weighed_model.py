@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.collision import Effect, Infeasible
+from analysis.collision import ARGUMENTS, FORMS, Effect, Infeasible
 from analysis.collision.effects import named
 from analysis.inference.fit import weighed_model
-from analysis.inference.fit.free_parameters import TrialEffect
+from analysis.inference.fit.free_parameters import TrialEffect, trial_effect
 from analysis.inference.fit.problem import Fitted
 from analysis.inference.fit.response import respond
 from tests.analysis.diagnosis.shots import base_fit, shots
@@ -109,3 +109,19 @@ def test_a_law_that_moves_something_faster_than_the_averaged_samples_show_is_ref
     beside([quick], 1.99 * shown)  # the model without the law is as fast
     with pytest.raises(Infeasible, match="faster than the averaged samples show"):
         beside([quick], 2.01 * shown)
+
+
+def test_a_motion_in_short_steps_comes_with_the_derivatives_of_usual_ones(best: Fitted) -> None:
+    """A hinge of the overlap is met the better the shorter the steps; a search needs only the displacement right."""
+    form = next(one for one in FORMS if one.name == "hinge")
+    overlap = next(one for one in ARGUMENTS if one.name == "overlap")
+    kind = trial_effect(form.law(overlap, {"a": 400.0, "c": 1.5e-5}, 4e-5))
+    usual = best.problem.with_effects((kind,), {})
+    z = usual.pack(best.point.with_effect(kind.effect, [dict(kind.starts[0])] * 2))
+    finer = replace(usual, stride=0.2)
+    exact = finer.displacement(z)
+    lines = replace(finer).derivatives(z)
+    for shown, (x, slopes), (usual_x, usual_slopes) in zip(exact, lines, usual.derivatives(z), strict=True):
+        np.testing.assert_array_equal(x, shown)
+        np.testing.assert_array_equal(slopes, usual_slopes)
+        assert 1e-13 < np.abs(shown - usual_x).max() < 1e-9

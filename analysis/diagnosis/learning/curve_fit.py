@@ -155,15 +155,19 @@ def refine(learned: Learned, pieces: int, stop: Stop, *, steps: int) -> Learned:
     return fit_terms(learned.problem, learned.z, finer, stop, steps=steps)
 
 
-def fit_terms(problem: Problem, z: Floats, terms: tuple[Term, ...], stop: Stop, *, steps: int) -> Learned:
+def fit_terms(
+    problem: Problem, z: Floats, terms: tuple[Term, ...], stop: Stop, *, steps: int, to_the_end: bool = True
+) -> Learned:
     """Fit base, starts and curves by penalised Gauss-Newton steps.
+
+    Not ``to_the_end``, its curvature may be that of a place a few steps back.
 
     The noise begins as the problem's and is learned at every step; on a moving frame it is that of the flights until
     the end, since strengths learned on the way would take up what the curves do not explain yet.
     """
     if problem.data.site is not None:
         problem = problem.with_noise(problem.data.noise_of_flights)
-    return _fitted(problem, z, terms, stop, steps, motions(problem, z, terms), to_the_end=True)
+    return _fitted(problem, z, terms, stop, steps, motions(problem, z, terms), to_the_end=to_the_end)
 
 
 @dataclass(frozen=True)

@@ -140,7 +140,7 @@ def two_curves(start: Fitted, stop: Stop, *, beat: float = math.inf) -> Learned 
 
     def fitted(terms: tuple[Term, Term]) -> Learned | None:
         try:
-            return fit_terms(start.problem, start.z, terms, stop, steps=FIRST_STEPS)
+            return fit_terms(start.problem, start.z, terms, stop, steps=FIRST_STEPS, to_the_end=False)
         except (Infeasible, np.linalg.LinAlgError):
             return None
 

@@ -189,8 +189,8 @@ def test_the_pairs_of_curves_likeliest_to_first_order_are_fitted_and_the_best_ge
         def with_last(self, which: int) -> "Curves":
             return Curves(self.bic, self.order[1 - which] + self.order[which])
 
-    def fit_terms(problem: Any, z: Any, terms: Any, stop: Any, *, steps: int) -> Any:
-        assert (problem, z, stop, steps) == ("problem", "z", "stop", 3)
+    def fit_terms(problem: Any, z: Any, terms: Any, stop: Any, *, steps: int, to_the_end: bool) -> Any:
+        assert (problem, z, stop, steps, to_the_end) == ("problem", "z", "stop", 3, False)
         asked.append(terms)
         if bics[terms] is None:
             raise Infeasible("nowhere")

@@ -70,8 +70,9 @@ class SingleLaw:
         led_nowhere = self._rough_may_reach(beat) and not self.curves
         if led_nowhere or not self.rough:
             return False
-        two = self.limit.within(_STEP, lambda: two_curves(self.start, self.limit, beat=beat), None)
-        return two is not None and forms_may_reach(beat, [two], self.start)
+        none: list[Learned] = []
+        two = self.limit.within(_STEP, lambda: two_curves(self.start, self.limit, beat=beat), none)
+        return forms_may_reach(beat, two, self.start)
 
     def replaces_effects(self, best: Fitted, catalogue: Sequence[TrialEffect]) -> bool:
         """Return whether the law explains all where ``best`` does not, and is no effect of the ``catalogue``."""

@@ -5,7 +5,7 @@ fitted together do not; the form of each is sought with the other still free, an
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from analysis.diagnosis.learning.form_fits import fit_forms, over_kinks
 from analysis.diagnosis.learning.law_learning import (
     FIRST_PIECES,
     FIRST_STEPS,
+    FOLLOWED,
     Discovery,
     arguments_of,
     finer,
@@ -71,47 +72,76 @@ def learn_another(
     return Discovery(first.start, both, second.fitted, second.residual, (first.predictions[0], second.predictions[1]))
 
 
+class _Pairs:
+    """Pairs of closed forms in the place of two curves, those fitted so far."""
+
+    def __init__(self, start: Fitted, curves: Learned, stop: Stop) -> None:
+        self.curves, self._start, self._stop = curves, start, stop
+        self.forms = [likely_forms(curves, _FORMS, which) for which in (0, 1)]
+        self.fits: dict[tuple[int, int], Fitted] = {}
+
+    def ask(self, pairs: Iterable[tuple[int, int]]) -> None:
+        """Fit pairs of forms, by their places, unless they were fitted before."""
+        new = [pair for pair in pairs if pair not in self.fits]
+        each = [(self.forms[0][i], self.forms[1][j]) for i, j in new]
+        fits = fit_forms(self._start, self.curves, each, self._stop, beat=self.curves.bic)
+        self.fits.update({pair: one for pair, one in zip(new, fits, strict=True) if one is not None})
+
+    def ask_nearest(self) -> None:
+        """Fit the forms nearest to either curve."""
+        first, other = (range(min(_AT_FIRST, len(one))) for one in self.forms)
+        self.ask((i, j) for i in first for j in other)
+
+    def ask_beside_best(self) -> None:
+        """Fit all forms of either law beside the best of the other, and lead those to their end that are near it."""
+        for which in (0, 1):
+            other = self.best[1 - which]
+            places = range(len(self.forms[which]))
+            self.ask((place, other) if which == 0 else (other, place) for place in places)
+        within = self.bic + CRITERIA.form_excluded
+        near = [pair for pair, one in self.fits.items() if one.bic < within]
+        led_on = side_by_side(lambda pair: self.fits[pair].continued(self._stop), near)
+        self.fits.update(zip(near, led_on, strict=True))
+
+    @property
+    def best(self) -> tuple[int, int]:
+        """Get the places of the likeliest pair."""
+        return min(self.fits, key=lambda pair: self.fits[pair].bic)
+
+    @property
+    def bic(self) -> float:
+        """Get the criterion of the likeliest pair; infinite where none could be fitted."""
+        return self.fits[self.best].bic if self.fits else math.inf
+
+    def of_law(self, which: int) -> list[FormFit]:
+        """Return the forms of one law beside the best of the other, the likeliest first."""
+        best, last = self.best, self.curves.with_last(which)
+        pairs = [pair for pair in self.fits if pair[1 - which] == best[1 - which]]
+        read = [FormFit(self.fits[pair], last, self.forms[which][pair[which]], which - 2) for pair in pairs]
+        return sorted(read, key=lambda one: one.bic)
+
+
 def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float = math.inf) -> Discovery | None:
     """Return two laws that ``start`` lacks, learned at once, or None where there are none.  Raises Cancelled."""
-    curves = two_curves(start, stop, beat=beat)
-    if curves is None or curves.bic > start.bic - 2 * CRITERIA.law_fall:
+    every = [_Pairs(start, curves, stop) for curves in two_curves(start, stop, beat=beat)]
+    least = min((one.curves.bic for one in every), default=math.inf)
+    if least > start.bic - 2 * CRITERIA.law_fall:
         return None
-    forms = [likely_forms(curves, _FORMS, which) for which in (0, 1)]
-    tried: dict[tuple[int, int], Fitted] = {}
-
-    def ask(pairs: Sequence[tuple[int, int]]) -> None:
-        new = [pair for pair in pairs if pair not in tried]
-        fits = fit_forms(start, curves, [(forms[0][i], forms[1][j]) for i, j in new], stop, beat=curves.bic)
-        tried.update({pair: one for pair, one in zip(new, fits, strict=True) if one is not None})
-
-    def best() -> tuple[int, int]:
-        return min(tried, key=lambda pair: tried[pair].bic)
-
-    counts = [len(one) for one in forms]
-    ask([(i, j) for i in range(min(_AT_FIRST, counts[0])) for j in range(min(_AT_FIRST, counts[1]))])
-    if not tried or min(curves.bic, tried[best()].bic) > beat:
+    for one in every:
+        one.ask_nearest()
+    pairs = min(every, key=lambda one: one.bic)
+    if not pairs.fits or min(least, pairs.bic) > beat:
         return None
-    ask([(i, best()[1]) for i in range(counts[0])])
-    ask([(best()[0], j) for j in range(counts[1])])
-    within = tried[best()].bic + CRITERIA.form_excluded
-    near = [pair for pair, one in tried.items() if one.bic < within]
-    tried.update(zip(near, side_by_side(lambda pair: tried[pair].continued(stop), near), strict=True))
-    at = best()
-    fitted = tried[at]
+    pairs.ask_beside_best()
+    fitted = pairs.fits[pairs.best]
     judged = _judged(start, fitted, held, stop)
     if judged is not None and (finer := over_kinks(fitted, stop)) is not fitted:  # takes as long as all before it
-        tried[at] = fitted = finer
+        pairs.fits[pairs.best] = fitted = finer
         judged = _judged(start, fitted, held, stop)
-    if judged is None or fitted.bic > curves.bic + CRITERIA.form_meets:
+    if judged is None or fitted.bic > least + CRITERIA.form_meets:
         return None
     fewer, predictions = judged
-    laws = []
-    for which in (0, 1):
-        rivals = [pair for pair in tried if pair[1 - which] == at[1 - which]]
-        last = curves.with_last(which)
-        read = [FormFit(tried[pair], last, forms[which][pair[which]], which - 2) for pair in rivals]
-        read.sort(key=lambda one: one.bic)
-        laws.append(as_learned(fewer[which] or start, read, True, predictions[1], held))
+    laws = (as_learned(fewer[which] or start, pairs.of_law(which), True, predictions[1], held) for which in (0, 1))
     return Discovery(start, tuple(laws), fitted, residual_of(fitted, fitted.linearise()), predictions)
 
 
@@ -131,10 +161,12 @@ def _judged(
     return fewer, (before, after)
 
 
-def two_curves(start: Fitted, stop: Stop, *, beat: float = math.inf) -> Learned | None:
+def two_curves(start: Fitted, stop: Stop, *, beat: float = math.inf) -> list[Learned]:
     """Return the two free curves, fitted together, that explain most, with as many knots as pay.
 
-    None where there are none, or none whose closed forms may come below the criterion ``beat``.
+    Pairs that the shots do not tell apart, a few at most, the likeliest first: the place, the plate's bend and the
+    overlap are nearly the same in contact, and only one of them has a short form.  [] where there are none, or none
+    whose closed forms may come below the criterion ``beat``.
     """
     pairs = likeliest_pairs(ground_of(start), arguments_of(start), FIRST_PIECES, stop)[:_PAIRS]
 
@@ -146,10 +178,15 @@ def two_curves(start: Fitted, stop: Stop, *, beat: float = math.inf) -> Learned 
 
     rough = sorted((one for one in side_by_side(fitted, pairs) if one is not None), key=lambda one: one.bic)
     if not any(may_reach(beat, one.bic, start.bic) for one in rough):
-        return None
-    learned = to_the_front(start, rough, stop)[0]
-    if not forms_may_reach(beat, [learned], start):
-        return None
-    for _ in learned.terms:
-        learned = finer(learned.with_last(0), _MOST_PIECES, stop)
-    return learned
+        return []
+    ahead = to_the_front(start, rough, stop)
+    if not forms_may_reach(beat, ahead[:1], start):
+        return []
+
+    def in_finer_pieces(learned: Learned) -> Learned:
+        for _ in learned.terms:
+            learned = finer(learned.with_last(0), _MOST_PIECES, stop)
+        return learned
+
+    alike = [one for one in ahead[:FOLLOWED] if one.bic < ahead[0].bic + CRITERIA.form_excluded]
+    return sorted(side_by_side(in_finer_pieces, alike), key=lambda one: one.bic)

@@ -43,7 +43,7 @@ class WeighedModel(SearchVector):
 
     def with_effects(self, effects: Iterable[TrialEffect], fixed: Values) -> Self:
         """Return the base model with other effects over the same shots; ``fixed`` holds values not searched."""
-        return type(self)(self.data, tuple(effects), self.noise, fixed=fixed)
+        return type(self)(self.data, tuple(effects), self.noise, fixed=fixed, stride=self.stride)
 
     def with_effect(self, kind: TrialEffect, start: Mapping[str, float]) -> Self:
         """Return the model with one effect more, the values that are not searched as in ``start``."""

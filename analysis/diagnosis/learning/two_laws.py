@@ -113,12 +113,12 @@ class _Pairs:
         """Get the criterion of the likeliest pair; infinite where none could be fitted."""
         return self.fits[self.best].bic if self.fits else math.inf
 
-    def of_law(self, which: int) -> list[FormFit]:
-        """Return the forms of one law beside the best of the other, the likeliest first."""
-        best, last = self.best, self.curves.with_last(which)
-        pairs = [pair for pair in self.fits if pair[1 - which] == best[1 - which]]
+    def of_law(self, which: int, at: tuple[int, int]) -> list[FormFit]:
+        """Return the forms of one law beside that of the other in the pair ``at``: its own, then the likeliest first."""
+        last = self.curves.with_last(which)
+        pairs = [pair for pair in self.fits if pair[1 - which] == at[1 - which]]
         read = [FormFit(self.fits[pair], last, self.forms[which][pair[which]], which - 2) for pair in pairs]
-        return sorted(read, key=lambda one: one.bic)
+        return sorted(read, key=lambda one: (one.fitted is not self.fits[at], one.bic))
 
 
 def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float = math.inf) -> Discovery | None:
@@ -133,15 +133,16 @@ def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float =
     if not pairs.fits or min(least, pairs.bic) > beat:
         return None
     pairs.ask_beside_best()
-    fitted = pairs.fits[pairs.best]
+    at = pairs.best
+    fitted = pairs.fits[at]
     judged = _judged(start, fitted, held, stop)
     if judged is not None and (finer := over_kinks(fitted, stop)) is not fitted:  # takes as long as all before it
-        pairs.fits[pairs.best] = fitted = finer
+        pairs.fits[at] = fitted = finer
         judged = _judged(start, fitted, held, stop)
     if judged is None or fitted.bic > least + CRITERIA.form_meets:
         return None
     fewer, predictions = judged
-    laws = (as_learned(fewer[which] or start, pairs.of_law(which), True, predictions[1], held) for which in (0, 1))
+    laws = (as_learned(fewer[which] or start, pairs.of_law(which, at), True, predictions[1], held) for which in (0, 1))
     return Discovery(start, tuple(laws), fitted, residual_of(fitted, fitted.linearise()), predictions)
 
 

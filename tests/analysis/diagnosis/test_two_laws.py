@@ -138,6 +138,9 @@ def test_corners_are_met_last_and_only_in_what_is_going_to_be_said(monkeypatch: 
     found, _, read = learned(monkeypatch, kinks=kinks)
     assert met == [(2, 1)] and found.fitted.pair == "met" and read[0][1][0].fitted is found.fitted
     assert found.predictions[1].of == "met"  # told again from there
+    # what is met may lie behind what went over the corner
+    found, _, read = learned(monkeypatch, kinks=lambda fitted: Fit(895.0, "met"), fewer=950.0)
+    assert found.fitted.pair == "met" and [of[0].fitted is found.fitted for _, of, *_ in read] == [True, True]
 
 
 def test_a_second_law_is_added_to_the_first_where_two_at_once_do_not_explain_all(

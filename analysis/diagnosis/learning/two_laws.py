@@ -114,7 +114,7 @@ class _Pairs:
         return self.fits[self.best].bic if self.fits else math.inf
 
     def of_law(self, which: int, at: tuple[int, int]) -> list[FormFit]:
-        """Return the forms of one law beside that of the other in the pair ``at``: its own, then the likeliest first."""
+        """Return the forms of one law beside that of the other in the pair ``at``, its own first."""
         last = self.curves.with_last(which)
         pairs = [pair for pair in self.fits if pair[1 - which] == at[1 - which]]
         read = [FormFit(self.fits[pair], last, self.forms[which][pair[which]], which - 2) for pair in pairs]

@@ -52,7 +52,8 @@ class Square:
 class Minimum:
     """The end of a search; ``converged``: the next step would move no parameter by 1e-3 standard deviations.
 
-    Where rounding hides what steps of up to 0.1 standard deviations change, that is the end as well.
+    Where rounding hides what steps of up to 0.1 standard deviations change, that is the end as well; so is a corner,
+    where chi^2 rises however short the step, within a standard deviation of where the next would lead.
     """
 
     parameters: Floats
@@ -69,6 +70,7 @@ _NEAR_ENOUGH = 0.3  # of the fall of chi^2 that was promised: where no more is m
 _STEEP = 1e-5  # relative damping: directions with less curvature than that are not corrected
 _LITTLE = 15.0  # of chi^2: once the next step promises less, ``hopeless`` is called
 _ROUNDED = 1e-2  # of chi^2: where no step makes even so little of a promise true, rounding hides it (noise of 1 pm)
+_CORNER = 1.0  # of chi^2: what may have been promised where the valley has a corner, as at the end of a force's range
 _MOST_DAMPING = 1e12  # relative: steps are nothing then
 _SHORTER = 0.7  # of a refused step's length: a longer one would be refused as well
 _STRAIGHT = 1.0  # of chi^2: a step that promises less is too short for corrections
@@ -124,7 +126,8 @@ def minimise(
             here, square = trial
             damping.ease(fell / expected)
         elif expected < 1e-12 * square.chi2 + tolerance * 1e-2:  # rounding hides falls below 1e-12 of chi^2
-            return Minimum(here, square, 0 <= promised < _ROUNDED * unit)
+            at_corner = residual is not None and _rises(residual, square, there, expected)
+            return Minimum(here, square, 0 <= promised < (_CORNER if at_corner else _ROUNDED) * unit)
         else:
             damping.refuse(_length(square, there - here))
     return Minimum(here, square, False)
@@ -204,6 +207,15 @@ def _trial(
         return point, function(point) if ahead is None or point is not there else ahead
     except Infeasible:
         return None
+
+
+def _rises(residual: Residual, square: Square, there: Floats, expected: float) -> bool:
+    """Return whether chi^2 rises at ``there`` by more than the ``expected`` fall, as no smooth valley does so near."""
+    try:
+        left = residual(there)
+    except Infeasible:
+        return False
+    return float(left @ left) - square.chi2 > expected
 
 
 def _corrected(

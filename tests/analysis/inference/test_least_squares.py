@@ -305,3 +305,26 @@ def test_where_the_last_step_needed_no_correction_derivatives_are_computed_at_on
     kinds = [kind for kind, _ in asked]
     assert kinds[:3] == ["square", "residual", "square"]  # the first step is looked at before its derivatives
     assert set(kinds[3:]) == {"square"}
+
+
+@pytest.mark.parametrize(
+    ("left", "rise", "converged"),
+    [
+        (1.0, 5.0, True),  # promises 0.1 of chi^2 beyond the corner, where it rises
+        (4.0, 5.0, False),  # promises 1.6
+        (1.0, 0.0, True),  # no corner: on to where the slope ends
+    ],
+)
+def test_a_corner_is_a_minimum_where_little_was_promised_beyond_it(left: float, rise: float, converged: bool) -> None:
+    def residual(z: np.ndarray) -> np.ndarray:
+        return np.array([left - 0.1 * z[0] + rise * max(z[0], 0.0), 0.3 * z[0]])
+
+    def square(z: np.ndarray) -> Square:
+        now, slope = residual(z), np.array([[-0.1 + rise * (z[0] > 0.0)], [0.3]])
+        return Square(
+            float(now @ now), slope.T @ slope, slope.T @ now, 100, now, lambda s: slope @ s, lambda v: slope.T @ v
+        )
+
+    found = minimise(square, np.zeros(1), residual=residual)
+    assert found.converged is converged
+    assert bool(found.parameters[0] == 0.0) is (rise > 0.0)

@@ -138,13 +138,21 @@ def _argument(learned: Learned) -> Argument:
     return learned.terms[-1].argument
 
 
-def rough_curves(start: Fitted, tell: Progress, stop: Stop, beside: LearnedLaw | None = None) -> list[Learned]:
+def rough_curves(
+    start: Fitted,
+    tell: Progress,
+    stop: Stop,
+    beside: LearnedLaw | None = None,
+    *,
+    steps: int = FIRST_STEPS,
+    where: str = "",
+) -> list[Learned]:
     """Return a curve for every argument that a law missing in ``start`` may have, as far as a few steps lead.
 
-    The best first; otherwise as ``free_curves``.
+    The best first; otherwise as ``free_curves``.  ``where`` is the one body that laws may act on, "" any.
     """
     known = (beside.where, beside.argument) if beside is not None else None
-    arguments = [a for a in arguments_of(start) if (a.where, a.name) != known]
+    arguments = [a for a in arguments_of(start) if (a.where, a.name) != known and where in ("", a.where)]
     try:
         ground = ground_of(start)
     except Infeasible:  # a contact drawn so stiff by what is missing that no curve can be followed
@@ -155,7 +163,7 @@ def rough_curves(start: Fitted, tell: Progress, stop: Stop, beside: LearnedLaw |
             raise Cancelled
         tell(f"trying a force of the {argument.name}", 0.8)
         try:
-            return screen(ground, argument, FIRST_PIECES, stop, steps=FIRST_STEPS)
+            return screen(ground, argument, FIRST_PIECES, stop, steps=steps)
         except (Infeasible, ValueError, np.linalg.LinAlgError):
             return None
 

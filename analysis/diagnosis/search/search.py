@@ -120,6 +120,10 @@ class Search:
         added = len(trail.added(best))
         return Searched(best, trail, catalogue, CRITERIA.most_effects - added if added >= most else 0)
 
+    def base_at_rest(self) -> Fitted:
+        """Return the base model's fit as if nothing shook the rig.  Raises AnalysisError where there is none."""
+        return base_fit(joint_data(self.shots, self.given, None), self.given, self.stop)
+
     def likelier_without_site(self, best: Fitted) -> bool:
         """Return whether the shots are likelier with no building, their effects the same: one more fit.
 

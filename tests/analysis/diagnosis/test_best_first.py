@@ -56,12 +56,16 @@ EXPLAINED, UNEXPLAINED = explanation(explained=True), explanation(explained=Fals
 
 def branch(
     bic: float, *, left: bool = True, tried: bool = True, named: Any = None, complete: Any = None, rounds: int = 0,
-    compared: bool = True,
+    compared: bool = True, effects: tuple[str, ...] = ("effect",),
 ) -> Branch:  # fmt: skip
     start = SimpleNamespace(bic=100.0, problem=SimpleNamespace(data="data"))
     trail = SimpleNamespace(compared=compared, start=start, linearised=lambda fit: ("linear", fit))
     searched: Any = SimpleNamespace(
-        best=SimpleNamespace(bic=bic), trail=trail, leaves_something=left, rounds=rounds, residual="residual"
+        best=SimpleNamespace(bic=bic, effects=effects),
+        trail=trail,
+        leaves_something=left,
+        rounds=rounds,
+        residual="residual",
     )
     law: Any = SimpleNamespace(held="held by law")
     return Branch(searched, law, tried, named, complete)
@@ -114,6 +118,36 @@ def test_what_is_explained_in_a_building_but_likelier_at_rest_is_searched_at_res
     building = branch(0.0, left=False, tried=False, named=EXPLAINED)
     assert next_step(building, None, without_site=True) == ("_search_at_rest", ())
     assert next_step(building, None, Question(over=True), without_site=True) == ("_complete", (building,))
+
+
+@pytest.mark.parametrize(("promised", "hides"), [(-28.1, True), (-27.9, False)])
+def test_a_building_that_explains_all_by_itself_is_asked_for_one_law_that_it_hides(
+    promised: float, hides: bool
+) -> None:
+    """A step of a curve at rest promises to come to a criterion; the building's is 0, and a law must bring 28."""
+    question: Any = Question()
+    asked: list[float] = []
+
+    def reaches(beat: float) -> bool:
+        asked.append(beat)
+        return promised < beat
+
+    question.one_law_beside = lambda start: SimpleNamespace(of=start, in_flight_may_reach=reaches)
+    building = branch(0.0, left=False, named=EXPLAINED, effects=())
+    search = searching(building, None, question)
+    search._search.base_at_rest = lambda: "at rest"  # type: ignore[method-assign, assignment]
+    step: Any = search._next_step()
+    assert asked == [-28.0] and getattr(step, "func", step).__name__ == ("_search_at_rest" if hides else "_end_with")
+    search._at_rest = branch(50.0, tried=False)
+    then: Any = search._next_step()
+    assert then.func.__name__ == ("_try_one_law_instead" if hides else "_end_with")
+
+    def nowhere() -> Any:
+        raise AnalysisError("no motion comes near")
+
+    search = searching(building, None, question)
+    search._search.base_at_rest = nowhere  # type: ignore[method-assign, assignment]
+    assert search._next_step().func.__name__ == "_end_with"  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

@@ -339,3 +339,24 @@ def test_one_law_is_learned_within_the_time_and_told_as_half_of_a_diagnosis(
     assert law.or_two_may_reach(855.9) is not over and limit.asked == ([] if over else [step])
     assert asked == ([] if over else [(start, limit, 855.9)])
     assert not law.or_two_may_reach(819.9)
+
+
+@pytest.mark.parametrize(("bic", "reaches"), [(START - 101.0, True), (START - 99.0, False)])
+@pytest.mark.parametrize("can_be_tested", [True, False])
+def test_one_step_of_a_law_in_flight_tells_whether_it_may_come_low_enough(
+    bic: float, reaches: bool, can_be_tested: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A step may bring as much again."""
+    asked: list[Any] = []
+
+    def rough_curves(of: Any, tell: Any, stop: Any, **how: Any) -> Any:
+        asked.append(how)
+        return [curve(START), curve(bic)]
+
+    monkeypatch.setattr(single_law, "rough_curves", rough_curves)
+    limit: Any = Within()
+    shots = [1, 2] if can_be_tested else [1]
+    start: Any = SimpleNamespace(bic=START, problem=SimpleNamespace(data=SimpleNamespace(shots=shots)))
+    law = single_law.SingleLaw(start, (1,), lambda *_: None, calm, limit)
+    assert law.in_flight_may_reach(START - 200.0) is (reaches and can_be_tested)
+    assert asked == ([{"steps": 1, "where": "block"}] if can_be_tested else [])

@@ -99,7 +99,7 @@ class BestFirst:
             if not building.leaves_something and building.named is None:
                 return partial(self._name, building)
             named = building.named
-            if named is not None and named.explained and not self._is_likelier_at_rest(building):
+            if named is not None and named.explained and not self._may_be_likelier_at_rest(building):
                 return partial(self._end_with, named)
             if self._question.limit():
                 return partial(self._complete, building)
@@ -136,11 +136,12 @@ class BestFirst:
         searched = self._search.under(self._question.site, most=CRITERIA.most_effects - 1)
         self._in_building = Branch(searched, self._question.one_law_beside(searched.trail.start))
 
-    def _is_likelier_at_rest(self, building: Branch) -> bool:
-        """Return whether what a building explains may be likelier with nothing that shakes the rig.
+    def _may_be_likelier_at_rest(self, building: Branch) -> bool:
+        """Return whether shots that a building explains may be likelier with nothing that shakes the rig.
 
-        With the same effects; where there is none with one law in the place of the building, which takes up all that a
-        law does to flights and contact where it varies as slowly: a squeeze film of 4,000 norms left nothing.
+        They are fitted with the same effects.  Where there are none, one law is asked for that may hide in the
+        building, and whether it may is kept: a building takes up what a law does as slowly (a squeeze film of 4,254
+        norms).
         """
         best = building.searched.best
         if best.effects:

@@ -160,10 +160,10 @@ def fit_terms(
 ) -> Learned:
     """Fit base, starts and curves by penalised Gauss-Newton steps.
 
-    Not ``to_the_end``, its curvature may be that of a place a few steps back.
-
     The noise begins as the problem's and is learned at every step; on a moving frame it is that of the flights until
-    the end, since strengths learned on the way would take up what the curves do not explain yet.
+    the end, since strengths learned on the way would take up what the curves do not explain yet.  Unless
+    ``to_the_end``, derivatives are not taken anew where the last step led: the curvature may be that of a place a few
+    steps before.
     """
     if problem.data.site is not None:
         problem = problem.with_noise(problem.data.noise_of_flights)

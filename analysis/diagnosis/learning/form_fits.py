@@ -32,8 +32,8 @@ def fit_forms(
 ) -> list[Fitted | None]:
     """Return the fits of closed forms in place of the curves of ``learned``, in order; None where there is none.
 
-    What falls far short of the best, or of the criterion ``beat``, is left where a short search ended, and what comes
-    nearer too slowly where that shows.
+    What falls far short of the best, or of the criterion ``beat``, is left where a short search ended; what comes
+    nearer so slowly that it will not reach them is left on the way.
     Cost: some 0.1 to 0.5 s a form that is no good, up to several seconds for one that is.
     """
 

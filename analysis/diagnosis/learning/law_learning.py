@@ -147,9 +147,9 @@ def rough_curves(
     steps: int = FIRST_STEPS,
     where: str = "",
 ) -> list[Learned]:
-    """Return a curve for every argument that a law missing in ``start`` may have, as far as a few steps lead.
+    """Return a curve for every argument that a law missing in ``start`` may have, as far as a few ``steps`` lead.
 
-    The best first; otherwise as ``free_curves``.  ``where`` is the one body that laws may act on, "" any.
+    The best first; otherwise as ``free_curves``.  ``where`` leaves only laws that act there (an argument's ``where``).
     """
     known = (beside.where, beside.argument) if beside is not None else None
     arguments = [a for a in arguments_of(start) if (a.where, a.name) != known and where in ("", a.where)]

@@ -94,10 +94,8 @@ class _Pairs:
 
     def ask_beside_best(self) -> None:
         """Fit all forms of either law beside the best of the other, and lead those to their end that are near it."""
-        for which in (0, 1):
-            other = self.best[1 - which]
-            places = range(len(self.forms[which]))
-            self.ask((place, other) if which == 0 else (other, place) for place in places)
+        self.ask((i, self.best[1]) for i in range(len(self.forms[0])))
+        self.ask((self.best[0], j) for j in range(len(self.forms[1])))
         within = self.bic + CRITERIA.form_excluded
         near = [pair for pair, one in self.fits.items() if one.bic < within]
         led_on = side_by_side(lambda pair: self.fits[pair].continued(self._stop), near)
@@ -123,23 +121,23 @@ class _Pairs:
 
 def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float = math.inf) -> Discovery | None:
     """Return two laws that ``start`` lacks, learned at once, or None where there are none.  Raises Cancelled."""
-    every = [_Pairs(start, curves, stop) for curves in two_curves(start, stop, beat=beat)]
-    least = min((one.curves.bic for one in every), default=math.inf)
-    if least > start.bic - 2 * CRITERIA.law_fall:
+    curves = two_curves(start, stop, beat=beat)
+    if not curves or curves[0].bic > start.bic - 2 * CRITERIA.law_fall:
         return None
+    every = [_Pairs(start, one, stop) for one in curves]
     for one in every:
         one.ask_nearest()
     pairs = min(every, key=lambda one: one.bic)
-    if not pairs.fits or min(least, pairs.bic) > beat:
+    if not pairs.fits or min(curves[0].bic, pairs.bic) > beat:
         return None
     pairs.ask_beside_best()
     at = pairs.best
     fitted = pairs.fits[at]
     judged = _judged(start, fitted, held, stop)
-    if judged is not None and (finer := over_kinks(fitted, stop)) is not fitted:  # takes as long as all before it
+    if judged is not None and (finer := over_kinks(fitted, stop)) is not fitted:  # as long as all before
         pairs.fits[at] = fitted = finer
         judged = _judged(start, fitted, held, stop)
-    if judged is None or fitted.bic > least + CRITERIA.form_meets:
+    if judged is None or fitted.bic > curves[0].bic + CRITERIA.form_meets:
         return None
     fewer, predictions = judged
     laws = (as_learned(fewer[which] or start, pairs.of_law(which, at), True, predictions[1], held) for which in (0, 1))
@@ -149,9 +147,9 @@ def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float =
 def _judged(
     start: Fitted, fitted: Fitted, held: tuple[int, ...], stop: Stop
 ) -> tuple[list[Fitted | None], tuple[Prediction, Prediction]] | None:
-    """Return the fits without either of two laws, and the predictions without and with both; None where one is idle.
+    """Return the fits without the first and without the second of two laws, and the predictions without and with both.
 
-    Or where both together do not predict better.
+    None where the shots are nearly as likely without one of them, or where both together do not predict better.
     """
     fewer = [without_effect(fitted, law, stop) for law in fitted.effects[-2:]]
     if any(one is not None and fitted.bic > one.bic - CRITERIA.law_fall for one in fewer):

@@ -131,7 +131,7 @@ class WeighedModel(SearchVector):
         """Return what ``of_shot`` does at a point, given the derivatives ``slope`` of its parameters by the vector."""
         response = self._averaged(index, point, laws, derivatives=True)
         at = self.places[index]
-        # a search ends where the displacement is right, and derivatives may be as rough as those of any other
+        # in short steps, too, derivatives of the usual step will do: where a search ends the displacement decides
         shown = response.displacement_m if self.stride == STRIDE else self.averaged(index, point, laws)
         return shown, response.derivatives @ slope[np.ix_(at, at)]
 

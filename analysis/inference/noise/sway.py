@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dpstrf
 
 from analysis.collision import named
 from analysis.compiled import side_by_side, solve_triangle
@@ -30,7 +31,8 @@ from analysis.shot import Floats
 
 _NO_EFFECTS: Values = {}
 _REMEMBERED = 4  # results kept, by noise and by shape of the noise
-_NEARLY = 0.05  # greatest cosine between columns of which one Cholesky factorisation is enough
+_NEARLY = 0.05  # greatest cosine between columns that pass for orthogonal
+_ROUNDING = 2e-15  # of the largest sum of squares: nine units of the last place
 _SEEN = 1e-3  # of the variance of white noise: directions with less are left out
 _PLATE_START = ("displacement_m", "velocity_m_per_s")  # of the plate at first touch
 _OF_PLATE = slice(-len(_PLATE_START), None)  # of the unit normal numbers: the last stand for the plate's start
@@ -59,10 +61,10 @@ class WhitenedDirections:
 class Sway:
     """What the frame's motion may add to one shot, at its valid averaged samples.
 
-    ``basis``, shape (n, r), are orthonormal directions; ``factors``, shape (r, m), give the contributions in m of m
-    independent unit normal numbers; ``band``, shape (m,), names the strength that scales each.  The last two are the
-    plate's displacement and velocity at first touch, in units of ``plate_std`` (m, m/s).  ``valid`` marks the n
-    averaged samples; ``weight`` is the shot's white noise over that of the set.  ``speed_powers``, shape (bands, 2),
+    ``basis``, shape (n, r), are directions, orthonormal or nearly so; ``factors``, shape (r, m), give the contributions
+    in m of m independent unit normal numbers; ``band``, shape (m,), names the strength that scales each.  The last two
+    are the plate's displacement and velocity at first touch, in units of ``plate_std`` (m, m/s).  ``valid`` marks the
+    n averaged samples; ``weight`` is the shot's white noise over that of the set.  ``speed_powers``, shape (bands, 2),
     are the variances of the difference between velocities relative to the frame and in space, at the touch and after
     the release.
     """
@@ -212,37 +214,32 @@ def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats, v
     own_hz = np.sqrt(collision.plate_stiffness_n_per_m / collision.plate_mass_kg) / (2 * np.pi)
     nearest = int(np.argmin(np.abs(site.shaking.frequency_hz[site.shaking.random] - own_hz)))
     band = np.concatenate([site.band, site.band, np.repeat(site.band[nearest], len(_PLATE_START))])
-    level, turn = np.linalg.eigh(columns.T @ columns)
-    felt = level > _SEEN * shot.white_m**2
-    felt[-1] = True  # the strongest even where nothing is felt: matrices without columns are not solved with
-    turn, size = turn[:, felt], np.sqrt(np.maximum(level[felt], np.finfo(np.float64).tiny))
-    basis, triangle = _orthonormal((columns @ turn) / size)
+    basis, factors = _orthonormal(columns, _SEEN * shot.white_m**2)
     speeds = np.zeros((site.bands, 2))
     squares = np.stack([omega**2, np.sum(after.reshape(2, -1) ** 2, axis=0)], axis=1)
     np.add.at(speeds, site.band, site.shaking.power_m2[:, None] * squares)
-    # Columns kept are basis times factors to rounding, however inaccurate the eigenvectors.
-    return Sway(basis, triangle @ (size[:, None] * turn.T), band, shot.valid, shot.weight, speeds, plate_std)
+    return Sway(basis, factors, band, shot.valid, shot.weight, speeds, plate_std)
 
 
-def _orthonormal(columns: Floats) -> tuple[Floats, Floats]:
-    """Return an orthonormal basis, shape (n, r), of nearly orthogonal columns, and the triangle, (r, r), between them.
+def _orthonormal(columns: Floats, least: float) -> tuple[Floats, Floats]:
+    """Return a nearly orthonormal basis, shape (n, r), of columns, shape (n, m), and their factors along it, (r, m).
 
-    Columns are basis times triangle.  By Cholesky factors, twice where once is not exact to rounding (Yamamoto et al.,
-    ETNA 44, 2015): a sixth of the time of a Householder factorisation or less.
+    Columns are basis times factors but for a sum of squares of some ``least`` each, or what rounding hides of the
+    largest.  By Cholesky factors with pivots, which name the r columns that tell most, and once more where these are
+    not orthonormal yet (Yamamoto et al., ETNA 44, 2015).  Cost: (m^2 + 2 r^2) n / 2 multiply-adds.
     """
-    out, triangle = columns, np.eye(columns.shape[1])
-    try:
-        for _ in range(2):
-            products = out.T @ out
-            root = np.asarray(np.linalg.cholesky(products), np.float64)
-            out = np.asarray(out @ solve_triangle(root, np.eye(len(root)), lower=True).T)
-            triangle = root.T @ triangle
-            if np.abs(products - np.eye(len(products))).max() < _NEARLY:
-                break
-    except np.linalg.LinAlgError:
-        basis, triangle = np.linalg.qr(columns)
-        return np.asarray(basis), np.asarray(triangle)
-    return np.ascontiguousarray(out), triangle
+    products = columns.T @ columns
+    hidden = _ROUNDING * float(np.max(np.diag(products)))
+    triangle, order, rank, _ = dpstrf(products, tol=max(least, hidden))
+    rank = max(1, rank)  # the strongest even where nothing is felt: matrices without columns are not solved with
+    factors = np.empty((rank, order.size))
+    factors[:, order - 1] = np.triu(triangle)[:rank]
+    basis = solve_triangle(triangle[:rank, :rank], columns.T[order[:rank] - 1], lower=False, transposed=True).T
+    products = basis.T @ basis
+    if np.abs(products - np.eye(rank)).max() > _NEARLY:
+        basis, triangle = np.linalg.qr(basis)
+        factors = triangle @ factors
+    return np.ascontiguousarray(basis), factors
 
 
 def on_site(shots: Sequence[Samples], site: Site | None, base: Base, at: Point) -> tuple[Samples, ...]:

@@ -259,7 +259,11 @@ def test_directions_are_orthonormal_where_a_frame_moves_a_million_times_the_nois
     (shot,) = averaged_shots(motions)
     base, shared = base_of("paper", plate_count(motions)), np.array([221.4, 1.984e-4, 1e4, 0.4])
     sway = swayed(shot, site, base, shared, np.array(shot.course.own))
-    assert np.abs(sway.basis.T @ sway.basis - np.eye(sway.basis.shape[1])).max() < 1e-12
+    for wander_m in (0.0, shot.white_m):
+        noise = a_noise(shot.white_m, (0.0,) * site.bands, wander_m)
+        known = sway.whitened_directions(noise)
+        basis = np.linalg.solve(known.root.T, known.columns.T).T
+        assert np.abs(basis.T @ basis - np.eye(basis.shape[1])).max() < 1e-12
 
 
 @pytest.mark.parametrize("share", [1e-9, 0.0])

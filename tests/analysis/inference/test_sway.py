@@ -104,12 +104,34 @@ def test_noises_of_one_shape_share_their_directions() -> None:
 
 
 @pytest.mark.parametrize("mixed", [0.0, 0.01, 0.3, 1.0])
-def test_nearly_orthogonal_columns_are_made_orthonormal(mixed: float) -> None:
+def test_columns_are_made_orthonormal(mixed: float) -> None:
     random = np.random.default_rng(5)
     columns = np.linalg.qr(random.standard_normal((30, 4)))[0] + mixed * random.standard_normal((30, 4)) / np.sqrt(30)
     if mixed == 1.0:
-        columns[:, 3] = columns[:, 2]  # which no Cholesky factor survives
-    basis, triangle = _orthonormal(columns)
-    np.testing.assert_allclose(basis.T @ basis, np.eye(4), atol=1e-13)
-    np.testing.assert_allclose(basis @ triangle, columns, atol=1e-13)
-    np.testing.assert_allclose(triangle, np.triu(triangle), atol=1e-15)
+        columns[:, 3] = columns[:, 2]  # says nothing more
+    basis, factors = _orthonormal(columns, 1e-20)
+    np.testing.assert_allclose(basis.T @ basis, np.eye(3 if mixed == 1.0 else 4), atol=1e-13)
+    np.testing.assert_allclose(basis @ factors, columns, atol=1e-13)
+
+
+def test_columns_that_differ_by_less_than_rounding_hides_are_one() -> None:
+    """Products of columns know their difference to eight digits of the columns alone."""
+    random = np.random.default_rng(6)
+    one, two, three = random.standard_normal((3, 500))
+    columns = np.stack([one, one + 1e-7 * two, three], axis=1)
+    basis, factors = _orthonormal(columns, 1e-30)
+    assert basis.shape[1] == 3
+    np.testing.assert_allclose(basis @ factors, columns, atol=1e-13)
+    columns[:, 1] = one + 1e-9 * two
+    basis, factors = _orthonormal(columns, 1e-30)
+    assert basis.shape[1] == 2
+    np.testing.assert_allclose(basis.T @ basis, np.eye(2), atol=1e-13)
+    np.testing.assert_allclose(basis @ factors, columns, atol=1e-8)
+
+
+def test_columns_with_less_than_the_least_are_left_out() -> None:
+    columns = np.diag([3.0, 1.0, 0.1])
+    basis, factors = _orthonormal(columns, 0.1)
+    np.testing.assert_allclose(basis @ factors, np.diag([3.0, 1.0, 0.0]), atol=1e-14)
+    basis, factors = _orthonormal(0.01 * columns, 0.1)  # the strongest column stays: something is solved with it
+    np.testing.assert_allclose(basis @ factors, np.diag([0.03, 0.0, 0.0]), atol=1e-14)

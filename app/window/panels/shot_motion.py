@@ -93,6 +93,8 @@ class MotionView(QObject):
             self.band_words = ""
             self._residual.clear_samples()
             self._band.show_band(0.0, 1.0, np.empty(0))
+            self.residual.name_value("residual", unit)  # neither unit nor scale of the shot before
+            self.residual.view.setYRange(-1.0, 1.0, padding=0)
             return
         band, self.band_words = judged_band(shot, self._judged_by)
         rest, std = _residual_of(motion, fit, kind, band)

@@ -141,9 +141,18 @@ def test_a_device_that_is_unplugged_is_told_after_what_came_before() -> None:
 
 def test_after_a_fault_what_is_under_way_is_waited_for_and_nothing_is_queued_again() -> None:
     libusb = Libusb({20: _NO_DEVICE})
-    firsts, lost, fault = read(libusb, 100)
-    assert firsts[:20] == list(range(20)) and lost == [] and "was unplugged" in str(fault)
+    stream = BulkStream(libusb.device(), 0x86, BYTES_PER_S, "scope")
+    stream.start()
+    assert stream._thread is not None
+    stream._thread.join(5.0)  # it ends before anybody asks it to stop
+    assert not stream._thread.is_alive() and not libusb.queued
     assert libusb.brought == 20 + 32  # those that were queued
+    firsts = [int(chunk.codes[0]) for _ in range(51) if (chunk := stream.take(0.0)) is not None]
+    assert firsts == [n for n in range(52) if n != 20]
+    with pytest.raises(DigitizerError, match="was unplugged"):
+        stream.take(0.0)
+    stream.stop()
+    assert libusb.freed == len(libusb.made)
 
 
 def test_three_stalls_in_a_row_are_borne_and_any_number_with_data_between_them() -> None:

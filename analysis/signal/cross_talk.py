@@ -18,6 +18,7 @@ REMOVED, LEFT = "cross_talk_removed", "cross_talk"  # flags
 BLOCK, MOST_BLOCKS = 1024, 256  # samples of a block, and blocks examined at most
 REMOVED_ABOVE = 0.01  # of PD0's amplitude
 LEFT_ABOVE = 0.02  # of PD0's amplitude, after the taps: then it is not the linear kind that taps remove
+_AT_ONCE = 32  # blocks, of 32 KiB each
 _REACH = 1  # samples: taps at -1, 0 and 1
 _APART = 6.0  # bins of a block by which PD1's beat must differ from PD0's to be separable
 _FEWEST = 8  # blocks
@@ -61,8 +62,9 @@ def find_cross_talk(
     if clear.size < _FEWEST:
         return None
     starts = clear[np.linspace(0, clear.size - 1, min(clear.size, MOST_BLOCKS)).astype(np.int64)]
-    blocks, tone = _blocks(reference, moving, starts), _tone(turns)
-    products = _products(blocks, tone)
+    tone = _tone(turns)
+    some = (starts[first : first + _AT_ONCE] for first in range(0, starts.size, _AT_ONCE))
+    products = np.concatenate([_products(_blocks(reference, moving, at), tone) for at in some])
     taps = _solved(products)
     remainder = _squares(products, np.append(taps, -1.0))
     sound = remainder <= _FAULTY**2 * np.median(remainder)
@@ -73,7 +75,8 @@ def find_cross_talk(
     size = float(np.sqrt(2.0 / BLOCK * np.mean(_squares(products[sound], np.append(taps, 0.0)))))
     if size < REMOVED_ABOVE * amplitude:
         return None
-    return CrossTalk(taps, size / amplitude, _left_over(_without(blocks[sound], tone), taps, amplitude))
+    blocks = _without(_blocks(reference, moving, starts[sound]), tone)
+    return CrossTalk(taps, size / amplitude, _left_over(blocks, taps, amplitude))
 
 
 def without_cross_talk(reference: NDArray[np.int16], moving: NDArray[np.int16], found: CrossTalk) -> NDArray[np.int16]:

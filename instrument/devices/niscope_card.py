@@ -3,18 +3,16 @@
 import contextlib
 import importlib
 import math
-import queue
-import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.shot import Channel, Role, Setup
-from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
-from instrument.devices.source_options import SourceOptions, assumed_rig
+from instrument.devices.digitizer import Capabilities, CaptureSettings, DigitizerError
+from instrument.devices.source_options import SourceOptions
+from instrument.devices.triggered_digitizer import Piece, Pieces, TriggeredDigitizer
 
 PACKAGE_REMEDY = "pip install 'levimass[niscope]'"
 RUNTIME_REMEDY = "install the NI-SCOPE runtime from ni.com/downloads (Windows and Linux), then restart"
@@ -47,12 +45,14 @@ def load_package() -> Any:
         raise DigitizerError("NI-SCOPE needs the niscope package, which is not installed", PACKAGE_REMEDY) from error
 
 
-class NiscopeCard(Digitizer):
+class NiscopeCard(TriggeredDigitizer[str]):
     """An NI digitizer card; one ``arm`` is one triggered record.
 
     ``roles`` are the roles of its channels, ``range_v`` the full vertical range of each.  NI-SCOPE refuses a record
     that does not fit the card's memory; its message is passed on.
     """
+
+    _ends_within_s = 10.0
 
     def __init__(
         self,
@@ -64,23 +64,12 @@ class NiscopeCard(Digitizer):
         setup: Setup | None = None,
         package: Any = None,
     ) -> None:
-        if Role.MEASUREMENT not in roles.values() or len(set(roles.values())) != len(roles):
-            raise DigitizerError("one channel of the card, and only one, must carry the measuring beat")
+        super().__init__("card", roles, setup)
         self._niscope = package if package is not None else load_package()
         self._resource = resource
-        self._roles = dict(roles)
         self._trigger = trigger or CardTrigger()
         self._range_v = range_v
-        self._setup = setup or assumed_rig()
         self._scales = [(range_v / 65536, 0.0)] * len(roles)
-        self._cancel = threading.Event()
-        self._lock = threading.Lock()
-        self._worker: threading.Thread | None = None
-        self._shots: queue.SimpleQueue[tuple[NDArray[np.int16], int] | DigitizerError | None] = queue.SimpleQueue()
-        self._counts: NDArray[np.int16] | None = None
-        self._at: int  # of the counts, as the next
-        self._trigger_at: int
-        self._armed = False
         self._session: Any = self._open()
 
     @property
@@ -97,10 +86,6 @@ class NiscopeCard(Digitizer):
             hardware_trigger=True,
             real_time=False,
         )
-
-    @property
-    def setup(self) -> Setup:
-        return self._setup
 
     def default_settings(self) -> CaptureSettings:
         """Return the paper's 5 M samples at 30 MS/s."""
@@ -122,45 +107,7 @@ class NiscopeCard(Digitizer):
             raise DigitizerError(
                 f"{self._resource} samples at {rate:g}/s, not at {settings.sample_rate_hz:g}", f"ask for {rate:g}"
             )
-        self._cancel.clear()
-        self._shots = queue.SimpleQueue()
-        self._counts = None
-        self._armed = True
-        self._worker = threading.Thread(target=self._work, args=(settings, self._shots), name="niscope", daemon=True)
-        self._worker.start()
-
-    def read_into(self, buffer: NDArray[np.int16], timeout_s: float) -> Block:
-        if self._counts is None:
-            if not self._armed:
-                return Block(0, ended=True)
-            try:
-                item = self._shots.get(timeout=timeout_s)
-            except queue.Empty:
-                return Block(0)
-            if not isinstance(item, tuple):
-                self._armed = False
-                if item is not None:
-                    raise item
-                return Block(0, ended=True)
-            self._counts, self._trigger_at = item
-            self._at = 0
-        counts = self._counts
-        count = min(buffer.shape[0], counts.shape[1] - self._at)
-        buffer[:count] = counts[:, self._at : self._at + count].T
-        at = self._trigger_at - self._at
-        self._at += count
-        ended = self._at == counts.shape[1]
-        if ended:
-            self._counts = None
-            self._armed = False
-        return Block(count, ended=ended, trigger_sample=at if 0 <= at < count else None)
-
-    def stop(self) -> None:
-        self._cancel.set()
-        with self._lock:
-            worker, self._worker = self._worker, None
-            if worker is not None:
-                worker.join(timeout=10.0)
+        self._begin(settings)
 
     def close(self) -> None:
         self.stop()
@@ -191,32 +138,24 @@ class NiscopeCard(Digitizer):
         else:
             session.configure_trigger_edge(trigger.source, trigger.level_v, niscope.TriggerCoupling.DC, slope)
 
-    def _work(
-        self, settings: CaptureSettings, out: "queue.SimpleQueue[tuple[NDArray[np.int16], int] | DigitizerError | None]"
-    ) -> None:
-        """Wait for the record and fetch it, in a thread, so that ``read_into`` keeps its timeout."""
-        try:
-            with self._session.initiate():
-                while self._session.acquisition_status() != self._niscope.AcquisitionStatus.COMPLETE:
-                    if self._cancel.wait(_POLL_S):
-                        out.put(None)
-                        return
-                counts = np.empty((len(self._roles), settings.samples), np.int16)
-                infos = self._session.channels[",".join(self._roles)].fetch_into(
-                    counts.reshape(-1), timeout=max(5.0, settings.samples * 2e-6)
-                )
-            self._scales = [(float(info.gain), float(info.offset)) for info in infos]
-            first, *_ = infos  # all channels have one time base
-            step_s, start_s = float(first.x_increment), float(first.relative_initial_x)
-            if not math.isfinite(step_s) or step_s <= 0:
-                raise DigitizerError(f"{self._resource} reports a sample every {step_s:g} s", "re-arm")
-            if not all(math.isfinite(value) for scale in [*self._scales, [start_s]] for value in scale):
-                raise DigitizerError(f"{self._resource} reports no scale for its counts", "re-arm")
-            out.put((counts, round(-start_s / step_s)))
-        except DigitizerError as error:
-            out.put(error)
-        except Exception as error:
-            out.put(self._described(error))
+    def _take_shot(self, settings: CaptureSettings, out: Pieces) -> None:
+        with self._session.initiate():
+            while self._session.acquisition_status() != self._niscope.AcquisitionStatus.COMPLETE:
+                if self._cancel.wait(_POLL_S):
+                    out.put(None)
+                    return
+            counts = np.empty((len(self._roles), settings.samples), np.int16)
+            infos = self._session.channels[",".join(self._roles)].fetch_into(
+                counts.reshape(-1), timeout=max(5.0, settings.samples * 2e-6)
+            )
+        self._scales = [(float(info.gain), float(info.offset)) for info in infos]
+        first, *_ = infos  # all channels have one time base
+        step_s, start_s = float(first.x_increment), float(first.relative_initial_x)
+        if not math.isfinite(step_s) or step_s <= 0:
+            raise DigitizerError(f"{self._resource} reports a sample every {step_s:g} s", "re-arm")
+        if not all(math.isfinite(value) for scale in [*self._scales, [start_s]] for value in scale):
+            raise DigitizerError(f"{self._resource} reports no scale for its counts", "re-arm")
+        out.put(Piece(counts.T, round(-start_s / step_s), last=True))
 
     def _described(self, error: Exception) -> DigitizerError:
         line = " ".join(str(error).split()) or type(error).__name__

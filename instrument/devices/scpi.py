@@ -2,7 +2,6 @@
 
 import contextlib
 import math
-import queue
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -12,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot import Channel, Role, Setup
-from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
+from instrument.devices.digitizer import Capabilities, CaptureSettings, DigitizerError
 from instrument.devices.scpi_dialects import ImplausibleAnswer, Scaling, Timing, dialect_of, one_two_five, short_depth
 from instrument.devices.scpi_transport import Cancelled, ScpiTransport, Stalled
-from instrument.devices.source_options import assumed_rig
+from instrument.devices.triggered_digitizer import Piece, Pieces, TriggeredDigitizer
 from instrument.files import one_line
 
 EXTERNAL = "external"
@@ -35,7 +34,7 @@ class HardwareTrigger:
     level_v: float | None = None  # None: as set on the instrument
 
 
-class ScpiOscilloscope(Digitizer):
+class ScpiOscilloscope(TriggeredDigitizer[int]):
     """An oscilloscope of the dialect table over any transport.
 
     ``roles`` are the roles of its channels.  Ranges, coupling and, with ``trigger`` None, the trigger are as set on the
@@ -51,19 +50,11 @@ class ScpiOscilloscope(Digitizer):
         setup: Setup | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        if Role.MEASUREMENT not in roles.values() or len(set(roles.values())) != len(roles):
-            raise DigitizerError("one channel of the oscilloscope, and only one, must carry the measuring beat")
+        super().__init__("oscilloscope", dict(sorted(roles.items())), setup)
         self._link = link
         self._clock = clock
-        self._roles = dict(sorted(roles.items()))
         self._trigger = trigger or HardwareTrigger()
-        self._cancel = threading.Event()
-        self._lock = threading.Lock()
         self._exchange = threading.RLock()  # one exchange at a time: the fetching thread also uses the link
-        self._worker: threading.Thread | None = None
-        self._blocks: queue.SimpleQueue[_Piece | DigitizerError | None] = queue.SimpleQueue()
-        self._piece: _Piece | None = None
-        self._armed = False
         try:
             identity = link.query("*IDN?")
             self._dialect = dialect_of(identity)
@@ -74,7 +65,6 @@ class ScpiOscilloscope(Digitizer):
             raise
         model = identity.split(",")[1].strip() if identity.count(",") else ""
         self._name = f"{self._dialect.name.split()[0]} {model}".strip()
-        self._setup = setup or assumed_rig()
         self._scales = {n: Scaling(1.0, 0.0) for n in self._roles}
         with contextlib.suppress(ImplausibleAnswer):  # zeros before the first shot; ``arm`` refuses them
             self._read_known_scales()
@@ -94,10 +84,6 @@ class ScpiOscilloscope(Digitizer):
             hardware_trigger=True,
             real_time=False,
         )
-
-    @property
-    def setup(self) -> Setup:
-        return self._setup
 
     def default_settings(self) -> CaptureSettings:
         with self._exchange:
@@ -119,47 +105,7 @@ class ScpiOscilloscope(Digitizer):
             self._read_known_scales()
             for command in self._dialect.single:
                 self._link.write(command)
-        self._cancel.clear()
-        self._blocks = queue.SimpleQueue()
-        self._piece = None
-        self._armed = True
-        self._worker = threading.Thread(target=self._work, args=(settings, self._blocks), name="scpi", daemon=True)
-        self._worker.start()
-
-    def read_into(self, buffer: NDArray[np.int16], timeout_s: float) -> Block:
-        if self._piece is None:
-            if not self._armed:
-                return Block(0, ended=True)
-            try:
-                item = self._blocks.get(timeout=timeout_s)
-            except queue.Empty:
-                return Block(0)
-            if item is None or isinstance(item, DigitizerError):
-                self._armed = False
-                if item is not None:
-                    raise item
-                return Block(0, ended=True)
-            self._piece = item
-        piece = self._piece
-        if not piece.counts.shape[0]:
-            self._piece = None
-            return Block(0, fired=True)
-        count = min(piece.counts.shape[0], buffer.shape[0])
-        buffer[:count] = piece.counts[:count]
-        at = piece.trigger_sample
-        last = count == piece.counts.shape[0]
-        within = at if at is not None and 0 <= at < count else None
-        block = Block(count, ended=last and piece.last, trigger_sample=within)
-        self._piece = None if last else _Piece(piece.counts[count:], None if at is None else at - count, piece.last)
-        self._armed = self._armed and not block.ended
-        return block
-
-    def stop(self) -> None:
-        self._cancel.set()
-        with self._lock:
-            worker, self._worker = self._worker, None
-            if worker is not None:
-                worker.join(timeout=15.0)
+        self._begin(settings)
 
     def close(self) -> None:
         self.stop()
@@ -218,8 +164,7 @@ class ScpiOscilloscope(Digitizer):
                 self._link.write(command.format(n=n))
             self._scales[n] = self._dialect.scaling(self._link.query, n)
 
-    def _work(self, settings: CaptureSettings, out: "queue.SimpleQueue[_Piece | DigitizerError | None]") -> None:
-        """Wait for the trigger and fetch, in a thread, so that ``read_into`` keeps its timeout."""
+    def _take_shot(self, settings: CaptureSettings, out: Pieces) -> None:
         try:
             self._wait_for_shot()
             self._fetch(settings, out)
@@ -229,10 +174,9 @@ class ScpiOscilloscope(Digitizer):
             except DigitizerError as error:
                 out.put(error)
             out.put(None)
-        except DigitizerError as error:
-            out.put(error)
-        except Exception as error:  # the reader must be told
-            out.put(DigitizerError(f"{self._name}: unexpected: {one_line(repr(error))}", "re-arm; report this"))
+
+    def _described(self, error: Exception) -> DigitizerError:
+        return DigitizerError(f"{self._name}: unexpected: {one_line(repr(error))}", "re-arm; report this")
 
     def _wait_for_shot(self) -> None:
         armed_s = self._clock()
@@ -246,9 +190,9 @@ class ScpiOscilloscope(Digitizer):
             if done and (seen_waiting or self._clock() - armed_s > ARMING_S):
                 return
 
-    def _fetch(self, settings: CaptureSettings, out: "queue.SimpleQueue[_Piece | DigitizerError | None]") -> None:
+    def _fetch(self, settings: CaptureSettings, out: Pieces) -> None:
         dialect = self._dialect
-        out.put(_Piece(np.empty((0, len(self._roles)), np.int16), None, False))  # reports that the trigger fired
+        out.put(Piece(np.empty((0, len(self._roles)), np.int16), None, False))  # reports that the trigger fired
         with self._exchange:
             with contextlib.suppress(ImplausibleAnswer):  # then the scales read at arming are used
                 self._read_scales()
@@ -273,9 +217,9 @@ class ScpiOscilloscope(Digitizer):
                         skipped = at if dialect.points_a_read is None else 0
                         received = dialect.decode(error.received)[skipped:][:count]
                         counts[: received.size, column] = received
-                        out.put(_Piece(counts[: received.size], trigger, False))
+                        out.put(Piece(counts[: received.size], trigger, False))
                     raise
-            out.put(_Piece(counts, trigger, at + count == end))
+            out.put(Piece(counts, trigger, at + count == end))
 
     def _points(self, n: int, at: int, count: int, timing: Timing) -> NDArray[np.int16]:
         dialect = self._dialect
@@ -292,15 +236,3 @@ class ScpiOscilloscope(Digitizer):
         if decoded.size < count:
             raise DigitizerError(f"{self._name} sent {decoded.size} of {count} samples of channel {n}", "re-arm")
         return decoded[:count]
-
-
-@dataclass(frozen=True, slots=True)
-class _Piece:
-    """Fetched counts (int16, shape (n, channels)) and the trigger's index in them, which may lie outside.
-
-    A piece without counts reports that the trigger fired.
-    """
-
-    counts: NDArray[np.int16]
-    trigger_sample: int | None
-    last: bool

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from analysis.shot.recording import Channel, Role
 from instrument.devices.digitizer import Block, CaptureSettings, Digitizer, DigitizerError
-from instrument.devices.scpi import EXTERNAL, HardwareTrigger, ScpiOscilloscope, _Piece
+from instrument.devices.scpi import EXTERNAL, HardwareTrigger, ScpiOscilloscope
 from instrument.devices.scpi_dialects import (
     DIALECTS,
     ImplausibleAnswer,
@@ -31,6 +31,7 @@ from instrument.devices.scpi_dialects import (
 from instrument.devices.scpi_socket import SocketTransport
 from instrument.devices.scpi_transport import Deadline, Stalled, block_start
 from instrument.devices.sources import open_source
+from instrument.devices.triggered_digitizer import Piece
 from tests.instrument.devices.scpi_emulator import EmulatedScope, TcpScope
 
 MAKERS = ("rigol", "siglent", "keysight")
@@ -362,11 +363,11 @@ def test_fetched_pieces_are_read_in_any_blocks_with_the_trigger_once_and_the_end
     assert scope.read_into(np.empty((1, 2), np.int16), 0.0) == Block(0, ended=True)  # not armed
     whole = np.arange(2 * sum(lengths), dtype=np.int16).reshape(-1, 2)
     scope._armed = True
-    scope._blocks.put(_Piece(np.empty((0, 2), np.int16), None, False))
+    scope._blocks.put(Piece(np.empty((0, 2), np.int16), None, False))
     at = 0
     for length in lengths:
         place = trigger - at if known else None
-        scope._blocks.put(_Piece(whole[at : at + length], place, at + length == len(whole)))
+        scope._blocks.put(Piece(whole[at : at + length], place, at + length == len(whole)))
         at += length
     assert scope.read_into(np.empty((1, 2), np.int16), 0.0) == Block(0, fired=True)
     came, found, turn = [], [], 0
@@ -464,11 +465,11 @@ def test_of_a_transfer_that_stalls_the_rows_are_kept_that_every_channel_has(
         pieces.append(scope._blocks.get())
     assert [channel.volts_per_count for channel in scope.capabilities.channels] == [0.5, 1.0]  # read with the shot
     fired, *parts = pieces
-    assert isinstance(fired, _Piece) and fired.counts.shape == (0, 2) and not fired.last
-    assert [len(part.counts) for part in parts if isinstance(part, _Piece)] == rows
+    assert isinstance(fired, Piece) and fired.counts.shape == (0, 2) and not fired.last
+    assert [len(part.counts) for part in parts if isinstance(part, Piece)] == rows
     at = 30  # ten samples before the trigger
     for part in parts:
-        assert isinstance(part, _Piece) and part.trigger_sample == 40 - at
+        assert isinstance(part, Piece) and part.trigger_sample == 40 - at
         wanted = memory[at : at + len(part.counts)]
         assert np.array_equal(part.counts, np.stack((wanted, wanted + 50), axis=1))
         at += len(part.counts)

@@ -30,7 +30,6 @@ class LiveChunk:
     beat_frequency_hz: Floats
     velocity_m_per_s: Floats
     force_n: Floats
-    amplitude_counts: Floats
     rest_frequency_hz: float | None
     problem: str | None  # why nothing can be shown
 
@@ -148,7 +147,7 @@ class LiveDemodulator:
         if self._pending is not None:
             parts = np.concatenate((self._pending, parts), axis=1)
             self._pending = None
-        time_s, frequency, slope, amplitude = parts
+        time_s, frequency, slope = parts
         if len(self._lines) > 1:
             self._listen(counts)
         if self._rest_hz is None:
@@ -161,10 +160,8 @@ class LiveDemodulator:
         if self._broken:
             self._broken = False
             time_s = np.concatenate(([time_s[0] - 1 / line.rate_hz], time_s))
-            frequency, velocity, force, amplitude = (
-                np.concatenate(([np.nan], part)) for part in (frequency, velocity, force, amplitude)
-            )
-        return LiveChunk(time_s, frequency, velocity, force, amplitude, self._rest_hz, None)
+            frequency, velocity, force = (np.concatenate(([np.nan], part)) for part in (frequency, velocity, force))
+        return LiveChunk(time_s, frequency, velocity, force, self._rest_hz, None)
 
     def _listen(self, counts: NDArray[np.int16]) -> None:
         """Read PD0 in the first part of every period, where these counts reach into it; they end at ``_sample``."""
@@ -190,7 +187,7 @@ class LiveDemodulator:
 
     def _nothing(self) -> LiveChunk:
         empty = np.empty(0)
-        return LiveChunk(empty, empty, empty, empty, empty, self._rest_hz, self._problem)
+        return LiveChunk(empty, empty, empty, empty, self._rest_hz, self._problem)
 
 
 class _BeatStream:
@@ -216,26 +213,22 @@ class _BeatStream:
         self._delay = middle * self._tuning.decimation + self._tuning.delay_samples
         self._first = 0  # of the oldest phase kept
         self._phase = np.empty(0)
-        self._amplitude = np.empty(0)
 
     def feed(self, counts: NDArray[np.int16]) -> Floats:
-        """Return time in s, frequency in Hz, its slope in Hz/s, amplitude in counts as rows, shape (4, k)."""
+        """Return time in s, frequency in Hz, its slope in Hz/s as rows, shape (3, k)."""
         _, phase, power = self._reader.feed(counts)
         if self._group > 1:  # the reader gives whole batches, which are whole groups
             phase, power = group_means(phase, power, self._group)
-        _, phase, about = self._decimator.feed(phase, power)
+        _, phase, _ = self._decimator.feed(phase, power)
         self._phase = np.concatenate((self._phase, phase))
-        self._amplitude = np.concatenate((self._amplitude, 2 * np.sqrt(about[0])))
         half = self._filters.half
         ready = self._phase.size - 2 * half
         if ready <= 0:
-            return np.empty((4, 0))
+            return np.empty((3, 0))
         frequency = self._reader.oscillator_hz + filtered(self._phase, self._filters.velocity)
         slope = filtered(self._phase, self._filters.acceleration)
-        amplitude = self._amplitude[half : half + ready].copy()
         index = self._first + half + np.arange(ready) + 6
         time_s = np.asarray((index * self._step + self._delay) / self._tuning.sample_rate_hz, np.float64)
         self._phase = self._phase[ready:].copy()
-        self._amplitude = self._amplitude[ready:].copy()
         self._first += ready
-        return np.stack((time_s, frequency, slope, amplitude))
+        return np.stack((time_s, frequency, slope))

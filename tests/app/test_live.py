@@ -34,7 +34,7 @@ def views(frames: int, moving: range, speed: float) -> list[LiveView]:
     for frame in range(frames):
         time_s = (frame * PER_FRAME + np.arange(PER_FRAME)) / RATE_HZ
         velocity = 1e-3 * random.standard_normal(PER_FRAME) + (speed if frame in moving else 0.0)
-        window.add(LiveChunk(time_s, 2.7e6 - 3e6 * velocity, velocity, 20 * velocity, velocity, 2.7e6, None))
+        window.add(LiveChunk(time_s, 2.7e6 - 3e6 * velocity, velocity, 20 * velocity, 2.7e6, None))
         shown.append(window.view(np.empty(0), np.empty((0, 0), np.float32), None, 0))
     return shown
 

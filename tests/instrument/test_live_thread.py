@@ -206,7 +206,7 @@ class Fed:
         self.came += counts[:, 0].tolist()
         self.pieces.append(len(counts))
         none = np.empty(0)
-        return LiveChunk(none, none, none, none, none, None, "dim")
+        return LiveChunk(none, none, none, none, None, "dim")
 
     def gap(self, lost: int | None) -> None:
         self.came.append(("gap", lost))

@@ -12,7 +12,7 @@ from instrument.live.live_view import MOST_BINS, LiveWindow, empty_view
 def _chunk(first: int, count: int) -> LiveChunk:
     time_s = np.arange(first, first + count) / 1e4
     values = np.random.default_rng(first).normal(size=(3, count))
-    return LiveChunk(time_s, values[0], values[1], values[2], values[1], 2.7e6, None)
+    return LiveChunk(time_s, values[0], values[1], values[2], 2.7e6, None)
 
 
 @settings(max_examples=60, deadline=None)

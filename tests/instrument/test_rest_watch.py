@@ -16,7 +16,7 @@ def _fed(watch, velocity, blocks=(331, 97, 1000)):
     while at < velocity.size:
         part = velocity[at : at + blocks[turn % len(blocks)]]
         empty = np.zeros(part.size)
-        watch.add(LiveChunk(empty, empty, part, empty, empty, 1e6, None))
+        watch.add(LiveChunk(empty, empty, part, empty, 1e6, None))
         at, turn = at + part.size, turn + 1
     return watch
 

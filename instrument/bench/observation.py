@@ -59,10 +59,12 @@ def observed(trajectory: Trajectory, effects: Effects, time_s: Floats) -> tuple[
     ramp = effects.get("sensor_drift", _NONE).get("ramp_m_per_s2", 0.0)
     if ramp:
         x, v = x + 0.5 * ramp * time_s**2, v + ramp * time_s
-    for shake in (effects.get("frame_vibration", _NONE), _optics_alone(effects)):
+    for name in ("frame_vibration", "frame_vibration_with_plate"):
+        shake = effects.get(name, _NONE)
         if not shake:
             continue
-        omega, phase, amplitude = 2 * math.pi * shake["frequency_hz"], shake["phase_rad"], shake["amplitude_m_per_s"]
+        omega, phase = 2 * math.pi * shake["frequency_hz"], shake["phase_rad"]
+        amplitude = shake["amplitude_m_per_s"] * (1.0 - shake.get("plate_factor", 0.0))  # relative to the plate's clamp
         x = x - amplitude / omega * (np.cos(omega * time_s + phase) - math.cos(phase))
         v = v + amplitude * np.sin(omega * time_s + phase)
     return x, v
@@ -81,14 +83,6 @@ def plate_support(frame: Frame | None, effects: Effects) -> Frame | None:
     turned = shake["phase_rad"] + 0.5 * math.pi  # a cosine
     line = Sines(np.array([omega]), np.array([size]), np.array([turned]))
     return Frame(QUIET, 0, line) if frame is None else replace(frame, sines=frame.sines.plus(line))
-
-
-def _optics_alone(effects: Effects) -> Mapping[str, float]:
-    """Return the motion of the optics relative to the plate's clamp, as a frame vibration."""
-    shake = effects.get("frame_vibration_with_plate", _NONE)
-    if not shake:
-        return _NONE
-    return {**shake, "amplitude_m_per_s": shake["amplitude_m_per_s"] * (1.0 - shake["plate_factor"])}
 
 
 def with_leak(optics: Optics, effects: Effects) -> Optics:

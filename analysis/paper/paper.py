@@ -50,11 +50,6 @@ class PaperRow:
     traced_to: str
     status: Status
 
-    @property
-    def program(self) -> float | None:
-        """Get this program's number: the recomputed one where there is one, else the simulated one."""
-        return self.recomputed if self.recomputed is not None else self.simulated
-
 
 @dataclass(frozen=True, slots=True)
 class Reproduction:
@@ -62,13 +57,6 @@ class Reproduction:
     authors: str
     rows: tuple[PaperRow, ...]
     recording: str | None
-
-    def of(self, key: str) -> PaperRow:
-        """Return one row by its key; KeyError where there is none."""
-        for row in self.rows:
-            if row.key == key:
-                return row
-        raise KeyError(key)
 
     @property
     def open_rows(self) -> tuple[PaperRow, ...]:

@@ -63,13 +63,11 @@ class ModelComparison:
     def likely(self) -> tuple[ComparedModel, ...]:
         return tuple(m for m in self.members if m.misfit < self.members[0].misfit + _UNLIKELY)
 
-    @property
-    def reached(self) -> float:
-        """Get the separation of the two likeliest members in noise norms, the root of their misfits' difference."""
-        return self.separation_from(())
-
     def separation_from(self, excluded: Collection[Effect]) -> float:
-        """Return the separation from the next member that is not among ``excluded``; 0 where there is none."""
+        """Return the likeliest member's separation in noise norms from the next one that is not among ``excluded``.
+
+        That is the root of the difference of their misfits; 0 where there is no other.
+        """
         best, *others = self.members
         left = [other.misfit - best.misfit for other in others if other.effect not in excluded]
         return float(np.sqrt(max(0.0, min(left, default=0.0))))

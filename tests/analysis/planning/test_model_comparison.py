@@ -26,9 +26,9 @@ def comparison(*members: ComparedModel, nats: float = inf) -> ModelComparison:
 
 def test_members_are_apart_by_the_root_of_what_their_misfits_differ_by() -> None:
     three = comparison(member(DRAG, 100.0), member(MOTION, 90.0, 26.0), member(MODE, 125.0))
-    assert three.reached == 4.0 and three.separation_from((MOTION,)) == 5.0
-    assert three.separation_from((MOTION, MODE)) == 0.0 == comparison(member(DRAG, 1.0)).reached
-    assert comparison(member(DRAG, 100.0), member(TILT, 99.0)).reached == 0.0
+    assert three.separation_from(()) == 4.0 and three.separation_from((MOTION,)) == 5.0
+    assert three.separation_from((MOTION, MODE)) == 0.0 == comparison(member(DRAG, 1.0)).separation_from(())
+    assert comparison(member(DRAG, 100.0), member(TILT, 99.0)).separation_from(()) == 0.0
 
 
 @pytest.mark.parametrize(("behind", "likely"), [(8.9, 2), (9.1, 1)])

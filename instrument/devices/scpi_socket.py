@@ -13,7 +13,6 @@ from instrument.devices.scpi_transport import (
     Deadline,
     Stalled,
     block_start,
-    check_size,
     never,
 )
 
@@ -71,11 +70,8 @@ class SocketTransport:
     ) -> bytes:
         deadline = Deadline(timeout_s)
         self.write(command)
-        start = None
-        while start is None:
-            start = self._start(max_bytes)
-            if start is None:
-                self._receive_or_cancel(deadline, timeout_s, command, cancelled)
+        while (start := self._start(max_bytes)) is None:
+            self._receive_or_cancel(deadline, timeout_s, command, cancelled)
         first, size = start
         deadline.allow_for(size)
         while len(self._received) < first + size:
@@ -103,13 +99,10 @@ class SocketTransport:
 
     def _start(self, max_bytes: int) -> tuple[int, int] | None:
         try:
-            start = block_start(self._received, self.name)
-            if start is not None:
-                check_size(start[1], max_bytes, self.name)
+            return block_start(self._received, self.name, max_bytes)
         except DigitizerError:
             self.close()  # the rest of this answer would be taken for the next one
             raise
-        return start
 
     def _receive_or_cancel(
         self, deadline: Deadline, pause_s: float, command: str, cancelled: Callable[[], bool]

@@ -71,10 +71,11 @@ class ScpiTransport(Protocol):
         """Release the instrument; harmless when already closed."""
 
 
-def block_start(received: bytes | bytearray, name: str) -> tuple[int, int] | None:
+def block_start(received: bytes | bytearray, name: str, max_bytes: int) -> tuple[int, int] | None:
     """Return (offset, number) of the bytes of a definite block; None while its head is incomplete.
 
-    IEEE 488.2, 8.7.9: ``#``, a digit n > 0, n digits that give the number of bytes.
+    IEEE 488.2, 8.7.9: ``#``, a digit n > 0, n digits that give the number of bytes.  Refuses a block larger than
+    requested: a damaged head must not exhaust the memory.
     """
     at = received.find(b"#", 0, MAX_PREFIX_BYTES)
     if at < 0:
@@ -91,10 +92,7 @@ def block_start(received: bytes | bytearray, name: str) -> tuple[int, int] | Non
     number = bytes(received[at + 2 : at + 2 + digits])
     if not number.isdigit():
         raise DigitizerError(f"{name} sent a damaged data block head {bytes(received[at : at + 12])!r}", "re-arm")
-    return at + 2 + digits, int(number)
-
-
-def check_size(size: int, max_bytes: int, name: str) -> None:
-    """Refuse a block larger than requested: a damaged head must not exhaust the memory."""
+    size = int(number)
     if size > max_bytes:
         raise DigitizerError(f"{name} announced {size} bytes where at most {max_bytes} were requested", "re-arm")
+    return at + 2 + digits, size

@@ -14,7 +14,6 @@ from instrument.devices.scpi_transport import (
     Deadline,
     Stalled,
     block_start,
-    check_size,
     never,
 )
 
@@ -65,9 +64,8 @@ class VisaTransport:
         while start is None:
             deadline.check(self.name, command)
             received += self._guard(lambda: self._session.read_bytes(1))
-            start = block_start(received, self.name)
+            start = block_start(received, self.name, max_bytes)
         first, size = start
-        check_size(size, max_bytes, self.name)
         deadline.allow_for(size)
         while len(received) < first + size:
             if cancelled():

@@ -21,7 +21,6 @@ from instrument.devices.scpi_transport import (
     Deadline,
     Stalled,
     block_start,
-    check_size,
     never,
 )
 
@@ -112,9 +111,8 @@ class UsbtmcTransport:
                 raise Stalled(error.what, error.remedy, bytes(received[start[0] :]) if start else b"") from error
             received += content
             if start is None:
-                start = block_start(received, self.name)
+                start = block_start(received, self.name, max_bytes)
                 if start is not None:
-                    check_size(start[1], max_bytes, self.name)
                     deadline.allow_for(start[1])
             if len(received) > max_bytes + 128:
                 self._abort()

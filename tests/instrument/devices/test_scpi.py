@@ -619,9 +619,9 @@ def test_the_head_of_a_block_is_a_hash_the_number_of_its_digits_and_its_length(
     """IEEE 488.2, 8.7.9; before it may stand what a maker likes, up to 64 bytes."""
     if isinstance(start, str):
         with pytest.raises(DigitizerError, match=f"scope .*{start}"):
-            block_start(received, "scope")
+            block_start(received, "scope", 100)
     else:
-        assert block_start(received, "scope") == start == block_start(bytearray(received), "scope")
+        assert block_start(received, "scope", 100) == start == block_start(bytearray(received), "scope", 100)
 
 
 def test_a_deadline_passes_and_a_large_block_extends_it(monkeypatch: pytest.MonkeyPatch) -> None:

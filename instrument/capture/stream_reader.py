@@ -58,7 +58,6 @@ class StreamReader:
     def __init__(self, digitizer: Digitizer, clock: Callable[[], float] = time.monotonic) -> None:
         self._digitizer = digitizer
         self._clock = clock
-        self._ring: Ring | None = None
         self._switch: LightSwitch | None = None
         self._motion: MotionTrigger | None = None
         self._received_s: float  # when the last samples came
@@ -109,8 +108,7 @@ class StreamReader:
             and self.endless
             and _stream_options(options) == self._options
             and stream.settings.sample_rate_hz == settings.sample_rate_hz
-            and self._ring is not None
-            and settings.pre_trigger_samples + 2 * self._block <= self._ring.capacity
+            and settings.pre_trigger_samples + 2 * self._block <= stream.ring.capacity
         )
 
     def start(self, settings: CaptureSettings, options: CaptureOptions) -> None:
@@ -121,8 +119,7 @@ class StreamReader:
         _check_channels(able)
         own = self._digitizer.setup
         self._block = block_samples(settings.sample_rate_hz)
-        self._make_ring(settings, len(able.channels))
-        assert self._ring is not None
+        ring = self._ring_for(settings, len(able.channels))
         self._switch = None
         self._motion = None if able.hardware_trigger else _motion_trigger(able, settings, options.setup or own)
         for column, channel in enumerate(able.channels):
@@ -142,9 +139,7 @@ class StreamReader:
         finally:
             self.starting = False
         setup = replace(options.setup or own, digitizer_bits=able.bits)
-        self.stream = Stream(
-            self._ring, self._ring.total, settings, able.channels, setup, able.name, able.unseen_loss_s
-        )
+        self.stream = Stream(ring, ring.total, settings, able.channels, setup, able.name, able.unseen_loss_s)
         self.hardware_trigger = able.hardware_trigger
         self.endless = able.max_samples is None and not able.hardware_trigger
         self._delivered = (
@@ -155,8 +150,9 @@ class StreamReader:
 
     def read(self) -> ReadBlock | None:
         """Return the next block, None where nothing came in time.  Raises DigitizerError."""
-        ring, stream = self._ring, self.stream
-        assert ring is not None and stream is not None
+        stream = self.stream
+        assert stream is not None
+        ring = stream.ring
         view = ring.space(self._block)
         block = self._digitizer.read_into(view, READ_TIMEOUT_S)
         _check_block(block, view.shape[0])
@@ -195,8 +191,8 @@ class StreamReader:
         return f"the light switch moved by {switch.moved_counts:.0f} counts, a step takes {switch.needed_counts:.0f}"
 
     def _stalled(self) -> DigitizerError:
-        assert self.stream is not None and self._ring is not None
-        came = self._ring.total - self.stream.start
+        assert self.stream is not None
+        came = self.stream.ring.total - self.stream.start
         if not came:
             return DigitizerError(f"no samples came for {STALL_S:g} s", "check the device and its cable")
         switch = self.why_no_step()
@@ -209,14 +205,16 @@ class StreamReader:
         self.running = False
         self._digitizer.stop()
 
-    def _make_ring(self, settings: CaptureSettings, channels: int) -> None:
+    def _ring_for(self, settings: CaptureSettings, channels: int) -> Ring:
+        """Return the last stream's ring where it is as large as these settings need, and not far too large."""
         lag = max(round(_RING_S * settings.sample_rate_hz), 12 * self._block)
         most = max(_MOST_RING_BYTES // (2 * channels), settings.pre_trigger_samples + 8 * self._block)
         blocks = -(-min(settings.pre_trigger_samples + lag, most) // self._block)
         capacity = blocks * self._block
-        ring = self._ring
+        ring = self.stream.ring if self.stream is not None else None
         if ring is None or ring.channels != channels or ring.capacity < capacity or ring.capacity > 4 * capacity:
-            self._ring = Ring(capacity, channels)
+            return Ring(capacity, channels)
+        return ring
 
 
 def check_settings(settings: CaptureSettings, channels: int) -> None:

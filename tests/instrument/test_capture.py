@@ -268,7 +268,7 @@ def test_a_capture_that_is_over_keeps_no_memory(tmp_path: Path) -> None:
     with rig:
         rig.capture.arm()
         until(rig.capture, lambda now: bool(now.finished))
-    ring = weakref.ref(rig.capture._capture.run._ring)
+    ring = weakref.ref(rig.capture._capture.run.stream.ring)
     gc.disable()
     try:
         del rig

@@ -64,9 +64,9 @@ def test_a_stream_serves_what_neither_its_options_nor_its_ring_rule_out() -> Non
     reader = _reader()
     assert reader.continues(SETTINGS, OPTIONS)
     assert reader.continues(replace(SETTINGS, samples=77_000), replace(OPTIONS, folder=Path("elsewhere")))
-    assert reader._ring is not None
+    assert reader.stream is not None
     block = block_samples(RATE_HZ)
-    most = reader._ring.capacity - 2 * block
+    most = reader.stream.ring.capacity - 2 * block
     assert reader.continues(replace(SETTINGS, samples=most, pre_trigger_samples=most), OPTIONS)
     for settings, options in (
         (replace(SETTINGS, samples=most + 1, pre_trigger_samples=most + 1), OPTIONS),
@@ -86,18 +86,18 @@ def test_the_ring_holds_the_part_before_the_trigger_and_half_a_second() -> None:
     block = block_samples(RATE_HZ)
     for before in (0, 4_000, 700_000):
         reader = _reader(options=replace(OPTIONS, settings=CaptureSettings(RATE_HZ, 800_000, before)))
-        assert reader._ring is not None
-        assert before + 0.5 * RATE_HZ <= reader._ring.capacity < before + 0.5 * RATE_HZ + block
-        assert reader._ring.capacity % block == 0
-    ring = reader._ring
+        assert reader.stream is not None
+        assert before + 0.5 * RATE_HZ <= reader.stream.ring.capacity < before + 0.5 * RATE_HZ + block
+        assert reader.stream.ring.capacity % block == 0
+    ring = reader.stream.ring
     reader.start(SETTINGS, OPTIONS)
-    assert reader._ring is ring  # large enough, and not four times too large
+    assert reader.stream.ring is ring  # large enough, and not four times too large
     assert reader.stream is not None and reader.stream.start == ring.total
     reader.start(CaptureSettings(RATE_HZ, 5_000_000, 5_000_000), OPTIONS)
-    grown = reader._ring
+    grown = reader.stream.ring
     assert grown is not ring
     reader.start(SETTINGS, OPTIONS)
-    assert reader._ring is not grown
+    assert reader.stream.ring is not grown
 
 
 def test_losses_are_noted_before_the_sample_they_precede() -> None:
@@ -388,11 +388,12 @@ def test_a_ring_is_limited_to_512_mib_unless_the_part_before_the_trigger_needs_m
     reader = StreamReader(FakeDigitizer())
     reader._block = block
     settings = CaptureSettings(rate, 300_000_000, before)
-    reader._make_ring(settings, 2)
+    reader._ring_for(settings, 2)
     assert made == [blocks * block]
     for factor, channels, fits in ((1, 2, True), (4, 2, True), (4.1, 2, False), (0.99, 2, False), (1, 3, False)):
-        reader._ring = SimpleNamespace(capacity=factor * blocks * block, channels=channels)  # type: ignore[assignment]
-        reader._make_ring(settings, 2)
+        held = SimpleNamespace(capacity=factor * blocks * block, channels=channels)
+        reader.stream = SimpleNamespace(ring=held)  # type: ignore[assignment]
+        reader._ring_for(settings, 2)
         assert (len(made) == 1) == fits
         del made[1:]
 

@@ -55,43 +55,29 @@ def empty_view() -> LiveView:
 
 
 class LiveWindow:
-    """The newest ``length`` points of the live curves, in memory allocated once."""
+    """The newest ``length`` points of the live curves."""
 
     def __init__(self, length: int) -> None:
         self.length = length
         self.bin_points = -(-length // MOST_BINS)
-        self._values = np.empty((4, 2 * length))  # twice as long as the window, so that it rarely is moved
-        self._dropped: int  # points before the first one kept: bins keep their places
         self.clear()
 
     def clear(self) -> None:
-        self._end = self._dropped = 0
+        self._values = np.empty((4, 0))
+        self._dropped = 0  # points before the first one kept: bins keep their places
 
     def add(self, chunk: "LiveChunk") -> None:
         """Append a chunk's points."""
         new = np.stack((chunk.time_s, chunk.beat_frequency_hz, chunk.velocity_m_per_s, chunk.force_n))
-        surplus = new.shape[1] - self.length
-        if surplus > 0:
-            self._dropped += surplus + self._end
-            self._end = 0
-            new = new[:, surplus:]
-        if self._end + new.shape[1] > self._values.shape[1]:
-            drop = self._end + new.shape[1] - self.length
-            self._values[:, : self._end - drop] = self._values[:, drop : self._end].copy()
-            self._end -= drop
-            self._dropped += drop
-        self._values[:, self._end : self._end + new.shape[1]] = new
-        self._end += new.shape[1]
+        values = np.concatenate((self._values, new), axis=1)
+        surplus = max(0, values.shape[1] - self.length)
+        self._values = values[:, surplus:]
+        self._dropped += surplus
 
     def curves(self) -> tuple[Floats, Floats, Floats, Floats]:
         """Return time, beat frequency, velocity and force, reduced as LiveView says."""
-        begin = max(0, self._end - self.length)
-        begin += -(begin + self._dropped) % self.bin_points
-        bins = (self._end - begin) // self.bin_points
-        if bins <= 0:
-            none = np.empty(0)
-            none.flags.writeable = False
-            return none, none, none, none
+        begin = -self._dropped % self.bin_points
+        bins = max(0, (self._values.shape[1] - begin) // self.bin_points)
         kept = self._values[:, begin : begin + bins * self.bin_points].reshape(4, bins, self.bin_points)
         pairs = np.stack((kept.min(axis=2), kept.max(axis=2)), axis=2).reshape(4, 2 * bins)
         if self.bin_points == 1:

@@ -6,7 +6,6 @@ The window judges the running stream; ``try_signals`` does the same without a sc
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -194,8 +193,6 @@ def check_signals(
 def _clipped_fraction(taken: NDArray[np.int16], bits: int) -> float:
     """Return the share of samples at either end of the converter's range."""
     rail = 1 << (bits - 1)
-    if taken.max() < rail - 1 and taken.min() > -rail:
-        return 0.0
     return float(np.mean((taken >= rail - 1) | (taken <= -rail)))
 
 
@@ -204,21 +201,13 @@ def _rms(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.sqrt(np.einsum("kn,kn->k", values, values) / values.shape[1]))
 
 
-@lru_cache(maxsize=1)
-def _hann(length: int) -> NDArray[np.float64]:
-    """Return the Hann window, which takes longer to compute than the spectrum; a stream is checked at one length."""
-    window = np.hanning(length)
-    window.flags.writeable = False
-    return window
-
-
 def _strongest_lines(values: NDArray[np.float64], sample_rate_hz: float) -> list[tuple[float | None, float | None]]:
     """Return frequency in Hz and power over all other power in dB of the strongest line of each row of (k, n) values.
 
     None where it is noise.
     """
     size = values.shape[1]
-    spectra = np.fft.rfft(values * _hann(size), axis=1)
+    spectra = np.fft.rfft(values * np.hanning(size), axis=1)
     powers = spectra.real**2 + spectra.imag**2
     return [_strongest_line(power, sample_rate_hz / size) for power in powers]
 

@@ -156,7 +156,7 @@ def test_the_site_is_measured_on_the_rate_at_which_points_come(tmp_path: Path) -
     rate_hz = live._demodulator.rate_hz if live._demodulator is not None else None
     assert live._rest is not None and rate_hz is not None
     assert live._rest._rate_hz == rate_hz / live_thread._AVERAGED
-    time_s = live._window._values[0, : live._window._end]
+    time_s = live._window._values[0]
     assert rate_hz == pytest.approx((time_s.size - 1) / (time_s[-1] - time_s[0]), rel=1e-9)
 
 

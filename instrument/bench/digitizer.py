@@ -23,7 +23,7 @@ from instrument.devices import (
 )
 
 RATES_HZ = (10e6, 15e6, 20e6, 30e6)
-_CHUNK = 200_000  # samples computed at a time: blocks of a stream at 10 MS/s are whole multiples, and need no copy
+_CHUNK = 200_000  # samples computed at a time
 _SET_SPREAD = 0.02  # relative deviation of a push whose speed was set
 _LOWEST_HZ, _HIGHEST_HZ = 8e6, 60e6  # a lower rate does not resolve the beat of a fast block
 
@@ -171,9 +171,6 @@ class BenchDigitizer(Digitizer):
     def _fill(self, base: int, inside: int, part: NDArray[np.int16]) -> None:
         """Fill ``part`` with the samples of one chunk from ``base + inside`` on."""
         if base != self._chunk_at:
-            if part.shape[0] == _CHUNK and part.flags.c_contiguous:  # a whole chunk needs no copy
-                self._make(base, part)
-                return
             self._make(base, self._chunk)
             self._chunk_at = base
         part[:] = self._chunk[inside : inside + part.shape[0]]

@@ -61,9 +61,6 @@ class Block:
     trigger_sample: int | None = None  # index in this block, if the hardware triggered here
     fired: bool = False  # without samples: the hardware trigger fired, and its samples follow
 
-    def __reduce__(self) -> tuple[Any, ...]:  # of every block, between processes: what a dataclass inherits is slow
-        return Block, (self.samples, self.lost_before, self.ended, self.trigger_sample, self.fired)
-
 
 _BLOCK_S = 0.04  # each block wakes a thread: shorter ones cost more, longer ones are seen late
 _BLOCK_SAMPLES = 256, 1 << 20  # least and most

@@ -15,7 +15,6 @@ import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
-from typing import Any
 
 from analysis.shot import Setup
 from instrument.devices import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError, block_samples
@@ -70,9 +69,6 @@ class BlockReady:
     block: Block
     fault: DigitizerError | None = None
     device: DeviceState | None = None  # when the stream ends: the next shot may have other capabilities
-
-    def __reduce__(self) -> tuple[Any, ...]:  # as of a Block
-        return BlockReady, (self.run, self.first, self.block, self.fault, self.device)
 
 
 def most_blocks(system: str) -> int:

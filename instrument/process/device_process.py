@@ -1,12 +1,9 @@
 """The parent's end of a device's process: starts it, sends orders, receives answers and blocks, notices its end."""
 
 import multiprocessing
-import select
-import sys
 import threading
 import time
 from collections.abc import Callable
-from multiprocessing.connection import _ConnectionBase as Connection  # a pipe's end is another class on Windows
 
 from instrument.devices import CaptureSettings, DigitizerError
 from instrument.process.child import OPENED, STARTED, Answer, BlockReady, DeviceState, Opener, Order, serve
@@ -43,7 +40,6 @@ class DeviceProcess:
             self._process.start()
         except (OSError, ValueError) as error:
             raise DigitizerError(f"the digitizer's process did not start: {error}", "close other programs") from error
-        self._answered = _looking_at(self._answers)
         child_orders.close()  # only the child holds them now, so that its end closes the pipe
         child_answers.close()
         self.child_id = self._process.pid
@@ -96,7 +92,7 @@ class DeviceProcess:
         if self.over:
             raise DigitizerError("the digitizer's process is gone", _REMEDY)
         try:
-            if not self._answered(timeout_s):
+            if not self._answers.poll(timeout_s):
                 return None
             message: Answer | BlockReady = self._answers.recv()
         except (EOFError, OSError):
@@ -148,15 +144,3 @@ class DeviceProcess:
                     raise self.end_silent()
                 self.end(0.0)
                 raise DigitizerError("the arming was given up", _REMEDY)
-
-
-def _looking_at(connection: Connection) -> Callable[[float], bool]:
-    """Return what waits for a message at most so many seconds, and says whether one is there.
-
-    ``Connection.poll`` prepares every wait anew, which costs more than the wait.
-    """
-    if sys.platform == "win32":
-        return connection.poll
-    waiting = select.poll()
-    waiting.register(connection.fileno(), select.POLLIN)
-    return lambda timeout_s: bool(waiting.poll(1e3 * timeout_s))

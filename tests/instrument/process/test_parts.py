@@ -1,10 +1,8 @@
 """The two ends of a subprocess, without the process: blocks cut into a reader's pieces, memory for a lag, reports."""
 
-import multiprocessing
 import os
 import pickle
 import signal
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -320,7 +318,7 @@ def test_a_child_that_ended_by_itself_is_told_with_its_status_or_its_signal(code
     def broken() -> None:
         raise EOFError
 
-    child._answered, child._answers = lambda timeout_s: True, SimpleNamespace(recv=broken)  # type: ignore[assignment]
+    child._answers = SimpleNamespace(poll=lambda timeout_s: True, recv=broken)  # type: ignore[assignment]
     child.end = lambda patience_s: child.ended.append(patience_s) or code  # type: ignore[method-assign, func-returns-value]
     with pytest.raises(DigitizerError, match=rf"process ended by itself \({how}\): arm again"):
         DeviceProcess.receive(child, 0.0)
@@ -445,13 +443,12 @@ def test_a_device_s_process_is_started_with_one_end_of_each_pipe_and_ended_by_fo
     alive: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     context, waited = Context(monkeypatch, alive), []  # type: ignore[var-annotated]
-    monkeypatch.setattr(device_process, "_looking_at", lambda answers: answers.end)
     monkeypatch.setattr(DeviceProcess, "_wait_for", lambda child, *how: waited.append(how))
     made = DeviceProcess("opener", len, 7.0)  # type: ignore[arg-type]
     ends = ["opener", "first reads", "second writes"]
     assert context.did == [(child_module.serve, ends, "levimass digitizer"), ("start", True)]
     assert waited == [(STARTED, 60.0, len, None), (OPENED, 7.0, len, None)]
-    assert context.closed == ends[1:] and (made._answered, made.child_id) == ("second reads", 77)  # the child's alone
+    assert context.closed == ends[1:] and (made._answers.end, made.child_id) == ("second reads", 77)
     context.did.clear()
     assert made.end() == -9 and made.over and made.end() is None
     forced = ["kill", ("join", 5.0)] if alive else []
@@ -467,7 +464,6 @@ def test_a_device_that_does_not_open_leaves_no_process_and_one_that_does_not_sta
             raise DigitizerError("jammed")
 
     context = Context(monkeypatch)
-    monkeypatch.setattr(device_process, "_looking_at", lambda answers: None)
     monkeypatch.setattr(DeviceProcess, "_wait_for", jammed)
     with pytest.raises(DigitizerError, match="jammed"):
         DeviceProcess("opener", len, 7.0)  # type: ignore[arg-type]
@@ -490,22 +486,6 @@ def test_a_child_that_dies_during_a_task_is_not_waited_for(monkeypatch: pytest.M
             worker.run(len, print, lambda cancelled=cancelled: cancelled)  # type: ignore[misc]
         assert context.did[-2:] == [("start", True), "close"] and worker.child_id is None
         context = Context(monkeypatch)
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="a pipe waits by itself there")
-def test_a_message_is_waited_for_in_milliseconds(monkeypatch: pytest.MonkeyPatch) -> None:
-    answers, child_answers = multiprocessing.Pipe(duplex=False)
-    answered = device_process._looking_at(answers)
-    assert not answered(0.0)
-    child_answers.send("one")
-    assert answered(0.0) and answers.recv() == "one" and not answered(0.0)
-    asked: list[Any] = []
-    waiting = SimpleNamespace(register=lambda *which: asked.append(which), poll=asked.append)
-    monkeypatch.setattr(device_process, "select", SimpleNamespace(poll=lambda: waiting, POLLIN=1))
-    assert not device_process._looking_at(answers)(0.25)
-    assert asked == [(answers.fileno(), 1), 250.0]
-    for end in (answers, child_answers):
-        end.close()
 
 
 @pytest.mark.parametrize("alive", [False, True])

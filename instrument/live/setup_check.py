@@ -172,47 +172,27 @@ def check_signals(
     counts: NDArray[np.int16], channels: tuple[Channel, ...], sample_rate_hz: float, bits: int
 ) -> tuple[ChannelSignal, ...]:
     """Measure each channel's signal in ``counts``, shape (n, channels), n at least 64; O(n log n)."""
-    columns = np.ascontiguousarray(counts.T)
-    beats = [column for column, channel in enumerate(channels) if channel.role is not Role.SWITCH]
-    values = columns[beats].astype(np.float64)
-    values -= values.mean(axis=1, keepdims=True)
-    lines = dict(zip(beats, zip(_rms(values), _strongest_lines(values, sample_rate_hz), strict=True), strict=True))
+    rail = 1 << (bits - 1)
     signals = []
-    for column, channel in enumerate(channels):
-        clipped = _clipped_fraction(columns[column], bits)
-        if column not in lines:
-            level = float(np.median(columns[column])) * channel.volts_per_count + channel.offset_v
+    for taken, channel in zip(counts.T, channels, strict=True):
+        clipped = float(np.mean((taken >= rail - 1) | (taken <= -rail)))
+        if channel.role is Role.SWITCH:
+            level = float(np.median(taken)) * channel.volts_per_count + channel.offset_v
             signals.append(ChannelSignal(channel.role, level, clipped, None, None))
             continue
-        rms, (frequency, snr) = lines[column]
-        amplitude = float(rms * np.sqrt(2.0) * abs(channel.volts_per_count))
+        amplitude = float(np.std(taken) * np.sqrt(2.0) * abs(channel.volts_per_count))
+        frequency, snr = _strongest_line(taken - taken.mean(), sample_rate_hz)
         signals.append(ChannelSignal(channel.role, amplitude, clipped, frequency, snr))
     return tuple(signals)
 
 
-def _clipped_fraction(taken: NDArray[np.int16], bits: int) -> float:
-    """Return the share of samples at either end of the converter's range."""
-    rail = 1 << (bits - 1)
-    return float(np.mean((taken >= rail - 1) | (taken <= -rail)))
-
-
-def _rms(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the root mean square of each row of (k, n) values, shape (k,)."""
-    return np.asarray(np.sqrt(np.einsum("kn,kn->k", values, values) / values.shape[1]))
-
-
-def _strongest_lines(values: NDArray[np.float64], sample_rate_hz: float) -> list[tuple[float | None, float | None]]:
-    """Return frequency in Hz and power over all other power in dB of the strongest line of each row of (k, n) values.
+def _strongest_line(values: NDArray[np.float64], sample_rate_hz: float) -> tuple[float | None, float | None]:
+    """Return frequency in Hz and power over all other power in dB of the strongest line of values (n,).
 
     None where it is noise.
     """
-    size = values.shape[1]
-    spectra = np.fft.rfft(values * np.hanning(size), axis=1)
-    powers = spectra.real**2 + spectra.imag**2
-    return [_strongest_line(power, sample_rate_hz / size) for power in powers]
-
-
-def _strongest_line(power: NDArray[np.float64], bin_hz: float) -> tuple[float | None, float | None]:
+    spectrum = np.fft.rfft(values * np.hanning(values.size))
+    power = spectrum.real**2 + spectrum.imag**2
     power[:_LINE_HALF_WIDTH] = 0.0
     peak = int(np.argmax(power))
     if power[peak] <= 0.0:
@@ -227,4 +207,4 @@ def _strongest_line(power: NDArray[np.float64], bin_hz: float) -> tuple[float | 
     if around.size == 3 and around.min() > 0.0:  # the peak is the first of the highest: above its left neighbour
         left, middle, right = np.log(around)
         offset = 0.5 * (left - right) / (left - 2 * middle + right)
-    return float((peak + offset) * bin_hz), float(snr)
+    return float((peak + offset) * (sample_rate_hz / values.size)), float(snr)

@@ -70,11 +70,7 @@ class Bridge:
         self._power: Singles = np.empty(0, np.float32)
 
     def _append(self, phase: Floats, power: Singles) -> None:
-        held = self._phase.size
-        joined = np.empty(held + phase.size)
-        joined[:held] = self._phase
-        np.add(phase, self._shift, out=joined[held:])
-        self._phase = joined
+        self._phase = np.concatenate((self._phase, phase + self._shift))
         self._power = np.concatenate((self._power, power))
 
     def _release(self, last: bool) -> list[Segment]:

@@ -1,12 +1,12 @@
-"""Read the beats of a recording onto the motion's grid, each in its own thread."""
+"""Read the beats of a recording onto the motion's grid, side by side."""
 
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.compiled import side_by_side
 from analysis.shot import AnalysisError, Cancelled, Floats, Gap, Progress, Recording, Stop
 from analysis.signal.beat import BeatReader
 from analysis.signal.bridge import Bridge, Segment
@@ -119,36 +119,23 @@ def read_tracks(
     progress: Progress | None,
     cancelled: Stop | None,
 ) -> list[Track]:
-    """Read every beat over the whole recording, in parallel, as the kernels release the interpreter's lock.
+    """Read every beat over the whole recording, side by side, as the kernels release the interpreter's lock.
 
     Memory: one block per beat in addition to the motion's own arrays.  Raises Cancelled.
     """
-    tracks: list[Track | None] = [None] * len(wanted)
-    problems: list[BaseException] = []
     done = [0.0] * len(wanted)
 
-    def run(place: int) -> None:
+    def track(place: int) -> Track:
         def advance(samples: int) -> None:
             done[place] += samples / recording.samples
-            if problems or (cancelled is not None and cancelled()):
+            if cancelled is not None and cancelled():
                 raise Cancelled
             if progress is not None and place == 0:
                 progress("demodulating", min(1.0, sum(done) / len(done)))
 
-        try:
-            tracks[place] = _read(recording, wanted[place], grid, advance)
-        except BaseException as problem:
-            problems.append(problem)
+        return _read(recording, wanted[place], grid, advance)
 
-    others = [threading.Thread(target=run, args=(place,), daemon=True) for place in range(1, len(wanted))]
-    for thread in others:
-        thread.start()
-    run(0)
-    for thread in others:
-        thread.join()
-    if problems:
-        raise problems[0]
-    return [track for track in tracks if track is not None]
+    return side_by_side(track, range(len(wanted)))
 
 
 def _read(recording: Recording, wanted: BeatSpec, grid: Grid, advance: Callable[[int], None]) -> Track:

@@ -91,7 +91,7 @@ def regress(
     result.  Raises AnalysisError where the columns depend on each other in this motion, Cancelled.
     """
     table.raise_if_cancelled()
-    mask = table.everything if mask is None else mask
+    mask = np.ones(table.time_s.size, dtype=np.bool_) if mask is None else mask
     fixed = fixed or {}
     begin = {name: _start_values(name, start or {}, fixed) for name in laws if LAWS[name].nonlinear_parameters}
     nonlinear = _search_nonlinear(table, laws, mask, begin, fixed)

@@ -190,10 +190,6 @@ class Table:
         if self.stop():
             raise Cancelled
 
-    @property
-    def everything(self) -> Mask:
-        return np.ones(self.time_s.size, dtype=np.bool_)
-
     def force(self, later_s: float = 0.0) -> Floats:
         """Return the filtered measured force, shape (m,), delayed by ``later_s``."""
         return self._cached("", (later_s,), lambda stretch: (stretch.force_n,), later_s)[:, 0]

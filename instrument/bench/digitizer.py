@@ -160,20 +160,16 @@ class BenchDigitizer(Digitizer):
     def _deliver(self, buffer: NDArray[np.int16], wanted: int, lost: int) -> Block:
         done = 0
         while done < wanted and not self._stop.is_set():
-            base = self._next_sample - self._next_sample % _CHUNK
-            inside = self._next_sample - base
+            inside = self._next_sample % _CHUNK
+            base = self._next_sample - inside
+            if base != self._chunk_at:
+                self._make(base, self._chunk)
+                self._chunk_at = base
             n = min(wanted - done, _CHUNK - inside)
-            self._fill(base, inside, buffer[done : done + n])
+            buffer[done : done + n] = self._chunk[inside : inside + n]
             done += n
             self._next_sample += n
         return Block(done, lost_before=lost, ended=self._stop.is_set())
-
-    def _fill(self, base: int, inside: int, part: NDArray[np.int16]) -> None:
-        """Fill ``part`` with the samples of one chunk from ``base + inside`` on."""
-        if base != self._chunk_at:
-            self._make(base, self._chunk)
-            self._chunk_at = base
-        part[:] = self._chunk[inside : inside + part.shape[0]]
 
     def _make(self, base: int, out: NDArray[np.int16]) -> None:
         """Compute the samples from ``base`` on."""

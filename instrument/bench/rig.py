@@ -67,25 +67,20 @@ class SimulatedStream:
         self._effects = complete(rig.effects)
         self._floor = path_vibration(rig.floor_m, rig.seed)
         self._frame = frame_of(rig.site, rig.seed)
-        self._shot = first_shot
+        self.shots = first_shot  # number of the next push
         self._pushed: list[PushedShot] = []
-
-    @property
-    def shots(self) -> int:
-        """Get the number of the next push."""
-        return self._shot
 
     def push(self, time_s: float) -> PushedShot:
         """Push the block at ``time_s``, or as soon as the hand is free; return the shot."""
         rig = self._rig
-        random = np.random.default_rng((rig.seed, self._shot, 0x5))
+        random = np.random.default_rng((rig.seed, self.shots, 0x5))
         speed = rig.velocity_m_per_s * (1 + rig.velocity_spread * float(random.uniform(-1, 1)))
-        effects = effects_of_shot(self._effects, self._shot, rig.seed)
+        effects = effects_of_shot(self._effects, self.shots, rig.seed)
         free_from_s = self._pushed[-1].end_s if self._pushed else 0.0
         start_s = next_push_time_s(max(time_s, free_from_s))
-        self._frame = self._frame.knocked(start_s + push_duration_s(speed), self._shot)
+        self._frame = self._frame.knocked(start_s + push_duration_s(speed), self.shots)
         pushed = push_block(start_s, -speed, effects, rig.loaded_bodies, self._frame)
-        self._shot += 1
+        self.shots += 1
         self._pushed = [*self._pushed[-1:], pushed]  # older ones are over: the stream only goes forward
         return pushed
 

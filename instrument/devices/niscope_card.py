@@ -4,7 +4,6 @@ import contextlib
 import importlib
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from analysis.shot import Channel, Role, Setup
 from instrument.devices.digitizer import Capabilities, CaptureSettings, DigitizerError
 from instrument.devices.source_options import SourceOptions
-from instrument.devices.triggered_digitizer import Piece, Pieces, TriggeredDigitizer
+from instrument.devices.triggered_digitizer import HardwareTrigger, Piece, Pieces, TriggeredDigitizer
 
 PACKAGE_REMEDY = "pip install 'levimass[niscope]'"
 RUNTIME_REMEDY = "install the NI-SCOPE runtime from ni.com/downloads (Windows and Linux), then restart"
@@ -20,21 +19,8 @@ RATES_HZ = (30e6, 60e6, 20e6, 15e6, 10e6, 6e6, 4e6, 2e6, 1e6)  # the paper's fir
 EXTERNAL = "VAL_EXTERNAL"
 
 _ROLES: Mapping[str, Role] = {"0": Role.REFERENCE, "1": Role.MEASUREMENT}
+_TRIGGER = HardwareTrigger("2", level_v=1.0)
 _POLL_S = 0.02
-
-
-@dataclass(frozen=True, slots=True)
-class CardTrigger:
-    """The hardware trigger: a channel ("2") with level and slope, or a digital line ("VAL_RTSI_0", "PFI_1")."""
-
-    source: str = "2"
-    level_v: float = 1.0
-    slope: str = "rising"
-
-    @property
-    def is_digital(self) -> bool:
-        """Get whether the source is a digital line."""
-        return not self.source.isdigit() and self.source != EXTERNAL
 
 
 def load_package() -> Any:
@@ -48,7 +34,8 @@ def load_package() -> Any:
 class NiscopeCard(TriggeredDigitizer[str]):
     """An NI digitizer card; one ``arm`` is one triggered record.
 
-    ``roles`` are the roles of its channels, ``range_v`` the full vertical range of each.  NI-SCOPE refuses a record
+    ``roles`` are the roles of its channels, ``range_v`` the full vertical range of each.  The ``trigger`` is a channel
+    or a digital line ("VAL_RTSI_0", "PFI_1").  NI-SCOPE refuses a record
     that does not fit the card's memory; its message is passed on.
     """
 
@@ -58,7 +45,7 @@ class NiscopeCard(TriggeredDigitizer[str]):
         self,
         resource: str,
         roles: Mapping[str, Role] = _ROLES,
-        trigger: CardTrigger | None = None,
+        trigger: HardwareTrigger = _TRIGGER,
         *,
         range_v: float = 2.0,
         setup: Setup | None = None,
@@ -67,7 +54,7 @@ class NiscopeCard(TriggeredDigitizer[str]):
         super().__init__("card", roles, setup)
         self._niscope = package if package is not None else load_package()
         self._resource = resource
-        self._trigger = trigger or CardTrigger()
+        self._trigger = trigger
         self._range_v = range_v
         self._scales = [(range_v / 65536, 0.0)] * len(roles)
         self._session: Any = self._open()
@@ -133,7 +120,7 @@ class NiscopeCard(TriggeredDigitizer[str]):
             enforce_realtime=True,
         )
         slope = niscope.TriggerSlope.POSITIVE if trigger.slope == "rising" else niscope.TriggerSlope.NEGATIVE
-        if trigger.is_digital:
+        if not str(trigger.source).isdigit() and trigger.source != EXTERNAL:  # a digital line
             session.configure_trigger_digital(trigger.source, slope)
         else:
             session.configure_trigger_edge(trigger.source, trigger.level_v, niscope.TriggerCoupling.DC, slope)
@@ -167,6 +154,6 @@ class NiscopeCard(TriggeredDigitizer[str]):
 def open_digitizer(resource: str, options: SourceOptions) -> NiscopeCard:
     """Open the card of this name in NI MAX."""
     channels = [str(number) for number in options.wholes("channels", "0,1", "channel")]
-    trigger = CardTrigger(options.text("trigger", "2"), options.number("level", "1"), options.slope())
+    trigger = HardwareTrigger(options.text("trigger", "2"), options.slope(), options.number("level", "1"))
     range_v = options.number("range", "2")
     return NiscopeCard(resource, options.assigned(channels), trigger, range_v=range_v, setup=options.rig())

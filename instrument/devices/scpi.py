@@ -5,7 +5,6 @@ import math
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,7 @@ from analysis.shot import Channel, Role, Setup
 from instrument.devices.digitizer import Capabilities, CaptureSettings, DigitizerError
 from instrument.devices.scpi_dialects import ImplausibleAnswer, Scaling, Timing, dialect_of, one_two_five, short_depth
 from instrument.devices.scpi_transport import Cancelled, ScpiTransport, Stalled
-from instrument.devices.triggered_digitizer import Piece, Pieces, TriggeredDigitizer
+from instrument.devices.triggered_digitizer import HardwareTrigger, Piece, Pieces, TriggeredDigitizer
 from instrument.files import one_line
 
 EXTERNAL = "external"
@@ -23,15 +22,6 @@ POLL_S = 0.02
 ARMING_S = 0.5  # for this long after arming, "stopped" may still refer to the previous shot
 
 _ROLES: Mapping[int, Role] = {1: Role.REFERENCE, 2: Role.MEASUREMENT}
-
-
-@dataclass(frozen=True, slots=True)
-class HardwareTrigger:
-    """The hardware trigger: ``source`` is a channel, "external", or None for the instrument's own setting."""
-
-    source: int | str | None = None
-    slope: str = "rising"
-    level_v: float | None = None  # None: as set on the instrument
 
 
 class ScpiOscilloscope(TriggeredDigitizer[int]):

@@ -47,7 +47,8 @@ def network_name(source: str) -> str:
 
 
 def open_digitizer(address: str, options: "SourceOptions") -> "ScpiOscilloscope":
-    from instrument.devices.scpi import EXTERNAL, HardwareTrigger, ScpiOscilloscope
+    from instrument.devices.scpi import EXTERNAL, ScpiOscilloscope
+    from instrument.devices.triggered_digitizer import HardwareTrigger
 
     roles = options.assigned(options.wholes("channels", "1,2", "channel"))
     source: int | str | None = None

@@ -18,6 +18,15 @@ Input = TypeVar("Input", int, str)  # the name of a channel on the device
 
 
 @dataclass(frozen=True, slots=True)
+class HardwareTrigger:
+    """The hardware trigger: a channel (3, of a card "2"), a named input of the device, or None: as set on it."""
+
+    source: int | str | None = None
+    slope: str = "rising"
+    level_v: float | None = None  # None: as set on the instrument
+
+
+@dataclass(frozen=True, slots=True)
 class Piece:
     """Fetched counts (int16, shape (n, channels)) and the trigger's index in them, which may lie outside.
 

@@ -9,11 +9,12 @@ import numpy as np
 
 from analysis.shot.recording import Role
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
-from instrument.devices.niscope_card import CardTrigger, NiscopeCard
+from instrument.devices.niscope_card import NiscopeCard
+from instrument.devices.triggered_digitizer import HardwareTrigger
 
 
 def shot() -> dict:
-    card = NiscopeCard("Dev1", {"0": Role.REFERENCE, "3": Role.MEASUREMENT}, CardTrigger("2", 1.5, "falling"))
+    card = NiscopeCard("Dev1", {"0": Role.REFERENCE, "3": Role.MEASUREMENT}, HardwareTrigger("2", "falling", 1.5))
     samples = 500_000
     card.arm(CaptureSettings(3e7, samples, 50_000))
     expected = np.stack([np.arange(samples) % 30000 + 1000 * n for n in (0, 3)], axis=1)
@@ -40,7 +41,7 @@ def shot() -> dict:
 
 
 def cancelled() -> dict:
-    card = NiscopeCard("Dev1", trigger=CardTrigger("PFI_1"))
+    card = NiscopeCard("Dev1", trigger=HardwareTrigger("PFI_1", level_v=1.0))
     card.arm(CaptureSettings(1e7, 1000, 0))
     buffer = np.empty((10, 2), np.int16)
     first = card.read_into(buffer, 0.05)

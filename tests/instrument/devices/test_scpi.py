@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from analysis.shot.recording import Channel, Role
 from instrument.devices.digitizer import Block, CaptureSettings, Digitizer, DigitizerError
-from instrument.devices.scpi import EXTERNAL, HardwareTrigger, ScpiOscilloscope
+from instrument.devices.scpi import EXTERNAL, ScpiOscilloscope
 from instrument.devices.scpi_dialects import (
     DIALECTS,
     ImplausibleAnswer,
@@ -31,7 +31,7 @@ from instrument.devices.scpi_dialects import (
 from instrument.devices.scpi_socket import SocketTransport
 from instrument.devices.scpi_transport import Deadline, Stalled, block_start
 from instrument.devices.sources import open_source
-from instrument.devices.triggered_digitizer import Piece
+from instrument.devices.triggered_digitizer import HardwareTrigger, Piece
 from tests.instrument.devices.scpi_emulator import EmulatedScope, TcpScope
 
 MAKERS = ("rigol", "siglent", "keysight")

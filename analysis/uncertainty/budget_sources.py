@@ -94,22 +94,6 @@ class UncertaintySource:
     how: str
 
 
-class VariableTable:
-    def __init__(self) -> None:
-        self._sources: dict[Any, UncertaintySource] = {}
-
-    def number(self, value: float, std: float, name: str, kind: str, unit: str, how: str) -> Number:
-        """Return a new independent variable; a source without uncertainty stays a plain number."""
-        if not std > 0.0 or not math.isfinite(std):
-            return value
-        variable = ufloat(value, std)
-        self._sources[variable] = UncertaintySource(name, kind, unit, how)
-        return variable
-
-    def source(self, variable: Any) -> UncertaintySource:
-        return self._sources[variable]
-
-
 class ShotSources:
     """The variables of one shot, each made once, so that results which share one are correlated.
 
@@ -117,7 +101,7 @@ class ShotSources:
     """
 
     def __init__(self, shot: Shot, instrument: InstrumentUncertainty) -> None:
-        self.variables = VariableTable()
+        self._sources: dict[Any, UncertaintySource] = {}  # by variable
         self._shot = shot
         self._instrument = instrument
         self._rate_error = shot.motion.rate_error if shot.motion is not None else 0.0
@@ -131,6 +115,17 @@ class ShotSources:
     def mass_scale(self) -> Number:
         """Get the block's mass over the value used."""
         return self.mass_kg / self._mass_value
+
+    def number(self, value: float, std: float, name: str, kind: str, unit: str, how: str) -> Number:
+        """Return a new independent variable; a source without uncertainty stays a plain number."""
+        if not std > 0.0 or not math.isfinite(std):
+            return value
+        variable = ufloat(value, std)
+        self._sources[variable] = UncertaintySource(name, kind, unit, how)
+        return variable
+
+    def source(self, variable: Any) -> UncertaintySource:
+        return self._sources[variable]
 
     def noisy(
         self, reading: Reading | None, name: str, unit: str, *, without_mass: bool = False, per_time: int = 0
@@ -150,12 +145,12 @@ class ShotSources:
         if self._rate_error:
             carried = per_time * reading.value * self._rate_error
             std = math.sqrt(max(0.0, std**2 - carried**2))
-        return self.variables.number(reading.value, std, name, "A", unit, reading.how)
+        return self.number(reading.value, std, name, "A", unit, reading.how)
 
     def interval(self, value_s: float, std_s: float, name: str, how: str) -> Number:
         """Return an interval between two read instants: its noise (type A) and the band limit's shift (type B)."""
-        noise = self.variables.number(value_s, std_s, f"beat noise, {name}", "A", "s", how)
-        shift = self.variables.number(
+        noise = self.number(value_s, std_s, f"beat noise, {name}", "A", "s", how)
+        shift = self.number(
             0.0, self._instrument.instant_u_s, f"bandwidth, {name}", "B", "s", "instants shifted alike but for this"
         )
         return (noise + shift) * self.timebase
@@ -167,7 +162,7 @@ class ShotSources:
             return 1.0
         lost = (0.5 / contact_time.value / motion.bandwidth_hz) ** 2
         how = f"pulse of {contact_time.value * 1e3:.3g} ms in {motion.bandwidth_hz:g} Hz, rectangular limit"
-        return self.variables.number(1.0, lost / math.sqrt(3.0), "bandwidth", "B", "1", how)
+        return self.number(1.0, lost / math.sqrt(3.0), "bandwidth", "B", "1", how)
 
     def plate(self, plate: Plate) -> dict[str, Number]:
         """Return a plate's fields and "beam_theory" by name, with the instrument's tolerances."""
@@ -177,33 +172,33 @@ class ShotSources:
             name, value = entry.name, getattr(plate, entry.name)
             std = getattr(self._instrument.plate, name)
             words = "plate: " + name.rsplit("_", 1)[0].replace("_", " ")
-            numbers[name] = self.variables.number(value, std, words, "B", units.get(name, "m"), "stated tolerance")
+            numbers[name] = self.number(value, std, words, "B", units.get(name, "m"), "stated tolerance")
         theory = self._instrument.plate.beam_theory
         how = "clamp and disc bend as a plate, not as beams"
-        return numbers | {"beam_theory": self.variables.number(1.0, theory, "plate: beam theory", "B", "1", how)}
+        return numbers | {"beam_theory": self.number(1.0, theory, "plate: beam theory", "B", "1", how)}
 
     def _timebase(self) -> Number:
         stated = self._instrument.timebase_u
         if not self._rate_error:
-            return self.variables.number(1.0, stated, "timebase", "B", "1", "digitizer's clock, rectangular limit")
+            return self.number(1.0, stated, "timebase", "B", "1", "digitizer's clock, rectangular limit")
         std = math.hypot(stated, self._rate_error)
         how = "PD0 or the computer's clock contradicts the sample rate by as much"
-        return self.variables.number(1.0, std, "timebase", "B", "1", how)
+        return self.number(1.0, std, "timebase", "B", "1", how)
 
     def _mass(self) -> tuple[Number, float]:
         setup, motion = self._shot.setup, self._shot.motion
         value = motion.moving_mass_kg if motion is not None else setup.moving_mass_kg if setup is not None else 1.0
         stated = max(motion.moving_mass_u_kg if motion else 0.0, setup.moving_mass_u_kg if setup else 0.0)
         if stated > 0.0:
-            return self.variables.number(value, stated, "mass", "B", "kg", "stated with the recording"), value
+            return self.number(value, stated, "mass", "B", "kg", "stated with the recording"), value
         how = "balance read to 0.01 g (none stated with the recording)"
-        return self.variables.number(value, self._instrument.mass_u_kg, "mass", "B", "kg", how), value
+        return self.number(value, self._instrument.mass_u_kg, "mass", "B", "kg", how), value
 
     def _length(self) -> Number:
         setup, motion = self._shot.setup, self._shot.motion
         if setup is None or (motion is not None and motion.wavelength_m is None):
             return 1.0  # a motion record: its length scale is its maker's
-        alignment = self.variables.number(
+        alignment = self.number(
             1.0,
             self._instrument.alignment_u,
             "alignment (cosine)",
@@ -214,7 +209,7 @@ class ShotSources:
         return self._wavelength(setup) * alignment
 
     def _wavelength(self, setup: Setup) -> Number:
-        variables, known = self.variables, self._instrument
+        known = self._instrument
         if setup.wavelength_air_m is None and setup.wavelength_vacuum_m is not None:
             used = setup.wavelength_vacuum_m
             std, name, how = used * known.wavelength_vacuum_relative, "wavelength in vacuum", "stabilised laser, stated"
@@ -222,7 +217,7 @@ class ShotSources:
             used = wavelength_in_air_m(setup)
             std, name = _last_digit(used) / math.sqrt(3.0), "wavelength in air"
             how = f"{used * 1e9:g} nm as stated, rounded to its last digit"
-        wavelength = variables.number(used, std, name, "B", "m", how)
+        wavelength = self.number(used, std, name, "B", "m", how)
         return wavelength / used * self._air(setup)
 
     def _air(self, setup: Setup) -> Number:
@@ -244,7 +239,7 @@ class ShotSources:
             step = 1e-3 * here[place] if here[place] else 1e-3
             moved = type(air)(*(v + step * (i == place) for i, v in enumerate(here)))
             slope = -(refractive_index(wavelength, moved) - index) / step / index
-            scale = scale + slope * self.variables.number(0.0, std, name, "B", unit, how)
+            scale = scale + slope * self.number(0.0, std, name, "B", unit, how)
         return scale
 
     def _rest(self) -> Number:
@@ -262,7 +257,7 @@ class ShotSources:
             std, kind, how = rest.std, "A", rest.how
         else:
             return 0.0
-        return 0.5 * motion.wavelength_m * self.variables.number(0.0, std, "rest frequency", kind, "Hz", how)
+        return 0.5 * motion.wavelength_m * self.number(0.0, std, "rest frequency", kind, "Hz", how)
 
 
 def _last_digit(wavelength_m: float) -> float:

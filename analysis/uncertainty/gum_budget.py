@@ -169,7 +169,7 @@ def budget_rows(result: Budget) -> list[list[str]]:
 
 
 def _row(sources: ShotSources, variable: Any, slope: float, size: float) -> BudgetRow:
-    source, std = sources.variables.source(variable), float(variable.std_dev)
+    source, std = sources.source(variable), float(variable.std_dev)
     if abs(slope) * std < 1e-15 * size:  # rounding of what cancels
         slope = 0.0
     return BudgetRow(source.name, source.kind, std, source.unit, float(slope), source.how)

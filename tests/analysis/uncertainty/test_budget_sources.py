@@ -9,7 +9,7 @@ from analysis.shot.air import STANDARD_AIR, Air, refractive_index
 from analysis.shot.motion import BeatQuality
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.shot.recording import Setup
-from analysis.uncertainty.budget_sources import InstrumentUncertainty, ShotSources, VariableTable, _last_digit
+from analysis.uncertainty.budget_sources import InstrumentUncertainty, ShotSources, _last_digit
 from tests.analysis.shots import shot_of
 from tests.analysis.synthetic_collision import Synthetic, motion_of
 
@@ -20,8 +20,8 @@ LASER = Setup(moving_mass_kg=17.85e-3, moving_mass_u_kg=2e-6, wavelength_vacuum_
 def _parts(number: object, sources: ShotSources) -> dict[str, tuple[str, float]]:
     """Return the type and the contribution of each source of a number, by name."""
     return {
-        sources.variables.source(variable).name: (
-            sources.variables.source(variable).kind,
+        sources.source(variable).name: (
+            sources.source(variable).kind,
             abs(slope) * variable.std_dev,
         )
         for variable, slope in number.derivatives.items()  # type: ignore[attr-defined]
@@ -45,7 +45,7 @@ def test_limits_are_rectangles_and_the_cosine_counts_with_its_mean() -> None:
 
 
 def test_what_has_no_uncertainty_is_a_plain_number() -> None:
-    table = VariableTable()
+    table = ShotSources(shot_of(setup=LASER), KNOWN)
     for std in (0.0, -1.0, math.nan, math.inf):
         assert table.number(2.0, std, "x", "A", "m", "") == 2.0
     variable = table.number(2.0, 0.5, "x", "A", "m", "how")

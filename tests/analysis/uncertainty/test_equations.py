@@ -321,13 +321,13 @@ def test_each_source_has_the_unit_of_its_own_kind() -> None:
     assert {source: units[source] for source in expected} == {source: {unit} for source, unit in expected.items()}
     table = ShotSources(shot_of(setup=SETUP), known)
     made = table.plate(plate)
-    sources = {name: table.variables.source(number) for name, number in made.items() if name != "youngs_modulus_pa"}
+    sources = {name: table.source(number) for name, number in made.items() if name != "youngs_modulus_pa"}
     assert {name: source.unit for name, source in sources.items()} == {
         "arm_length_m": "m", "arm_width_m": "m", "thickness_m": "m", "disc_diameter_m": "m", "density_kg_m3": "kg/m3",
         "beam_theory": "1",
     }  # fmt: skip
     modulus: Any = made["youngs_modulus_pa"]
-    assert table.variables.source(modulus).unit == "Pa" and modulus.std_dev == pytest.approx(0.02 * 131e9)
+    assert table.source(modulus).unit == "Pa" and modulus.std_dev == pytest.approx(0.02 * 131e9)
     assert made["arm_width_m"].nominal_value == 2e-3  # type: ignore[union-attr]
 
 

@@ -35,8 +35,8 @@ class NiscopeCard(TriggeredDigitizer[str]):
     """An NI digitizer card; one ``arm`` is one triggered record.
 
     ``roles`` are the roles of its channels, ``range_v`` the full vertical range of each.  The ``trigger`` is a channel
-    or a digital line ("VAL_RTSI_0", "PFI_1").  NI-SCOPE refuses a record
-    that does not fit the card's memory; its message is passed on.
+    or a digital line ("VAL_RTSI_0", "PFI_1").  NI-SCOPE refuses a record that does not fit the card's memory; its
+    message is passed on.
     """
 
     _ends_within_s = 10.0

@@ -135,7 +135,7 @@ def test_columns_are_dependent_where_one_has_next_to_nothing_of_its_own(factor: 
 
 def test_a_motion_that_cannot_tell_two_parameters_apart_is_refused_by_their_names(table: Table) -> None:
     still = SimpleNamespace(
-        raise_if_cancelled=lambda: None, everything=np.ones(9, dtype=bool), base=lambda: np.ones((9, 3)),
+        raise_if_cancelled=lambda: None, time_s=np.zeros(9), base=lambda: np.ones((9, 3)),
         force=lambda later_s: np.arange(9.0), columns=lambda law, at: np.ones((9, 1)), stretches=(), record=np.zeros(9),
     )  # fmt: skip
     given: Any = still

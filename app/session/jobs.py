@@ -250,28 +250,23 @@ class Work:
         return ended
 
 
-Given = TypeVar("Given")
 Result = TypeVar("Result")
 
 
-class ShotJob(Generic[Given, Result]):
+class ShotJob(Generic[Result]):
     """Background work on the shot in view; starting it for another shot cancels the one before."""
 
-    def __init__(self, jobs: Jobs, kind: str, work: Callable[[Entry, Given, Progress, Stop], Result]) -> None:
-        self._jobs, self._kind, self._work = jobs, kind, work
+    def __init__(self, jobs: Jobs, kind: str) -> None:
+        self._jobs, self._kind = jobs, kind
         self._job: Job | None = None
         self._number: int | None = None
         self._entry: Entry | None = None
 
-    def ask(self, entry: Entry, given: Given) -> bool:
+    def ask(self, entry: Entry, work: Callable[[Progress, Stop], Result]) -> bool:
         """Start the work unless it is done or running for this shot; return whether it was started."""
         if self._number == entry.number:
             return False
         self._number, self._entry = entry.number, entry
-
-        def work(report: Progress, cancelled: Stop) -> Result:
-            return self._work(entry, given, report, cancelled)
-
         self._jobs.cancel(self._kind)
         self._job = self._jobs.submit(f"{self._kind} of {entry.name}", work, self._kind)
         return True

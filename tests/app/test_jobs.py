@@ -188,24 +188,27 @@ def test_another_session_cancels_the_work_of_this_one_and_no_other(held, kind):
 def test_work_on_the_shot_in_view_is_done_once_for_each_and_given_out_once():
     jobs, asked = Jobs(), []
 
-    def work(entry, given, report, cancelled):
-        asked.append((entry.number, given))
-        if given == "fail":
-            raise ValueError("no")
-        return 10 * entry.number
+    def work(entry, given):
+        def made(report, cancelled):
+            asked.append((entry.number, given))
+            if given == "fail":
+                raise ValueError("no")
+            return 10 * entry.number
 
-    of = ShotJob(jobs, "spectra", work)
+        return entry, made
+
+    of = ShotJob(jobs, "spectra")
     one, two = (Entry(n, f"s{n}", Path("x"), None) for n in (1, 2))
     try:
         assert of.take() is None and of.job is None
-        assert of.ask(one, "a") and not of.ask(one, "b")
+        assert of.ask(*work(one, "a")) and not of.ask(*work(one, "b"))
         assert of.job is not None and of.job.name == "spectra of s1" and of.job.done.wait(10)
-        assert of.take() == (one, 10) and of.take() is None and not of.ask(one, "c")
+        assert of.take() == (one, 10) and of.take() is None and not of.ask(*work(one, "c"))
         of.forget()
-        assert of.ask(one, "d")
+        assert of.ask(*work(one, "d"))
         first = of.job
-        assert of.ask(two, "fail") and of.job.done.wait(10)
-        assert of.take() is None and of.ask(two, "e")  # what failed is tried again
+        assert of.ask(*work(two, "fail")) and of.job.done.wait(10)
+        assert of.take() is None and of.ask(*work(two, "e"))  # what failed is tried again
         assert of.job.done.wait(10) and of.take() == (two, 20)
         assert first.cancelled or first.result == 10
         assert asked[0] == (1, "a") and asked[-1] == (2, "e")

@@ -169,4 +169,4 @@ def _not_run(tree: ast.AST) -> Iterator[ast.AST]:
         elif isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name) and node.value.id in _GENERIC:
             yield node.slice  # tuple[X, ...] is a type wherever it stands
         elif isinstance(node, ast.Call) and isinstance(node.func, ast.Subscript) and _is_class(node.func.value):
-            yield node.func.slice  # ShotJob[Recording, Spectra](...) is made without its types
+            yield node.func.slice  # ShotJob[Spectra](...) is made without its type

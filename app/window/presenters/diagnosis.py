@@ -1,6 +1,7 @@
 """Diagnose the selected shots; show the result; add effects or the operator's own laws; plan and take the next shot."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from PySide6.QtCore import QObject, Signal, Slot
@@ -32,7 +33,7 @@ class DiagnosisPresenter(QObject):
         self._workbench, self._panels = workbench, panels
         # diagnosis and effects shown, and whether the diagnosis holds for them
         self._shown: tuple[object, tuple[Effect, ...], bool] = (None, (), True)
-        self._forces = ShotJob[Diagnosis, Forces](workbench.short_jobs, "residual of the force", _forces_of)
+        self._forces = ShotJob[Forces](workbench.short_jobs, "residual of the force")
         panels.model.diagnose.clicked.connect(self.diagnose)
         page = panels.diagnosis
         page.diagnose.clicked.connect(self.diagnose)
@@ -71,7 +72,7 @@ class DiagnosisPresenter(QObject):
         drive = next((e for e in entries if e is not None and e.shot is not None and e.shot.motion is not None), None)
         if drive is not None and is_drive(found.diagnosis.fit_after.model):
             self._forces.forget()
-            self._forces.ask(drive, found.diagnosis)
+            self._forces.ask(drive, partial(_forces_of, drive, found.diagnosis))
 
     def _show_forces(self, found: Diagnosed | None) -> None:
         """Show the forces of a drive once they are computed, if they are still those of the diagnosis shown."""

@@ -1,6 +1,7 @@
 """Show the selected shots: the last one in most panels, all of them in COMPARE and BUDGET; keep notes on its plots."""
 
 from collections.abc import Callable
+from functools import partial
 
 from PySide6.QtCore import QObject, Signal, Slot
 
@@ -16,20 +17,6 @@ from app.window.state_words import verdict_line
 from app.window.theme import Tone
 
 
-def _spectra_of(entry: Entry, recording: Recording, report: Progress, cancelled: Stop) -> Spectra:
-    zero = time_zero(entry.shot)[0] if entry.shot is not None else 0.0
-    return spectra_of(recording, zero, report, cancelled)
-
-
-def _raw_curves_of(_: Entry, recording: Recording, __: Progress, ___: Stop) -> RawCurves:
-    return curves_of(recording)
-
-
-def _drive_curves_of(_: Entry, shot: Shot, __: Progress, ___: Stop) -> tuple[Shot, DriveCurves]:
-    assert shot.motion is not None and shot.fit is not None
-    return shot, drive_curves(shot.motion, shot.fit)
-
-
 def _title(entry: Entry) -> str:
     return f"Shot {entry.number}   {entry.name}"
 
@@ -40,9 +27,9 @@ class SelectionPresenter(QObject):
     def __init__(self, workbench: Workbench, panels: Layout, parent: QObject) -> None:
         super().__init__(parent)
         self._workbench, self._panels = workbench, panels
-        self._spectra = ShotJob[Recording, Spectra](workbench.jobs, "spectrum", _spectra_of)
-        self._raw_view = ShotJob[Recording, RawCurves](workbench.short_jobs, "raw signals", _raw_curves_of)
-        self._drive = ShotJob[Shot, tuple[Shot, DriveCurves]](workbench.short_jobs, "force", _drive_curves_of)
+        self._spectra = ShotJob[Spectra](workbench.jobs, "spectrum")
+        self._raw_view = ShotJob[RawCurves](workbench.short_jobs, "raw signals")
+        self._drive = ShotJob[tuple[Shot, DriveCurves]](workbench.short_jobs, "force")
         self._shown: tuple[int, object, object] | None = None
         self._undrawn: set[int] = set()  # pages that are not drawn for this selection yet
         self._raw: tuple[int, Recording | None] | None = None
@@ -150,20 +137,22 @@ class SelectionPresenter(QObject):
         if entry is None or recording is None:
             self._spectra.forget()
             self._panels.spectrum.show_spectra(None)
-        elif self._spectra.ask(entry, recording):
+            return
+        zero = time_zero(entry.shot)[0] if entry.shot is not None else 0.0
+        if self._spectra.ask(entry, partial(spectra_of, recording, zero)):
             self._panels.spectrum.show_spectra(None)  # another shot's would be taken for these
 
     @Slot(object)
     def _drive_wanted(self, shot: Shot) -> None:
-        entry = self.front()
-        if entry is not None:
-            self._drive.ask(entry, shot)
+        entry, motion, fit = self.front(), shot.motion, shot.fit
+        if entry is not None and motion is not None and fit is not None:
+            self._drive.ask(entry, lambda _, __: (shot, drive_curves(motion, fit)))
 
     @Slot(object)
     def _raw_wanted(self, recording: Recording) -> None:
         entry = self.front()
         if entry is not None:
-            self._raw_view.ask(entry, recording)
+            self._raw_view.ask(entry, lambda _, __: curves_of(recording))
 
 
 class TablesPresenter(QObject):

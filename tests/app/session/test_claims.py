@@ -144,22 +144,26 @@ def test_each_candidate_is_fitted_on_top_of_what_was_in_the_model(monkeypatch):
 def test_work_on_the_shot_in_view_is_begun_once_and_its_result_taken_once():
     jobs = Jobs()
     made = []
-    job = ShotJob(jobs, "spectrum", lambda entry, given, report, stop: made.append(given) or given * 2)
+    job = ShotJob(jobs, "spectrum")
+
+    def twice(given):
+        return lambda report, stop: made.append(given) or given * 2
+
     one, two = SimpleNamespace(number=1, name="a"), SimpleNamespace(number=2, name="b")
-    assert job.ask(one, 10) and not job.ask(one, 11)
+    assert job.ask(one, twice(10)) and not job.ask(one, twice(11))
     assert job.job.name == "spectrum of a" and job.job.kind == "spectrum"
     job.job.done.wait(60)
-    assert job.take() == (one, 20) and job.take() is None and not job.ask(one, 12)
+    assert job.take() == (one, 20) and job.take() is None and not job.ask(one, twice(12))
     job.forget()
-    assert job.ask(one, 13)
+    assert job.ask(one, twice(13))
     job.job.done.wait(60)
-    assert job.ask(two, 14) and made[:2] == [10, 13]
+    assert job.ask(two, twice(14)) and made[:2] == [10, 13]
     job.job.done.wait(60)
     assert job.take() == (two, 28)
-    broken = ShotJob(jobs, "raw", lambda *_: 1 / 0)
-    assert broken.ask(one, 1)
+    broken = ShotJob(jobs, "raw")
+    assert broken.ask(one, lambda *_: 1 / 0)
     broken.job.done.wait(60)
-    assert broken.take() is None and broken.ask(one, 1)  # it is tried again
+    assert broken.take() is None and broken.ask(one, lambda *_: 1 / 0)  # it is tried again
     jobs.close()
 
 

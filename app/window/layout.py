@@ -33,7 +33,7 @@ from app.window.panels.tables import BudgetPanel, PaperPanel
 from app.window.panels.work_line import NoticeList, WorkLine
 from app.window.plots.plot_view import PlotView
 from app.window.theme import Theme, dress_all
-from app.window.widgets import vertical
+from app.window.widgets import Sheet, vertical
 
 
 class Layout(QWidget):
@@ -141,11 +141,10 @@ class Layout(QWidget):
         return None
 
     def place_sheets(self) -> None:
-        """Place the sheets after a change of size."""
-        for sheet in (self.settings, self.setup, self.mapping, self.law, self.about, self.messages, self.tour):
-            sheet.place()
-        if self.keys.isVisible():
-            self.keys.place()
+        """Place the open sheets after a change of size."""
+        for sheet in self.findChildren(Sheet):
+            if sheet.isVisible():
+                sheet.place()
 
 
 class _Bar(QTabBar):

@@ -1,4 +1,4 @@
-"""Widgets that panels share: labels, buttons, fields, a layout that continues in a new line, a side sheet."""
+"""Widgets that panels share: labels, buttons, fields, a layout that continues in a new line, a sheet."""
 
 from collections.abc import Callable, Iterable
 
@@ -281,8 +281,8 @@ def clear_layout(layout: QLayout) -> None:
             widget.deleteLater()
 
 
-class SideSheet(QFrame):
-    """Hidden until it is opened."""
+class Sheet(QFrame):
+    """Lies over the window, at its right side where a subclass does not ``place`` it; hidden until it is opened."""
 
     def __init__(self, name: str, parent: QWidget | None = None) -> None:
         super().__init__(parent)

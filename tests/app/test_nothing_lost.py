@@ -31,7 +31,7 @@ from app.window.panels.settings_sheet import SettingsSheet
 from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
 from app.window.theme import Theme
-from app.window.widgets import SideSheet
+from app.window.widgets import Sheet
 from app.words.wording import DASH, local, typed_number
 from instrument.bench.simulated_shots import simulate
 from instrument.capture.analysis_thread import AnalysisThread, ShotAnalysis
@@ -102,7 +102,7 @@ def test_a_sheet_forgets_a_button_that_was_deleted(qtbot: QtBot) -> None:
     main = QWidget()
     qtbot.addWidget(main)
     button, field = QPushButton("Add", main), QLineEdit()
-    sheet = SideSheet("sheet", main)
+    sheet = Sheet("sheet", main)
     field.setParent(sheet)
     main.show()
     main.activateWindow()

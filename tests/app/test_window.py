@@ -16,7 +16,7 @@ from PySide6.QtWidgets import QLineEdit, QPushButton
 from app.window import main_window
 from app.window.layout import Layout
 from app.window.main_window import open_window
-from app.window.widgets import SideSheet
+from app.window.widgets import Sheet
 from instrument.bench.simulated_shots import simulate
 from instrument.capture.acquisition import State
 from tests.app import rigs
@@ -289,7 +289,7 @@ def test_esc_closes_every_sheet_before_it_aborts(opened, qtbot):
     window = opened(rigs.still_bench)
     _ready(qtbot, window)
     panels = window.panels
-    sheets = {name: part for name, part in vars(panels).items() if isinstance(part, SideSheet)}
+    sheets = {name: part for name, part in vars(panels).items() if isinstance(part, Sheet)}
     assert {"settings", "setup", "mapping", "law", "about"} <= set(sheets)
     qtbot.keyClick(window, Qt.Key.Key_Space)
     qtbot.waitUntil(lambda: panels.banner.word.text() == "ARMED", timeout=WAIT_MS)

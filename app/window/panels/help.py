@@ -13,16 +13,14 @@ from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QPlainTe
 from app.report import program_words
 from app.window.commands import COMMANDS, MOUSE, ON_PLOT
 from app.window.theme import sized
-from app.window.widgets import SideSheet, push_button, text_label, vertical
+from app.window.widgets import Sheet, push_button, text_label, vertical
 
 
-class KeySheet(QFrame):
-    """A sheet over the window, without input."""
+class KeySheet(Sheet):
+    """The sheet, in the middle of the window; without input."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setProperty("card", True)
-        self.setAccessibleName("Keys")
+        super().__init__("Keys", parent)
         column = vertical(self, (18, 14, 18, 14))
         title = QLabel("Keys", self)
         title.setFont(sized(self.font(), 1.6, bold=True))
@@ -36,7 +34,6 @@ class KeySheet(QFrame):
         self._lists: dict[int, QWidget] = {}  # side by side; on a narrow screen one below the other
         hint = "F1 or Esc closes this sheet.  Tab moves between controls, Enter presses the one in focus."
         column.addWidget(text_label(hint, self, faint=True), 0, Qt.AlignmentFlag.AlignLeft)
-        self.hide()
 
     def place(self) -> None:
         """Centre the sheet in its window."""
@@ -59,7 +56,6 @@ class KeySheet(QFrame):
         width = min(room, wanted.width() + spare)
         height = min(parent.height() - 20, wanted.height() + around.height())
         self.setGeometry((parent.width() - width) // 2, (parent.height() - height) // 2, width, height)
-        self.raise_()
 
 
 def _key_list(sides: int) -> QWidget:
@@ -81,11 +77,7 @@ def _key_list(sides: int) -> QWidget:
         grid.addWidget(text_label(name.upper(), inside, heading=True), lines[side], 3 * side, 1, 2)
         lines[side] += 1
         for sequence, words in rows:
-            key_label = QLabel(sequence, inside)
-            bold = key_label.font()
-            bold.setBold(True)
-            key_label.setFont(bold)
-            grid.addWidget(key_label, lines[side], 3 * side)
+            grid.addWidget(text_label(sequence, inside, bold=True), lines[side], 3 * side)
             grid.addWidget(QLabel(words, inside), lines[side], 3 * side + 1)
             lines[side] += 1
         grid.setRowMinimumHeight(lines[side], 10)
@@ -116,7 +108,7 @@ def licence_words() -> str:
     return "\n".join(lines)
 
 
-class AboutSheet(SideSheet):
+class AboutSheet(Sheet):
     """The sheet; its text is made when it first opens."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -149,19 +141,18 @@ class Step:
     words: str
 
 
-class Tour(QFrame):
-    """Shows one callout at a time; emits ``ended`` when it is finished or skipped."""
+class Tour(Sheet):
+    """Shows one callout at a time, beside what it is about; emits ``ended`` when it is finished or skipped."""
 
     ended = Signal()
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setObjectName("tour")
-        self.setAccessibleName("Short tour")
         self._steps: tuple[Step, ...] = ()
         self._place = 0
-        self._before: QWidget | None = None  # what had the focus
         self._ring = QFrame(parent)
+        super().__init__("Short tour", parent)  # hides it, and the ring with it
+        self.setObjectName("tour")
+        self.setProperty("card", None)  # it has a look of its own
         self._ring.setObjectName("ring")
         self._ring.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
         column = vertical(self, (16, 12, 16, 12))
@@ -173,22 +164,19 @@ class Tour(QFrame):
         row = QHBoxLayout()
         self._count = QLabel(self)
         hover = "Do not show it again  (Esc); F4 brings it back"
-        self._skip = push_button("Skip the tour", hover, self, self.finish)
+        skip = push_button("Skip the tour", hover, self, self.finish)
         self.onward = push_button("Next", "Next callout  (Enter)", self, self.next)
         row.addWidget(self._count, 1)
-        row.addWidget(self._skip)
+        row.addWidget(skip)
         row.addWidget(self.onward)
         column.addLayout(row)
         self.setFixedWidth(self.fontMetrics().horizontalAdvance("M") * 32)
-        self._ring.hide()
-        self.hide()
 
     def begin(self, steps: Sequence[Step]) -> None:
         """Show the first callout; Enter continues, Esc ends, all other keys work as usual."""
         self._steps, self._place = tuple(steps), 0
-        self._before = self.window().focusWidget()
+        self.open_at(self.onward)
         self._show()
-        self.onward.setFocus()
 
     @Slot()
     def next(self) -> None:
@@ -204,11 +192,9 @@ class Tour(QFrame):
         self.close()
 
     def hideEvent(self, event: QHideEvent) -> None:
-        """Hide the ring, and emit ``ended`` once."""
+        """Hide the ring too, and emit ``ended`` once."""
         super().hideEvent(event)
         self._ring.hide()
-        if self.window().focusWidget() in (self.onward, self._skip) and self._before is not None:
-            self._before.setFocus()
         if self._steps and not event.spontaneous():
             self._steps = ()
             self.ended.emit()
@@ -219,7 +205,6 @@ class Tour(QFrame):
         self._words.setText(step.words)
         self._count.setText(f"{self._place + 1} of {len(self._steps)}")
         self.onward.setText("Done" if self._place + 1 == len(self._steps) else "Next")
-        self.show()
         self._ring.show()
         self.place()
 

@@ -7,7 +7,7 @@ from PySide6.QtWidgets import QCheckBox, QFormLayout, QGridLayout, QLabel, QLine
 
 from analysis.collision import FUNCTIONS, MOST_PARAMETERS, LawError, from_mapping
 from app.window.theme import Tone
-from app.window.widgets import SideSheet, combo_box, line_edit, push_button, show_toned, text_label
+from app.window.widgets import Sheet, combo_box, line_edit, push_button, show_toned, text_label
 from app.words import typed_number
 
 PLACES = (("on the block", "block"), ("on the plate", "plate"), ("between block and plate, in contact", "contact"))
@@ -19,7 +19,7 @@ HINT = (
 )
 
 
-class LawSheet(SideSheet):
+class LawSheet(Sheet):
     """The form; it keeps its content when it closes."""
 
     wanted = Signal(dict)  # the law as ``from_mapping`` reads it

@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QWid
 from analysis.shot import Role, Setup
 from app.session import ChannelKind, ChannelLook, proposed
 from app.window.theme import Tone
-from app.window.widgets import SideSheet, combo_box, line_edit, push_button, show_toned, text_label
+from app.window.widgets import Sheet, combo_box, line_edit, push_button, show_toned, text_label
 from app.words import Markup, joined, lines, local, number, tag, typed_number
 from instrument.files import (
     LENGTHS_M,
@@ -70,7 +70,7 @@ def _look_words(look: ChannelLook) -> Markup:
     return joined(tag("b", look.name), f": {', '.join(parts)}")
 
 
-class MappingSheet(SideSheet):
+class MappingSheet(Sheet):
     """The form: channels of one file, and the numbers that files do not state."""
 
     applied = Signal(object)

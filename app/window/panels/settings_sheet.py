@@ -7,12 +7,12 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QScr
 
 from app.window.file_dialog import Want, ask_for_one
 from app.window.theme import Tone
-from app.window.widgets import SideSheet, horizontal, push_button, show_toned, text_label
+from app.window.widgets import Sheet, horizontal, push_button, show_toned, text_label
 from app.words import local, typed_number, typed_numbers
 from levimass import Setting, Value
 
 
-class SettingsSheet(SideSheet):
+class SettingsSheet(Sheet):
     """The form, fields by group."""
 
     applied = Signal(dict)

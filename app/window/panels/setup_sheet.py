@@ -7,7 +7,7 @@ from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from app.window.theme import MARKS, Tone, sized
-from app.window.widgets import SideSheet, clear_layout, line_edit, push_button, set_tone, show_toned, text_label
+from app.window.widgets import Sheet, clear_layout, line_edit, push_button, set_tone, show_toned, text_label
 from app.words import counted, lines, local_words, tag
 from instrument.devices import Check, FoundDevice, Grade
 
@@ -16,7 +16,7 @@ MOST_CHECKS = 6
 TITLES = {"PD0": "PD0, rest beat", "PD1": "PD1, moving beat", "light switch": "Light switch", "site": "Site"}
 
 
-class SetupSheet(SideSheet):
+class SetupSheet(Sheet):
     """Three steps from top to bottom."""
 
     source_wanted = Signal(str)

@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QFrame, QListWidget, QListWidgetItem, QProgressBar
 
 from app.session import Job, Jobs
 from app.window.theme import MARKS, Colours, Dressed, Tone
-from app.window.widgets import SideSheet, horizontal, hover_text, keep_place, push_button, set_tone, text_label
+from app.window.widgets import Sheet, horizontal, hover_text, keep_place, push_button, set_tone, text_label
 
 KEPT = 20
 LISTED = 200  # messages that the list keeps
@@ -130,7 +130,7 @@ class NoticeLine(QFrame):
         set_tone(self._words, newest.tone)
 
 
-class NoticeList(Dressed, SideSheet):
+class NoticeList(Dressed, Sheet):
     """The list of all messages of this run."""
 
     def __init__(self, notices: NoticeLine, parent: QWidget | None = None) -> None:

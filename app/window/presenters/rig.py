@@ -11,7 +11,7 @@ from app.window import state_words
 from app.window.file_dialog import Want, ask_for_one
 from app.window.layout import Layout
 from app.window.theme import Tone
-from app.window.widgets import SideSheet
+from app.window.widgets import Sheet
 from app.words import duration
 from instrument.capture import Snapshot, State
 from instrument.devices import is_bench
@@ -121,7 +121,7 @@ class RigPresenter(QObject):
     def abort(self) -> None:
         """Close an open sheet, else abort the capture."""
         p = self._panels
-        sheets = [sheet for sheet in (p.tour, p.keys, *p.findChildren(SideSheet)) if sheet.isVisible()]
+        sheets = [sheet for sheet in p.findChildren(Sheet) if sheet.isVisible()]
         if sheets:
             for sheet in sheets:
                 sheet.close()

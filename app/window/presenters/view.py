@@ -120,10 +120,7 @@ class ViewPresenter(QObject):
 
     @Slot()
     def toggle_keys(self) -> None:
-        sheet = self._panels.keys
-        sheet.setVisible(not sheet.isVisible())
-        if sheet.isVisible():
-            sheet.place()
+        self._panels.keys.toggle()
 
     @Slot(object, str)
     def _ask_and_save(self, plot: PlotView, kind: str) -> None:

@@ -2,9 +2,10 @@
 
 from collections.abc import Callable, Sequence
 from enum import Enum
+from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import QObject, Qt, Slot
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFileDialog, QWidget
 
 Then = Callable[[list[Path]], object]
@@ -17,20 +18,6 @@ class Want(Enum):
     FILES = QFileDialog.FileMode.ExistingFiles
     FOLDER = QFileDialog.FileMode.Directory
     NEW_FILE = QFileDialog.FileMode.AnyFile
-
-
-class _Answer(QObject):
-    """Passes the selected paths on."""
-
-    def __init__(self, then: Then, dialog: QFileDialog) -> None:
-        super().__init__(dialog)
-        self._then = then
-        dialog.filesSelected.connect(self.given)
-
-    @Slot(list)
-    def given(self, paths: Sequence[str]) -> None:
-        if paths:
-            self._then([Path(path) for path in paths])
 
 
 def ask(parent: QWidget, title: str, want: Want, then: Then, start: Path | str = "", kinds: str = "") -> QFileDialog:
@@ -62,9 +49,13 @@ def ask(parent: QWidget, title: str, want: Want, then: Then, start: Path | str =
     elif start:
         dialog.setDirectory(str(place.parent))
         dialog.selectFile(place.name)
-    _Answer(then, dialog)
+    dialog.filesSelected.connect(partial(_hand_on, then))
     dialog.show()
     return dialog
+
+
+def _hand_on(then: Then, paths: Sequence[str]) -> None:
+    then([Path(path) for path in paths])
 
 
 class FileDialogs:

@@ -32,7 +32,7 @@ from app.window.panels.spectrum import SpectrumPanel
 from app.window.panels.tables import BudgetPanel, PaperPanel
 from app.window.panels.work_line import NoticeList, WorkLine
 from app.window.plots.plot_view import PlotView
-from app.window.theme import Theme, dress_all
+from app.window.theme import Dressed, Theme
 from app.window.widgets import Sheet, vertical
 
 
@@ -60,7 +60,8 @@ class Layout(QWidget):
         self.model = ModelPanel(self)
         self.table = SessionTable(self)
         self.work = WorkLine(self)
-        self.tabs = SteadyTabs(self)
+        self.tabs = QTabWidget(self)
+        self.tabs.setTabBar(_SteadyBar(self.tabs))
         self.tabs.setDocumentMode(True)
         self.tabs.setAccessibleName("Pages")
         # no page may widen the window
@@ -115,7 +116,9 @@ class Layout(QWidget):
     @Slot()
     def dress(self) -> None:
         """Apply the theme's colours to whatever draws in colours of its own."""
-        dress_all(self, self._theme.colours)
+        for widget in self.findChildren(QWidget):
+            if isinstance(widget, Dressed):
+                widget.dress(self._theme.colours)
 
     def name_shot(self, number: int | None) -> None:
         """Show the number of the selected shot in the tab SHOT, where there is room."""
@@ -147,17 +150,11 @@ class Layout(QWidget):
                 sheet.place()
 
 
-class _Bar(QTabBar):
+class _SteadyBar(QTabBar):
+    """Tabs that a click or a key changes, but not the wheel."""
+
     def wheelEvent(self, event: QWheelEvent) -> None:
-        event.accept()  # the wheel does not change pages
-
-
-class SteadyTabs(QTabWidget):
-    """Pages with tabs that a click or a key changes."""
-
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setTabBar(_Bar(self))
+        event.accept()
 
 
 def state_text(window: QMainWindow, panels: Layout) -> str:

@@ -6,7 +6,7 @@ from string import Template
 
 from PySide6.QtCore import QObject, Qt, Signal, Slot
 from PySide6.QtGui import QColor, QFont, QGuiApplication, QPalette
-from PySide6.QtWidgets import QApplication, QWidget
+from PySide6.QtWidgets import QApplication
 
 
 class Tone(StrEnum):
@@ -259,13 +259,6 @@ class Dressed:
         self.colours = colours
 
 
-def dress_all(window: QWidget, colours: Colours) -> None:
-    """Dress every widget of a window that draws in colours of its own."""
-    for widget in window.findChildren(QWidget):
-        if isinstance(widget, Dressed):
-            widget.dress(colours)
-
-
 class Theme(QObject):
     """The scheme in use; follows the system unless one was chosen."""
 
@@ -275,7 +268,7 @@ class Theme(QObject):
         super().__init__()
         self._choice = choice
         self._colours = LIGHT
-        QGuiApplication.styleHints().colorSchemeChanged.connect(self._system_changed)
+        QGuiApplication.styleHints().colorSchemeChanged.connect(self._apply)
         self._apply()
 
     @property
@@ -289,9 +282,6 @@ class Theme(QObject):
         self._apply()
 
     @Slot()
-    def _system_changed(self) -> None:
-        self._apply()
-
     def _apply(self) -> None:
         system_dark = QGuiApplication.styleHints().colorScheme() == Qt.ColorScheme.Dark
         dark = self._choice == "dark" or (self._choice == "system" and system_dark)

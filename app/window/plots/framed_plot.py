@@ -1,6 +1,6 @@
 """A view box with two axes: pyqtgraph's PlotItem without its menu of 40 widgets, which is not used here."""
 
-from typing import Any
+from typing import Any, TypeVar
 
 import pyqtgraph as pg
 from pyqtgraph import Point
@@ -75,6 +75,7 @@ class QuietView(pg.ViewBox):
             self.placed.emit()
 
 
+Drawn = TypeVar("Drawn", SampledCurve, PointCurve)
 Span = tuple[float, float]
 ViewState = tuple[Span, Span, bool]  # x, y, and whether y was set by hand
 VIEW_AT = (0, 1)  # row and column
@@ -131,6 +132,12 @@ class FramedPlot(pg.GraphicsWidget):
         self.view.addItem(item, ignoreBounds)
         if isinstance(item, CrispCurve | Band):
             item.dress(self.colours)
+
+    def added(self, curve: Drawn) -> Drawn:
+        """Draw a curve that the cursors read, and return it."""
+        self.addItem(curve)
+        self.sampled.append(curve)
+        return curve
 
     def add_band(self) -> Band:
         """Add an empty noise band behind the curves, its edges above them."""

@@ -32,14 +32,6 @@ def density() -> float:
     return float(application.devicePixelRatio()) if isinstance(application, QGuiApplication) else 1.0
 
 
-def thin(colour: str, dash: Qt.PenStyle = Qt.PenStyle.SolidLine) -> QPen:
-    """Return the pen for curves of many points: one device pixel, opaque; a wider one takes seconds per frame.
-
-    A ``CrispCurve`` widens it on a dense screen.
-    """
-    return pg.mkPen(QColor(colour), width=1, style=dash)
-
-
 def straight(colour: str, dash: Qt.PenStyle = Qt.PenStyle.SolidLine, width: int = 1) -> QPen:
     """Return the pen for few segments: a straight line, a smooth curve."""
     return pg.mkPen(QColor(colour), width=max(1, round(width * density())), style=dash)
@@ -61,8 +53,11 @@ class Look:
         return colour if isinstance(colour, str) else colour[self.place % len(colour)]
 
     def pen(self, colours: Colours) -> QPen:
+        """Return its pen; of many points one device pixel, opaque, which a ``CrispCurve`` widens on a dense screen."""
         colour = self.of(colours)
-        return straight(colour, self.dash, self.width) if self.width else thin(colour, self.dash)
+        if self.width:
+            return straight(colour, self.dash, self.width)
+        return pg.mkPen(QColor(colour), width=1, style=self.dash)
 
 
 MEASURED, RESIDUAL = Look("measured"), Look("residual")

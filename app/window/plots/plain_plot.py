@@ -41,10 +41,7 @@ class PlainPlot(PlotView):
 
     def add_curve(self, label: str, look: Look | None = None) -> PointCurve:
         """Add an empty curve that the cursors read."""
-        curve = self.curve_kind(label, look)
-        self.plot.addItem(curve)
-        self.plot.sampled.append(curve)
-        return curve
+        return self.plot.added(self.curve_kind(label, look))
 
     def show_range(self, x: Span, y: Span) -> None:
         """Show this range, to which ``reset`` returns."""

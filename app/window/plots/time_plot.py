@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from typing import TypeVar
 
 import pyqtgraph as pg
 from PySide6.QtCore import Qt, Slot
@@ -14,7 +13,6 @@ from app.window.theme import Colours
 
 _ROOM = 1.5  # span of a steady axis over that of the values, so that noise does not move it
 _LOOSEST = 4.0  # span of a steady axis over that of the values, from which it is fitted again
-Drawn = TypeVar("Drawn", SampledCurve, PointCurve)
 LEAST_NAMED_LINES = 4  # least height for names of levels, in lines of text
 
 
@@ -30,7 +28,7 @@ class TimePlot(FramedPlot):
         self.minimum_span = 0.0
         self.steady = False  # for running curves: the value axis moves only when necessary
         self._y_by_hand = False
-        self.view.sigXRangeChanged.connect(self._x_changed)
+        self.view.sigXRangeChanged.connect(self.fit_y)
         self.view.sigResized.connect(self._resized)
         self.view.y_taken.connect(self._take_y)
 
@@ -41,16 +39,11 @@ class TimePlot(FramedPlot):
 
     def add_curve(self, label: str, look: Look) -> SampledCurve:
         """Add an empty curve."""
-        return self._added(SampledCurve(label, look))
+        return self.added(SampledCurve(label, look))
 
     def add_points(self, label: str, look: Look) -> PointCurve:
         """Add an empty curve of points that are decimated already."""
-        return self._added(PointCurve(label, look))
-
-    def _added(self, curve: Drawn) -> Drawn:
-        self.addItem(curve)
-        self.sampled.append(curve)
-        return curve
+        return self.added(PointCurve(label, look))
 
     def add_band(self) -> Band:
         """Add an empty noise band, which the value axis includes."""
@@ -114,10 +107,6 @@ class TimePlot(FramedPlot):
         self._y_by_hand = taken
 
     @Slot()
-    def _x_changed(self) -> None:
-        self.fit_y()
-
-    @Slot()
     def _resized(self) -> None:
         for curve in self.sampled:
             curve.redraw()
@@ -127,6 +116,7 @@ class TimePlot(FramedPlot):
         for line in self._levels:  # a low plot has no room for names
             line.label.setVisible(self.view.height() > LEAST_NAMED_LINES * line.label.boundingRect().height())
 
+    @Slot()
     def fit_y(self, *, anew: bool = False) -> None:
         """Fit the value axis to the data in view, unless it was set by hand; ``anew``: also a steady one."""
         if self._y_by_hand:

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QAbstractButton, QMainWindow, QMenu, QToolButton, 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A command: its menu and words, the presenter's method it calls, and its keys.
+    """A command: its menu and words, the method of a presenter or panel that it calls, and its keys.
 
     ``action`` is the name of that method; of one with an argument, "method:argument".
     """
@@ -110,9 +110,9 @@ MOUSE = (
 
 
 def bind(
-    window: QMainWindow, presenters: tuple[QObject, ...], below: Mapping[str, QMenu] | None = None
+    window: QMainWindow, doing: tuple[QObject, ...], below: Mapping[str, QMenu] | None = None
 ) -> dict[str, QAction]:
-    """Make the menus; return the actions by name, each connected to the first presenter with a method of that name.
+    """Make the menus; return the actions by name, each connected to the first of ``doing`` with a method of that name.
 
     ``below`` are submenus by their name in the table.
     """
@@ -133,7 +133,7 @@ def bind(
         action.setShortcutContext(Qt.ShortcutContext.WindowShortcut)
         action.setAutoRepeat(False)
         name, _, argument = command.action.partition(":")
-        method = next(getattr(presenter, name) for presenter in presenters if hasattr(presenter, name))
+        method = next(getattr(one, name) for one in doing if hasattr(one, name))
         action.triggered.connect(partial(_call, method, argument) if argument else method)
         if command.line_before:
             menus[command.menu].addSeparator()

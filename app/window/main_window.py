@@ -93,7 +93,7 @@ class MainWindow(QMainWindow):
         self.plot_notes_presenter = PlotNotesPresenter(
             workbench.session, self.panels, self.selection_presenter.front, self
         )
-        self._connect_presenters()
+        self._connect_presenters(plans)
         theme.changed.connect(self.panels.dress)
         self._start_work(kernels)
         if workbench.session.entries:  # a session opens at its last shot
@@ -105,7 +105,7 @@ class MainWindow(QMainWindow):
         self._timer.start(PULL_MS)
         self.panels.controls.arm.setFocus()
 
-    def _connect_presenters(self) -> None:
+    def _connect_presenters(self, plans: NextShots) -> None:
         """Connect the presenters with each other, and the commands with them."""
         presenters = (
             self.rig_presenter,
@@ -129,14 +129,14 @@ class MainWindow(QMainWindow):
         self.setup_presenter.arm_wanted.connect(self.rig_presenter.arm)
         self.session_presenter.mapping_wanted.connect(self.mapping_presenter.ask)
         self.session_presenter.swap_wanted.connect(self.mapping_presenter.swap)
-        self.session_presenter.arrived.connect(self.next_shot_presenter.arrived)
+        self.session_presenter.arrived.connect(plans.arrived)
         self.session_presenter.arrived.connect(self.rig_presenter.remember)
         self.rig_presenter.shot_captured.connect(self.session_presenter.take_captured)
         self.rig_presenter.shot_finished.connect(self._shot_finished)
         self.rig_presenter.save_elsewhere_wanted.connect(self._save_elsewhere)
         self.rig_presenter.appearance_chosen.connect(self.theme.choose)
         below = {"recent": self.files_presenter.recent}
-        self.actions_by_name = commands.bind(self, (*presenters, self), below)
+        self.actions_by_name = commands.bind(self, (*presenters, self.panels.table, self), below)
 
     def _start_work(self, kernels: Kernels) -> None:
         """Show the problems of session and settings; queue the kernels, the session's shots, unlisted recordings."""

@@ -44,7 +44,6 @@ class Controls(QWidget):
 
     def offer_sources(self, sources: list[tuple[str, str]], present: str) -> None:
         """List the sources as (name for open_source, words); the present one is selected."""
-        self.source.blockSignals(True)
         self.source.clear()
         for name, words in sources:
             self.source.addItem(words, name)
@@ -53,7 +52,6 @@ class Controls(QWidget):
             self.source.addItem(present, present)
             place = self.source.count() - 1
         self.source.setCurrentIndex(place)
-        self.source.blockSignals(False)
 
     def show_state(self, can_arm: bool, can_abort: bool) -> None:
         """Enable what is possible now."""

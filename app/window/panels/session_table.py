@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 from PySide6.QtCore import QItemSelection, QItemSelectionModel, QModelIndex, QPersistentModelIndex, Qt, Signal, Slot
 from PySide6.QtWidgets import (
@@ -246,6 +247,17 @@ class SessionTable(QFrame):
         lines += [[str(self.model.index(row, n).data(whole)) for n in shown] for row in rows]
         return "".join("\t".join(" ".join(cell.split()) for cell in line) + "\n" for line in lines)
 
+    def with_selected(self, act: Callable[[list[int], Path], None]) -> Callable[[Path], None]:
+        """Return what does this with the shots that are selected once the path is known."""
+        return lambda path: act(self.numbers, path)
+
+    @Slot()
+    def filter_shots(self) -> None:
+        """Move the focus to the filter."""
+        self.filter.setFocus()
+        self.filter.selectAll()
+
+    @Slot()
     def edit_note(self) -> None:
         """Edit the note of the last selected shot."""
         rows = self.table.selectionModel().selectedRows()

@@ -189,7 +189,7 @@ class NextShotPresenter(QObject):
         card = panels.diagnosis.next_shot
         card.plan.clicked.connect(self.plan)
         card.take.clicked.connect(self.take)
-        card.give_up.clicked.connect(self.give_up)
+        card.give_up.clicked.connect(plans.give_up)
 
     def refresh(self) -> None:
         """Show the plan for the diagnosis shown; select a set that a planned shot has just joined."""
@@ -206,11 +206,6 @@ class NextShotPresenter(QObject):
             self._shown = now
             card.show_standing(found.diagnosis if found is not None else None, *now[1:])
 
-    @Slot(object)
-    def arrived(self, entry: Entry) -> None:
-        """Add a captured shot to the set it was planned for."""
-        self._plans.arrived(entry)
-
     @Slot()
     def plan(self) -> None:
         """Plan a shot that decides between the candidates of the diagnosis shown."""
@@ -224,7 +219,3 @@ class NextShotPresenter(QObject):
         found = self._found()
         if found is not None:
             self._plans.take(found)
-
-    @Slot()
-    def give_up(self) -> None:
-        self._plans.give_up()

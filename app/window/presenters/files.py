@@ -1,6 +1,6 @@
 """Open and save sessions and model files; open recent files; compare the model file with the selected shot."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -145,7 +145,7 @@ class ModelPresenter(QObject):
     @Slot()
     def save_model(self) -> None:
         """Ask for a file and save the model of the selected shots, or of all."""
-        then = partial(self._of_selected, self._workbench.exports.save_model)
+        then = self._panels.table.with_selected(self._workbench.exports.save_model)
         self._dialogs.ask("Save the model", Want.NEW_FILE, then, "model.toml", MODELS)
 
     @Slot()
@@ -156,11 +156,8 @@ class ModelPresenter(QObject):
     @Slot()
     def test_model(self) -> None:
         """Ask for a model file and test its predictions on the selected shots, or on all."""
-        then = partial(self._of_selected, self._workbench.exports.test_model)
+        then = self._panels.table.with_selected(self._workbench.exports.test_model)
         self._dialogs.ask("Test a model's predictions", Want.FILE, then, kinds=MODELS)
-
-    def _of_selected(self, act: Callable[[Sequence[int], Path], None], path: Path) -> None:
-        act(self._panels.table.numbers, path)
 
 
 def _agreement(known: SavedModel | None, fit: Fit | None, behind: bool) -> tuple[str, Tone]:

@@ -1,6 +1,5 @@
 """Commands on the session's shots: open, export, report, note, remove, analyse again."""
 
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -107,8 +106,6 @@ class SessionPresenter(QObject):
             paths = list(event.paths)
             declined = partial(self._workbench.session.leave_out, [str(path) for path in paths])
             self._panels.work.notices.offer(event.words, "Open", partial(self.open_paths, paths), declined)
-        elif event.kind is EventKind.MODEL:
-            self.said.emit(event.words, Tone.GOOD)
         else:
             self.said.emit(event.words, Tone.BAD if event.kind is EventKind.PROBLEM else Tone.GOOD)
 
@@ -181,22 +178,20 @@ class SessionPresenter(QObject):
     @Slot()
     def export_selected(self) -> None:
         """Ask for a folder and export the selected shots, or all."""
-        self._dialogs.ask("Export CSV to", Want.FOLDER, self._of_selected(self._workbench.exports.export))
+        then = self._panels.table.with_selected(self._workbench.exports.export)
+        self._dialogs.ask("Export CSV to", Want.FOLDER, then)
 
     @Slot()
     def export_hdf5(self) -> None:
         """Ask for a folder and write the selected shots, or all, as HDF5."""
-        self._dialogs.ask("Export HDF5 to", Want.FOLDER, self._of_selected(self._workbench.exports.export_hdf5))
+        then = self._panels.table.with_selected(self._workbench.exports.export_hdf5)
+        self._dialogs.ask("Export HDF5 to", Want.FOLDER, then)
 
     @Slot()
     def report_selected(self) -> None:
         """Ask for a file and write the report of the selected shots, or of all."""
-        then, kinds = self._of_selected(self._workbench.exports.report), "HTML (*.html);;PDF (*.pdf)"
+        then, kinds = self._panels.table.with_selected(self._workbench.exports.report), "HTML (*.html);;PDF (*.pdf)"
         self._dialogs.ask("Save the report", Want.NEW_FILE, then, "report.html", kinds)
-
-    def _of_selected(self, act: Callable[[list[int], Path], None]) -> Callable[[Path], None]:
-        """Return what does this with the shots that are selected once the path is known."""
-        return lambda path: act(self._panels.table.numbers, path)
 
     @Slot()
     def print_report(self) -> None:
@@ -263,19 +258,6 @@ class SessionPresenter(QObject):
     def _note_edited(self, number: int, note: str) -> None:
         self._workbench.set_note(number, note)
         self._show_table()
-
-    @Slot()
-    def edit_note(self) -> None:
-        self._panels.table.edit_note()
-
-    @Slot()
-    def filter_shots(self) -> None:
-        self._panels.table.filter.setFocus()
-        self._panels.table.filter.selectAll()
-
-    @Slot()
-    def choose_columns(self) -> None:
-        self._panels.table.choose_columns()
 
     @Slot()
     def previous_shot(self) -> None:

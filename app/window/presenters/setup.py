@@ -2,7 +2,6 @@
 
 import sys
 import time
-from collections.abc import Callable
 
 from PySide6.QtCore import QObject, Signal, Slot
 
@@ -22,7 +21,6 @@ from instrument.devices import (
 from instrument.live import judge, judge_site
 
 JUDGED_EVERY_S = 0.4  # so that the words can be read
-Find = Callable[[], tuple[FoundDevice, ...]]
 
 
 class SetupPresenter(QObject):
@@ -31,18 +29,10 @@ class SetupPresenter(QObject):
     source_wanted = Signal(str)
     arm_wanted = Signal()
 
-    def __init__(
-        self,
-        rig: Rig,
-        choices: Choices,
-        short_jobs: Jobs,
-        panels: Layout,
-        parent: QObject | None = None,
-        find: Find = found_devices,
-    ) -> None:
+    def __init__(self, rig: Rig, choices: Choices, short_jobs: Jobs, panels: Layout, parent: QObject) -> None:
         super().__init__(parent)
         self._rig, self._choices, self._short_jobs, self._sheet = rig, choices, short_jobs, panels.setup
-        self._find = find
+        self._find = found_devices
         self._job: Job | None = None
         self._found: tuple[FoundDevice, ...] = ()
         self._problem = ""

@@ -51,11 +51,6 @@ class Session:
         return self._entries
 
     @property
-    def read(self) -> tuple[Entry, ...]:
-        """Get the entries whose shot was read, with or without success."""
-        return tuple(entry for entry in self._entries if entry.shot is not None)
-
-    @property
     def effects(self) -> ModelEffects:
         return self._effects
 

@@ -20,6 +20,7 @@ from instrument.bench.rig import Bench
 from instrument.bench.simulated_shots import simulate
 from instrument.bench.site import USUAL_SITE, site_named
 from instrument.devices.digitizer import Digitizer, DigitizerError
+from tests.app.on_screen import check_lines, read_entries
 
 SIZE = (1480, 920)
 MOST_BYTES = 300_000
@@ -107,7 +108,7 @@ class Photographer:
         self.take("armed")
         self.wait("a moving block", lambda: panels.live.numbers["velocity"].text()[1:4] not in ("0.0", "", "–"))
         self.take("live")
-        self.wait("a shot", lambda: len(self.window.workbench.session.read) == 1)
+        self.wait("a shot", lambda: len(read_entries(self.window.workbench.session)) == 1)
         self.wait("READY", lambda: panels.banner.word.text() == "READY")
         self._views()
         self._sheets()
@@ -119,9 +120,9 @@ class Photographer:
     def _checked(self) -> bool:
         """Return whether every line of the set-up has its tick; look again where the block was just pushed."""
         sheet = self.window.panels.setup
-        if len(sheet.lines) < 4 or not sheet.look.isEnabled():
+        if len(check_lines(sheet)) < 4 or not sheet.look.isEnabled():
             return False
-        sound = all(line.startswith("✓") for line in sheet.lines)
+        sound = all(line.startswith("✓") for line in check_lines(sheet))
         if not sound:
             sheet.look.click()
         return sound
@@ -182,7 +183,7 @@ class Photographer:
         effect = {"quadratic_drag": {"coefficient_n_s2_per_m2": 1e-3}}
         paths = simulate(self._scratch / "drag", 3, 5, effect)
         self.window.session_presenter.open_paths([Path(path) for path in paths])
-        self.wait("three more shots", lambda: len(session.read) == 4)
+        self.wait("three more shots", lambda: len(read_entries(session)) == 4)
         panels.table.select([entry.number for entry in session.entries[1:]])
         self.press(Qt.Key.Key_3, Qt.KeyboardModifier.ControlModifier)
         panels.compare.which.setCurrentIndex(panels.compare.which.findData("plate_stiffness_n_per_m"))

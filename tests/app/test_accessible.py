@@ -31,6 +31,7 @@ from app.window.panels.tables import TreeTable
 from app.window.plots.plot_view import PlotView
 from app.window.theme import Theme
 from tests.app import synthetic
+from tests.app.on_screen import effect_button
 
 INTERACTIVE = (QAbstractButton, QAbstractItemView, QComboBox, QLineEdit, QProgressBar, QScrollArea, PlotView)
 
@@ -178,7 +179,7 @@ def test_enter_presses_buttons_made_later_too(window, qtbot):
     main.keyPressEvent = lambda event: commands.pressed_by_enter(main.focusWidget(), event)
     main.panels.tabs.setCurrentIndex(Layout.DIAGNOSIS)
     qtbot.wait(20)
-    button = main.panels.diagnosis.effects.button("quadratic_drag")
+    button = effect_button(main.panels.diagnosis.effects, "quadratic_drag")
     button.setFocus()
     with qtbot.waitSignal(main.panels.diagnosis.effects.add_wanted):
         qtbot.keyClick(button, Qt.Key.Key_Return)

@@ -19,6 +19,7 @@ from app.window.panels.numbers import NumbersPanel
 from app.window.panels.session_table import SessionTable
 from app.words.wording import concise_text
 from tests.app import synthetic
+from tests.app.on_screen import trend_points
 
 
 def _impulse(shot):
@@ -76,7 +77,7 @@ def test_a_number_stands_in_report_terminal_and_window(shots, qtbot):
     assert table.model.index(0, column).data(Qt.ItemDataRole.DisplayRole) == concise_text(combined)
     compare.show_entries(list(session.entries))
     compare.which.setCurrentIndex(compare.which.findData("pulse_impulse_n_s"))
-    assert [y for _, y in compare.trend.points] == [_impulse(shot).value for shot in shots]
+    assert [y for _, y in trend_points(compare.trend)] == [_impulse(shot).value for shot in shots]
     assert compare.trend.columns["impulse (N s)"].size == 3
 
 

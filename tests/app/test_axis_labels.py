@@ -13,6 +13,7 @@ from app.window.plots.cursors import TIME
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.time_stack import TimeStack
 from app.window.theme import LIGHT
+from tests.app.on_screen import caption_words
 
 HIGH, LOW = (700, 720), (700, 150)
 
@@ -59,7 +60,7 @@ def test_a_name_that_comes_to_a_low_plot_is_cut_in_no_picture(stack):
     for plot in stack.plots:
         plot.name_value("residual of displacement", plot.unit)  # and a picture is taken before anything else happens
     assert _whole(stack)
-    assert [plot.caption.shown for plot in stack.plots] == 3 * ["residual of displacement (nm)"]
+    assert [caption_words(plot.caption) for plot in stack.plots] == 3 * ["residual of displacement (nm)"]
 
 
 def test_no_unit_stands_alone_on_its_side(stack):
@@ -69,8 +70,8 @@ def test_no_unit_stands_alone_on_its_side(stack):
         assert _whole(stack)
         for plot in stack.plots:
             shown = plot.getAxis("left").labelText
-            assert (shown, plot.caption.shown) in ((f"{plot.title} (nm)", ""), ("", f"{plot.title} (nm)"))
-        shown = {bool(plot.caption.shown) for plot in stack.plots}
+            assert (shown, caption_words(plot.caption)) in ((f"{plot.title} (nm)", ""), ("", f"{plot.title} (nm)"))
+        shown = {bool(caption_words(plot.caption)) for plot in stack.plots}
         assert len(shown) == 1, height  # all beside the axes, or all inside
 
 
@@ -80,10 +81,14 @@ def test_a_plot_over_something_else_than_time_names_its_values_too(qapp):
     plot.show()
     QTest.qWait(20)
     try:
-        assert not plot.plot.getAxis("left").labelText and plot.plot.caption.shown == "residual of the force (mN)"
+        assert (
+            not plot.plot.getAxis("left").labelText and caption_words(plot.plot.caption) == "residual of the force (mN)"
+        )
         plot.resize(*HIGH)
         QTest.qWait(20)
-        assert plot.plot.getAxis("left").labelText == "residual of the force (mN)" and not plot.plot.caption.shown
+        assert plot.plot.getAxis("left").labelText == "residual of the force (mN)" and not caption_words(
+            plot.plot.caption
+        )
     finally:
         plot.close()
         plot.deleteLater()
@@ -96,11 +101,11 @@ def test_a_name_longer_than_the_plot_ends_in_dots(qapp):
     QTest.qWait(20)
     try:
         caption = plot.plot.caption
-        assert caption.shown.startswith("restit") and caption.shown.endswith("…")
+        assert caption_words(caption).startswith("restit") and caption_words(caption).endswith("…")
         assert caption.boundingRect().width() <= plot.plot.view.width()
         plot.resize(700, 90)
         QTest.qWait(20)
-        assert caption.shown == "restitution, quasi-static"
+        assert caption_words(caption) == "restitution, quasi-static"
     finally:
         plot.close()
         plot.deleteLater()

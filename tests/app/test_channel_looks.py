@@ -24,6 +24,7 @@ from instrument.files.foreign_reading import foreign_channels, read_foreign
 from instrument.files.recording_file import open_recording
 from instrument.files.recording_writer import write_recording
 from tests.app import synthetic
+from tests.app.on_screen import read_entries
 
 
 def _shot(folder: Path, speed: float = 0.25):
@@ -89,12 +90,14 @@ def test_swapped_beats_are_exchanged_for_good(qtbot, tmp_path):
         session = SessionPresenter(bench, choices, panels, SelectionPresenter(bench, panels, panels), panels)
         session.swap_wanted.connect(presenter.swap)
         session.open_paths([path])
-        qtbot.waitUntil(lambda: (session.refresh(), len(bench.session.read) == 1)[1], timeout=60_000)
+        qtbot.waitUntil(lambda: (session.refresh(), len(read_entries(bench.session)) == 1)[1], timeout=60_000)
         assert "swapped" in (bench.session.entries[0].shot.problem or "")
         assert panels.work.notices._do.text() == "Swap them"
         panels.work.notices._do.click()
         entries = bench.session
-        qtbot.waitUntil(lambda: (session.refresh(), entries.read[0].shot.impact is not None)[1], timeout=60_000)
+        qtbot.waitUntil(
+            lambda: (session.refresh(), read_entries(entries)[0].shot.impact is not None)[1], timeout=60_000
+        )
         roles = {channel.role: channel.name for channel in read_mapping(mapping_path(path)).channels}
         assert roles[Role.MEASUREMENT] == "CH2" and len(bench.session.entries) == 1
     finally:

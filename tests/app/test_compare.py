@@ -11,6 +11,7 @@ from app.report import contact_span_ms
 from app.session.session import Session
 from app.window.panels.compare import MOST, ComparePanel, TrendPlot
 from tests.app import synthetic
+from tests.app.on_screen import trend_points
 
 PEAK = number_of("contact_time_s")  # in ms
 
@@ -32,7 +33,7 @@ def trend(qtbot):
 def test_a_trend_shows_each_shot_with_its_uncertainty_and_says_mean_and_spread(trend) -> None:
     shots = [_shot(0.2, 28e-3), _shot(0.3, 29e-3), _shot(0.4, None), _shot(0.4, 31e-3, 5e-4), _shot(0.5, np.nan)]
     said = trend.show_trend(PEAK, shots)
-    assert np.array(trend.points) == pytest.approx(np.array([[0.2, 28.0], [0.3, 29.0], [0.4, 31.0]]))
+    assert np.array(trend_points(trend)) == pytest.approx(np.array([[0.2, 28.0], [0.3, 29.0], [0.4, 31.0]]))
     spread = np.std([28.0, 29.0, 31.0], ddof=1)
     assert said == (
         f"3 shots: mean 29.3333 ms, spread {spread:.3g} ({100 * spread / (88 / 3):.2g} %); "
@@ -53,7 +54,7 @@ def test_of_one_shot_there_is_no_spread_and_of_none_no_trend(trend) -> None:
     assert (
         trend.show_trend(PEAK, []) == "No selected shot has this number." == trend.show_trend(PEAK, [_shot(0.3, None)])
     )
-    assert trend.points == []
+    assert trend_points(trend) == []
     assert "select several" in trend.show_trend(PEAK, [_shot(0.3, 28e-3, np.inf)])
     assert trend.columns["standard uncertainty, noise alone"].tolist() == [0.0]
     (left, right), (low, high) = trend.plot.view.viewRange()
@@ -86,7 +87,9 @@ def test_the_last_eight_are_overlaid_from_first_touch_on_with_their_numbers(pane
             assert np.array_equal(curve.samples, getattr(entry.shot.motion, name))
             assert curve.grid == pytest.approx((-60.0, 0.01)) and curve.isVisible()
     assert panel._say.text() == "the last 8 of 10 selected shots are overlaid; the trend includes all"
-    assert len(panel.trend.points) == 10 and panel.stack.accessibleDescription() == "Shots 3, 4, 5, 6, 7, 8, 9, 10"
+    assert (
+        len(trend_points(panel.trend)) == 10 and panel.stack.accessibleDescription() == "Shots 3, 4, 5, 6, 7, 8, 9, 10"
+    )
     assert panel.stack.span == pytest.approx((-60.0, 20.0))
     panel.show_contact()
     assert panel.stack.span == pytest.approx(contact_span_ms(entries[-1].shot))
@@ -116,5 +119,5 @@ def test_another_number_has_another_trend(panel) -> None:
     entries = _entries(3)
     panel.show_entries(entries)
     panel.which.setCurrentIndex(panel.which.findData("contact_time_s"))
-    assert [y for _, y in panel.trend.points] == pytest.approx([28.71] * 3)
+    assert [y for _, y in trend_points(panel.trend)] == pytest.approx([28.71] * 3)
     assert panel.repeatability.text().startswith("3 shots: mean 28.71 ms, spread ")

@@ -19,6 +19,7 @@ from app.window.theme import Theme, Tone
 from app.words.wording import concise_text
 from instrument.devices.doctor import Check, Grade
 from tests.app import synthetic
+from tests.app.on_screen import check_lines
 
 
 @pytest.fixture
@@ -103,7 +104,7 @@ def test_the_set_up_writes_numbers_as_the_system_does(qtbot):
         sheet = SetupSheet()
         qtbot.addWidget(sheet)
         sheet.show_checks((Check("PD0", Grade.OK, "beat at 2.7300 MHz, 0.45 V (45 % of the range), 41 dB"),))
-        assert "2,7300 MHz, 0,45 V" in sheet.lines[0]
+        assert "2,7300 MHz, 0,45 V" in check_lines(sheet)[0]
     finally:
         QLocale.setDefault(before)
 

@@ -12,6 +12,7 @@ from app.window.main_window import MainWindow, open_window
 from instrument.capture.acquisition import State
 from instrument.files.recording_file import data_hash, open_recording
 from tests.app import rigs
+from tests.app.on_screen import read_entries
 from tests.small_disk import PAGE_BYTES, fill, free_bytes, make_room, small_disk
 
 WAIT_MS = 60_000
@@ -34,7 +35,7 @@ def _take(qtbot: QtBot, window: MainWindow, number: int) -> None:
     window.rig.arm()
     qtbot.waitUntil(lambda: window.rig.latest().state is State.ARMED, timeout=WAIT_MS)
     window.rig.trigger_now()
-    qtbot.waitUntil(lambda: len(window.workbench.session.read) == number, timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: len(read_entries(window.workbench.session)) == number, timeout=WAIT_MS)
     qtbot.waitUntil(lambda: window.rig.latest().state in (State.IDLE, State.FAULT), timeout=WAIT_MS)
 
 

@@ -9,6 +9,7 @@ from analysis.shot.quantity import NotSeen, Quantity
 from app.window.panels.large import COLLISION, DRIVEN, LEAST_PX, LargePanel, plain_digits
 from app.window.theme import MARKS, Tone
 from tests.app import synthetic
+from tests.app.on_screen import large_text
 
 
 @pytest.mark.parametrize(
@@ -89,6 +90,6 @@ def test_a_drive_has_its_own_numbers(panel) -> None:
     panel.show_shot(synthetic.shot(), "a shot")
     shown = [cells for cells in panel._cells if cells[0].isVisible()]
     assert [cells[0].text() for cells in shown] == [number.symbol or number.name for number in COLLISION]
-    assert all(panel.text(cells[0].text()) == cells[1].text() != "–" for cells in shown)
+    assert all(large_text(panel, cells[0].text()) == cells[1].text() != "–" for cells in shown)
     panel.show_shot(None, "")
     assert {cells[1].text() for cells in panel._cells[: len(COLLISION)]} == {"–"}

@@ -26,6 +26,7 @@ from app.window.panels.session_table import SessionTable
 from app.window.state_words import last_shot
 from app.words.wording import concise_text, value_text
 from tests.app import synthetic
+from tests.app.on_screen import large_text
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +81,7 @@ def test_large_letters_are_rounded_to_the_combined_uncertainty(qtbot, entry, com
     qtbot.addWidget(panel)
     panel.show_shot(entry.shot, "Shot 1")
     whole = str(combined["velocity_in_m_per_s"]).partition(" ±")[0]
-    assert whole.startswith(panel.text("v in")) and len(panel.text("v in")) <= len(whole)
+    assert whole.startswith(large_text(panel, "v in")) and len(large_text(panel, "v in")) <= len(whole)
 
 
 def test_a_trend_says_which_uncertainty_its_bars_are(qtbot):

@@ -41,6 +41,7 @@ from app.window.theme import LIGHT, MARKS, Tone
 from app.words.wording import number, unbroken, value_text
 from instrument.devices.device_search import FoundDevice
 from tests.app import synthetic
+from tests.app.on_screen import effect_button, large_text, next_buttons, trend_points
 
 
 @pytest.fixture(scope="module")
@@ -409,16 +410,16 @@ def test_compare_overlays_and_shows_the_trend_against_speed(qtbot):
     qtbot.addWidget(panel)
     panel.show()
     panel.show_entries(list(session.entries))
-    assert sorted(round(x, 3) for x, _ in panel.trend.points) == [0.2, 0.25, 0.3]
+    assert sorted(round(x, 3) for x, _ in trend_points(panel.trend)) == [0.2, 0.25, 0.3]
     told = [item for item in panel._numbers._items if item.isVisible()]
     assert [item.toPlainText() for item in told] == ["1", "2", "3"]  # colour alone does not tell which is which
     assert len({item.pos().x() for item in told}) == 3
     panel.which.setCurrentIndex(panel.which.findData("plate_stiffness_n_per_m"))
-    assert panel.trend.points[1][1] == pytest.approx(221.44)
+    assert trend_points(panel.trend)[1][1] == pytest.approx(221.44)
     assert "3 shots" in panel.repeatability.text()
     assert panel._say.text() == ""
     panel.show_entries([])
-    assert panel.trend.points == [] and "Select shots in the table" in panel._say.text()
+    assert trend_points(panel.trend) == [] and "Select shots in the table" in panel._say.text()
 
 
 def test_the_last_eight_are_overlaid_from_their_touch_on_and_bars_reach_one_std_up_and_down(qtbot):
@@ -434,14 +435,14 @@ def test_the_last_eight_are_overlaid_from_their_touch_on_and_bars_reach_one_std_
     panel.show()
     panel.show_entries(list(session.entries))
     assert [curve.label.split()[0] for curve in panel._velocity_curves] == [str(n) for n in range(3, 11)]
-    assert len(panel.trend.points) == 10 and "the last 8 of 10" in panel._say.text()
+    assert len(trend_points(panel.trend)) == 10 and "the last 8 of 10" in panel._say.text()
     for curve in (*panel._velocity_curves, *panel._force_curves):
         assert curve.grid[0] == pytest.approx(panel._velocity_curves[0].grid[0], abs=0.02)  # ms
         assert curve.grid[0] < 0.0 < curve.grid[0] + curve.grid[1] * len(curve.samples)
     panel.which.setCurrentIndex(panel.which.findData("plate_stiffness_n_per_m"))
     stds = [entry.shot.fit.parameters["plate_stiffness_n_per_m"].std for entry in session.entries]
     assert list(panel.trend._bars.opts["height"]) == pytest.approx([2.0 * std for std in stds])
-    values = np.array([y for _, y in panel.trend.points])
+    values = np.array([y for _, y in trend_points(panel.trend)])
     assert np.ptp(values) > 0.0
     said = panel.repeatability.text().split("spread ")[1].split()[0].replace(",", ".")
     assert float(said) == pytest.approx(float(np.std(values, ddof=1)), rel=0.01)
@@ -477,11 +478,11 @@ def test_the_diagnosis_says_the_verdict_first_and_offers_to_add_the_effect(qtbot
     panel.show_diagnosis(synthetic.diagnosis(shot), [shot])
     assert panel.sentence.text().startswith("The model lacks a drag whose form is undetermined: quadratic drag or")
     with qtbot.waitSignal(panel.effects.add_wanted) as added:
-        panel.effects.button("quadratic_drag").click()
+        effect_button(panel.effects, "quadratic_drag").click()
     assert added.args == [[named("quadratic_drag")]]
     panel.show_diagnosis(synthetic.diagnosis(shot), [shot], (named("quadratic_drag"),))
     with qtbot.waitSignal(panel.effects.remove_wanted) as removed:
-        panel.effects.button("quadratic_drag").click()
+        effect_button(panel.effects, "quadratic_drag").click()
     assert removed.args == [named("quadratic_drag")]
     panel.show_progress("scoring", 0.4)
     assert not panel.diagnose.isEnabled() and panel.cancel.isVisible()
@@ -562,22 +563,25 @@ def test_what_stays_open_offers_the_next_step(qtbot, shot):
     left = replace(found, verdict=Verdict.UNEXPLAINED, effects=(), candidates=candidates)
     panel.show_diagnosis(left, [shot])
     assert panel.next_steps.isVisible() and "Next shot: more shots at other speeds" in panel.next_steps.shot.text()
-    assert [button.text() for button in panel.next_steps.buttons] == [
+    assert [button.text() for button in next_buttons(panel.next_steps)] == [
         "Try quadratic drag on the block", "Try viscous drag on the block", "Try Coulomb friction on the block",
         "Propose a law …",
     ]  # fmt: skip
     with qtbot.waitSignal(panel.next_steps.try_wanted) as tried:
-        panel.next_steps.buttons[1].click()
+        next_buttons(panel.next_steps)[1].click()
     assert tried.args == [named("viscous_drag")]
     panel.mark_tried((named("viscous_drag"),))
     panel.show_diagnosis(left, [shot], (named("viscous_drag"),))
     words = " ".join(label.text() for label in panel.effects.findChildren(QLabel))
     assert "tried; not named by a diagnosis" in words
-    assert all("viscous" not in button.text() for button in panel.next_steps.buttons)
+    assert all("viscous" not in button.text() for button in next_buttons(panel.next_steps))
     panel.show_diagnosis(replace(left, verdict=Verdict.PARTLY_EXPLAINED), [shot])
-    assert panel.next_steps.buttons[-1].text() == "Propose a law …" and "other speeds" in panel.next_steps.shot.text()
+    assert (
+        next_buttons(panel.next_steps)[-1].text() == "Propose a law …"
+        and "other speeds" in panel.next_steps.shot.text()
+    )
     with qtbot.waitSignal(panel.next_steps.law_wanted):
-        panel.next_steps.buttons[-1].click()
+        next_buttons(panel.next_steps)[-1].click()
 
 
 def test_large_numbers_fill_the_page_and_are_never_cut(qtbot, shot):
@@ -591,18 +595,22 @@ def test_large_numbers_fill_the_page_and_are_never_cut(qtbot, shot):
         for label in panel.findChildren(QLabel):
             assert label.fontMetrics().horizontalAdvance(label.text()) <= label.width(), (size, label.text())
     assert panel.findChildren(QLabel)[1].font().pixelSize() > 60
-    assert panel.text("COR") == "0.987556" and panel.text("contact") == "28.71" and panel.text("v in") == "-0.26500"
+    assert (
+        large_text(panel, "COR") == "0.987556"
+        and large_text(panel, "contact") == "28.71"
+        and large_text(panel, "v in") == "-0.26500"
+    )
     assert MARKS[Tone.WARNING] in panel._title.text()
     tiny = replace(shot.impact, force_peak_n=Quantity(1.2e-6, 1e-8))
     panel.show_shot(replace(shot, impact=tiny), "")
-    assert panel.text("F max") == "1.2e-6"
+    assert large_text(panel, "F max") == "1.2e-6"
     panel.show_shot(None, "")
-    assert panel.text("COR") == "–"
+    assert large_text(panel, "COR") == "–"
     panel.show_shot(replace(shot, flags=("plate_shaken",)), "")  # of the fitted plate, which is not shown here
     assert MARKS[Tone.WARNING] not in panel._title.text()
     panel.show_shot(synthetic.driven_shot(), "")
     seen = {label.text() for label in panel.findChildren(QLabel) if label.isVisible()}
-    assert {"mass", "viscous drag", "offset"} <= seen and "COR" not in seen and panel.text("mass") != "–"
+    assert {"mass", "viscous drag", "offset"} <= seen and "COR" not in seen and large_text(panel, "mass") != "–"
 
 
 def test_several_effects_are_added_by_one_press(qtbot):

@@ -22,6 +22,7 @@ from app.window.presenters.selection import PlotNotesPresenter
 from app.window.theme import Theme
 from tests.analysis.signal.beats import free_flight, make_recording
 from tests.app import synthetic
+from tests.app.on_screen import notes_drawn
 
 BOUNCE = PlotNote("force", 0.0123, 20.0, "second bounce looks low")
 
@@ -78,7 +79,7 @@ def test_a_note_is_written_edited_and_removed_at_its_place(panels, session, qtbo
     width, height = force.view.viewPixelSize()
     assert note.x == pytest.approx(1e-3 * x + zero, abs=1e-3 * width)  # where it was pressed, to a pixel, in seconds
     assert note.y == pytest.approx(y, abs=height)
-    ((text, drawn_x, drawn_y),) = stack.notes.drawn
+    ((text, drawn_x, drawn_y),) = notes_drawn(stack.notes)
     assert (text, drawn_x, drawn_y) == ("a knock", pytest.approx(x, abs=width), pytest.approx(y, abs=height))
 
     qtbot.mouseDClick(stack.viewport(), Qt.MouseButton.LeftButton, pos=at)
@@ -93,10 +94,10 @@ def test_a_note_is_written_edited_and_removed_at_its_place(panels, session, qtbo
     assert session.entry(1).plot_notes[0].text == "a knock at the table"
 
     _action(stack, at, "Remove the note").trigger()
-    assert session.entry(1).plot_notes == () and stack.notes.drawn == []
+    assert session.entry(1).plot_notes == () and notes_drawn(stack.notes) == []
     session.undo()
     panels.presenter.refresh()
-    assert [text for text, *_ in stack.notes.drawn] == ["a knock at the table"]
+    assert [text for text, *_ in notes_drawn(stack.notes)] == ["a knock at the table"]
 
 
 def test_the_line_for_a_note_opens_where_it_was_pressed_and_wholly_inside_the_plot(qtbot):
@@ -128,7 +129,7 @@ def test_a_key_writes_at_cursor_a_and_other_shots_stay_without(panels, session, 
     panels.in_front = 2
     panels.shot.show_shot(session.entry(2).shot)
     panels.presenter.refresh()
-    assert stack.notes.drawn == [] and session.entry(2).plot_notes == ()
+    assert notes_drawn(stack.notes) == [] and session.entry(2).plot_notes == ()
 
 
 def test_a_page_without_a_shot_says_where_notes_are_written(panels, qtbot):
@@ -184,9 +185,9 @@ def test_a_note_keeps_its_place_when_the_residual_counts_in_another_unit(panels,
     panels.presenter.refresh()
     motion, notes = panels.shot.motion, panels.shot.stack.notes
     motion.kind.setCurrentIndex(0)
-    assert notes.drawn == []  # the residual of force is another plot
+    assert notes_drawn(notes) == []  # the residual of force is another plot
     motion.kind.setCurrentIndex(2)
-    ((_, _, y),) = notes.drawn
+    ((_, _, y),) = notes_drawn(notes)
     per_unit = {"m": 1.0, "mm": 1e3, "µm": 1e6, "nm": 1e9, "pm": 1e12}[motion.residual.unit]
     assert y == pytest.approx(3e-10 * per_unit)
 
@@ -248,7 +249,7 @@ def test_a_note_on_a_raw_signal_stands_where_the_recording_has_it(panels, sessio
         session.change_plot_note(1, None, PlotNote(name, 1e-4, 0.1, name))
     panels.presenter.refresh()
     zero, _ = time_zero(shot)
-    drawn = {text: (x, y) for text, x, y in panels.shot.raw.stack.notes.drawn}
+    drawn = {text: (x, y) for text, x, y in notes_drawn(panels.shot.raw.stack.notes)}
     assert drawn == dict.fromkeys(names, (pytest.approx(1e3 * (1e-4 - zero)), pytest.approx(0.1)))
 
 

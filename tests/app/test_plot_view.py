@@ -47,7 +47,7 @@ def _readout(panels, plot):
 
 def _bring(panels, plot):
     wanted = plot in panels.shot.drive.plots
-    if wanted != (panels.shot.shot.settings.model == "driven"):
+    if wanted != (panels.shot._shot.settings.model == "driven"):
         driven = synthetic.driven_shot() if wanted else synthetic.shot()
         panels.shot.show_shot(driven)
         if wanted:

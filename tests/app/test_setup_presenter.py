@@ -19,6 +19,7 @@ from instrument.devices.digitizer import DigitizerError
 from instrument.devices.doctor import Check, Grade
 from instrument.devices.sources import open_source
 from tests.app import rigs
+from tests.app.on_screen import check_lines, use_buttons
 from tests.instrument.devices.scpi_emulator import EmulatedScope, TcpScope
 
 WAIT_MS = 30_000
@@ -50,23 +51,23 @@ def test_the_set_up_finds_devices_says_the_remedy_and_judges_the_signals(qtbot: 
     sheet = window.panels.setup
     qtbot.keyClick(window, Qt.Key.Key_F3)
     assert sheet.isVisible() and not sheet.look.isEnabled()  # a bus that hangs does not hold the screen
-    qtbot.waitUntil(lambda: len(sheet.lines) >= 4, timeout=WAIT_MS)  # and the site, once the block has rested
+    qtbot.waitUntil(lambda: len(check_lines(sheet)) >= 4, timeout=WAIT_MS)  # and the site, once the block has rested
     gate.set()
-    qtbot.waitUntil(lambda: len(sheet.use_buttons()) == 2, timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: len(use_buttons(sheet)) == 2, timeout=WAIT_MS)
     assert sheet.remedy.text() == udev_instructions()
-    lines = {line.split(" ", 1)[1].split(":")[0]: line for line in sheet.lines}
+    lines = {line.split(" ", 1)[1].split(":")[0]: line for line in check_lines(sheet)}
     assert "beat at 2.7" in lines["PD0, rest beat"] and "V (" in lines["PD0, rest beat"]
     assert "beat at 2.7" in lines["PD1, moving beat"]
     assert "toggle" in lines["Light switch"]
     assert "check light switch" in sheet.verdict.text()  # nobody passed through it yet
-    here, there = sheet.use_buttons()
+    here, there = use_buttons(sheet)
     assert not here.isEnabled() and there.isEnabled()
     qtbot.waitUntil(there.isVisible, timeout=WAIT_MS)
     there.setFocus()
     qtbot.keyClick(there, Qt.Key.Key_Return)
     qtbot.waitUntil(lambda: window.rig.source == "hantek6022", timeout=WAIT_MS)
     assert window.panels.controls.source.currentData() == "hantek6022"
-    qtbot.waitUntil(lambda: not sheet.use_buttons()[1].isEnabled(), timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: not use_buttons(sheet)[1].isEnabled(), timeout=WAIT_MS)
     qtbot.keyClick(window, Qt.Key.Key_Escape)
     assert not sheet.isVisible()
 
@@ -79,8 +80,8 @@ def test_arming_from_the_set_up_and_a_missing_usb_library(qtbot: QtBot, window: 
     sheet = window.panels.setup
     qtbot.keyClick(window, Qt.Key.Key_F3)
     qtbot.waitUntil(lambda: "install libusb" in sheet._found.text(), timeout=WAIT_MS)
-    assert len(sheet.use_buttons()) == 1 and sheet.remedy.text() == ""
-    qtbot.waitUntil(lambda: sheet.arm.isEnabled() and len(sheet.lines) >= 4, timeout=WAIT_MS)
+    assert len(use_buttons(sheet)) == 1 and sheet.remedy.text() == ""
+    qtbot.waitUntil(lambda: sheet.arm.isEnabled() and len(check_lines(sheet)) >= 4, timeout=WAIT_MS)
     sheet.arm.click()
     assert not sheet.isVisible()
     qtbot.waitUntil(lambda: window.panels.banner.word.text() == "ARMED", timeout=WAIT_MS)
@@ -109,8 +110,8 @@ def test_an_oscilloscope_in_the_network_is_typed_used_and_remembered(
         qtbot.waitUntil(lambda: (source, f"Oscilloscope at 127.0.0.1:{server.port}") in rig.sources(), timeout=WAIT_MS)
         assert rig.opened == source
         assert json.loads((tmp_path / "settings.json").read_text())["network"] == source, "port 1 never answered"
-        qtbot.waitUntil(lambda: len(sheet.use_buttons()) == 2, timeout=WAIT_MS)
-        assert not sheet.use_buttons()[1].isEnabled()
+        qtbot.waitUntil(lambda: len(use_buttons(sheet)) == 2, timeout=WAIT_MS)
+        assert not use_buttons(sheet)[1].isEnabled()
         rig.open("bench")
         qtbot.waitUntil(lambda: rig.opened == "bench" or rig.latest().state == "fault", timeout=WAIT_MS)
     assert Choices(tmp_path / "settings.json").settings.network_sources == (source,)
@@ -142,10 +143,10 @@ def test_the_tour_is_shown_once_and_leaves_the_keys_alone(qtbot: QtBot, window: 
 def test_verdicts_are_worded_by_the_worst_of_the_checks(qtbot: QtBot) -> None:
     sheet = SetupSheet()
     qtbot.addWidget(sheet)
-    assert "no samples yet" in sheet.lines
+    assert "no samples yet" in check_lines(sheet)
     good = Check("PD0", Grade.OK, "beat at 2.73 MHz")
     sheet.show_checks((good,))
-    assert "Ready: press ARM" in sheet.verdict.text() and sheet.lines == ["✓ PD0, rest beat: beat at 2.73 MHz"]
+    assert "Ready: press ARM" in sheet.verdict.text() and check_lines(sheet) == ["✓ PD0, rest beat: beat at 2.73 MHz"]
     sheet.show_checks((good, Check("PD1", Grade.FAIL, "no beat")))
     assert "Not ready for a shot: fix PD1" in sheet.verdict.text()
 

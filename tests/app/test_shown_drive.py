@@ -13,6 +13,7 @@ from app.window.panels.next_steps import ANOTHER_SHOT, NextSteps
 from app.window.panels.residuals import Residuals
 from app.window.panels.shot_drive import DriveView
 from tests.app import synthetic
+from tests.app.on_screen import next_buttons
 
 TIME_S = np.linspace(0.5, 4.5, 401)
 PLACE_M = 0.03 * np.sin(TIME_S)
@@ -118,21 +119,21 @@ def test_the_three_strongest_that_are_not_named_may_be_tried(qtbot) -> None:
     steps.show_diagnosis(told, (CATALOGUE["adhesion"],))
     assert not steps.isHidden()
     left = ("tilt", "frame_vibration", "viscous_drag")
-    said = [button.text() for button in steps.buttons]
+    said = [button.text() for button in next_buttons(steps)]
     assert said == [*(f"Try {CATALOGUE[name].words}" for name in left), "Propose a law …"]
     tried: list[object] = []
     steps.try_wanted.connect(tried.append)
-    for button in steps.buttons[:3]:
+    for button in next_buttons(steps)[:3]:
         button.click()
     assert tried == [CATALOGUE[name] for name in left]
     with qtbot.waitSignal(steps.law_wanted):
-        steps.buttons[3].click()
+        next_buttons(steps)[3].click()
     steps.show_diagnosis(replace(told, verdict=Verdict.UNEXPLAINED, effects=()), ())
-    said = [button.text() for button in steps.buttons]
+    said = [button.text() for button in next_buttons(steps)]
     assert said[:3] == [f"Try {CATALOGUE[name].words}" for name in ("quadratic_drag", "tilt", "frame_vibration")]
     assert steps.shot.text().startswith("Next shot: ") and ANOTHER_SHOT[:40] in steps.shot.text()
     for verdict in (Verdict.ADEQUATE, Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED):
         steps.show_diagnosis(replace(told, verdict=verdict), ())
-        assert steps.isHidden() and steps.buttons == []
+        assert steps.isHidden() and next_buttons(steps) == []
     steps.show_diagnosis(None, ())
     assert steps.isHidden()

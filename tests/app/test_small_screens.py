@@ -43,6 +43,7 @@ from app.window.theme import DARK, LIGHT, Theme, Tone
 from app.words.flags import FLAG_WORDS, flags_in_short
 from app.words.physics_words import verdict_words
 from tests.app import synthetic
+from tests.app.on_screen import caption_words, notes_drawn
 
 SMALLEST = (960, 540)
 SIZES = (SMALLEST, (1366, 768 - 30), (1920, 1080 - 30))
@@ -356,7 +357,7 @@ def test_a_plot_too_low_for_its_label_carries_its_name_inside(window):
                 if not plot.isVisible() or plot.size().height() < 4:
                     continue
                 whole = axis._label_shown == axis._whole
-                assert plot.caption.shown == ("" if whole else f"{plot.title} ({plot.unit})")
+                assert caption_words(plot.caption) == ("" if whole else f"{plot.title} ({plot.unit})")
                 seen.add(whole)
     assert (window.width() >= 1366) in seen  # else nothing was asked
 
@@ -398,7 +399,7 @@ def test_every_choice_has_room_in_its_box(window):
 def test_a_driven_record_is_whole_too(window):
     driven = synthetic.driven_shot()
     panel = window.panels.shot
-    before = panel.shot
+    before = panel._shot
     panel.show_shot(driven)
     panel.show_drive(driven, drive_curves(driven.motion, driven.fit))
     window.panels.tabs.setCurrentIndex(Layout.SHOT)
@@ -482,7 +483,7 @@ def test_a_note_in_a_low_plot_is_a_dot_whose_text_is_read_on_hovering(window, sh
     notes.show([PlotNote("velocity", zero - 0.03, 0.0, "quiet"), PlotNote("force", zero + 0.01, 0.2, "a knock")])
     QTest.qWait(30)
     try:
-        assert [text for text, *_ in notes.drawn] == ["quiet", "a knock"]
+        assert [text for text, *_ in notes_drawn(notes)] == ["quiet", "a knock"]
         for drawn in notes._drawn:
             text = drawn._text
             inside = drawn.plot.view.sceneBoundingRect().height() >= 4 * text.boundingRect().height()

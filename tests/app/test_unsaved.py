@@ -16,6 +16,7 @@ from instrument.files.recording_error import PartlySaved, RecordingError
 from instrument.files.recording_file import open_recording
 from instrument.files.recording_writer import RecordingWriter
 from tests.app import rigs, synthetic
+from tests.app.on_screen import read_entries
 
 WAIT_MS = 30_000
 
@@ -42,7 +43,9 @@ def test_a_shot_in_memory_is_saved_elsewhere_by_the_banners_button(
         assert not button.isVisible()
         qtbot.keyClick(window, Qt.Key.Key_Space)
         qtbot.waitUntil(lambda: window.panels.banner.word.text() != "READY", timeout=WAIT_MS)
-        qtbot.waitUntil(lambda: button.isVisible() and len(window.workbench.session.read) == 1, timeout=WAIT_MS)
+        qtbot.waitUntil(
+            lambda: button.isVisible() and len(read_entries(window.workbench.session)) == 1, timeout=WAIT_MS
+        )
         assert button.text() == "Save 1 shot elsewhere …"
         assert "No space left" in window.panels.banner.detail.text() and "memory" in window.panels.banner.detail.text()
         window.close()

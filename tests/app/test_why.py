@@ -22,6 +22,7 @@ from app.window.panels.why_canvas import explained
 from app.window.plots.residual_grid import MOST, Cell, ResidualGrid, SymLog, scale_of
 from app.window.theme import LIGHT
 from tests.app import synthetic
+from tests.app.on_screen import effect_button
 
 VISCOUS = CATALOGUE["viscous_drag"]
 CANDIDATES = (
@@ -164,7 +165,7 @@ def test_a_row_of_an_effect_adds_or_removes_it(qtbot):
     assert rivals in said[1] and "indistinguishable" not in said[0]
     assert TRIED not in said[2] and TRIED in said[3]
     for key in (CATALOGUE["tilt"].key, VISCOUS.key):
-        rows.button(key).click()
+        effect_button(rows, key).click()
     assert added == [[CATALOGUE["tilt"]]] and removed == [VISCOUS]
     (all_of_them,) = (b for b in rows.findChildren(QPushButton) if b.text() == "Add all to the model")
     all_of_them.click()

@@ -20,6 +20,7 @@ from app.window.widgets import Sheet
 from instrument.bench.simulated_shots import simulate
 from instrument.capture.acquisition import State
 from tests.app import rigs
+from tests.app.on_screen import effect_button, read_entries
 
 WAIT_MS = 60_000
 
@@ -67,7 +68,7 @@ def test_a_whole_shot_by_keys_from_arming_to_the_exported_file(opened, qtbot, tm
 
     def taken():
         words.add(panels.banner.word.text())
-        return len(window.workbench.session.read) == 1
+        return len(read_entries(window.workbench.session)) == 1
 
     qtbot.waitUntil(taken, timeout=WAIT_MS)
     assert "ANALYSING" in words
@@ -174,7 +175,7 @@ def test_recordings_are_opened_by_dropping_them_and_a_broken_one_says_why(opened
         QPointF(5, 5), Qt.DropAction.CopyAction, data, Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
     )
     window.dropEvent(event)
-    qtbot.waitUntil(lambda: len(window.workbench.session.read) == 2, timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: len(read_entries(window.workbench.session)) == 2, timeout=WAIT_MS)
     good, bad = window.workbench.session.entries
     assert good.shot.impact is not None
     assert "broken" in bad.shot.problem
@@ -220,7 +221,7 @@ def test_two_shots_are_diagnosed_reported_and_the_effect_joins_the_model(opened,
     paths = simulate(tmp_path / "drag", 2, 5, effect)
     window = opened(rigs.idle_bench)
     window.session_presenter.open_paths([Path(path) for path in paths])
-    qtbot.waitUntil(lambda: len(window.workbench.session.read) == 2, timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: len(read_entries(window.workbench.session)) == 2, timeout=WAIT_MS)
     window.panels.table.select([1, 2])
     qtbot.keyClick(window, Qt.Key.Key_D)
     assert window.panels.tabs.currentIndex() == Layout.DIAGNOSIS
@@ -231,7 +232,7 @@ def test_two_shots_are_diagnosed_reported_and_the_effect_joins_the_model(opened,
     assert [named.name for named in found.effects] == ["quadratic_drag"]
     assert "quadratic drag" in window.workbench.session.entries[0].verdict
     before = window.workbench.session.entries[0].shot.fit.reduced_chi2
-    window.panels.diagnosis.effects.button("quadratic_drag").click()
+    effect_button(window.panels.diagnosis.effects, "quadratic_drag").click()
     assert window.workbench.model.effects_of("paper") == (found.effects[0].effect,)
     first = window.workbench.session.entries[0].number
     qtbot.waitUntil(
@@ -254,9 +255,9 @@ def test_the_trigger_is_heard_and_seen_only_if_asked_for(opened, qtbot, monkeypa
     for chosen in (False, True):
         window.rig_presenter._choices.change({"sound": chosen, "flash": chosen})
         _ready(qtbot, window)
-        count = len(window.workbench.session.read)
+        count = len(read_entries(window.workbench.session))
         qtbot.keyClick(window, Qt.Key.Key_Space)
-        qtbot.waitUntil(lambda count=count: len(window.workbench.session.read) == count + 1, timeout=WAIT_MS)
+        qtbot.waitUntil(lambda count=count: len(read_entries(window.workbench.session)) == count + 1, timeout=WAIT_MS)
         assert (heard, flashed) == (([1], [1]) if chosen else ([], []))
     qtbot.waitUntil(lambda: not window.panels.banner._flashing.isActive(), timeout=WAIT_MS)
 
@@ -277,7 +278,7 @@ def test_live_is_held_still_by_a_key_until_the_next_arming(opened, qtbot):
 def test_a_session_reopens_at_its_last_shot(opened, qtbot, recordings):
     window = opened(rigs.idle_bench)
     window.session_presenter.open_paths(sorted((recordings / "plain").glob("*.sigmf-meta"))[:2])
-    qtbot.waitUntil(lambda: len(window.workbench.session.read) == 2, timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: len(read_entries(window.workbench.session)) == 2, timeout=WAIT_MS)
     name = window.workbench.session.entries[-1].name
     window.close()
     again = opened(rigs.idle_bench)
@@ -327,7 +328,7 @@ def test_a_filter_that_hides_the_shot_in_front_says_so_and_gives_it_back(opened,
     _ready(qtbot, window)
     table = window.panels.table
     window.session_presenter.open_paths([tmp_path / "run-1", tmp_path / "run-2"])
-    qtbot.waitUntil(lambda: len(window.workbench.session.read) == 2, timeout=WAIT_MS)
+    qtbot.waitUntil(lambda: len(read_entries(window.workbench.session)) == 2, timeout=WAIT_MS)
     window.workbench.set_note(1, "cold")
     table.select([2])
     window.view_presenter.show_page("SHOT")

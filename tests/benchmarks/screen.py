@@ -24,6 +24,7 @@ from app.window.panels.compare import ComparePanel
 from app.window.panels.shot import ShotPanel
 from app.window.panels.shot_raw import curves_of
 from tests.app import rigs, synthetic
+from tests.app.on_screen import read_entries
 
 FRAMES = 40
 TARGET_MS = 1000 / 30
@@ -112,7 +113,7 @@ def _start(folder: Path, application: QApplication) -> None:
     longest, busiest, last, spent = 0.0, 0.0, time.perf_counter(), time.thread_time()
     window.rig_presenter.arm()
     end = last + 60.0
-    while not window.workbench.session.read and last < end:
+    while not read_entries(window.workbench.session) and last < end:
         application.processEvents()
         now, own = time.perf_counter(), time.thread_time()
         longest, busiest = max(longest, now - last), max(busiest, own - spent)

@@ -43,7 +43,6 @@ class TrendPlot(PlainPlot):
         self.plot.addItem(self._bars)
         self.plot.addItem(self._points)
         self._curve = self.add_curve("shots")
-        self.points: list[tuple[float, float]] = []
 
     def dress(self, colours: Colours) -> None:
         super().dress(colours)
@@ -61,7 +60,6 @@ class TrendPlot(PlainPlot):
                 x.append(abs(speed.value))
                 y.append(trend.scale * reading.value)
                 half.append(trend.scale * reading.std if math.isfinite(reading.std) else 0.0)
-        self.points = list(zip(x, y, strict=True))
         self._points.setData(x, y)
         xs, ys, halves = np.array(x), np.array(y), np.array(half)
         self._bars.setData(x=xs, y=ys, height=2 * halves)

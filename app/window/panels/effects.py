@@ -74,10 +74,6 @@ class EffectRows(QWidget):
         self._column.addWidget(row)
         row.show()  # at once, as a hidden button takes no focus
 
-    def button(self, key: str) -> QPushButton:
-        """Return the button that adds or removes an effect."""
-        return next(button for button in self._buttons() if button.property("effect") == key)
-
     def _buttons(self) -> list[QPushButton]:
         rows = [self._column.itemAt(index).widget() for index in range(self._column.count())]
         return [button for row in rows if row is not None for button in row.findChildren(QPushButton)]

@@ -65,10 +65,6 @@ class LargePanel(QWidget):
         about = CONCERNS.get(flag)
         return flag not in MILD_FLAGS and (about is None or any(row.key in about for row in self._rows))
 
-    def text(self, name: str) -> str:
-        """Return what is shown for a number."""
-        return next(value.text() for label, value, _ in self._cells if label.text() == name)
-
     def resizeEvent(self, event: QResizeEvent) -> None:
         super().resizeEvent(event)
         self._fit()

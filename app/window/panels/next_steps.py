@@ -36,12 +36,6 @@ class NextSteps(QWidget):
         column.addWidget(self.shot)
         self.hide()
 
-    @property
-    def buttons(self) -> list[QPushButton]:
-        """Get the buttons, from the left."""
-        widgets = (self._row.itemAt(place).widget() for place in range(self._row.count()))
-        return [widget for widget in widgets if isinstance(widget, QPushButton)]
-
     def show_diagnosis(self, diagnosis: Diagnosis | None, in_model: tuple[Effect, ...]) -> None:
         """Show the possible next steps after a diagnosis."""
         clear_layout(self._row)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QGuiApplication
-from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from app.window.theme import MARKS, Tone, sized
 from app.window.widgets import Sheet, clear_layout, line_edit, push_button, set_tone, show_toned, text_label
@@ -139,11 +139,6 @@ class SetupSheet(Sheet):
         show_toned(self.refusal, words, Tone.BAD)
         self.refusal.setVisible(bool(words))
 
-    def use_buttons(self) -> list[QPushButton]:
-        """Return the buttons that choose a device, from top to bottom."""
-        widgets = [self._devices.itemAt(index).widget() for index in range(self._devices.count())]
-        return [widget for widget in widgets if isinstance(widget, QPushButton)]
-
     def show_remedy(self, lines: str) -> None:
         """Show the commands that give permission, or nothing."""
         self.remedy.setText(lines)
@@ -165,10 +160,6 @@ class SetupSheet(Sheet):
         tone, words = _verdict(checks)
         self.verdict.setText(words)
         set_tone(self.verdict, tone)
-
-    @property
-    def lines(self) -> list[str]:
-        return [line.text() for line in self._lines if line.text()]
 
     # the sheet --------------------------------------------------------------------------------------------------
 

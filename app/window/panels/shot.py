@@ -87,10 +87,6 @@ class ShotPanel(QWidget):
         return self._view
 
     @property
-    def shot(self) -> Shot | None:
-        return self._shot
-
-    @property
     def plots(self) -> tuple[PlotView, ...]:
         return self._plots
 

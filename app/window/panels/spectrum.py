@@ -2,7 +2,7 @@
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QRectF, Qt, Slot
+from PySide6.QtCore import QRectF, Qt
 from PySide6.QtWidgets import QSplitter, QWidget
 
 from analysis.shot import Role, Shot
@@ -84,8 +84,3 @@ class SpectrumPanel(QWidget):
 
     def plot_in_front(self) -> PlotView:
         return in_front(self.plots)
-
-    @Slot()
-    def reset(self) -> None:
-        self._spectrum.reset()
-        self._image.reset()

@@ -191,11 +191,6 @@ class Caption(pg.TextItem):
         plot.getAxis("left").fitted.connect(self._label_fitted)
         self._view.sigResized.connect(self._fit)
 
-    @property
-    def shown(self) -> str:
-        """Get the words, "" while the axis shows them."""
-        return str(self.toPlainText()) if self.isVisible() else ""
-
     def say(self, words: str) -> None:
         """Set the words; they are shortened to the width."""
         self._words = words

@@ -76,11 +76,6 @@ class PlotNotes(QObject):
             self._notes = tuple(notes)
             self._draw()
 
-    @property
-    def drawn(self) -> list[tuple[str, float, float]]:
-        """Get text and place, in the plot's units, of what is drawn."""
-        return [(drawn.note.text, *drawn.place) for drawn in self._drawn]
-
     def dress(self) -> None:
         """Set the colours of the view."""
         for drawn in self._drawn:

@@ -12,6 +12,7 @@ from app.window.layout import Layout
 from app.window.panels.session_model import NOTE
 from app.window.plots.plot_notes import NoteEditor
 from tests.app import synthetic
+from tests.app.on_screen import effect_button
 from tests.app.window import shown
 from tests.app.window.scene import DRAG, FIRST, SECOND, check, found_by, quiet, settle, show
 
@@ -161,7 +162,7 @@ def test_effects_are_added_removed_and_tried_by_the_buttons_of_a_diagnosis(windo
         (FIRST, SECOND), found_by([window.workbench.session.entry(n).shot for n in (1, 2)])
     )
     settle(window)
-    page.effects.button(DRAG.key).click()
+    effect_button(page.effects, DRAG.key).click()
     page.diagnose.click()
     window.panels.model.diagnose.click()
     assert calls == [

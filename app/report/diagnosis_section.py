@@ -14,12 +14,12 @@ from analysis.diagnosis import (
     prediction_words,
     remark_on,
 )
-from analysis.shot import Quantity, Shot, plates_words, weights_words
+from analysis.shot import Quantity, Shot, plates_words, weights_words, words_and_unit
 from analysis.uncertainty import diagnosed_band
 from app.report.number_tables import fitted
 from app.report.shot_figures import NOISE, figure
 from app.report.svg_plot import Band, Line, Plot
-from app.words import VERDICTS, Markup, counted, joined, parameter_parts, prefix_for, table, tag
+from app.words import VERDICTS, Markup, counted, joined, prefix_for, table, tag
 from instrument.files import one_line
 
 ERRORS = (
@@ -157,7 +157,7 @@ def _candidates(diagnosis: Diagnosis) -> Markup:
 def _parameters(parameters: Mapping[str, Quantity]) -> str:
     parts = []
     for name, value in parameters.items():
-        words, unit = parameter_parts(name)
+        words, unit = words_and_unit(name)
         parts.append(f"{words} {value} {unit}".rstrip())
     return ", ".join(parts)
 

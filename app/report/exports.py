@@ -14,7 +14,7 @@ import numpy as np
 
 from analysis.diagnosis import Diagnosis, Errors, LearnedLaw, prediction_words
 from analysis.fitted import shaking_of
-from analysis.shot import Floats, Motion, Quantity, Reading, Shot, program_version
+from analysis.shot import Floats, Motion, Quantity, Reading, Shot, program_version, words_and_unit
 from analysis.uncertainty import COLUMNS as BUDGET_COLUMNS
 from analysis.uncertainty import (
     Origin,
@@ -28,7 +28,7 @@ from analysis.uncertainty import (
     series_rows,
     wander_of,
 )
-from app.words import cell, parameter_parts
+from app.words import cell
 from instrument.files import RecordingError, write_atomic, write_text_atomic
 
 if TYPE_CHECKING:  # what predicts also fits, and the window does without
@@ -296,7 +296,7 @@ def _bytes(shot: Shot, others: Sequence[Shot], path: Path) -> memoryview:
 
 def _data_set(group: Any, name: str, values: np.ndarray) -> None:
     item = group.create_dataset(name, data=values, compression="gzip", compression_opts=4, shuffle=True)
-    item.attrs["unit"] = parameter_parts(name)[1]
+    item.attrs["unit"] = words_and_unit(name)[1]
 
 
 def _attribute(text: str) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from analysis.collision import Effect
 from analysis.fitted import ReadingsModel, readings_model
 from analysis.paper import PaperRow, Status
-from analysis.shot import Disturbance, Fit, NotSeen, Quantity, Reading, Shot, shown_in
+from analysis.shot import Disturbance, Fit, NotSeen, Quantity, Reading, Shot, shown_in, words_and_unit
 from analysis.uncertainty import (
     COVERAGE_FACTOR,
     Budget,
@@ -19,7 +19,7 @@ from analysis.uncertainty import (
     stated,
     with_unit,
 )
-from app.words import Markup, by_weight, correlation_words, flag_words, joined, parameter_parts, table, tag
+from app.words import Markup, by_weight, correlation_words, flag_words, joined, table, tag
 
 SMALL = 0.02  # of the combined uncertainty: smaller contributions share one row
 
@@ -57,7 +57,7 @@ def fitted(fit: Fit | None, tried: Collection[Effect] = (), of: Budget | None = 
     short = fit.short_names
     rows = []
     for index, (name, value) in enumerate(fit.parameters.items()):
-        words, unit = parameter_parts(short[name])
+        words, unit = words_and_unit(short[name])
         correlations = map(correlation_words, fit.correlations[index])
         entry = of.of(name) if of is not None else None
         noise = f"{value.std:.2g}" if entry is not None else "all of it"
@@ -67,7 +67,7 @@ def fitted(fit: Fit | None, tried: Collection[Effect] = (), of: Budget | None = 
         "",
         "value ± standard uncertainty",
         "of it type A",
-        *(parameter_parts(name)[0] for name in short.values()),
+        *(words_and_unit(name)[0] for name in short.values()),
     ]
     effects = f" with {', '.join(effect.words for effect in fit.effects)}" if fit.effects else ""
     said = (

@@ -8,10 +8,10 @@ from typing import Any
 from analysis.collision import Effect, LawError, OwnLaw, findings, from_mapping
 from analysis.diagnosis import Diagnosis, ModelFileError, SavedModel, drift, from_text, saved, to_text
 from analysis.fitted import fit_jointly, shaking_of
-from analysis.shot import AnalysisError, Fit, Progress, Shot, Stop, why_not_together
+from analysis.shot import AnalysisError, Fit, Progress, Shot, Stop, why_not_together, words_and_unit
 from app.report import shared_stds
 from app.session.verdict_basis import ModelEffects
-from app.words import counted, model_in_words, parameter_parts
+from app.words import counted, model_in_words
 from instrument.files import RecordingError, read_laws, read_toml_text, write_law, write_text_atomic
 
 DRIFT_SIGMAS = 4.0  # of the joint standard uncertainty
@@ -99,7 +99,7 @@ def drift_words(known: SavedModel, fit: Fit) -> str:
 
 def _named(name: str, effects: Iterable[Effect]) -> str:
     key, dot, parameter = name.rpartition(".")
-    words = parameter_parts(parameter)[0]
+    words = words_and_unit(parameter)[0]
     of = next((effect.words for effect in effects if effect.key == key), key)
     return f"{of}: {words}" if dot else words
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from analysis.collision import Effect
 from analysis.diagnosis import Verdict
-from analysis.shot import Role, words_and_unit
+from analysis.shot import Role
 from levimass import is_drive
 
 PREFIXES = ((1e-12, "p"), (1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""), (1e3, "k"), (1e6, "M"))
@@ -61,11 +61,6 @@ def prefix_for(size: float, unit: str) -> tuple[float, str]:
     least = [(scale, prefix) for scale, prefix in PREFIXES if abs(size) >= 0.9995 * scale]
     scale, prefix = least[-1] if least else PREFIXES[0]
     return 1.0 / scale, f"{prefix}{unit}"
-
-
-def parameter_parts(name: str) -> tuple[str, str]:
-    """Return ("coefficient", "N s²/m²") for "coefficient_n_s2_per_m2"; a name without a unit has the unit ""."""
-    return words_and_unit(name)
 
 
 OUTDATED = "This verdict is about another model or other shots: diagnose again"

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from PySide6.QtCore import QLocale
 
 from analysis.collision import Effect, OwnLaw
-from analysis.shot import NotSeen, Quantity, Reading
+from analysis.shot import NotSeen, Quantity, Reading, words_and_unit
 from app.words.markup import Markup, lines, tag
-from app.words.physics_words import parameter_parts, prefix_for
+from app.words.physics_words import prefix_for
 
 DASH = "–"
 COMBINED = "± is the combined standard uncertainty, from all sources in the budget."
@@ -91,7 +91,7 @@ def effect_numbers(effect: Effect, parameters: Mapping[str, Quantity]) -> str:
 def parameter_words(name: str, value: Quantity, unit: str | None = None) -> str:
     """Return "coefficient (1.90 ± 0.10)e-3 N s²/m²" for "coefficient_n_s2_per_m2"."""
     base, _, shot = name.partition(".")
-    words, unit = parameter_parts(base) if unit is None else (base, unit)
+    words, unit = words_and_unit(base) if unit is None else (base, unit)
     which = f" of shot {shot}" if shot else ""
     return f"{words}{which} {local(value.in_a_sentence())} {unit}".rstrip()
 

@@ -5,7 +5,7 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QWidget
 
 from analysis.collision import Effect
 from analysis.fitted import awaits_fit
-from analysis.shot import Fit, Shot
+from analysis.shot import Fit, Shot, words_and_unit
 from app.window.theme import MARKS, Tone
 from app.window.widgets import push_button, set_tone, show_toned, text_label, vertical
 from app.words import (
@@ -15,7 +15,6 @@ from app.words import (
     correlation_words,
     model_in_words,
     number,
-    parameter_parts,
     tag,
     with_prefix,
 )
@@ -29,7 +28,7 @@ def _matrix(fit: Fit) -> Markup:
     rows = [tag("tr", tag("th"), tag("th"), head)]
     for index, name in enumerate(fit.parameters):
         cells = [tag("td", correlation_words(r), align="right") for r in fit.correlations[index, :index]]
-        rows.append(tag("tr", tag("td", str(index + 1)), tag("td", parameter_parts(name)[0]), cells))
+        rows.append(tag("tr", tag("td", str(index + 1)), tag("td", words_and_unit(name)[0]), cells))
     return tag("table", rows, cellspacing=4)
 
 

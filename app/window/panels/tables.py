@@ -25,7 +25,7 @@ from app.words import DASH, cell, concise_text, local, number, value_text
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A row: cells, hover, parts; ``colour`` is that of the last cell."""
+    """A row: cells, hover, parts; ``colour`` is that of the last cell.  A single cell spans all columns."""
 
     cells: tuple[str, ...]
     hover: str = ""
@@ -67,6 +67,10 @@ class TreeTable(QTreeWidget):
         self.addTopLevelItems([self._item(line) for line in lines])
         for item in self._top_items():
             item.setExpanded(item.text(0) in open_before)
+        walk = QTreeWidgetItemIterator(self)
+        while (item := walk.value()) is not None:
+            item.setFirstColumnSpanned(item.columnCount() == 1)
+            walk += 1
         self.fit_columns()
 
     def fit_columns(self) -> None:
@@ -220,17 +224,11 @@ class PaperPanel(Dressed, QWidget):
                 shown = [local(text) if "." in text and not text.isalpha() else text for text in texts[1:]]
                 if isinstance(row.recorded, Quantity):
                     shown[RECORDED] = concise_text(row.recorded, readable_unit(row)[0])
-                trace = (Line((row.traced_to, *[""] * 6)),) if row.traced_to else ()
+                trace = (Line((row.traced_to,)),) if row.traced_to else ()
                 tone = _TONES.get(row.status)
                 colour = self.colours.signs[tone] if tone is not None else None
                 parts.append(Line((texts[0], *shown), row.traced_to, trace, colour=colour))
-            lines.append(Line((words, *[""] * 6), "", tuple(parts), True))
+            lines.append(Line((words,), "", tuple(parts), True))
         self.table.show_lines(lines)
-        for index in range(self.table.topLevelItemCount()):
-            section_item = self.table.topLevelItem(index)
-            section_item.setExpanded(True)
-            section_item.setFirstColumnSpanned(True)
-            for place in range(section_item.childCount()):
-                for trace_index in range(section_item.child(place).childCount()):
-                    section_item.child(place).child(trace_index).setFirstColumnSpanned(True)
+        self.table.expandToDepth(0)
         self.table.fit_columns()

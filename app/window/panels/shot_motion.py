@@ -9,7 +9,7 @@ from analysis.shot import Fit, Floats, Motion, Overlay, Quantity, Shot
 from analysis.uncertainty import NoiseBand, judged_band
 from app.report import contact_span_ms, deflection_of, grid_ms, time_zero
 from app.window.plots.cursors import CursorAxis
-from app.window.plots.curve import PointCurve
+from app.window.plots.curve import PointCurve, SampledCurve
 from app.window.plots.lines import MEASURED, RESIDUAL, SIMULATED, CrispCurve, Look
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_notes import NoteAxes
@@ -54,22 +54,12 @@ class MotionView(QObject):
     def show_shot(self, shot: Shot, judged_by: Diagnosis | None = None) -> None:
         """Show an analysed shot; the noise band is that of the diagnosis ``judged_by``."""
         self._shot, self._judged_by = shot, judged_by
-        motion = shot.motion
-        assert motion is not None
         zero, _ = time_zero(shot)
-        start, step = grid_ms(shot)
         self.stack.notes.describe(self.velocity, NoteAxes("velocity", zero, 1e3))
         self.stack.notes.describe(self.force, NoteAxes("force", zero, 1e3))
-        self._measured[0].show_samples(start, step, motion.velocity_m_per_s)
-        self._measured[1].show_samples(start, step, motion.force_n)
-        overlay = _overlay_of(shot)
-        if overlay is not None:
-            begin = 1e3 * (float(overlay.time_s[0]) - zero)
-            self._simulated[0].show_samples(begin, step, overlay.velocity_m_per_s)
-            self._simulated[1].show_samples(begin, step, overlay.force_n)
-        else:
-            for curve in self._simulated:
-                curve.clear_samples()
+        for curves, source in ((self._measured, shot.motion), (self._simulated, _overlay_of(shot))):
+            _show(curves[0], shot, source, "velocity_m_per_s")
+            _show(curves[1], shot, source, "force_n")
         if not self._chosen:
             self._choose_residual()
         self._show_residual()
@@ -167,6 +157,14 @@ def _overlay_of(shot: Shot) -> Overlay | None:
     return shot.fit.shots[0].overlay if shot.fit is not None and shot.fit.shots else None
 
 
+def _show(curve: SampledCurve, shot: Shot, source: Motion | Overlay | None, quantity: str) -> None:
+    """Show a quantity of a shot's motion, or of its fitted model at the same times; nothing without a source."""
+    if source is None:
+        curve.clear_samples()
+    else:
+        curve.show_samples(*grid_ms(shot), getattr(source, quantity))
+
+
 class GapView:
     """The gap in the fitted model (the paper's Fig. 7), as the plate is not measured, and the force below it."""
 
@@ -181,19 +179,13 @@ class GapView:
 
     def show_shot(self, shot: Shot) -> None:
         """Show an analysed shot."""
-        assert shot.motion is not None
         zero, _ = time_zero(shot)
-        start, step = grid_ms(shot)
         self.stack.notes.describe(self._gap_plot, NoteAxes("gap", zero, 1e3, 1e6))
         self.stack.notes.describe(self._force_plot, NoteAxes("force", zero, 1e3))
-        self._measured.show_samples(start, step, shot.motion.force_n)
         overlay = _overlay_of(shot)
-        if overlay is None:
-            self._gap.clear_samples()
-            self._simulated.clear_samples()
-        else:
-            self._gap.show_samples(start, step, 1e6 * np.asarray(overlay.gap_m))
-            self._simulated.show_samples(start, step, overlay.force_n)
+        _show(self._measured, shot, shot.motion, "force_n")
+        _show(self._simulated, shot, overlay, "force_n")
+        self._gap.show_samples(*grid_ms(shot), np.empty(0) if overlay is None else 1e6 * np.asarray(overlay.gap_m))
         self.stack.whole = contact_span_ms(shot)
 
 

@@ -75,7 +75,7 @@ class Exports:
         return shots, found.diagnosis if found is not None else None
 
     def _submit(self, name: str, write: Callable[..., str], told_as: EventKind = EventKind.EXPORTED) -> None:
-        self._work.jobs.submit(name, partial(self._work.do, write), "export", partial(self._tell, told_as))
+        self._work.aside(name, write, "export", partial(self._tell, told_as))
 
 
 class UnsavedShots:

@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -50,14 +51,13 @@ Item = TypeVar("Item")
 class Job:
     """One piece of work; ``what`` and ``fraction`` are written by the worker and read by the screen.
 
-    ``take`` gets the result in the screen's thread; of work on a session only while that is open.
+    ``take`` gets the result in the screen's thread.
     """
 
     name: str
     work: Step
     kind: str = ""
     take: Take | None = None
-    session: int | None = None  # whose shots it works on, counted from 0
     what: str = ""
     fraction: float = 0.0
     result: Any = None
@@ -97,11 +97,9 @@ class Jobs:
         self._thread = threading.Thread(target=self._work, name=f"levimass {name}", daemon=True)
         self._thread.start()
 
-    def submit(
-        self, name: str, work: Step, kind: str = "", take: Take | None = None, session: int | None = None
-    ) -> Job:
+    def submit(self, name: str, work: Step, kind: str = "", take: Take | None = None) -> Job:
         """Queue a job; its function gets (report, cancelled) and returns the result."""
-        job = Job(name, work, kind, take, session)
+        job = Job(name, work, kind, take)
         with self._wake:
             job.cancelled = self._closing
             for other in (*self._waiting, self._current):
@@ -138,9 +136,10 @@ class Jobs:
         """Return the jobs that ended since the last call, cancelled ones included."""
         return drained(self._finished)
 
-    def cancel(self, kind: str | None = None) -> None:
+    def cancel(self, kind: str | None = None, *, ended: bool = False) -> None:
+        """Cancel the jobs of a kind, or all; ``ended``: also those whose result waits to be taken."""
         with self._wake:
-            for job in (*self._waiting, self._current):
+            for job in (*self._waiting, self._current, *(self._finished if ended else ())):
                 if job is not None and (kind is None or job.kind == kind):
                     job.cancel()
 
@@ -164,8 +163,8 @@ class Jobs:
                 job = self._waiting.popleft()
                 self._current = job
             self._run(job)
-            self._finished.append(job)  # before it counts as closed, so that its result is there
             with self._wake:
+                self._finished.append(job)
                 self._current = None
             job.done.set()
 
@@ -213,7 +212,6 @@ class Work:
     def __init__(self, apart: SubprocessWorker | None) -> None:
         self.jobs, self.short_jobs = Jobs(), Jobs()
         self._apart = apart
-        self._session = 0  # counts the sessions: results of earlier ones are dropped
 
     def do(self, work: Callable[..., Any], report: Progress, cancelled: Stop) -> Any:
         """Do the long part of a job, in the other process where there is one; called in the jobs' thread."""
@@ -221,16 +219,15 @@ class Work:
             return self._apart.run(work, report, cancelled)
         return work(progress=report, cancelled=cancelled)
 
-    def submit(self, jobs: Jobs, name: str, work: Step, kind: str, take: Take) -> Job:
-        """Queue work on the shots of this session; its result is dropped once another session is open."""
-        return jobs.submit(name, work, kind, take, self._session)
+    def aside(self, name: str, work: Callable[..., Any], kind: str, take: Take) -> None:
+        """Queue long work, called with ``progress`` and ``cancelled``."""
+        self.jobs.submit(name, partial(self.do, work), kind, take)
 
     def another_session(self) -> None:
-        """Cancel the work on the shots of this session."""
-        self._session += 1
+        """Cancel the work on the shots of this session, and drop what is done of it."""
         for kind in OF_A_SESSION:
-            self.jobs.cancel(kind)
-            self.short_jobs.cancel(kind)
+            self.jobs.cancel(kind, ended=True)
+            self.short_jobs.cancel(kind, ended=True)
 
     def take_ended(self) -> Iterator[str]:
         """Hand on the results of jobs that ended since the last call; yield why others failed."""
@@ -239,7 +236,7 @@ class Work:
                 continue
             if job.problem is not None:
                 yield f"{job.name}: {job.problem}"
-            elif job.take is not None and job.session in (None, self._session):
+            elif job.take is not None:
                 job.take(job.result)
 
     def close(self) -> bool:

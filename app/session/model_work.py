@@ -133,7 +133,7 @@ class ModelWork:
             return self._work.do(fitting, report, cancelled)
 
         name, take = f"fit of {entry.name} with the new model", partial(self._take_fit, number, shot, effects)
-        job = self._work.submit(self._work.jobs, name, work, "refit", take)
+        job = self._work.jobs.submit(name, work, "refit", take)
         self._pending[number] = _PendingFit(job, shot, effects)
 
 

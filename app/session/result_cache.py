@@ -13,7 +13,7 @@ from pathlib import Path
 
 from analysis.diagnosis import Diagnosis
 from analysis.shot import AnalysisSettings, Progress, Shot, Stop, program, program_version
-from app.session.jobs import Work
+from app.session.jobs import Jobs
 from app.session.result_archive import NotStorable, head_of, packed, unpacked
 from app.session.verdict_basis import Diagnosed
 from instrument.files import RecordingError, is_foreign, read_metadata, recording_stem, write_atomic
@@ -164,8 +164,8 @@ AT_ONCE = 10  # cached results that one job reads
 class CacheWork:
     """Short jobs of the workbench that read and write the cache."""
 
-    def __init__(self, results: ResultCache, work: Work) -> None:
-        self._results, self._work = results, work
+    def __init__(self, results: ResultCache, short_jobs: Jobs) -> None:
+        self._results, self._short_jobs = results, short_jobs
 
     def keep(self, shots: Sequence[Shot]) -> None:
         """Queue the storing of analysed shots."""
@@ -174,12 +174,12 @@ class CacheWork:
             for shot in shots:
                 self._results.store_shot(shot)
 
-        self._work.short_jobs.submit("keeping results", work, "keep")
+        self._short_jobs.submit("keeping results", work, "keep")
 
     def store_diagnosis(self, found: Diagnosed, keys: Sequence[Key]) -> None:
         """Queue the storing of a diagnosis; ``keys`` are those of its entries, in its order."""
         if len(keys) == len(found.numbers):
-            self._work.short_jobs.submit(
+            self._short_jobs.submit(
                 "keeping a diagnosis", lambda _, __: self._results.store_diagnosis(found.diagnosis, keys), "keep"
             )
 
@@ -194,10 +194,8 @@ class CacheWork:
         for start in range(0, len(numbers), AT_ONCE):
             some = numbers[start : start + AT_ONCE]
             reading = partial(self._shots, {number: keys[number] for number in some})
-            self._work.submit(self._work.short_jobs, "kept results", reading, "kept", take_shots)
-        self._work.submit(
-            self._work.short_jobs, "kept diagnoses", partial(self._diagnoses, keys), "kept", take_diagnoses
-        )
+            self._short_jobs.submit("kept results", reading, "kept", take_shots)
+        self._short_jobs.submit("kept diagnoses", partial(self._diagnoses, keys), "kept", take_diagnoses)
 
     def _shots(self, keys: Mapping[int, Key], _: Progress, cancelled: Stop) -> dict[int, CachedShot | None]:
         return {number: None if cancelled() else self._results.shot(key) for number, key in keys.items()}

@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from analysis.diagnosis import Diagnosis
 from analysis.fitted import awaits_fit
@@ -66,9 +65,9 @@ class Workbench:
             session.held = spool.moved
         self.own_laws = own_laws or OwnLaws(None)
         self._work = Work(apart)
-        self.jobs, self.short_jobs = self._work.jobs, self._work.short_jobs
+        self.jobs, self.short_jobs, self.aside = self._work.jobs, self._work.short_jobs, self._work.aside
         self.model = ModelWork(session, self._work, self._tell, self._changed)
-        self._kept = CacheWork(results, self._work) if results is not None else None
+        self._kept = CacheWork(results, self.short_jobs) if results is not None else None
         self._usual = session.path.parent if session.path is not None else None
         self.diagnoses = Diagnoses()
         self.why = Why(self._work)
@@ -257,8 +256,7 @@ class Workbench:
         which = ", ".join(str(number) for number in ids[:MOST_NAMED])
         more = f" and {len(ids) - MOST_NAMED} more" if len(ids) > MOST_NAMED else ""
         name = f"diagnosis of shot{'s' if len(ids) > 1 else ''} {which}{more}"
-        take = partial(self._take_diagnosis, ids)
-        self._work.submit(self.jobs, name, partial(self._work.do, judging), "diagnosis", take)
+        self.aside(name, judging, "diagnosis", partial(self._take_diagnosis, ids))
         return None
 
     def set_note(self, number: int, note: str) -> None:
@@ -384,10 +382,6 @@ class Workbench:
 
     # the jobs ---------------------------------------------------------------------------------------------------
 
-    def aside(self, name: str, work: Callable[..., Any], kind: str, take: Take) -> None:
-        """Queue long work, called with ``progress`` and ``cancelled``."""
-        self.jobs.submit(name, partial(self._work.do, work), kind, take)
-
     def _submit_open(self, path: Path, settings: AnalysisSettings, copy_of: int | None = None) -> None:
         self._submit_reading(path, path.name, settings, partial(self._take_opened, copy_of))
 
@@ -398,7 +392,7 @@ class Workbench:
     def _submit_reading(self, path: Path, name: str, settings: AnalysisSettings, take: Take) -> None:
         """Queue the analysis of a recording, fitted with the effects in the model."""
         reading = partial(load_and_analyse, path, settings=settings, effects_of=self.session.effects.of)
-        self._work.submit(self.jobs, name, partial(self._work.do, reading), "open", take)
+        self.aside(name, reading, "open", take)
 
 
 def _named(paths: Sequence[Path]) -> str:

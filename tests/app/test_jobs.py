@@ -158,10 +158,10 @@ def test_a_saver_does_the_newest_task_it_was_given():
 def test_results_of_a_session_are_dropped_once_another_is_open_and_failures_are_said():
     work, taken = Work(None), []
     try:
-        of_first = work.submit(work.jobs, "one", lambda *_: 1, "open", taken.append)
+        of_first = work.jobs.submit("one", lambda *_: 1, "open", taken.append)
         assert of_first.done.wait(10)
         work.another_session()
-        of_second = work.submit(work.short_jobs, "two", lambda *_: 2, "open", taken.append)
+        of_second = work.short_jobs.submit("two", lambda *_: 2, "open", taken.append)
         failed = work.jobs.submit("three", lambda *_: {}["missing"])
         of_none = work.jobs.submit("four", lambda *_: 4, take=taken.append)
         for job in (of_second, failed, of_none):

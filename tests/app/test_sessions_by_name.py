@@ -53,7 +53,7 @@ def test_what_is_no_session_is_left_as_it_is(workbench, tmp_path):
 
 def test_what_was_asked_in_another_session_changes_nothing_in_this(workbench, tmp_path):
     found, take = synthetic.diagnosis(synthetic.shot()), partial(workbench._take_diagnosis, (1,))
-    workbench._work.submit(workbench.jobs, "diagnosis", lambda _, __: found, "diagnosis", take)
+    workbench.jobs.submit("diagnosis", lambda _, __: found, "diagnosis", take)
     while workbench.jobs.open_jobs:
         pass
     other = tmp_path / "other.json"

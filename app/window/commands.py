@@ -1,12 +1,14 @@
 """The table of commands with menu, words and keys, from which tooltips and F1 are made; its menus and shortcuts."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 
 from PySide6.QtCore import QObject, Qt
 from PySide6.QtGui import QAction, QKeyEvent, QKeySequence
 from PySide6.QtWidgets import QAbstractButton, QMainWindow, QMenu, QToolButton, QWidget
+
+from app.window.widgets import call_with
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +136,7 @@ def bind(
         action.setAutoRepeat(False)
         name, _, argument = command.action.partition(":")
         method = next(getattr(one, name) for one in doing if hasattr(one, name))
-        action.triggered.connect(partial(_call, method, argument) if argument else method)
+        action.triggered.connect(partial(call_with, method, argument) if argument else method)
         if command.line_before:
             menus[command.menu].addSeparator()
         menus[command.menu].addAction(action)
@@ -145,10 +147,6 @@ def bind(
         menus[name].addSeparator()
         menus[name].addActions([action for menu, action in again if menu == name])
     return actions
-
-
-def _call(method: Callable[[str], object], argument: str, _: bool = False) -> None:
-    method(argument)
 
 
 def pressed_by_enter(focused: QWidget | None, event: QKeyEvent) -> bool:

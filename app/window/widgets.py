@@ -1,6 +1,8 @@
 """Widgets that panels share: labels, buttons, fields, a layout that continues in a new line, a sheet."""
 
 from collections.abc import Callable, Iterable
+from functools import partial
+from typing import Any
 
 from PySide6.QtCore import QMargins, QRect, QSize, Qt, SignalInstance, Slot
 from PySide6.QtGui import QHideEvent, QResizeEvent
@@ -113,20 +115,31 @@ def push_button(
     text: str,
     hover: str,
     parent: QWidget,
-    clicked: Callable[[], object] | SignalInstance | None = None,
+    clicked: Callable[..., object] | SignalInstance | None = None,
+    given: object = None,
     *,
     checkable: bool = False,
     primary: bool = False,
 ) -> QPushButton:
-    """Return a button; ``clicked`` is the slot or signal it is connected to, ``primary`` a look of the style sheet."""
+    """Return a button; ``clicked`` is the slot or signal it is connected to, ``primary`` a look of the style sheet.
+
+    It is called, or emitted, with what is ``given``.
+    """
     button = QPushButton(text, parent)
     button.setToolTip(hover)
     button.setCheckable(checkable)
     if primary:
         button.setProperty("primary", True)
+    if clicked is not None and given is not None:
+        clicked = partial(call_with, clicked.emit if isinstance(clicked, SignalInstance) else clicked, given)
     if clicked is not None:
         button.clicked.connect(clicked)
     return button
+
+
+def call_with(act: Callable[[Any], object], given: Any, _: bool = False) -> None:
+    """Do something with what is given; the last is what buttons and actions add, whether they are checked."""
+    act(given)
 
 
 def combo_box(name: str, hover: str, parent: QWidget, items: Iterable[tuple[str, object]] = ()) -> QComboBox:

@@ -25,8 +25,6 @@ class EffectRows(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._effects: dict[str, Effect] = {}  # of the buttons, by key
-        self._missing: list[Effect] = []
         self._column = vertical(self)
 
     def show_effects(
@@ -36,16 +34,15 @@ class EffectRows(QWidget):
         focused = self.window().focusWidget()
         focused_effect = focused.property("effect") if focused is not None and self.isAncestorOf(focused) else None
         clear_layout(self._column)
-        self._effects = {}
         for one in found:
             parameters = effect_numbers(one.effect, one.parameters)
             rivals = ", ".join(other.words for other in one.indistinguishable_from)
             words = parameters + (f"   indistinguishable from: {rivals}" if rivals else "")
             self._add_row(one.effect, words, one.effect in in_model)
-        self._missing = [one.effect for one in found if one.effect not in in_model]
-        if len(self._missing) > 1:
+        missing = [one.effect for one in found if one.effect not in in_model]
+        if len(missing) > 1:
             hover = "Use these effects from now on; all shots are refitted"
-            button = push_button("Add all to the model", hover, self, self._add_all)
+            button = push_button("Add all to the model", hover, self, self.add_wanted, missing)
             self._column.addWidget(button, 0, Qt.AlignmentFlag.AlignRight)
         for effect in in_model:
             if effect not in {one.effect for one in found}:
@@ -62,12 +59,11 @@ class EffectRows(QWidget):
         label = text_label(joined(tag("b", title), f"  {words}"), row, selectable=True, wrap=True)
         if in_model:
             hover = "Remove the effect; all shots are refitted"
-            button = push_button("Remove from the model", hover, row, self._remove)
+            button = push_button("Remove from the model", hover, row, self.remove_wanted, effect)
         else:
             hover = "Use the effect from now on; all shots are refitted"
-            button = push_button("Add to the model", hover, row, self._add)
+            button = push_button("Add to the model", hover, row, self.add_wanted, [effect])
         button.setProperty("effect", effect.key)
-        self._effects[effect.key] = effect
         button.setAccessibleDescription(title)
         line.addWidget(label, 1)
         line.addWidget(button)
@@ -77,21 +73,6 @@ class EffectRows(QWidget):
     def _buttons(self) -> list[QPushButton]:
         rows = [self._column.itemAt(index).widget() for index in range(self._column.count())]
         return [button for row in rows if row is not None for button in row.findChildren(QPushButton)]
-
-    @Slot()
-    def _add(self) -> None:
-        self.add_wanted.emit([self._of_sender()])
-
-    @Slot()
-    def _add_all(self) -> None:
-        self.add_wanted.emit(self._missing)
-
-    @Slot()
-    def _remove(self) -> None:
-        self.remove_wanted.emit(self._of_sender())
-
-    def _of_sender(self) -> Effect:
-        return self._effects[str(self.sender().property("effect"))]
 
 
 SHOWN = 7  # at first; a button shows all

@@ -1,6 +1,6 @@
 """What to do after a diagnosis: the next step where a residual is unexplained, and the shot that decides."""
 
-from PySide6.QtCore import Signal, Slot
+from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QPushButton, QWidget
 
 from analysis.collision import Effect
@@ -26,7 +26,6 @@ class NextSteps(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._effects: dict[str, Effect] = {}  # of the buttons, by key
         column = vertical(self, (0, 0, 0, 0), 2)
         column.addWidget(text_label("NEXT STEP", self, heading=True))
         row = QWidget(self)
@@ -46,26 +45,16 @@ class NextSteps(QWidget):
         left = [c for c in diagnosis.candidates if c.effect not in named and c.parameters]
         for candidate in sorted(left, key=lambda c: -abs(c.score))[:MOST_TRIED]:
             remark = f" ({said})" if (said := remark_on(candidate)) else ""
-            button = self._button(
-                f"Try {candidate.effect.words}",
-                f"Add it to the model although it did not pass{remark}; it is marked as tried",
-            )
-            button.setProperty("effect", candidate.effect.key)
-            self._effects[candidate.effect.key] = candidate.effect
-            button.clicked.connect(self._try)
-        button = self._button("Propose a law …", "Type a law of your own; it is fitted and judged like the others")
-        button.clicked.connect(self.law_wanted)
+            hover = f"Add it to the model although it did not pass{remark}; it is marked as tried"
+            words = f"Try {candidate.effect.words}"
+            self._add(push_button(words, hover, self, self.try_wanted, candidate.effect))
+        hover = "Type a law of your own; it is fitted and judged like the others"
+        self._add(push_button("Propose a law …", hover, self, self.law_wanted))
         self.shot.setText(f"Next shot: {local_words(in_words(diagnosis).separating_shot or ANOTHER_SHOT)}")
 
-    def _button(self, words: str, tip: str) -> QPushButton:
-        button = push_button(words, tip, self)
+    def _add(self, button: QPushButton) -> None:
         self._row.addWidget(button)
         button.show()
-        return button
-
-    @Slot()
-    def _try(self) -> None:
-        self.try_wanted.emit(self._effects[str(self.sender().property("effect"))])
 
 
 UNPLANNED = (

@@ -123,10 +123,9 @@ class SetupSheet(Sheet):
     def _add_device(self, line: int, source: str, name: str, where: str, problem: str, present: str) -> None:
         label = text_label(lines((tag("b", name), where)), self, wrap=True)
         used = "In use" if source == present else "Use"
-        button = push_button(used, f"Take the samples from {name}", self, self._use)
+        button = push_button(used, f"Take the samples from {name}", self, self.source_wanted, source)
         button.setEnabled(source != present)
         button.setAccessibleName(f"Use {name}")
-        button.setProperty("source", source)
         self._devices.addWidget(label, 2 * line, 0)
         self._devices.addWidget(button, 2 * line, 1, Qt.AlignmentFlag.AlignTop)
         if problem:
@@ -165,10 +164,6 @@ class SetupSheet(Sheet):
 
     def open(self) -> None:
         self.open_at(self.look if self.look.isEnabled() else self._close)
-
-    @Slot()
-    def _use(self) -> None:
-        self.source_wanted.emit(str(self.sender().property("source")))
 
     @Slot()
     def _address(self) -> None:

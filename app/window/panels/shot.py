@@ -103,12 +103,10 @@ class ShotPanel(QWidget):
         self._group = QButtonGroup(self)
         self._buttons: dict[str, QPushButton] = {}
         for name, words, key, tip in VIEWS:
-            button = push_button(words, f"{tip}  ({key})", self, checkable=True)
-            button.setProperty("view", name)
+            button = push_button(words, f"{tip}  ({key})", self, self._view_pressed, name, checkable=True)
             self._group.addButton(button)
             self._buttons[name] = button
             bar.addWidget(button)
-        self._group.buttonClicked.connect(self._view_pressed)
         hover = "Two cursors: differences, mean, rms and slope between them  (C)"
         self._cursor_button = push_button("Cursors", hover, self, checkable=True)
         self._cursor_button.toggled.connect(self.show_cursors)
@@ -175,9 +173,8 @@ class ShotPanel(QWidget):
         self.set_view(self._view)
         self.reset()
 
-    @Slot(object)
-    def _view_pressed(self, button: QPushButton) -> None:
-        self.set_view(str(button.property("view")))
+    def _view_pressed(self, view: str) -> None:
+        self.set_view(view)
         self.reset()
 
     def set_view(self, view: str) -> None:

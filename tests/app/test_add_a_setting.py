@@ -153,7 +153,7 @@ def test_the_sheet_offers_what_is_declared(qtbot):
     sheet.offer(FIELDS)
     sheet.show_values(Settings().values())
     assert {"fit_seconds", "diagnosis_seconds"} <= {setting.key for setting in FIELDS}
-    sheet.set_value("diagnosis_seconds", "7.5")
+    sheet._editors["diagnosis_seconds"].setText("7.5")
     with qtbot.waitSignal(sheet.applied) as applied:
         sheet.apply()
     assert Settings().with_values(applied.args[0]).analysis.diagnosis_seconds == 7.5

@@ -77,17 +77,17 @@ def test_a_typed_mass_is_the_same_in_every_country(qtbot: QtBot, locale: str, ty
 @pytest.mark.parametrize("typed", ["20.5 100", "20,5; 100", "20.5, 100", "  20,5   100 ;"])
 def test_weights_are_typed_as_a_list_in_grams_and_come_back(qtbot: QtBot, typed: str) -> None:
     sheet, taken = _sheet(qtbot)
-    sheet.set_value("weights_kg", typed)
+    sheet._editors["weights_kg"].setText(typed)
     sheet.apply()
     assert taken and taken[0]["weights_kg"] == "0.0205 0.1" and taken[0]["speeds_m_per_s"] == "0.05 0.1 0.2 0.35 0.6"
     sheet.show_values(Settings().values() | {"weights_kg": "0.0205 0.1"})
     shown = sheet._editors["weights_kg"]
     assert isinstance(shown, QLineEdit) and shown.text() == f"{local('20.5')}  100"
     for wrong, words in (("20,5,100", "two ways"), ("heavy", "not a number"), ("0.01", "outside")):
-        sheet.set_value("weights_kg", wrong)
+        sheet._editors["weights_kg"].setText(wrong)
         sheet.apply()
         assert words in sheet.problem.text() and len(taken) == 1
-    sheet.set_value("weights_kg", "")
+    sheet._editors["weights_kg"].setText("")
     sheet.apply()
     assert taken[-1]["weights_kg"] == ""
 

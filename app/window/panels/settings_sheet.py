@@ -1,7 +1,5 @@
 """The sheet of settings, made from their declarations; checked and applied as a whole."""
 
-from pathlib import Path
-
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QScrollArea, QSizePolicy, QWidget
 
@@ -10,6 +8,8 @@ from app.window.theme import Tone
 from app.window.widgets import Sheet, horizontal, push_button, show_toned, text_label
 from app.words import local, typed_number, typed_numbers
 from levimass import Setting, Value
+
+NUMERIC = ("number", "numbers")  # kinds of settings
 
 
 class SettingsSheet(Sheet):
@@ -21,7 +21,6 @@ class SettingsSheet(Sheet):
         super().__init__("Settings", parent)
         self._fields: tuple[Setting, ...] = ()
         self._editors: dict[str, QWidget] = {}
-        self._browsed = ""  # the field whose folder is being chosen
         column, _ = self.head("Settings", "Close without applying  (F2 or Esc)")
         hint = "They hold for the next shots; each shot keeps the settings it was taken with."
         column.addWidget(text_label(hint, self, faint=True, wrap=True))
@@ -85,22 +84,14 @@ class SettingsSheet(Sheet):
     def _with_browse(self, editor: QWidget, inner: QWidget) -> QWidget:
         row = QWidget(inner)
         line = horizontal(row)
-        browse = push_button("…", "Choose a folder", row, self._browse)
+        browse = push_button("…", "Choose a folder", row, self._browse, editor)
         browse.setAccessibleName("Choose a folder")
-        browse.setProperty("key", next(key for key, value in self._editors.items() if value is editor))
         line.addWidget(editor, 1)
         line.addWidget(browse)
         return row
 
-    @Slot()
-    def _browse(self) -> None:
-        self._browsed = str(self.sender().property("key"))
-        editor = self._editors[self._browsed]
-        assert isinstance(editor, QLineEdit)
-        ask_for_one(self, "Choose a folder", Want.FOLDER, self._folder_asked, editor.text())
-
-    def _folder_asked(self, folder: Path) -> None:
-        self.set_value(self._browsed, str(folder))
+    def _browse(self, editor: QLineEdit) -> None:
+        ask_for_one(self, "Choose a folder", Want.FOLDER, lambda folder: editor.setText(str(folder)), editor.text())
 
     def show_values(self, values: dict[str, Value]) -> None:
         self.problem.setText("")
@@ -111,18 +102,7 @@ class SettingsSheet(Sheet):
             elif isinstance(editor, QCheckBox):
                 editor.setChecked(bool(value))
             elif isinstance(editor, QLineEdit):
-                if field.kind == "number":
-                    shown = "" if value is None else local(f"{float(value) * field.scale:.10g}")
-                    editor.setText(shown)
-                elif field.kind == "numbers":
-                    editor.setText("  ".join(local(f"{float(v) * field.scale:.10g}") for v in str(value or "").split()))
-                else:
-                    editor.setText("" if value is None else str(value))
-
-    def set_value(self, key: str, text: str) -> None:
-        editor = self._editors[key]
-        assert isinstance(editor, QLineEdit)
-        editor.setText(text)
+                editor.setText(_as_typed(field, value))
 
     @Slot()
     def apply(self) -> None:
@@ -134,15 +114,13 @@ class SettingsSheet(Sheet):
                 values[field.key] = str(editor.currentData())
             elif isinstance(editor, QCheckBox):
                 values[field.key] = editor.isChecked()
-            elif isinstance(editor, QLineEdit) and field.kind in ("number", "numbers"):
+            elif isinstance(editor, QLineEdit):
                 try:
-                    values[field.key] = (_number if field.kind == "number" else _list)(field, editor.text())
+                    values[field.key] = _stored(field, editor.text())
                 except ValueError as error:
                     self.refuse(f"{field.words}: {error}")
                     editor.setFocus()
                     return
-            elif isinstance(editor, QLineEdit):
-                values[field.key] = editor.text().strip()
         words = "Applied. Ctrl+R analyses the selected shots again with them, as copies."
         show_toned(self.problem, words, Tone.GOOD)
         self.applied.emit(values)
@@ -156,24 +134,32 @@ class SettingsSheet(Sheet):
         self.open_at(next(iter(self._editors.values()), None))
 
 
-def _list(field: Setting, text: str) -> str:
-    """Return the numbers of a field as they are stored.  Raises ValueError."""
-    values = typed_numbers(text)
-    if not values and not field.optional:
+def _as_typed(field: Setting, value: Value) -> str:
+    """Return the text of a field for what is stored."""
+    if value is None:
+        return ""
+    if field.kind not in NUMERIC:
+        return str(value)
+    return "  ".join(local(f"{float(number) * field.scale:.10g}") for number in str(value).split())
+
+
+def _stored(field: Setting, text: str) -> Value:
+    """Return what is stored for the text of a field.  Raises ValueError."""
+    if field.kind not in NUMERIC:
+        return text.strip()
+    if field.kind == "numbers":
+        typed = typed_numbers(text)
+    else:
+        typed = (typed_number(text),) if text.strip() else ()
+    numbers = [_in_si(field, value) for value in typed]
+    if not numbers and not field.optional:
         raise ValueError("a number is missing")
-    return " ".join(f"{_stored(field, value):.12g}" for value in values)
+    if field.kind == "numbers":
+        return " ".join(f"{number:.12g}" for number in numbers)
+    return numbers[0] if numbers else None
 
 
-def _number(field: Setting, text: str) -> float | None:
-    """Return the number of a field as it is stored.  Raises ValueError."""
-    if text.strip():
-        return _stored(field, typed_number(text))
-    if field.optional:
-        return None
-    raise ValueError("a number is missing")
-
-
-def _stored(field: Setting, value: float) -> float:
+def _in_si(field: Setting, value: float) -> float:
     """Return a number in SI units.  Raises ValueError outside of the field's limits."""
     stored = value / field.scale
     if not field.low <= stored <= field.high:

@@ -369,14 +369,14 @@ def test_settings_beyond_their_limits_are_refused(window):
     for field in (field for field in FIELDS if field.kind in ("number", "numbers")):
         for typed in (f"{1.001 * field.high * field.scale:.12g}", f"{field.low * field.scale - 1e-3:.12g}", "", "x"):
             sheet.show_values(usual)
-            sheet.set_value(field.key, typed)
+            sheet._editors[field.key].setText(typed)
             sheet.apply()
             said.append(f"{field.words} {typed!r}: {sheet.problem.text()}")
     edge = [field for field in FIELDS if field.kind == "number"]
     for place in ("low", "high"):
         sheet.show_values(usual)
         for field in edge:
-            sheet.set_value(field.key, f"{getattr(field, place) * field.scale:.12g}")
+            sheet._editors[field.key].setText(f"{getattr(field, place) * field.scale:.12g}")
         sheet.apply()
         assert [round(applied[-1][f.key] / (getattr(f, place) or 1.0), 9) for f in edge] == [
             float(bool(getattr(f, place))) for f in edge
@@ -473,7 +473,7 @@ def test_settings_set_up_help_and_the_other_sheets(window, tmp_path):
     values = window._choices.settings.values() | {"folder": "/data/rig", "session": ""}
     panels.settings.show_values(values)
     parts["settings"] = of(panels.settings)
-    panels.settings.set_value("moving_mass_kg", "a lot")
+    panels.settings._editors["moving_mass_kg"].setText("a lot")
     panels.settings.apply()
     parts["settings, a mistake"] = of(panels.settings.problem)
     panels.settings.hide()

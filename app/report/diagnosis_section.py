@@ -19,7 +19,7 @@ from analysis.uncertainty import diagnosed_band
 from app.report.number_tables import fitted
 from app.report.shot_figures import NOISE, figure
 from app.report.svg_plot import Band, Line, Plot
-from app.words import VERDICTS, Markup, counted, joined, prefix_for, table, tag
+from app.words import VERDICTS, Markup, counted, joined, or_dash, prefix_for, table, tag
 from instrument.files import one_line
 
 ERRORS = (
@@ -114,12 +114,9 @@ def error_rows(columns: Sequence[tuple[str, Errors]]) -> list[list[str]]:
         values = [getattr(errors, name) for _, errors in columns]
         if np.isfinite(values).any():
             scale, shown_in = prefix_for(float(np.nanmax(np.abs(values))), unit) if unit else (1.0, "")
-            rows.append([f"{words} ({shown_in})" if shown_in else words, *(_cell(scale * value) for value in values)])
+            cells = [or_dash(scale * value, ".4g") for value in values]
+            rows.append([f"{words} ({shown_in})" if shown_in else words, *cells])
     return rows
-
-
-def _cell(value: float) -> str:
-    return f"{value:.4g}" if np.isfinite(value) else "\u2013"
 
 
 def _residuals(diagnosis: Diagnosis, shots: Sequence[Shot]) -> Markup:

@@ -19,7 +19,7 @@ from analysis.uncertainty import (
     stated,
     with_unit,
 )
-from app.words import Markup, by_weight, correlation_words, flag_words, joined, table, tag
+from app.words import Markup, by_weight, flag_words, joined, or_dash, table, tag
 
 SMALL = 0.02  # of the combined uncertainty: smaller contributions share one row
 
@@ -58,7 +58,7 @@ def fitted(fit: Fit | None, tried: Collection[Effect] = (), of: Budget | None = 
     rows = []
     for index, (name, value) in enumerate(fit.parameters.items()):
         words, unit = words_and_unit(short[name])
-        correlations = map(correlation_words, fit.correlations[index])
+        correlations = (or_dash(r, ".2f") for r in fit.correlations[index])
         entry = of.of(name) if of is not None else None
         noise = f"{value.std:.2g}" if entry is not None else "all of it"
         stated = entry.quantity if entry is not None else value

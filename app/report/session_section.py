@@ -22,7 +22,7 @@ from analysis.uncertainty import (
 from app.report.number_tables import scaled
 from app.report.shot_figures import contact_span_ms, figure, time_zero
 from app.report.svg_plot import Dot, Line, Plot, draw
-from app.words import Markup, by_weight, flag_name, joined, table, tag
+from app.words import Markup, by_weight, flag_name, joined, or_dash, table, tag
 
 COLOURS = 8  # of the style sheet: series-0 to series-7, then again
 NAMED = 8  # most curves in a legend
@@ -101,7 +101,7 @@ def _summaries(found: Series, shots: Sequence[Shot]) -> Markup:
         both = s.mean
         if isinstance(s.mean, Quantity):
             both = replace(s.mean, std=math.hypot(s.mean.std, shared.get(s.key, 0.0)))
-        sizes = [_size(factor * s.scatter), _size(factor * s.repeatability)]
+        sizes = [or_dash(factor * s.scatter, ".2g"), or_dash(factor * s.repeatability, ".2g")]
         rows.append([name, str(len(s.shots)), scaled(both, s.unit)[0], noise, *sizes, slope, beyond])
     header = ["", "shots", "mean", "± from noise and scatter", "scatter", "repeatability", "slope per m/s", "slope / u"]
     note = (
@@ -135,7 +135,3 @@ def _trend(summary: Summary) -> Markup:
         lines = (Line(ends, factor * np.array([summary.trend.at(v) for v in ends]), "slope"),)
     label = with_unit(summary.words, unit)
     return draw(Plot("impact velocity (m/s)", label, lines, dots=tuple(dots)), width=376, height=230)
-
-
-def _size(value: float) -> str:
-    return f"{value:.2g}" if math.isfinite(value) else "\u2013"

@@ -49,9 +49,9 @@ def model_effect_words(effect: Effect, tried: Collection[Effect]) -> str:
     return f"{effect.words} (tried)" if effect in tried else effect.words
 
 
-def correlation_words(correlation: float) -> str:
-    """Return a correlation to two decimals, a dash where it is not known."""
-    return f"{correlation:.2f}" if math.isfinite(correlation) else "\u2013"
+def or_dash(value: float, form: str) -> str:
+    """Return a number in a format such as ".2f", a dash where it is not known."""
+    return f"{value:{form}}" if math.isfinite(value) else "\u2013"
 
 
 def prefix_for(size: float, unit: str) -> tuple[float, str]:

@@ -12,9 +12,9 @@ from app.words import (
     OUTDATED,
     Markup,
     base_words,
-    correlation_words,
     model_in_words,
     number,
+    or_dash,
     tag,
     with_prefix,
 )
@@ -27,7 +27,7 @@ def _matrix(fit: Fit) -> Markup:
     head = [tag("th", str(n), align="right") for n in range(1, len(fit.parameters))]
     rows = [tag("tr", tag("th"), tag("th"), head)]
     for index, name in enumerate(fit.parameters):
-        cells = [tag("td", correlation_words(r), align="right") for r in fit.correlations[index, :index]]
+        cells = [tag("td", or_dash(r, ".2f"), align="right") for r in fit.correlations[index, :index]]
         rows.append(tag("tr", tag("td", str(index + 1)), tag("td", words_and_unit(name)[0]), cells))
     return tag("table", rows, cellspacing=4)
 

@@ -41,24 +41,20 @@ class ModelWork:
     def known(self) -> SavedModel | None:
         """Get the model file in use; None while the session's model differs from it."""
         loaded = self._loaded
-        return loaded if loaded is not None and loaded.effects == self.effects_of(loaded.base) else None
-
-    def effects_of(self, base: str) -> tuple[Effect, ...]:
-        """Return the effects now in the model of shots with this base."""
-        return self._session.effects.of(base)
+        return loaded if loaded is not None and loaded.effects == self._session.effects.of(loaded.base) else None
 
     def add(self, base: str, effects: Sequence[Effect]) -> None:
         """Add effects to the model of shots with this base."""
-        now = self.effects_of(base)
+        now = self._session.effects.of(base)
         self._use(base, (*now, *(effect for effect in effects if effect not in now)))
 
     def try_out(self, base: str, effect: Effect) -> None:
         """Add an effect that no diagnosis named, marked as tried."""
-        if effect not in self.effects_of(base):
-            self._use(base, (*self.effects_of(base), effect), tried=(effect,))
+        if effect not in self._session.effects.of(base):
+            self._use(base, (*self._session.effects.of(base), effect), tried=(effect,))
 
     def remove(self, base: str, effect: Effect) -> None:
-        self._use(base, tuple(one for one in self.effects_of(base) if one != effect))
+        self._use(base, tuple(one for one in self._session.effects.of(base) if one != effect))
 
     def load(self, path: Path) -> None:
         """Queue the reading of a model file, whose effects then replace the model's."""
@@ -120,7 +116,7 @@ class ModelWork:
         self._loaded = None
 
     def _effects_for(self, shot: Shot) -> tuple[Effect, ...]:
-        return self.effects_of(shot.settings.model)
+        return self._session.effects.of(shot.settings.model)
 
     def _submit(self, entry: Entry) -> None:
         number, shot = entry.number, entry.shot

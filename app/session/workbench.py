@@ -145,7 +145,7 @@ class Workbench:
 
     def _key(self, entry: Entry) -> Key:
         """Return the key of an entry's result in the cache."""
-        effects = self.model.effects_of(entry.settings.model)
+        effects = self.session.effects.of(entry.settings.model)
         return Key(entry.path or "", replace(entry.settings, effects=effects))
 
     def _keep(self, shots: Sequence[Shot]) -> None:
@@ -250,7 +250,7 @@ class Workbench:
         laws, problems = self.own_laws.read()
         for problem in problems:
             self._tell(EventKind.PROBLEM, problem)
-        accepted = self.model.effects_of(shots[0].settings.model)
+        accepted = self.session.effects.of(shots[0].settings.model)
         seconds = self._settings().diagnosis_seconds  # the present setting, not that of the shots
         judging = partial(diagnose_shots, shots, accepted, laws, seconds)
         which = ", ".join(str(number) for number in ids[:MOST_NAMED])

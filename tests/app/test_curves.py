@@ -120,7 +120,7 @@ def test_cursors_come_at_thirds_of_the_view_and_are_copied_whole(qtbot) -> None:
 
 
 def test_a_history_goes_back_and_forward_and_a_new_view_replaces_what_followed() -> None:
-    history = ViewHistory[int]()
+    history = ViewHistory()
     assert history.step(-1) is None and history.step(1) is None
     for state in (1, 2, 2, 3):
         history.note(state)

@@ -107,7 +107,7 @@ def test_saved_and_opened_by_keys(qtbot: QtBot, tmp_path: Path, warm_kernels: No
             qtbot.keyClick(window, Qt.Key.Key_O, both)
             answer(path)
             qtbot.waitUntil(lambda path=path: path.name in window.panels.work.notices.words, timeout=WAIT_MS)
-            assert window.workbench.model.effects_of("paper") == effects
+            assert window.workbench.session.effects.of("paper") == effects
             assert window.workbench.session.effects.tried == tried
         assert not window.panels.model.known.text()
         entry = window.workbench.add_shot(shot)

@@ -48,7 +48,7 @@ class Races(RuleBasedStateMachine):
         try:
             for entry in self.bench.session.entries:
                 assert entry.shot is not None and entry.shot.fit is not None
-                wanted = self.bench.model.effects_of("paper")
+                wanted = self.bench.session.effects.of("paper")
                 assert entry.shot.fit.effects == wanted, f"{entry.name}: {entry.shot.fit.effects}, not {wanted}"
                 assert entry.path == entry.shot.path
         finally:
@@ -66,7 +66,7 @@ class Races(RuleBasedStateMachine):
     def captured(self) -> None:
         shot = synthetic.shot()
         assert shot.fit is not None
-        effects = self.bench.model.effects_of("paper")
+        effects = self.bench.session.effects.of("paper")
         fitted = replace(shot.fit, effects=effects)
         path = self._path()
         chosen = replace(shot.settings, effects=effects)
@@ -124,7 +124,7 @@ class Races(RuleBasedStateMachine):
     def one_model_file_or_none(self) -> None:
         known = self.bench.model.known
         if known is not None:
-            assert known.effects == self.bench.model.effects_of(known.base)
+            assert known.effects == self.bench.session.effects.of(known.base)
 
 
 Races.TestCase.settings = settings(

@@ -233,7 +233,7 @@ def test_two_shots_are_diagnosed_reported_and_the_effect_joins_the_model(opened,
     assert "quadratic drag" in window.workbench.session.entries[0].verdict
     before = window.workbench.session.entries[0].shot.fit.reduced_chi2
     effect_button(window.panels.diagnosis.effects, "quadratic_drag").click()
-    assert window.workbench.model.effects_of("paper") == (found.effects[0].effect,)
+    assert window.workbench.session.effects.of("paper") == (found.effects[0].effect,)
     first = window.workbench.session.entries[0].number
     qtbot.waitUntil(
         lambda: window.workbench.session.entry(first).shot.fit.effects == (found.effects[0].effect,), timeout=WAIT_MS

@@ -20,7 +20,7 @@ LISTED = 200  # messages that the list keeps
 AGED_EVERY_MS = 20_000
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)
 class Notice:
     """A message with its tone and, where something can be done, a button's label and action."""
 
@@ -29,6 +29,7 @@ class Notice:
     label: str = ""
     do: Callable[[], object] | None = None
     declined: Callable[[], object] | None = None  # called where it is dismissed
+    shown_s: float = 0.0  # when it was last shown
 
 
 class NoticeLine(QFrame):
@@ -39,7 +40,6 @@ class NoticeLine(QFrame):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._notices: list[Notice] = []
-        self._shown_s: dict[int, float] = {}  # when each was shown, by its id
         self.history: deque[tuple[datetime, Notice]] = deque(maxlen=LISTED)
         row = horizontal(self, (12, 0, 4, 0))
         self._words = text_label("", self, selectable=True, bold=True, elide=Qt.TextElideMode.ElideRight)
@@ -79,8 +79,7 @@ class NoticeLine(QFrame):
             del self._notices[:-KEPT]
             self.history.append((datetime.now(), notice))
             self.changed.emit()
-        self._shown_s[id(self._notices[-1])] = time.monotonic()
-        self._shown_s = {id(kept): self._shown_s[id(kept)] for kept in self._notices}
+        self._notices[-1].shown_s = time.monotonic()
         self._refresh()
 
     @Slot()
@@ -90,7 +89,7 @@ class NoticeLine(QFrame):
 
     def _age(self) -> str:
         """Return the age of the newest message, from a minute on."""
-        minutes = int((time.monotonic() - self._shown_s[id(self._notices[-1])]) / 60)
+        minutes = int((time.monotonic() - self._notices[-1].shown_s) / 60)
         if minutes < 1:
             return ""
         return f"   ({minutes} min ago)" if minutes < 60 else f"   ({minutes // 60} h ago)"

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Generic, TypeVar
 
 import pyqtgraph as pg
 from PySide6.QtCore import QPoint, Qt, QTimer, Signal, Slot
@@ -39,7 +38,7 @@ class PlotView(Dressed, pg.GraphicsLayoutWidget):
         self.ci.layout.setContentsMargins(4, 4, 10, 4)
         self.cursors = Cursors(self, axis)
         self.notes = PlotNotes(self)
-        self._history = ViewHistory[tuple[ViewState, ...]]()
+        self._history = ViewHistory()
         self._settling = QTimer(self)
         self._settling.setSingleShot(True)
         self._settling.setInterval(SETTLED_MS)
@@ -239,28 +238,28 @@ def in_front(plots: Sequence[PlotView]) -> PlotView:
     return next((plot for plot in plots if plot.hasFocus()), plots[0])
 
 
-State = TypeVar("State")
 MOST = 100
+States = tuple[ViewState, ...]  # of each plot
 
 
-class ViewHistory(Generic[State]):
+class ViewHistory:
     """A history of states; a state noted after going back replaces those that followed."""
 
     def __init__(self) -> None:
-        self._states: list[State] = []
+        self._states: list[States] = []
         self._place = -1
 
     def clear(self) -> None:
         self._states, self._place = [], -1
 
-    def note(self, state: State) -> None:
+    def note(self, state: States) -> None:
         """Add a state, unless it is the present one."""
         if self._place >= 0 and self._states[self._place] == state:
             return
         self._states = [*self._states[: self._place + 1], state][-MOST:]
         self._place = len(self._states) - 1
 
-    def step(self, by: int) -> State | None:
+    def step(self, by: int) -> States | None:
         """Go back (-1) or forward (1); return that state, or None at an end."""
         place = self._place + by
         if not 0 <= place < len(self._states):

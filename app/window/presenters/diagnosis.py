@@ -57,7 +57,7 @@ class DiagnosisPresenter(QObject):
         if self._panels.tabs.currentIndex() == Layout.DIAGNOSIS:
             self._explain(found)
         self._show_forces(found)
-        effects = self._workbench.model.effects_of(self._base())
+        effects = self._workbench.session.effects.of(self._base())
         holds = found is None or self._holds(found, effects)
         if self._shown[0] is found and self._shown[1:] == (effects, holds):
             return

@@ -91,7 +91,7 @@ class Jobs:
     def __init__(self, name: str = "jobs") -> None:
         self._waiting: deque[Job] = deque()
         self._finished: deque[Job] = deque()
-        self._current: Job | None = None
+        self.current: Job | None = None  # the one that runs
         self._wake = threading.Condition()
         self._closing = False
         self._thread = threading.Thread(target=self._work, name=f"levimass {name}", daemon=True)
@@ -102,7 +102,7 @@ class Jobs:
         job = Job(name, work, kind, take)
         with self._wake:
             job.cancelled = self._closing
-            for other in (*self._waiting, self._current):
+            for other in (*self._waiting, self.current):
                 if other is not None and other.kind in YIELDING and kind not in YIELDING:
                     other.cancel()  # it is queued again when the screen needs it
             self._waiting.append(job)
@@ -110,19 +110,15 @@ class Jobs:
         return job
 
     @property
-    def current(self) -> Job | None:
-        return self._current
-
-    @property
     def open_jobs(self) -> int:
         """Get how many jobs are waiting or under way."""
         with self._wake:
-            return len(self._waiting) + (self._current is not None)
+            return len(self._waiting) + (self.current is not None)
 
     def waiting(self, *kinds: str) -> int:
         """Return how many jobs of these kinds are waiting or under way and not cancelled."""
         with self._wake:
-            jobs = [*self._waiting, *([self._current] if self._current is not None else [])]
+            jobs = [*self._waiting, *([self.current] if self.current is not None else [])]
         return sum(job.kind in kinds and not job.cancelled for job in jobs)
 
     def waiting_words(self, job: Job, what: str) -> str:
@@ -139,7 +135,7 @@ class Jobs:
     def cancel(self, kind: str | None = None, *, ended: bool = False) -> None:
         """Cancel the jobs of a kind, or all; ``ended``: also those whose result waits to be taken."""
         with self._wake:
-            for job in (*self._waiting, self._current, *(self._finished if ended else ())):
+            for job in (*self._waiting, self.current, *(self._finished if ended else ())):
                 if job is not None and (kind is None or job.kind == kind):
                     job.cancel()
 
@@ -161,11 +157,11 @@ class Jobs:
                 if not self._waiting:
                     return
                 job = self._waiting.popleft()
-                self._current = job
+                self.current = job
             self._run(job)
             with self._wake:
                 self._finished.append(job)
-                self._current = None
+                self.current = None
             job.done.set()
 
     def _run(self, job: Job) -> None:
@@ -255,7 +251,7 @@ class ShotJob(Generic[Result]):
 
     def __init__(self, jobs: Jobs, kind: str) -> None:
         self._jobs, self._kind = jobs, kind
-        self._job: Job | None = None
+        self.job: Job | None = None  # the one that runs or waits
         self._number: int | None = None
         self._entry: Entry | None = None
 
@@ -265,24 +261,19 @@ class ShotJob(Generic[Result]):
             return False
         self._number, self._entry = entry.number, entry
         self._jobs.cancel(self._kind)
-        self._job = self._jobs.submit(f"{self._kind} of {entry.name}", work, self._kind)
+        self.job = self._jobs.submit(f"{self._kind} of {entry.name}", work, self._kind)
         return True
 
     def forget(self) -> None:
         """Do the work again the next time, also for the same shot."""
         self._number = None
 
-    @property
-    def job(self) -> Job | None:
-        """Get the job that runs or waits, or None."""
-        return self._job
-
     def take(self) -> tuple[Entry, Result] | None:
         """Return the result and its entry once, when it is ready; else None."""
-        job = self._job
+        job = self.job
         if job is None or not job.done.is_set():
             return None
-        self._job = None
+        self.job = None
         if job.cancelled or job.problem is not None:
             self._number = None
             return None

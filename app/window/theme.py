@@ -267,13 +267,9 @@ class Theme(QObject):
     def __init__(self, choice: str = "system") -> None:
         super().__init__()
         self._choice = choice
-        self._colours = LIGHT
+        self.colours = LIGHT
         QGuiApplication.styleHints().colorSchemeChanged.connect(self._apply)
         self._apply()
-
-    @property
-    def colours(self) -> Colours:
-        return self._colours
 
     @Slot(str)
     def choose(self, choice: str) -> None:
@@ -285,11 +281,11 @@ class Theme(QObject):
     def _apply(self) -> None:
         system_dark = QGuiApplication.styleHints().colorScheme() == Qt.ColorScheme.Dark
         dark = self._choice == "dark" or (self._choice == "system" and system_dark)
-        self._colours = DARK if dark else LIGHT
+        self.colours = DARK if dark else LIGHT
         application = QApplication.instance()
         if isinstance(application, QApplication):
-            application.setPalette(palette(self._colours))
-            sheet = style_sheet(self._colours)
+            application.setPalette(palette(self.colours))
+            sheet = style_sheet(self.colours)
             if application.styleSheet() != sheet:  # setting it takes 2 s for a window
                 application.setStyleSheet(sheet)
         self.changed.emit()

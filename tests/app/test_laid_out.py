@@ -35,7 +35,7 @@ def panels(qtbot):
 
 def _panels(qtbot, colours):
     theme = Theme("light")
-    theme._colours = colours  # the application's own style sheet takes seconds
+    theme.colours = colours  # the application's own style sheet takes seconds
     panels = Layout(theme)
     qtbot.addWidget(panels)
     panels.settings.offer(FIELDS)
@@ -132,7 +132,7 @@ def _all_of(colours) -> set[str]:
 
 def test_a_change_of_colours_reaches_every_word_that_is_coloured(panels):
     assert len(_all_of(LIGHT).intersection(_coloured(panels))) > 2
-    panels._theme._colours = DARK
+    panels._theme.colours = DARK
     panels.dress()
     QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
     found = _coloured(panels)
@@ -202,7 +202,7 @@ def _painted(panels) -> list[tuple[object, ...]]:
 
 def test_after_a_change_of_colours_every_plot_is_painted_as_one_made_in_them(panels, qtbot):
     light = _painted(panels)
-    panels._theme._colours = DARK
+    panels._theme.colours = DARK
     panels.dress()
     changed, made = _painted(panels), _painted(_panels(qtbot, DARK))
     assert len(changed) == len(made) > 300 and changed != light

@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QLabel
 from app.window.plots.legend import Legend, _rows, is_low, legend_height
 from app.window.plots.lines import MEASURED, SIMULATED
 from app.window.plots.plot_view import MOST, NUDGE, PAN, ZOOM, ViewHistory, in_front
-from app.window.plots.time_stack import TimeStack
+from app.window.plots.time_plot import TimeStack
 
 NO, SHIFT = Qt.KeyboardModifier.NoModifier, Qt.KeyboardModifier.ShiftModifier
 CTRL, ALT = Qt.KeyboardModifier.ControlModifier, Qt.KeyboardModifier.AltModifier
@@ -82,7 +82,7 @@ def test_views_are_stepped_back_and_forth_until_other_shots_are_drawn(stack) -> 
 
 
 def test_a_state_noted_after_going_back_replaces_those_that_followed() -> None:
-    history = ViewHistory[int]()
+    history = ViewHistory()
     assert history.step(-1) is None and history.step(1) is None and history.step(0) is None
     for state in (1, 2, 2, 3):
         history.note(state)

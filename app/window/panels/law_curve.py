@@ -109,7 +109,7 @@ class LawCurve(QWidget):
         self._legend.show_entries(legend)
         self.plot.legend = legend
         self.plot.plot.name_value("force", force_unit)
-        self.plot.plot.setLabel("bottom", f"{law.argument} ({unit})")
+        self.plot.plot.getAxis("bottom").setLabel(f"{law.argument} ({unit})")
         self.plot.columns = {name: np.array(values) for name, values in law_columns(law).items()}
         force = force_scale * law.curve_force_n
         reach = 0.1 * max(float(np.ptp(force)), 1e-9)

@@ -147,16 +147,14 @@ def _stored(field: Setting, text: str) -> Value:
     """Return what is stored for the text of a field.  Raises ValueError."""
     if field.kind not in NUMERIC:
         return text.strip()
+    stored: Value = None
     if field.kind == "numbers":
-        typed = typed_numbers(text)
-    else:
-        typed = (typed_number(text),) if text.strip() else ()
-    numbers = [_in_si(field, value) for value in typed]
-    if not numbers and not field.optional:
+        stored = " ".join(f"{_in_si(field, value):.12g}" for value in typed_numbers(text))
+    elif text.strip():
+        stored = _in_si(field, typed_number(text))
+    if stored in (None, "") and not field.optional:
         raise ValueError("a number is missing")
-    if field.kind == "numbers":
-        return " ".join(f"{number:.12g}" for number in numbers)
-    return numbers[0] if numbers else None
+    return stored
 
 
 def _in_si(field: Setting, value: float) -> float:

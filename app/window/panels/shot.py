@@ -51,7 +51,7 @@ class ShotPanel(QWidget):
         self._shot: Shot | None = None
         self._of = ""  # the shot's name, for its plots
         self._driven = False
-        self._view = "whole"
+        self.view = "whole"  # one of ``VIEWS``
         self._undrawn: set[str] = set()  # views that are not drawn yet
         self.motion = MotionView(self)
         self.stack = self.motion.stack
@@ -62,7 +62,7 @@ class ShotPanel(QWidget):
         self._page_of = {"deflection": self.deflection, "gap": self.gap.stack, "raw": self.raw.stack}  # else the stack
         self._pages = QStackedWidget(self)
         pages: tuple[PlotView, ...] = (self.stack, *self._page_of.values())
-        self._plots = (*pages, *self.drive.plots)
+        self.plots = (*pages, *self.drive.plots)
         all_pages: list[QWidget] = [*pages, *self.drive.pages.values()]
         for page in all_pages:
             self._pages.addWidget(page)
@@ -71,7 +71,7 @@ class ShotPanel(QWidget):
         self._empty.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self._pages.addWidget(self._empty)
         self._build()
-        for plot in self._plots:
+        for plot in self.plots:
             plot.cursors.moved.connect(self._cursors_moved)
         self._judged_by: Diagnosis | None = None
         self.show_shot(None)
@@ -81,20 +81,11 @@ class ShotPanel(QWidget):
         """Get the stacks of linked plots."""
         return self.stack, self.gap.stack, self.raw.stack
 
-    @property
-    def view(self) -> str:
-        """Get the view shown: one of ``VIEWS``."""
-        return self._view
-
-    @property
-    def plots(self) -> tuple[PlotView, ...]:
-        return self._plots
-
     def plot_in_front(self) -> PlotView | None:
         """Return the plot in view, or None where there is none."""
         page = self._pages.currentWidget()
         if page in self.drive.pages.values():
-            return self.drive.plot_in_front(self._view)
+            return self.drive.plot_in_front(self.view)
         return page if isinstance(page, PlotView) else None
 
     def _build(self) -> None:
@@ -119,30 +110,30 @@ class ShotPanel(QWidget):
         column.addWidget(self._legend)
         column.addWidget(self.drive.say)
         column.addWidget(self._pages, 1)
-        for plot in self._plots:
+        for plot in self.plots:
             column.addWidget(CursorReadout(plot, self))
 
     def _label_lines(self) -> None:
         entries: list[tuple[str, Look]] = [("measured", MEASURED), ("simulated", SIMULATED)]
         if self._driven:
             entries = self.drive.legend()
-        elif self._view == "raw":
+        elif self.view == "raw":
             entries = [("reading the samples …" if self._reading else "every sample, extremes kept", MEASURED)]
-        elif self._view == "deflection":
+        elif self.view == "deflection":
             entries.append(("slope", SLOPE))
-        elif self._view != "gap":
+        elif self.view != "gap":
             entries[1] = ("simulated (fitted to this shot)", SIMULATED)
             entries.append(("measured − simulated", RESIDUAL))
             entries.append((f"{self.motion.band_words or 'noise, wander and building'}, ±2 σ", BAND))
         self._legend.show_entries(entries)
-        for plot in self._plots:
+        for plot in self.plots:
             plot.legend = entries
         self._show_words()
 
     @property
     def _reading(self) -> bool:
         """Get whether the raw view waits for its curves."""
-        return self._view == "raw" and self.raw.has_samples and self.raw.wanted is not None
+        return self.view == "raw" and self.raw.has_samples and self.raw.wanted is not None
 
     def show_shot(
         self,
@@ -157,7 +148,7 @@ class ShotPanel(QWidget):
         """
         self._shot, self._judged_by = shot, judged_by
         self._of = words or (shot.name if shot is not None else "")
-        for plot in self._plots:
+        for plot in self.plots:
             plot.tell((), "")
         self._driven = shot is not None and is_drive(shot.settings.model)
         self._name_views()
@@ -170,7 +161,7 @@ class ShotPanel(QWidget):
                 stack.label_time(time_zero(shot)[1])
             self._undrawn = {"drive"} if self._driven else {"motion", "deflection", "gap"}
         self.drive.show_curves(None)
-        self.set_view(self._view)
+        self.set_view(self.view)
         self.reset()
 
     def _view_pressed(self, view: str) -> None:
@@ -179,8 +170,8 @@ class ShotPanel(QWidget):
 
     def set_view(self, view: str) -> None:
         """Show one of ``VIEWS``."""
-        self._view = view if not self._driven or view in DRIVE_VIEWS else "whole"
-        view = self._view
+        self.view = view if not self._driven or view in DRIVE_VIEWS else "whole"
+        view = self.view
         self._buttons[view].setChecked(True)
         others = self.drive.pages if self._driven else self._page_of
         analysed = self._shot is not None and self._shot.motion is not None
@@ -208,7 +199,7 @@ class ShotPanel(QWidget):
         self.drive.say.setVisible(shown and self._driven and (not low or self.drive.empty))
         entries = [words for words, _ in self._legend.entries]
         said = tag("span", lines([*entries, self.drive.say.text()] if self._driven else entries))
-        for plot in self._plots:
+        for plot in self.plots:
             plot.setToolTip(said if low else "")
 
     def _draw(self, view: str) -> None:
@@ -257,7 +248,7 @@ class ShotPanel(QWidget):
 
     def reset(self) -> None:
         """Show the whole of the view again; of a drive that of all its views."""
-        for plot in self.drive.plots if self._driven else (self._page_of.get(self._view, self.stack),):
+        for plot in self.drive.plots if self._driven else (self._page_of.get(self.view, self.stack),):
             plot.reset()
 
     @Slot(bool)

@@ -113,7 +113,7 @@ class ForceAgainst(QSplitter):
         self._measured = self._force.add_curve("measured", MEASURED)
         self._band = self._residual_plot.plot.add_band()
         self._residual = self._residual_plot.add_curve("measured − modelled", RESIDUAL)
-        self._residual_plot.plot.setXLink(self._force.plot)
+        self._residual_plot.plot.view.setXLink(self._force.plot.view)
         self._force.plot.hide_bottom_values()
         self.setSizes([300, 200])
         self.setChildrenCollapsible(False)

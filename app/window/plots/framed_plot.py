@@ -115,7 +115,7 @@ class FramedPlot(pg.GraphicsWidget):
         self.title, self.unit = title, unit
         words = f"{title} ({unit})" if unit else title
         self.caption.say(words)
-        self.setLabel("left", words)
+        self.getAxis("left").setLabel(words)
 
     def dress(self, colours: Colours) -> None:
         """Set the colours of axes, grid, curves and bands."""
@@ -166,12 +166,6 @@ class FramedPlot(pg.GraphicsWidget):
         bottom.setStyle(showValues=False)
         bottom.setHeight(6)
         bottom.showLabel(False)
-
-    def setLabel(self, side: str, text: str) -> None:
-        self._axes[side].setLabel(text)
-
-    def setXLink(self, other: "FramedPlot") -> None:
-        self.view.setXLink(other.view)
 
 
 ON_TOP = 30

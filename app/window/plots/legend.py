@@ -88,17 +88,13 @@ class Legend(Dressed, QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._row = FlowLayout(self)
-        self._entries: list[tuple[str, Look]] = []
-
-    @property
-    def entries(self) -> list[tuple[str, Look]]:
-        return list(self._entries)
+        self.entries: list[tuple[str, Look]] = []
 
     def show_entries(self, entries: Sequence[tuple[str, Look]]) -> None:
         """Show these entries, each with its name."""
-        if list(entries) == self._entries:
+        if list(entries) == self.entries:
             return
-        self._entries = list(entries)
+        self.entries = list(entries)
         clear_layout(self._row)
         for name, look in entries:
             entry = QWidget(self)

@@ -35,7 +35,7 @@ class PlainPlot(PlotView):
         self.table_words = "Save the values as CSV …" if tabulated else ""
         self.plot = FramedPlot(*value, self.axis_kind)
         self.join(self.plot)
-        self.plot.setLabel("bottom", bottom)
+        self.plot.getAxis("bottom").setLabel(bottom)
         self.columns: dict[str, Floats] = {}
         self._whole: tuple[Span, Span] | None = None
 

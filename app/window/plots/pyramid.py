@@ -10,12 +10,12 @@ BASE = 16  # values of one level per value of the next
 class Pyramid:
     """Minima and maxima of uniform samples over blocks of 16, 256, 4096, ... samples.
 
-    Only whole blocks are in a level; the rest is read from the level below.  NaN is ignored where a block has other
-    values.
+    ``values`` are the samples, shape (n,).  Only whole blocks are in a level; the rest is read from the level below.
+    NaN is ignored where a block has other values.
     """
 
     def __init__(self, values: Array) -> None:
-        self._values = values
+        self.values = values
         self._lows: list[Array] = []
         self._highs: list[Array] = []
         low = high = values
@@ -26,22 +26,17 @@ class Pyramid:
             self._highs.append(high)
 
     def __len__(self) -> int:
-        return len(self._values)
-
-    @property
-    def values(self) -> Array:
-        """Get all values, shape (n,)."""
-        return self._values
+        return len(self.values)
 
     def extremes(self, start: int, stop: int) -> tuple[float, float]:
         """Return the smallest and largest of samples ``start`` to ``stop`` (exclusive); NaN where there are none."""
-        start, stop = max(0, start), min(len(self._values), stop)
+        start, stop = max(0, start), min(len(self.values), stop)
         if stop <= start:
             return float("nan"), float("nan")
         low, high = np.inf, -np.inf
         for level in range(-1, len(self._lows)):
-            lows = self._values if level < 0 else self._lows[level]
-            highs = self._values if level < 0 else self._highs[level]
+            lows = self.values if level < 0 else self._lows[level]
+            highs = self.values if level < 0 else self._highs[level]
             stop = min(stop, len(lows))
             last = level == len(self._lows) - 1
             head = stop if last else min(stop, -(-start // BASE) * BASE)
@@ -61,19 +56,19 @@ class Pyramid:
         With fewer than two samples per pixel these are the samples; else minimum and maximum of each pixel's samples at
         one position.
         """
-        start, stop = max(0, start), min(len(self._values), stop)
+        start, stop = max(0, start), min(len(self.values), stop)
         pixels = max(2, pixels)
         count = stop - start
         if count <= 0:
             return np.empty(0), np.empty(0)
         if count <= 2 * pixels:
-            return np.arange(start, stop, dtype=np.float64), self._values[start:stop].astype(np.float64)
+            return np.arange(start, stop, dtype=np.float64), self.values[start:stop].astype(np.float64)
         level = 0
         while level < len(self._lows) and BASE ** (level + 1) * 2 * pixels <= count:
             level += 1
         unit = BASE**level
-        lows = self._values if level == 0 else self._lows[level - 1]
-        highs = self._values if level == 0 else self._highs[level - 1]
+        lows = self.values if level == 0 else self._lows[level - 1]
+        highs = self.values if level == 0 else self._highs[level - 1]
         first, end = start // unit, min(len(lows), -(-stop // unit))
         edges = first + (np.arange(pixels) * (end - first)) // pixels
         low = np.fmin.reduceat(lows[:end], edges).astype(np.float64)

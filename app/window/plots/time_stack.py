@@ -24,7 +24,7 @@ class TimeStack(PlotView):
     def add_plot(self, title: str, unit: str, stretch: int = 3) -> TimePlot:
         plot = TimePlot(title, unit)
         if self.plots:
-            plot.setXLink(self.plots[0])
+            plot.view.setXLink(self.plots[0].view)
             self.plots[-1].hide_bottom_values()
         self.join(plot)
         self.ci.layout.setRowStretchFactor(len(self.plots) - 1, stretch)
@@ -34,7 +34,7 @@ class TimeStack(PlotView):
 
     def label_time(self, text: str) -> None:
         """Set the label of the time axis, which only the lowest plot shows."""
-        self.plots[-1].setLabel("bottom", text)
+        self.plots[-1].getAxis("bottom").setLabel(text)
 
     def zoom(self, left: float, right: float) -> None:
         """Show this range of time in every plot, and fit the values."""

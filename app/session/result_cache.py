@@ -195,10 +195,7 @@ class CacheWork:
             some = numbers[start : start + AT_ONCE]
             reading = partial(self._shots, {number: keys[number] for number in some})
             self._short_jobs.submit("kept results", reading, "kept", take_shots)
-        self._short_jobs.submit("kept diagnoses", partial(self._diagnoses, keys), "kept", take_diagnoses)
+        self._short_jobs.submit("kept diagnoses", lambda _, __: self._results.diagnoses(keys), "kept", take_diagnoses)
 
     def _shots(self, keys: Mapping[int, Key], _: Progress, cancelled: Stop) -> dict[int, CachedShot | None]:
         return {number: None if cancelled() else self._results.shot(key) for number, key in keys.items()}
-
-    def _diagnoses(self, keys: Mapping[int, Key], _: Progress, __: Stop) -> list[Diagnosed]:
-        return self._results.diagnoses(keys)

@@ -191,7 +191,7 @@ class DiagnosisPanel(QWidget):
             return
         verdict = VERDICTS[diagnosis.verdict]
         tone, words = Tone(verdict.tone), verdict.brief.upper()
-        if diagnosis.findings and all(found.effect in model_effects for found in diagnosis.findings):
+        if self._accepted:
             found = diagnosis.verdict in (Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED)
             tone, words = (Tone.GOOD, f"{words}, IN THE MODEL") if found else (tone, f"{words}, THOUGH IN THE MODEL")
         tone, words = (tone, words) if holds else (Tone.NEUTRAL, tag("s", words))

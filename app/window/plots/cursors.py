@@ -1,6 +1,7 @@
 """Two cursors in linked plots, the readings between them, and the table of these below a plot."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -97,7 +98,7 @@ class Cursors(QObject):
                 line = pg.InfiniteLine(angle=90, movable=True, **named)
                 line.setZValue(20)
                 plot.addItem(line, ignoreBounds=True)
-                line.sigPositionChanged.connect(self._dragged_a if name == "A" else self._dragged_b)
+                line.sigPositionChanged.connect(partial(self._dragged, name))
                 lines.append(line)
         self.dress()
 
@@ -146,13 +147,8 @@ class Cursors(QObject):
         self._following = False
         self.moved.emit()
 
-    @Slot(object)
-    def _dragged_a(self, line: pg.InfiniteLine) -> None:
-        self._set("A", float(line.value()))
-
-    @Slot(object)
-    def _dragged_b(self, line: pg.InfiniteLine) -> None:
-        self._set("B", float(line.value()))
+    def _dragged(self, name: str, line: pg.InfiniteLine) -> None:
+        self._set(name, float(line.value()))
 
     def measures(self) -> list[Between]:
         """Return the readings of every visible curve."""

@@ -1,6 +1,7 @@
 """Let the operator assign the channels of files from other programs."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Slot
@@ -22,14 +23,6 @@ from instrument.files import (
     save_columns,
     write_mapping,
 )
-
-
-@dataclass(frozen=True, slots=True)
-class _Seen:
-    """A file's contents, and what its channels look like."""
-
-    contents: ForeignContents
-    looks: tuple[ChannelLook, ...]
 
 
 class MappingPresenter(QObject):
@@ -54,9 +47,9 @@ class MappingPresenter(QObject):
         if job is not None and job.done.is_set():
             self._job = None
             settings = self._choices.settings
-            if isinstance(job.result, _Seen):
-                seen = job.result
-                self._sheet.ask(seen.contents, settings.moving_mass_kg, settings.rest_frequency_hz, seen.looks)
+            if isinstance(job.result, tuple):
+                contents, looks = job.result
+                self._sheet.ask(contents, settings.moving_mass_kg, settings.rest_frequency_hz, looks)
             elif isinstance(job.result, Path):
                 self._sheet.hide()
                 self._workbench.open_paths([job.result])
@@ -68,14 +61,14 @@ class MappingPresenter(QObject):
     def _read(self, path: Path) -> None:
         self._path = path
 
-        def work(_: Progress, __: Stop) -> _Seen | Path:
+        def work(_: Progress, __: Stop) -> tuple[ForeignContents, Sequence[ChannelLook]] | Path:
             if is_foreign(path):  # the folder may have a mapping by now
                 return path
             contents = foreign_channels(path)
             try:
-                return _Seen(contents, looks_of(contents))
+                return contents, looks_of(contents)
             except Exception:  # a library may raise anything; the channels can be assigned without
-                return _Seen(contents, ())
+                return contents, ()
 
         self._job = self._workbench.short_jobs.submit(path.name, work, "foreign")
 

@@ -11,7 +11,7 @@ from PySide6.QtTest import QTest
 from app.window.plots.axis import PlainAxis
 from app.window.plots.cursors import TIME
 from app.window.plots.plain_plot import PlainPlot
-from app.window.plots.time_stack import TimeStack
+from app.window.plots.time_plot import TimeStack
 from app.window.theme import LIGHT
 from tests.app.on_screen import caption_words
 

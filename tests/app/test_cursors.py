@@ -7,7 +7,7 @@ from PySide6.QtGui import QTextDocumentFragment
 from app.window.plots.cursors import CursorAxis, CursorReadout, between
 from app.window.plots.lines import MEASURED
 from app.window.plots.plain_plot import LogPlot
-from app.window.plots.time_stack import TimeStack
+from app.window.plots.time_plot import TimeStack
 
 
 def test_measures_of_a_ramp():

@@ -10,7 +10,7 @@ from app.window.plots.cursors import SECONDS, TIME, CursorAxis, between
 from app.window.plots.curve import Band, PointCurve, SampledCurve
 from app.window.plots.lines import DASHES, MEASURED, ColumnCurve, series
 from app.window.plots.plot_view import MOST, ViewHistory
-from app.window.plots.time_stack import TimeStack
+from app.window.plots.time_plot import TimeStack
 from app.window.theme import LIGHT
 
 

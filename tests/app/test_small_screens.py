@@ -38,7 +38,7 @@ from app.window.layout import Layout
 from app.window.panels.session_model import FLAGS, VERDICT
 from app.window.plots.axis import PlainAxis
 from app.window.plots.plot_view import PlotView
-from app.window.plots.time_stack import TimeStack
+from app.window.plots.time_plot import TimeStack
 from app.window.theme import DARK, LIGHT, Theme, Tone
 from app.words.flags import FLAG_WORDS, flags_in_short
 from app.words.physics_words import verdict_words

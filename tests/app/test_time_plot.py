@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from app.window.plots.lines import MEASURED
-from app.window.plots.time_plot import TimePlot
-from app.window.plots.time_stack import TimeStack
+from app.window.plots.time_plot import TimePlot, TimeStack
 
 VALUES = np.concatenate((np.linspace(0.0, 10.0, 50), np.linspace(-40.0, 20.0, 50)))
 

@@ -20,8 +20,7 @@ from app.window.plots.legend import Legend, is_low
 from app.window.plots.lines import series, straight
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_view import PlotView, in_front
-from app.window.plots.time_plot import TimePlot
-from app.window.plots.time_stack import TimeStack
+from app.window.plots.time_plot import TimePlot, TimeStack
 from app.window.theme import Colours, Dressed
 from app.window.widgets import combo_box, push_button, text_label, vertical
 from app.words import lines, local, number, short_name, tag

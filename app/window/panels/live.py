@@ -14,7 +14,7 @@ from app.window.panels.site_floor import SiteFloorPanel
 from app.window.plots.cursors import CursorReadout
 from app.window.plots.lines import MEASURED
 from app.window.plots.plot_view import PlotView, in_front
-from app.window.plots.time_stack import TimeStack
+from app.window.plots.time_plot import TimeStack
 from app.window.theme import sized
 from app.window.widgets import push_button, scrolled, text_label, vertical
 from app.words import CHANNEL_NAMES, DASH, local, number

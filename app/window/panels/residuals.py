@@ -14,7 +14,7 @@ from analysis.uncertainty import diagnosed_band
 from app.report import grid_ms, time_zero
 from app.window.plots.cursors import SECONDS, CursorReadout
 from app.window.plots.lines import RESIDUAL
-from app.window.plots.time_stack import TimeStack
+from app.window.plots.time_plot import TimeStack
 from app.window.widgets import text_label, vertical
 from app.words import Markup, lines, number, prefix_for, repeatability_words, short_name, tag
 from levimass import is_drive

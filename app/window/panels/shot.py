@@ -15,7 +15,7 @@ from app.window.plots.cursors import CursorReadout
 from app.window.plots.legend import Legend, is_low
 from app.window.plots.lines import BAND, MEASURED, RESIDUAL, SIMULATED, Look
 from app.window.plots.plot_view import PlotView
-from app.window.plots.time_stack import TimeStack
+from app.window.plots.time_plot import TimeStack
 from app.window.widgets import FlowLayout, keep_place, push_button, text_label, vertical
 from app.words import lines, tag
 from levimass import is_drive

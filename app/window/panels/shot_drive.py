@@ -13,7 +13,7 @@ from app.window.plots.lines import BAND, MEASURED, RESIDUAL, SIMULATED, Look
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.plot_view import PlotView, in_front
-from app.window.plots.time_stack import TimeStack
+from app.window.plots.time_plot import TimeStack
 from app.window.widgets import text_label
 from app.words import number, repeatability_words
 

@@ -13,7 +13,7 @@ from app.window.plots.curve import PointCurve, SampledCurve
 from app.window.plots.lines import MEASURED, RESIDUAL, SIMULATED, CrispCurve, Look
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_notes import NoteAxes
-from app.window.plots.time_stack import TimeStack
+from app.window.plots.time_plot import TimeStack
 from app.window.widgets import combo_box
 from app.words import prefix_for
 

@@ -9,7 +9,7 @@ from analysis.shot import Recording, Role
 from app.window.plots.lines import MEASURED
 from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.pyramid import Pyramid
-from app.window.plots.time_stack import TimeStack
+from app.window.plots.time_plot import TimeStack
 from app.words import CHANNEL_NAMES, number
 
 

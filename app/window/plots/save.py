@@ -14,20 +14,22 @@ from app.report import write_table
 from app.window.plots.legend import legend_height, paint_legend
 from app.window.plots.lines import Look
 from app.window.plots.plot_view import PlotView
-from app.window.plots.time_stack import TimeStack
+from app.window.plots.time_plot import TimeStack
+
+SCALE = 2.0  # pixels of a picture per pixel of the screen
 
 
-def save_png(view: pg.GraphicsView, path: Path, scale: float = 2.0) -> None:
-    """Write the plot with its legend, ``scale`` times finer than the screen.  Raises OSError."""
-    if not picture(view, scale).save(str(path), "PNG"):  # type: ignore[call-overload]  # its types want bytes
+def save_png(view: pg.GraphicsView, path: Path) -> None:
+    """Write the plot with its legend.  Raises OSError."""
+    if not picture(view).save(str(path), "PNG"):  # type: ignore[call-overload]  # its types want bytes
         raise OSError(f"{path}: could not be written")
 
 
-def picture(view: pg.GraphicsView, scale: float = 2.0) -> QImage:
-    """Return the plot as ``save_png`` writes it."""
+def picture(view: pg.GraphicsView) -> QImage:
+    """Return the plot as ``save_png`` writes it, twice as fine as on the screen."""
     size = _whole(view)
-    image = QImage(size * scale, QImage.Format.Format_RGB32)
-    image.setDevicePixelRatio(scale)
+    image = QImage(size * SCALE, QImage.Format.Format_RGB32)
+    image.setDevicePixelRatio(SCALE)
     painter = QPainter(image)
     _draw(painter, view, size)
     painter.end()

@@ -12,7 +12,7 @@ from app.window.layout import Layout
 from app.window.plots import save
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_view import PlotView
-from app.window.plots.time_stack import TimeStack
+from app.window.plots.time_plot import TimeStack
 from app.window.theme import Tone
 from instrument.files import RecordingError
 

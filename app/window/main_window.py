@@ -157,8 +157,7 @@ class MainWindow(QMainWindow):
         for problem in self.log.take_problems():
             self.say(problem, Tone.BAD)
         self._warned &= frozenset(self._at_stake(snapshot))  # a name that returns is another shot's
-        self.session_presenter.rig_doing, self.session_presenter.rig_share = snapshot.doing, snapshot.progress
-        self.session_presenter.refresh()
+        self.session_presenter.refresh(snapshot.doing, snapshot.progress)
         self.selection_presenter.refresh()
         self.plot_notes_presenter.refresh()
         self.diagnosis_presenter.refresh()

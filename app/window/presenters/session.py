@@ -51,8 +51,6 @@ class SessionPresenter(QObject):
         self._choose_next = False  # whether to select the next opened shot
         self._choices = choices
         self._dialogs = FileDialogs(panels, lambda: choices.start_folder)
-        self.rig_doing: str | None = None  # progress of the rig's analysis, for the status line
-        self.rig_share: float | None = None
         for name, slot in (
             ("open", self.open_recordings),
             ("export", self.export_selected),
@@ -67,11 +65,11 @@ class SessionPresenter(QObject):
 
     # results ----------------------------------------------------------------------------------------------------
 
-    def refresh(self) -> None:
-        """Show table, progress and finished work."""
+    def refresh(self, rig_doing: str | None = None, rig_share: float | None = None) -> None:
+        """Show table, finished work and progress, else that of the rig's analysis."""
         for event in self._workbench.poll():
             self._show_event(event)
-        self._panels.work.show_work(self._workbench.jobs, self.rig_doing, self.rig_share)
+        self._panels.work.show_work(self._workbench.jobs, rig_doing, rig_share)
         self._show_table()
 
     def _show_table(self) -> None:

@@ -5,7 +5,6 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis
 from analysis.shot import Progress, Shot, Stop
 from app.session.entry import Entry
@@ -42,11 +41,12 @@ class Exports:
 
     def report(self, numbers: Sequence[int], path: Path) -> None:
         """Queue the report as one HTML or PDF file."""
-        self._submit("report", partial(write_report, path, *self._reported(numbers), self._tried))
+        self._submit("report", partial(write_report, path, *self._reported(numbers), self._session.effects.tried))
 
     def report_to_print(self, numbers: Sequence[int]) -> None:
         """Queue the report's text, which comes back as an event to be printed."""
-        self._submit("report", partial(report_text, *self._reported(numbers), self._tried), EventKind.PRINT)
+        making = partial(report_text, *self._reported(numbers), self._session.effects.tried)
+        self._submit("report", making, EventKind.PRINT)
 
     def save_model(self, numbers: Sequence[int], path: Path) -> None:
         """Queue the model file of a joint fit to these entries."""
@@ -57,10 +57,6 @@ class Exports:
         same = found is not None and chosen == set(found.numbers)
         diagnosis = found.diagnosis if found is not None and same else None
         self._submit("model file", partial(save_model, path, shots, effects, diagnosis))
-
-    @property
-    def _tried(self) -> tuple[Effect, ...]:
-        return self._session.effects.tried
 
     def _entries(self, numbers: Sequence[int]) -> list[Entry]:
         """Return these entries, or all where none of them is there."""

@@ -31,7 +31,7 @@ from app.window.panels.shot import ShotPanel
 from app.window.panels.spectrum import SpectrumPanel
 from app.window.panels.tables import BudgetPanel, PaperPanel
 from app.window.panels.work_line import NoticeList, WorkLine
-from app.window.plots.plot_view import PlotView
+from app.window.plots.plot_view import PlotView, in_front
 from app.window.theme import Dressed, Theme
 from app.window.widgets import Sheet, vertical
 
@@ -139,9 +139,9 @@ class Layout(QWidget):
     def plot_in_front(self) -> PlotView | None:
         """Return the plot that the keys act on: the focused one of the current page, else its first."""
         page = self.tabs.currentWidget()
-        if isinstance(page, LivePanel | ShotPanel | ComparePanel | SpectrumPanel | DiagnosisPanel):
-            return page.plot_in_front()
-        return None
+        if isinstance(page, LivePanel | ComparePanel | SpectrumPanel):
+            return in_front(page.plots)
+        return page.plot_in_front() if isinstance(page, ShotPanel | DiagnosisPanel) else None
 
     def place_sheets(self) -> None:
         """Place the open sheets after a change of size."""
@@ -159,14 +159,14 @@ class _SteadyBar(QTabBar):
 
 def state_text(window: QMainWindow, panels: Layout) -> str:
     """Return the state of the window as text, a word per part."""
-    parts = [window.saveGeometry(), *(splitter.saveState() for splitter in _splitters(panels))]
+    parts = [window.saveGeometry(), *(splitter.saveState() for splitter in (panels.across, panels.down))]
     parts.append(panels.table.table.horizontalHeader().saveState())
     return " ".join(bytes(part.toBase64().data()).decode("ascii") for part in parts)
 
 
 def restore_state(window: QMainWindow, panels: Layout, words: str) -> None:
     """Restore a state; invalid text changes nothing.  Qt keeps the window on an existing screen."""
-    splitters = _splitters(panels)
+    splitters = (panels.across, panels.down)
     parts = [QByteArray.fromBase64(word.encode("ascii", "replace")) for word in words.split()]
     if len(parts) != len(splitters) + 2:
         return
@@ -174,10 +174,6 @@ def restore_state(window: QMainWindow, panels: Layout, words: str) -> None:
     for splitter, part in zip(splitters, parts[1:-1], strict=True):
         splitter.restoreState(part)
     panels.table.table.horizontalHeader().restoreState(parts[-1])
-
-
-def _splitters(panels: Layout) -> tuple[QSplitter, QSplitter]:
-    return panels.across, panels.down
 
 
 USUAL = QSize(1480, 920)

@@ -570,7 +570,7 @@ def test_what_stays_open_offers_the_next_step(qtbot, shot):
     with qtbot.waitSignal(panel.next_steps.try_wanted) as tried:
         next_buttons(panel.next_steps)[1].click()
     assert tried.args == [named("viscous_drag")]
-    panel.mark_tried((named("viscous_drag"),))
+    panel.tried = (named("viscous_drag"),)
     panel.show_diagnosis(left, [shot], (named("viscous_drag"),))
     words = " ".join(label.text() for label in panel.effects.findChildren(QLabel))
     assert "tried; not named by a diagnosis" in words

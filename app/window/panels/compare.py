@@ -19,7 +19,6 @@ from app.window.plots.framed_plot import AXIS_WIDTH, ON_TOP
 from app.window.plots.legend import Legend, is_low
 from app.window.plots.lines import series, straight
 from app.window.plots.plain_plot import PlainPlot
-from app.window.plots.plot_view import PlotView, in_front
 from app.window.plots.time_plot import TimePlot, TimeStack
 from app.window.theme import Colours, Dressed
 from app.window.widgets import combo_box, push_button, text_label, vertical
@@ -173,7 +172,8 @@ class ComparePanel(Dressed, QWidget):
         split.setSizes([620, 380])
         split.setChildrenCollapsible(False)
         column.addWidget(split, 1)
-        for plot in (self.stack, self.trend):
+        self.plots = (self.stack, self.trend)
+        for plot in self.plots:
             column.addWidget(CursorReadout(plot, self))
         self.show_entries([])
 
@@ -252,7 +252,3 @@ class ComparePanel(Dressed, QWidget):
         shots = [entry.shot for entry in self._entries if entry.shot is not None]
         self.repeatability.setText(self.trend.show_trend(self._numbers_followed[self.which.currentIndex()], shots))
         self._show_words()
-
-    def plot_in_front(self) -> PlotView:
-        """Return the trend where it has the focus, else the overlaid shots."""
-        return in_front((self.stack, self.trend))

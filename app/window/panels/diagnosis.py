@@ -31,7 +31,7 @@ class DiagnosisPanel(QWidget):
         self._diagnosis: Diagnosis | None = None
         self._shots: list[Shot] = []
         self._model_effects: tuple[Effect, ...] = ()
-        self._tried: tuple[Effect, ...] = ()
+        self.tried: tuple[Effect, ...] = ()  # the effects in the model that no diagnosis named
         self._version = ""  # of the program that made it, where it is a cached result
         self._holds = True
         self._busy = False
@@ -126,10 +126,6 @@ class DiagnosisPanel(QWidget):
         self._evidence.setOrientation(Qt.Orientation.Horizontal if beside else Qt.Orientation.Vertical)
         self._evidence.setMinimumHeight((16 if beside else 30) * self.fontMetrics().lineSpacing())
 
-    def mark_tried(self, tried: tuple[Effect, ...]) -> None:
-        """Set the effects that no diagnosis named; the next ``show_diagnosis`` shows them."""
-        self._tried = tried
-
     def show_progress(self, what: str | None, fraction: float, of: str = "") -> None:
         """Show the running step, ``of`` which diagnosis; None: none runs."""
         busy = what is not None
@@ -170,7 +166,7 @@ class DiagnosisPanel(QWidget):
         self._version, self._holds = version, holds
         self._diagnosis, self._shots, self._model_effects = diagnosis, shots, model_effects
         self._name_shots()
-        self.effects.show_effects(diagnosis.findings if diagnosis is not None else (), model_effects, self._tried)
+        self.effects.show_effects(diagnosis.findings if diagnosis is not None else (), model_effects, self.tried)
         self.next_steps.show_diagnosis(diagnosis, model_effects)
         self._evidence.setVisible(diagnosis is not None)
         self.why.setVisible(not self._driven)

@@ -13,7 +13,6 @@ from analysis.shot import Channel, Role
 from app.window.panels.site_floor import SiteFloorPanel
 from app.window.plots.cursors import CursorReadout
 from app.window.plots.lines import MEASURED
-from app.window.plots.plot_view import PlotView, in_front
 from app.window.plots.time_plot import TimeStack
 from app.window.theme import sized
 from app.window.widgets import push_button, scrolled, text_label, vertical
@@ -114,10 +113,6 @@ class LivePanel(QWidget):
     def plots(self) -> tuple[TimeStack, TimeStack]:
         """Get the rolling plots and the raw signals."""
         return self.stack, self.raw
-
-    def plot_in_front(self) -> PlotView:
-        """Return the focused plot, else the rolling ones."""
-        return in_front(self.plots)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Show the raw signals where there is room."""

@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from PySide6.QtCore import QObject
 from PySide6.QtWidgets import QWidget
 
 from analysis.diagnosis import Diagnosis
@@ -63,10 +62,6 @@ class Residuals(QWidget):
         self.stack.tell((), "")
         self.forces.show_curves(None, None, None)
 
-    def _show_stack(self, forces: bool) -> None:
-        self.stack.setVisible(not forces)
-        self.forces.stack.setVisible(forces)
-
     def show_forces(self, shot: Shot, before: DriveCurves, after: DriveCurves) -> None:
         """Show the residual of a drive's force under the fits before and after the diagnosis."""
         against = repeatability_words(after.repeatability.repeats, after.repeatability.what)
@@ -78,7 +73,8 @@ class Residuals(QWidget):
         self._errors.setText(_errors_table(diagnosis))
         shot = next((shot for shot in shots if shot.motion is not None), None)  # the first of the fits, too
         driven = is_drive(diagnosis.fit_after.model)
-        self._show_stack(driven)
+        self.stack.setVisible(not driven)
+        self.forces.stack.setVisible(driven)
         if driven or shot is None or not diagnosis.fit_after.shots:
             self._heading.setText("RESIDUAL OF FORCE" if driven else "")
             self._forget()
@@ -102,11 +98,10 @@ class Residuals(QWidget):
         self.stack.show_whole(start, start + step * motion.time_s.size)
 
 
-class ForceResiduals(QObject):
+class ForceResiduals:
     """Two linked plots of a drive: residual of the force before and after, over the whole record."""
 
     def __init__(self, parent: QWidget) -> None:
-        super().__init__(parent)
         self.stack = TimeStack("Residual of force before and after", parent, SECONDS)
         self._plots = [self.stack.add_plot(name, "N", 1) for name in ("before", "after")]
         self._bands = [plot.add_band() for plot in self._plots]

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from PySide6.QtCore import QObject, Qt
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QSplitter, QWidget
 
 from analysis.drive import DriveCurves
@@ -22,11 +22,10 @@ PLACE = CursorAxis("mm", "m", 1e-3)
 NOTHING: Floats = np.empty(0)
 
 
-class DriveView(QObject):
+class DriveView:
     """Three pages, by the names of SHOT's views: against time, speed, position."""
 
     def __init__(self, parent: QWidget) -> None:
-        super().__init__(parent)
         self._curves: DriveCurves | None = None
         self.stack = TimeStack("Velocity, force and residual of a drive over time", parent, SECONDS)
         velocity = self.stack.add_plot("velocity", "m/s", 3)

@@ -13,7 +13,6 @@ from app.window.plots.legend import Legend
 from app.window.plots.lines import MEASURED, Look
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_notes import NoteAxes
-from app.window.plots.plot_view import PlotView, in_front
 from app.window.widgets import text_label, vertical
 from app.words import CHANNEL_NAMES
 
@@ -81,6 +80,3 @@ class SpectrumPanel(QWidget):
     @property
     def plots(self) -> tuple[PlainPlot, PlainPlot]:
         return self._spectrum, self._image
-
-    def plot_in_front(self) -> PlotView:
-        return in_front(self.plots)

@@ -62,7 +62,7 @@ class DiagnosisPresenter(QObject):
         if self._shown[0] is found and self._shown[1:] == (effects, holds):
             return
         self._shown = (found, effects, holds)
-        self._panels.diagnosis.mark_tried(self._workbench.session.effects.tried)
+        self._panels.diagnosis.tried = self._workbench.session.effects.tried
         if found is None:
             self._panels.diagnosis.show_diagnosis(None, [], effects)
             return

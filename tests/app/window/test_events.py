@@ -264,7 +264,7 @@ def test_what_runs_is_said_on_the_page_of_the_diagnosis(window, monkeypatch):
         "other work": (replace_of(job, kind="open", name="a.csv"), 0), "none": (None, 0),
     }  # fmt: skip
     for name, (current, waiting) in cases.items():
-        monkeypatch.setattr(type(jobs), "current", property(lambda _, current=current: current))
+        monkeypatch.setattr(jobs, "current", current)
         monkeypatch.setattr(jobs, "waiting", lambda *kinds, waiting=waiting: waiting)
         window.diagnosis_presenter.refresh()
         parts[name] = [*(line for line in of(page) if "hover" not in line)][:7]

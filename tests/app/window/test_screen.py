@@ -307,11 +307,11 @@ def test_what_else_a_diagnosis_may_say(window):
     parts["in the model, a kept result"] = of(page)
     page.show_diagnosis(found, shots, (TILT,), holds=False)
     parts["another effect in the model, outdated"] = of(page)[:14]
-    page.mark_tried((TILT,))
+    page.tried = (TILT,)
     open_one = replace(found, verdict=Verdict.UNEXPLAINED, effects=(), error_after=found.error_before)
     page.show_diagnosis(open_one, shots, (TILT,))
     parts["unexplained"] = of(page)
-    page.mark_tried(())
+    page.tried = ()
     page.show_diagnosis(replace(found, verdict=Verdict.PARTLY_EXPLAINED), shots)
     parts["partly explained"] = of(page)[:20]
     page.show_diagnosis(replace(found, verdict=Verdict.ADEQUATE, effects=()), shots)

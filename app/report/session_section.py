@@ -20,7 +20,7 @@ from analysis.uncertainty import (
     with_unit,
 )
 from app.report.number_tables import scaled
-from app.report.shot_figures import contact_span_ms, figure, time_zero
+from app.report.shot_figures import contact_span_ms, figure, grid_ms, time_zero
 from app.report.svg_plot import Dot, Line, Plot, draw
 from app.words import Markup, by_weight, flag_name, joined, or_dash, table, tag
 
@@ -66,7 +66,7 @@ def _overview(shots: Sequence[Shot]) -> Markup:
 def _overlay(shots: Sequence[Shot]) -> Markup:
     spans = np.array([contact_span_ms(shot) for shot in shots])
     whole = (
-        min(1e3 * (float(s.motion.time_s[0]) - time_zero(s)[0]) for s in shots if s.motion),
+        min(grid_ms(s)[0] for s in shots),
         max(1e3 * (float(s.motion.time_s[-1]) - time_zero(s)[0]) for s in shots if s.motion),
     )
     zoom = (float(spans[:, 0].min()), float(spans[:, 1].max()))

@@ -13,7 +13,7 @@ from analysis.shot import Quantity, Shot
 from analysis.uncertainty import ResultNumber, of_series, with_unit
 from app.report import contact_span_ms, grid_ms
 from app.session import Entry
-from app.window.plots.cursors import CursorAxis, CursorReadout
+from app.window.plots.cursors import SPEED, CursorReadout
 from app.window.plots.curve import SampledCurve
 from app.window.plots.framed_plot import AXIS_WIDTH, ON_TOP
 from app.window.plots.legend import Legend, is_low
@@ -23,8 +23,6 @@ from app.window.plots.time_plot import TimePlot, TimeStack
 from app.window.theme import Colours, Dressed
 from app.window.widgets import combo_box, push_button, text_label, vertical
 from app.words import lines, local, number, short_name, tag
-
-SPEED = CursorAxis("m/s", "m/s")
 
 
 class TrendPlot(PlainPlot):

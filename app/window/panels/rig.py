@@ -36,11 +36,7 @@ class Controls(QWidget):
         self.rearm.setToolTip("Re-arm by itself after each shot, until Abort  (R)")
         for widget in (self.source, self.arm, self.abort, self.rearm):
             row.addWidget(widget)
-        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self.source.activated.connect(self._chosen)
-        QWidget.setTabOrder(self.source, self.arm)
-        QWidget.setTabOrder(self.arm, self.abort)
-        QWidget.setTabOrder(self.abort, self.rearm)
 
     def offer_sources(self, sources: list[tuple[str, str]], present: str) -> None:
         """List the sources as (name for open_source, words); the present one is selected."""

@@ -39,9 +39,12 @@ class Order:
     group: str = ""
 
 
+def _started_at(entry: Entry) -> str:
+    return (entry.shot.started_at or "") if entry.shot is not None else ""
+
+
 def _day(entry: Entry) -> str:
-    shot = entry.shot
-    return (shot.started_at or "")[:10] if shot is not None and shot.started_at else "no date"
+    return _started_at(entry)[:10] or "no date"
 
 
 def _series(entry: Entry) -> str:
@@ -116,10 +119,6 @@ class Column:
             reading = self.number.find(entry.shot) if entry.shot is not None else None
             return reading.value if isinstance(reading, Quantity) else None
         return self.sorted_by(entry) if self.sorted_by is not None else self.text(entry)
-
-
-def _started_at(entry: Entry) -> str:
-    return (entry.shot.started_at or "") if entry.shot is not None else ""
 
 
 def _place(entry: Entry) -> str:

@@ -59,13 +59,17 @@ def beyond_catalogue(
 def _in_turn(alone: SingleLaw, nearest: Fitted, effects: Sequence[FoundEffect], beat: float) -> Iterator[Beyond]:
     before, held, tell, stop, limit = alone.start, alone.held, alone.tell, alone.stop, alone.limit
     helped = _helps(before, nearest, held, stop)
-    # laws that explain all are at least about as likely as effects that leave something
-    instead = beat if helped is None else min(beat, nearest.bic + CRITERIA.law_fall)
+    rest = residual_of(nearest, nearest.linearise())
+    # laws that explain all are at least about as likely as effects that leave something, and likelier than those that
+    # leave no more than chance may
+    margin = 0.0 if rest.faint else CRITERIA.law_fall
+    instead = beat if helped is None else min(beat, nearest.bic + margin)
     if alone.or_two_may_reach(instead) and (first := alone.found) is not None:
         if not first.explains:
             another = partial(learn_another, first, held, tell, limit, beat=instead)
             first = limit.within("a second law", another, first)
-        yield _alone(first)
+        if first.fitted.bic < instead:
+            yield _alone(first)
     if helped is None:
         return
     tell("learning a law beside the effects that came nearest", 0.83)
@@ -73,7 +77,6 @@ def _in_turn(alone: SingleLaw, nearest: Fitted, effects: Sequence[FoundEffect], 
     joined = limit.within(what, lambda: learn_law(nearest, held, tell, limit, beat=beat), None)
     if joined is not None:
         yield _together(joined, effects, helped[0], held, stop, passed=False)
-    rest = residual_of(nearest, nearest.linearise())
     verdict = conclude(explained=False, effects=(), predicts_better=True)
     yield Beyond(nearest, verdict, [], (), helped, rest, tuple(effects))
 

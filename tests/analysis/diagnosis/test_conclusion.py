@@ -105,20 +105,25 @@ def test_effects_that_passed_no_gate_are_named_beside_a_law_only_where_nothing_r
 
 
 @pytest.mark.parametrize(
-    ("alone", "with_second", "joined", "told"),
+    ("alone", "with_second", "joined", "faint", "told"),
     [
-        (Verdict.LAW_LEARNED, Verdict.LAW_LEARNED, Verdict.LAW_LEARNED, "alone"),
-        (Verdict.PARTLY_EXPLAINED, Verdict.LAW_LEARNED, Verdict.LAW_LEARNED, "with a second"),
-        (Verdict.PARTLY_EXPLAINED, Verdict.PARTLY_EXPLAINED, Verdict.LAW_LEARNED, "joined"),
-        (Verdict.PARTLY_EXPLAINED, Verdict.PARTLY_EXPLAINED, Verdict.PARTLY_EXPLAINED, "with a second"),
-        (None, None, Verdict.LAW_LEARNED, "joined"),
-        (None, None, None, "effects"),
+        (Verdict.LAW_LEARNED, Verdict.LAW_LEARNED, Verdict.LAW_LEARNED, False, "alone"),
+        # effects that leave no more than chance may are not replaced by a law that is less likely
+        (Verdict.LAW_LEARNED, Verdict.LAW_LEARNED, Verdict.LAW_LEARNED, True, "joined"),
+        (Verdict.LAW_LEARNED, Verdict.LAW_LEARNED, None, True, "effects"),
+        (Verdict.PARTLY_EXPLAINED, Verdict.LAW_LEARNED, None, True, "with a second"),
+        (Verdict.PARTLY_EXPLAINED, Verdict.LAW_LEARNED, Verdict.LAW_LEARNED, False, "with a second"),
+        (Verdict.PARTLY_EXPLAINED, Verdict.PARTLY_EXPLAINED, Verdict.LAW_LEARNED, False, "joined"),
+        (Verdict.PARTLY_EXPLAINED, Verdict.PARTLY_EXPLAINED, Verdict.PARTLY_EXPLAINED, False, "with a second"),
+        (None, None, Verdict.LAW_LEARNED, False, "joined"),
+        (None, None, None, False, "effects"),
     ],
 )
 def test_what_explains_all_first_is_told_and_else_the_likeliest(
     alone: Verdict | None,
     with_second: Verdict | None,
     joined: Verdict | None,
+    faint: bool,
     told: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -136,7 +141,7 @@ def test_what_explains_all_first_is_told_and_else_the_likeliest(
         "_alone": lambda one: one,
         "_together": lambda one, *_, **__: one,
         "_helps": lambda *_: (None, None),
-        "residual_of": lambda *_: None,
+        "residual_of": lambda *_: SimpleNamespace(faint=faint),
     }.items():
         monkeypatch.setattr(beyond, name, made)
     law = SimpleNamespace(

@@ -168,10 +168,15 @@ def test_a_form_may_gain_a_fifth_more_than_its_curve() -> None:
 @pytest.mark.parametrize("joined", [True, False])
 @pytest.mark.parametrize("reach", [True, False])
 @pytest.mark.parametrize("nearest_bic", [-20.5, -19.5])
+@pytest.mark.parametrize("faint", [True, False])
 def test_the_law_alone_two_laws_and_a_law_beside_effects_are_tried_in_turn(
-    nearest_bic: float, reach: bool, joined: bool, helped: bool, explains: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Laws without the effects must come below 8, and below 28 above the effects where these help."""
+    faint: bool, nearest_bic: float, reach: bool, joined: bool, helped: bool, explains: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """Laws without the effects must come below 8, and below 28 above the effects where these help.
+
+    Where the effects leave no more than chance may, laws must come below them.
+    """
     asked: list[Any] = []
 
     class Limit:
@@ -179,15 +184,18 @@ def test_the_law_alone_two_laws_and_a_law_beside_effects_are_tried_in_turn(
             asked.append(what)
             return work()
 
-    limit, told, rest = Limit(), [], SimpleNamespace(significant=True)
-    first = SimpleNamespace(explains=explains)
+    limit, told, rest = Limit(), [], SimpleNamespace(significant=True, faint=faint)
+    first = SimpleNamespace(explains=explains, fitted=curve(-21.0))
     alone: Any = SimpleNamespace(
         start="start", held=(3,), tell=lambda *what: told.append(what), stop="stop", limit=limit, found=first,
         or_two_may_reach=lambda beat: reach and beat == instead,
     )  # fmt: skip
-    instead = min(8.0, nearest_bic + 28.0) if helped else 8.0
+    instead = min(8.0, nearest_bic + (0.0 if faint else 28.0)) if helped else 8.0
     nearest: Any = SimpleNamespace(linearise=lambda: "at", bic=nearest_bic)
-    monkeypatch.setattr(module, "learn_another", lambda *given, beat: ("another", *given, beat))
+    second_bic = -21.0
+    monkeypatch.setattr(
+        module, "learn_another", lambda *given, beat: SimpleNamespace(given=(*given, beat), fitted=curve(second_bic))
+    )
     monkeypatch.setattr(module, "learn_law", lambda *given, beat: ("law", *given, beat) if joined else None)
     monkeypatch.setattr(module, "_alone", lambda found: ("alone", found))
     monkeypatch.setattr(module, "_helps", lambda *given: ("before", "told") if helped and given == helping else None)
@@ -197,7 +205,7 @@ def test_the_law_alone_two_laws_and_a_law_beside_effects_are_tried_in_turn(
     tell = alone.tell
     expected: list[Any] = []
     if reach:
-        two = ("another", first, (3,), tell, limit, instead)
+        two = SimpleNamespace(given=(first, (3,), tell, limit, instead), fitted=curve(second_bic))
         expected.append(("alone", first if explains else two))
     if helped and joined:
         law = ("law", nearest, (3,), tell, limit, 8.0)
@@ -210,6 +218,8 @@ def test_the_law_alone_two_laws_and_a_law_beside_effects_are_tried_in_turn(
     second = ["a second law"] if reach and not explains else []
     assert asked == second + (["a law beside the effects that came nearest"] if helped else [])
     assert [what for what, _ in told] == (["learning a law beside the effects that came nearest"] if helped else [])
+    first.fitted, second_bic = curve(instead), instead  # no better than they must be
+    assert list(module._in_turn(alone, nearest, effects, 8.0)) == expected[reach:]
     alone.found = None
     assert list(module._in_turn(alone, nearest, effects, 8.0)) == expected[reach:]
 

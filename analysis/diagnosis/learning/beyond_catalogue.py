@@ -59,11 +59,12 @@ def beyond_catalogue(
 def _in_turn(alone: SingleLaw, nearest: Fitted, effects: Sequence[FoundEffect], beat: float) -> Iterator[Beyond]:
     before, held, tell, stop, limit = alone.start, alone.held, alone.tell, alone.stop, alone.limit
     helped = _helps(before, nearest, held, stop)
-    rest = residual_of(nearest, nearest.linearise())
-    # laws that explain all are at least about as likely as effects that leave something, and likelier than those that
-    # leave no more than chance may
-    margin = 0.0 if rest.faint else CRITERIA.law_fall
-    instead = beat if helped is None else min(beat, nearest.bic + margin)
+    instead = beat
+    if helped is not None:
+        rest = residual_of(nearest, nearest.linearise())
+        # laws that explain all are at least about as likely as effects that leave something, and likelier than those
+        # that leave no more than chance may
+        instead = min(beat, nearest.bic + (0.0 if rest.faint else CRITERIA.law_fall))
     if alone.or_two_may_reach(instead) and (first := alone.found) is not None:
         if not first.explains:
             another = partial(learn_another, first, held, tell, limit, beat=instead)

@@ -225,8 +225,9 @@ def _orthonormal(columns: Floats, least: float) -> tuple[Floats, Floats]:
     """Return a nearly orthonormal basis, shape (n, r), of columns, shape (n, m), and their factors along it, (r, m).
 
     Columns are basis times factors but for a sum of squares of some ``least`` each, or what rounding hides of the
-    largest.  By Cholesky factors with pivots, which name the r columns that tell most, and once more where these are
-    not orthonormal yet (Yamamoto et al., ETNA 44, 2015).  Cost: (m^2 + 2 r^2) n / 2 multiply-adds.
+    largest.  By the Cholesky factor of their products (Yamamoto et al., ETNA 44, 2015), with pivots, which choose the r
+    columns that tell most; where rounding leaves its basis far from orthonormal, by Householder's as well.  Cost:
+    (m^2 + 2 r^2) n / 2 multiply-adds.
     """
     products = columns.T @ columns
     hidden = _ROUNDING * float(np.max(np.diag(products)))

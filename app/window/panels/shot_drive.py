@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QSplitter, QWidget
 
 from analysis.drive import DriveCurves
 from analysis.shot import Floats
-from app.window.plots.cursors import SECONDS, SPEED, WAY, CursorAxis
+from app.window.plots.cursors import DISTANCE, SECONDS, SPEED, CursorAxis
 from app.window.plots.lines import BAND, MEASURED, RESIDUAL, SIMULATED, Look
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_notes import NoteAxes
@@ -38,7 +38,7 @@ class DriveView:
         self._residual = residual.add_points("measured − modelled", RESIDUAL)
         self.stack.label_time("time from the first sample (s)")
         self.speed = ForceAgainst("speed", "velocity (m/s)", SPEED, parent)
-        self.place = ForceAgainst("position", "position along the guide (mm)", WAY, parent)
+        self.place = ForceAgainst("position", "position along the guide (mm)", DISTANCE, parent)
         self.pages: dict[str, QWidget] = {"whole": self.stack, "contact": self.speed, "deflection": self.place}
         self.say = text_label("", parent, faint=True, selectable=True, wrap=True)
 

@@ -8,7 +8,7 @@ from analysis.diagnosis import Diagnosis
 from analysis.shot import Fit, Floats, Motion, Overlay, Quantity, Shot
 from analysis.uncertainty import NoiseBand, judged_band
 from app.report import contact_span_ms, deflection_of, grid_ms, time_zero
-from app.window.plots.cursors import WAY
+from app.window.plots.cursors import DISTANCE
 from app.window.plots.curve import PointCurve, SampledCurve
 from app.window.plots.lines import MEASURED, RESIDUAL, SIMULATED, CrispCurve, Look
 from app.window.plots.plain_plot import PlainPlot
@@ -201,7 +201,7 @@ class DeflectionView(PlainPlot):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         words = "deflection of the plate from first touch (mm)"
-        super().__init__("Force against deflection", ("force", "N"), words, WAY, parent)
+        super().__init__("Force against deflection", ("force", "N"), words, DISTANCE, parent)
         self._simulated = [self.add_curve(f"simulated, {branch}", SIMULATED) for branch in BRANCHES]
         self._measured = [self.add_curve(f"measured, {branch}", MEASURED) for branch in BRANCHES]
         self._slope = CrispCurve(look=SLOPE)

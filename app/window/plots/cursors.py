@@ -42,7 +42,7 @@ class CursorAxis:
 TIME = CursorAxis("ms", "s", 1e-3, "Hz")
 SECONDS = CursorAxis("s", "s", 1.0, "Hz")
 SPEED = CursorAxis("m/s", "m/s")
-WAY = CursorAxis("mm", "m", 1e-3)
+DISTANCE = CursorAxis("mm", "m", 1e-3)
 
 
 @dataclass(frozen=True, slots=True)

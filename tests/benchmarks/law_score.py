@@ -146,12 +146,13 @@ def page(outcomes: Sequence[LawOutcome], command: str) -> str:
     """Return the page for docs/: figures, and every set with what was said of it."""
     head = (
         "# Learned laws, scored blind\n\n"
-        f"Regenerate with `{command}`. Every set holds three to five shots at different speeds from an integrator of "
-        f"its own, with a law of one of {len(FAMILIES)} families that is not in the catalogue, or with two, sized to "
-        f"leave {NORMS[0]:g} to {NORMS[1]:g} noise norms beside the base model. A law that may as well be in another "
-        "argument counts as placed where that is said; so does a row of the catalogue that leaves less than "
-        f"{_TOLD_APART:g} norms of the law when it does its best, as the bench's own rigs tell: a quick arm is a "
-        "damping. Intervals are Wilson's at 95 %.\n\n"
+        f"Regenerate with `{command}`. Each set has three to five shots at different speeds from a separate "
+        f"integrator, with one law or two from {len(FAMILIES)} families that are not in the catalogue. The laws are "
+        f"sized to leave a residual of {NORMS[0]:g} to {NORMS[1]:g} noise norms under the base model. A law counts as "
+        "placed if its argument is right, or if the sentence names an equivalent argument beside it. A row of the "
+        f"catalogue counts as well if its best imitation leaves less than {_TOLD_APART:g} norms of the law: a fast "
+        "viscoelastic arm is a damping. Intervals are Wilson's at 95 %. Other runs and the causes of misses are "
+        "listed in [the closed loop on other seeds](closed-loop-seeds.md).\n\n"
     )
     marks = {True: "yes", False: "**no**", None: ""}
     table = ["| figure | measured | target | met |", "|---|---|---|---|"]

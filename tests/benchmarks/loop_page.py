@@ -33,12 +33,14 @@ def page(outcomes: Sequence[Outcome], command: str) -> str:
     """Return the page for docs/: figures, confusion matrix, misses."""
     head = (
         "# The closed loop, scored blind\n\n"
-        f"Regenerate with `{command}`. Every set holds three shots at different speeds from the simulated bench, which "
-        "shares no code with the analysis. The signal-to-noise ratio (SNR) of an effect is the norm of what the best "
-        "base fit leaves of the noise-free set, over the noise of one sample; figures are for SNR >= "
-        f"{LEAST_SNR:g} unless said otherwise. An effect can be told where the nearest other effect of the catalogue, "
-        f"offered its best imitation with the base parameters free, still leaves {APART:g} noise norms; two effects "
-        f"are each seen beside the other where that leaves {LEAST_SNR:g} of either. Intervals are Wilson's at 95 %.\n\n"
+        f"Regenerate with `{command}`. Each set has three shots at different speeds from the simulated bench, which "
+        "shares no code with the analysis. The signal-to-noise ratio (SNR) of an effect is the norm of the residual "
+        "that the best base fit leaves in the noise-free set, in units of the noise of one sample. Figures are for "
+        f"SNR >= {LEAST_SNR:g} unless stated otherwise. An effect can be distinguished if the nearest other effect of "
+        "the catalogue, fitted as its best imitation with the base parameters free, leaves a residual of at least "
+        f"{APART:g} noise norms. Two effects are each seen beside the other if that residual is at least "
+        f"{LEAST_SNR:g} for either. Intervals are Wilson's at 95 %. Other runs and the causes of misses are listed in "
+        "[the closed loop on other seeds](closed-loop-seeds.md).\n\n"
     )
     table = ["| figure | measured | target | met |", "|---|---|---|---|"]
     marks = {True: "yes", False: "**no**", None: ""}

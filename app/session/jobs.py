@@ -199,7 +199,7 @@ class Saver:
         return self._jobs.close(timeout_s, finish=True)
 
 
-OF_A_SESSION = ("open", "refit", "diagnosis", "plan", "kept")  # kinds that are dropped when another session is opened
+OF_A_SESSION = ("open", "refit", "diagnosis", "plan", "kept", "model")  # kinds dropped when another session is opened
 
 
 class Work:

@@ -173,7 +173,7 @@ def test_results_of_a_session_are_dropped_once_another_is_open_and_failures_are_
         assert work.close()
 
 
-@pytest.mark.parametrize("kind", ["open", "refit", "diagnosis", "plan", "kept"])
+@pytest.mark.parametrize("kind", ["open", "refit", "diagnosis", "plan", "kept", "model"])
 def test_another_session_cancels_the_work_of_this_one_and_no_other(held, kind):
     jobs, _, _ = held
     work = Work(None)

@@ -184,6 +184,16 @@ def test_models_are_saved_loaded_and_tested(bench, tmp_path, monkeypatch):
     check("models", parts, KEPT)
 
 
+def test_a_model_file_still_being_read_is_not_used_in_the_next_session(bench, tmp_path):
+    one = bench(*_two())
+    work, path = one.workbench, tmp_path / "model.toml"
+    work.exports.save_model([1, 2], path)
+    one.said()
+    work.model.load(path)
+    work._switch_to(Session(tmp_path / "next.json"))
+    assert not any("Model" in line for line in one.said()) and work.model.known is None
+
+
 def _refitted(shot, effects, *, progress, cancelled):
     return replace(shot, settings=replace(shot.settings, effects=effects), fit=replace(shot.fit, effects=effects))
 

@@ -1,7 +1,7 @@
 """Matrix exponentials of a linear mode, their action on a state, and means over a block of steps (kernels)."""
 
 from analysis.collision.matrices import TERMS
-from analysis.compiled import part
+from analysis.compiled import add_product, add_products, four_of, inlined, no_sum, part, put_four
 
 _MOST_TERMS = 60
 
@@ -13,40 +13,39 @@ def exponential(form, room, rows, h):  # type: ignore[no-untyped-def]
     About 1 us, and 4 us for each parameter on which A depends.
     """
     a, by, e, d = form.a, form.by, form.e, form.d
-    term, new, d_term, d_new = room.square[0], room.square[1], room.d_term, room.square[2]
-    n = a.shape[0]
+    term, new, depends, d_term, d_new = room.square[0], room.square[1], room.square[2], room.d_term, room.d_work
+    n, wide = a.shape[0], d.shape[2] if rows > 1 else 0
     for i in range(n):
         for j in range(n):
             e[i, j] = term[i, j] = 1.0 if i == j else 0.0
+            depends[i, j] = 0.0  # whether this element of A depends on any parameter
             for k in range(d.shape[2]):
                 d[i, j, k] = 0.0
-            for k in range(rows - 1):
-                d_term[k, i, j] = 0.0
+            for k in range(wide):
+                d_term[i, j, k] = 0.0
+                if by[i, j, k] != 0.0:
+                    depends[i, j] = 1.0
     terms = 0
     for m in range(1, _MOST_TERMS):
         scale = h / m
-        for k in range(rows - 1):
-            some = False
-            for i in range(n):
-                for c in range(n):
-                    some = some or by[k, i, c] != 0.0
-            if not some:
-                continue
-            for i in range(n):
-                for j in range(n):
-                    d_new[i, j] = 0.0
-                for c in range(n):
-                    one, two = a[i, c], by[k, i, c]
-                    if one != 0.0:
-                        for j in range(n):
-                            d_new[i, j] += one * d_term[k, c, j]
-                    if two != 0.0:
-                        for j in range(n):
-                            d_new[i, j] += two * term[c, j]
-            for i in range(n):
-                for j in range(n):
-                    d_term[k, i, j] = scale * d_new[i, j]
-                    d[i, j, 1 + k] += d_term[k, i, j]
+        for i in range(n if wide else 0):
+            for j in range(n):
+                for k in range(0, wide, 4):
+                    put_four(no_sum(), d_new[i, j], k)
+            for c in range(n):
+                if a[i, c] != 0.0:
+                    _add_to_rows(a[i, c], d_term[c], d_new[i])
+                if depends[i, c] != 0.0:
+                    for j in range(n):
+                        for k in range(0, wide, 4):
+                            moved = add_product(four_of(d_new[i, j], k), term[c, j], four_of(by[i, c], k))
+                            put_four(moved, d_new[i, j], k)
+        for i in range(n if wide else 0):
+            for j in range(n):
+                for k in range(0, wide, 4):
+                    moved = add_product(no_sum(), scale, four_of(d_new[i, j], k))
+                    put_four(moved, d_term[i, j], k)
+                    put_four(add_product(four_of(d[i, j], k), 1.0, moved), d[i, j], k)
         still = True
         for i in range(n):
             for j in range(n):
@@ -65,6 +64,14 @@ def exponential(form, room, rows, h):  # type: ignore[no-untyped-def]
     return terms + 2
 
 
+@inlined
+def _add_to_rows(factor, rows, out):  # type: ignore[no-untyped-def]
+    """Add ``factor`` times some rows, shape (n, a multiple of four)."""
+    for j in range(rows.shape[0]):
+        for k in range(0, rows.shape[1], 4):
+            put_four(add_product(four_of(out[j], k), factor, four_of(rows[j], k)), out[j], k)
+
+
 @part
 def along(functional, item, z):  # type: ignore[no-untyped-def]
     """Return one row of ``functional`` on the state."""
@@ -76,18 +83,14 @@ def along(functional, item, z):  # type: ignore[no-untyped-def]
 
 @part
 def step(z, e, d, out):  # type: ignore[no-untyped-def]
-    """Write state and derivatives one step ahead, four columns at a time, which vectorises."""
+    """Write state and derivatives one step ahead, four columns at a time."""
     n = e.shape[0]
     for i in range(n - 1):
         for k in range(0, z.shape[1], 4):
-            t0 = t1 = t2 = t3 = 0.0
+            total = no_sum()
             for c in range(n):
-                by, state = e[i, c], z[c, 0]
-                t0 += by * z[c, k] + state * d[i, c, k]
-                t1 += by * z[c, k + 1] + state * d[i, c, k + 1]
-                t2 += by * z[c, k + 2] + state * d[i, c, k + 2]
-                t3 += by * z[c, k + 3] + state * d[i, c, k + 3]
-            out[i, k], out[i, k + 1], out[i, k + 2], out[i, k + 3] = t0, t1, t2, t3
+                total = add_products(total, e[i, c], four_of(z[c], k), z[c, 0], four_of(d[i, c], k))
+            put_four(total, out[i], k)
 
 
 @part
@@ -116,13 +119,13 @@ def repeat(form, room, rows, times):  # type: ignore[no-untyped-def]
                     for c in range(n):
                         total += e[i, c] * e_all[c, j]
                     e_work[i, j] = total
-                    if rows > 1:
-                        for k in range(d.shape[2]):
-                            d_work[i, j, k] = 0.0
+                    for k in range(0, d.shape[2] if rows > 1 else 0, 4):
+                        moved = no_sum()
                         for c in range(n):
-                            one, two = e[i, c], e_all[c, j]
-                            for k in range(d.shape[2]):
-                                d_work[i, j, k] += one * d_all[c, j, k] + two * d[i, c, k]
+                            moved = add_products(
+                                moved, e[i, c], four_of(d_all[c, j], k), e_all[c, j], four_of(d[i, c], k)
+                            )
+                        put_four(moved, d_work[i, j], k)
             for i in range(n):
                 for j in range(n):
                     e_all[i, j] = e_work[i, j]
@@ -140,16 +143,23 @@ def repeat(form, room, rows, times):  # type: ignore[no-untyped-def]
 
 
 @part
-def show_mean(z, rows, form, states, d_x):  # type: ignore[no-untyped-def]
-    """Add the mean over the next block of steps to the outputs, and that of the derivatives of the block's position."""
-    n = z.shape[0]
+def show_mean(z, rows, form, states, d_x, means):  # type: ignore[no-untyped-def]
+    """Add the mean over the next block of steps to the outputs, and that of the derivatives of the block's position.
+
+    ``means`` is a work array of as many numbers as ``z`` has columns.
+    """
     for i in range(states.size):
         states[i] += along(form.mean, i, z)
+    if rows == 1:
+        return
+    mean, d_mean = form.mean[0], form.d_mean
+    for k in range(0, z.shape[1], 4):
+        total = no_sum()
+        for c in range(z.shape[0]):
+            total = add_products(total, mean[c], four_of(z[c], k), z[c, 0], four_of(d_mean[c], k))
+        put_four(total, means, k)
     for k in range(1, rows):
-        total = 0.0
-        for c in range(n):
-            total += form.mean[0, c] * z[c, k] + form.d_mean[c, k] * z[c, 0]
-        d_x[k - 1] += total
+        d_x[k - 1] += means[k]
 
 
 @part
@@ -163,14 +173,14 @@ def series(z, rows, form, h, out, room):  # type: ignore[no-untyped-def]
     for m in range(1, int(form.steps[TERMS]) + 1):
         scale = h / m
         for i in range(n - 1):
-            for k in range(rows):
-                new[i, k] = 0.0
-            for c in range(n):
-                if a[i, c] != 0.0:
-                    for k in range(rows):
-                        new[i, k] += a[i, c] * term[c, k]
-                for k in range(1, rows):
-                    new[i, k] += by[k - 1, i, c] * term[c, 0]
+            if rows == 1:
+                new[i, 0] = along(a, i, term)
+            for k in range(0, new.shape[1] if rows > 1 else 0, 4):
+                total = no_sum()
+                for c in range(n):
+                    total = add_product(total, a[i, c], four_of(term[c], k))
+                    total = add_product(total, term[c, 0], four_of(by[i, c], k))
+                put_four(total, new[i], k)
         for i in range(n - 1):
             for k in range(rows):
                 term[i, k] = scale * new[i, k]

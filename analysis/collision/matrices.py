@@ -74,7 +74,7 @@ def forms_of(modes, n, count, guards, shown, room, at):  # type: ignore[no-untyp
     """Return the forms of so many modes, cut from ``room``, and the position after them."""
     m, wide = n + 1, columns(count + 1)
     square, at = cut(room, at, (modes, 3, m, m))
-    by, at = cut(room, at, (modes, count, m, m))
+    by, at = cut(room, at, (modes, m, m, wide))
     d, at = cut(room, at, (modes, 2, m, m, wide))
     guard, at = cut(room, at, (modes, 2, guards, m))
     what, at = cut(room, at, (modes, 2, shown, m))
@@ -90,7 +90,7 @@ def room_of(n, count, room, at):  # type: ignore[no-untyped-def]
     some, at = cut(room, at, (3, m, wide))
     single, at = cut(room, at, (2, m, 1))
     square, at = cut(room, at, (3, m, m))
-    d_term, at = cut(room, at, (count, m, m))
+    d_term, at = cut(room, at, (m, m, wide))
     d_work, at = cut(room, at, (m, m, wide))
     return Room(some, single, square, d_term, d_work), at
 
@@ -113,7 +113,8 @@ def linearise(form, plain, every, system, mode):  # type: ignore[no-untyped-def]
     Takes up to n + 3 evaluations of the rates.
     """
     a, by, z, f = form.a, form.by, plain.z, plain.f
-    n, count = a.shape[0] - 1, by.shape[0]
+    n = a.shape[0] - 1
+    count = every.size - n
     total = n + 1 + count
     for j in range(total):
         for c in range(n):
@@ -128,15 +129,15 @@ def linearise(form, plain, every, system, mode):  # type: ignore[no-untyped-def]
             form.guard[i, j] = plain.contact[row, i]
     for k in range(count):
         for i in range(n):
-            by[k, i, n] = f[1 + n + k, i]
+            by[i, n, 1 + k] = f[1 + n + k, i]
         for j in range(n + 1):
-            by[k, n, j] = 0.0
+            by[n, j, 1 + k] = 0.0
     for j in range(n if count > 0 else 0):
         z[0, j] = 1.0
         rates(plain, total, every, system, mode)
         for k in range(count):
             for i in range(n):
-                by[k, i, j] = f[1 + n + k, i] - by[k, i, n]
+                by[i, j, 1 + k] = f[1 + n + k, i] - by[i, n, 1 + k]
         z[0, j] = 0.0
     for trial in range(2 if system.slots.shape[0] > 0 else 0):  # the two bodies alone are linear
         side = 1.0 if trial == 0 else -1.5  # overlapping, and apart
@@ -148,9 +149,9 @@ def linearise(form, plain, every, system, mode):  # type: ignore[no-untyped-def]
                 if not abs(f[1 + j, i] - a[i, j]) <= _SAME * abs(a[i, j]):
                     return False
             for k in range(-1, count):
-                total_of, size = (a[i, n], abs(a[i, n])) if k < 0 else (by[k, i, n], abs(by[k, i, n]))
+                total_of, size = (a[i, n], abs(a[i, n])) if k < 0 else (by[i, n, 1 + k], abs(by[i, n, 1 + k]))
                 for j in range(n):
-                    term = (a[i, j] if k < 0 else by[k, i, j]) * z[0, j]
+                    term = (a[i, j] if k < 0 else by[i, j, 1 + k]) * z[0, j]
                     total_of += term
                     size += abs(term)
                 if not abs((f[0, i] if k < 0 else f[1 + n + k, i]) - total_of) <= _SAME * size:

@@ -213,7 +213,7 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
             if slow and _crosses(z, z_end, block * bit, form, stepper.active, motion.signs):
                 stepper.at[CAREFUL] = i
                 continue
-            show_mean(z, rows, form, record.states[i // block], record.d_x[i // block])
+            show_mean(z, rows, form, record.states[i // block], record.d_x[i // block], stepper.room.columns[0, 0])
             t += block * bit
             i += way * block
         else:
@@ -323,6 +323,6 @@ def room_for(n: int, count: int, effects: int, shown: int) -> int:
     """Return the largest size of a stepper's arrays; ``shown`` is the number of outputs."""
     m, guards = n + 1, RANGE_0 + effects
     wide: int = columns.py_func(count + 1)
-    form = m * m * (3 + count + 2 * wide) + 2 * m * (guards + shown) + m * wide + 4
-    work = m * (5 * wide + 2) + m * m * (3 + count + wide)
+    form = m * m * (3 + 3 * wide) + 2 * m * (guards + shown) + m * wide + 4
+    work = m * (5 * wide + 2) + m * m * (3 + 2 * wide)
     return _MODES * (form + NEAR_0 + effects) + work + (n + count + 1) * (2 * n + 4) + guards + 5

@@ -30,7 +30,7 @@ from analysis.collision.system import (
     State,
     take,
 )
-from analysis.compiled import by_address, cut, inlined, part
+from analysis.compiled import add_product, by_address, cut, four_of, inlined, part, put_four
 
 Places = NDArray[np.int64]
 _SHRINK = 0.25
@@ -103,18 +103,14 @@ _TABLE, _BEGINS, _WEIGHTS = _cooper_verner()
 
 @inlined
 def _combine(z, slopes, scaled, stage, rows, out):  # type: ignore[no-untyped-def]
-    """Write a stage's state: ``z`` plus weighted slopes; four numbers at a time, which vectorises."""
+    """Write a stage's state: ``z`` plus weighted slopes, four numbers at a time."""
     begin, end = _BEGINS[stage - 1], _BEGINS[stage]
     for row in range(rows):
         for c in range(0, z.shape[1], 4):
-            t0, t1, t2, t3 = z[row, c], z[row, c + 1], z[row, c + 2], z[row, c + 3]
+            total = four_of(z[row], c)
             for j in range(begin, end):
-                weight, k = scaled[j], slopes[_TABLE[j], row]
-                t0 += weight * k[c]
-                t1 += weight * k[c + 1]
-                t2 += weight * k[c + 2]
-                t3 += weight * k[c + 3]
-            out[row, c], out[row, c + 1], out[row, c + 2], out[row, c + 3] = t0, t1, t2, t3
+                total = add_product(total, scaled[j], four_of(slopes[_TABLE[j], row], c))
+            put_four(total, out[row], c)
 
 
 @part

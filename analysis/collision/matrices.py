@@ -20,8 +20,8 @@ STEP_S, STEPS_PER_SAMPLE, TERMS, SLOW = 0, 1, 2, 3
 class Form(NamedTuple):
     """The matrices of a mode: A, shape (n + 1, n + 1), its derivatives, and guard functions and their rates as rows.
 
-    Then exp(A h) of a step and its derivatives, shape (n + 1, n + 1, rows), those of a block of steps, the output
-    matrix, shape (m, n + 1), and that of the mean over a block; ``steps`` has the indices above.
+    Then exp(A h) of a step and its derivatives, those of a block of steps, the output matrix, shape (m, n + 1), and
+    that of the mean over a block; ``steps`` has the indices above.  Derivatives have shape (n + 1, n + 1, rows).
     """
 
     a: Floats

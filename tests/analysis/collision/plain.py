@@ -33,7 +33,7 @@ def made_plain(patch: pytest.MonkeyPatch, *modules: ModuleType) -> None:
             if plain is not None:
                 patch.setattr(plain, "py_func", plain, raising=False)  # what Python calls of a part stays callable
                 patch.setattr(module, name, plain)
-        for name, instead in (("cut", cut), ("cut_integers", cut_integers), ("by_address", lambda bundle: bundle)):
+        for name, instead in IN_PYTHON.items():
             if hasattr(module, name):
                 patch.setattr(module, name, instead)
 
@@ -69,3 +69,20 @@ def cut_integers(room: np.ndarray, at: int, shape: tuple[int, ...]) -> tuple[Any
     """Return a part of ``room`` as integers, and the position after it."""
     array, end = cut(room, at, shape)
     return array.view(np.int64), end
+
+
+def put_four(four: np.ndarray, row: np.ndarray, at: int) -> None:
+    """Write four numbers to a row."""
+    row[at : at + 4] = four
+
+
+IN_PYTHON: dict[str, Callable[..., Any]] = {
+    "cut": cut,
+    "cut_integers": cut_integers,
+    "by_address": lambda bundle: bundle,
+    "no_sum": lambda: np.zeros(4),
+    "four_of": lambda row, at: row[at : at + 4].copy(),
+    "put_four": put_four,
+    "add_product": lambda total, by, four: total + by * four,
+    "add_products": lambda total, by, four, also_by, other: total + (by * four + also_by * other),
+}

@@ -10,6 +10,13 @@ from scipy.linalg import expm, expm_frechet
 
 from analysis.collision import exponentials, linear_coefficients
 from analysis.collision.matrices import TERMS
+from tests.analysis.collision.plain import made_plain
+
+
+@pytest.fixture(autouse=True)
+def plain(monkeypatch: pytest.MonkeyPatch) -> None:
+    made_plain(monkeypatch, exponentials)
+
 
 N = 5  # numbers of a state with its constant
 ROWS = pytest.mark.parametrize("rows", [2, 3, 6])  # state and derivatives
@@ -22,13 +29,13 @@ def columns(rows: int) -> int:
 def form_of(seed: int, rows: int) -> Any:
     """Return a mode whose matrix depends on the first and the last parameter, with the last row nothing."""
     random = np.random.default_rng(seed)
-    a, by = random.standard_normal((N, N)), np.zeros((rows - 1, N, N))
-    by[0], by[-1] = random.standard_normal((2, N, N))
-    a[0], a[2, 0] = [0.0, 1.0, 0.0, 0.0, 0.0], 0.0  # as of a place and its velocity
-    by[0, 0], by[0, 1, 2], by[0, 2, 2] = 0.0, 1.0, 0.0
-    a[-1] = 0.0
-    by[:, -1] = 0.0
     wide = columns(rows)
+    a, by = random.standard_normal((N, N)), np.zeros((N, N, wide))
+    by[:, :, 1], by[:, :, rows - 1] = random.standard_normal((2, N, N))
+    a[0], a[2, 0] = [0.0, 1.0, 0.0, 0.0, 0.0], 0.0  # as of a place and its velocity
+    by[0, :, 1], by[1, 2, 1], by[2, 2, 1] = 0.0, 1.0, 0.0
+    a[-1] = 0.0
+    by[-1] = 0.0
     return SimpleNamespace(
         a=a, by=by, e=np.full((N, N), np.nan), d=np.full((N, N, wide), np.nan), whole=np.empty((N, N)),
         d_whole=np.empty((N, N, wide)), shown=random.standard_normal((2, N)), mean=np.empty((2, N)),
@@ -39,7 +46,7 @@ def form_of(seed: int, rows: int) -> Any:
 def room(rows: int) -> Any:
     wide = columns(rows)
     return SimpleNamespace(
-        square=np.full((3, N, N), np.nan), d_term=np.full((rows - 1, N, N), np.nan),
+        square=np.full((3, N, N), np.nan), d_term=np.full((N, N, wide), np.nan),
         d_work=np.full((N, N, wide), np.nan), columns=np.full((3, N, wide), np.nan),
     )  # fmt: skip
 
@@ -53,8 +60,9 @@ def made(seed: int, h: float, rows: int) -> Any:
 def slopes_of(form: Any, h: float) -> np.ndarray:
     """Return the derivatives of the exponential, the first for the state itself, as columns along the last axis."""
     out = np.zeros_like(form.d)
-    for k, by in enumerate(form.by):
-        out[:, :, 1 + k] = expm_frechet(form.a * h, by * h)[1] if by.any() else 0.0
+    for k in range(out.shape[2]):
+        by = form.by[:, :, k]
+        out[:, :, k] = expm_frechet(form.a * h, by * h)[1] if by.any() else 0.0
     return out
 
 
@@ -76,7 +84,7 @@ def test_an_exponential_and_its_derivatives_are_scipys(h: float, rows: int) -> N
 
 
 @ROWS
-def test_a_step_carries_state_and_derivatives(rows: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_step_carries_state_and_derivatives(rows: int) -> None:
     h, z = 0.3, state(rows)
     form = made(2, h, rows)
     exact = expm(form.a * h) @ z + np.einsum("ick,c->ik", slopes_of(form, h), z[:, 0])
@@ -88,7 +96,6 @@ def test_a_step_carries_state_and_derivatives(rows: int, monkeypatch: pytest.Mon
     by_series = np.full(z.shape, np.nan)
     exponentials.series.py_func(z, rows, form, h, by_series, room(rows))
     np.testing.assert_allclose(by_series[:, :rows], exact[:, :rows], rtol=1e-10, atol=1e-12)
-    monkeypatch.setattr(exponentials, "along", exponentials.along.py_func)
     alone = np.full(z.shape, 7.0)
     exponentials.step_alone.py_func(z, form.e, alone)
     np.testing.assert_allclose(alone[:-1, 0], exact[:-1, 0], rtol=1e-11)
@@ -98,7 +105,7 @@ def test_a_step_carries_state_and_derivatives(rows: int, monkeypatch: pytest.Mon
 
 @ROWS
 @pytest.mark.parametrize("times", [1, 2, 5])
-def test_a_block_is_so_many_steps_with_their_mean(times: int, rows: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_block_is_so_many_steps_with_their_mean(times: int, rows: int) -> None:
     h, z = 0.2, state(rows)
     form = made(3, h, rows)
     exponentials.repeat.py_func(form, room(rows), rows, times)
@@ -108,9 +115,8 @@ def test_a_block_is_so_many_steps_with_their_mean(times: int, rows: int, monkeyp
     mean = np.mean([expm(form.a * h * k) for k in range(1, times + 1)], axis=0)
     np.testing.assert_allclose(form.mean, form.shown @ mean, rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(form.d_mean, np.mean(slopes, axis=0)[0], rtol=1e-9, atol=1e-11)
-    monkeypatch.setattr(exponentials, "along", exponentials.along.py_func)
     shown, d_x = np.ones(2), np.ones(rows - 1)
-    exponentials.show_mean.py_func(z, rows, form, shown, d_x)
+    exponentials.show_mean.py_func(z, rows, form, shown, d_x, np.full(z.shape[1], np.nan))
     np.testing.assert_allclose(shown, 1.0 + form.mean @ z[:, 0])
     np.testing.assert_allclose(d_x, 1.0 + form.mean[0] @ z[:, 1:rows] + form.d_mean[:, 1:rows].T @ z[:, 0])
 

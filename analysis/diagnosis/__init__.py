@@ -1,4 +1,4 @@
-"""Closing the loop: find what the model leaves over, trace it to an effect, add it, report the error."""
+"""Diagnose a fit: find the effect or law that explains the model's residual; report errors before and after."""
 
 import lazy_loader
 

@@ -1,10 +1,10 @@
-"""Best-first search for what explains the shots: under which noise, with which effects, with which laws.
+"""Best-first search for the likeliest explanation of the shots: noise model, effects and learned laws.
 
-Flights before and after the contact are bent by a building that shakes the rig as well as by a law that the model
-lacks.  So there may be two branches: one in which the frame moves as the flights say, one in which nothing shakes the
-rig.  Each takes the same steps, the cheap before the dear: search the catalogue, name what was found, learn laws.
-After every step the likelier branch (by the Bayesian information criterion) is carried on, and a branch that can no
-longer become the likelier one is left.
+Frame motion (a building that shakes the rig) and a missing law both bend the free flights before and after contact.
+The search therefore has up to two branches: one with the frame motion that the flights show, one without any.  Both
+take the same steps, cheapest first: search the catalogue, name the effects found, learn laws.  After each step the
+search continues the branch with the lower Bayesian information criterion (BIC), and drops a branch that can no longer
+become the likelier one.
 """
 
 import math
@@ -26,10 +26,10 @@ from analysis.shot import AnalysisError
 
 @dataclass
 class Branch:
-    """One noise, and what has been found under it so far.
+    """One noise model, and the results found under it so far.
 
-    ``law`` is the one law that may stand in the place of all effects, and whether it was tried; ``named`` the
-    explanation with the effects that pass their gates, ``complete`` the same with learned laws.
+    ``law`` is the single law that may replace all effects; ``law_was_tried`` says whether it was tested.  ``named`` is
+    the explanation with the effects that passed their gates, ``complete`` the same with learned laws.
     """
 
     searched: Searched
@@ -40,19 +40,19 @@ class Branch:
 
     @property
     def bic(self) -> float:
-        """Get the criterion of the best fit of the search."""
+        """Get the BIC of the best fit of the search."""
         return self.searched.best.bic
 
     def is_likelier_than(self, other: "Branch") -> bool:
-        """Return whether this is at least as likely as the other.
+        """Return whether this branch is at least as likely as the other.
 
-        A search that had no time to compare the effects of the catalogue never is beside one that had.
+        A search that ran out of time before comparing the catalogue's effects never is, against one that compared them.
         """
         return self.searched.trail.compared >= other.searched.trail.compared and self.bic <= other.bic
 
     @property
     def leaves_something(self) -> bool:
-        """Get whether the best fit leaves something to explain."""
+        """Get whether the best fit leaves a residual to explain."""
         return self.searched.leaves_something
 
 
@@ -78,8 +78,8 @@ class BestFirst:
     def explanation(self) -> Explanation:
         """Return the likeliest explanation.
 
-        Raises Cancelled when asked to stop, AnalysisError where nothing seems to be missing but the time was over
-        before the effects of the catalogue were compared: noise that was learned without them may have swallowed one.
+        Raises Cancelled when asked to stop, AnalysisError where nothing seems to be missing but time ran out before
+        the effects of the catalogue were compared: noise learnt without them may have absorbed one.
         """
         while self._answer is None:
             self._next_step()()
@@ -91,7 +91,7 @@ class BestFirst:
         return self._answer
 
     def _next_step(self) -> Callable[[], None]:
-        """Return what to do next: here, and in what it calls, that is decided and nowhere else."""
+        """Choose the next step; only this method and ``_next_in_likelier_building`` decide the order of steps."""
         building, rest = self._in_building, self._at_rest
         if self._question.site is not None and building is None:
             return self._search_in_building
@@ -118,7 +118,7 @@ class BestFirst:
         return self._next_in_likelier_building(building, rest)
 
     def _next_in_likelier_building(self, building: Branch, rest: Branch) -> Callable[[], None]:
-        """Return what to do next where both branches are searched and the one in a building is the likelier."""
+        """Choose the next step when both branches are searched and the one with frame motion is the likelier."""
         if building.named is None:
             return partial(self._name, building)
         if building.named.explained:
@@ -132,16 +132,16 @@ class BestFirst:
         return partial(self._complete, building)
 
     def _search_in_building(self) -> None:
-        """Search as the frame moves; the last effect that may join waits: one law takes less time."""
+        """Search with frame motion for one effect fewer than allowed: testing one law takes less time than the last."""
         searched = self._search.under(self._question.site, most=CRITERIA.most_effects - 1)
         self._in_building = Branch(searched, self._question.one_law_beside(searched.trail.start))
 
     def _may_be_likelier_at_rest(self, building: Branch) -> bool:
-        """Return whether shots that a building explains may be likelier with nothing that shakes the rig.
+        """Return whether shots that are explained with frame motion may be likelier without it.
 
-        They are fitted with the same effects.  Where there are none, one law is asked for that may hide in the
-        building, and whether it may is kept: a building takes up what a law does as slowly (a squeeze film of 4,254
-        norms).
+        The shots are refitted without frame motion and with the same effects.  Without effects, test instead whether
+        frame motion may hide one law, and keep the answer: frame motion absorbs the action of an equally slow law (a
+        squeeze film of 4,254 noise norms).
         """
         best = building.searched.best
         if best.effects:
@@ -157,16 +157,16 @@ class BestFirst:
         branch.searched = branch.searched.to_the_end()
 
     def _search_at_rest(self) -> None:
-        """Search as if nothing shook the rig; where only that is possible the last effect that may join waits."""
+        """Search without frame motion; if the flights show none, search for one effect fewer than allowed."""
         most = CRITERIA.most_effects - (self._question.site is None)
         beat = math.inf if self._in_building is None else self._in_building.bic
         searched = self._search.under(None, most=most, beat=beat)
         self._at_rest = Branch(searched, self._question.one_law_beside(searched.trail.start))
 
     def _try_one_law_instead(self, branch: Branch, likelier: Branch) -> None:
-        """Ask whether one law of a branch explains all where the effects of the likelier branch do not.
+        """End with one law of a branch where it explains the shots and the effects of the likelier branch do not.
 
-        Two effects that hide each other are tried first.
+        Pairs of effects that hide each other are tried first.
         """
         branch.law_was_tried = True
         law = branch.law
@@ -184,7 +184,7 @@ class BestFirst:
             self._answer = explain_with_laws(self._question, self._without_effects(branch), law)
 
     def _name(self, branch: Branch) -> None:
-        """Name the effects that pass their gates; a ripple of the light is looked for at the record's own rate."""
+        """Name the effects that pass their gates; interferometer ripple is tested at the record's own sample rate."""
         question = self._question
         best, trail, rest = branch.searched.best, branch.searched.trail, branch.searched.residual
         finely = at_full_rate(best, trail, question.motions)
@@ -192,14 +192,14 @@ class BestFirst:
             best, trail = finely
             branch.law = question.one_law_beside(trail.start)
         held_out = question.held_out(trail.start.problem.data, in_turn=best is not trail.start)
-        # where something is left that no effect explains, no support's frequency is worth the search for a large one
+        # where the best fit leaves a residual, a thorough search of a support's frequency is not worth its time
         best, given = at_likeliest_scale(best, trail, thoroughly=not branch.leaves_something), best
         judged = rest if finely is None and best is given else None
         settled = settle(best, trail, held_out, question.progress, question.limit, judged)
         branch.named = explain_with_effects(question, trail, settled, held_out)
 
     def _complete(self, branch: Branch) -> None:
-        """Search a branch to its end, learn its laws, and end with it."""
+        """Search a branch for all effects allowed, learn its laws, and end with the result."""
         if branch.named is None:
             branch.searched = branch.searched.to_the_end()
             self._name(branch)
@@ -207,7 +207,7 @@ class BestFirst:
         self._answer = explain_with_laws(self._question, branch.named, branch.law)
 
     def _complete_where_it_may_win(self, branch: Branch, beat: float) -> None:
-        """Carry the less likely branch on, as far as it may come below the criterion ``beat``."""
+        """Complete the less likely branch, naming effects only if its BIC may fall below ``beat``."""
         if may_reach(beat, branch.bic, branch.searched.trail.start.bic):
             self._name(branch)
         else:
@@ -216,7 +216,7 @@ class BestFirst:
         branch.complete = explain_with_laws(self._question, branch.named, branch.law, beat=beat)
 
     def _without_effects(self, branch: Branch) -> Explanation:
-        """Return the explanation of a branch in which no effect of the catalogue is named."""
+        """Return the explanation of a branch with no catalogue effect named."""
         trail = branch.searched.trail
         settled = Settled.nothing(trail.start, trail.linearised(trail.start))
         return explain_with_effects(self._question, trail, settled, branch.law.held)

@@ -1,6 +1,6 @@
-"""Which contact of the literature the exponents of a found one meet: k d^p + c d^q d' of the overlap d.
+"""Recognise contact laws of the literature by their exponents p and q: force k d^p + c d^q d' of the overlap d.
 
-Members are points of that family; one is named where a fit's exponents lie on it within what they are known to.
+A contact law is named where the fitted exponents agree with its own within their uncertainty.
 """
 
 from collections.abc import Sequence
@@ -11,12 +11,12 @@ from analysis.shot import Quantity
 
 _ROW = "nonlinear_contact_damping"  # of the catalogue
 _WITHIN = 3.0  # standard deviations
-_KNOWN = 0.05  # an exponent that is known no better meets everything
+_KNOWN = 0.05  # an exponent with a larger standard deviation would agree with every contact law
 
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """A contact of the literature: exponents of force and damping (None: none was found), and what it is called."""
+    """A contact law of the literature: exponents of force and damping (None: no damping was found), and its name."""
 
     force: float
     damping: float | None
@@ -35,7 +35,7 @@ MEMBERS = (
 
 
 def member(effects: Sequence[FoundEffect], laws: Sequence[LearnedLaw]) -> Member | None:
-    """Return the contact whose exponents were found, or None."""
+    """Return the contact law of the literature whose exponents were found, or None."""
     force, damping = _force(effects, laws), _damping(effects, laws)
     if force is None and damping is None:
         return None
@@ -47,9 +47,9 @@ def member(effects: Sequence[FoundEffect], laws: Sequence[LearnedLaw]) -> Member
 
 
 def sentence(effects: Sequence[FoundEffect], laws: Sequence[LearnedLaw]) -> str:
-    """Return the contact of the literature that was found as a further sentence, or nothing.
+    """Return a sentence that names the contact law that was found, or an empty string.
 
-    The exponent of the catalogue's damping is an assumption, which is said: a small one fits other exponents too.
+    The catalogue's damping assumes its exponent, and the sentence says so: small damping fits other exponents too.
     """
     met = member(effects, laws)
     if met is None:

@@ -1,4 +1,4 @@
-"""Diagnose shots: what the base model lacks, the error before and after, and what remains."""
+"""Diagnose shots: the effects that the base model lacks, the errors before and after, and the residual."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -32,12 +32,12 @@ def diagnose(
 ) -> Diagnosis:
     """Diagnose one or several shots of one rig against the base ``model`` with the ``accepted`` effects.
 
-    ``model`` is that of the shots' settings where it is not given, "paper" for motions alone.  An effect of the
-    catalogue may be given by its name.  ``laws`` are a person's own laws (``laws.own``), tried like the catalogue's
-    effects.  ``hold_out`` is the index of the shot that is predicted from the others (default: the slowest, a middle
-    one and the fastest in turn, of two the slower).  What shook the frame is taken from the shots' readings; for
-    motions alone it is read here.  After ``seconds`` on two cores what may be left out is left out: further ways
-    through the catalogue, laws.  Errors are judged in displacement.
+    ``model`` defaults to that of the shots' settings, and to "paper" for motions alone.  An effect of the catalogue
+    may be given by its name.  ``laws`` are user-defined laws (``laws.own``), tried like the catalogue's effects.
+    ``hold_out`` is the index of the validation shot, which is predicted from the others (default: the slowest, a
+    middle one and the fastest in turn; of two, the slower).  Frame motion is taken from the shots' readings; for
+    motions alone it is read here.  After ``seconds`` on two cores, optional steps are left out: restarts of the
+    catalogue search, laws.  Errors are judged in displacement.
 
     Raises ValueError for an unknown model or effect and for shots of different base models, AnalysisError where there
     is nothing to judge, Cancelled when asked to stop.
@@ -80,13 +80,13 @@ def _model(shots: Sequence[Shot | Motion]) -> str:
 
 
 def _shakings(shots: Sequence[Shot | Motion]) -> Sequence[Shaking | None] | None:
-    """Return what shook each shot's frame as its reading shows it; None where a motion alone was given."""
+    """Return each shot's frame motion from its reading; None where any motion was given without a shot."""
     read = [shaking_of(shot) for shot in shots if isinstance(shot, Shot)]
     return read if len(read) == len(shots) else None
 
 
 def _diagnosis(question: Question, explanation: Explanation) -> Diagnosis:
-    """Return an explanation as the result that people and files see."""
+    """Return the diagnosis for an explanation, with errors, candidates and detection limits."""
     question.progress("errors before and after", 0.9)
     motions, before, after = question.motions, explanation.before, explanation.after
     shots, verdict = before.problem.data.shots, explanation.verdict

@@ -1,4 +1,4 @@
-"""The closed loop for a driven slider: what mass, drag and offset leave of the force, and what accounts for it."""
+"""Diagnose a driven slider: find the laws that explain the force residual of mass, drag and offset."""
 
 import time
 from collections.abc import Sequence
@@ -42,12 +42,12 @@ from analysis.drive import (
 )
 from analysis.shot import Floats, Motion, Progress, Stop
 
-SMALL_REST = 1.5  # of the floor: a remainder up to here counts as accounted for
+SMALL_REST = 1.5  # times the repeatability: a residual up to here counts as explained
 
 
 @dataclass(frozen=True, slots=True)
 class _Halves:
-    """What a model leaves: over everything, and of the half that took no part."""
+    """A fit of the whole records, and the force residual (N rms) on the validation half of a fit of the other half."""
 
     whole: Regression
     held_n: float
@@ -61,8 +61,8 @@ def diagnose_driven(
 ) -> Diagnosis:
     """Return the diagnosis of driven records against mass, drag, offset and the ``accepted`` laws.
 
-    The later half of each record takes no part in the fits that the gates are asked of.  Raises AnalysisError where
-    there is nothing to judge, Cancelled when asked to stop.
+    The later half of each record is for validation: the fits that the gates judge do not use it.  Raises AnalysisError
+    where there is nothing to judge, Cancelled when asked to stop.
     """
     began = time.perf_counter()
     tell = progress or (lambda _what, _fraction: None)
@@ -113,7 +113,7 @@ def _halves(split: Split, laws: tuple[str, ...], nonlinear: NonlinearValues, mas
 
 
 def _errors(force_n: float, repeatability: Repeatability) -> Errors:
-    """Return the errors; without a loop around it the model's own path drifts, so only the force is compared."""
+    """Return the errors in force; an open-loop model's path drifts, so displacement and velocity are not compared."""
     return Errors(float("nan"), float("nan"), force_n, chi2(force_n, repeatability))
 
 
@@ -125,7 +125,7 @@ def _found(split: Split, whole: Regression, searched: LawSearch, law: str) -> Fo
 
 
 def remainder(table: Table, found: Regression) -> DriveRemainder:
-    """Return what the remaining force goes with: direction, reversals, place."""
+    """Return the shares of the residual force's power that depend on direction, position and reversals."""
     left = found.residual_n
     speed, place = table.velocity_m_per_s, table.displacement_m
     slow = np.abs(speed) < 0.1 * float(np.abs(speed).max())

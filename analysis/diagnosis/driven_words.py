@@ -1,4 +1,4 @@
-"""What a diagnosis of a drive says to a person."""
+"""Sentences on a drive's diagnosis: verdict, laws, detection limits, residual."""
 
 from collections.abc import Mapping, Sequence
 
@@ -11,7 +11,7 @@ from analysis.shot import Fit, Quantity
 
 
 def sentence(diagnosis: Diagnosis, drive: DriveEvidence) -> str:
-    """Return the verdict's sentence: what was found, the error before and after, and what the drive repeats to."""
+    """Return the verdict as sentences: laws found, force error before and after, repeatability of the drive, mass."""
     before_n, after_n = diagnosis.error_before.force_rms_n, diagnosis.error_after.force_rms_n
     against = f"{after_n:.3g} N is {_repeats(after_n, drive)}"
     if diagnosis.effects:
@@ -33,7 +33,7 @@ def _repeats(force_n: float, drive: DriveEvidence) -> str:
 
 
 def _mass(mass: MassCheck) -> str:
-    """Return whether the stated mass is right; "" where none is stated."""
+    """Return a sentence on whether the stated mass is right; "" where none is stated."""
     if mass.stated is None:
         return ""
     if mass.agrees:
@@ -45,7 +45,7 @@ def _mass(mass: MassCheck) -> str:
 
 
 def effect(found: FoundEffect, fit: Fit) -> str:
-    """Return what one law of a drive's ``fit`` is, in words and numbers."""
+    """Describe one law of a drive's ``fit`` in words and numbers."""
     numbers = ", ".join(f"{stem(name)} {quantity(name, value)}" for name, value in found.parameters.items())
     others = found.indistinguishable_from
     alike = f" (as well: {', '.join(other.short_words for other in others)})" if others else ""
@@ -75,7 +75,7 @@ def _meaning(law: str, parameters: Mapping[str, Quantity], of_fit: Mapping[str, 
 
 
 def blind_spots(drive: DriveEvidence) -> tuple[str, ...]:
-    """Return what these records could not have shown, and the band in which everything was compared."""
+    """Return the detection limits of these records, among them the bandwidth of the comparison."""
     out = [
         f"anything faster than {drive.bandwidth_hz:.3g} Hz: up to there the motion stands clear of its noise, and "
         "force and motion are compared through the same filter",
@@ -89,7 +89,7 @@ def blind_spots(drive: DriveEvidence) -> tuple[str, ...]:
 
 
 def separating(effects: Sequence[FoundEffect], drive: DriveEvidence) -> str:
-    """Return the motion that would show what this one could not."""
+    """Return the motion that would distinguish laws that this one does not; "" where there are none."""
     if LAWS["coulomb_friction"] in drive.unidentifiable:
         return "a motion both ways: one way, friction is a constant force"
     if any(e.indistinguishable_from for e in effects):
@@ -98,7 +98,7 @@ def separating(effects: Sequence[FoundEffect], drive: DriveEvidence) -> str:
 
 
 def remainder(left_n: float, drive: DriveEvidence) -> str:
-    """Say what the remaining force goes with: direction, reversals, place, the cycle; "" where it was not asked."""
+    """Describe the residual force: repeatability, direction, position, reversals; "" where it is explained."""
     left = drive.remainder
     if left is None:
         return ""

@@ -1,4 +1,4 @@
-"""An explanation of the shots: which effects are named beside the base model, which laws, and what remains."""
+"""Explain the shots: name effects in addition to the base model, learn laws, and describe the residual."""
 
 import math
 from dataclasses import dataclass, replace
@@ -25,11 +25,11 @@ Predictions = tuple[Prediction, Prediction]  # of the held-out shots: by the mod
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """What the shots are explained by, under one noise.
+    """The explanation of the shots under one noise model.
 
-    ``nearest`` is the likeliest fit that the search came to, ``linearised`` the same for scores of further effects;
-    ``after`` the model that holds what is named: ``effects`` and ``laws``, each of which passed its gates.
-    ``imitations`` are effects of the nearest fit that did not.  ``held_out`` are the shots predicted from the others.
+    ``nearest`` is the likeliest fit of the search, ``linearised`` the same fit prepared for scores of further effects.
+    ``after`` is the model with the named ``effects`` and ``laws``, each of which passed its gates.  ``imitations`` are
+    effects of the nearest fit that did not.  ``held_out`` are the indices of the validation shots.
     """
 
     verdict: Verdict
@@ -56,12 +56,12 @@ class Explanation:
 
     @property
     def bic(self) -> float:
-        """Get the criterion of the model after."""
+        """Get the BIC of the model after."""
         return self.after.bic
 
 
 def explain_with_effects(question: Question, trail: Trail, settled: Settled, held_out: tuple[int, ...]) -> Explanation:
-    """Name the effects of a settled fit that pass every gate, taking out those that the residual leaves in doubt."""
+    """Name the effects of a settled fit that pass every gate, after removing those that its residual puts in doubt."""
     question.progress("telling look-alikes apart", 0.8)
     best, linearised, separations, residual = settled.best, settled.linearised, settled.separations, settled.residual
     while True:
@@ -73,7 +73,7 @@ def explain_with_effects(question: Question, trail: Trail, settled: Settled, hel
         doubtful = [one.effect for one in found if not clear(one, residual, CRITERIA.clear_of_misfit)]
         if effects or not residual.significant or len(doubtful) in (0, len(found)):
             break
-        # A small residual leaves those effects in doubt that are not much larger than it, and no others.
+        # A small residual puts only those effects in doubt that are not much larger than it.
         fewer = without(best, doubtful[0], trail)
         if fewer is None:
             break
@@ -99,9 +99,9 @@ def explain_with_effects(question: Question, trail: Trail, settled: Settled, hel
 
 
 def explain_with_laws(question: Question, known: Explanation, law: SingleLaw, *, beat: float = math.inf) -> Explanation:
-    """Learn the laws that ``known`` leaves room for; ``beat`` is a criterion that they must come below.
+    """Learn laws where ``known`` leaves a residual; their BIC must be below ``beat``.
 
-    ``law`` is the one law that may stand in the place of all effects.
+    ``law`` is the single law that may replace all effects.
     """
     if known.explained:
         return known
@@ -136,7 +136,7 @@ def _found(
     separation: Separation,
     trail: Trail,
 ) -> FoundEffect:
-    """Return an effect of a fit with its evidence, and the other effects that it may be."""
+    """Return an effect of a fit with its evidence and its indistinguishable look-alikes."""
     trail.go_on()
     fewer = without(best, effect, trail)
     others, lead = other_names(best, effect, residual, separation, trail)
@@ -150,11 +150,11 @@ def _found(
 
 
 def _remainder(fitted: Fitted, residual: Residual) -> Remainder | None:
-    """Return what a fit leaves, or None where that is noise."""
+    """Describe a fit's residual; None where it is noise."""
     return remainder_of(fitted, residual.misfit) if residual.significant else None
 
 
 def _imitated(best: Fitted, trail: Trail, residual: Residual) -> Remainder | None:
-    """Return what the model before leaves, with the effects that imitate it without being sure of a name."""
+    """Describe the residual of the model before, with the effects that imitate it but did not pass every gate."""
     imitating = trail.added(best)
     return remainder_of(trail.start, residual.misfit, imitating) if imitating else _remainder(best, residual)

@@ -1,4 +1,4 @@
-"""How long a diagnosis may take; steps that were left out when the time was over are listed."""
+"""Time limit of a diagnosis, with a list of the steps left out after it."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -6,16 +6,16 @@ from typing import TypeVar
 from analysis.fitted import FitTime
 from analysis.shot import Cancelled, Stop
 
-SECONDS = 60.0  # of two cores: a usual diagnosis takes a few
-_FOR_SEARCHING = 0.85  # of it; what was found by then is judged
+SECONDS = 60.0  # on two cores; a usual diagnosis takes a few
+_FOR_SEARCHING = 0.85  # share of the limit after which searching stops; what was found by then is judged
 Result = TypeVar("Result")
 
 
 class Limit:
-    """The time of a diagnosis from now on, and the steps that were left out when it was over.
+    """The time limit of a diagnosis, counted from its creation, and the steps left out after it.
 
-    Calling it returns whether work that may be left out is to stop; it raises Cancelled where the caller wants to stop.
-    Compiling and the time that other programs take are not counted.
+    Calling it returns whether optional work must stop, and raises Cancelled where the caller wants to stop.
+    Compilation and the time that other programs take are not counted.
     """
 
     def __init__(self, seconds: float, cancelled: Stop) -> None:
@@ -29,13 +29,13 @@ class Limit:
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Get what was left out, in words."""
+        """Get the steps left out, in words."""
         return tuple(dict.fromkeys(self._left_out))
 
     def within(self, what: str, work: Callable[[], Result], otherwise: Result) -> Result:
-        """Return the result of ``work``; where the time is over before it ends ``otherwise``, and note ``what``.
+        """Return the result of ``work``; if time runs out first, note ``what`` as left out and return ``otherwise``.
 
-        ``work`` calls this limit to learn whether to stop, and raises Cancelled where it does.
+        ``work`` must call this limit to learn whether to stop, and raise Cancelled if so.
         """
         if self():
             self._left_out.append(what)

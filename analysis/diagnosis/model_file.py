@@ -1,6 +1,6 @@
-"""The model a session has arrived at, as TOML text: base, effects, parameters, covariance, shots, errors.
+"""Convert a diagnosed model to and from TOML text: base, effects, parameters, covariance, shots, errors.
 
-Reading and writing the file is the caller's; these are pure functions on text.
+These are pure functions on text; the caller reads and writes the file.
 """
 
 import math
@@ -21,25 +21,25 @@ from levimass import is_drive
 
 SCHEMA = "levimass.model/1"
 BASES = ("paper", "clamped", "no_tension", "contact", "driven")
-_LARGEST, _SMALLEST = 1e15, 1e-15  # in SI units, of whatever a rig has
-_POSITIVE = re.compile(r"^[^.]*(stiffness|mass)_[^.]*$")  # of the base; an effect may take stiffness away
+_LARGEST, _SMALLEST = 1e15, 1e-15  # in SI units: largest size of any parameter, smallest stiffness and mass
+_POSITIVE = re.compile(r"^[^.]*(stiffness|mass)_[^.]*$")  # of the base; an effect's stiffness may be negative
 _NOT_NEGATIVE = re.compile(r"^contact_damping_[^.]*$")
-_ROUNDING = 1e-6  # of a correlation, as it is written and read
+_ROUNDING = 1e-6  # tolerance of a correlation, for rounding when written and read
 _ERRORS = ("before", "after", "held_out_before", "held_out_after")
 
 
 class ModelFileError(AnalysisError):
-    """Why a text is no model, in one line that names the key."""
+    """A text is no valid model; the message is one line that names the key."""
 
 
 @dataclass(frozen=True, slots=True)
 class SavedModel:
-    """A model as it was saved.
+    """A saved model.
 
-    ``parameters`` has the names of a fit ("plate_stiffness_n_per_m", effects as "effect.parameter"), ``covariance``
-    is over them in that order; ``errors`` may hold "before", "after", "held_out_before" and "held_out_after".
-    ``base_parameters`` are those of the base alone, fitted to the same shots, where it was: what the effects are to
-    beat on other shots.  ``tried`` are those of ``effects`` that a person put in and no diagnosis named.
+    ``parameters`` have the names of a fit ("plate_stiffness_n_per_m", effects as "effect.parameter"); ``covariance``
+    has their order.  ``errors`` may hold "before", "after", "held_out_before" and "held_out_after".
+    ``base_parameters`` are those of the base alone fitted to the same shots, if it was: the reference for predictions
+    of other shots.  ``tried`` are those of ``effects`` that the user added and no diagnosis named.
     """
 
     base: str
@@ -55,7 +55,7 @@ class SavedModel:
 def saved(
     fit: Fit, shots: Sequence[str], diagnosis: Diagnosis | None = None, tried: Collection[Effect] = ()
 ) -> SavedModel:
-    """Return what is to be saved of a fit of ``shots``, with the errors of the diagnosis that led to it.
+    """Return the model to save from a fit of ``shots``, with the errors of the diagnosis that led to it.
 
     ``tried`` may name effects that are not in the fit.
     """
@@ -99,10 +99,10 @@ def to_text(model: SavedModel) -> str:
 
 
 def from_text(text: str) -> SavedModel:
-    """Read a model from TOML; ModelFileError says in one line what is wrong."""
+    """Read a model from TOML.  Raises ModelFileError, which says in one line what is wrong."""
     try:
         data = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # a TOMLDecodeError, or a whole number of thousands of digits
+    except (ValueError, RecursionError) as error:  # a TOMLDecodeError, or an integer of thousands of digits
         raise ModelFileError(f"not TOML: {' '.join(str(error).split())[:100]}") from None
     if data.get("schema") != SCHEMA:
         raise ModelFileError(f"schema: {SCHEMA!r} is expected, not {str(data.get('schema'))[:40]!r}")
@@ -138,12 +138,12 @@ def from_text(text: str) -> SavedModel:
 
 
 def effect_in_file(key: str, base: str) -> Effect | None:
-    """Return the effect that a file has under this ``key`` in a model with this base; None where there is none."""
+    """Return the effect that a model file with this base calls ``key``; None where there is none."""
     return LAWS.get(key) if is_drive(base) else known_effect(key)
 
 
 def _effects(names: Sequence[str], base: str) -> dict[str, Effect]:
-    """Return the effects of these names, by them; ModelFileError where one is unknown or named twice."""
+    """Return the effects by name.  Raises ModelFileError where one is unknown or named twice."""
     if twice := [name for name in names if names.count(name) > 1]:
         raise ModelFileError(f"effects: {twice[0][:40]!r} is named twice")
     effects = {name: effect_in_file(name, base) for name in names}
@@ -153,7 +153,7 @@ def _effects(names: Sequence[str], base: str) -> dict[str, Effect]:
 
 
 def _check_values(table: str, quantities: Mapping[str, Quantity]) -> None:
-    """Refuse values that no rig has; a standard uncertainty that is no number says that the data told none."""
+    """Refuse values that no rig has; a standard uncertainty may be nan or inf where the data do not determine it."""
     for name, quantity in quantities.items():
         where, value = f"{table}.{name[:60]}", quantity.value
         if not abs(value) <= _LARGEST:
@@ -167,7 +167,7 @@ def _check_values(table: str, quantities: Mapping[str, Quantity]) -> None:
 
 
 def _check_covariance(covariance: NDArray[np.float64], parameters: Mapping[str, Quantity]) -> None:
-    """Refuse what is no covariance; a row of a parameter whose uncertainty the data did not tell may be no number."""
+    """Refuse an invalid covariance; rows of parameters with an undetermined uncertainty may be nan or inf."""
     told = np.array([math.isfinite(quantity.std) for quantity in parameters.values()])
     if not told.any():
         return
@@ -187,7 +187,7 @@ def _check_covariance(covariance: NDArray[np.float64], parameters: Mapping[str, 
 
 
 def drift(model: SavedModel, fit: Fit) -> dict[str, float]:
-    """Return how far each shared parameter of a new fit lies from the saved one, in joint standard uncertainties."""
+    """Return each shared parameter's change from the saved value to a new fit's, in joint standard uncertainties."""
     out = {}
     for name, now in fit.parameters.items():
         then = model.parameters.get(name)
@@ -213,13 +213,13 @@ def _read_quantities(data: Mapping[str, Any], key: str) -> dict[str, Quantity]:
 
 
 def _string(text: str) -> str:
-    whole = text.encode("utf-8", "replace").decode()  # a file's name may hold bytes that are no text
+    whole = text.encode("utf-8", "replace").decode()  # a file's name may contain bytes that are not text
     escaped = whole.replace("\\", "\\\\").replace('"', '\\"')
     return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in escaped) + '"'
 
 
 def _number(value: float) -> str:
-    return repr(float(value))  # inf and nan are TOML's own words
+    return repr(float(value))  # inf and nan are valid TOML
 
 
 def _table(data: Mapping[str, Any], key: str) -> Mapping[str, Any]:

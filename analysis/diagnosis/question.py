@@ -1,4 +1,4 @@
-"""What a diagnosis is asked: shots of one rig, the base model with the effects it has, the time it may take."""
+"""Input of a diagnosis: shots of one rig, the base model with the effects already in it, and the time limit."""
 
 import time
 from collections.abc import Sequence
@@ -29,16 +29,16 @@ from analysis.shot import Motion, Progress, Shaking, Stop
 
 @dataclass(frozen=True)
 class Question:
-    """Shots and settings of one diagnosis; what follows from them alone is computed once.
+    """Shots and settings of one diagnosis; quantities derived from them alone are computed once.
 
-    ``hold_out`` is the index of the only shot to be predicted from the others.  ``progress`` is told what is being done
-    and which fraction is done.
+    ``hold_out`` is the index of the only validation shot; None: they are chosen by speed.  ``progress`` is called with
+    the current step and the fraction done.
     """
 
     motions: Sequence[Motion]
     model: str
-    named: Sequence[Effect]  # effects and laws that the model has already
-    laws: Sequence[Effect]  # a person's own, tried like the catalogue's effects
+    named: Sequence[Effect]  # effects and laws already in the model
+    laws: Sequence[Effect]  # user-defined, tried like the catalogue's effects
     hold_out: int | None
     shakings_read: Sequence[Shaking | None] | None
     progress: Progress
@@ -48,14 +48,14 @@ class Question:
 
     @cached_property
     def catalogue(self) -> Sequence[TrialEffect]:
-        """Get every effect that may be tried: of a plate that does not move those alone that have a meaning there."""
+        """Get every effect that may be tried: with a plate that does not move, only those that apply without one."""
         kinds = trial_effects([*self.laws, *(one for one in self.accepted if one.acts is not Acts.IN_DRIVE)])
         plate_moves = not base_named(self.model).one_body
         return [kind for kind in kinds if plate_moves or kind.effect.one_body or kind.effect in self.accepted]
 
     @property
     def accepted(self) -> tuple[Effect, ...]:
-        """Get the effects in the model that a diagnosis could have found."""
+        """Get the effects already in the model that a diagnosis could have found."""
         return findings(self.named)
 
     @cached_property
@@ -65,21 +65,21 @@ class Question:
 
     @cached_property
     def site(self) -> Site | None:
-        """Get what shook the rig as the flights before and after the contact show it; None where that is nothing."""
+        """Get the frame motion that the free flights before and after contact show; None where it is negligible."""
         shakings = shakings_of(self.motions, self.model, self.shakings_read)
         return site_under(self.motions, shakings, CRITERIA.site_nm)
 
     @cached_property
     def begin(self) -> SearchStart:
-        """Get where every search begins: the base model as a first fit has it."""
+        """Get the start of every search: the first fit of the base model."""
         return first_fit(self.shots, self.model, self.site, self.stop)
 
     def held_out(self, data: JointData, *, in_turn: bool = True) -> tuple[int, ...]:
-        """Return the shots that are predicted from the others, each in turn."""
+        """Return the indices of the validation shots, each predicted from all other shots."""
         return choose(data, in_turn=in_turn) if self.hold_out is None else (self.hold_out,)
 
     def one_law_beside(self, start: Fitted) -> SingleLaw:
-        """Return the law that ``start`` may lack; it is learned when it is first needed."""
+        """Return the single law that ``start`` may lack; it is learned when first needed."""
         return SingleLaw(start, self.held_out(start.problem.data), self.progress, self.stop, self.limit)
 
     @property

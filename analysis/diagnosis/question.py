@@ -48,7 +48,7 @@ class Question:
 
     @cached_property
     def catalogue(self) -> Sequence[TrialEffect]:
-        """Get every effect that may be tried: with a plate that does not move, only those that apply without one."""
+        """Get every effect that may be tried; for a plate that does not move, those that need no plate motion."""
         kinds = trial_effects([*self.laws, *(one for one in self.accepted if one.acts is not Acts.IN_DRIVE)])
         plate_moves = not base_named(self.model).one_body
         return [kind for kind in kinds if plate_moves or kind.effect.one_body or kind.effect in self.accepted]

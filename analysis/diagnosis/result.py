@@ -1,4 +1,4 @@
-"""What a diagnosis found, as data: ``wording`` puts it into words, ``result_file`` into the form of docs/formats.md."""
+"""Results of a diagnosis as data; ``wording`` describes them, ``result_file`` writes them (docs/formats.md)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,16 +15,16 @@ if TYPE_CHECKING:
 class Verdict(StrEnum):
     """What a diagnosis may conclude."""
 
-    ADEQUATE = "adequate"  # nothing is missing that this data could show
-    EFFECT_FOUND = "effect_found"  # the effects account for the remainder down to the noise
-    LAW_LEARNED = "law_learned"  # a law off the catalogue, learned from the shots, does (with the effects beside it)
-    PARTLY_EXPLAINED = "partly_explained"  # the effects foretell better, a significant remainder stays and is described
-    UNEXPLAINED = "unexplained"  # nothing passed every test or foretells better, a significant remainder stays
+    ADEQUATE = "adequate"  # nothing is missing that these data could show
+    EFFECT_FOUND = "effect_found"  # the effects explain the residual down to the noise
+    LAW_LEARNED = "law_learned"  # a law learned from the shots explains it, alone or jointly with effects
+    PARTLY_EXPLAINED = "partly_explained"  # effects or laws predict better; a significant residual is described
+    UNEXPLAINED = "unexplained"  # nothing passed every test or predicts better; a significant residual remains
 
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """Root mean squares of what a model leaves over, on stated samples at a stated bandwidth."""
+    """Root mean squares of a model's residual, on stated samples at a stated bandwidth."""
 
     displacement_rms_m: float
     velocity_rms_m_per_s: float
@@ -34,7 +34,7 @@ class Errors:
 
 @dataclass(frozen=True, slots=True)
 class FoundEffect:
-    """An effect that passed every gate, or the class it lies in when another cannot be told from it."""
+    """An effect of a fit with its parameters and evidence, and the effects that the data do not distinguish from it."""
 
     effect: Effect
     parameters: Mapping[str, Quantity]
@@ -49,9 +49,9 @@ class FoundEffect:
 
 @dataclass(frozen=True, slots=True)
 class OtherForm:
-    """A closed form that the shots cannot exclude; ``delta_bic`` behind the best.
+    """A closed form that the shots cannot exclude; its BIC is ``delta_bic`` above that of the best form.
 
-    ``curve_force_n`` is its curve at the law's ``curve_argument``, shape (n,), where it is of the same argument.
+    ``curve_force_n``, shape (n,), is its force at the law's ``curve_argument``; None where its argument is another one.
     """
 
     where: str
@@ -62,18 +62,18 @@ class OtherForm:
     curve_force_n: Floats | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """Return the form as the result file has it."""
+        """Return the form as a JSON object of the result file."""
         names = ("where", "argument", "form", "formula", "delta_bic")
         return {name: getattr(self, name) for name in names}
 
 
 @dataclass(frozen=True, slots=True)
 class LearnedLaw:
-    """A law off the catalogue as the shots show it (docs/closed-loop.md).
+    """A law outside the catalogue, learned from the shots (docs/closed-loop.md).
 
-    ``effect`` is what the model holds.  ``form`` and ``formula`` are None where no closed form meets
-    the curve; ``nearest_form`` is what the model holds then.  The curve, arrays of shape (n,), is the free one with its
-    standard uncertainty, moved onto the form by what the base model holds already; ``parameters`` are (quantity, unit)
+    ``effect`` is the law in the model.  ``form`` and ``formula`` are None where no closed form agrees with the curve;
+    the model then contains ``nearest_form``.  The curve, arrays of shape (n,), is the free one with its standard
+    uncertainty, moved towards the form by terms that the base model can absorb.  ``parameters`` are (quantity, unit)
     by name.
     """
 
@@ -93,15 +93,15 @@ class LearnedLaw:
     visited: tuple[float, float]
     not_observable: tuple[str, ...]
     evidence: Mapping[str, float]
-    form_force_n: Floats  # of ``nearest_form``, as the model holds it
+    form_force_n: Floats  # of ``nearest_form``, as in the model
 
     @property
     def as_effect(self) -> FoundEffect:
-        """Get the law as an effect that can join the model."""
+        """Get the law as an effect that can be added to the model."""
         return FoundEffect(self.effect, {name: q for name, (q, _) in self.parameters.items()}, self.evidence)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the law as the result file has it."""
+        """Return the law as a JSON object of the result file."""
         return {
             "where": self.where,
             "argument": self.argument,
@@ -126,26 +126,26 @@ class LearnedLaw:
 
 
 class Standing(StrEnum):
-    """Why an effect that was tried is in the model or not."""
+    """Why a tried effect is or is not in the model."""
 
     IN_MODEL = "in_model"
     SCORED_ONLY = "scored_only"
     DOES_NOT_PAY = "does_not_pay"
     BEHIND_ANOTHER = "behind_another"
-    VALIDATED = "validated"  # of a drive: it leaves ``number`` (N) of the force on the validation half
-    MIXTURE = "mixture"  # of a drive: in this motion it is a mixture of what is in the model
+    VALIDATED = "validated"  # of a drive: its force residual on the validation half is ``number`` (N)
+    MIXTURE = "mixture"  # of a drive: in this motion it is a combination of the laws in the model
     RESCALES = "rescales"  # of a drive: while no mass is stated it only rescales mass, drag and friction
-    MASS_AGREES = "mass_agrees"  # of a drive: with the stated one
-    MASS_DIFFERS = "mass_differs"  # of a drive: it is the same as the mass ``number`` (kg)
+    MASS_AGREES = "mass_agrees"  # of a drive: the fitted mass agrees with the stated one
+    MASS_DIFFERS = "mass_differs"  # of a drive: it is equivalent to a mass of ``number`` (kg)
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One effect that was tried, with what it would have explained and why it was or was not named.
+    """One effect that was tried, with the displacement that it explains and why it was or was not named.
 
-    ``explains_m`` is the displacement by which the model with it would differ, refitted, in m: one array of shape (k,)
-    for each of the first shots, means over k equal parts of the record.  It is to first order where the effect was only
-    scored (``delta_bic`` None).  None where there is none; the result file does not have it.
+    ``explains_m`` is the change of the model's displacement in m when the effect is added and the model refitted: one
+    array of shape (k,) for each of the first shots, means over k equal parts of the record.  The change is to first
+    order where the effect was only scored (``delta_bic`` None).  It may be None, and is not in the result file.
     """
 
     effect: Effect
@@ -153,7 +153,7 @@ class Candidate:
     delta_bic: float | None
     parameters: Mapping[str, Quantity] = field(default_factory=dict)
     standing: Standing | None = None
-    number: Quantity | float | None = None  # that its standing names
+    number: Quantity | float | None = None  # quoted in the words of its standing
     explains_m: tuple[Floats, ...] | None = field(default=None, compare=False, repr=False)
 
     @property
@@ -174,14 +174,14 @@ class Phase(StrEnum):
 
 
 class Freedom(StrEnum):
-    """A freedom that a right hypothesis has no use for (``lack_of_fit``)."""
+    """A freedom that a correct hypothesis does not need (``lack_of_fit``)."""
 
-    KINKS = "kinks"  # where the bodies meet, turn or part
-    KINKS_WITH_SPEED = "kinks_with_speed"  # that grow with the speed
-    BASE_APART = "base_apart"  # plate and contact of every shot's own
-    EFFECT_APART = "effect_apart"  # the effects of every shot's own
-    EFFECT_AFTER_TURN = "effect_after_turn"  # another one than before
-    SPEED_AGAINST_MOTION = "speed_against_motion"  # from here on a force of any law of its argument
+    KINKS = "kinks"  # at touch, turnaround and release
+    KINKS_WITH_SPEED = "kinks_with_speed"  # kinks that grow with the speed
+    BASE_APART = "base_apart"  # separate plate and contact parameters for every shot
+    EFFECT_APART = "effect_apart"  # separate effect parameters for every shot
+    EFFECT_AFTER_TURN = "effect_after_turn"  # the effects differ before and after the turnaround
+    SPEED_AGAINST_MOTION = "speed_against_motion"  # this and the following: any force law of the argument
     SPEED_ONE_WAY = "speed_one_way"
     PLACE = "place"
     BEND = "bend"
@@ -190,11 +190,11 @@ class Freedom(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Remainder:
-    """What a model of a collision leaves of the displacement, above the white noise ``noise_m``; rms in m.
+    """The displacement residual of a collision model above the white noise ``noise_m``; rms in m.
 
-    ``phases`` are the loudest with their rms.  Its size goes as the speed to the power ``speed_power``; a line stands
-    at ``line_hz``.  It is nearest to the effects ``imitated_by``, none of which passed every test; what is left beside
-    them, or all of it where there are none, has most use for the freedom ``looks_like``, by ``norms`` noise norms.
+    ``phases`` are the loudest with their rms.  The residual scales as the speed to the power ``speed_power``, and has a
+    spectral line at ``line_hz``.  The effects ``imitated_by`` come nearest to it; none passed every test.  Given these
+    effects, if any, the freedom ``looks_like`` explains most of the residual: ``norms`` noise norms.
     """
 
     rms_m: float
@@ -209,7 +209,7 @@ class Remainder:
 
 @dataclass(frozen=True, slots=True)
 class BlindSpot:
-    """An effect that these data would not have shown below ``least`` of its ``parameter``; None: of any size."""
+    """Detection limit of an effect: ``least`` is the smallest detectable ``parameter``; None: no size is detectable."""
 
     effect: Effect
     parameter: str
@@ -218,9 +218,9 @@ class BlindSpot:
 
 @dataclass(frozen=True, slots=True)
 class DriveRemainder:
-    """What a model of a drive leaves of the force: shares of its power that go with the direction and with the place.
+    """The force residual of a drive's model: shares of its power that depend on direction and on position.
 
-    ``reversals`` is the share within the share ``reversal_samples`` of samples around reversals.
+    ``reversals`` is the share of its power around reversals, ``reversal_samples`` the share of the samples there.
     """
 
     direction: float
@@ -231,7 +231,7 @@ class DriveRemainder:
 
 @dataclass(frozen=True, slots=True)
 class DriveEvidence:
-    """What only the diagnosis of a drive has; ``unidentifiable`` laws are in this motion a mixture of the model's."""
+    """Evidence of a drive's diagnosis; in this motion, ``unidentifiable`` laws are combinations of the model's laws."""
 
     repeatability: "Repeatability"
     mass: "MassCheck"
@@ -242,10 +242,10 @@ class DriveEvidence:
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """Verdict with its evidence; ``blind_spots`` is what this data could not show, of the effects that were tried.
+    """Verdict with its evidence; ``blind_spots`` are the detection limits of the effects that were tried.
 
-    ``effects`` and ``laws`` passed every gate for their size; ``imitated_by`` are effects that come near to what
-    remains and did not: their numbers are those of a fit, and no measurement.
+    ``effects`` and ``laws`` passed every gate for their size.  ``imitated_by`` are effects that come near to the
+    residual and did not pass: their numbers come from a fit and are no measurement.
     """
 
     verdict: Verdict
@@ -257,13 +257,13 @@ class Diagnosis:
     error_held_out_after: Errors | None
     fit_before: Fit
     fit_after: Fit
-    remainder: Remainder | None = None  # of a collision; None: no more than noise; beside "adequate": a trace
+    remainder: Remainder | None = None  # of a collision; None: consistent with noise; if "adequate": a trace
     blind_spots: tuple[BlindSpot, ...] = ()
     speeds_m_per_s: tuple[float, ...] = ()  # of the shots, before the contact
     seconds: float = 0.0
     laws: tuple[LearnedLaw, ...] = ()
     imitated_by: tuple[FoundEffect, ...] = ()
-    not_asked: tuple[str, ...] = ()  # what a limit of time left out, in words
+    not_asked: tuple[str, ...] = ()  # steps left out for lack of time, in words
     compared: bool = True  # whether there was time to compare the effects of the catalogue
     drive: DriveEvidence | None = None
 
@@ -276,5 +276,5 @@ class Diagnosis:
 
     @property
     def findings(self) -> tuple[FoundEffect, ...]:
-        """Get what can join the model: the effects, and the laws that have a form."""
+        """Get what can be added to the model: the effects, and the laws that have a closed form."""
         return (*self.effects, *(law.as_effect for law in self.laws if law.form is not None))

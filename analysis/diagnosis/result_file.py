@@ -1,4 +1,4 @@
-"""A diagnosis and a tested prediction as the result file has them (docs/formats.md)."""
+"""Convert a diagnosis and the test of a saved model to JSON objects of the result file (docs/formats.md)."""
 
 from collections.abc import Mapping
 from dataclasses import asdict

@@ -1,6 +1,6 @@
-"""A diagnosis and a tested prediction in words, for the result file, the window, reports and scripts alike.
+"""Describe a diagnosis or the test of a saved model in words, for result file, window, reports and scripts.
 
-Nothing that decides imports this module or the words that it uses.
+No module that decides a verdict imports this one or the sentence modules that it uses.
 """
 
 import math
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Wording:
-    """What a diagnosis says to a person; ``effects`` has a sentence for each of its effects."""
+    """A diagnosis in words; ``effects`` has a sentence for each of its effects."""
 
     sentence: str
     effects: tuple[str, ...]
@@ -61,12 +61,12 @@ _STANDINGS = {
 
 
 def remark_on(candidate: Candidate) -> str:
-    """Say why an effect that was tried is in the model or not."""
+    """Say why a tried effect is or is not in the model."""
     return "" if candidate.standing is None else _STANDINGS[candidate.standing].format(number=candidate.number)
 
 
 def prediction_words(foretold: "Foretold") -> str:
-    """Say how much better the whole model foretells than its base."""
+    """Say how much better the whole model predicts than its base."""
     base, model = foretold.error_base, foretold.error_model
     count = sum(shot.error_model is not None for shot in foretold.shots)
     driven = not np.isfinite(model.displacement_rms_m)

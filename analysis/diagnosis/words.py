@@ -1,4 +1,4 @@
-"""Sentences on a collision: the verdict, what remains, what could not be seen, what would separate look-alikes."""
+"""Sentences on a collision's diagnosis: verdict, residual, detection limits, shots that separate look-alikes."""
 
 from collections.abc import Sequence
 
@@ -26,8 +26,8 @@ FREEDOMS = {
     Freedom.BEND: "a force of the plate's bend",
     Freedom.BEND_AGAINST_MOTION: "a force of the plate's bend, against the motion",
 }
-_REDUCED = 0.995  # of the residual before: what is closer to it than that is no reduction to speak of
-# what is the same by physics, wholly or in a limit: no shot of any rig tells them apart there
+_REDUCED = 0.995  # residual after over residual before: above this, no reduction is reported
+# effects that are physically identical, wholly or in a limit: there, no shot of any rig can distinguish them
 ONE_WITH_TWO_READINGS = {
     frozenset({"plate_damping", "viscoelastic_arm"}): (
         "an arm that relaxes faster than the plate moves is a dashpot of k tau: one loss, two readings"
@@ -39,24 +39,24 @@ ONE_WITH_TWO_READINGS = {
 
 
 def unit_of(parameter: str) -> str:
-    """Return the unit that a parameter's name carries, or nothing."""
+    """Return the unit in a parameter's name, or an empty string."""
     return words_and_unit(parameter.split(".")[0])[1]
 
 
 def stem(parameter: str) -> str:
-    """Return a parameter's name without its unit, in words."""
+    """Return a parameter's name in words, without its unit."""
     name, _, shot = parameter.partition(".")
     return words_and_unit(name)[0] + (f" of shot {shot}" if shot else "")
 
 
 def quantity(name: str, value: Quantity, unit: str | None = None) -> str:
-    """Return a parameter with its uncertainty and unit, which its name carries where it is not given."""
+    """Return a parameter with its uncertainty and unit; without ``unit``, the unit is read from the name."""
     unit = unit_of(name) if unit is None else unit
     return f"{value.in_a_sentence()} {unit}".strip()
 
 
 def found(one: FoundEffect) -> str:
-    """Return the sentence of one found effect; a phase, every shot's own, is for the table of parameters."""
+    """Return the sentence of one found effect; phases, fitted per shot, are left to the table of parameters."""
     effect, others = one.effect, one.indistinguishable_from
     told = {key: q for key, q in one.parameters.items() if not key.startswith("phase_rad")}
     if isinstance(effect, OwnLaw):
@@ -127,7 +127,7 @@ def _verdict(diagnosis: Diagnosis) -> str:
 
 
 def _trace(left: Remainder | None) -> str:
-    """Say what was seen beside an adequate model and is too faint to be told from noise, or nothing."""
+    """Describe a residual of an adequate model that is too faint to be distinguished from noise; "" if none."""
     if left is None or left.looks_like is None:
         return ""
     return (
@@ -137,7 +137,7 @@ def _trace(left: Remainder | None) -> str:
 
 
 def remainder(left: Remainder | None) -> str:
-    """Return what a model of a collision leaves, for a physicist."""
+    """Describe the residual of a collision model."""
     if left is None:
         return "residual consistent with noise"
     size = f"{_nm(left.rms_m)} rms in displacement" if left.rms_m > 0.0 else "in all no rms in displacement"
@@ -167,7 +167,7 @@ def _reduced(diagnosis: Diagnosis) -> str:
 
 
 def taken_along(fit: Fit) -> str:
-    """Return what each shot was given for itself beside its start, as a further sentence, or nothing."""
+    """Return a sentence on the nuisance effects fitted per shot in addition to its start; "" if none."""
     own: dict[str, list[float]] = {}
     for shot in fit.shots:
         for full, quantity in shot.own_parameters.items():
@@ -181,7 +181,7 @@ def taken_along(fit: Fit) -> str:
 
 
 def blind_spots(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Return what the shots could not have shown."""
+    """Return the detection limits of the shots as sentences; () for an unexplained residual."""
     if diagnosis.verdict is Verdict.UNEXPLAINED:
         return ()
     hidden = [
@@ -194,7 +194,7 @@ def blind_spots(diagnosis: Diagnosis) -> tuple[str, ...]:
 
 
 def separating_shot(diagnosis: Diagnosis) -> str:
-    """Return the shots that would tell effects from their look-alikes, or nothing."""
+    """Return the shots that would distinguish effects from their look-alikes; "" if none are needed."""
     alike = [found for found in diagnosis.effects if found.indistinguishable_from]
     speeds = diagnosis.speeds_m_per_s
     return "; ".join(dict.fromkeys(_separating(one.effect, one.indistinguishable_from, speeds) for one in alike))

@@ -1,1 +1,1 @@
-"""Search of the catalogue: what each effect would explain, and which are fitted together."""
+"""Search of the catalogue: score every effect, and fit the best jointly."""

@@ -1,7 +1,7 @@
-"""Competing models: an effect's nearest look-alikes, fitted in its place.
+"""Competing models: fit an effect's nearest look-alikes in its place.
 
-To first order two effects may look different that are the same along a bent path: a soft support is a second plate mode
-at a frequency of its own.  So the nearest are fitted, beginning where they imitate the effect best.
+Two effects that differ to first order may coincide along a curved valley of the likelihood: a soft support equals a
+second plate mode of some frequency.  The nearest are therefore fitted, starting where they imitate the effect best.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,27 +16,27 @@ from analysis.inference import Fitted, Linearised, TrialEffect, refit
 from analysis.shot import Cancelled, Stop
 
 Separations = Mapping[Effect, Separation]
-Start = tuple[Mapping[str, float], ...]  # an effect's values a shot
+Start = tuple[Mapping[str, float], ...]  # an effect's values per shot
 
-_FITTED = 2  # look-alikes of an effect at most
-_ALIKE = 0.6  # of an effect's size is left beside a look-alike that is worth a fit
-_ONE_LINE = 0.03  # of the frequency
+_FITTED = 2  # look-alikes fitted per effect, at most
+_ALIKE = 0.6  # a look-alike is fitted if less than this share of the effect's size remains given it
+_ONE_LINE = 0.03  # relative difference of frequency below which two lines count as one
 _STRONGER = 10.0
-_RINGS = 2  # hidden states of what swings by itself
-_HOPELESS = 150.0  # of the criterion behind the best after a short search
+_RINGS = 2  # hidden states of an effect that oscillates freely
+_HOPELESS = 150.0  # BIC behind the best after a short search: further search is useless
 
 
 def separations_of(best: Fitted, linearised: Linearised, trail: Trail) -> Separations:
-    """Return how far each effect that the start lacks is from everything else in the catalogue."""
+    """Return the separation of each added effect from all other effects of the catalogue."""
     return {one: separation(best, linearised, one, trail.catalogue, trail.stop) for one in trail.added(best)}
 
 
 def with_look_alikes_tried(
     best: Fitted, linearised: Linearised, trail: Trail, predicts: Callable[[Fitted], bool]
 ) -> tuple[Fitted, Linearised, Separations]:
-    """Fit every effect's nearest look-alikes in its place, and return the best fit then, with its separations.
+    """Fit every effect's nearest look-alikes in its place; return the best fit, linearised, and its separations.
 
-    One that takes the place must predict the held-out shots (``predicts``), as the effect did.
+    A look-alike that replaces the effect must predict the validation shots (``predicts``), as the effect did.
     """
     separations = separations_of(best, linearised, trail)
     likeliest = best
@@ -68,7 +68,7 @@ def with_look_alikes_tried(
 def alternative_without_misfit(
     best: Fitted, linearised: Linearised, residual: Residual, trail: Trail, predicts: Callable[[Fitted], bool]
 ) -> tuple[Fitted, Linearised, Residual]:
-    """Return a fit with as many effects, nearly as likely, whose residual is noise; the best if there is none."""
+    """Return a fit with as many effects, nearly as likely, whose residual is noise; ``best`` if there is none."""
     near = [
         other
         for key, other in trail.fits.items()
@@ -87,10 +87,10 @@ def alternative_without_misfit(
 
 
 def _nearest(effect: Effect, distances: Separation, catalogue: Sequence[TrialEffect]) -> list[TrialEffect]:
-    """Return the effects that do most of what one does, nearest first, and those that ring at the same place.
+    """Return the nearest look-alikes of an effect, nearest first, then free oscillations that act at the same place.
 
-    A simpler look-alike is tried wherever it stands: noise learnt beside the effect may hold them apart.  What rings
-    long is a line so narrow that to first order it differs even from a line one hundredth away.
+    A simpler look-alike is tried at any separation: noise learnt jointly with the effect may separate them.  A long
+    oscillation is a line so narrow that, to first order, it differs even from one whose frequency is 1 % higher.
     """
     close = [other for other, distance in distances.from_other.items() if distance < _ALIKE * distances.snr]
     close.sort(key=lambda other: (distances.from_other[other], other.key))
@@ -106,7 +106,7 @@ def _ring_alike(one: Effect, two: Effect) -> bool:
 
 
 def _known(trail: Trail, fewer: Fitted, kind: TrialEffect, frequency_hz: float | None) -> Fitted | None:
-    """Return the fit of ``fewer`` and ``kind`` if there is one that converged: for a line, at that frequency."""
+    """Return the known fit of ``fewer`` with ``kind``: a converged one, or for a line one at that frequency."""
     known = trail.of((*fewer.effects, kind.effect))
     if known is None:
         return None
@@ -121,8 +121,8 @@ def fitted_instead(
 ) -> Fitted | None:
     """Return the fit with ``kind`` in place of an effect that ``at`` lacks; None where there is no trajectory.
 
-    It starts from the fit without the effect, since the base gives way to each in its own manner: one line at the
-    frequency of the other, anything else where it imitates the effect best.
+    The fit starts from the one without the effect, since base parameters respond to each effect differently.  A line
+    starts at the frequency of the line that it replaces, any other effect where it imitates the replaced one best.
     """
     if stop():
         raise Cancelled
@@ -133,16 +133,16 @@ def fitted_instead(
     trial = min(trials, key=lambda fitted: fitted.bic, default=None)
     if trial is None or trial.bic > best.bic + _HOPELESS:
         return trial
-    # In a building the wandering noise keeps its shape in a fit: begin with that of the best fit, since the shape
-    # learnt without the effect has absorbed what the effect explains.
+    # With frame motion a fit keeps the shape of the wandering noise.  Start with that of the best fit, since the
+    # shape learnt without the effect has absorbed what the effect explains.
     problem = trial.problem.with_noise(best.noise) if best.noise.site else trial.problem
     return problem.fit(trial.z, evaluations=16, cancelled=stop)
 
 
 def _of_one_line(at: Linearised, kind: TrialEffect, start: Start, frequency_hz: float) -> list[Start]:
-    """Return starts of a line at the frequency of another; no further off than a line is wide, or it ends on a lobe.
+    """Return starts of a line within its width of another's frequency; from further off, a fit ends on a side lobe.
 
-    What rings and bends the base with it is found more surely from a mode that is too strong than from a weak one.
+    An oscillation that also changes the base parameters is found more reliably from a mode too strong than too weak.
     """
     near = [score.start for score in at.scores(kind) if _close(score.start[0], frequency_hz)]
     nearest = min(near, key=lambda one: abs(one[0]["frequency_hz"] - frequency_hz), default=start)

@@ -28,21 +28,21 @@ from analysis.shot import Cancelled, Stop
 
 Result = TypeVar("Result")
 REFITTED = 5
-STRONGER = 3  # more, where the residual is far above noise
-WORTH_FINISHING = 40.0  # of the criterion behind the best after a short search: worth a longer one
-WORTH_FITTING = 8.0  # of gain; a fit that promises less never makes the fall that is required
-UNLEARNED = 3  # more, of those that do best under a noise that has not absorbed what the model lacks
-OTHER_FIRSTS = 2  # first effects to begin with where those that were found leave a residual ...
-FIRSTS_IN_WANDER = 4  # ... or a noise that wanders: it takes up most of what either of two effects does alone
-NARROW = 3  # of those that score best are fitted in such a search, where the right one leads
-EXPLAINED = 1.1  # chi^2 per sample under a noise that was not learnt: clean sets 0.91 to 1.05, a wrong valley 22
-CLOSE = 500.0  # of the criterion, to another fit: further off, one of them may be in a wrong valley
-_ANEW = 30.0  # of the criterion, by which a fit is worse without an effect, or better than when that was last asked
+STRONGER = 3  # further ones, where the residual is far above noise
+WORTH_FINISHING = 40.0  # BIC behind the best after a short search, up to which a longer search is worth its time
+WORTH_FITTING = 8.0  # score gain; with less, a fit never lowers the BIC by as much as required
+UNLEARNED = 3  # further ones, those with the best scores under noise that has not absorbed what the model lacks
+OTHER_FIRSTS = 2  # first effects of restarts where the effects found leave a residual ...
+FIRSTS_IN_WANDER = 4  # ... or wandering noise, which absorbs most of what either of two effects explains alone
+NARROW = 3  # best scores that are fitted per step of a restart: from a right first effect the right next one leads
+EXPLAINED = 1.1  # chi^2 per sample under noise that was not learnt: clean sets 0.91 to 1.05, a wrong minimum 22
+CLOSE = 500.0  # BIC between two fits; with more, one of them may be in a wrong minimum
+_ANEW = 30.0  # BIC: a fit without an effect is repeated if it is this much worse and the full fit has gained this much
 
 
 @dataclass
 class Trail:
-    """A search from ``start`` through ``catalogue``: every effect's first score, and every best fit on the way."""
+    """The record of a search from ``start``: first score of every effect of ``catalogue``, best fit of every set."""
 
     start: Fitted
     catalogue: Sequence[TrialEffect]
@@ -51,11 +51,11 @@ class Trail:
     fits: dict[frozenset[Effect], Fitted] = field(default_factory=dict)
     elsewhere: dict[frozenset[Effect], list[Fitted]] = field(default_factory=dict)  # at other frequencies or ranges
     last: Linearised | None = None  # of the last round
-    # of each fit made from one with an effect more: the criterion of that one
+    # for each fit made by removing an effect: the BIC of the fit from which it was removed
     asked: dict[frozenset[Effect], float] = field(default_factory=dict)
-    widens: bool = True  # try the wider of two effects where the narrow one was found
+    widens: bool = True  # try the wider variant of an effect that was found
     limit: Limit | None = None
-    beat: float = math.inf  # the criterion of a likelier search: what cannot come below it is not followed
+    beat: float = math.inf  # BIC of a likelier search: this search stops where it cannot come below
     compared: bool = False  # whether there was time to compare the effects of the catalogue
 
     def __post_init__(self) -> None:
@@ -67,7 +67,7 @@ class Trail:
             raise Cancelled
 
     def within(self, what: str, work: Callable[[], Result], otherwise: Result) -> Result:
-        """Return the result of ``work``; where the time is over before it ends ``otherwise``, and note ``what``."""
+        """Return the result of ``work``; if time runs out first, note ``what`` as left out and return ``otherwise``."""
         if self.limit is None:
             return work()
         stop, self.stop = self.stop, self.limit
@@ -77,37 +77,37 @@ class Trail:
             self.stop = stop
 
     def added(self, fitted: Fitted) -> list[Effect]:
-        """Return the effects that a fit has and the start has not."""
+        """Return the effects of a fit that the start lacks."""
         return [effect for effect in fitted.effects if effect not in self.start.effects]
 
     def least_fall(self, floor: Floor | None = None) -> float:
-        """Return by how much the best of the catalogue must lower the criterion to join, with the noise ``floor``."""
-        # With a path that wanders one number gains by chance three times what it gains with white noise.
+        """Return by how much the best effect of the catalogue must lower the BIC to join, under the noise ``floor``."""
+        # Under wandering noise one parameter gains by chance three times what it gains under white noise.
         return CRITERIA.fall(len(self.catalogue), wandering=floor is not None and bool(floor.wander))
 
     def pays(self, fitted: Fitted, fewer: Fitted) -> bool:
-        """Return whether a fit explains enough more than ``fewer``, which has fewer effects."""
+        """Return whether a fit lowers the BIC of ``fewer``, which has fewer effects, by as much as required."""
         return fewer.bic - fitted.bic >= self.least_fall(fitted.noise)
 
     @property
     def nothing_pays(self) -> bool:
-        """Get whether no fit on the way explains enough more than the start."""
+        """Get whether no fit of the search lowers the BIC of the start by as much as required."""
         return not any(self.pays(fitted, self.start) for fitted in self.fits.values())
 
     def keep(self, fitted: Fitted) -> None:
-        """Keep a fit unless a better one of the same effects is there."""
+        """Keep a fit unless a better one of the same effects is known."""
         key = frozenset(fitted.effects)
         if key not in self.fits or fitted.bic < self.fits[key].bic:
             self.fits[key] = fitted
 
     def linearised(self, fitted: Fitted) -> Linearised:
-        """Return a fit linearised, with the trajectories of the last one where those serve."""
+        """Return a fit linearised; trajectories of the last linearised fit are reused where still valid."""
         if self.last is not None and self.last.problem is fitted.problem and self.last.z is fitted.z:
             return self.last
         return fitted.linearise(near=self.last)
 
     def alone(self) -> list[Fitted]:
-        """Return the fits with one effect more than the start, the likeliest first."""
+        """Return the fits with exactly one effect more than the start, the likeliest first."""
         single = len(self.start.effects) + 1
         found = [fitted for key, fitted in self.fits.items() if len(key) == single and len(self.added(fitted)) == 1]
         return sorted(found, key=lambda fitted: fitted.bic)
@@ -127,22 +127,22 @@ def explore(
     limit: Limit | None = None,
     beat: float = math.inf,
 ) -> tuple[Fitted, Trail]:
-    """Return the best fit with at most ``most`` effects more than ``start`` has, and what was tried."""
+    """Search for at most ``most`` effects in addition to those of ``start``; return the best fit and the trail."""
     trail = Trail(start, catalogue, stop, widens=widens, limit=limit, beat=beat)
     return climb(start, trail, most), trail
 
 
 def another_way(best: Fitted, trail: Trail, most: int = OTHER_FIRSTS) -> Fitted:
-    """Restart the search from ``most`` other first effects: two that depend on each other may look like a third."""
+    """Restart the search from ``most`` other first effects: two correlated effects can imitate a third."""
     firsts = [fitted for fitted in trail.alone() if not set(fitted.effects) <= set(best.effects)][:most]
     ends = [climb(polish(first, trail, from_white=True), trail, CRITERIA.most_effects - 1, NARROW) for first in firsts]
     return min([best, *ends], key=lambda fitted: fitted.bic)
 
 
 def paired(trail: Trail) -> Fitted | None:
-    """Return the best fit of two effects that were fitted alone and not yet together, or None.
+    """Return the best fit of two effects that were fitted separately but not yet jointly, or None.
 
-    A third that looks like both may be found first, and neither pays beside it.
+    A third effect that imitates both may be found first; neither of the two then pays given the third.
     """
     firsts = [fitted for fitted in trail.alone() if trail.pays(fitted, trail.start)][: NARROW + 1]
 
@@ -159,12 +159,12 @@ def paired(trail: Trail) -> Fitted | None:
 
 
 def climb(here: Fitted, trail: Trail, most: int = CRITERIA.most_effects, width: int = REFITTED + STRONGER) -> Fitted:
-    """Return the best fit with at most ``most`` effects more than ``here``, one at a time, of ``width`` at most."""
+    """Add at most ``most`` effects to ``here``, one at a time, each the best of at most ``width`` candidates."""
     for left in range(most - 1, -1, -1):
         first = len(here.effects) == len(trail.start.effects)
         what = "effects of the catalogue" if first else "a further effect of the catalogue"
         best = trail.within(what, partial(extend, here, trail, first=first, width=width), None)
-        # Each of two effects alone leaves a noise that wanders; what that requires is tested at the end.
+        # Either of two true effects alone leaves wandering noise; the threshold for such noise is applied at the end.
         if best is None or here.bic - best.bic < trail.least_fall():
             break
         here = wider(_polished_first(best, trail) if first else polish(prune(best, trail), trail), trail)
@@ -174,9 +174,9 @@ def climb(here: Fitted, trail: Trail, most: int = CRITERIA.most_effects, width: 
 
 
 def nearly_as_likely(first: Fitted, trail: Trail) -> list[Fitted]:
-    """Return a fit of one effect, and those of one other that are nearly as likely, a few at most.
+    """Return a fit of one effect, and the fits of a few other single effects that are nearly as likely.
 
-    Not its look-alikes, whose order nothing on the way changes: they are fitted in its place at the end.
+    Its look-alikes are left out: no later step changes their order, and they are fitted in its place at the end.
     """
     if first is trail.start:
         return [first]
@@ -192,10 +192,10 @@ def nearly_as_likely(first: Fitted, trail: Trail) -> list[Fitted]:
 
 
 def _polished_first(best: Fitted, trail: Trail) -> Fitted:
-    """Return the likeliest first effect, each that may be it brought to its minimum.
+    """Return the fit of the likeliest first effect, after bringing each contender to its minimum.
 
-    Noise learnt in a wrong valley takes less of what an effect with more parameters explains: a quick arm seems far
-    likelier than the damping of the plate that it imitates, so a simpler look-alike may be further behind than others.
+    Noise learnt in a wrong minimum absorbs less of an effect that has more parameters: a fast viscoelastic arm seems
+    far likelier than the plate damping that it imitates.  A simpler look-alike may thus be further behind than others.
     """
     (effect,) = trail.added(best)
     near = nearly_as_likely(best, trail)
@@ -210,7 +210,7 @@ def _polished_first(best: Fitted, trail: Trail) -> Fitted:
 
 
 def wider(here: Fitted, trail: Trail) -> Fitted:
-    """Return the fit with the wider effect in the place of each that has one, where that pays."""
+    """Return the fit with each effect replaced by its wider variant where that pays."""
     for effect in trail.added(here) if trail.widens else []:
         for trial in widened(here, effect, trail.stop):
             trail.keep(trial)
@@ -220,16 +220,16 @@ def wider(here: Fitted, trail: Trail) -> Fitted:
 
 
 def better(fitted: Fitted, other: Fitted) -> bool:
-    """Return whether a fit is more likely than another by more than where a search happens to stop."""
+    """Return whether a fit has a lower BIC than another by more than the scatter of a search's end."""
     return fitted.bic < other.bic - CRITERIA.same_end
 
 
 def polish(fitted: Fitted, trail: Trail, *, from_white: bool = False) -> Fitted:
-    """Return the fit brought to its minimum: what a short search leaves would call for one more effect.
+    """Continue a fit to its minimum: the residual of a short search could pass for one more effect.
 
-    ``from_white``: also search anew from white noise, since noise learnt in a wrong valley may hold the search there,
-    on a moving frame also the noise that the flights show.  That happens where the first effect of a search takes what
-    the start had left to the noise, hardly ever later, and never where a noise that was not learnt explains all.
+    ``from_white``: also restart from white noise, since noise learnt in a wrong minimum may keep the search there; on a
+    moving frame the noise of the flights may do so too.  That happens where the first effect explains what the start
+    had left to the noise, hardly ever later, and never where noise that was not learnt explains the residual.
     """
     better = fitted.fitted_on(evaluations=60, anew=True, cancelled=trail.stop)
     if from_white and better.bic < trail.start.bic - CLOSE and _may_hide_something(better):
@@ -243,12 +243,12 @@ def polish(fitted: Fitted, trail: Trail, *, from_white: bool = False) -> Fitted:
 
 
 def _may_hide_something(fitted: Fitted) -> bool:
-    """Return whether the learnt noise has taken up what a noise that was not learnt does not explain."""
+    """Return whether the learnt noise has absorbed a residual that noise that was not learnt does not explain."""
     return fitted.noise.coloured and fitted.chi2(fitted.unlearned_noise) > EXPLAINED * fitted.samples
 
 
 def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFITTED + STRONGER) -> Fitted | None:
-    """Return the best fit with one effect more of the ``width`` that score best, or None where nothing scored."""
+    """Return the best fit with one more effect, out of the ``width`` best scores; None where no effect scored."""
     at = trail.linearised(here)
     trail.last = at
     there = {*here.effects, *narrower(here.effects)}
@@ -257,7 +257,7 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
     if first:
         trail.scores.update({listed[0].kind.effect: listed[0] for listed in ranked})
     strong = float(at.left @ at.left) > 1.5 * at.left.size or not here.converged
-    # The first round compares, later ones only look for more.
+    # The first round compares effects; later rounds only look for further ones.
     compared = (REFITTED if ranked and ranked[0][0].gain > WORTH_FITTING else 2) if first else 0
     tried = [
         score
@@ -266,7 +266,7 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
         for score in distinct_starts(listed)[: 1 if place >= 2 else 2]
     ]
     if first and here.noise.site:
-        # The frame's motion as the base model has it may turn round what an effect seems to do.
+        # Frame motion that was computed with the base model may reverse the apparent sign of an effect.
         turned = (opposite(score) for score in tried if score.gain > WORTH_FITTING)
         tried += [score for score in turned if score is not None]
     if here.noise.coloured:
@@ -297,9 +297,9 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
 
 
 def _refitted(at: Linearised, tried: Sequence[Score], stop: Stop) -> list[Fitted | None]:
-    """Return the short fits from these starts, in order; a hopeless one ends at what those before it have reached.
+    """Return short fits from these starts, in order; each stops early where it is far behind the best before it.
 
-    The first by itself, the others in pairs: the same on one core as on two.
+    The first runs alone, the others in pairs, so that one core gives the same result as two.
     """
     out: list[Fitted | None] = []
     while len(out) < len(tried):
@@ -313,15 +313,15 @@ def _refitted(at: Linearised, tried: Sequence[Score], stop: Stop) -> list[Fitted
 
 
 def _ranked(at: Linearised, free: Sequence[TrialEffect], trail: Trail) -> list[list[Score]]:
-    """Return the scores of every effect that has any, the one most worth its parameters first."""
+    """Return the scores of every effect that has any, ranked by gain less the BIC's price of its parameters."""
     listed = at.screen(free, trail.stop, to_join=CRITERIA.least_fall)
     return sorted(listed, key=lambda one: -one[0].worth(at.left.size))
 
 
 def without(fitted: Fitted, effect: Effect, trail: Trail) -> Fitted | None:
-    """Return the fit with one effect taken out: the one on the trail, or the better of it and one made now.
+    """Return the fit with one effect removed: the known one, or the better of it and one made now.
 
-    A fit made before the other effects were found may have stopped in another valley.
+    A fit made before the other effects were found may have stopped in another minimum.
     """
     left = frozenset(fitted.effects) - {effect}
     known = trail.of(left)
@@ -337,7 +337,7 @@ def without(fitted: Fitted, effect: Effect, trail: Trail) -> Fitted | None:
 
 
 def without_effect(fitted: Fitted, effect: Effect, stop: Stop) -> Fitted | None:
-    """Return the fit with one effect taken out, begun at the parameters it has; None where nothing can be fitted."""
+    """Return the fit with one effect removed, started at its other parameters; None where nothing can be fitted."""
     problem = fitted.problem.without_effect(effect)
     effective = fitted.effective
     values = tuple({key: value for key, value in v.items() if key != effect} for v in effective.values)
@@ -349,7 +349,7 @@ def without_effect(fitted: Fitted, effect: Effect, stop: Stop) -> Fitted | None:
 
 
 def prune(fitted: Fitted, trail: Trail) -> Fitted:
-    """Take out effects that a later one has made needless."""
+    """Remove effects that a later one has made unnecessary."""
     while True:
         removable = trail.added(fitted)
         if len(removable) < 2:

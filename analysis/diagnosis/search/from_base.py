@@ -1,4 +1,4 @@
-"""Where a search of the catalogue begins: at the base model's fit, or at the readings of the collision."""
+"""Start a search of the catalogue at the base model's fit, or at the readings of the collision."""
 
 import math
 from collections.abc import Sequence
@@ -13,11 +13,11 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Fitted, Point, SearchStart, TrialEffect, first_guesses, joined
 from analysis.shot import Stop
 
-_SOFTENED = ((1.0, 1.0), (0.01, 0.1))  # times the stiffness and damping of the contact as it was read
+_SOFTENED = ((1.0, 1.0), (0.01, 0.1))  # factors on stiffness and damping of the contact as read
 
 
 def accept(base: Fitted, catalogue: Sequence[TrialEffect], accepted: Sequence[Effect], stop: Stop) -> Fitted:
-    """Return the fit with the effects that the model already has."""
+    """Return the base fit with the effects already in the model added."""
     kinds = {kind.effect: kind for kind in catalogue}
     for effect in accepted:
         if effect not in kinds:
@@ -36,14 +36,12 @@ def explored(
     limit: Limit | None = None,
     beat: float = math.inf,
 ) -> tuple[Fitted, Trail]:
-    """Return the best fit with at most ``most`` effects, and the trail; ``given`` is where the base fit began."""
+    """Search for at most ``most`` effects; return best fit and trail.  ``given`` is the start of the base fit."""
     if not before.converged and given.left > CRITERIA.drawn_far:
         return _from_the_guess(before, catalogue, stop, limit)
     best, trail = explore(before, catalogue, stop, most=most, limit=limit, beat=beat)
     again = trail.of(before.effects)
-    if again is not None and better(
-        again, before
-    ):  # taking an effect in and out led the base itself to a better minimum
+    if again is not None and better(again, before):  # adding and removing an effect led to a better minimum of the base
         return explore(again, catalogue, stop, most=most, limit=limit, beat=beat)
     return best, trail
 
@@ -51,10 +49,10 @@ def explored(
 def _from_the_guess(
     before: Fitted, catalogue: Sequence[TrialEffect], stop: Stop, limit: Limit | None
 ) -> tuple[Fitted, Trail]:
-    """Return the best fit with effects, begun at the readings of the collision, not at the base model's fit.
+    """Return the best fit with effects, started from the readings of the collision instead of the base model's fit.
 
-    A missing effect that is a thousand times the noise drives the base parameters to a bound, from where no step leads
-    back.  It may have spoilt the reading of the contact as well, so a softer contact is a second place to begin.
+    A missing effect a thousand times the noise drives base parameters to a bound, from which no step leads back.  The
+    effect may also have spoilt the reading of the contact, so a softer contact is a second start.
     """
     problem = before.problem
     shots = problem.data.shots

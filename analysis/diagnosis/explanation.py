@@ -20,7 +20,7 @@ from analysis.diagnosis.verdict.residual import Residual, remainder_of, residual
 from analysis.inference import Fitted, Linearised, effect_parameters, with_profile_std
 from analysis.shot import Quantity
 
-Predictions = tuple[Prediction, Prediction]  # of the held-out shots: by the model before, by the model after
+Predictions = tuple[Prediction, Prediction]  # of the validation shots: by the model before, by the model after
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,8 @@
-"""Fits of other data of the same shots: at the record's own rate, and with the response to a site computed anew.
+"""Refit the same shots at the record's own sample rate, or with the response to frame motion recomputed.
 
-An interferometer's periodic error turns once or twice a fringe, and the block passes a hundred thousand fringes a
-second: only near the turn is it slow enough for samples averaged to 20 kS/s.  A weak one is seen at the record's rate
-alone, and a strong one is measured twice as well there.
+An interferometer's periodic error has one or two cycles per fringe, and the block passes a hundred thousand fringes
+per second.  Samples averaged to 20 kS/s resolve it only near the turnaround, where the block is slow.  A weak ripple is
+visible only at the record's rate, and a strong one is measured twice as well there.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ from analysis.shot import Motion, Stop
 
 
 def at_full_rate(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple[Fitted, Trail] | None:
-    """Return the best fit and its trail at the record's rate (100 kS/s at most) if that shows a ripple, else None.
+    """Refit at the record's rate (100 kS/s at most) if ripple shows there; return best fit and trail, else None.
 
     All other effects were found at the rate of the averaged samples.
     """
@@ -51,13 +51,13 @@ def at_full_rate(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple
 
 
 def with_sway_updated(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
-    """Return the best fit and its trail with the response to the site's motion computed anew where the fit ended."""
+    """Recompute the response to frame motion along the fitted motion; return the best fit and its trail."""
     here = best if best is trail.start else on_frame_anew(best, trail.stop)
     return (best, trail) if here is best else _anew(here, trail)
 
 
 def _anew(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
-    """Return the best fit, which is of other data of the same shots, with a trail of these data."""
+    """Return the best fit, which was made on other data of the same shots, with a new trail on these data."""
     anew = replace(trail, start=_at(trail.start, best.problem.data, trail.stop), fits={}, asked={})
     anew.keep(best)
     return polish(prune(best, anew), anew), anew
@@ -68,9 +68,9 @@ def _at(fitted: Fitted, data: JointData, stop: Stop) -> Fitted:
 
 
 def _promises(ripple: TrialEffect, best: Fitted, fine: Sequence[Samples], trail: Trail) -> bool:
-    """Return whether a ripple promises to pay at the record's rate.
+    """Return whether the score of a ripple at the record's rate is high enough to fit it.
 
-    A building is slow and a ripple quick: the frame's most likely motion is taken off first.
+    Frame motion is slow and ripple is fast, so the frame's most likely motion is subtracted first.
     """
     here = best.problem.data
     still = []
@@ -86,7 +86,7 @@ def _promises(ripple: TrialEffect, best: Fitted, fine: Sequence[Samples], trail:
 
 
 def _beside(best: Fitted, data: JointData) -> Linearised:
-    """Return a fit linearised over other data of the same shots, the noise learnt from its residual there."""
+    """Linearise a fit on other data of the same shots, with the noise learnt from its residual there."""
     problem = replace(best.problem, data=data)
     start = best.noise if data.site is not None else best.noise.without_site
     noise, _ = problem.learn_noise(problem.residual_m(best.z), start)

@@ -1,8 +1,8 @@
-"""Other frequencies of a mode, or ranges of an attraction, at which it is nearly as likely.
+"""Fit other frequencies of a mode, or other ranges of an attraction, that are nearly as likely.
 
-The likelihood has a maximum wherever one period more or less fits into the contact, or the range ends between two of
-the gaps that the bounces reach.  The curvature at one of them says nothing of the others, so the parameters' covariance
-is that of all, each weighed by its likelihood.
+The likelihood has one maximum for each number of periods within the contact, or for each range that ends between two
+of the gaps that the bounces reach.  The curvature at one maximum ignores the others, so the parameters' covariance is
+that of all maxima, weighted by their likelihood.
 """
 
 import math
@@ -19,16 +19,16 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Fitted, Linearised, TrialEffect, distinct_starts, refit
 
 Start = tuple[Mapping[str, float], ...]  # an effect's values for each shot
-_SCALES = ("frequency_hz", "range_m")  # parameters that say where in time or place an effect acts
-_APART = 0.06  # of the logarithm: less is the same maximum of the scores ...
-_SAME = 0.02  # ... or of the fits
+_SCALES = ("frequency_hz", "range_m")  # parameters that set an effect's scale in time or space
+_APART = 0.06  # in the logarithm: scores closer than this belong to the same maximum ...
+_SAME = 0.02  # ... and fits closer than this
 _MOST = 8  # maxima that are fitted
-_STEP = 0.02  # of ln f, between frequencies at which a mode of its natural size is tried
+_STEP = 0.02  # in ln f, between start frequencies of a mode of natural size
 _EVALUATIONS = 16
 
 
 def at_likeliest_scale(fitted: Fitted, trail: Trail, *, thoroughly: bool = True) -> Fitted:
-    """Return the fit, its effects at other scales where that is likelier; ``thoroughly`` as below."""
+    """Return the likeliest fit over the scales of its effects; ``thoroughly`` as in ``at_other_scales``."""
     best = min(at_other_scales(fitted, trail, thoroughly=thoroughly), key=lambda one: one.bic, default=fitted)
     if not better(best, fitted):
         return fitted
@@ -38,10 +38,10 @@ def at_likeliest_scale(fitted: Fitted, trail: Trail, *, thoroughly: bool = True)
 
 
 def at_other_scales(fitted: Fitted, trail: Trail, *, thoroughly: bool = True) -> list[Fitted]:
-    """Return fits of the same effects, one at another frequency or range, that are nearly as likely or more.
+    """Return fits of the same effects with one at another frequency or range, nearly as likely or likelier.
 
-    Cost: a short fit (20 ms) from each of 8 maxima, and where a support has several and it is to be done
-    ``thoroughly``, from each of 70 frequencies more.
+    Cost: a short fit (20 ms) from each of 8 maxima.  With ``thoroughly``, a support that has several maxima is also
+    fitted from 70 further frequencies.
     """
     scaled = [effect for effect in trail.added(fitted) if _scale_of(effect) is not None]
     if not scaled:
@@ -57,13 +57,13 @@ def at_other_scales(fitted: Fitted, trail: Trail, *, thoroughly: bool = True) ->
 
 
 def _scale_of(effect: Effect) -> str | None:
-    """Return the name of the parameter that all shots share and in which the likelihood has several maxima, if any."""
+    """Return the name of the shared parameter in which the likelihood has several maxima, or None."""
     shared = [free.name for free in effect.parameters if not free.own]
     return next((name for name in _SCALES if name in shared), None) if effect.wave is None else None
 
 
 def with_std_over(fitted: Fitted, others: Sequence[Fitted]) -> Fitted:
-    """Return the fit with the covariance, about its own values, of the mixture of it and of others.
+    """Return the fit with the covariance, about its own values, of the mixture of the fit and ``others``.
 
     Each has the weight exp(-BIC / 2) (Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773).
     """
@@ -73,19 +73,19 @@ def with_std_over(fitted: Fitted, others: Sequence[Fitted]) -> Fitted:
     weights /= weights.sum()
     inverse = weights[0] * fitted.inverse
     for weight, one in zip(weights[1:], others, strict=True):
-        same = [one.problem.names.index(name) for name in fitted.problem.names]  # effects may stand in another order
+        same = [one.problem.names.index(name) for name in fitted.problem.names]  # effects may be in another order
         off = one.z[same] - fitted.z
         inverse += weight * (one.inverse[np.ix_(same, same)] + np.outer(off, off))
     return replace(fitted, inverse=inverse)
 
 
 def _fits(fitted: Fitted, kind: TrialEffect, trail: Trail, thoroughly: bool) -> list[Fitted]:
-    """Return the fits with the effect ``kind`` at other scales that are nearly as likely or more."""
+    """Return the fits with the effect ``kind`` at other scales that are nearly as likely or likelier."""
     fewer = without(fitted, kind.effect, trail)
     if fewer is None:
         return []
     at = trail.linearised(fewer)
-    # a large effect keeps no promise to first order: those that promise much less than the best are asked as well
+    # first-order scores of a large effect are unreliable: maxima that score much less than the best are fitted too
     maxima = [score.start for score in distinct_starts(at.scores(kind), _MOST, _APART)]
     found = _nearly(fitted, _fitted_from(maxima, fitted, at, kind, trail), kind.effect)
     if not (found and thoroughly and kind.effect.in_series):
@@ -95,10 +95,10 @@ def _fits(fitted: Fitted, kind: TrialEffect, trail: Trail, thoroughly: bool) -> 
 
 
 def _of_natural_size(kind: TrialEffect) -> list[Mapping[str, float]]:
-    """Return starts of a mode of its natural size, over the upper half of its frequencies.
+    """Return starts of a mode of natural size, over the upper half of its frequency range (in ln f).
 
-    The higher its frequency, the larger a mode must be to be seen beside the plate's stiffness; its motion is then not
-    linear in it, as the scores take it to be.
+    The higher its frequency, the larger a mode must be to show alongside the plate's stiffness.  The motion is then not
+    linear in the mode's size, as the scores assume.
     """
     sizes = {free.name: free.scale for free in kind.free_parameters if free.name in kind.amplitude}
     low, high = (math.log(of(start["frequency_hz"] for start in kind.starts)) for of in (min, max))
@@ -109,7 +109,7 @@ def _of_natural_size(kind: TrialEffect) -> list[Mapping[str, float]]:
 def _fitted_from(
     starts: Sequence[Start], like: Fitted, at: Linearised, kind: TrialEffect, trail: Trail
 ) -> list[Fitted]:
-    """Return the likeliest fits with the effect begun at these starts, that may be nearly as likely as ``like``."""
+    """Return the likeliest fits from these starts of the effect, of those that may be nearly as likely as ``like``."""
     short = side_by_side(lambda start: refit(at, kind, start, trail.stop, least_bic=like.bic), starts)
     promising = [one for one in short if one is not None and one.bic < like.bic + WORTH_FINISHING]
     promising.sort(key=lambda one: one.bic)
@@ -117,7 +117,7 @@ def _fitted_from(
 
 
 def _nearly(fitted: Fitted, found: Sequence[Fitted], effect: Effect) -> list[Fitted]:
-    """Return those of the fits that are nearly as likely, one for each scale but that of ``fitted``."""
+    """Return the nearly as likely ones of ``found``, one for each scale other than that of ``fitted``."""
     out: list[Fitted] = []
     for one in sorted(found, key=lambda one: one.bic):
         determined = bool(np.all(np.isfinite(one.inverse)))

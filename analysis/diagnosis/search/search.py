@@ -1,6 +1,6 @@
-"""Search of the catalogue under one noise that the shots may have: a path that wanders, or a building that shakes it.
+"""Search of the catalogue under one noise model: wandering of the optical path, or frame motion due to a building.
 
-The two look alike in flight; in contact they do not.  A missing law bends flights as well and may look like either.
+The two look alike in flight, but not in contact.  A missing law bends flights as well and may look like either.
 """
 
 import math
@@ -38,9 +38,9 @@ from analysis.shot import Progress, Stop
 
 @dataclass(frozen=True)
 class Searched:
-    """The best fit under one noise, the trail that led to it, and the catalogue that was searched.
+    """The best fit under one noise model, the trail that led to it, and the catalogue that was searched.
 
-    In ``rounds`` more, one more effect might still join in each.
+    ``rounds`` is the number of rounds left out; each might have added one effect.
     """
 
     best: Fitted
@@ -59,20 +59,20 @@ class Searched:
         return leaves_something(self.residual, nothing_pays=self.trail.nothing_pays)
 
     def to_the_end(self) -> "Searched":
-        """Return the search with the rounds that were left out, where there is a residual to explain."""
+        """Return the search after the rounds that were left out, where there is a residual to explain."""
         if not self.rounds or not self.residual.significant:
             return self
         return Searched(climb(self.best, self.trail, self.rounds), self.trail, self.catalogue)
 
     def with_pairs(self) -> "Searched":
-        """Return the search with two effects that it had not tried together, where that is likelier."""
+        """Return the search with the best pair of effects not yet tried jointly, where that is likelier."""
         pair = self.trail.within("two effects that hide each other", lambda: paired(self.trail), None)
         return self if pair is None or pair.bic >= self.best.bic else replace(self, best=pair)
 
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """A search of averaged ``shots``: the base fit begins at ``given``, ``accepted`` effects are part of the model."""
+    """A search of averaged ``shots``: the base fit starts at ``given``, ``accepted`` effects are part of the model."""
 
     shots: tuple[Samples, ...]
     given: SearchStart
@@ -83,9 +83,9 @@ class Search:
     limit: Limit | None = None
 
     def under(self, site: Site | None, *, most: int = CRITERIA.most_effects, beat: float = math.inf) -> Searched:
-        """Search under one noise with at most ``most`` effects; motion of the frame is the site's and no finding.
+        """Search under one noise model for at most ``most`` effects; frame motion belongs to ``site``, not to effects.
 
-        What cannot come below the criterion ``beat`` of a likelier search is not followed.
+        A search that cannot come below ``beat``, the BIC of a likelier search, is not continued.
         """
         data = joint_data(self.shots, self.given, site)
         catalogue = [
@@ -101,7 +101,7 @@ class Search:
             self.tell("scoring the catalogue", 0.15)
             if site is None:
                 return explored(start, self.given, catalogue, self.stop, most=most, limit=self.limit, beat=beat)
-            # Plates seem to move where an effect is missing, and would call for a second effect.
+            # A missing effect makes plates seem to move, which could pass for a second effect.
             first, trail = explored(start, self.given, catalogue, self.stop, most=1, limit=self.limit)
             each = side_by_side(lambda fitted: with_sway_updated(fitted, trail), nearly_as_likely(first, trail))
             first, trail = min(each, key=lambda updated: updated[0].bic)
@@ -111,24 +111,24 @@ class Search:
 
         along = own_flights(data.shots, CRITERIA.own_flights)
         best, trail = along_with(along)
-        if along:  # accelerations of each shot's own may stand in for one law of all shots
+        if along:  # accelerations fitted per shot may absorb one law common to all shots
             plain, plain_trail = along_with(())
             own_needed = plain.bic > best.bic and _nuisances_pay(best, along, self.stop)
-            in_time = plain_trail.compared or not trail.compared  # a search that was cut off replaces none that was not
+            in_time = plain_trail.compared or not trail.compared  # a search cut short does not replace a complete one
             if in_time and not own_needed:
                 best, trail = plain, plain_trail
         added = len(trail.added(best))
         return Searched(best, trail, catalogue, CRITERIA.most_effects - added if added >= most else 0)
 
     def base_at_rest(self) -> Fitted:
-        """Return the base model's fit as if nothing shook the rig.  Raises AnalysisError where there is none."""
+        """Return the base model's fit without frame motion.  Raises AnalysisError where there is none."""
         return base_fit(joint_data(self.shots, self.given, None), self.given, self.stop)
 
     def likelier_without_site(self, best: Fitted) -> bool:
-        """Return whether the shots are likelier with no building, their effects the same: one more fit.
+        """Return whether the shots are likelier without frame motion, given the same effects; costs one more fit.
 
-        An effect that bends flights is read as a building.  The building's strengths, learnt with a base model that
-        lacks the effect, are badly known, and a fit may end with the touch wrong by ten times the noise.
+        An effect that bends flights can be mistaken for frame motion.  The strengths of that motion, learnt with a
+        base model that lacks the effect, are uncertain; a fit may end with the touch wrong by ten times the noise.
         """
         if not best.effects:
             return False
@@ -139,7 +139,7 @@ class Search:
 
 
 def _nuisances_pay(best: Fitted, nuisances: Sequence[Effect], stop: Stop) -> bool:
-    """Return whether the ``nuisances`` effects lower the criterion (BIC), given the other effects of a fit."""
+    """Return whether the ``nuisances`` effects lower the BIC, given the other effects of a fit."""
     point = best.point
     kinds = (kind for kind in best.problem.effects if kind.effect not in nuisances)
     bare = best.problem.with_effects(kinds, best.problem.fixed)

@@ -1,6 +1,6 @@
-"""The wider of two effects, tried where the narrow one was found: a frame that shakes the plate as well as the optics.
+"""Wider variants of effects, tried where the narrow one was found: a frame that shakes the plate and the optics.
 
-It has the parameters of the narrow one and one more, and is fitted in its place, beginning at its parameters.
+A wider effect has the narrow one's parameters and one more.  It is fitted in its place, starting at its parameters.
 """
 
 from collections.abc import Iterable
@@ -11,12 +11,12 @@ from analysis.shot import Stop
 
 
 def narrower(effects: Iterable[Effect]) -> set[Effect]:
-    """Return the effects that these contain: they cannot join beside them."""
+    """Return the effects that these contain, which therefore cannot join in addition to them."""
     return {CATALOGUE[effect.widens] for effect in effects if effect.widens}
 
 
 def widened(here: Fitted, effect: Effect, stop: Stop) -> list[Fitted]:
-    """Return the fits with wider effects in the place of one of a fit, begun at its parameters."""
+    """Return the fits with one effect replaced by each of its wider variants, started at its parameters."""
     rows = [row for row in WIDER.values() if row.widens == effect.key]
     if here.problem.data.base.one_body:
         rows = [row for row in rows if row.one_body]

@@ -1,1 +1,1 @@
-"""The verdict: held-out shots, look-alikes, residuals, and the criteria that decide."""
+"""The verdict of a diagnosis: validation shots, look-alikes, residual tests, and the criteria that decide."""

@@ -1,7 +1,7 @@
-"""The gates that an effect must pass to be named: it predicts held-out shots, stands out, and leaves no misfit.
+"""The gates that an effect must pass to be named: it predicts validation shots, stands out, and leaves no misfit.
 
-``settle`` takes the fit that a search found through those gates that may take an effect out of it; ``accepted_effects``
-decides of what is then left which effects are named.
+``settle`` applies the gates that may remove an effect from the fit that a search found; ``accepted_effects`` decides
+which of the remaining effects are named.
 """
 
 from dataclasses import dataclass, replace
@@ -31,11 +31,11 @@ from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference import Fitted, Linearised
 from analysis.shot import Progress
 
-Predictions = tuple[Prediction, Prediction]  # of the held-out shots: by the model before, by the fit
+Predictions = tuple[Prediction, Prediction]  # of the validation shots: by the model before, by the fit
 
 
 def keep_predictive(best: Fitted, held_out: tuple[int, ...], trail: Trail) -> tuple[Fitted, Predictions | None]:
-    """Return the fit without the effects that do not help to predict the held-out shots, and its predictions.
+    """Remove effects that do not help to predict the validation shots; return the fit and its predictions.
 
     All predictions are compared under the noise of the best fit.
     """
@@ -62,7 +62,7 @@ def keep_predictive(best: Fitted, held_out: tuple[int, ...], trail: Trail) -> tu
 
 
 def without_faint_effects(best: Fitted, trail: Trail) -> tuple[Fitted, Linearised]:
-    """Return the fit without effects that do not stand out, the faintest taken out first; and the same linearised."""
+    """Remove effects that do not stand out, the faintest first; return the fit and its linearisation."""
     linearised = trail.linearised(best)
     while added := trail.added(best):
         fewer = {effect: without(best, effect, trail) for effect in added}
@@ -98,27 +98,27 @@ def _pass(effects: list[FoundEffect], residual: Residual, best: Fitted) -> bool:
     if not best.converged or residual.rough:
         return False
     if not residual.significant:
-        # Beside a path that wanders any freedom gains much by chance: an effect must do more than the next freedom.
-        # A frame that moves is no such path: its strengths have a prior.
+        # Under wandering noise any freedom gains much by chance: an effect must gain more than the best freedom.
+        # This does not apply to frame motion, whose strengths have a prior.
         by_chance = residual.misfit.size if best.noise.wander else 0.0
         return all(effect.evidence["snr"] > CRITERIA.clear_of_rest * by_chance for effect in effects)
-    # Several together imitate what none of them is, and a misfit says that the law is another one.
+    # Several effects may jointly imitate one that is none of them, and a misfit shows that the law is another one.
     doubtful = len(effects) > 1 or residual.misfitting
     times = CRITERIA.clear_of_misfit if doubtful else CRITERIA.clear_of_rest
     return all(clear(effect, residual, times) for effect in effects)
 
 
 def clear(effect: FoundEffect, residual: Residual, times: float) -> bool:
-    """Return whether an effect is ``times`` as large as the residual, and has few enough look-alikes to be a class."""
+    """Return whether an effect is ``times`` as large as the residual, with few enough look-alikes to form a class."""
     few = len(effect.indistinguishable_from) <= CRITERIA.undetermined
     return few and effect.evidence["snr"] > times * residual.missed
 
 
 @dataclass(frozen=True, slots=True)
 class Settled:
-    """A fit whose effects passed the gates so far, the same linearised, separations from look-alikes, and residual.
+    """A fit whose effects passed the gates so far, its linearisation, separations from look-alikes, and residual.
 
-    ``predictions`` of the held-out shots are by the model before and by the fit ``predicted``.
+    ``predictions`` of the validation shots are by the model before and by the fit ``predicted``.
     """
 
     best: Fitted
@@ -130,7 +130,7 @@ class Settled:
 
     @classmethod
     def nothing(cls, start: Fitted, linearised: Linearised) -> "Settled":
-        """Return the fit that a search began with, without any effect of it."""
+        """Return the start of a search as the settled fit, without any effect that the search found."""
         return cls(start, linearised, {}, residual_of(start, linearised), None, start)
 
 
@@ -142,10 +142,10 @@ def settle(
     limit: Limit,
     residual: Residual | None = None,
 ) -> Settled:
-    """Return ``best`` as it passes the gates; where that leaves a residual, what other first effects lead to may win.
+    """Pass ``best`` through the gates; where that leaves a residual, restart from other first effects.
 
-    The same where the path is said to wander and the flights show none of it: the wander may be a further effect.
-    ``residual`` is that of ``best``, where it is known.
+    Restart also where the noise wanders in contact but not in flight: that wander may be a further effect.  The better
+    of both fits is returned.  ``residual`` is that of ``best``, where it is known.
     """
     settled = _settled(best, trail, held_out, progress, residual)
     wanders = settled.best.wanders_in_contact_alone
@@ -179,7 +179,7 @@ def _settled(
     progress("testing the residual", 0.7)
     best, linearised = without_faint_effects(predicted, trail)
     best, linearised, separations = with_look_alikes_tried(best, linearised, trail, predicts)
-    if not best.converged and (further := best.continued(trail.stop)).converged:  # two effects share a bent valley
+    if not best.converged and (further := best.continued(trail.stop)).converged:  # two effects share a curved valley
         best, linearised = further, trail.linearised(further)
         separations = separations_of(best, linearised, trail)
     residual = known if known is not None and best is given else residual_of(best, linearised)

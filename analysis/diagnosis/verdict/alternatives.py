@@ -1,4 +1,4 @@
-"""Alternatives and detection limits: every effect tried with its curve, and what could not be seen."""
+"""Alternatives and detection limits: every effect tried, with its curve, and the sizes that could not be detected."""
 
 from collections.abc import Sequence
 
@@ -12,12 +12,12 @@ from analysis.diagnosis.verdict.identifiability import least_seen
 from analysis.inference import Fitted, Linearised, Score, TrialEffect, effect_parameters
 from analysis.shot import Floats, Quantity
 
-POINTS = 800  # of a curve: two to a pixel of a plot that is as wide as a third of a screen
-MOST_SHOTS = 12  # have curves: as many as a page draws
+POINTS = 800  # of a curve: two per pixel of a plot a third of a screen wide
+MOST_SHOTS = 12  # that have curves: as many as a page draws
 
 
 def candidates(best: Fitted, trail: Trail) -> tuple[Candidate, ...]:
-    """Return every effect tried, best first: by itself on top of the model before."""
+    """Return every effect tried, each added alone to the model before, the best first."""
     before = trail.start
     at = trail.linearised(before)
 
@@ -43,7 +43,7 @@ def candidates(best: Fitted, trail: Trail) -> tuple[Candidate, ...]:
 
 
 def blind_spots(at: Linearised, catalogue: Sequence[TrialEffect], best: Fitted) -> tuple[BlindSpot, ...]:
-    """Return the effects that these data could not have shown, with the size that would have stood out by 5 sigma."""
+    """Return the detection limits: effects that are not in ``best``, with the size that would stand out by 5 sigma."""
     out = []
     for kind in catalogue:
         if kind.effect in best.effects or len(kind.starts) > 12:
@@ -53,16 +53,16 @@ def blind_spots(at: Linearised, catalogue: Sequence[TrialEffect], best: Fitted) 
 
 
 def curve_of_fit(fitted: Fitted, before: Fitted) -> tuple[Floats, ...]:
-    """Return by how much a joint fit with a candidate moves the model's displacement in m, as ``averaged_to`` does."""
+    """Return the change of the model's displacement (m) in a joint fit with a candidate, as ``averaged_to`` means."""
     pairs = zip(before.residual_m[:MOST_SHOTS], fitted.residual_m, strict=False)
     return tuple(averaged_to(POINTS, left_before - left_after) for left_before, left_after in pairs)
 
 
 def curve_to_first_order(at: Linearised, score: Score) -> tuple[Floats, ...] | None:
-    """Return what a candidate that was only scored would explain, in m, as ``averaged_to`` does; None without a path.
+    """Return the displacement (m, ``averaged_to`` means) that a scored candidate would explain; None without a path.
 
-    ``at`` is the fit before, made linear.  The candidate has the strength that a linear step gives it; the parameters
-    of that fit move, also to first order, to where they fit best beside it.
+    ``at`` is the linearised fit before.  The candidate has the strength of a linear step; the parameters of that fit
+    move, also to first order, to their best values given the candidate.
     """
     columns = at.added_by(score.kind, score.start)
     if columns is None:

@@ -1,10 +1,10 @@
-"""Evidence against an effect whose numbers, free in every shot, lie where another effect predicts them.
+"""Evidence against an effect whose parameters, fitted per shot, lie where another effect predicts them.
 
-A plate that swings when the block arrives has two numbers in every shot, and with them can do what one shared number of
-another effect does.  Each shot in which it does so and nothing else is a coincidence, which chi^2 does not see.  The
-evidence does (MacKay, "Information Theory, Inference, and Learning Algorithms", ch. 28): the likelihood averaged over
-what the numbers might have been, which scatter about zero by as much as the data themselves like best (empirical Bayes,
-so the effect is given every benefit).
+A plate that swings when the block arrives has two parameters per shot.  With them it can imitate one shared parameter
+of another effect.  Each shot in which it does exactly that is a coincidence, which chi^2 does not count.  The evidence
+does (MacKay, "Information Theory, Inference, and Learning Algorithms", ch. 28): the likelihood averaged over a prior of
+these parameters.  The prior scatters about zero by the amount that the data favour most (empirical Bayes), which gives
+the effect every benefit.
 """
 
 from dataclasses import dataclass
@@ -16,14 +16,14 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Fitted
 from analysis.shot import Floats
 
-_ROUNDS = 300  # of expectation and maximisation; microseconds each
+_ROUNDS = 300  # of expectation maximisation; microseconds each
 
 
 @dataclass(frozen=True, slots=True)
 class Unforetold:
-    """The cost in ``nats`` of ln L of numbers that no model predicts.
+    """The cost, in ``nats`` of ln L, of per-shot parameters that no model predicts.
 
-    ``scatter`` is how far each of a shot's is from zero, in their order there and in the vector's units.
+    ``scatter`` is the prior's width for each parameter of one shot, in the shot's order and the vector's units.
     """
 
     nats: float
@@ -31,7 +31,7 @@ class Unforetold:
 
 
 def unforetold(fitted: Fitted, effect: Effect) -> Unforetold | None:
-    """Return the cost of the numbers of one effect of a fit, None where the data do not determine them."""
+    """Return the cost of one effect's per-shot parameters in a fit; None where the data do not determine them."""
     free = fitted.problem.free_parameters
     places = [fitted.problem.offset + k for k, (one, _, _) in enumerate(free) if one == effect]
     names = [parameter.name for one, parameter, _ in free if one == effect]
@@ -41,7 +41,7 @@ def unforetold(fitted: Fitted, effect: Effect) -> Unforetold | None:
     unit = np.sqrt(np.diag(known))
     kinds = np.array([list(dict.fromkeys(names)).index(name) for name in names])
     count = np.bincount(kinds)
-    # The unit of a kind is its best known number: what scatters is reckoned in it, and the others may be known less.
+    # The unit of each kind of parameter is the smallest standard deviation among the shots' values of that kind.
     of_kind = np.array([unit[kinds == k].min() for k in range(len(count))])
     here, known = here / of_kind[kinds], known / np.outer(of_kind[kinds], of_kind[kinds])
     variance = np.bincount(kinds, here**2) / count + 1.0
@@ -56,10 +56,10 @@ def unforetold(fitted: Fitted, effect: Effect) -> Unforetold | None:
 
 
 def by_chance(rival: Fitted | None, effect: Effect, best: Fitted, instead: Effect) -> bool:
-    """Return whether ``effect`` of a rival fit would do what ``instead`` of the best does only by coincidence.
+    """Return whether ``effect`` of a rival fit imitates ``instead`` of the best fit only by coincidence.
 
-    That is told where its numbers are all a shot's own and the others are not, and where ``instead`` makes the shots
-    likelier by as much as one does that stands apart (``Criteria.separation``), both beside the noise of ``best``.
+    That holds where all parameters of ``effect`` and not all of ``instead`` are fitted per shot, and ``instead`` makes
+    the shots likelier by the gain of a separate effect (``Criteria.separation``), both under the noise of ``best``.
     """
     if rival is None or not effect.own or instead.own:
         return False

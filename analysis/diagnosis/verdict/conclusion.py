@@ -1,4 +1,4 @@
-"""The verdict of a diagnosis, of collisions and of drives alike."""
+"""Conclude the verdict of a diagnosis, for collisions and drives."""
 
 from collections.abc import Collection
 
@@ -7,9 +7,9 @@ from analysis.diagnosis.verdict.residual import Residual
 
 
 def leaves_something(residual: Residual, *, nothing_pays: bool) -> bool:
-    """Return whether a residual is to be explained: it is more than noise and no mere trace that no effect explains.
+    """Return whether a residual must be explained: it exceeds noise, and is no faint trace that no effect explains.
 
-    ``nothing_pays``: the fit holds no effect, and none that was tried explains enough to join.
+    ``nothing_pays``: the fit has no effect, and none that was tried explains enough to join.
     """
     return residual.significant and not (nothing_pays and residual.faint)
 
@@ -24,7 +24,7 @@ def conclude(
     """Return the verdict on a model with these ``effects`` and ``laws``, all of which passed their gates.
 
     ``explained``: the residual of the model with them is consistent with noise (of a drive: with its repeatability).
-    ``predicts_better``: effects that did not pass every gate predict the held-out shots better than the model alone.
+    ``predicts_better``: effects that did not pass every gate predict the validation shots better than the model alone.
     """
     if explained:
         if laws:

@@ -1,7 +1,7 @@
-"""Every threshold by which a diagnosis decides, with its unit, its meaning and where its value comes from.
+"""Every threshold of a diagnosis, with its unit, its meaning and the source of its value.
 
-What a search costs (how many fits, how many steps, when a step is small) and numerical tolerances stay where they are
-used: they change how long a diagnosis takes, not what it would say of a fit.
+Limits on the cost of a search (numbers of fits and steps) and numerical tolerances stay in the files that use them:
+they change how long a diagnosis takes, not its verdict on a fit.
 """
 
 import math
@@ -71,11 +71,11 @@ class Criteria:
     drawn_far: float = _is(1e6, "chi^2 a sample", "of a base fit that did not even arrive", _SIMULATED)
 
     def fall(self, tried: int, *, wandering: bool = False) -> float:
-        """Return by how much the best of ``tried`` effects must lower the criterion to join."""
+        """Return by how much the best of ``tried`` effects must lower the BIC to join."""
         return self.least_fall + self.cost_of_choice * math.log(max(tried, 1)) + self.wandering_fall * wandering
 
     def size_of_one(self, of: int) -> float:
-        """Return the size in noise norms that each of so many effects must have."""
+        """Return the size in noise norms that each of ``of`` effects must have."""
         return (self.stands_out, self.one_of_two, self.one_of_three)[min(max(of, 1), 3) - 1]
 
     def rows(self) -> list[tuple[str, str, str, str, str]]:
@@ -90,8 +90,8 @@ CRITERIA = Criteria()
 
 
 def may_reach(beat: float, there: float, start: float, rounds: int = 1) -> bool:
-    """Return whether a search that led from the criterion ``start`` to ``there`` may still lead below ``beat``.
+    """Return whether a search that lowered the BIC from ``start`` to ``there`` may still come below ``beat``.
 
-    Each of the ``rounds`` that follow is taken to gain as much as all before it at most.
+    Each of the following ``rounds`` is assumed to gain at most as much as all rounds before it together.
     """
     return start - (1 << rounds) * (start - there) < beat

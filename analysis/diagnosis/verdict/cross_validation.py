@@ -1,4 +1,4 @@
-"""Cross-validation: how well a model predicts a shot that took no part in its fit."""
+"""Cross-validation: how well a model predicts validation shots, which are held out of its fit."""
 
 import math
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Fitted, Floor, JointData, Problem
 from analysis.shot import Floats, Stop
 
-_TRAINED = 25  # evaluations at most, from where all shots together put the shared parameters
+_TRAINED = 25  # evaluations at most, started from the shared parameters of the fit of all shots
 
 
 def _beside_noise(difference: Floats) -> float:
@@ -23,12 +23,12 @@ def _beside_noise(difference: Floats) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """Held-out shots as the others predict them: displacements on the motions' grids.
+    """Validation shots as predicted from the others: displacements on the motions' grids.
 
-    ``surprise`` is -2 ln of how likely the others made what was measured, up to a constant, of all held-out shots;
-    ``rms_m`` is how far they lie from it (averaged samples, a frame's most likely motion taken off), ``left`` the same
-    in units of the noise, shape (n,).
-    ``squared`` is chi^2 of such a difference beside the noise and what the other shots leave open together.
+    ``surprise`` is -2 ln of the likelihood of the measured shots under their predictions, up to a constant, summed over
+    these shots.  ``rms_m`` is the prediction error (averaged samples, the frame's most likely motion subtracted);
+    ``left`` is the error in units of the noise, shape (n,).  ``squared`` returns chi^2 of a difference in these units,
+    given the noise and the uncertainty that the other shots leave.
     """
 
     displacement_m: tuple[Floats, ...]
@@ -38,24 +38,24 @@ class Prediction:
     squared: Callable[[Floats], float] = _beside_noise
 
     def beats(self, other: "Prediction") -> bool:
-        """Return whether this predicts better: more likely, and not further off."""
+        """Return whether this prediction is better: likelier, and with no larger rms error (``further_off``)."""
         return self.surprise < other.surprise and self.rms_m < CRITERIA.further_off * other.rms_m
 
     def earns_a_name(self, before: "Prediction") -> bool:
         """Return whether this predicts better than the model ``before`` by more than chance scatters that.
 
-        Where the noise is what it is taken for, two predictions that differ by d differ in surprise by |d|^2 with a
-        standard deviation of 2 |d|, d beside all that ``before`` leaves open: what that may be anyhow scatters nothing.
+        If the noise is as assumed, two predictions that differ by d differ in surprise by |d|^2 with a standard
+        deviation of 2 |d|.  Here |d| is taken given all uncertainty of ``before``, within which d adds no scatter.
         """
         scatter = 2.0 * math.sqrt(max(before.squared(self.left - before.left), 0.0))
         return self.beats(before) and before.surprise - self.surprise > scatter
 
 
 def choose(data: JointData, *, in_turn: bool = True) -> tuple[int, ...]:
-    """Return the shots to hold out, one at a time: of two the slower, of more the slowest, a middle one, the fastest.
+    """Return the validation shots, held out one at a time: slowest, a middle one, fastest; of two shots the slower.
 
-    Not ``in_turn``: the middle one alone.  Its prediction is an interpolation, at which a wrong model may be good: that
-    serves where nothing is decided.
+    Not ``in_turn``: the middle one alone.  Its prediction is an interpolation, in which a wrong model may do well; that
+    is sufficient where nothing is decided.
     """
     speeds = [abs(shot.course.velocity_in_m_per_s) for shot in data.shots]
     order = [int(i) for i in np.argsort(speeds)]
@@ -68,10 +68,10 @@ def choose(data: JointData, *, in_turn: bool = True) -> tuple[int, ...]:
 
 
 def predict(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Stop) -> Prediction | None:
-    """Predict each held-out shot from a fit of the shared parameters to all others; None where one fails.
+    """Predict each validation shot from a fit of the shared parameters to all others; None where one fails.
 
-    Only its start is fitted to the shot itself, and a plate that no other shot was taken on.  ``floor`` whitens it:
-    give the same one to predictions that are compared.
+    Only its start, and a plate that no other shot used, are fitted to the shot itself.  ``floor`` whitens the shot:
+    pass the same one to predictions that are compared.
     """
     each = side_by_side(lambda shot: _predict(fitted, shot, floor, stop), held)
     told = [one for one in each if one is not None]
@@ -93,7 +93,7 @@ def predict(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Stop) -> 
 
 
 def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> Prediction | None:
-    """Foretell one shot, begun where the fit of all shots' derivatives say that it will end without it."""
+    """Predict one shot, starting where the derivatives of the fit of all shots put the fit without this shot."""
     some, begin, _ = _of(fitted, [i for i in range(len(fitted.problem.data.shots)) if i != held])
     one, z, own = _of(fitted, [held])
     one = one.with_noise(floor)
@@ -128,9 +128,9 @@ def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> Prediction 
 
 
 def _trained(fitted: Fitted, held: int, others: Problem, begin: Floats, stop: Stop) -> tuple[Floats, Floats | None]:
-    """Return the parameters that the ``others`` than one shot lead to, and their covariance where they have one.
+    """Return the parameters fitted to all shots but one (``others``), and their covariance where it exists.
 
-    Kept with the fit, as a shot is predicted again under other noises.
+    They are kept with the fit, as the shot may be predicted again under other noises.
     """
     learnt = fitted.trained.get(held)
     if learnt is None:
@@ -138,15 +138,15 @@ def _trained(fitted: Fitted, held: int, others: Problem, begin: Floats, stop: St
         seen = np.ones(others.size, dtype=np.bool_)
         seen[others.unseen] = False
         learnt = found.parameters, found.square.covariance(seen)
-        if not stop():  # what was cut off is no end
+        if not stop():  # an interrupted fit is not kept
             fitted.trained[held] = learnt
     return learnt
 
 
 def _of(fitted: Fitted, shots: list[int]) -> tuple[Problem, Floats, list[int]]:
-    """Return the problem of some shots alone, where a fit of all has it, and where it holds what is each shot's own.
+    """Return the problem of some shots, its vector in a fit of all shots, and the indices of per-shot parameters.
 
-    What is known of those shots there is taken along.
+    The derivatives of those shots at that vector are copied.
     """
     whole = fitted.problem
     data = replace(
@@ -165,20 +165,20 @@ def _of(fitted: Fitted, shots: list[int]) -> tuple[Problem, Floats, list[int]]:
 
 @dataclass(frozen=True, slots=True)
 class _Open:
-    """What the other shots leave open of a held-out one, integrated out of its likelihood.
+    """The uncertainty that the other shots leave in a validation shot, integrated out of its likelihood.
 
-    What they do not know of the shared parameters makes the shot less predictable, not the model wrong: the likelihood
-    is that of the linearised model with these parameters integrated out (MacKay, "Information Theory, Inference, and
-    Learning Algorithms", ch. 28).  A parameter of the shot's own costs what the Bayesian information criterion asks.
+    Uncertain shared parameters make the shot less predictable, not the model wrong.  The likelihood is therefore that
+    of the linearised model with these parameters integrated out (MacKay, "Information Theory, Inference, and Learning
+    Algorithms", ch. 28).  A parameter of the shot's own costs its price in the Bayesian information criterion.
     """
 
-    root: Floats  # of the shared parameters' covariance, taken to all parameters with the shot's own giving way
-    both: Floats  # the same covariance beside what the held-out shot itself says, whitened
+    root: Floats  # of the shared parameters' covariance, extended to all parameters, per-shot ones readjusted
+    both: Floats  # the same covariance combined with the validation shot's own information, whitened
     log_volume: float
 
     @classmethod
     def of(cls, curvature: Floats, shared: list[int], covariance: Floats | None) -> "_Open":
-        """Return what is open where the shared parameters are known to ``covariance``, None: as if exactly."""
+        """Return the uncertainty for a ``covariance`` of the shared parameters; None: as if known exactly."""
         size = len(curvature)
         if covariance is None:
             return cls(np.zeros((size, 0)), np.eye(0), 0.0)
@@ -192,7 +192,7 @@ class _Open:
         return cls(root, both, float(np.linalg.slogdet(both)[1]))
 
     def chi2(self, plain: float, gradient: Floats) -> float:
-        """Return chi^2 beside all that is open of a difference of ``plain`` chi^2; ``gradient`` are its products."""
+        """Return chi^2 of a difference given this uncertainty, from its ``plain`` chi^2 and its ``gradient``."""
         along = self.root.T @ gradient
         return float(plain - along @ np.linalg.solve(self.both, along))
 

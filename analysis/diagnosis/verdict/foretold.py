@@ -1,4 +1,4 @@
-"""A saved model put to the test: unchanged, on shots that took no part in it, beside its base alone."""
+"""Test a saved model's predictions, unchanged, on shots that it was not fitted to, against its base alone."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -28,15 +28,15 @@ from analysis.shot import (
 from levimass import is_drive
 
 Parameters = Mapping[str, Quantity]
-OWN = 3  # v_in, touch and offset: what is fitted on the shot itself
+OWN = 3  # v_in, touch and offset: the parameters fitted to the shot itself
 
 
 @dataclass(frozen=True, slots=True)
 class ForetoldShot:
-    """One shot: what the base and the whole model leave of it, or why neither could be tried."""
+    """One shot: the errors of the base and of the whole model, or why neither could be tested."""
 
     name: str
-    took_part: bool  # in the fit that the model is from: then it is no test
+    took_part: bool  # in the fit from which the model was saved: then the shot is no test
     error_base: Errors | None
     error_model: Errors | None
     problem: str | None = None
@@ -44,7 +44,7 @@ class ForetoldShot:
 
 @dataclass(frozen=True, slots=True)
 class Foretold:
-    """The errors of all shots together, and each."""
+    """The test of a saved model: errors of base and model for all shots together, and each shot."""
 
     model: str
     effects: tuple[Effect, ...]
@@ -54,12 +54,12 @@ class Foretold:
 
 
 def foretell(motions: Sequence[Motion], names: Sequence[str], model: SavedModel, stop: Stop | None = None) -> Foretold:
-    """Return what ``model`` and its base leave of ``motions`` (shots' ``names`` beside them).
+    """Return the errors of ``model`` and of its base in predicting ``motions``, with shots' ``names`` in that order.
 
-    Every saved parameter is held; a shot's speed, touch and offset (a drive's constant force), and its flights' bend
-    where the model's shots had one each, are its own and are fitted on it.  The base is the base as it was fitted to
-    the shots that the model is from; a file that does not say has its base fitted to these very shots, which is more
-    than fair to it.  Raises AnalysisError, Cancelled.
+    Every saved parameter is fixed.  Only a shot's speed, touch and offset (a drive's constant force), and its flights'
+    bend where the model's shots had one each, are fitted to it.  The base has the parameters fitted to the shots of the
+    model; where the file lacks these, the base is fitted to the tested shots themselves, which favours the base.
+    Raises AnalysisError, Cancelled.
     """
     if not motions:
         raise AnalysisError("no shot was fitted, so there is nothing to foretell")
@@ -81,7 +81,7 @@ def foretell(motions: Sequence[Motion], names: Sequence[str], model: SavedModel,
 
 
 def _on_its_plate(motion: Motion, model: SavedModel, base: Parameters) -> tuple[SavedModel, Parameters]:
-    """Return model and base with the numbers of the plate that a shot states; of the first where it states none."""
+    """Return model and base with the parameters of the plate that a shot states, or of the first if it states none."""
     count, stated = plates_named(model.parameters), stated_n_per_m(motion.plate)
 
     def apart(plate: int) -> float:
@@ -96,7 +96,7 @@ def _on_its_plate(motion: Motion, model: SavedModel, base: Parameters) -> tuple[
 
 
 def _all(shots: Sequence[ForetoldShot], which: str) -> Errors:
-    """Return the errors of all shots together, every shot as much as another."""
+    """Return the errors of all shots together, with equal weight for every shot."""
     seen = [asdict(getattr(shot, which)) for shot in shots if getattr(shot, which) is not None]
     if not seen:
         raise AnalysisError(f"no shot could be foretold: {shots[0].problem}")
@@ -117,7 +117,7 @@ def _collision(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Err
     data = JointData(averaged_shots([motion]), base_named(model.base))
     noise = data.stated_noise
     start = data.shots[0].course.own
-    # What each shot has for itself, it has under the base model as well.
+    # Nuisance effects that are fitted per shot are fitted under the base model as well.
     along = trials_of(effect for effect in model.effects if effect not in findings(model.effects))
     bare = _own_fitted(Problem(data, along, noise), base, start)
     effects = trials_of(model.effects)
@@ -130,7 +130,7 @@ def _collision(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Err
 
 
 def _own_fitted(problem: Problem, known: Parameters, start: Floats) -> tuple[Problem, Floats]:
-    """Return the problem and the vector at which the shot's own parameters leave least, all others as known."""
+    """Fit the shot's own parameters with all others fixed at ``known``; return the problem and the vector."""
     values = {}
     for kind in problem.effects:
         values[kind.effect] = dict(kind.starts[0])

@@ -13,9 +13,9 @@ from analysis.shot import Stop
 
 @dataclass(frozen=True, slots=True)
 class Separation:
-    """``snr`` of an effect beside all other parameters, and for every other effect SNR sqrt(1 - cos^2).
+    """The size ``snr`` of an effect given all other parameters, and its separation from every other effect.
 
-    ``starts`` are the values a shot at which another one imitates it best.
+    The separation ``from_other`` is SNR sqrt(1 - cos^2); ``starts`` are per-shot values of an effect's best imitation.
     """
 
     snr: float
@@ -25,14 +25,14 @@ class Separation:
     def too_close(self, remainder: float = 0.0) -> tuple[Effect, ...]:
         """Return the effects that are indistinguishable from this one, closest first.
 
-        What stays unexplained, of size ``remainder`` in units of the noise, may stand in for a difference of its size.
+        An unexplained residual, of size ``remainder`` in units of the noise, may hide a difference of that size.
         """
         near = sorted(self.from_other.items(), key=lambda item: item[1])
         return tuple(other for other, distance in near if distance < CRITERIA.separation + remainder)
 
 
 def beside(fitted: Fitted, at: Linearised, effect: Effect) -> Linearised:
-    """Return a linearised fit whose ``left`` is the part of one effect that no other parameter can absorb."""
+    """Return a linearised fit with ``left`` replaced by the part of one effect that no other parameter can absorb."""
     problem = fitted.problem
     own = [problem.offset + k for k, (of, _, _) in enumerate(problem.free_parameters) if of == effect]
     basis = at.tangents.without(own).span()
@@ -55,8 +55,8 @@ def snr(fitted: Fitted, at: Linearised, effect: Effect) -> float:
 def missed_without(fitted: Fitted, fewer: Fitted | None) -> float:
     """Return by how much the residual grows without an effect, in units of the noise.
 
-    This is not to first order: an effect may be large, and other parameters undo nearly all of it along a bent path.
-    Infinite where there is no fit without it.
+    This is not to first order: other parameters may cancel nearly all of a large effect along a curved valley.
+    Infinite where there is no fit without the effect.
     """
     if fewer is None:
         return float("inf")
@@ -66,7 +66,7 @@ def missed_without(fitted: Fitted, fewer: Fitted | None) -> float:
 def separation(
     fitted: Fitted, at: Linearised, effect: Effect, catalogue: Sequence[TrialEffect], stop: Stop = lambda: False
 ) -> Separation:
-    """Return how far one effect of a fit stands from everything else in the catalogue (signs kept physical).
+    """Return the separation of one effect of a fit from all others in the catalogue (signs kept physical).
 
     Raises Cancelled.
     """
@@ -83,14 +83,14 @@ def separation(
 
 
 def _nothing(kind: TrialEffect, values: Mapping[str, float]) -> dict[str, float]:
-    """Return an effect's values at which it does nothing."""
+    """Return an effect's values with zero strength."""
     if kind.inverse:
         return {**values, kind.amplitude[0]: 1e9}
     return {**values, **dict.fromkeys(kind.amplitude, 0.0)}
 
 
 def least_seen(at: Linearised, kind: TrialEffect, snr: float = CRITERIA.stands_out) -> float | None:
-    """Return the smallest first amplitude of an effect that would stand out by ``snr``, None where none would."""
+    """Return the smallest first amplitude of an effect that would stand out by ``snr``; None where none would."""
     probe = replace(at, left=np.zeros_like(at.left))
     listed = probe.scores(kind)
     best = max((score.power for score in listed), default=0.0)

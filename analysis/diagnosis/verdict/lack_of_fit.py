@@ -1,13 +1,13 @@
-"""Is a hypothesis wrong in a way that looks like noise?  Shapes it would not need if it were right.
+"""Test a hypothesis for misfit that looks like noise, by offering it freedoms that a correct one does not need.
 
-What a wrong effect leaves over is small and smooth, and a wandering floor swallows it.  So the fit is offered more
-freedom, shape by shape: the same parameters apart for every shot, an effect that is stronger after the turn than
-before, kinks and steps where the bodies meet, turn and part, a force of any law of speed, place or bend.  A right
-hypothesis has no use for any; the floor is learnt anew with each, so that the noise is not what the misfit made of it.
+A wrong effect leaves a small, smooth residual, which wandering noise absorbs.  The fit is therefore offered one more
+freedom at a time: separate parameters for every shot, an effect that is stronger after the turnaround than before,
+steps and kinks at touch, turnaround and release, any force law of speed, position or plate deflection.  A correct
+hypothesis needs none of them.  The noise is re-estimated with each, since the misfit may have inflated it.
 
-A catalogue names laws; what is off the catalogue follows another.  Of such a force only its argument is known here: how
-fast the block goes (with the sign of the motion or without), where it is, how far the plate is bent (going in and
-coming out alike, or not).  Each free law is a sum of hats over its argument, shared by all shots.
+The true law may be outside the catalogue.  Only the argument of a force is specified here: the block's speed (with the
+sign of the motion or without), its position, or the plate's deflection (with loading and unloading alike, or not).
+Each free law is a sum of hat functions of its argument, shared by all shots.
 """
 
 from collections.abc import Sequence
@@ -28,9 +28,9 @@ _WIDTHS = (0.01, 0.03, 0.1)  # in contact times
 
 @dataclass(frozen=True, slots=True)
 class LackOfFit:
-    """The shape that a fit misses most: twice its gain in log-likelihood, and what that may reach by chance.
+    """The freedom that a fit misses most: twice its gain in log-likelihood, and the limit of that gain by chance.
 
-    ``width`` numbers describe the shape.
+    ``width`` is the number of parameters of its shape.
     """
 
     shape: Freedom | None
@@ -45,7 +45,7 @@ class LackOfFit:
 
     @property
     def significant(self) -> bool:
-        """Return whether chance does not do this."""
+        """Return whether the gain exceeds its limit by chance."""
         return self.gain > self.limit
 
 
@@ -55,7 +55,7 @@ NOTHING = LackOfFit(None, 0.0, np.inf)
 def colour(white: Sequence[Floats]) -> float:
     """Return the whitened noise's power at low frequencies over its mean, from its first three correlations; >= 1.
 
-    An optics filter leaves neighbouring samples alike: what is slow then gains more by chance than white noise allows.
+    An optics filter correlates neighbouring samples: slow shapes then gain more by chance than under white noise.
     """
     power = sum(float(w @ w) for w in white)
     near = sum(float(w[lag:] @ w[:-lag]) for w in white for lag in (1, 2, 3))
@@ -63,9 +63,9 @@ def colour(white: Sequence[Floats]) -> float:
 
 
 def gain(fitted: Fitted, at: Linearised, shapes: Arrow) -> tuple[float, int, Floor]:
-    """Return twice the gain in log-likelihood of ``shapes`` (averaged, in m), and how many they really are.
+    """Return twice the log-likelihood gain of ``shapes`` (averaged, in m), their effective number, and the noise.
 
-    And the noise that is left beside them: learnt anew, or that of ``at`` where it is another one than the fit's.
+    The noise is re-estimated given the shapes, or is that of ``at`` where it differs from the fit's.
     """
     whitened = shapes.whitened(fitted.problem.data.shots, at.noise)
     projected = at.basis.projected_columns(whitened)
@@ -84,9 +84,9 @@ def gain(fitted: Fitted, at: Linearised, shapes: Arrow) -> tuple[float, int, Flo
 
 
 def worst(fitted: Fitted, at: Linearised, unlearned: Linearised, slow: float = 1.0) -> LackOfFit:
-    """Return the shape whose gain exceeds its limit most; ``slow`` is the noise's ``colour``.
+    """Return the freedom whose gain is largest relative to its limit; ``slow`` is the noise's ``colour``.
 
-    ``unlearned`` is the fit linearised under a noise that has not absorbed a law of speed, place or bend.
+    ``unlearned`` is the fit linearised under noise that has not absorbed a law of speed, position or deflection.
     """
     shots = fitted.problem.data.shots
     problem = fitted.problem
@@ -110,8 +110,8 @@ def worst(fitted: Fitted, at: Linearised, unlearned: Linearised, slow: float = 1
     found = []
     gains = side_by_side(lambda one: gain(fitted, unlearned if one[0] in laws else at, one[1]), shapes.items())
     for name, (value, width, floor) in zip(shapes, gains, strict=True):
-        # A wandering floor is learnt from the same data, anew beside every shape.  Where a shape makes it cease to
-        # wander, the floor was the shape, and white noise is the measure; so it is where the flights show no wander.
+        # Wandering noise is learnt from the same data, anew given every shape.  If the noise no longer wanders given a
+        # shape, it was that shape, and the white-noise limit applies; likewise if the flights show no wander.
         wanders = floor.coloured and not fitted.wanders_in_contact_alone
         factor = slow * (CRITERIA.wandering_gain if wanders else 1.0)
         if width:
@@ -122,12 +122,12 @@ def worst(fitted: Fitted, at: Linearised, unlearned: Linearised, slow: float = 1
 
 
 def shared(columns: Sequence[Floats]) -> Arrow:
-    """Return shapes that all shots share, shape (n, k) a shot."""
+    """Return shapes that all shots share, from columns of shape (n, k) per shot."""
     return Arrow.of(columns, columns[0].shape[1])
 
 
 def _apart(tangents: Arrow, some: slice) -> Arrow:
-    """Return derivatives by ``some`` shared parameters, free for all shots but the last."""
+    """Return derivatives by ``some`` shared parameters, made separate for all shots but the last."""
     *free, last = (block[:, some] for block in tangents.blocks)
     return Arrow.of([*free, last[:, :0]], 0)
 
@@ -138,7 +138,7 @@ def _after_turn(shot: Samples) -> Floats:
 
 
 def _kinks(shot: Samples) -> Floats:
-    """Return rounded steps and bends where the bodies meet, turn and part, shape (n, 18)."""
+    """Return rounded steps and kinks at touch, turnaround and release, shape (n, 18)."""
     c = shot.course
     columns = []
     for place in (c.touch_time_s, c.turnaround_time_s, c.release_time_s):
@@ -148,14 +148,14 @@ def _kinks(shot: Samples) -> Floats:
     return np.stack(columns, axis=1)
 
 
-_SPEED = np.array([0.0, 0.15, 0.35, 0.65, 1.0])  # knots, in the highest speed of all shots
-_PLACE = np.array([0.0, 0.08, 0.2, 0.45, 1.0])  # in the longest flight
-_BEND = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # in the deepest bend
+_SPEED = np.array([0.0, 0.15, 0.35, 0.65, 1.0])  # knots, in units of the highest speed of all shots
+_PLACE = np.array([0.0, 0.08, 0.2, 0.45, 1.0])  # in units of the longest flight
+_BEND = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # in units of the deepest deflection
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _pushed(force_n, mass_kg, stiffness_n_per_m, touching, spacing_s, out):  # type: ignore[no-untyped-def]
-    """Write the displacements that small forces cause, shape (n, k); about 2 ns a value."""
+    """Write the displacements that small forces cause, shape (n, k); about 2 ns per value."""
     n, width = force_n.shape
     for k in range(width):
         x, v = 0.0, 0.0
@@ -167,10 +167,10 @@ def _pushed(force_n, mass_kg, stiffness_n_per_m, touching, spacing_s, out):  # t
 
 
 def free_laws(problem: Problem, point: Point) -> dict[Freedom, list[Floats]]:
-    """Return what forces of free laws would do, named by their argument; shot by shot, shape (n, k).
+    """Return the displacements caused by forces of free laws, by their argument; per shot, shape (n, k).
 
-    The block carries the force alone; in contact the plate follows it as a spring without mass, and the short bounces
-    are passed over.  That is near enough to ask whether something of this kind is missing.
+    The force acts on the block alone; in contact the plate follows it as a massless spring, and short bounces are
+    ignored.  That is accurate enough to test whether a law of this kind is missing.
     """
     shots = problem.data.shots
     runs = [problem.run(i, point, coarse=True) for i in range(len(shots))]
@@ -208,5 +208,5 @@ def _inside(gap_m: Floats) -> Floats:
 
 
 def hats(u: Floats, knots: Sequence[float] | Floats) -> Floats:
-    """Return hats over ``u`` that sum to one, shape (n, knots)."""
+    """Return hat functions of ``u`` that sum to one, shape (n, knots)."""
     return np.stack([np.interp(u, knots, unit) for unit in np.eye(len(knots))], axis=1)

@@ -1,4 +1,4 @@
-"""Which other effects an effect that was found may be."""
+"""Find the other effects that could be meant instead of a found one."""
 
 import math
 
@@ -15,7 +15,7 @@ from analysis.inference import Fitted
 def other_names(
     best: Fitted, effect: Effect, remainder: Residual, far: Separation, trail: Trail
 ) -> tuple[tuple[Effect, ...], float | None]:
-    """Return the effects that may be meant instead of one of a fit, and the lead over the best of them (BIC).
+    """Return the effects that may be meant instead of one of a fit, and its lead in BIC over the best of them.
 
     These are the effects that nearly coincide with it to first order, and those whose fit in its place is nearly as
     likely.  The lead is None where none was fitted.  Raises Cancelled.
@@ -27,10 +27,10 @@ def other_names(
         swapped = set(key) - set(best.effects)
         if len(key) == len(best.effects) and len(swapped) == 1 and kept <= set(key):
             new = next(iter(swapped))
-            if new.widens == effect.key:  # holds it: its further parameter was not worth its price
+            if new.widens == effect.key:  # the wider variant of the effect: its further parameter did not pay
                 continue
             lead = min(lead, other.bic - best.bic)
-            # Of look-alikes the one with fewer parameters is not the true one for that alone.
+            # Having fewer parameters does not alone make one of two look-alikes the true one.
             if min(other.bic - best.bic, _behind(other, best)) < CRITERIA.least_lead and new not in others:
                 others.append(new)
     if not remainder.significant:
@@ -44,17 +44,17 @@ def other_names(
 
 
 def _behind(other: Fitted, best: Fitted) -> float:
-    """Return how much less likely a fit is than the best, as chi^2, each with its own noise."""
+    """Return how much less likely a fit is than the best, as chi^2, each under its own noise."""
     return 2 * (best.log_likelihood - other.log_likelihood)
 
 
 def _falls_behind(
     best: Fitted, effect: Effect, other: Effect, found: Fitted | None, far: Separation, trail: Trail
 ) -> bool:
-    """Return whether a line that coincides to first order does not when it is fitted.
+    """Return whether a line that coincides with an effect to first order no longer does when fitted.
 
-    To first order every shot has an amplitude of its own; in truth all share one.  It is fitted from where it was
-    ``found`` in the search and from where it imitates the effect best, both to the end.
+    To first order every shot has its own amplitude; in fact all shots share one.  The line is fitted to convergence
+    from the fit ``found`` in the search and from where it imitates the effect best.
     """
     if other.wave is None or other not in far.starts:
         return False

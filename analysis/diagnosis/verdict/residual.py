@@ -1,4 +1,4 @@
-"""Residuals: are they noise, and if not, where in the shot and at which frequency are they large?"""
+"""Test whether residuals are noise; if not, describe their phases, speed dependence and spectral line."""
 
 import math
 from collections.abc import Sequence
@@ -18,15 +18,15 @@ from analysis.signal import derivatives
 
 _CONTACT = np.array([0.0, 0.03, 0.07, 0.12, 0.2, 0.32, 0.46, 0.6, 0.75, 0.9, 1.0])  # knots, in contact times
 _POWERS = (0, 1, 2)
-_LINE, _SLOWEST = 12.0, 3  # times the median power, at least; periods within a shot of what may be a line
+_LINE, _SLOWEST = 12.0, 3  # least power of a line over the median power; its least number of periods within a shot
 
 
 @dataclass(frozen=True, slots=True)
 class Residual:
-    """``significant``: more than noise; ``coherence`` is the likelihood ratio of a shape shared by all shots.
+    """The tests of a residual; ``coherence`` is the likelihood ratio of a shape shared by all shots.
 
-    ``limit`` is what it may reach by chance.  ``correlation`` and ``ratio`` are of the whitened remainder: its largest
-    autocorrelation, and its power in the loudest phase over that in the quietest.  ``samples`` were tested.
+    ``limit`` is the limit of that ratio by chance.  ``correlation`` is the whitened residual's largest autocorrelation,
+    ``ratio`` its power in the loudest phase over that in the quietest.  ``samples`` is the number of samples tested.
     """
 
     coherence: float
@@ -44,12 +44,12 @@ class Residual:
 
     @property
     def misfitting(self) -> bool:
-        """Get whether the hypothesis needs a freedom that a right one would not need."""
+        """Get whether the hypothesis needs a freedom that a correct one does not need."""
         return self.misfit.significant
 
     @property
     def rough(self) -> bool:
-        """Get whether the residual is not even roughly noise, so that no likelihood can be believed."""
+        """Get whether the residual is so unlike noise that no likelihood can be trusted."""
         return self.correlation > CRITERIA.rough_correlation or self.ratio > CRITERIA.rough_ratio
 
     @property
@@ -61,8 +61,8 @@ class Residual:
     def faint(self) -> bool:
         """Get whether all that is missed is a freedom so small that noise alone may look like it.
 
-        It is less than the sqrt(2 n) by which chi^2 of n samples scatters by itself, and less than a law must explain
-        to be learned.  White noise looks so in three of a thousand fits: a search for laws would be in vain.
+        Its chi^2 is below sqrt(2 n), the scatter of chi^2 of n samples, and below the least that a law must explain to
+        be learned.  White noise looks like that in three of a thousand fits; a search for laws would be useless.
         """
         if not self.misfitting or self.rough or self.coherence > self.limit:
             return False
@@ -73,8 +73,8 @@ class Residual:
 def residual_of(fitted: Fitted, at: Linearised) -> Residual:
     """Test the residual of a fit.
 
-    On a moving frame strengths learnt from the residual have taken up much of what laws would do: these are laid on it
-    under the noise that the flights show.  Its strengths are uncertain, so chance gains more.
+    On a moving frame, strengths learnt from the residual have absorbed much of a missing law.  Free laws and shared
+    shapes are therefore tested under the noise of the flights.  Its strengths are uncertain, so chance gains more.
     """
     shots = fitted.problem.data.shots
     on_frame = fitted.problem.data.site is not None
@@ -93,7 +93,7 @@ def residual_of(fitted: Fitted, at: Linearised) -> Residual:
 def _correlation(white: Sequence[Floats]) -> float:
     """Return the largest autocorrelation at lags of 1 to 20 samples (pooled over the shots).
 
-    The first three lags count half: an optics filter colours neighbouring samples and nothing else.
+    The first three lags count half, since an optics filter correlates neighbouring samples only.
     """
     power = sum(float(w @ w) for w in white)
     out = 0.0
@@ -126,9 +126,9 @@ def _ratio(white: Sequence[Floats], shots: Sequence[Samples]) -> float:
 
 
 def _coherence(fitted: Fitted, at: Linearised) -> tuple[float, float, int]:
-    """Return the largest likelihood ratio of a remainder shared by all shots, its limit, and its parameters.
+    """Return the largest likelihood ratio of a residual shape shared by all shots, its limit, and its parameter count.
 
-    The shape is free (bumps over the time since touch), its size goes as the speed to the power 0, 1 or 2.
+    The shape is free (bumps over the time since touch); its size scales as the speed to the power 0, 1 or 2.
     """
     shots = fitted.problem.data.shots
     fastest = max(abs(s.course.velocity_in_m_per_s) for s in shots)
@@ -147,7 +147,7 @@ def _coherence(fitted: Fitted, at: Linearised) -> tuple[float, float, int]:
 
 
 def _bumps(shot: Samples) -> Floats:
-    """Return raised-cosine bumps over the time since touch, shape (n, k): 2 in the flight in, 3 after, 11 between."""
+    """Return raised-cosine bumps over the time since touch, shape (n, k): 2 before, 11 in contact, 3 after."""
     c = shot.course
     length = c.contact_time_s
     before = np.linspace(shot.centre_s[0] - c.touch_time_s, 0.0, 3)[:-1] / length
@@ -158,10 +158,10 @@ def _bumps(shot: Samples) -> Floats:
 
 
 def remainder_of(fitted: Fitted, misfit: LackOfFit = NOTHING, imitated_by: Sequence[Effect] = ()) -> Remainder:
-    """Return where the residual of a fit is large, how it goes with the speed, and its strongest line.
+    """Describe the residual of a fit: its loudest phases, its scaling with speed, and its strongest line.
 
-    Sizes are those above the sensor's white noise, which of a camera is nearly all, and with the site's most likely
-    motion taken off.  ``misfit`` is of the model with the effects that imitate the residual, where there are any.
+    Sizes are above the sensor's white noise (nearly all of a camera's residual), with the frame's most likely motion
+    subtracted.  ``misfit`` is of the model with the effects that imitate the residual, where there are any.
     """
     shots = fitted.problem.data.shots
     noise_m = fitted.noise.white_m
@@ -186,14 +186,14 @@ def remainder_of(fitted: Fitted, misfit: LackOfFit = NOTHING, imitated_by: Seque
 
 
 def _root(squares: Sequence[float]) -> float:
-    """Return the root of the mean of squares less a noise's, nothing where the noise was more."""
+    """Return the root of the mean of squares from which a noise's was subtracted; 0 where that is negative."""
     return math.sqrt(max(0.0, float(np.mean(squares))))
 
 
 def _line(fitted: Fitted) -> float | None:
-    """Return the frequency of a line that stands out of the whitened remainder of all shots, or None.
+    """Return the frequency of a line that stands out of the whitened residual of all shots, or None.
 
-    Of one shot the loudest of two thousand frequencies of white noise is eleven times as loud as their median.
+    In one shot, the strongest of two thousand frequencies of white noise has eleven times their median power.
     """
     shots = fitted.problem.data.shots
     size = min(int(s.valid.sum()) for s in shots)
@@ -213,11 +213,11 @@ def errors(
     floor: Floor,
     parameters: int,
 ) -> Errors:
-    """Return the errors of modelled displacements (one a shot, on the motion's grid), pooled over the shots.
+    """Return the errors of modelled displacements (one per shot, on the motion's grid), pooled over the shots.
 
-    Displacement at the motion's own rate; velocity and force through the motion's own filters, model and measurement
-    alike.  ``reduced_chi2`` is whitened by ``floor`` (give the same one before and after), over samples less
-    ``parameters``.
+    Displacement is compared at the motion's own rate; velocity and force through the motion's own filters, the same
+    for model and measurement.  ``reduced_chi2`` is whitened by ``floor`` (pass the same one before and after), over
+    samples less ``parameters``.
     """
     sums, counts = np.zeros(3), np.zeros(3)
     chi2, samples = 0.0, 0

@@ -1,1 +1,1 @@
-"""Laws that no catalogue holds: curves, the forms they have, and how they are told."""
+"""Learning laws outside the catalogue: free curves, their closed forms, and the laws as results."""

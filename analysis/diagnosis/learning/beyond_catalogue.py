@@ -1,4 +1,4 @@
-"""Laws learned where the catalogue leaves a residual: alone, or together with effects of the catalogue."""
+"""Learn laws where the catalogue leaves a residual: alone, or jointly with effects of the catalogue."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,10 +23,10 @@ from analysis.shot import Progress, Quantity, Stop
 
 @dataclass(frozen=True, slots=True)
 class Beyond:
-    """Laws with the effects beside them, or effects that only predict better, and the fit that holds them.
+    """Laws jointly with effects, or effects that only predict better, and the fit that contains them.
 
-    ``imitations`` are effects of that fit which did not pass every gate; ``predictions`` are of the held-out shots, by
-    the model before and by this fit.
+    ``imitations`` are effects of that fit which did not pass every gate.  ``predictions`` are of the validation shots,
+    by the model before and by this fit.
     """
 
     fitted: Fitted
@@ -41,12 +41,12 @@ class Beyond:
 def beyond_catalogue(
     alone: SingleLaw, nearest: Fitted, effects: Sequence[FoundEffect], *, beat: float = math.inf
 ) -> Beyond | None:
-    """Return what lowers the error of the held-out shots, or None where nothing does.
+    """Return the likeliest laws or effects that predict the validation shots better, or None where there are none.
 
     ``nearest`` is the fit with the ``effects`` of the catalogue that came nearest.  Tried in turn, until one explains
-    all: the law ``alone``, two laws, a law together with those effects.  Two laws with effects that are themselves in
-    doubt are not tried: so much freedom imitates nearly anything, and takes as long as all before it.  ``beat`` is the
-    criterion that laws must come below (``law_learning``).
+    all: the law ``alone``, two laws, a law jointly with those effects.  Two laws jointly with doubtful effects are not
+    tried: so much freedom imitates nearly anything, and takes as long as all earlier steps.  ``beat`` is the BIC that
+    laws must come below (``law_learning``).
     """
     found = []
     for one in _in_turn(alone, nearest, effects, beat):
@@ -62,8 +62,8 @@ def _in_turn(alone: SingleLaw, nearest: Fitted, effects: Sequence[FoundEffect], 
     instead = beat
     if helped is not None:
         rest = residual_of(nearest, nearest.linearise())
-        # laws that explain all are at least about as likely as effects that leave something, and likelier than those
-        # that leave no more than chance may
+        # laws that explain all must be about as likely as effects that leave a residual, and likelier than effects
+        # whose residual is within chance
         instead = min(beat, nearest.bic + (0.0 if rest.faint else CRITERIA.law_fall))
     if alone.or_two_may_reach(instead) and (first := alone.found) is not None:
         if not first.explains:
@@ -93,7 +93,7 @@ def beside(
     *,
     beat: float = math.inf,
 ) -> Beyond | None:
-    """Return a law together with ``effects`` that passed every test and left a residual, or None.
+    """Learn laws jointly with ``effects`` that passed every test and left a residual; None where there are none.
 
     ``named`` is the fit with those effects, ``before`` that of the base model.
     """
@@ -120,11 +120,10 @@ def _together(
     *,
     passed: bool,
 ) -> Beyond:
-    """Return laws and effects as the fit that holds both has them.
+    """Return laws and effects with the parameters of their joint fit, not of the fit before the law was found.
 
-    An effect that only imitated the law no longer pays beside it, and goes; the numbers of the others are those of the
-    joint fit, not of the one before the law was found.  Effects that had not ``passed`` their gates without the law
-    pass them with it where nothing remains, and only imitate the remainder where something does.
+    An effect that only imitated the law no longer pays given the law, and is removed.  Effects that had not ``passed``
+    their gates without the law count as passing where no residual remains, and as imitations where one does.
     """
     fitted, kept = found.fitted, list(effects)
     while True:
@@ -148,14 +147,14 @@ def _together(
 
 
 def _worth(fitted: Fitted, fewer: Fitted | None) -> float:
-    """Return how much the criterion rises without an effect; infinite where there is no fit without it."""
+    """Return how much the BIC rises without an effect; infinite where there is no fit without it."""
     return float("inf") if fewer is None else fewer.bic - fitted.bic
 
 
 def _anew(
     found: FoundEffect, parameters: Mapping[str, Quantity], fitted: Fitted, at: Linearised, fewer: Fitted | None
 ) -> FoundEffect:
-    """Return an effect with its numbers and evidence in another fit."""
+    """Return an effect with its parameters and evidence updated to another fit."""
     evidence = {**found.evidence, "snr": min(snr(fitted, at, found.effect), missed_without(fitted, fewer))}
     if fewer is not None:
         evidence["delta_bic"] = -_worth(fitted, fewer)
@@ -163,7 +162,7 @@ def _anew(
 
 
 def _helps(before: Fitted, nearest: Fitted, held: tuple[int, ...], stop: Stop) -> tuple[Prediction, Prediction] | None:
-    """Return the predictions without and with the effects that came nearest, or None where they do not help."""
+    """Return the predictions without and with the effects that came nearest; None where the effects do not help."""
     if nearest is before or not held or not nearest.converged:
         return None
     first, told = (predict(fitted, held, nearest.noise, stop) for fitted in (before, nearest))

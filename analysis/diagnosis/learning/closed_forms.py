@@ -1,8 +1,8 @@
-"""From a curve to closed forms: which of them lie within what the shots know of the curve.
+"""Fit closed forms to a free curve, within the uncertainty that the shots leave in the curve.
 
-What the shots know is the curvature of their likelihood in the curve's coefficients, base and starts moved out of the
-way; distance is measured in it.  Curves that the base model holds already (a law linear in the bend is k_p) cost
-nothing: they stand beside every form as columns of their own.
+The distance of a form from the curve is measured with the curvature of the likelihood in the curve's coefficients, base
+and starts eliminated.  Curves that the base model already contains (a law linear in the deflection is k_p) cost
+nothing: they are columns of their own, fitted jointly with every form.
 """
 
 import itertools
@@ -17,16 +17,16 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import orthonormal
 from analysis.shot import Floats
 
-_BEYOND = 1e60  # of a curve of size 1: no form of this range
-_FINE = 12  # samples a piece of the basis, at which a form is taken into the splines
+_BEYOND = 1e60  # a form of size 1 with larger values is rejected
+_FINE = 12  # samples per piece of the basis, for the projection of a form onto the splines
 
 
 @dataclass(frozen=True, slots=True)
 class Fitting:
-    """A form laid over a curve: its parameters, its squared distance in units of the noise, and what the base takes.
+    """A form fitted to a curve: its parameters, its squared distance in units of the noise, and the base's step.
 
-    ``base_step``, shape (z,), is what base and starts must move by so that with the form in place of the curve the
-    shots are met as well as they can be, to first order: what the base holds already goes there.
+    ``base_step``, shape (z,), moves base and starts to where, to first order, they fit the shots best with the form in
+    place of the curve.  The base thereby takes over the part of the curve that it can describe.
     """
 
     form: Form
@@ -35,16 +35,16 @@ class Fitting:
     base_step: Floats
 
     def cost(self, samples: int) -> float:
-        """Return the distance and the price of the form's parameters, as in the Bayesian information criterion."""
+        """Return the squared distance plus the price of the form's parameters in the BIC."""
         return self.distance + (1 + len(self.form.nonlinear_parameters)) * float(np.log(samples))
 
 
 def compress(learned: Learned, which: int = 0) -> list[Fitting]:
-    """Return every form laid over the ``which``-th curve of a fit, the one nearest for its parameters first."""
+    """Fit every closed form to the ``which``-th curve of a fit; return them in the order of ``Fitting.cost``."""
     term = learned.terms[which]
     knots = np.array(term.basis.knots)
     fine = np.unique(np.concatenate([np.linspace(a, b, _FINE) for a, b in itertools.pairwise(knots)]))
-    into = np.asarray(np.linalg.pinv(term.basis.design(fine)), dtype=np.float64)  # a curve at ``fine`` to coefficients
+    into = np.asarray(np.linalg.pinv(term.basis.design(fine)), dtype=np.float64)  # maps ``fine`` to coefficients
     root = _root(information(learned, which))
     target = root @ term.coefficients
     columns = root @ (into @ gauge(term.argument, fine))
@@ -66,9 +66,9 @@ def compress(learned: Learned, which: int = 0) -> list[Fitting]:
 
 
 def likely_forms(learned: Learned, most: int, which: int = 0) -> list[Fitting]:
-    """Return the forms of a law that lie nearest to the ``which``-th curve, the nearest first.
+    """Return the forms of a law nearest to the ``which``-th curve, the nearest first.
 
-    ``most`` of them, or all that it does not tell apart: a faint law's curve may lie as near to ten of them.
+    There are ``most`` of them, or more if the curve does not distinguish them: a faint law's curve may be near ten.
     """
     argument = learned.terms[which].argument
     forms = [form for form in compress(learned, which) if is_law(form.form, argument)]
@@ -78,12 +78,12 @@ def likely_forms(learned: Learned, most: int, which: int = 0) -> list[Fitting]:
 
 
 def is_law(form: Form, argument: Argument) -> bool:
-    """Return whether a form is no part of the base model: a constant is new only as a force while the bodies touch."""
+    """Return whether a form is not in the base model: a constant is new only as a force while the bodies touch."""
     return form.name != "constant" or (argument.where == "contact" and not argument.factor)
 
 
 def _toll(learned: Learned, which: int) -> Floats:
-    """Return what base and starts move by for each coefficient of a curve that is changed, shape (z, count)."""
+    """Return the step of base and starts per change of each coefficient of a curve, shape (z, count)."""
     size = learned.z.size
     start = size + sum(term.basis.count for term in learned.terms[:which])
     mine = slice(start, start + learned.terms[which].basis.count)
@@ -94,7 +94,7 @@ def _toll(learned: Learned, which: int) -> Floats:
 
 
 def information(learned: Learned, which: int = 0) -> Floats:
-    """Return what the shots know of a curve's coefficients, all else moved out of the way, shape (count, count)."""
+    """Return the shots' information on a curve's coefficients, all else eliminated, shape (count, count)."""
     sizes = [learned.z.size, *(term.basis.count for term in learned.terms)]
     edges = np.cumsum([0, *sizes])
     mine = np.arange(edges[which + 1], edges[which + 2])
@@ -113,23 +113,23 @@ def _root(information_: Floats) -> Floats:
 
 
 def gauge(argument: Argument, at: Floats) -> Floats:
-    """Return curves of ``argument`` that the base model holds already, at ``at``, shape (n,): shape (n, k)."""
+    """Return curves of ``argument`` that the base model already contains, at ``at``, shape (n,): shape (n, k)."""
     if argument.where == "block" and argument.name == "place":
-        inside = (at < 0).astype(np.float64)  # in contact place is bend: a constant moves the rest, a slope is k_p
+        inside = (at < 0).astype(np.float64)  # in contact: a constant moves the rest position, a slope is k_p
         return np.column_stack([inside, inside * at])
     columns = {"1": np.ones_like(at), "x": at}
     return np.column_stack([columns[name] for name in argument.gauge]) if argument.gauge else np.zeros((at.size, 0))
 
 
 def is_its_own(form: Form, low: float, high: float) -> bool:
-    """Return whether a form is one of its own over a range: on one side of zero some are the same function."""
+    """Return whether a form is distinct over a range: on one side of zero, some forms are the same function."""
     one_sided = low > -0.02 * high or high < -0.02 * low
     twins = ("quadratic, odd", "power, odd", "falling exponential" if high > -low else "rising exponential")
     return not (one_sided and form.name in twins)
 
 
 def _laid(form: Form, fine: Floats, seen, target: Floats, low: float, high: float) -> tuple[dict[str, float], float]:  # type: ignore[no-untyped-def]
-    """Return the parameters with which a form lies nearest to the curve, and its squared distance."""
+    """Return the parameters with which a form is nearest to the curve, and its squared distance."""
     span = max(abs(low), abs(high))
     names = form.nonlinear_parameters
     unit = np.array([1.0 if name in form.powers else span for name in names])

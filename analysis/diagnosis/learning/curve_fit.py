@@ -1,8 +1,8 @@
-"""A law whose form is not known: for every argument the curve that explains the shots best, fitted with the base.
+"""Fit a law of unknown form: a free curve of an argument, fitted to the shots jointly with the base model.
 
-A curve of B-splines is fitted together with base and starts on the exact solver, by Gauss-Newton steps whose
-smoothing is set anew at every step (``curve_step``).  A law does little to where the shots go, so derivatives serve
-for many steps: they are taken anew where a step brings less than they promised.
+A curve of B-splines is fitted jointly with base and starts on the exact solver, by Gauss-Newton steps whose smoothing
+is re-estimated at every step (``curve_step``).  A law changes the trajectories little, so derivatives serve for several
+steps.  They are recomputed where a step gains less than they predicted.
 """
 
 import itertools
@@ -20,20 +20,20 @@ from analysis.diagnosis.learning.curve_step import damped, penalised_step
 from analysis.inference import Fitted, Floor, Problem, free_to_move, white_floor
 from analysis.shot import Cancelled, Floats, Stop
 
-_DAMPINGS = (0.0, 1e-8, 1e-6, 1e-4, 1e-2, 0.3)  # of a step, tried one after another until one leads down
-_EASING = 1e-2  # of the damping, from step to step
-_SETTLED = 0.5  # of chi^2: a step that brings no more is the last
-_FAITHFUL = 0.8  # of the fall of chi^2 that derivatives promise: with less they are taken anew
-_BEYOND = 1e100  # noise norms: no motion of this rig
+_DAMPINGS = (0.0, 1e-8, 1e-6, 1e-4, 1e-2, 0.3)  # of a step, tried one after another until chi^2 falls
+_EASING = 1e-2  # factor on the damping from step to step
+_SETTLED = 0.5  # of chi^2: a step that gains less is the last
+_FAITHFUL = 0.8  # share of the predicted fall of chi^2; below it, derivatives are recomputed
+_BEYOND = 1e100  # noise norms: larger than any motion of the rig
 
 
 @dataclass(frozen=True)
 class Learned:
     """A fit of base, starts and one or two curves.
 
-    ``z`` is the search vector of base and starts; ``residual_m`` averaged, shot by shot; ``curvature`` of all numbers
-    (z, then coefficients) in units of the noise without any smoothing, ``penalty`` the smoothing that was added;
-    ``freedom`` the effective number of coefficients; ``log_likelihood`` with the noise.
+    ``z`` is the search vector of base and starts; ``residual_m`` is averaged, per shot; ``curvature`` is that of all
+    parameters (z, then coefficients) in units of the noise without smoothing; ``penalty`` is the smoothing added;
+    ``freedom`` is the effective number of coefficients; ``log_likelihood`` includes the noise's.
     """
 
     problem: Problem
@@ -51,13 +51,13 @@ class Learned:
         return sum(int(shot.valid.sum()) for shot in self.problem.data.shots)
 
     def penalty_of(self, which: int) -> Floats:
-        """Return the smoothing of one curve's coefficients, shape (count, count)."""
+        """Return the smoothing penalty of one curve's coefficients, shape (count, count)."""
         edges = np.cumsum([0, *(term.basis.count for term in self.terms)])
         part = slice(edges[:-1][which], edges[1:][which])
         return self.penalty[part, part]
 
     def with_last(self, which: int) -> "Learned":
-        """Return the same fit with one of its curves put last."""
+        """Return the same fit with one of its curves moved to the end."""
         order = [*(k for k in range(len(self.terms)) if k != which), which]
         edges = np.cumsum([0, *(term.basis.count for term in self.terms)])
         at = np.concatenate([np.arange(edges[k], edges[k + 1]) for k in order])
@@ -71,19 +71,19 @@ class Learned:
 
     @property
     def bic(self) -> float:
-        """Get the Bayesian information criterion, the curves' effective freedom among the parameters."""
+        """Get the Bayesian information criterion; the curves count as their effective number of coefficients."""
         return (self.z.size + self.freedom) * math.log(self.samples) - 2 * self.log_likelihood
 
     @property
     def at_best(self) -> float:
-        """Get the criterion of forms that meet the curves with a single number each."""
+        """Get the BIC of closed forms that equal the curves with a single parameter each."""
         return self.bic - (self.freedom - len(self.terms)) * math.log(self.samples)
 
 
 def screen(ground: Ground, argument: Argument, pieces: int, stop: Stop, *, steps: int = 7) -> Learned:
-    """Fit a curve of ``argument`` in about ``pieces`` pieces to what a fit leaves; Infeasible, Cancelled.
+    """Fit a curve of ``argument`` in about ``pieces`` pieces to a fit's residual.  Raises Infeasible, Cancelled.
 
-    Its curvature may be that of a place a few steps back.
+    The curvature returned may be that of a point a few steps back.
     """
     start = ground.fitted
     low, high = ground.visited(argument)
@@ -94,10 +94,10 @@ def screen(ground: Ground, argument: Argument, pieces: int, stop: Stop, *, steps
 
 
 def likeliest_pairs(ground: Ground, arguments: Sequence[Argument], pieces: int, stop: Stop) -> list[tuple[Term, Term]]:
-    """Return pairs of curves that are still nothing, those first that explain most of what a fit leaves; Cancelled.
+    """Return pairs of zero curves, ranked by the residual that they explain to first order.  Raises Cancelled.
 
-    To first order.  What all curves do is turned once onto as many rows as there are numbers, which keeps every sum of
-    squares: the 55 pairs of eleven arguments are some seconds.
+    One QR decomposition of the derivatives of all curves reduces the rows to the number of parameters and keeps every
+    sum of squares.  The 55 pairs of eleven arguments then take some seconds.
     """
     start = ground.fitted
     size = start.z.size
@@ -134,9 +134,9 @@ def likeliest_pairs(ground: Ground, arguments: Sequence[Argument], pieces: int, 
 
 
 def _rough_noise(start: Fitted) -> Floor:
-    """Return the noise under which curves are first laid on what a fit leaves.
+    """Return the noise under which curves are first fitted to a residual.
 
-    White noise as strong as all that is left; on a moving frame, whose motion is more than that, what the flights show.
+    It is white noise as strong as the residual; on a moving frame, whose motion exceeds that, the flights' noise.
     """
     if start.problem.data.site is not None:
         return start.unlearned_noise
@@ -145,7 +145,7 @@ def _rough_noise(start: Fitted) -> Floor:
 
 
 def refine(learned: Learned, pieces: int, stop: Stop, *, steps: int) -> Learned:
-    """Fit on with the last curve in about ``pieces`` pieces, from where it stands; Infeasible, Cancelled."""
+    """Continue a fit with the last curve split into about ``pieces`` pieces.  Raises Infeasible, Cancelled."""
     *others, term = learned.terms
     knots = np.array(term.basis.knots)
     basis = graded_basis(float(knots[0]), float(knots[-1]), pieces)
@@ -160,10 +160,9 @@ def fit_terms(
 ) -> Learned:
     """Fit base, starts and curves by penalised Gauss-Newton steps.
 
-    The noise begins as the problem's and is learned at every step; on a moving frame it is that of the flights until
-    the end, since strengths learned on the way would take up what the curves do not explain yet.  Unless
-    ``to_the_end``, derivatives are not taken anew where the last step led: the curvature may be that of a place a few
-    steps before.
+    The noise starts as the problem's and is re-estimated at every step.  On a moving frame it is that of the flights
+    until the end, since strengths learnt on the way would absorb what the curves do not explain yet.  Unless
+    ``to_the_end``, derivatives are not recomputed at the final point: the curvature may be that of a few steps before.
     """
     if problem.data.site is not None:
         problem = problem.with_noise(problem.data.noise_of_flights)
@@ -172,7 +171,7 @@ def fit_terms(
 
 @dataclass(frozen=True)
 class _Place:
-    """Where a fit stands; ``fresh``: the derivatives are those of this very place."""
+    """A point of the search; ``fresh``: its derivatives were computed at this point."""
 
     z: Floats
     terms: tuple[Term, ...]
@@ -180,16 +179,16 @@ class _Place:
     fresh: bool
 
     def left_m(self, problem: Problem) -> tuple[Floats, ...]:
-        """Return measured minus model, averaged, shot by shot."""
+        """Return measured minus model, averaged, per shot."""
         return problem.data.left_m(self.motions.displacement_m)
 
     def rows(self, problem: Problem) -> Floats:
-        """Return (measured - model, derivatives), whitened, all shots one after another."""
+        """Return (measured - model, derivatives), whitened, all shots concatenated."""
         both = zip(self.left_m(problem), self.motions.derivatives, strict=True)
         return _whitened(problem, [np.column_stack([left, j]) for left, j in both])
 
     def with_derivatives(self, problem: Problem) -> "_Place":
-        """Return this place with derivatives of its own."""
+        """Return this point with derivatives computed at it."""
         return self if self.fresh else _Place(self.z, self.terms, motions(problem, self.z, self.terms), fresh=True)
 
 
@@ -234,7 +233,7 @@ def _fitted(
 
 
 class _Went(NamedTuple):
-    """Where a step led, if anywhere; its damping; by how much penalised chi^2 fell, and was to fall."""
+    """The point a step reached, if any; its damping; the fall of penalised chi^2, actual and predicted."""
 
     there: _Place | None
     damping: float
@@ -245,7 +244,7 @@ class _Went(NamedTuple):
 def _downhill(problem: Problem, here: _Place, damping: float) -> _Went:
     rows, size, (low, high) = here.rows(problem), here.z.size, problem.bounds
     free = free_to_move(here.z, -rows[:, 1 : 1 + size].T @ rows[:, 0], low, high)
-    rows[:, 1 + np.flatnonzero(~free)] = 0.0  # what the way down presses against its bound stays there
+    rows[:, 1 + np.flatnonzero(~free)] = 0.0  # parameters that descent pushes against their bounds stay there
     moves, penalty, _ = penalised_step(rows, size, here.terms)
     chi2 = _penalised(rows[:, 0], here.terms, penalty)
 
@@ -280,7 +279,7 @@ def _moved(terms: tuple[Term, ...], by: Floats) -> tuple[Term, ...]:
 
 
 def _whitened(problem: Problem, columns: Sequence[Floats]) -> Floats:
-    """Return ``columns``, shot by shot of shape (n, k), whitened, all shots one after another."""
+    """Return ``columns``, of shape (n, k) per shot, whitened, all shots concatenated."""
     joined = problem.whitened(columns)
     if not np.all(np.abs(joined) < _BEYOND):
         raise Infeasible("the trajectory leads nowhere")

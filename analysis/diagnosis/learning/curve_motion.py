@@ -1,7 +1,7 @@
-"""What laws of free curves do to the shots: their motion on the exact solver, and its derivatives.
+"""Motion of the shots under laws of free curves, on the exact solver, and its derivatives.
 
-The derivatives by a curve's coefficients are the responses of the linearised path to forces along it, those by base
-and starts the solver's own.
+The derivatives by a curve's coefficients are the responses of the linearised path to forces along it; those by base
+and starts are the solver's own.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ Path = tuple[LinearPath, Collision]
 
 @dataclass(frozen=True)
 class Term:
-    """One law of a fit: what it depends on, in which splines, with which coefficients, shape (count,)."""
+    """One law of a fit: its argument, its spline basis, and its coefficients, shape (count,)."""
 
     argument: Argument
     basis: Basis
@@ -44,7 +44,7 @@ class Term:
 
 @dataclass(frozen=True)
 class Motions:
-    """Averaged displacement of every shot, shape (n,), and its derivatives by all numbers, shape (n, p)."""
+    """Averaged displacement of every shot, shape (n,), and its derivatives by all parameters, shape (n, p)."""
 
     displacement_m: tuple[Floats, ...]
     derivatives: tuple[Floats, ...]
@@ -52,7 +52,7 @@ class Motions:
 
 @dataclass(frozen=True)
 class Ground:
-    """A fit to which laws are added: its motions and paths, which are the same for every law that is still nothing."""
+    """A fit to which laws are added, with its motions and paths: they are the same for every law that is still zero."""
 
     fitted: Fitted
     motions: Motions
@@ -69,7 +69,7 @@ class Ground:
         return visited_range(values)
 
     def beside(self, term: Term) -> Motions:
-        """Return the motions with a law that is still nothing; Infeasible where it cannot be followed."""
+        """Return the motions with a law that is still zero.  Raises Infeasible where it has no first-order response."""
         row = term.argument.row(term.curve)
         shown = zip(self.motions.derivatives, self.paths, strict=True)
         columns = side_by_side(lambda one: np.hstack([one[0], _columns(term, row, one[1], one[0].shape[0])]), shown)
@@ -77,10 +77,10 @@ class Ground:
 
 
 def ground_of(fitted: Fitted) -> Ground:
-    """Return the ground that laws are laid on beside a fit.
+    """Return a fit, with its motions and paths, as the ground to which laws are added.
 
-    On a moving frame that is the fit under the noise that the flights show: strengths learnt from the residual have
-    taken up much of the missing law and let base and starts drift far from where they are with it.
+    On a moving frame the fit is repeated under the noise of the flights: strengths learnt from the residual have
+    absorbed much of the missing law, and base and starts have drifted far from their values given the law.
     """
     if fitted.problem.data.site is not None:
         fitted = fitted.problem.with_noise(fitted.unlearned_noise).fit_once(fitted.z)
@@ -97,7 +97,7 @@ def displacements(problem: Problem, z: Floats, terms: Sequence[Term]) -> tuple[F
 
 
 def motions(problem: Problem, z: Floats, terms: Sequence[Term]) -> Motions:
-    """Return the shots' motions with curves, and their derivatives; some 30 ms a shot."""
+    """Return the shots' motions with curves, and their derivatives; about 30 ms per shot."""
     rows = _rows(terms)
     lines, point = problem.derivatives(z, rows), problem.unpack(z)
 
@@ -112,7 +112,7 @@ def motions(problem: Problem, z: Floats, terms: Sequence[Term]) -> Motions:
 
 
 def _spread(problem: Problem, index: int, tangents: Floats) -> Floats:
-    """Return one shot's derivatives, shape (n, q), by the whole vector, shape (n, size)."""
+    """Return one shot's derivatives, shape (n, q), as derivatives by the whole vector, shape (n, size)."""
     out = np.zeros((tangents.shape[0], problem.size))
     out[:, problem.places[index]] = tangents
     return out

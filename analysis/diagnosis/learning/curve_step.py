@@ -1,4 +1,4 @@
-"""One step towards the curve that explains the shots best, its smoothing set by restricted maximum likelihood.
+"""One Gauss-Newton step of a free curve, with smoothing set by restricted maximum likelihood.
 
 Patterson and Thompson, Biometrika 58 (1971) 545; Wood, J. R. Stat. Soc. B 73 (2011) 3.
 """
@@ -13,17 +13,17 @@ from analysis.inference import damped_step
 from analysis.shot import Floats
 
 _GRID = np.arange(-34.0, 14.0, 1.5)  # ln of a smoothing in units of the curve's own curvature
-_NEIGHBOURS = 16  # in it
-_RIDGE = 1e-9  # of each coefficient's own curvature: keeps what no shot visits at rest
+_NEIGHBOURS = 16  # points of the grid per diagonalisation
+_RIDGE = 1e-9  # of each coefficient's own curvature: fixes coefficients that no shot constrains
 
 
 def penalised_step(
     rows: Floats, base: int, terms: Sequence[Term], *, samples: int | None = None
 ) -> tuple[Floats, Floats, float]:
-    """Return the step of all numbers, the smoothing of the coefficients and their effective freedom.
+    """Return the step of all parameters, the smoothing penalty of the coefficients, and their effective number.
 
-    Smoothing by restricted maximum likelihood of the linearised problem, one number for each curve.  ``samples`` is
-    how many samples ``rows`` stand for, where they were turned onto fewer.
+    The smoothing is one number per curve, from restricted maximum likelihood of the linearised problem.  ``samples``
+    is the number of samples that ``rows`` represent, if they were reduced to fewer rows.
     """
     left, fixed, free = rows[:, 0], rows[:, 1 : 1 + base], rows[:, 1 + base :]
     now = np.concatenate([term.coefficients for term in terms])
@@ -44,7 +44,7 @@ def penalised_step(
 
 
 def damped(rows: Floats, terms: Sequence[Term], penalty: Floats, damping: float) -> Floats | None:
-    """Return the step of all numbers with the directions held back that the shots hardly see, or None."""
+    """Return the step of all parameters, damped in directions that the shots hardly constrain; or None."""
     left, jacobian = rows[:, 0], rows[:, 1:]
     coefficients = np.concatenate([term.coefficients for term in terms])
     curvature, pull = jacobian.T @ jacobian, jacobian.T @ left
@@ -84,10 +84,10 @@ def _smoothing(a: Floats, b: Floats, s: float, free_samples: int, terms: Sequenc
 
 
 def _likelihoods(a: Floats, shape: Floats, b: Floats, s: float, free_samples: int) -> Floats:
-    """Return ln L of the smoothings exp(_GRID) of one curve; -inf where the matrix is not positive.
+    """Return ln L of the smoothings exp(_GRID) of one curve; -inf where the matrix is not positive definite.
 
-    A matrix and its smoothing are made diagonal together, for some neighbours at once: further away rounding would
-    hide what little smoothing there is.
+    The matrix and its smoothing are diagonalised jointly, for a few neighbouring grid points at once: further away,
+    rounding would hide a small smoothing.
     """
     out, first = np.full(_GRID.size, -math.inf), 0
     while first < _GRID.size:

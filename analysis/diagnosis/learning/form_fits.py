@@ -1,4 +1,4 @@
-"""Closed forms fitted to the shots: each as far as it may still come to the front, the nearest to its end."""
+"""Fit closed forms to the shots in stages: stop each form that cannot win, bring the best to convergence."""
 
 import contextlib
 import math
@@ -16,13 +16,13 @@ from analysis.inference import Fitted, Point, Problem, trial_effect
 from analysis.shot import Cancelled, Stop
 
 _SHORT = 8  # evaluations of a search that only compares
-_STAGES, _A_STAGE = 4, 10  # of a search to the end, and evaluations of each
-_MORE = 3.0  # times what its last stage gained: all that a search may still gain ...
-_LITTLE = 1.0  # ... of the criterion: where a stage gained less, who is ahead is decided
-_REACH = 200.0  # of the criterion behind the best: what a short search may have left, and no more
-_REACH_SHARE = 0.02  # of what the best explains, the same where that is much
+_STAGES, _A_STAGE = 4, 10  # stages of a search to convergence, and evaluations of each
+_MORE = 3.0  # times the gain of its last stage: the most that a search is assumed to gain still
+_LITTLE = 1.0  # BIC: after a stage that gains less, the order of the forms is decided
+_REACH = 200.0  # BIC behind the best after a short search: the most that a longer search may make up
+_REACH_SHARE = 0.02  # the same as a share of the best form's gain in BIC, where that is larger
 _OVER_A_KINK = 0.2  # of a safe step
-_UNDECIDED = 3.0  # times that, where the short search had not come to its end
+_UNDECIDED = 3.0  # factor on that reach where the short search had not converged
 
 Forms = tuple[Fitting, ...]  # one for every curve of a fit
 
@@ -32,9 +32,9 @@ def fit_forms(
 ) -> list[Fitted | None]:
     """Return the fits of closed forms in place of the curves of ``learned``, in order; None where there is none.
 
-    What falls far short of the best, or of the criterion ``beat``, is left where a short search ended; what comes
-    nearer so slowly that it will not reach them is left on the way.
-    Cost: some 0.1 to 0.5 s a form that is no good, up to several seconds for one that is.
+    A form far above the best, or above the BIC ``beat``, is left as a short search found it.  A form that gains too
+    slowly to reach them is stopped early.  Cost: about 0.1 to 0.5 s for a poor form, up to several seconds for a good
+    one.
     """
 
     def begun(forms: Forms) -> Fitted | None:
@@ -73,10 +73,10 @@ def fit_forms(
 
 
 def over_kinks(fitted: Fitted, stop: Stop) -> Fitted:
-    """Return the fit of a law with a corner led to its end in steps so short that the corner is met; others as is.
+    """Refit a law with a kink to convergence, with time steps short enough to resolve it; return others unchanged.
 
-    What a step over a corner misses goes as the square of its length, and so do the numbers that a fit ends with: at
-    the length that serves to compare up to five standard deviations of a corner of the overlap, of a bend's a tenth.
+    The error of a step over a kink, and with it the parameters' error, scales as the square of its length.  At the
+    length used for comparisons it is up to five standard deviations for a kink in the overlap, 0.1 in the deflection.
     """
     if not any(effect.kinked for effect in fitted.effects):
         return fitted
@@ -88,7 +88,7 @@ def over_kinks(fitted: Fitted, stop: Stop) -> Fitted:
 
 
 def _begin(start: Fitted, learned: Learned, forms: Forms) -> tuple[Problem, np.ndarray]:
-    """Return base, effects and closed forms, and where a search of them begins."""
+    """Return the problem of base, effects and closed forms, and the vector at which its search starts."""
     base = start.problem.unpack(learned.z + sum(form.base_step for form in forms))
     kinds, values = [], base.values
     for form, term in zip(forms, learned.terms, strict=True):

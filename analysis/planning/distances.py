@@ -1,4 +1,4 @@
-"""The separation of competing models after shots not yet taken: to first order, and by fitting them again."""
+"""Separation of competing models that further shots would reach: to first order, and by refitting the rivals."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -27,9 +27,9 @@ from analysis.shot import Cancelled, Stop
 Pair = tuple[int, int]  # the member that is true, its rival
 Shots = tuple[NextShot, ...]
 Pairs = Mapping[Pair, float]
-_PROMISING = 0.8  # of the required separation, to first order: with less a sequence is not refitted
-_KEPT = 3  # shots for each pair that are combined into sequences
-_FAR = 3.0  # times the nearest rival's distance, to first order: farther rivals are not refitted
+_PROMISING = 0.8  # of the required separation, to first order: below it a sequence is not refitted
+_KEPT = 3  # shots per pair that are combined into sequences
+_FAR = 3.0  # times the nearest rival's distance, to first order: more distant rivals are not refitted
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +85,7 @@ class Distances:
 def screen_shots(
     comparison: ModelComparison, shots: Sequence[NextShot], tell: Callable[[float], None], stop: Stop
 ) -> Distances:
-    """Return the information of each of ``shots``, without those for which a member has no solution.  Raises Cancelled.
+    """Return the information of each of ``shots`` for which every member has a solution.  Raises Cancelled.
 
     Cost: for every shot one solution per member and one with derivatives per pair, 1 to 11 ms each.
     """
@@ -130,7 +130,7 @@ def _blank(comparison: ModelComparison, shots: Shots) -> list[Samples]:
 
 
 def refitted(comparison: ModelComparison, shots: Shots, distances: Distances, stop: Stop) -> dict[Pair, float]:
-    """Return ``Distances.pair_distances`` with the rivals fitted again, except those far off to first order.
+    """Return ``Distances.pair_distances`` with the rivals refitted, except those far away to first order.
 
     Raises Cancelled.
     """
@@ -158,9 +158,9 @@ def refitted(comparison: ModelComparison, shots: Shots, distances: Distances, st
 def search_rivals_again(
     comparison: ModelComparison, shots: Shots, known: Pairs, distances: Distances, stop: Stop
 ) -> dict[Pair, float]:
-    """Return the distances ``known`` with the rivals that begin on a grid (of lines, times) searched again.
+    """Return the distances ``known``, after a new search of rivals that start on a grid (of frequencies, times).
 
-    A line that fits the present shots best need not be the best for those to come.  Raises Cancelled.  Cost: that of a
+    The line that fits the present shots best need not be the best for further ones.  Raises Cancelled.  Cost: that of a
     comparison, some seconds.
     """
     places = {member.effect: place for place, member in enumerate(comparison.members)}
@@ -185,7 +185,7 @@ def _norms(chi2: float) -> float:
 
 
 def promising(distance: float) -> bool:
-    """Return whether a first-order distance is near enough to the required separation for rivals to be refitted."""
+    """Return whether a first-order distance is near the required separation or above it, so that refitting pays."""
     return distance > _PROMISING * CRITERIA.separation
 
 

@@ -34,8 +34,8 @@ class ComparedModel:
 
     effect: Effect
     fitted: Fitted
-    chi2: float  # with the noise that all members are compared with
-    penalty: float = 0.0  # in addition, as chi^2: for parameters with a value of their own in every shot
+    chi2: float  # under the noise by which all members are compared
+    penalty: float = 0.0  # in addition, as chi^2: for parameters that are fitted per shot
 
     @property
     def misfit(self) -> float:
@@ -47,8 +47,8 @@ class ComparedModel:
 class ModelComparison:
     """Models that the present shots do not distinguish, the likeliest first; ``floor`` is the noise of all of them.
 
-    ``shared_nats`` is the ln L that the parameters of the best member cost whose parameters all shots share; members
-    with values in every shot pay what theirs cost more.
+    ``shared_nats`` is the cost, in ln L, of the parameters of the best member whose parameters all shots share.
+    Members with per-shot parameters are charged the excess of their own cost.
     """
 
     members: tuple[ComparedModel, ...]
@@ -56,7 +56,7 @@ class ModelComparison:
     shared_nats: float = inf
 
     def has_penalty(self, effect: Effect) -> bool:
-        """Return whether an effect pays for having values in every shot while others' are shared."""
+        """Return whether an effect is charged for per-shot parameters because other members share theirs."""
         return effect.own and isfinite(self.shared_nats)
 
     @property
@@ -76,10 +76,10 @@ class ModelComparison:
 def compare_models(
     given: Fit, among: Sequence[Effect], motions: Sequence[Motion], stop: Stop = lambda: False
 ) -> ModelComparison | None:
-    """Compare ``given``, a joint fit of ``motions``, with fits in which each effect ``among`` replaces the one in it.
+    """Compare ``given``, a joint fit of ``motions``, with fits in which other effects ``among`` replace the one in it.
 
     None where none of these effects is in ``given``, or no other has a solution for these shots.  Raises AnalysisError
-    where the fit is not one of these shots, Cancelled.
+    where ``given`` is not a fit of these shots, Cancelled.
     """
     effect = next((effect for effect in among if effect in given.effects), None)
     if effect is None:
@@ -95,7 +95,7 @@ def compare_models(
 
 
 def penalty(effect: Effect, fitted: Fitted, shared_nats: float) -> float:
-    """Return the penalty, as chi^2, of an effect whose parameters have values of their own in every shot."""
+    """Return the penalty, as chi^2, of an effect whose parameters are fitted per shot; 0 for other effects."""
     if not effect.own:
         return 0.0
     theirs = unforetold(fitted, effect)
@@ -103,9 +103,9 @@ def penalty(effect: Effect, fitted: Fitted, shared_nats: float) -> float:
 
 
 def _shared_nats(members: Sequence[ComparedModel]) -> float:
-    """Return what the parameters of the best member with shared ones cost; infinite where all members are of one kind.
+    """Return the cost (nats) of the best member with shared parameters; infinite where all members are of one kind.
 
-    Only members with values in every shot pay the difference: among the others, fewer parameters are no advantage.
+    Only members with per-shot parameters are charged the difference: among others, fewer parameters are no advantage.
     """
     shared = [member for member in members if not member.effect.own]
     best = min(shared, key=lambda member: member.chi2, default=None)
@@ -118,9 +118,9 @@ def _shared_nats(members: Sequence[ComparedModel]) -> float:
 def rivals(
     best: Fitted, effect: Effect, others: Sequence[Effect], stop: Stop, tolerance: float = _ARRIVED
 ) -> list[ComparedModel]:
-    """Return the fits in which each of ``others`` replaces the ``effect``, begun where it imitates that best.
+    """Return the fits in which each of ``others`` replaces the ``effect``, started where it imitates the effect best.
 
-    All are compared with the noise of ``best``: their own noise might absorb what they cannot describe.  ``tolerance``
+    All are compared under the noise of ``best``: their own noise might absorb what they cannot describe.  ``tolerance``
     is the decrease of chi^2 at which a search may end.
     """
     kinds = trials_of(others)

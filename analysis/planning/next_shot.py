@@ -1,4 +1,4 @@
-"""The shots an operator could take next, and the effort of each."""
+"""List the shots that an operator could take next, with the effort of each."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:  # the settings need what a rig can do, not the diagnosis
+if TYPE_CHECKING:  # the settings import the limits of the rig from here, and must not import the diagnosis with them
     from analysis.collision import Effect
     from analysis.diagnosis import Diagnosis
     from analysis.inference import Samples
@@ -17,9 +17,9 @@ if TYPE_CHECKING:  # the settings need what a rig can do, not the diagnosis
 SPEEDS_M_PER_S = (0.05, 0.10, 0.20, 0.35, 0.60)
 ADDED_KG = (0.0, 0.05)
 MOST_SHOTS = 3  # of a plan
-MOST_MEMBERS = 4  # that are compared
-_OTHER_WEIGHTS = 0.5  # of a shot's effort
-_LONGER = 0.1
+MOST_MEMBERS = 4  # models that are compared
+_OTHER_WEIGHTS = 0.5  # effort of a change of weights, in shots
+_LONGER = 0.1  # effort of a longer record, in shots
 _SAME_MASS = 1e-5  # relative: the same block weighed twice
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 
@@ -46,7 +46,7 @@ class NextShot:
 
 
 def shots_in_words(sequence: Sequence[NextShot]) -> str:
-    """Return shots in words, equal ones counted together."""
+    """Return shots in words, with equal shots counted together."""
     counted: dict[str, int] = {}
     for shot in sequence:
         counted[shot.words] = counted.get(shot.words, 0) + 1
@@ -75,7 +75,7 @@ def as_found_kg(shots: Sequence[Samples] | Sequence[Motion]) -> float:
 
 
 def on_the_rig(shots: Sequence[Samples]) -> list[Samples]:
-    """Return the shots on the plate that is on the rig now: that of the last shot."""
+    """Return the shots taken on the plate that is on the rig now, which is that of the last shot."""
     return [shot for shot in shots if shot.plate_number == shots[-1].plate_number]
 
 
@@ -122,7 +122,7 @@ def usual_flights(shots: Sequence[Samples]) -> tuple[float, float]:
 
 
 def undecided(diagnosis: Diagnosis) -> tuple[Effect, ...]:
-    """Return the first effect that the diagnosis could not distinguish from others, and those; () where none is."""
+    """Return the first effect that the diagnosis could not distinguish from others, then these; () if there is none."""
     for found in diagnosis.effects:
         if found.indistinguishable_from:
             return (found.effect, *found.indistinguishable_from[: MOST_MEMBERS - 1])

@@ -2,10 +2,10 @@
 
 T-optimal design (Atkinson and Fedorov, Biometrika 62 (1975) 57) for models that may be nested: for every member that
 may be true, the worth of a sequence of shots is the distance of the nearest rival, fitted to the present shots and to
-what the member predicts of the new ones.  As the true member is not known, a sequence is rated by the worst of the
-members that any sequence can separate.  A member that no sequence can separate from a rival does not count; where none
-is left, no shot of the rig decides.  Two members that no shot separates from each other are treated as one, which may
-still be separated from a third.
+the member's predictions of the new ones.  As the true member is unknown, the worth of a sequence is its smallest over
+the members that any sequence can separate.  A member that no sequence separates from a rival does not count; if no
+member counts, no shot of the rig decides.  Two members that no shot separates from each other are treated as one, which
+may still be separated from a third.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -39,13 +39,13 @@ from analysis.planning.next_shot import (
 )
 from analysis.shot import Cancelled, Progress, Stop
 
-SURE = 1.5  # noise norms above the required separation: the separation reached scatters by one
+SURE = 1.5  # noise norms above the required separation, since the separation reached scatters by one
 _KEPT = 8  # shots that are combined into sequences of several
-_REFITTED = 3  # sequences of one length
-_SCREENING = 0.6  # of the time
+_REFITTED = 3  # sequences refitted per length
+_SCREENING = 0.6  # share of the time, for the progress shown
 
 Found = Mapping[Shots, Mapping[int, float]]
-Tell = Callable[[float], None]  # a fraction done
+Tell = Callable[[float], None]  # takes the fraction done
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,7 +215,7 @@ def _chosen(
                 raise Cancelled
             tell((length - 1) / most)
             found[sequence] = refitted(comparison, sequence, distances, stop)
-            if sure(sequence):  # they come in the order of their effort
+            if sure(sequence):  # sequences that are sure to first order come in order of effort
                 break
         chosen = _best(of_members(), on_the_block_kg)
         while chosen is not None and chosen not in searched and (sure(chosen) or length == most):
@@ -230,7 +230,7 @@ def _chosen(
 def _ranked(distances: Distances, length: int, on_the_block_kg: float) -> list[Shots]:
     """Return the sequences of one length, best first by first-order worth.
 
-    Sequences of several shots are made of those that do well alone for any member.
+    Sequences of several shots combine the shots with the largest first-order separation of any member alone.
     """
     alone: dict[NextShot, dict[int, float]] = {shot: distances.nearest((shot,)) for shot in distances.each}
     sequences: list[Shots] = [(shot,) for shot in alone]

@@ -28,9 +28,9 @@ _KEPT = 8  # shots that are combined into sequences of several
 
 @dataclass(frozen=True, slots=True)
 class PrecisionPlan:
-    """The shots that reduce a parameter's standard uncertainty: ``ratio`` is that after them over that before.
+    """The shots that reduce a parameter's standard uncertainty; ``ratio`` is the uncertainty after over that before.
 
-    For ``ALL`` it is the geometric mean over the parameters, and the uncertainties are None.
+    For ``ALL`` the ratio is the geometric mean over the parameters, and the uncertainties are None.
     """
 
     parameter: str
@@ -62,7 +62,7 @@ def plan_precision(
     *,
     wanted: float = HALF,
 ) -> PrecisionPlan:
-    """Return the cheapest one to three shots that reduce a parameter's uncertainty to ``wanted`` of it, else the best.
+    """Return the cheapest one to three shots that reduce an uncertainty by the factor ``wanted``, or the best shots.
 
     ``parameter`` is the name of a shared parameter in the fit ("contact_stiffness_n_per_m",
     "viscous_drag.coefficient_..."), or ``ALL``.  Raises AnalysisError for another name.

@@ -11,11 +11,11 @@ from analysis.planning.next_shot import NextShot, as_found_kg, contact_s, on_the
 from analysis.shot import Floats, Stop
 
 _EVALUATIONS = 15
-NEAR = 0.3  # of chi^2, at which a search for a plan may end: a distance of five norms is then known to a thirtieth
+NEAR = 0.3  # fall of chi^2 at which a search for a plan may end: a distance of five norms is then known to 1/30
 
 
 def blank_shot(shot: NextShot, fitted: Fitted) -> Samples:
-    """Return samples of a shot not yet taken, displacement zero: sampled and as noisy as those of a fit."""
+    """Return samples of a shot not yet taken, with zero displacement, and with the sampling and noise of a fit's."""
     data, point = fitted.problem.data, fitted.point
     shots = data.shots
     like = on_the_rig(shots)[0]
@@ -54,9 +54,9 @@ def _course(like: Course, shot: NextShot, touching_s: float) -> Course:
 
 
 def with_shots(fitted: Fitted, added: Sequence[Samples]) -> tuple[Problem, Floats]:
-    """Return a fit's problem over its shots and ``added`` ones, and the parameter vector that predicts these.
+    """Return a fit's problem over its shots and ``added`` ones, and the parameter vector that predicts the latter.
 
-    They begin as they are set; parameters with a value in every shot are as large as in the present shots.
+    Each added shot starts at its set values; its per-shot parameters have typical values of the present shots.
     """
     before = fitted.problem
     data = replace(before.data, shots=(*before.data.shots, *added))
@@ -95,7 +95,7 @@ def predict(fitted: Fitted, shot: Samples) -> Samples:
 
 
 def fit_as_if_taken(fitted: Fitted, added: Sequence[Samples], floor: Floor) -> Fitted:
-    """Return a fit as it would be after shots that show exactly what it predicts, with the noise ``floor``."""
+    """Return a fit as it would be after shots that agree exactly with its predictions, under the noise ``floor``."""
     problem, z = with_shots(fitted, added)
     problem = problem.with_noise(floor)
     return replace(problem.fit_once(z, evaluations=1), problem=problem)
@@ -106,7 +106,7 @@ class Information:
     """A shot's information on a model's shared parameters to first order, its own start eliminated.
 
     ``curvature``, shape (p, p), and ``gradient``, shape (p,), are those of half the sum of squares ``chi2``;
-    ``penalty``, as chi^2, is for the effects that have values of their own in the shot.
+    ``penalty``, as chi^2, is for the effects with parameters fitted per shot.
     """
 
     curvature: Floats
@@ -134,7 +134,7 @@ class Information:
 def information_of(rival: Fitted, shot: Samples, floor: Floor, unshared: Sequence[int] = ()) -> Information:
     """Return the information of a predicted shot on a rival's shared parameters.  Raises Infeasible.
 
-    ``unshared`` are indices of the vector that this shot has for itself, as on a plate of its own.  Cost: one shot with
+    ``unshared`` are indices of the vector that apply to this shot alone, as on a plate of its own.  Cost: one shot with
     derivatives, 1 to 11 ms.
     """
     problem, z = with_shots(rival, [shot])
@@ -148,10 +148,10 @@ def information_of(rival: Fitted, shot: Samples, floor: Floor, unshared: Sequenc
 
 
 def shot_penalty(rival: Fitted, effect: Effect, scatter: Floats, shot: Samples, floor: Floor) -> float:
-    """Return the penalty, as chi^2, of an effect whose own values would have to fit a predicted shot by chance.
+    """Return the penalty, as chi^2, of an effect whose per-shot parameters must fit a predicted shot by chance.
 
-    It is ln det(1 + S F): by how much the shot knows the values better than their ``scatter`` (S), with their
-    information F when the shot's own start is eliminated.  Raises Infeasible.
+    It is ln det(1 + S F): the gain in knowledge of the parameters over their ``scatter`` (S), where F is the shot's
+    information on them with its own start eliminated.  Raises Infeasible.
     """
     problem, z = with_shots(rival, [shot])
     last = len(problem.data.shots) - 1
@@ -189,7 +189,7 @@ def information_without(jacobian: Floats, left: Floats, shared: int, unshared: S
     own = own[:, np.any(own != 0.0, axis=0)]
     basis = np.linalg.qr(own / np.linalg.norm(own, axis=0))[0]
     columns = jacobian[:, :shared] - basis @ (basis.T @ jacobian[:, :shared])
-    columns[:, list(unshared)] = 0.0  # to rounding they are
+    columns[:, list(unshared)] = 0.0  # they are zero up to rounding
     rest = left - basis @ (basis.T @ left)
     return Information(columns.T @ columns, columns.T @ rest, float(rest @ rest))
 

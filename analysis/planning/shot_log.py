@@ -1,4 +1,4 @@
-"""The log of shots that were planned and taken, with the separation expected of each and the one reached."""
+"""The log of planned shots that were taken, with the separation expected of each and the separation reached."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from analysis.diagnosis import Diagnosis
 from analysis.planning.next_shot import MOST_SHOTS, NextShot, Reach, undecided
 from analysis.shot import Motion, Progress, Stop
 
-if TYPE_CHECKING:  # they import all of the diagnosis; a window shows plans long before it makes one
+if TYPE_CHECKING:  # these import the whole diagnosis, which a window does not need before it makes a plan
     from analysis.planning.model_comparison import ModelComparison
     from analysis.planning.plan import Plan
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedStep:
-    """One planned shot: ``expected`` gives the separation expected after it, by the effect that is the true one.
+    """One planned shot: ``expected`` gives the separation expected after it for each effect that may be the true one.
 
-    ``reached`` is the separation by all shots up to it, ``leader`` the likeliest member then; None before it was taken.
+    ``reached`` is the separation by all shots up to this one, ``leader`` the likeliest member then; None until taken.
     """
 
     shot: NextShot
@@ -32,7 +32,7 @@ class PlannedStep:
 
     @property
     def expected_separation(self) -> float:
-        """Get the separation expected if the leader is true; before the shot is taken, if the first member is."""
+        """Get the separation expected if the leader is true; before the shot is taken, if the first member is true."""
         first = next(iter(self.expected.values()))
         return first if self.leader is None else self.expected.get(self.leader, first)
 
@@ -57,14 +57,14 @@ class PlannedStep:
 
 @dataclass(frozen=True, slots=True)
 class PlanningState:
-    """The plan for a set of shots (None: every name is decided), and the log of planned shots so far."""
+    """The plan for a set of shots (None: no effect has look-alikes left), and the log of planned shots so far."""
 
     plan: Plan | None
     steps: tuple[PlannedStep, ...] = ()
 
     @property
     def settled(self) -> bool:
-        """Get whether every name is decided, or no shot could decide."""
+        """Get whether no effect has look-alikes left, or no shot could separate them."""
         return self.plan is None or not self.plan.settles
 
 
@@ -78,9 +78,9 @@ def plan_next(
     progress: Progress = lambda _what, _fraction: None,
     cancelled: Stop = lambda: False,
 ) -> PlanningState:
-    """Plan what ``motions`` with their ``diagnosis`` still need; the last of ``steps``, if any, has just been taken.
+    """Plan the shots still needed, given ``motions`` and ``diagnosis``; the last of ``steps``, if any, was just taken.
 
-    At most ``left`` shots are planned; with 0 left the plan is as if none had been taken.  Raises AnalysisError,
+    At most ``left`` shots are planned; with 0 left, as many as if none had been taken.  Raises AnalysisError,
     Cancelled.
     """
     from analysis.planning.model_comparison import compare_models

@@ -1,12 +1,12 @@
-"""A law that the catalogue does not contain, learned from the shots: its argument, its curve, and its closed form.
+"""Learn a law outside the catalogue from the shots: its argument, its free curve, and its closed form.
 
-Every argument gets a free curve (``curve_fit``); the best ones get finer knots, until that no longer pays.  Closed
-forms are sought for these curves (``closed_forms``), and the nearest are fitted to the shots like any effect of the
-catalogue: on the same solver, by the same tests and on the same held-out shots.  In the end arguments are compared by
-their forms.
+Every argument gets a free curve (``curve_fit``); the best curves get finer knots, until that no longer pays.  Closed
+forms are fitted to these curves (``closed_forms``), and the nearest forms are fitted to the shots like any effect of
+the catalogue: with the same solver, the same tests and the same validation shots.  Finally arguments are compared by
+their closed forms.
 
-``beat`` is a criterion that a law must come below to count; curves so far above it that no form can come below it are
-not followed.
+``beat`` is a BIC that a law must come below to count.  Curves so far above it that no closed form can come below it are
+not continued.
 """
 
 import math
@@ -30,21 +30,21 @@ from analysis.inference import Fitted, on_frame_anew
 from analysis.shot import Cancelled, Progress, Stop
 
 FIRST_PIECES, MOST_PIECES = 12, 96
-FIRST_STEPS, _ALL_STEPS = 3, 7  # of a search: by the first it shows which arguments may come to the front
-_FINER_STEPS = 4  # from the curve in half as many pieces
-_GO_ON = 6  # arguments that are searched to the end at most
-_FINER_PAYS = 10.0  # of the criterion: worth twice the knots
+FIRST_STEPS, _ALL_STEPS = 3, 7  # of a search; the first ones show which arguments may become the likeliest
+_FINER_STEPS = 4  # of a fit with twice the pieces, started from the coarser curve
+_GO_ON = 6  # arguments that are searched to convergence at most
+_FINER_PAYS = 10.0  # fall of the BIC that justifies twice the knots
 FOLLOWED = 3  # arguments that are given finer knots
-FORMS_FITTED = 6  # of an argument, by their distance from its curve; more where that leaves more open
-_SHORT = 0.2  # of a free curve's gain: forms with a step or a kink may gain so much more
-_NEAR, _NEAR_NORMS = 4.0, 200.0  # times the nearest form's distance, and more: fitted before the others
+FORMS_FITTED = 6  # of an argument, the nearest to its curve; more if the curve does not distinguish them
+_SHORT = 0.2  # of a free curve's gain: forms with a step or a kink may gain this much more
+_NEAR, _NEAR_NORMS = 4.0, 200.0  # forms up to this multiple of the nearest squared distance plus this are fitted first
 
 
 @dataclass(frozen=True, slots=True)
 class Discovery:
-    """Learned laws, the fit that holds them, its residual, and the predictions of the held-out shots.
+    """Learned laws, the fit that contains them, its residual, and the predictions of the validation shots.
 
-    ``start`` is the fit that lacks the laws.
+    ``start`` is the fit without the laws.
     """
 
     start: Fitted
@@ -55,20 +55,20 @@ class Discovery:
 
     @property
     def explains(self) -> bool:
-        """Return whether the laws account for everything down to the noise, each in a closed form that meets it."""
+        """Return whether the laws explain the shots down to the noise, each by a closed form that equals its curve."""
         named = all(law.form is not None for law in self.laws)
         return named and self.fitted.converged and not self.residual.significant
 
 
 def forms_may_reach(beat: float, curves: Sequence[Learned], start: Fitted) -> bool:
-    """Return whether a closed form in the place of one of these curves may lead from ``start`` below ``beat``."""
+    """Return whether a closed form in place of one of these curves may lower the BIC from ``start`` below ``beat``."""
     return any(curve.at_best - _SHORT * (start.bic - curve.at_best) < beat for curve in curves)
 
 
 def free_curves(start: Fitted, tell: Progress, stop: Stop, beside: LearnedLaw | None = None) -> list[Learned]:
     """Return the free curves that a law missing in ``start`` may have, the likeliest first; [] where no form may pay.
 
-    ``beside`` is a law that ``start`` has already.  Raises Cancelled.
+    ``beside`` is a law already in ``start``.  Raises Cancelled.
     """
     return led_on(start, rough_curves(start, tell, stop, beside), stop)
 
@@ -85,8 +85,8 @@ def learn_law(
 ) -> Discovery | None:
     """Return the law that ``start`` lacks, or None where the shots show none.  Raises Cancelled.
 
-    The shots ``held`` are predicted in turn.  A single shot shows no law, as it could not be tested.  ``beside`` is a
-    law that ``start`` has already, ``curves`` are the ``free_curves`` of ``start`` where they are known.
+    The validation shots ``held`` are predicted in turn.  A single shot shows no law, as it could not be tested.
+    ``beside`` is a law already in ``start``; ``curves`` are the ``free_curves`` of ``start`` where they are known.
     """
     if len(start.problem.data.shots) < 2 or not held:
         return None
@@ -130,7 +130,7 @@ def arguments_of(start: Fitted) -> list[Argument]:
 
 
 def _meets(one: FormFit, curves: Sequence[Learned]) -> bool:
-    """Return whether a closed form is as good as the best free curve."""
+    """Return whether a closed form is nearly as likely as the best free curve (``form_meets``)."""
     return one.bic < min(curve.bic for curve in curves) + CRITERIA.form_meets
 
 
@@ -147,15 +147,15 @@ def rough_curves(
     steps: int = FIRST_STEPS,
     where: str = "",
 ) -> list[Learned]:
-    """Return a curve for every argument that a law missing in ``start`` may have, as far as a few ``steps`` lead.
+    """Fit a curve for every argument that a law missing in ``start`` may have, in a few ``steps``; the best first.
 
-    The best first; otherwise as ``free_curves``.  ``where`` leaves only laws that act there (an argument's ``where``).
+    Other arguments as ``free_curves``.  ``where`` restricts the search to laws that act there (see ``Argument.where``).
     """
     known = (beside.where, beside.argument) if beside is not None else None
     arguments = [a for a in arguments_of(start) if (a.where, a.name) != known and where in ("", a.where)]
     try:
         ground = ground_of(start)
-    except Infeasible:  # a contact drawn so stiff by what is missing that no curve can be followed
+    except Infeasible:  # the missing law made the fitted contact too stiff to compute paths
         return []
 
     def one(argument: Argument) -> Learned | None:
@@ -172,21 +172,21 @@ def rough_curves(
 
 
 def led_on(start: Fitted, rough: Sequence[Learned], stop: Stop) -> list[Learned]:
-    """Return the curves that may come to the front, led to the end, with as many knots as pay, best first.
+    """Continue the curves that may become the likeliest to convergence, with as many knots as pay; the best first.
 
-    [] where no form may pay.
+    Returns [] where no closed form may pay.
     """
     found = to_the_front(start, rough[:_GO_ON], stop)
     ahead = [curve for curve in found[:FOLLOWED] if curve.at_best < start.bic - CRITERIA.law_fall]
     curves = sorted(side_by_side(lambda curve: finer(curve, MOST_PIECES, stop), ahead), key=lambda curve: curve.bic)
     if not curves or curves[0].at_best > start.bic - CRITERIA.law_fall:
         return []
-    # A form saves no more than its curve's freedom costs: others cannot come to the front.
+    # A form saves at most the BIC's price of its curve's coefficients: other curves cannot become the likeliest.
     return [curve for curve in curves if curve.at_best < curves[0].bic + CRITERIA.form_excluded]
 
 
 def to_the_front(start: Fitted, rough: Sequence[Learned], stop: Stop) -> list[Learned]:
-    """Return those of ``rough`` curves, best first, that may come to the front, led to the end, best first."""
+    """Continue those ``rough`` curves (best first) to convergence that may become the likeliest; the best first."""
 
     def further(learned: Learned) -> Learned:
         try:
@@ -200,7 +200,7 @@ def to_the_front(start: Fitted, rough: Sequence[Learned], stop: Stop) -> list[Le
 
 
 def finer(learned: Learned, most_pieces: int, stop: Stop) -> Learned:
-    """Return a fit whose last curve has twice the knots as often as that pays, up to so many pieces."""
+    """Double the knots of a fit's last curve as often as that pays, up to ``most_pieces`` pieces."""
     pieces = FIRST_PIECES
     while 2 * pieces <= most_pieces:
         pieces *= 2
@@ -217,12 +217,12 @@ def finer(learned: Learned, most_pieces: int, stop: Stop) -> Learned:
 def _refined(
     start: Fitted, learned: Learned, forms: Sequence[Fitting], known: Sequence[FormFit], stop: Stop
 ) -> list[FormFit]:
-    """Return the fits of closed forms to the shots, beside those that are ``known``."""
+    """Return the fits of closed forms to the shots, where they may come near the best of those ``known``."""
     best = min([learned.bic, *(one.bic for one in known)])
     fits = fit_forms(start, learned, [(form,) for form in forms], stop, beat=best)
     return [FormFit(one, learned, form) for one, form in zip(fits, forms, strict=True) if one is not None]
 
 
 def _led_on(one: FormFit, stop: Stop) -> FormFit:
-    """Return the fit led to its end, a moving frame's response computed with the law."""
+    """Continue a fit to convergence, with the response to frame motion recomputed given the law."""
     return replace(one, fitted=on_frame_anew(one.fitted.continued(stop), stop))

@@ -1,4 +1,4 @@
-"""A learned law as a result: its numbers, its curve with uncertainty, and the forms that the shots cannot exclude."""
+"""Results of a learned law: its parameters, its curve with uncertainty, and the forms that the shots cannot exclude."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,14 +15,14 @@ from analysis.inference import Fitted
 from analysis.shot import Floats, Quantity
 
 _SHOWN = 81  # points of the curve
-_SAME = 1e-3  # of the largest force that the base model lacks: curves of one function differ by less
+_SAME = 1e-3  # of the largest force that the base model lacks: curves that differ by less are the same function
 
 
 @dataclass(frozen=True, slots=True)
 class FormFit:
-    """A closed form fitted to the shots, and the curve that it was read from: the last one of ``learned``.
+    """A closed form fitted to the shots, and the curve that it replaces: the last one of ``learned``.
 
-    ``place`` is where the law stands among the effects of ``fitted``.
+    ``place`` is the index of the law among the effects of ``fitted``.
     """
 
     fitted: Fitted
@@ -32,12 +32,12 @@ class FormFit:
 
     @property
     def bic(self) -> float:
-        """Get the criterion by which forms are compared."""
+        """Get the BIC, by which forms are compared."""
         return self.fitted.bic
 
     @property
     def law(self) -> OwnLaw:
-        """Get the law that the model holds."""
+        """Get the law in the model."""
         law = self.fitted.effects[self.place]
         assert isinstance(law, OwnLaw)
         return law
@@ -54,7 +54,7 @@ class FormFit:
 def as_learned(
     start: Fitted, fits: Sequence[FormFit], named: bool, after: Prediction, held: tuple[int, ...]
 ) -> LearnedLaw:
-    """Return the law of the first of ``fits`` (best first) with its curve; the others are what it may be instead."""
+    """Return the law of the first of ``fits`` (best first) with its curve; the others are its alternative forms."""
     best = fits[0]
     learned, fitted = best.learned, best.fitted
     term = learned.terms[-1]
@@ -98,7 +98,7 @@ def as_learned(
 
 
 def in_joint_fit(law: LearnedLaw, beside: Fitted, named: bool) -> LearnedLaw:
-    """Return a law with its numbers from the fit ``beside``, which holds another law as well."""
+    """Return a law with its parameters from the joint fit ``beside``, which contains other laws or effects as well."""
     if not named:
         return law
     formula = law.effect.formula.text
@@ -127,7 +127,7 @@ def _other(one: FormFit, best: FormFit, at: Floats, shown: Floats) -> OtherForm:
 
 
 def news(argument: Argument, at: Floats, shown: Floats) -> Floats:
-    """Return the part of a curve that the base model lacks: a nearly linear law may be nearly all k_N."""
+    """Return the part of a curve that the base model lacks: a nearly linear law may be almost entirely k_N."""
     return _as(shown, np.zeros(at.size), gauge(argument, at), np.ones(at.size))
 
 
@@ -142,7 +142,7 @@ def is_same_function(other: OtherForm, shown: Floats, new_n: Floats) -> bool:
 
 
 def _as(curve: Floats, shown: Floats, columns: Floats, std: Floats) -> Floats:
-    """Return a curve moved by what the base model can absorb, so that it lies as close to ``shown`` as it can."""
+    """Return a curve moved as close to ``shown`` as possible by ``columns`` that the base model can absorb."""
     if not columns.shape[1]:
         return curve
     weight = 1.0 / np.maximum(std, 1e-3 * float(std.max()) or 1.0)

@@ -1,7 +1,7 @@
-"""One law in the place of all effects, tried as soon as the catalogue's likeliest effects leave a residual.
+"""One law in place of all effects, tried as soon as the catalogue's likeliest effects leave a residual.
 
-A third effect, other first effects and look-alikes take longer than one law, and explain nothing where the truth is off
-the catalogue.  A law that may be an effect of the catalogue does not replace it: the catalogue is searched on then.
+A third effect, restarts and look-alikes take longer than one law, and explain nothing where the true law is outside the
+catalogue.  A law that may be an effect of the catalogue does not replace effects; the catalogue search then continues.
 """
 
 from collections.abc import Sequence
@@ -18,13 +18,13 @@ from analysis.inference import Fitted, TrialEffect
 from analysis.shot import Progress, Stop
 
 _SAME = 0.05  # of a law's size: an effect that differs by less, to first order, may be the law itself
-_STEP = "one law in the place of effects"  # of a diagnosis, named where there was no time for it
-_HALF = 0.5  # of a diagnosis, as its progress shows it: the rest may follow
+_STEP = "one law in the place of effects"  # step of a diagnosis, listed if there was no time for it
+_HALF = 0.5  # progress shown for this step, since all other steps may still follow
 
 
 @dataclass(frozen=True)
 class SingleLaw:
-    """The one law that ``start`` lacks, learned when it is first needed; the shots ``held`` are predicted in turn."""
+    """The single law that ``start`` lacks, learned when first needed; the validation shots ``held`` test it in turn."""
 
     start: Fitted
     held: tuple[int, ...]
@@ -34,7 +34,7 @@ class SingleLaw:
 
     @cached_property
     def rough(self) -> Sequence[Learned]:
-        """Get a free curve for every argument, as far as a few steps lead, the likeliest first."""
+        """Get a free curve for every argument after a few steps, the likeliest first."""
         if not self._can_be_tested:
             return []
         return self.limit.within(_STEP, lambda: rough_curves(self.start, self._tell_half, self.limit), [])
@@ -58,9 +58,9 @@ class SingleLaw:
         return len(self.start.problem.data.shots) > 1 and bool(self.held)
 
     def in_flight_may_reach(self, beat: float) -> bool:
-        """Return whether one law that acts in flight, by the first step of its curve, may come below a criterion.
+        """Return whether one law that acts in flight may come below the BIC ``beat``, judged by one step of its curve.
 
-        Cost: some 0.2 s.
+        Cost: about 0.2 s.
         """
         if not self._can_be_tested:
             return False
@@ -72,14 +72,14 @@ class SingleLaw:
         return any(may_reach(beat, curve.bic, self.start.bic) for curve in self.rough)
 
     def _one_may_reach(self, beat: float) -> bool:
-        """Return whether a form of one curve may come below a criterion; curves far above it are not led on."""
+        """Return whether a closed form of one curve may come below a BIC; curves far above it are not continued."""
         return self._rough_may_reach(beat) and forms_may_reach(beat, self.curves, self.start)
 
     def _tell_half(self, what: str, _fraction: float) -> None:
         self.tell(what, _HALF)
 
     def or_two_may_reach(self, beat: float) -> bool:
-        """Return whether this law, or two laws in its place, may come below the criterion ``beat``."""
+        """Return whether this law, or two laws in its place, may come below the BIC ``beat``."""
         if self._one_may_reach(beat):
             return True
         led_nowhere = self._rough_may_reach(beat) and not self.curves
@@ -90,7 +90,7 @@ class SingleLaw:
         return forms_may_reach(beat, two, self.start)
 
     def replaces_effects(self, best: Fitted, catalogue: Sequence[TrialEffect]) -> bool:
-        """Return whether the law explains all where ``best`` does not, and is no effect of the ``catalogue``."""
+        """Return whether the law explains all, is likelier than ``best``, and is no effect of the ``catalogue``."""
         beat = best.bic - CRITERIA.law_fall
         if not self._one_may_reach(beat):
             return False
@@ -101,6 +101,6 @@ class SingleLaw:
         return not apart.too_close(_SAME * apart.snr)
 
     def is_likelier_than(self, named: Fitted) -> bool:
-        """Return whether the law is likelier than ``named`` effects by more than the shots leave open."""
+        """Return whether the law is likelier than ``named`` effects by more than ``form_excluded``."""
         law = self.found
         return law is not None and law.fitted.bic < named.bic - CRITERIA.form_excluded

@@ -1,7 +1,7 @@
-"""Two laws, where one does not explain all: both at once, and where that fails a second one added to the first.
+"""Learn two laws where one does not explain all: both at once, or, if that fails, a second in addition to the first.
 
 One law alone absorbs part of the other, and may then have the wrong argument or no closed form at all.  Two free curves
-fitted together do not; the form of each is sought with the other still free, and the forms are fitted together.
+fitted jointly do not.  Forms are fitted to each curve with the other curve free, then the forms are fitted jointly.
 """
 
 import math
@@ -34,10 +34,10 @@ from analysis.diagnosis.verdict.residual import residual_of
 from analysis.inference import Fitted
 from analysis.shot import Progress, Stop
 
-_PAIRS = 4  # of arguments, likeliest to first order: fitted
+_PAIRS = 4  # of arguments that are fitted, the likeliest to first order
 _MOST_PIECES = 48
-_FORMS = 4  # of each curve, by their distance from it
-_AT_FIRST = 2  # of these with as many of the other's; then all beside the other's best
+_FORMS = 4  # of each curve, nearest to it first
+_AT_FIRST = 2  # of these, fitted with as many of the other curve; then all forms with the other's best
 
 
 def learn_laws(
@@ -53,9 +53,9 @@ def learn_another(
 ) -> Discovery:
     """Return two laws, or the first where there is no second.  Raises Cancelled.
 
-    Both at once where that explains all, else a second added to the first.  A form that was worse than its curve only
-    by what the second law explains is then that of the first law.  ``beat`` is a criterion that two laws must come
-    below (``law_learning``), both at once also below that of the first alone by what a law must bring.
+    Two laws learned at once are returned where they explain all, else a second law in addition to the first.  A form
+    that was worse than its curve only for lack of the second law is then accepted for the first law.  Two laws must
+    come below the BIC ``beat`` (``law_learning``); both at once must also come below the first law by ``law_fall``.
     """
     tell("learning two laws at once", 0.86)
     together = learn_two(first.start, held, stop, beat=min(beat, first.fitted.bic - CRITERIA.law_fall))
@@ -73,7 +73,7 @@ def learn_another(
 
 
 class _Pairs:
-    """Pairs of closed forms in the place of two curves, those fitted so far."""
+    """Pairs of closed forms in place of two curves, with the fits made so far."""
 
     def __init__(self, start: Fitted, curves: Learned, stop: Stop) -> None:
         self.curves, self._start, self._stop = curves, start, stop
@@ -81,19 +81,19 @@ class _Pairs:
         self.fits: dict[tuple[int, int], Fitted] = {}
 
     def ask(self, pairs: Iterable[tuple[int, int]]) -> None:
-        """Fit pairs of forms, by their places, unless they were fitted before."""
+        """Fit pairs of forms, given by their indices, unless they were fitted before."""
         new = [pair for pair in pairs if pair not in self.fits]
         each = [(self.forms[0][i], self.forms[1][j]) for i, j in new]
         fits = fit_forms(self._start, self.curves, each, self._stop, beat=self.curves.bic)
         self.fits.update({pair: one for pair, one in zip(new, fits, strict=True) if one is not None})
 
     def ask_nearest(self) -> None:
-        """Fit the forms nearest to either curve."""
+        """Fit the pairs of the forms that are nearest to either curve."""
         first, other = (range(min(_AT_FIRST, len(one))) for one in self.forms)
         self.ask((i, j) for i in first for j in other)
 
     def ask_beside_best(self) -> None:
-        """Fit all forms of either law beside the best of the other, and lead those to their end that are near it."""
+        """Fit all forms of either law with the best of the other, and continue those near the best to convergence."""
         self.ask((i, self.best[1]) for i in range(len(self.forms[0])))
         self.ask((self.best[0], j) for j in range(len(self.forms[1])))
         within = self.bic + CRITERIA.form_excluded
@@ -103,16 +103,16 @@ class _Pairs:
 
     @property
     def best(self) -> tuple[int, int]:
-        """Get the places of the likeliest pair."""
+        """Get the indices of the likeliest pair."""
         return min(self.fits, key=lambda pair: self.fits[pair].bic)
 
     @property
     def bic(self) -> float:
-        """Get the criterion of the likeliest pair; infinite where none could be fitted."""
+        """Get the BIC of the likeliest pair; infinite where none could be fitted."""
         return self.fits[self.best].bic if self.fits else math.inf
 
     def of_law(self, which: int, at: tuple[int, int]) -> list[FormFit]:
-        """Return the forms of one law beside that of the other in the pair ``at``, its own first."""
+        """Return the forms of one law, each with the other law's form in the pair ``at``; that pair's form first."""
         last = self.curves.with_last(which)
         pairs = [pair for pair in self.fits if pair[1 - which] == at[1 - which]]
         read = [FormFit(self.fits[pair], last, self.forms[which][pair[which]], which - 2) for pair in pairs]
@@ -134,7 +134,7 @@ def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float =
     at = pairs.best
     fitted = pairs.fits[at]
     judged = _judged(start, fitted, held, stop)
-    if judged is not None and (finer := over_kinks(fitted, stop)) is not fitted:  # as long as all before
+    if judged is not None and (finer := over_kinks(fitted, stop)) is not fitted:  # takes as long as all before
         pairs.fits[at] = fitted = finer
         judged = _judged(start, fitted, held, stop)
     if judged is None or fitted.bic > curves[0].bic + CRITERIA.form_meets:
@@ -149,7 +149,7 @@ def _judged(
 ) -> tuple[list[Fitted | None], tuple[Prediction, Prediction]] | None:
     """Return the fits without the first and without the second of two laws, and the predictions without and with both.
 
-    None where the shots are nearly as likely without one of them, or where both together do not predict better.
+    None where the shots are nearly as likely without one of them, or where both jointly do not predict better.
     """
     fewer = [without_effect(fitted, law, stop) for law in fitted.effects[-2:]]
     if any(one is not None and fitted.bic > one.bic - CRITERIA.law_fall for one in fewer):
@@ -161,11 +161,11 @@ def _judged(
 
 
 def two_curves(start: Fitted, stop: Stop, *, beat: float = math.inf) -> list[Learned]:
-    """Return the two free curves, fitted together, that explain most, with as many knots as pay.
+    """Return the pairs of free curves, fitted jointly, that explain most, with as many knots as pay.
 
-    Pairs that the shots do not tell apart, a few at most, the likeliest first: the place, the plate's bend and the
-    overlap are nearly the same in contact, and only one of them has a short form.  [] where there are none, or none
-    whose closed forms may come below the criterion ``beat``.
+    A few pairs that the shots do not distinguish are returned, the likeliest first: position, deflection and overlap
+    are nearly the same in contact, and only one of them has a short form.  [] where there are none, or none whose
+    closed forms may come below the BIC ``beat``.
     """
     pairs = likeliest_pairs(ground_of(start), arguments_of(start), FIRST_PIECES, stop)[:_PAIRS]
 

@@ -46,7 +46,7 @@ class Branch:
     def is_likelier_than(self, other: "Branch") -> bool:
         """Return whether this branch is at least as likely as the other.
 
-        A search that ran out of time before comparing the catalogue's effects never is, against one that compared them.
+        A search without time to compare the catalogue's effects is never likelier than one that compared them.
         """
         return self.searched.trail.compared >= other.searched.trail.compared and self.bic <= other.bic
 
@@ -132,7 +132,7 @@ class BestFirst:
         return partial(self._complete, building)
 
     def _search_in_building(self) -> None:
-        """Search with frame motion for one effect fewer than allowed: testing one law takes less time than the last."""
+        """Search with frame motion for one effect fewer than allowed: one law takes less time than the last effect."""
         searched = self._search.under(self._question.site, most=CRITERIA.most_effects - 1)
         self._in_building = Branch(searched, self._question.one_law_beside(searched.trail.start))
 

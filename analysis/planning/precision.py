@@ -62,7 +62,7 @@ def plan_precision(
     *,
     wanted: float = HALF,
 ) -> PrecisionPlan:
-    """Return the cheapest one to three shots that reduce an uncertainty by the factor ``wanted``, or the best shots.
+    """Return the cheapest one to three shots with an uncertainty ``ratio`` of at most ``wanted``, else the best ones.
 
     ``parameter`` is the name of a shared parameter in the fit ("contact_stiffness_n_per_m",
     "viscous_drag.coefficient_..."), or ``ALL``.  Raises AnalysisError for another name.

@@ -33,7 +33,7 @@ class Learned:
 
     ``z`` is the search vector of base and starts; ``residual_m`` is averaged, per shot; ``curvature`` is that of all
     parameters (z, then coefficients) in units of the noise without smoothing; ``penalty`` is the smoothing added;
-    ``freedom`` is the effective number of coefficients; ``log_likelihood`` includes the noise's.
+    ``freedom`` is the effective number of coefficients; ``log_likelihood`` is that under the noise learnt.
     """
 
     problem: Problem

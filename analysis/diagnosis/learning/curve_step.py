@@ -14,7 +14,7 @@ from analysis.shot import Floats
 
 _GRID = np.arange(-34.0, 14.0, 1.5)  # ln of a smoothing in units of the curve's own curvature
 _NEIGHBOURS = 16  # points of the grid per diagonalisation
-_RIDGE = 1e-9  # of each coefficient's own curvature: fixes coefficients that no shot constrains
+_RIDGE = 1e-9  # of each coefficient's own curvature: keeps coefficients that no shot constrains near zero
 
 
 def penalised_step(

@@ -55,7 +55,7 @@ class Discovery:
 
     @property
     def explains(self) -> bool:
-        """Return whether the laws explain the shots down to the noise, each by a closed form that equals its curve."""
+        """Return whether the laws explain the shots down to the noise, each by a closed form that meets its curve."""
         named = all(law.form is not None for law in self.laws)
         return named and self.fitted.converged and not self.residual.significant
 

@@ -90,7 +90,7 @@ def _nothing(kind: TrialEffect, values: Mapping[str, float]) -> dict[str, float]
 
 
 def least_seen(at: Linearised, kind: TrialEffect, snr: float = CRITERIA.stands_out) -> float | None:
-    """Return the smallest first amplitude of an effect that would stand out by ``snr``; None where none would."""
+    """Return the first amplitude at which an effect would just stand out by ``snr``; None where none would."""
     probe = replace(at, left=np.zeros_like(at.left))
     listed = probe.scores(kind)
     best = max((score.power for score in listed), default=0.0)

@@ -1,4 +1,4 @@
-"""Parameters from shots: fits, the noise that they are weighed with, and first-order scores of what may be added."""
+"""Estimate parameters from shots: fits, the noise model that weights them, first-order scores of further effects."""
 
 import lazy_loader
 

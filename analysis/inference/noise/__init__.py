@@ -1,1 +1,1 @@
-"""The covariance of a displacement's noise: white noise, wandering optical paths, motion of the frame."""
+"""The noise covariance of a displacement: white noise, wander of the optical path, motion of the frame."""

@@ -1,7 +1,7 @@
-"""The noise of the displacement as quiet flight shows it: white noise and one wandering part.
+"""Estimate a displacement's noise from quiet flight: white noise and one wandering part.
 
-Both are chosen by the likelihood of the flights' periodograms (Whittle, J. R. Stat. Soc. B 15, 1953), which uses no
-model of the collision: a fit that leaves more than this noise lacks something.
+Both are estimated by the Whittle likelihood of the flights' periodograms (J. R. Stat. Soc. B 15, 1953), which uses no
+model of the collision.  A fit whose residual exceeds this noise therefore lacks an effect.
 """
 
 import math
@@ -20,27 +20,27 @@ from analysis.signal import LEAST_NOISE_M
 
 Mask = NDArray[np.bool_]
 Spectrum = tuple[Floats, Floats]  # angles, powers per sample
-_FEWEST = 24  # samples of a flight from which noise is learnt
-_TREND = 2  # degree of the polynomial that is subtracted: the flight, and drag too slow to distinguish from it
+_FEWEST = 24  # fewest samples of a flight for a noise estimate
+_TREND = 2  # degree of the subtracted polynomial: the flight, and drag too slow to distinguish from it
 _CORRELATION_TIMES_S = tuple(np.geomspace(1e-3, 30e-3, 7))  # corner frequencies between 160 and 5 Hz
 _WEIGHT = 0.5  # degrees of freedom per bin: a Hann taper correlates about two neighbouring bins
-_PAYS = 4.0  # of log-likelihood: the least gain by a wandering part, which has two parameters
-_AS_LIKELY = 1.0  # of log-likelihood below the best: of these the longest correlation time is taken
-_LEAST_WHITE = 0.1  # of the density at the highest frequencies: white noise is not estimated lower than that
-_LINE = 16.0  # times the noise: more than chance makes in thousands of bins (e^-16 each)
-_BESIDE_A_LINE = 4.0  # bins left out on either side: a Hann taper's width, and a line's error of one bin
+_PAYS = 4.0  # log-likelihood gain required of a wandering part, which has two parameters
+_AS_LIKELY = 1.0  # log-likelihood below the best within which the longest correlation time is chosen
+_LEAST_WHITE = 0.1  # least white noise, as a fraction of the density at the highest frequencies
+_LINE = 16.0  # power of a line over the noise; chance exceeds it with probability e^-16 per bin
+_BESIDE_A_LINE = 4.0  # bins left out on either side of a line: a Hann taper's width plus an error of one bin
 _NO_LINES = np.empty(0)
-_QUICK = 0.1 * np.pi  # radians per sample: a wandering part lies below
+_QUICK = 0.1 * np.pi  # radians per sample, above which a wandering part is negligible
 
 
 def noise_of_flights(shots: Sequence[Samples], site: Site | None = None) -> tuple[Floor, bool]:
-    """Return the noise that the quiet flights of shots show, and whether they are long enough for that.
+    """Return the noise estimated from the quiet flights of shots, and whether these are long enough for an estimate.
 
-    On a moving frame (``site``) only what is faster than its motion is used, and the frame's spectrum is taken as read.
-    Where flights are too short to show the corner frequency of a wandering part, the longest correlation time that they
-    allow is taken, which errs towards larger uncertainties.  Outgoing flights are used where they are as quiet as
-    incoming ones, or where these are too short and the outgoing ones show no line: a line may be an effect.  If no
-    flight is long enough, the noise is white, from third differences.
+    On a moving frame (``site``) only frequencies above the frame's motion are used, and the frame's spectrum is kept as
+    read.  If flights are too short to show the corner frequency of a wandering part, the longest correlation time
+    compatible with them is chosen, which errs towards larger uncertainties.  Outgoing flights are used if they are as
+    quiet as the incoming ones, or if only they are long enough to show a wandering part and show no line: a line may be
+    an effect.  If no flight is long enough, the noise is white, from third differences.
     """
     spacing_s = shots[0].spacing_s
     turn = 2 * np.pi * spacing_s
@@ -59,7 +59,7 @@ def noise_of_flights(shots: Sequence[Samples], site: Site | None = None) -> tupl
 
 
 def _flight(shot: Samples, part: slice) -> Floats:
-    """Return the longest stretch of averaged samples without a gap in ``part`` of the motion's samples, in m."""
+    """Return the longest gapless stretch of averaged samples, in m, within ``part`` of the motion's samples."""
     first, last = -(-part.start // shot.factor), part.stop // shot.factor
     edges = np.flatnonzero(np.diff(np.concatenate([[0], shot.valid[first:last].astype(np.int8), [0]])))
     if edges.size == 0:
@@ -74,7 +74,7 @@ def _by_differences(shots: Sequence[Samples]) -> float:
 
 
 def _with_outgoing(noise: Floor, incoming: list[Spectrum], outgoing: list[Spectrum], spacing_s: float) -> Floor:
-    """Return the noise of incoming and outgoing flights where these agree, otherwise of the incoming ones."""
+    """Return the noise of incoming and outgoing flights together if these agree, else of the incoming ones alone."""
     both = likeliest_noise([*incoming, *outgoing], spacing_s)
     angle, power = (np.concatenate(part) for part in zip(*outgoing, strict=True))
     before = np.concatenate([angles for angles, _ in incoming])
@@ -98,8 +98,8 @@ def _no_louder(ratio: Floats, part: Mask, of_noise: Mask) -> bool:
 def spectrum_of(values: Floats, above: float = 0.0, lines: Floats = _NO_LINES) -> Spectrum:
     """Return (angles, power per sample) of a flight, without the bins of its polynomial and of known ``lines``.
 
-    With an angle ``above``, the spectrum is that of second differences, divided by their response, so that slower
-    motion does not leak into it.
+    If ``above`` is positive, bins below this angle are left out, and the spectrum is that of second differences divided
+    by their response, so that slower motion does not leak into it.
     """
     moved = values if above == 0.0 else np.diff(values, 2)
     taper = np.sin(np.pi * (np.arange(moved.size) + 0.5) / moved.size) ** 2
@@ -117,7 +117,7 @@ def spectrum_of(values: Floats, above: float = 0.0, lines: Floats = _NO_LINES) -
 
 
 def detrended(values: Floats, degree: int) -> Floats:
-    """Return ``values``, shape (n,), without their least-squares polynomial of ``degree``."""
+    """Return ``values``, shape (n,), minus their least-squares polynomial of ``degree``."""
     grid = np.linspace(-1.0, 1.0, values.size)
     basis = np.polynomial.legendre.legvander(grid, degree)
     coefficients, *_ = np.linalg.lstsq(basis, values, rcond=None)
@@ -125,7 +125,7 @@ def detrended(values: Floats, degree: int) -> Floats:
 
 
 def likeliest_noise(spectra: Sequence[Spectrum], spacing_s: float) -> Floor:
-    """Return the likeliest white noise, with a wandering part where its gain in Whittle likelihood pays for it."""
+    """Return the likeliest white noise, with a wandering part if it raises the Whittle log-likelihood by _PAYS."""
     angle, power = (np.concatenate(part) for part in zip(*spectra, strict=True))
     power = np.maximum(power, LEAST_NOISE_M**2)
     flat = float(np.mean(power))
@@ -146,7 +146,7 @@ def likeliest_noise(spectra: Sequence[Spectrum], spacing_s: float) -> Floor:
 
 
 def _density(noise: Floor, angle: Floats) -> Floats:
-    """Return the density of a noise as power per sample."""
+    """Return the spectral density of a noise at angles per sample, as power per sample."""
     memory = math.exp(-noise.spacing_s / noise.tau_s[0])
     return np.asarray(noise.white_m**2 + _wandering(angle, noise.rms_m[0] ** 2, memory))
 
@@ -157,9 +157,9 @@ def _wandering(angle: Floats, variance: float, memory: float) -> Floats:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _two_levels(power, shape):  # type: ignore[no-untyped-def]
-    """Return the levels (a, b) of greatest Whittle likelihood for a density a + b shape, both positive.
+    """Return the positive levels (a, b) of greatest Whittle likelihood for a density a + b shape.
 
-    Fisher scoring on the logarithms: positive by construction, and stable from any start.  About 5 ns per bin and step.
+    Fisher scoring on the logarithms keeps both positive and is stable from any start.  About 5 ns per bin and step.
     """
     count = power.size
     a = np.mean(power[count // 2 :]) + 1e-300

@@ -1,9 +1,9 @@
 """The noise of a whole shot: white noise plus up to two Ornstein-Uhlenbeck processes, by maximum likelihood.
 
-Some milliseconds of quiet flight cannot show how far an optical path wanders in fifty, so this noise is learnt from
-the whole residual, anew for every model that is compared.  Each process is d x = -x/tau dt + s dW; a long tau is a
-random walk.  A Kalman filter gives the exact likelihood, gaps included (Harvey, "Forecasting, Structural Time Series
-Models and the Kalman Filter", ch. 3).
+A few milliseconds of quiet flight cannot show how far an optical path wanders in fifty.  This noise is therefore
+estimated from the whole residual, separately for every model that is compared.  Each process obeys
+d x = -x/tau dt + s dW; a long tau is a random walk.  A Kalman filter computes the exact likelihood, gaps included
+(Harvey, "Forecasting, Structural Time Series Models and the Kalman Filter", ch. 3).
 """
 
 import math
@@ -27,16 +27,16 @@ from analysis.shot import Floats
 from analysis.signal import white_noise
 
 Mask = NDArray[np.bool_]
-_NOTHING = np.array([0.0, 1e-2, 0.0, 1e-2])  # shape of white noise alone: rms over white and tau of both parts
-_SIDE, _NEAR, _ALIKE = 0.6, 2e-2, 5e-2  # of a search's simplex: first side, last size, last spread of ln L
-_EVALUATIONS = 60  # of a search, for each part
+_NOTHING = np.array([0.0, 1e-2, 0.0, 1e-2])  # shape of white noise alone: (rms over white, tau in s) of both parts
+_SIDE, _NEAR, _ALIKE = 0.6, 2e-2, 5e-2  # simplex of a search: initial side, final size, final spread of ln L
+_EVALUATIONS = 60  # largest number in a search, per wandering part
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _gains(valid, white, parts, gain, scale):  # type: ignore[no-untyped-def]
     """Write the Kalman gains, shape (n, 2), and 1/std of the innovations, shape (n,); about 15 ns per sample.
 
-    ``parts`` are step variance, memory of a step and variance of the one wandering part, then of the other.
+    ``parts`` are (step variance, memory of a step, variance) of the first wandering part, then of the second.
     """
     q0, phi0, p0, q1, phi1, p1 = parts
     a, b, c = p0, 0.0, p1
@@ -54,7 +54,7 @@ def _gains(valid, white, parts, gain, scale):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _innovations(columns, gain, scale, phi0, phi1, out):  # type: ignore[no-untyped-def]
-    """Write the innovations of every column over their std; about 5 ns per value."""
+    """Write the innovations of every column, divided by their std; about 5 ns per value."""
     n, width = columns.shape
     state = np.zeros((2, width))
     row = 0
@@ -75,9 +75,10 @@ def _innovations(columns, gain, scale, phi0, phi1, out):  # type: ignore[no-unty
 
 @dataclass(frozen=True, slots=True)
 class Floor:
-    """White noise ``white_m`` per sample, two wandering parts of ``rms_m`` with correlation times ``tau_s``, a frame.
+    """A noise model: white noise, two wandering parts and, on a moving frame, the strengths of its motion.
 
-    ``site``, on a moving frame, holds for each band ln of its power over the power read from flights.
+    ``white_m`` is the white std per sample; ``rms_m`` and ``tau_s`` are the rms and correlation times of the wandering
+    parts.  ``site`` holds, per band, ln of the frame's power over the power read from flights; () without frame motion.
     """
 
     white_m: float
@@ -88,22 +89,22 @@ class Floor:
 
     @property
     def std_m(self) -> float:
-        """Get the standard deviation of one sample in m, all parts but the frame's motion together."""
+        """Get the standard deviation of one sample in m: all parts together except the frame's motion."""
         return math.sqrt(self.white_m**2 + self.rms_m[0] ** 2 + self.rms_m[1] ** 2)
 
     @property
     def wander(self) -> tuple[tuple[float, float], ...]:
-        """Get rms in m and memory in s of each part that wanders."""
+        """Get (rms in m, correlation time in s) of each wandering part."""
         return tuple((rms, tau) for rms, tau in zip(self.rms_m, self.tau_s, strict=True) if rms > 0.0)
 
     @property
     def coloured(self) -> bool:
-        """Get whether there is more than white noise: a path that wanders, or a frame that moves."""
+        """Get whether the noise has more than a white part: optical-path wander or frame motion."""
         return self.rms_m[0] > 0 or bool(self.site)
 
     @property
     def without_site(self) -> "Floor":
-        """Get the noise without the frame's motion."""
+        """Get the noise without frame motion."""
         return replace(self, site=()) if self.site else self
 
     @property
@@ -118,9 +119,9 @@ class Floor:
         return (self.white_m**2, *steps_of(one, memory_s, two, other_s, self.spacing_s))
 
     def whiten(self, columns: Floats, valid: Mask, weight: float = 1.0) -> Floats:
-        """Return ``columns``, shape (n, k), whitened: noise like this becomes unit white noise; shape (m, k).
+        """Return ``columns``, shape (n, k), whitened so that this noise becomes unit white noise; shape (m, k).
 
-        One row for each of the m valid samples; the filter starts from the stationary variance, so no sample is lost.
+        The result has one row per valid sample.  The filter starts from the stationary variance, so no sample is lost.
         ``weight`` is the shot's white noise over that of this noise.
         """
         gain, scale = self._filter(valid, weight)
@@ -129,7 +130,7 @@ class Floor:
         return out
 
     def log_variances(self, valid: Mask, weight: float = 1.0) -> float:
-        """Return the sum of the logarithms of the innovations' variances, in m^2: ln det of the covariance."""
+        """Return ln det of the covariance: the sum of the logarithms of the innovations' variances in m^2."""
         _, scale = self._filter(valid, weight)
         return float(-2.0 * np.log(scale[valid]).sum())
 
@@ -156,9 +157,8 @@ def learn(
 ) -> tuple[Floor, float]:
     """Return the most likely noise of ``series`` (in m, one for each shot) and its log-likelihood.
 
-    Up to ``parts`` wandering parts are added, each only where it lowers the Bayesian information criterion.
-    ``weights`` are the shots' white noises relative to each other; the search begins near ``start``.  About 1-5 ms for
-    three shots.
+    Up to ``parts`` wandering parts are added, each only if it lowers the Bayesian information criterion.  ``weights``
+    are the shots' relative white noises.  The search begins near ``start``.  Cost: 1-5 ms for three shots.
     """
     values = [np.where(v, s, 0.0) for s, v in zip(series, valid, strict=True)]
     all_of = _series(values, valid, weights, spacing_s)
@@ -184,13 +184,13 @@ def learn(
 
 
 def white_by_differences(series: Sequence[Floats], valid: Sequence[Mask]) -> float:
-    """Return the white noise of a sample by third differences, in the units of ``series``; 0 where they are too few."""
+    """Return the white noise of a sample from third differences, in the units of ``series``; 0 if these are too few."""
     quick = np.concatenate([np.diff(s, 3)[v[3:] & v[:-3]] for s, v in zip(series, valid, strict=True)])
     return white_noise(quick)
 
 
 def _roughness(series: Sequence[Floats], valid: Sequence[Mask]) -> float:
-    """Return the std of the values over that of their white part (from third differences)."""
+    """Return the rms of the values over the std of their white part (from third differences)."""
     white = white_by_differences(series, valid)
     spread = math.sqrt(float(np.mean(np.concatenate([s[v] ** 2 for s, v in zip(series, valid, strict=True)]))))
     return spread / white if white > 0 else 1e3
@@ -199,7 +199,7 @@ def _roughness(series: Sequence[Floats], valid: Sequence[Mask]) -> float:
 def _series(
     series: Sequence[Floats], valid: Sequence[Mask], weights: Sequence[float] | None, spacing_s: float
 ) -> Series:
-    """Return the series in the form that the likelihood takes, zero where not valid; arguments as ``learn``'s."""
+    """Return the series as the likelihood kernels take it; arguments as for ``learn``, values zero where not valid."""
     held = np.concatenate(valid)
     spread = np.ones(len(series)) if weights is None else np.asarray(weights, dtype=np.float64)
     first = np.concatenate([[0], np.cumsum([s.size for s in series])]).astype(np.int64)
@@ -207,7 +207,7 @@ def _series(
 
 
 def _floor_of(series: Series, shape: Floats) -> tuple[Floor, float]:
-    """Return the noise whose parts have ``shape``, shape (4,), scaled by maximum likelihood, and ln L."""
+    """Return the noise with parts of this ``shape``, shape (4,), scaled by maximum likelihood, and ln L."""
     value, white = likelihood(series, shape)
     one, first, two, second = (float(part) for part in shape)
     return Floor(white, (one * white, two * white), (first, second), series.spacing_s), value

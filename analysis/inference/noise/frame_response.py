@@ -1,8 +1,8 @@
 """The contribution of a moving frame to the displacement of a shot.
 
-Optics and plate stand on the frame; the block floats free of it.  In flight the displacement contains the whole motion
-of the frame with opposite sign; in contact the plate's clamp carries plate and block along.  Position and velocity of
-the frame at the touch are left out: they only shift the shot and change its speed.
+Optics and plate are fixed to the frame; the block floats free of it.  In flight the displacement contains the whole
+frame motion with opposite sign.  In contact the plate's clamp drives plate and block.  Position and velocity of the
+frame at the touch are left out: they only shift the shot and change its speed.
 """
 
 from dataclasses import replace
@@ -14,12 +14,12 @@ from analysis.inference.fit.optics import change_shown
 from analysis.inference.fit.response import ShotModel
 from analysis.shot import Shaking
 
-PLATE_QUALITY = 300.0  # at most, of a metal plate oscillating in air
-STILL = (1e-15, 1e-12)  # m, m/s: std of a plate that nothing moves
+PLATE_QUALITY = 300.0  # upper limit of the quality factor of a metal plate oscillating in air
+STILL = (1e-15, 1e-12)  # m, m/s: std of a plate at rest
 
 
 def plate_swing_std(shaking: Shaking, collision: Collision) -> tuple[float, float]:
-    """Return the std of the plate's displacement (m) and velocity (m/s) against the frame before it is touched."""
+    """Return the stds of the plate's displacement (m) and velocity (m/s) relative to the frame before the touch."""
     own = float(np.sqrt(collision.plate_stiffness_n_per_m / collision.plate_mass_kg))
     omega = 2 * np.pi * shaking.frequency_hz
     answer = omega**2 / np.hypot(own**2 - omega**2, own * omega / PLATE_QUALITY)
@@ -30,19 +30,19 @@ def plate_swing_std(shaking: Shaking, collision: Collision) -> tuple[float, floa
     driven = float(np.sum((shaking.power_m2 * answer**2)[beside]))
     resonant = 0.25 * own * PLATE_QUALITY * shaking.density_m2_per_hz(own / (2 * np.pi))
     std = float(np.sqrt(driven + resonant))
-    # not zero, so that a plate's start can be weighed against that of a plate at rest
+    # not zero, since likely plate states are divided by this std
     return max(std, STILL[0]), max(own * std, STILL[1])
 
 
 def responses(shot: ShotModel, omega: Floats) -> tuple[Floats, Floats]:
-    """Return what a moving frame adds to a shot's averaged samples, shape (n, 2 f), as ``moved_by_frame`` does.
+    """Return the response of a shot's averaged samples to frame motion at ``omega``, (n, 2 f), as ``moved_by_frame``.
 
-    The second value, shape (2 f,), is the velocity that it adds to the block in space after the last release.  The
-    frame moves slowly: the mean over a block of samples is the value at its centre, to a millionth.  Infeasible where
-    there is no such collision.  Cost: some 3 ms.
+    The second value, shape (2 f,), is the frame's contribution to the block's velocity in space after the last release.
+    The frame moves slowly: the mean over a block of samples equals the value at its centre to a millionth.  Raises
+    Infeasible if the parameters give no collision.  Cost: about 3 ms.
     """
     path = shot.path(1)
     moved, after = moved_by_frame(path, shot.collision, omega, shot.samples.centre_s.size)
-    # a ripple of the light, finer than averaged samples, is added along the path that was measured, frame and all
+    # interferometer ripple, finer than averaged samples, is left out: the fit adds it along the measured path
     lagging = {effect: given for effect, given in shot.values.items() if effect.sensor is None or effect.remembers}
     return change_shown(replace(shot, values=lagging), path, moved), after

@@ -1,4 +1,4 @@
-"""The likelihood of white noise with parts that wander, and where it is largest (njit)."""
+"""Maximise the likelihood of white noise plus wandering (Ornstein-Uhlenbeck) parts (njit)."""
 
 import math
 from typing import NamedTuple
@@ -11,13 +11,13 @@ from analysis.shot import Floats
 
 Mask = NDArray[np.bool_]
 SHORTEST_TAU_S, LONGEST_TAU_S = 3e-4, 1.0
-_LEAST_RATIO, _MOST_RATIO, _MOST_SHARE = -12.0, 14.0, 40.0  # of the coordinates of a search
+_LEAST_RATIO, _MOST_RATIO, _MOST_SHARE = -12.0, 14.0, 40.0  # limits of the search coordinates
 
 
 class Series(NamedTuple):
-    """What floors are weighed on: the values of all shots one after another, shot j from ``first[j]``.
+    """The residuals on which noise models are compared: all shots concatenated, shot j starting at ``first[j]``.
 
-    ``white`` are the shots' white variances relative to each other, ``samples`` is the number of valid values.
+    ``white`` are the shots' relative white variances; ``samples`` is the number of valid values.
     """
 
     values: Floats
@@ -41,8 +41,8 @@ def steps_of(one, memory_s, two, other_s, spacing_s):  # type: ignore[no-untyped
 def _normalised(series, kalman):  # type: ignore[no-untyped-def]
     """Return (sum of squared innovations over their variances, sum of log variances) of all shots.
 
-    ``kalman`` is what ``steps_of`` returns, for rms in units of the white noise.  About 10 ns a sample; once the
-    variances stand still they are not computed again.
+    ``kalman`` is the result of ``steps_of`` for rms in units of the white noise.  Variances are no longer updated once
+    they are stationary.  About 10 ns per sample.
     """
     q0, phi0, p0, q1, phi1, p1 = kalman
     values, valid, first, white = series.values, series.valid, series.first, series.white
@@ -58,7 +58,7 @@ def _normalised(series, kalman):  # type: ignore[no-untyped-def]
                 if not steady:
                     a, b, c = phi0 * phi0 * a + q0, phi0 * phi1 * b, phi1 * phi1 * c + q1
             if not valid[i]:
-                if steady:  # the filter forgets across a gap
+                if steady:  # the state's variance grows across a gap
                     a, b, c = phi0 * phi0 * a + q0, phi0 * phi1 * b, phi1 * phi1 * c + q1
                 steady = False
                 continue
@@ -78,9 +78,9 @@ def _normalised(series, kalman):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def likelihood(series, shape):  # type: ignore[no-untyped-def]
-    """Return the log-likelihood of parts of ``shape``, (rms over white, tau in s) of both, and the white rms.
+    """Return the log-likelihood of parts of ``shape``, (rms over white, tau in s) of both, and the likeliest white rms.
 
-    The white rms is the likeliest; it follows in closed form from the normalised innovations.
+    The white rms follows in closed form from the normalised innovations.
     """
     square, logs = _normalised(series, steps_of(shape[0], shape[1], shape[2], shape[3], series.spacing_s))
     variance = max(square / series.samples, 1e-40)
@@ -90,7 +90,7 @@ def likelihood(series, shape):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def shape_at(z):  # type: ignore[no-untyped-def]
-    """Return the shape of the one or two parts that coordinates of a search, shape (2,) or (4,), stand for."""
+    """Return the shape (rms over white, tau in s of two parts) at search coordinates ``z``, shape (2,) or (4,)."""
     span = math.log(LONGEST_TAU_S / SHORTEST_TAU_S)
     shape = np.array([0.0, 1e-2, 0.0, 1e-2])
     for j in range(z.size // 2):
@@ -102,10 +102,10 @@ def shape_at(z):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def likeliest(series, start, side, most, near, alike):  # type: ignore[no-untyped-def]
-    """Return the coordinates of ``shape_at`` of the likeliest parts near ``start``, shape (2,) or (4,).
+    """Return the search coordinates (``shape_at``) of the likeliest parts near ``start``, shape (2,) or (4,).
 
-    By a simplex (Nelder and Mead, Computer J. 7 (1965) 308) of ``side``, in at most ``most`` evaluations, until its
-    corners lie within ``near`` of the best and their log-likelihoods within ``alike``.
+    Searched by a simplex (Nelder and Mead, Computer J. 7 (1965) 308) of ``side``, in at most ``most`` evaluations,
+    until its corners lie within ``near`` of the best and their log-likelihoods within ``alike``.
     """
     n = start.size
     corners, values = np.empty((n + 1, n)), np.empty(n + 1)

@@ -1,8 +1,8 @@
 """Test whether the flights have accelerations that no law common to all shots can explain.
 
-A camera sees metres of track where an interferometer sees millimetres of bearing: each shot uses another stretch of
-it, and its flights bend as that stretch does.  Drag, friction, tilt and gradient are laws common to all shots; what
-remains of the flights' accelerations besides them belongs to each shot alone.
+A camera sees metres of track; an interferometer sees millimetres of bearing.  Before a camera each shot uses another
+stretch of track, and its flights are curved by that stretch.  Drag, friction, tilt and gradient are common to all
+shots.  The remaining accelerations are per shot.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,16 +18,16 @@ from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import learn, white_floor
 from analysis.shot import Floats
 
-_FEWEST_SHOTS = 3  # two shots have no more flights than there are laws that could bend them
-_MARGIN = 0.15  # of a contact time, after the release
-_SHORTEST = 30  # samples of a flight
-_TURNS = 3  # of fitting and learning the noise
-_ONE_WAY = np.array([False, True, True, True, False])  # of the laws: friction and drags only brake
+_FEWEST_SHOTS = 3  # two shots have at most four flights, fewer than the five common laws
+_MARGIN = 0.15  # contact times after the release at which the outgoing flight begins
+_SHORTEST = 30  # fewest samples of a flight
+_TURNS = 3  # iterations of fitting and noise estimation
+_ONE_WAY = np.array([False, True, True, True, False])  # laws of one sign: friction and drags only brake
 
 
 @dataclass(frozen=True, slots=True)
 class _Flight:
-    """One flight: its n samples, and the acceleration that each common law gives it."""
+    """One flight: its n samples, and its acceleration by each common law."""
 
     valid: NDArray[np.bool_]
     displacement_m: Floats
@@ -37,10 +37,10 @@ class _Flight:
 
 
 def own_flights(shots: Sequence[Samples], chance: float) -> tuple[Effect, ...]:
-    """Return the effects that each shot may have for itself in any fit: none, or bends of its flights.
+    """Return the nuisance effects fitted per shot: none, or an acceleration of each flight.
 
-    The bends count where laws common to all shots would leave them with a probability below ``chance``.
-    For records without optics only.  Cost: some 0.1 s.
+    The accelerations are needed if the laws common to all shots fit the flights with a probability below ``chance``.
+    Only records without optics are tested.  Cost: about 0.1 s.
     """
     if len(shots) < _FEWEST_SHOTS or any(shot.wavelength_m is not None for shot in shots):
         return ()
@@ -79,10 +79,10 @@ def _flights(shot: Samples) -> Iterator[_Flight]:
 def _log_likelihood(
     flights: Sequence[_Flight], bends: Floats, one_way: NDArray[np.bool_], spacing_s: float
 ) -> tuple[float, int]:
-    """Return the log-likelihood of all flights, lines with accelerations, and how many acceleration parameters act.
+    """Return the log-likelihood of all flights, fitted as accelerated lines, and the number of active accelerations.
 
-    The accelerations are ``bends``, shape (flights, k), times k parameters, those of ``one_way`` not negative; the
-    noise is learnt from the residual.
+    The accelerations are ``bends``, shape (flights, k), times k parameters; those of ``one_way`` are not negative.  A
+    parameter at its bound of zero is not active.  The noise is estimated from the residual.
     """
     count = len(flights)
     series = [f.displacement_m for f in flights]

@@ -1,4 +1,4 @@
-"""The motion of the frame under a set of shots: one spectrum for all, as sines in bands of one strength each."""
+"""The motion of the frame during a set of shots: one common spectrum, as sines in bands of one strength each."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 from analysis.collision import Acts, Effect
 from analysis.shot import Floats, Shaking
 
-BELOW_HZ = 1000.0  # faster motion of the frame is part of the noise of the beat
-_APART = 0.45  # spacing, times one over a shot's length, of the sines that stand for random motion
-_SAME_LINE = 0.3  # the same unit: lines of different shots closer than that are one line
+BELOW_HZ = 1000.0  # frame motion at higher frequencies is part of the beat's noise
+_APART = 0.45  # spacing of the sines that represent random motion, in units of one over a shot's length
+_SAME_LINE = 0.3  # the same unit: lines of different shots closer than this are one line
 _IN_AN_OCTAVE = 3  # bands
-_WANDER = 3.0  # times the least density in the fastest octave, both times f^2: below, the optical path wanders
+_WANDER = 3.0  # density times f^2, over its least value in the fastest octave, up to which motion is path wander
 
 
 @dataclass(frozen=True)
 class Site:
-    """The frame's motion, pooled over the shots: sines (``shaking``) and the band of each, shape (f,).
+    """The frame's motion, pooled over the shots: sines (``shaking``) and the band index of each, shape (f,).
 
     The first ``random_bands`` are third-octaves of random motion, slowest first; each further band is one line.
     """
@@ -29,22 +29,22 @@ class Site:
 
     @property
     def bands(self) -> int:
-        """Get the number of bands, each with a strength."""
+        """Get the number of bands; each has one strength."""
         return int(self.band.max(initial=-1)) + 1
 
 
 def resembles_frame_motion(row: Effect) -> bool:
-    """Return whether a moving frame has the same effect: a sine all along the shot, or a plate that swings at first."""
+    """Return whether an effect looks like frame motion: a sine throughout the shot, or a plate moving at the touch."""
     return row.wave is not None or row.acts is Acts.AT_START
 
 
 def site_of(
     shakings: Sequence[Shaking | None], length_s: float, least_nm: float, *, whole: bool = False
 ) -> Site | None:
-    """Return the frame's motion shown by shots of ``length_s``; None where random motion is below ``least_nm`` rms.
+    """Return the frame's motion during shots of ``length_s``; None if its random part is below ``least_nm`` rms.
 
-    The random spectrum is the mean over the shots; lines at one frequency in several shots are one line.  With
-    ``whole`` all motion counts as the frame's, otherwise only up to where it falls to what an optical path may wander.
+    The random spectrum is the mean over the shots.  Lines at one frequency in several shots are one line.  With
+    ``whole`` all motion counts as the frame's, else only frequencies at which it exceeds possible path wander.
     """
     known = [shaking.below(BELOW_HZ) for shaking in shakings if shaking is not None]
     if not known:
@@ -56,7 +56,7 @@ def site_of(
     power = np.asarray(density * apart_hz)
     quick = frequency.size if whole else _of_the_frame(frequency, power)
     frequency, power = frequency[:quick], power[:quick]
-    if quick < 2 or 1e9 * float(np.sqrt(power.sum())) < least_nm:  # only the optical path wanders
+    if quick < 2 or 1e9 * float(np.sqrt(power.sum())) < least_nm:  # optical-path wander only
         return None
     third = np.floor(_IN_AN_OCTAVE * np.log2(np.maximum(frequency / frequency[1], 1.0)))
     band = np.unique(third, return_inverse=True)[1]
@@ -72,10 +72,10 @@ def site_of(
 
 
 def _of_the_frame(frequency_hz: Floats, power: Floats) -> int:
-    """Return how many of the sines, slowest first, are motion of the frame.
+    """Return how many of the sines, slowest first, are frame motion.
 
-    The motion of a building falls steeply with frequency; the density of a wandering optical path falls only with f^2.
-    Where the spectrum is no higher than the latter, the motion is not the frame's.
+    The motion of a building falls steeply with frequency; the density of optical-path wander falls only with f^2.
+    Where the spectrum has fallen to the level of path wander, the motion is not the frame's.
     """
     level = power * frequency_hz**2
     above = np.flatnonzero(level > _WANDER * level[frequency_hz >= 0.5 * frequency_hz[-1]].min())

@@ -1,10 +1,10 @@
-"""Maximum-likelihood strengths of white noise, wandering parts and each band of the frame's motion.
+"""Estimate white noise, wandering parts and the strength of each band of frame motion by maximum likelihood.
 
-One covariance holds them all.  A Kalman filter whitens white noise and wandering parts; along a shot's directions the
-whitened covariance is then one plus each band's share, and one elsewhere.  The logarithms of the bands' strengths have
-a normal prior: neighbouring bands differ little from what the flights show, their common level is free, and a line
-is about as strong as it was read.  For a given shape of the wandering parts, strengths and white noise follow by
-Fisher scoring over all shots; the shape is found by parabolas around that.
+One covariance contains all three.  A Kalman filter whitens white noise and wandering parts.  Along a shot's
+directions of frame motion the whitened covariance is then one plus each band's contribution; elsewhere it is one.  The
+log strengths have a normal prior about the values read from the flights: neighbouring bands are strongly correlated,
+their common level is nearly free, and each line is near the strength read.  For a given shape of the wandering parts,
+strengths and white noise follow by Fisher scoring over all shots.  The shape is found by parabolic line searches.
 """
 
 import math
@@ -32,16 +32,16 @@ from analysis.shot import Floats
 _NEIGHBOURS = 1.0  # prior std of the difference of log strengths of neighbouring bands
 _LEVEL = 6.0  # prior std of each band's log strength
 _LINE = 2.0  # prior std of a line's log strength
-_ADDS = 2.0, 0.2  # start of a shape search: what a sample adds over white, of the first part and of the second;
-_TAU_S = (4e-3,), (5e-4, 5e-2)  # correlation times tried for each;
-_SIDES, _CLOSER = (0.4, 0.7), (0.15, 0.3)  # of a turn's parabolas, and the same from a neighbour
-_FARTHEST, _ALIKE, _TURNS = 3.0, 0.3, 3  # sides of a turn at most; gain of ln L at which it is the last; turns
-_PAIRS = 16  # of points that sample the distribution of likely strengths
+_ADDS = 2.0, 0.2  # initial rms step per sample over white noise in a shape search, of the first and second part
+_TAU_S = (4e-3,), (5e-4, 5e-2)  # initial correlation times in s tried for each part
+_SIDES, _CLOSER = (0.4, 0.7), (0.15, 0.3)  # half-widths of the parabolas, and the same from a nearby known shape
+_FARTHEST, _ALIKE, _TURNS = 3.0, 0.3, 3  # longest move in half-widths; gain of ln L that ends the search; iterations
+_PAIRS = 16  # pairs of points that sample the distribution of likely strengths
 
 
 @dataclass(frozen=True, slots=True)
 class _LikeliestStrengths:
-    """The likeliest strengths for a shape of the wandering parts (in units of the white noise)."""
+    """The likeliest strengths for one shape of the wandering parts (in units of the white noise), and their ln L."""
 
     shape: Floor
     at: Floats  # ln white^2, then the strengths
@@ -49,7 +49,7 @@ class _LikeliestStrengths:
 
     @property
     def floor(self) -> Floor:
-        """Get the noise."""
+        """Get the noise with these strengths."""
         white_m = math.exp(0.5 * self.at[0])
         one, two = self.shape.rms_m
         strengths = tuple(float(a) for a in self.at[1:])
@@ -58,7 +58,7 @@ class _LikeliestStrengths:
 
 @dataclass(frozen=True, slots=True)
 class _ShotSet:
-    """Residuals of shots on a moving frame in m, shape (n,) for each, and ``tangents``: derivatives by parameters."""
+    """Residuals of shots on a moving frame, in m, shape (n,) each; ``tangents`` are the derivatives by parameters."""
 
     series: Sequence[Floats]
     tangents: Arrow
@@ -76,7 +76,7 @@ class _ShotSet:
         return RestrictedLikelihood(side_by_side(of_shot, range(len(self.shots))), _prior(self.site))
 
     def found(self, shape: Floor, start: Floats | None) -> _LikeliestStrengths:
-        """Return the likeliest strengths for this shape, searched from ``start``; some 20 ms for three shots."""
+        """Return the likeliest strengths for this shape, searched from ``start``; about 20 ms for three shots."""
         likelihood = self.under(shape)
         if start is None:
             start = np.zeros(1 + self.site.bands)
@@ -87,10 +87,10 @@ class _ShotSet:
         return _LikeliestStrengths(shape, best.at, best.value)
 
     def nearby(self, begin: _LikeliestStrengths, parts: int, sides: tuple[float, float]) -> _LikeliestStrengths:
-        """Return the likeliest shape with so many wandering parts and its strengths, near where it ``begin``s.
+        """Return the likeliest shape with ``parts`` wandering parts, and its strengths, searched from ``begin``.
 
-        Each coordinate goes to the vertex of the parabola through the likelihood here and ``sides`` away (of what a
-        sample adds, and of ln tau), until that gains next to nothing.  Cost: 4 likelihoods a part and turn.
+        Each coordinate moves to the vertex of a parabola through ln L here and ``sides`` away (in ln of the step per
+        sample and in ln tau), until the gain is below _ALIKE.  Cost: 4 likelihood maxima per part and iteration.
         """
         best, side, spacing_s = begin, np.tile(sides, parts), begin.shape.spacing_s
 
@@ -113,7 +113,7 @@ class _ShotSet:
 
 
 def _vertex(before: float, here: float, after: float) -> tuple[float, float]:
-    """Return where the parabola through values at -1, 0 and 1 is greatest, _FARTHEST away at most, and its gain."""
+    """Return the maximum of the parabola through values at -1, 0 and 1, within +-_FARTHEST, and the gain there."""
     slope, bend = 0.5 * (after - before), 2.0 * here - after - before
     place = slope / bend if bend > 0.0 else math.copysign(_FARTHEST, slope)
     place = min(max(place, -_FARTHEST), _FARTHEST)
@@ -125,9 +125,9 @@ def learn(
 ) -> tuple[Floor, float]:
     """Return the likeliest noise of residuals ``series`` (m, one for each shot) on a moving frame, and ln L.
 
-    White noise, up to ``parts`` wandering parts, each where it lowers the Bayesian information criterion, and the
-    frame. With ``parts`` zero the wandering ones keep the shape they have in ``start``.  Cost: some 10 ms for three
-    shots, half a second for each part.
+    The noise is white noise, frame motion and up to ``parts`` wandering parts, each added only if it lowers the
+    Bayesian information criterion.  With ``parts`` zero the wandering parts keep their shape in ``start``.  Cost: about
+    10 ms for three shots, half a second for each part.
     """
     no_parameters = Arrow.of([np.empty((values.size, 0)) for values in series], 0)
     left = _ShotSet(series, no_parameters, shots, site)
@@ -145,7 +145,7 @@ def learn(
         else:
             begins = [left.found(_with_a_part(best.shape, number, tau_s), best.at) for tau_s in _TAU_S[number - 1]]
             begin = max(begins, key=lambda found: found.value)
-            if number > 1 and begin.value < best.value:  # a second part does not help even roughly
+            if number > 1 and begin.value < best.value:  # a second part does not help even at its rough start
                 break
             trial = left.nearby(begin, number, _SIDES)
         samples = sum(int(shot.valid.sum()) for shot in shots)
@@ -157,7 +157,7 @@ def learn(
 
 @dataclass(frozen=True, slots=True)
 class Likely:
-    """The likeliest ``noise``, and the parameters' covariance under all likely strengths, shape (q, q)."""
+    """The likeliest ``noise``, and the parameter covariance averaged over all likely strengths, shape (q, q)."""
 
     noise: Floor
     covariance: Floats
@@ -166,14 +166,14 @@ class Likely:
 def over_likely(
     series: Sequence[Floats], tangents: Arrow, shots: Sequence[Samples], site: Site, start: Floor
 ) -> Likely:
-    """Return the strengths of greatest restricted likelihood, and the parameters' covariance over all likely ones.
+    """Return the strengths of greatest restricted likelihood, and the parameter covariance over all likely strengths.
 
-    ``series`` are a fit's residuals, ``tangents`` the derivatives of the displacement by its q parameters; wandering
-    parts keep the shape they have in ``start``.  A residual holds less of every slow band than there was, since the
-    parameters absorb some: the restricted likelihood (Patterson & Thompson, Biometrika 58, 1971) allows for that.  The
-    covariance is that of the mixture over likely strengths: the mean of the covariances plus the covariance of the
-    values (law of total variance).  Cost: some 30 ms per shot.  Raises LinAlgError where the parameters are not
-    determined.
+    ``series`` are a fit's residuals; ``tangents`` are the derivatives of the displacement by its q parameters.  The
+    wandering parts keep their shape in ``start``.  The fitted parameters absorb part of every slow band, so the
+    residual contains less of it than the shot did.  The restricted likelihood (Patterson & Thompson, Biometrika 58,
+    1971) corrects for this.  The covariance is that of the mixture over likely strengths: the mean of the covariances
+    plus the covariance of the values (law of total variance).  Cost: about 30 ms per shot.  Raises LinAlgError if the
+    parameters are not determined.
     """
     left, shape = _ShotSet(series, tangents, shots, site), _shape_of(start)
     likelihood = left.under(shape)
@@ -187,7 +187,7 @@ def over_likely(
 
 
 def _with_a_part(shape: Floor, number: int, tau_s: float) -> Floor:
-    """Return the shape with one more wandering part (the ``number``-th), as the start of a search for it."""
+    """Return the shape with a ``number``-th wandering part added, as the start of a search for that part."""
     rms = _ADDS[number - 1] / math.sqrt(2.0 * shape.spacing_s / tau_s)
     first = (rms, tau_s) if number == 1 else (shape.rms_m[0], shape.tau_s[0])
     second = (0.0, 1e-2) if number == 1 else (rms, tau_s)
@@ -195,15 +195,15 @@ def _with_a_part(shape: Floor, number: int, tau_s: float) -> Floor:
 
 
 def _shape_of(floor: Floor, parts: int = 2) -> Floor:
-    """Return white and wandering parts in units of the white noise; only the first of them if ``parts`` is one."""
+    """Return white noise and wandering parts in units of the white noise; only the first part if ``parts`` is one."""
     one, two = (rms / floor.white_m for rms in floor.rms_m)
     return Floor(1.0, (one, two if parts > 1 else 0.0), floor.tau_s, floor.spacing_s)
 
 
 def _coordinates(shape: Floor, parts: int) -> Floats:
-    """Return the start of a shape search: for each part ln of what a sample adds to it over white, and ln tau.
+    """Return the coordinates of a shape search: for each part ln of its rms step per sample over white, and ln tau.
 
-    Data determine what a sample adds well, even where rms and correlation time are not.
+    Data determine the step per sample well even if rms and correlation time are poorly determined.
     """
     z = []
     for rms, tau_s in zip(shape.rms_m[:parts], shape.tau_s[:parts], strict=True):
@@ -220,9 +220,9 @@ def _shape_at(z: Floats, spacing_s: float) -> Floor:
 
 
 def _shot_under(shape: Floor, columns: Floats, places: Places, shot: Samples) -> ShotResidual:
-    """Return a shot's residual and derivatives by the parameters at ``places``, whitened by this noise.
+    """Return a shot's residual and its derivatives by the parameters at ``places``, whitened by a noise of this shape.
 
-    ``columns``, shape (n, 1 + q), are residual and derivatives.
+    ``columns``, shape (n, 1 + q), are the residual and the derivatives.
     """
     assert shot.sway is not None
     some = np.flatnonzero(np.abs(columns[:, 1:]).max(axis=0, initial=0.0) > 0.0)

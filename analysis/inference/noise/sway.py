@@ -1,11 +1,10 @@
-"""What a moving frame may have added to each shot, and displacements whitened of it.
+"""Frame motion as a covariance term of each shot, and whitening of displacements.
 
-A moving frame adds to the displacement, in flight and in contact, along directions that the base model gives
-(``frame_response.py``); so does a plate that the frame made swing before the touch.  The amplitudes are not fitted:
-they are normal numbers of known variance, integrated over wherever displacements are whitened.  Their variance is what
-the flights show of the frame, band by band (``site.py``), times a strength that is learnt anew from the residual of
-each hypothesis.  The optical path wanders in a building as elsewhere: the frame's motion is one term of the covariance,
-added to white noise and wandering parts.
+A moving frame changes the displacement in flight and in contact, along directions computed from the base model
+(``frame_response.py``).  A plate that the frame set swinging before the touch adds further directions.  The amplitudes
+along these directions are not fitted.  They are normal numbers of known variance, and whitening marginalises them.
+Their variance is the one read from the flights, band by band (``site.py``), times a strength that is re-estimated from
+the residual of each hypothesis.  The covariance is the sum of frame motion, white noise and optical-path wander.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,21 +29,21 @@ from analysis.reading import root_of
 from analysis.shot import Floats
 
 _NO_EFFECTS: Values = {}
-_REMEMBERED = 4  # results kept, by noise and by shape of the noise
-_NEARLY = 0.05  # greatest cosine between columns that pass for orthogonal
-_ROUNDING = 2e-15  # of the largest sum of squares: nine units of the last place
-_SEEN = 1e-3  # of the variance of white noise: directions with less are left out
+_REMEMBERED = 4  # cached results, by noise and by shape of the noise
+_NEARLY = 0.05  # largest cosine between columns that are treated as orthogonal
+_ROUNDING = 2e-15  # fraction of the largest sum of squares: nine units in the last place
+_SEEN = 1e-3  # fraction of the white-noise variance below which a direction is dropped
 _PLATE_START = ("displacement_m", "velocity_m_per_s")  # of the plate at first touch
-_OF_PLATE = slice(-len(_PLATE_START), None)  # of the unit normal numbers: the last stand for the plate's start
+_OF_PLATE = slice(-len(_PLATE_START), None)  # the last unit normal numbers, which set the plate's initial state
 
 
 @dataclass(frozen=True)
 class WhitenedDirections:
-    """A shot's directions of frame motion, whitened by a noise without the frame and of unit white noise.
+    """A shot's directions of frame motion, whitened by a noise without frame motion and with unit white variance.
 
     ``columns``, shape (n, r), times the inverse of ``root``, shape (r, r), upper triangular, are orthonormal.
-    ``factors``, shape (r, m), give the frame's m unit normal numbers along these (stored in the order of Fortran).
-    ``logs`` is ln det of the covariance that whitened.
+    ``factors``, shape (r, m), map the frame's m unit normal numbers to coordinates along them (Fortran order).
+    ``logs`` is ln det of the whitening covariance.
     """
 
     columns: Floats
@@ -59,14 +58,14 @@ class WhitenedDirections:
 
 @dataclass(frozen=True)
 class Sway:
-    """What the frame's motion may add to one shot, at its valid averaged samples.
+    """Frame motion as a covariance term of one shot, at its n valid averaged samples.
 
-    ``basis``, shape (n, r), are directions, orthonormal or nearly so; ``factors``, shape (r, m), give the contributions
-    in m of m independent unit normal numbers; ``band``, shape (m,), names the strength that scales each.  The last two
-    are the plate's displacement and velocity at first touch, in units of ``plate_std`` (m, m/s).  ``valid`` marks the
-    n averaged samples; ``weight`` is the shot's white noise over that of the set.  ``speed_powers``, shape (bands, 2),
-    are the variances of the difference between velocities relative to the frame and in space, at the touch and after
-    the release.
+    ``basis``, shape (n, r), holds orthonormal or nearly orthonormal directions.  ``factors``, shape (r, m), maps m
+    independent unit normal numbers to displacements in m along them.  ``band``, shape (m,), is the index of the
+    strength that scales each number.  The last two numbers are the plate's displacement and velocity at first touch, in
+    units of ``plate_std`` (m, m/s).  ``valid`` marks the n averaged samples.  ``weight`` is the shot's white noise over
+    that of the set.  ``speed_powers``, shape (bands, 2), are variances of the block's velocity relative to the frame
+    minus that in space, at the touch and after the release.
     """
 
     basis: Floats
@@ -79,25 +78,25 @@ class Sway:
     _known: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def speeds_m_per_s(self, noise: Floor) -> tuple[float, float]:
-        """Return the stds of velocities relative to the frame minus those in space, at touch and release."""
+        """Return the stds (m/s) of velocities relative to the frame minus those in space, at touch and release."""
         before, after = np.sqrt(np.exp(noise.site) @ self.speed_powers)
         return float(before), float(after)
 
     def whitened_directions(self, noise: Floor) -> WhitenedDirections:
-        """Return the directions whitened by the shape of ``noise`` without the frame, in units of its white noise.
+        """Return the directions whitened by the shape of ``noise`` without frame motion, in units of its white noise.
 
-        Cost: some r^2 n multiply-adds where a part wanders; the last few shapes are kept.
+        Cost: about r^2 n multiply-adds if the noise has a wandering part.  Results for the last few shapes are cached.
         """
         known: WhitenedDirections = self._cached("directions", shape_of(noise), self._whiten_directions)
         return known
 
     def scaled(self, noise: Floor) -> Floats:
-        """Return the unit normal numbers' contributions along the orthonormal whitened directions, shape (r, m)."""
+        """Return the factors of the unit normal numbers along the orthonormal whitened directions, shape (r, m)."""
         size = np.exp(0.5 * np.asarray(noise.site))[self.band] / noise.white_m
         return np.asarray(self.whitened_directions(noise).root @ (self.factors * size))
 
     def whiten(self, rows: Floats, noise: Floor) -> Floats:
-        """Return ``rows``, shape (n, k), already whitened by ``noise`` without the frame, whitened by the whole noise.
+        """Return ``rows``, shape (n, k), whitened by the whole noise, given rows whitened without frame motion.
 
         Cost: 2 n r multiply-adds per column.
         """
@@ -105,47 +104,47 @@ class Sway:
         return np.asarray(rows + columns @ (self.whitening_matrix(noise) @ (columns.T @ rows)))
 
     def whitening_matrix(self, noise: Floor) -> Floats:
-        """Return the matrix L, shape (r, r), with which columns @ L @ columns.T @ rows whitens the frame's motion.
+        """Return the matrix L, shape (r, r), such that rows + columns @ L @ columns.T @ rows is fully whitened.
 
-        It is added to rows whitened by the other noise; ``columns`` are those of ``whitened_directions``.
+        ``rows`` are already whitened without frame motion; ``columns`` are those of ``whitened_directions``.
         """
         known: Floats = self._cached("whitening", noise, self._whitening_matrix)
         return known
 
     def likely(self, left_m: Floats, noise: Floor) -> Floats:
-        """Return the frame's likeliest part of a residual, shape (all averaged samples,), at the valid samples."""
+        """Return the likeliest frame motion in m at the valid samples, given a residual at all averaged samples."""
         scaled = self.scaled(noise)
         numbers = scaled.T @ self._pull(scaled, self._along(left_m, noise))
         size = np.exp(0.5 * np.asarray(noise.site))[self.band]
         return np.asarray(self.basis @ (self.factors @ (size * numbers)))
 
     def likely_plate(self, left_m: Floats, noise: Floor) -> tuple[float, float]:
-        """Return the plate's likeliest state at first touch (m, m/s), from the residual with the plate at rest."""
+        """Return the plate's likeliest state at first touch (m, m/s), given the residual with the plate at rest."""
         scaled = self.scaled(noise)
         numbers = scaled[:, _OF_PLATE].T @ self._pull(scaled, self._along(left_m, noise))
         x, v = numbers * np.exp(0.5 * noise.site[self.band[-1]]) * np.asarray(self.plate_std)
         return float(x), float(v)
 
     def of_plate_m(self, plate: tuple[float, float]) -> Floats:
-        """Return the displacement due to this state of the plate at first touch (m, m/s), at all averaged samples."""
+        """Return the displacement in m caused by this plate state (m, m/s) at first touch, at all averaged samples."""
         out = np.zeros(self.valid.size)
         out[self.valid] = self._plate_columns @ np.divide(plate, self.plate_std)
         return out
 
     def apart_m(self, other: "Sway", noise: Floor) -> float:
-        """Return the largest std, of any sample, of what two responses to the same motion of the frame differ by."""
+        """Return the largest std in m over the samples of the difference to another response to the same motion."""
         size = np.exp(0.5 * np.asarray(noise.site))[self.band]
         apart = (self.basis @ self.factors - other.basis @ other.factors) * size
         return float(np.sqrt(np.max(np.sum(apart**2, axis=1))))
 
     @cached_property
     def shares(self) -> Floats:
-        """Get the variances that the bands give the unit normal numbers at strength one, shape (bands, m)."""
+        """Get the variance of each unit normal number by each band at strength one, shape (bands, m): 0 or 1."""
         return np.equal.outer(np.arange(int(self.band.max()) + 1), self.band).astype(np.float64)
 
     @cached_property
     def _plate_columns(self) -> Floats:
-        """Get the displacement due to each unit number of the plate's start, shape (n, 2)."""
+        """Get the displacement in m per unit number of the plate's initial state, shape (n, 2)."""
         return np.asarray(self.basis @ self.factors[:, _OF_PLATE])
 
     def _along(self, left_m: Floats, noise: Floor) -> Floats:
@@ -177,7 +176,7 @@ class Sway:
         return solve_triangle(triangle, half.T, lower=False).T
 
     def _cached(self, what: str, noise: Floor, make: Callable[[Floor], Any]) -> Any:
-        """Return ``make(noise)``; the last few results are kept."""
+        """Return ``make(noise)``; the last few results are cached."""
         lately = self._known.setdefault(what, {})
         known = lately.get(noise)
         if known is None:
@@ -189,15 +188,16 @@ class Sway:
 
 
 def shape_of(noise: Floor) -> Floor:
-    """Return a noise in units of its white part, without the frame, to twelve digits against rounding."""
+    """Return a noise in units of its white part, without frame motion, rounded to twelve digits for use as a key."""
     one, two = (float(f"{rms / noise.white_m:.12g}") for rms in noise.rms_m)
     return Floor(1.0, (one, two), noise.tau_s, noise.spacing_s)
 
 
 def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats, values: Values = _NO_EFFECTS) -> Sway:
-    """Return what the frame may have added to a shot, computed for the motion that these parameters give.
+    """Return the frame's covariance term of a shot, linearised about the motion at these parameters.
 
-    ``values`` are those of effects that act on it.  The plate begins at its known state, if it has one.  Cost: 0.02 s.
+    ``values`` are the parameters of effects that act on the shot.  The plate starts in its known state, if there is
+    one.  Cost: 0.02 s.
     """
     starting = named("plate_motion")
     model = ShotModel(shot, base, shared, own, {starting: dict.fromkeys(_PLATE_START, 0.0), **values})
@@ -224,15 +224,15 @@ def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats, v
 def _orthonormal(columns: Floats, least: float) -> tuple[Floats, Floats]:
     """Return a nearly orthonormal basis, shape (n, r), of columns, shape (n, m), and their factors along it, (r, m).
 
-    Columns are basis times factors but for a sum of squares of some ``least`` each, or what rounding hides of the
-    largest.  By the Cholesky factor of their products (Yamamoto et al., ETNA 44, 2015), with pivots, which choose the r
-    columns that tell most; where rounding leaves its basis far from orthonormal, by Householder's as well.  Cost:
+    Each column equals basis times factors up to a sum of squares of about ``least``, or of the rounding error of the
+    largest column.  The method is a pivoted Cholesky factorisation of the Gram matrix (Yamamoto et al., ETNA 44, 2015),
+    whose pivots select r columns.  If rounding leaves the basis far from orthonormal, a Householder QR follows.  Cost:
     (m^2 + 2 r^2) n / 2 multiply-adds.
     """
     products = columns.T @ columns
     hidden = _ROUNDING * float(np.max(np.diag(products)))
     triangle, order, rank, _ = dpstrf(products, tol=max(least, hidden))
-    rank = max(1, rank)  # the strongest even where nothing is felt: matrices without columns are not solved with
+    rank = max(1, rank)  # at least the strongest direction: the solvers do not accept matrices without columns
     factors = np.empty((rank, order.size))
     factors[:, order - 1] = np.triu(triangle)[:rank]
     basis = solve_triangle(triangle[:rank, :rank], columns.T[order[:rank] - 1], lower=False, transposed=True).T
@@ -244,7 +244,7 @@ def _orthonormal(columns: Floats, least: float) -> tuple[Floats, Floats]:
 
 
 def on_site(shots: Sequence[Samples], site: Site | None, base: Base, at: Point) -> tuple[Samples, ...]:
-    """Return the shots with what the frame may have added, computed for the motion at these parameters."""
+    """Return the shots with the frame's contribution, linearised about the motion at these parameters."""
     if site is None:
         return tuple(shots)
 

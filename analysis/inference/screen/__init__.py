@@ -1,1 +1,1 @@
-"""First-order scores: what a small addition to a fitted model would explain."""
+"""First-order scores: how much of a fit's residual each further effect would explain."""

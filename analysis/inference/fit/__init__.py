@@ -1,1 +1,1 @@
-"""Models fitted to one shot or to several at once."""
+"""Fit models to one shot or to several shots jointly."""

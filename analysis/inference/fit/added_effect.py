@@ -1,4 +1,4 @@
-"""Add effects to a fit: from their best-scored start values, or from the fit that found them alone."""
+"""Add effects to a fit, starting from their best-scored values or from the fit of each effect alone."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -14,19 +14,19 @@ from analysis.inference.fit.problem import COMPARABLE, Fitted, Linearised, Probl
 from analysis.inference.screen.screening import distinct_starts
 from analysis.shot import Cancelled, Floats, Stop
 
-_FOLLOWED = 3  # start values from which an effect is fitted
-_COMPARING, _FROM_NATURAL_SIZE, _ENDING = 7, 30, 16  # evaluations of a search that only compares, and of others
-_FAR_BEHIND = 300.0  # BIC behind the other fit at which a search that promises little more is stopped
-_START_SHARES = (1.0, 0.3, 0.1)  # of the start amplitude, tried in turn
-_COMPENSATING_STEPS = 4  # steps at most
-_LEAST_SINGULAR = 1e-4  # of the largest singular value: directions with less are not moved
-_NO_FIT = (Infeasible, np.linalg.LinAlgError, FloatingPointError)  # raised where a search finds no trajectory
+_FOLLOWED = 3  # number of start values from which an effect is fitted
+_COMPARING, _FROM_NATURAL_SIZE, _ENDING = 7, 30, 16  # evaluations: to compare fits, from natural size, to finish
+_FAR_BEHIND = 300.0  # BIC behind the compared fit at which a search near its end is stopped
+_START_SHARES = (1.0, 0.3, 0.1)  # fractions of the start amplitude, tried in turn
+_COMPENSATING_STEPS = 4  # largest number of steps
+_LEAST_SINGULAR = 1e-4  # fraction of the largest singular value below which a direction is not moved
+_NO_FIT = (Infeasible, np.linalg.LinAlgError, FloatingPointError)  # raised if a search finds no trajectory
 
 
 def joined(here: Fitted, kinds: Sequence[TrialEffect], stop: Stop) -> Fitted:
-    """Return a fit with effects of these kinds added, one after the other, the noise learnt at each step.
+    """Return a fit with these effects added one after the other, with the noise re-estimated at each step.
 
-    Each begins at the start values that explain most of the residual.  Raises Infeasible where an effect has no
+    Each search starts from the values that explain most of the residual.  Raises Infeasible if an effect has no
     trajectory from any start values.
     """
     for kind in kinds:
@@ -37,7 +37,7 @@ def joined(here: Fitted, kinds: Sequence[TrialEffect], stop: Stop) -> Fitted:
 def _with_one_more(here: Fitted, kind: TrialEffect, stop: Stop) -> Fitted:
     at = here.linearise()
     starts = [score.start for score in distinct_starts(at.scores(kind))[:_FOLLOWED]]
-    if here.noise.coloured:  # noise learnt from a residual may have taken up the effect
+    if here.noise.coloured:  # noise estimated from the residual may have absorbed the effect
         starts += [score.start for score in distinct_starts(at.under(here.unlearned_noise).scores(kind))[:1]]
     trials = [trial for start in starts if (trial := refit(at, kind, start, stop)) is not None]
     if not trials or min(trial.bic for trial in trials) > here.bic:
@@ -50,7 +50,7 @@ def _with_one_more(here: Fitted, kind: TrialEffect, stop: Stop) -> Fitted:
 
 
 def _from_natural_size(here: Fitted, kind: TrialEffect, start: Mapping[str, float], stop: Stop) -> Fitted | None:
-    """Return a fit from an effect's natural size, for where other parameters absorb it to first order; None if none."""
+    """Return a fit from the natural size of an effect that other parameters absorb to first order; None if none."""
     problem = here.problem.with_effect(kind, start)
     try:
         z = _vector_with(problem, here.effective, kind, [start] * len(problem.data.shots))
@@ -60,16 +60,16 @@ def _from_natural_size(here: Fitted, kind: TrialEffect, start: Mapping[str, floa
 
 
 def _vector_with(problem: Problem, effective: Point, kind: TrialEffect, start: Sequence[Mapping[str, float]]) -> Floats:
-    """Return the search vector of a point with one more effect at its start values, within the bounds."""
+    """Return the search vector, within the bounds, of a point with one more effect at its start values."""
     return np.clip(problem.pack_effective(effective.with_effect(kind.effect, start)), *problem.bounds)
 
 
 def refit(
     at: Linearised, kind: TrialEffect, start: Sequence[Mapping[str, float]], stop: Stop, *, least_bic: float = math.inf
 ) -> Fitted | None:
-    """Fit briefly with one more effect from its start values, one set for each shot; None where no trajectory exists.
+    """Fit briefly with one more effect from its start values, one set per shot; None if there is no trajectory.
 
-    ``least_bic`` is the criterion of the fit that it is compared with: a search far behind it is stopped early.
+    ``least_bic`` is the BIC of the fit to compare with: a search far behind it is stopped early.
     """
     problem = at.problem.with_effect(kind, start[0])
     if stop():
@@ -79,7 +79,7 @@ def refit(
         return problem.fitted(Minimum(z, square, False)).bic > least_bic + _FAR_BEHIND
 
     behind = hopeless if math.isfinite(least_bic) else None
-    for share in _START_SHARES:  # a linear step may lead to where there is no trajectory
+    for share in _START_SHARES:  # a full linear step may have no trajectory
         weaker = [kind.times(given, share) for given in start]
         try:
             z = _compensated(at, problem, _vector_with(problem, at.effective, kind, weaker))
@@ -90,9 +90,9 @@ def refit(
 
 
 def _compensated(at: Linearised, problem: Problem, z: Floats) -> Floats:
-    """Return ``z`` with the parameters fitted before moved to compensate for the new effect, by linear steps.
+    """Return ``z`` with the previously fitted parameters moved by linear steps to compensate for the new effect.
 
-    The effect's whole displacement may be a thousand times the part that the fitted parameters cannot compensate.
+    The effect's whole displacement may be a thousand times the part that these parameters cannot compensate.
     """
     before, places = at.problem, _places(problem)
     moving = np.array([*range(before.offset), *(places[parameter] for parameter in _places(before))])
@@ -117,7 +117,7 @@ def _compensated(at: Linearised, problem: Problem, z: Floats) -> Floats:
 def _compensation(tangents: Arrow) -> Callable[[Floats], Floats]:
     """Return the map from a whitened residual, shape (rows,), to the least-squares step of the parameters.
 
-    Directions that hardly change the displacement are not moved.
+    The step has no component in directions that hardly change the displacement.
     """
     gram = tangents.gram()
     scale = np.sqrt(np.diag(gram))
@@ -128,10 +128,10 @@ def _compensation(tangents: Arrow) -> Callable[[Floats], Floats]:
 
 
 def with_both_effects(here: Fitted, alone: Fitted, start: Fitted, stop: Stop) -> Fitted | None:
-    """Fit briefly with the effects of ``here`` and of ``alone``, both grown from ``start``; None where that fails.
+    """Fit briefly with the effects of ``here`` and of ``alone``, both fitted from ``start``; None if that fails.
 
-    The search begins with the base parameters moved by the sum of both fits' moves.  A start from a linear step would
-    fail where the first effect makes the displacement follow the steps of a fringe.
+    The search starts with the base parameters moved by the sum of both fits' moves.  A start from a linear step would
+    fail if the first effect makes the displacement follow the steps of a fringe.
     """
     first, other = here.problem, alone.problem
     new = tuple(kind for kind in other.effects if kind not in first.effects)

@@ -1,7 +1,7 @@
-"""Block-arrow matrices: columns for parameters shared by all shots, and columns that belong to one shot each.
+"""Block-arrow matrices: columns of parameters shared by all shots, and columns of each shot's own parameters.
 
-Shots are coupled through the shared parameters alone.  Stored and solved shot by shot, time and memory grow with the
-number of shots, not with its square.
+Only the shared parameters couple shots.  The matrices are stored and solved shot by shot, so time and memory grow with
+the number of shots, not with its square.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
     from analysis.inference.noise.floor import Floor
 
 Places = NDArray[np.intp]
-_DEPENDENT = 1e-9  # of a column's length: with less left after projection it depends linearly on the others
-_SPANNED = 1e-6  # the same after projection onto everything that is fitted
-_ROUNDING = 1e-12  # of the largest singular value
+_DEPENDENT = 1e-9  # relative length after projection below which a column depends linearly on the others
+_SPANNED = 1e-6  # the same after projection off all fitted parameters
+_ROUNDING = 1e-12  # fraction of the largest singular value treated as zero
 
 
 @dataclass(frozen=True, slots=True)
 class Arrow:
-    """``blocks``, shape (n, s + q) for each shot: the s ``shared`` columns in the same order for all, then its own q.
+    """A block-arrow matrix: ``blocks``, shape (n, s + q) per shot, hold the s ``shared`` columns, then its own q.
 
-    ``places``, shape (s + q,) for each shot, are the indices of these columns in a vector of ``size`` parameters.
+    ``places``, shape (s + q,) per shot, are the indices of these columns in a vector of ``size`` parameters.
     """
 
     blocks: tuple[Floats, ...]
@@ -38,17 +38,17 @@ class Arrow:
 
     @classmethod
     def of(cls, blocks: Sequence[Floats], shared: int) -> "Arrow":
-        """Return a matrix whose vector holds the shared parameters first, then each shot's own, shot by shot."""
+        """Return the matrix for a vector of the shared parameters, followed by each shot's own, shot by shot."""
         ends = np.cumsum([shared, *(block.shape[1] - shared for block in blocks)])
         places = [np.concatenate([np.arange(shared), np.arange(*ends[k : k + 2])]) for k in range(len(blocks))]
         return cls(tuple(blocks), shared, tuple(place.astype(np.intp) for place in places), int(ends[-1]))
 
     def mapped(self, turn: Callable[[int, Floats], Floats]) -> "Arrow":
-        """Return the matrix with each block replaced by ``turn(shot, block)``, which keeps the columns."""
+        """Return the matrix with each block replaced by ``turn(shot, block)``, which has the same columns."""
         return replace(self, blocks=tuple(turn(k, block) for k, block in enumerate(self.blocks)))
 
     def whitened(self, shots: Sequence["Samples"], noise: "Floor") -> "Arrow":
-        """Return the matrix whitened by a noise; its rows are then the valid averaged samples alone."""
+        """Return the matrix whitened by a noise; its rows are then the valid averaged samples only."""
         return self.mapped(lambda k, block: shots[k].whitened(noise, block))
 
     def without(self, numbers: Iterable[int]) -> "Arrow":
@@ -93,7 +93,7 @@ class Arrow:
         return Span(own, tuple(self.parts(_independent(np.concatenate(beside)))))
 
     def solve(self, rows: Floats) -> Floats:
-        """Return the least-squares solution for ``rows``, shape (size,): the shortest where it is not unique."""
+        """Return the least-squares solution for ``rows``, shape (size,); the shortest if it is not unique."""
         out = np.zeros(self.size)
         own = [orthonormal(block[:, self.shared :]) for block in self.blocks]
         both = [
@@ -111,7 +111,7 @@ class Arrow:
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """An orthonormal basis: each shot's ``own`` columns, shape (n, k), and its rows of the ``shared`` ones, (n, s)."""
+    """An orthonormal basis: per shot the ``own`` vectors, shape (n, k), and its rows of the ``shared`` ones, (n, s)."""
 
     own: tuple[Floats, ...]
     shared: tuple[Floats, ...]
@@ -141,7 +141,7 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class ProjectedColumns:
-    """Columns projected off a basis: their ``products`` then, shape (size, size), and squared ``norm`` before."""
+    """Columns projected off a basis: their ``products`` after, shape (size, size), and squared ``norm`` before."""
 
     columns: Arrow
     products: Floats
@@ -153,7 +153,7 @@ class ProjectedColumns:
         return np.asarray(np.diag(self.products) > _SPANNED**2 * self.norm)
 
     def solve(self, left: Floats) -> Floats:
-        """Return the least-squares solution, shape (size,), for a ``left`` that is itself projected off the basis."""
+        """Return the least-squares solution, shape (size,), for a residual ``left`` also projected off the basis."""
         out = np.zeros(self.columns.size)
         at = np.flatnonzero(self.new)
         if at.size:
@@ -166,25 +166,25 @@ class ProjectedColumns:
 
 
 def _split(rows: Floats, like: Sequence[Floats]) -> list[Floats]:
-    """Return ``rows`` of all shots as a list, for each shot as many as its matrix in ``like`` has."""
+    """Split ``rows`` of all shots into a list by shot, with the row counts of the matrices in ``like``."""
     edges = np.cumsum([0, *(len(block) for block in like)])
     return [rows[begin:end] for begin, end in pairwise(edges)]
 
 
 def orthonormal(columns: Floats) -> Floats:
-    """Return an orthonormal basis of ``columns``, shape (rows, k); at most k columns."""
+    """Return an orthonormal basis of ``columns``, shape (rows, k), with at most k columns."""
     scale = np.linalg.norm(columns, axis=0)
     return _independent(columns / np.where(scale > 0, scale, 1.0))
 
 
 def _independent(columns: Floats) -> Floats:
-    """Return an orthonormal basis of columns of length about one, linearly dependent ones dropped."""
+    """Return an orthonormal basis of columns of length about one, without linearly dependent ones."""
     while True:
         basis, triangle = np.linalg.qr(columns)
         mixture = np.abs(np.diag(triangle)) <= _DEPENDENT
         if not mixture.any():
             return np.asarray(basis)
-        # What rounding leaves of a dependent column points anywhere: later ones must not be made orthogonal to it.
+        # The rounding residual of a dependent column has a random direction: later columns must keep that direction.
         columns = np.delete(columns, int(mixture.argmax()), axis=1)
 
 

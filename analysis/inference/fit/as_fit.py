@@ -1,4 +1,4 @@
-"""Convert a fitted problem into a ``Fit``: parameters with uncertainties, overlays and residuals of each shot."""
+"""Convert a fitted problem into a ``Fit``: parameters with uncertainties, and each shot's overlay and residual."""
 
 import math
 from collections.abc import Sequence
@@ -18,13 +18,13 @@ from analysis.signal import derivatives
 _ROUNDING = 1e-13
 _POINTS = 128  # over the fitted stretch: the frame's motion varies slowly
 _WINDOW = 150  # samples
-_LOUD_SIGMAS = 8.0  # standard deviations that a window's chi^2 exceeds its expectation by
-_MOST_LOUD = 0.4  # of all windows: where more are loud the model is wrong throughout, not for a moment
-_ALL_SHOTS = -1  # in place of a shot's index: of the parameters that all shots share
+_LOUD_SIGMAS = 8.0  # excess of a loud window's chi^2 over its expectation, in standard deviations
+_MOST_LOUD = 0.4  # fraction of loud windows above which the model is wrong throughout, not for a moment
+_ALL_SHOTS = -1  # shot index of the parameters that all shots share
 
 
 def effect_parameters(fitted: Fitted) -> dict[Effect, dict[str, Quantity]]:
-    """Return every effect's parameters; each shot's own are named with ``.2``, ``.3`` from the second shot on."""
+    """Return every effect's parameters; per-shot ones have a suffix ``.2``, ``.3`` from the second shot on."""
     out: dict[Effect, dict[str, Quantity]] = {effect: {} for effect in fitted.effects}
     problem, point = fitted.problem, fitted.point
     std = fitted.std
@@ -41,7 +41,7 @@ def effect_parameters(fitted: Fitted) -> dict[Effect, dict[str, Quantity]]:
 class _Estimate:
     """Values of a problem's parameters, shape (p,), and their covariance, shape (p, p), NaN if unknown.
 
-    ``how`` names the method in reports.
+    ``how`` is the name of the method in reports.
     """
 
     problem: Problem
@@ -72,9 +72,9 @@ def as_fit(
 ) -> Fit:
     """Return the fit, with overlays and residuals on the motions' own time grids.
 
-    ``by`` is the noise to weigh with where it is known otherwise than from the residual of this fit; ``chi2`` is then
-    in its units, and the covariance is multiplied by the reduced chi^2 where that exceeds one (Birge's ratio).
-    Parameters of effects that differ from shot to shot are in the shots' own parts.
+    ``by`` is a noise known independently of this fit's residual, if any; ``chi2`` is then in its units, and the
+    covariance is multiplied by the reduced chi^2 if that exceeds one (Birge's ratio).  Per-shot effect parameters are
+    in the shots' own parts.
     """
     problem = fitted.problem
     birge = max(1.0, chi2 / max(1, fitted.samples - problem.size))
@@ -113,8 +113,8 @@ def _shot_fit(
 ) -> ShotFit:
     """Return one shot's part of the fit.
 
-    ``whitened`` is the residual of each fitted sample, of unit variance if it is noise; ``derivatives`` are those of
-    the averaged displacement by the fit's parameters.
+    ``whitened`` is the whitened residual of each fitted sample; ``derivatives`` are those of the averaged displacement
+    by the fit's parameters.
     """
     problem, noise = fitted.problem, fitted.noise
     shot, places = problem.data.shots[index], problem.places[index]
@@ -127,7 +127,7 @@ def _shot_fit(
         value, slope = response.velocity_out
         variance = float(slope @ estimate.covariance[np.ix_(places, places)] @ slope)
         velocity_out = Quantity(value, math.hypot(math.sqrt(max(variance, 0.0)), after), estimate.how)
-    # the model's speeds are relative to the frame, the speeds read from a motion are not
+    # the model's speeds are relative to the frame; speeds read from a motion are in space
     velocity_in = replace(velocity_in, std=math.hypot(velocity_in.std, before))
     return ShotFit(
         velocity_in_m_per_s=velocity_in,
@@ -147,8 +147,8 @@ def _shot_fit(
 def _overlay(motion: Motion, response: Response, touch_time_s: float) -> Overlay:
     """Return the overlay of a solved shot.
 
-    Velocity and force are derivatives of the displacement through the motion's own filters, so that model and
-    measurement are smeared alike.
+    Velocity and force are derivatives of the displacement by the motion's own filters, so that model and measurement
+    have the same resolution.
     """
     velocity, acceleration = derivatives(response.displacement_m, motion.sample_rate_hz, motion.bandwidth_hz)
     shown = [event for event in response.log.events if event.kind in ("touch", "release")]
@@ -164,7 +164,7 @@ def _overlay(motion: Motion, response: Response, touch_time_s: float) -> Overlay
 
 
 def _frame_m_per_s(shot: Samples, noise: Floor) -> tuple[float, float]:
-    """Return the stds of velocities relative to the frame minus those in space, before the touch and after it."""
+    """Return the stds of velocities relative to the frame minus those in space, at touch and after release."""
     return (0.0, 0.0) if shot.sway is None else shot.sway.speeds_m_per_s(noise)
 
 
@@ -173,7 +173,7 @@ def _parameter_name(free: Parameter, shot: int) -> str:
 
 
 def _sample_noise_m(fitted: Fitted) -> float:
-    """Return the noise std of one sample of the motion in m: the white part there is larger than in a block's mean."""
+    """Return the noise std in m of one sample of the motion, whose white part is larger than that of a block's mean."""
     floor, factor = fitted.noise, fitted.problem.data.shots[0].factor
     return float(np.sqrt(factor * floor.white_m**2 + floor.rms_m[0] ** 2 + floor.rms_m[1] ** 2))
 
@@ -181,10 +181,10 @@ def _sample_noise_m(fitted: Fitted) -> float:
 def _sway_left_std_m(shot: Samples, noise: Floor, derivatives: Floats) -> Floats:
     """Return the std in m of the frame's motion in a fit's residual, on the motion's own grid, shape (n,).
 
-    ``derivatives`` are those of the averaged displacement by the fit's parameters.  Generalised least squares leaves
-    C - J (J^T C^-1 J)^-1 J^T of the noise covariance C, with J the derivatives by the parameters (Rao, "Linear
-    Statistical Inference and Its Applications", section 4a).  The fit follows the samples about the contact most
-    closely, so the remaining part grows towards both ends of the record.  Cost about 5 ms.
+    ``derivatives`` J are those of the averaged displacement by the fit's parameters.  The residual covariance of
+    generalised least squares is C - J (J^T C^-1 J)^-1 J^T for noise covariance C (Rao, "Linear Statistical Inference
+    and Its Applications", section 4a).  The fit follows the samples about the contact most closely, so the residual
+    frame motion grows towards both ends of the record.  Cost: about 5 ms.
     """
     assert shot.sway is not None
     rows = np.flatnonzero(shot.valid)
@@ -193,7 +193,7 @@ def _sway_left_std_m(shot: Samples, noise: Floor, derivatives: Floats) -> Floats
     sines = shot.sway.basis[some] @ (shot.sway.factors * size)
     columns = derivatives[rows[some]]
     columns = columns[:, np.abs(columns).max(axis=0) > 0.0]
-    every = (noise.white_m * shot.weight) ** 2 * some.size / rows.size  # a point stands for the samples around it
+    every = (noise.white_m * shot.weight) ** 2 * some.size / rows.size  # a point represents the samples around it
     covariance = sines @ sines.T
     every = max(every, _ROUNDING * float(np.trace(covariance)))
     root = np.linalg.cholesky(covariance + every * np.eye(some.size))
@@ -204,7 +204,7 @@ def _sway_left_std_m(shot: Samples, noise: Floor, derivatives: Floats) -> Floats
 
 
 def _has_loud_moment(whitened: Floats) -> bool:
-    """Return whether a whitened residual, shape (n,), is too large only for a moment, as where a plate rings."""
+    """Return whether a whitened residual, shape (n,), exceeds the noise only for a moment, as when a plate rings."""
     count = whitened.size // _WINDOW
     if count < 2:
         return False

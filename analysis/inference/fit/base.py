@@ -1,4 +1,4 @@
-"""The base models, the order of their parameters, and values of these from which a search starts.
+"""The base models, the order of their parameters, and start values of a search.
 
 A base model is the paper's two bodies, or one body on a contact spring whose plate does not move.
 """
@@ -21,11 +21,11 @@ PLATE_NAMES = (
     "contact_stiffness_n_per_m",
     "contact_damping_n_s_per_m",
 )
-BODY_NAMES = PLATE_NAMES[:2]  # which each plate has for itself
+BODY_NAMES = PLATE_NAMES[:2]  # parameters that each plate has separately
 CONTACT_NAMES = PLATE_NAMES[2:]
 OWN_NAMES = ("velocity_in_m_per_s", "touch_time_s", "offset_m")
 Plates = tuple[tuple[float, float], ...]
-TRUSTED = 1.5  # chi^2 per sample, up to which likeliest plates are believed: above, they absorb missing effects
+TRUSTED = 1.5  # chi^2 per sample up to which likeliest plate states are used: above, they absorb missing effects
 
 
 def named_on_plate(name: str, plate_number: int) -> str:
@@ -37,8 +37,8 @@ def named_on_plate(name: str, plate_number: int) -> str:
 class Base:
     """A base model: the paper's two bodies, or one body on a contact spring whose plate does not move.
 
-    Shots on several ``plates`` share the contact; stiffness and mass are each plate's, those of the second
-    "plate_2_mass_kg" and so on.
+    Shots on several ``plates`` share the contact.  Stiffness and mass are per plate: "plate_2_mass_kg" is the second
+    plate's mass.
     """
 
     variant: Variant
@@ -83,7 +83,7 @@ class Base:
         plate: tuple[float, float] = (0.0, 0.0),
         plate_number: int = 0,
     ) -> Collision:
-        """Return the collision with these parameters; ``plate`` (m, m/s) is its start.  Infeasible if there is none."""
+        """Return the collision with these parameters and initial ``plate`` state (m, m/s); Infeasible if invalid."""
         values = [float(shared[place]) for place in self.places(plate_number)]
         k_p, m_p, k_n, gamma_n = (0.0, math.inf, *values) if self.one_body else values
         try:
@@ -99,7 +99,7 @@ class Base:
 
 
 def base_named(model: str) -> Base:
-    """Return the base model with this name; ValueError names the known ones."""
+    """Return the base model with this name; a ValueError lists the known ones."""
     if model == "contact":
         return Base(Variant.PAPER, one_body=True)
     if model not in MODELS:
@@ -108,7 +108,7 @@ def base_named(model: str) -> Base:
 
 
 def base_of(model: str, plates: int) -> Base:
-    """Return the base model with this name for a set of shots that were taken on so many plates."""
+    """Return the base model with this name for a set of shots on this number of plates."""
     base = base_named(model)
     return base if base.one_body else replace(base, plates=plates)
 
@@ -117,7 +117,7 @@ def base_of(model: str, plates: int) -> Base:
 class SearchStart:
     """The start of a search: base model, its parameters (b,), and v_i, touch time and offset of each shot (shots, 3).
 
-    ``plates`` are the plates' states at first touch (m, m/s), if known; ``left`` is chi^2 per sample there.
+    ``plates`` are the plates' states at first touch (m, m/s), if known; ``left`` is chi^2 per sample at this point.
     """
 
     base: Base
@@ -128,12 +128,12 @@ class SearchStart:
 
     @property
     def point(self) -> Point:
-        """Get the parameters, without effects."""
+        """Get the parameters as a point without effects."""
         return Point(self.shared, self.own, tuple({} for _ in self.own))
 
 
 def start_from_fit(fit: Fit, motions: Sequence[Motion]) -> SearchStart:
-    """Return the end of a fit of ``motions``, without its effects, as the start of a search."""
+    """Return the parameters of a fit of ``motions``, without its effects, as the start of a search."""
     base = base_of(fit.model, plate_count(motions))
     own = [[s.velocity_in_m_per_s.value, s.touch_time_s.value, s.offset_m.value] for s in fit.shots]
     shared = np.array([fit.parameters[name].value for name in base.names])

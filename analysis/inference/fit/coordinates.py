@@ -1,11 +1,11 @@
 """Search coordinates: combinations of parameters that a record determines separately, so that valleys are straight.
 
 A shot determines the lowest frequency of block, contact and plate to parts in a million, the frequency of the bounces
-well, and the rest less well; in k_p, m_p*, k_N, gamma_N these mix into a curved valley a thousand times longer than
-wide.  The search moves in log omega_1^2, log m_p*, log(k_N / m_p*), gamma_N / m_p*, and in the height of the flight
-line at the expected touch instead of the offset.  With omega_1^2 the lowest root of
-(k_N - omega^2 m_b)(k_p + k_N - omega^2 m_p) = k_N^2, k_p follows in closed form.  Each further plate has an omega_1 and
-a mass of its own on the same contact.
+well, and the other combinations less well.  In k_p, m_p*, k_N, gamma_N these form a curved valley a thousand times
+longer than wide.  The search coordinates are log omega_1^2, log m_p*, log(k_N / m_p*), gamma_N / m_p*, and the height
+of the flight line at the expected touch instead of the offset.  omega_1^2 is the lowest root of
+(k_N - omega^2 m_b)(k_p + k_N - omega^2 m_p) = k_N^2, so k_p follows in closed form.  Each further plate has its own
+omega_1 and mass on the same contact.
 """
 
 import math
@@ -20,9 +20,9 @@ from analysis.collision import Floats, Infeasible
 class Coordinates:
     """The map between parameters (shared, then each shot's own and extra ones) and search coordinates.
 
-    ``plate`` says whether the first four parameters are plate and contact (else they are left unchanged).
-    ``further_at`` are the indices of the stiffness of further plates, whose mass follows it; ``own_at`` those at which
-    each shot's (v_i, touch time, offset) begin; ``reference_s`` its expected touch time.
+    If ``plate``, the first four parameters are those of plate and contact; else they are not transformed.
+    ``further_at`` are the indices of further plates' stiffnesses; each mass follows its stiffness.  ``own_at`` are the
+    indices at which each shot's (v_i, touch time, offset) begin; ``reference_s`` are the expected touch times.
     """
 
     block_mass_kg: float
@@ -69,7 +69,7 @@ class Coordinates:
 
     def _searched(self, k_p: float, m_p: float, k_n: float) -> tuple[float, float]:
         """Return log omega_1^2 and log m_p* of a plate in contact with stiffness k_N."""
-        # Roots of m_b m_p w^2 - (k_N m_p + (k_p + k_N) m_b) w + k_p k_N = 0; the small one without cancellation.
+        # The smaller root of m_b m_p w^2 - (k_N m_p + (k_p + k_N) m_b) w + k_p k_N = 0, without cancellation.
         m_b = self.block_mass_kg
         middle = k_n * m_p + (k_p + k_n) * m_b
         inner = math.sqrt(middle * middle - 4 * m_b * m_p * k_p * k_n)

@@ -1,9 +1,9 @@
-"""Fit the base model to shots of which only the motions are known, then as a diagnosis fits it: where that starts.
+"""Fit the base model to shots from their motions alone: the starting point of every further fit and diagnosis.
 
-First guesses come from the fastest shot's contact; the search from there uses block-averaged samples.  A residual far
-above the noise means either a missing effect or a wrong sequence of bounces; a fit of the first bounces alone tells
-which.  Where the frame moves, only what is fast and small is evidence about the bounces: a first search takes the
-white noise to be a hundred times what it is, a second search takes it as it is.
+First guesses come from the fastest shot's contact; the search uses block-averaged samples.  A residual far above the
+noise means either a missing effect or a wrong sequence of bounces; a fit of the first bounces alone distinguishes
+these.  On a moving frame only fast, small motion is evidence about the bounces.  A first search there assumes a
+hundred times the white noise, and a second search the white noise itself.
 """
 
 import contextlib
@@ -27,24 +27,24 @@ from analysis.inference.noise.site import Site
 from analysis.inference.noise.sway import on_site
 from analysis.shot import AnalysisError, Cancelled, Floats, Stop
 
-STRONG = 30.0  # chi^2 per sample, above which missing effects may have pulled base parameters far from their values
-_EARLY = 0.3  # of the contact time: the first bounces
-_EVALUATIONS, _ROUGHLY = 60, 30  # of a search, and of one whose end is only a start for the next
+STRONG = 30.0  # chi^2 per sample above which missing effects may have biased base parameters strongly
+_EARLY = 0.3  # fraction of the contact time that contains the first bounces
+_EVALUATIONS, _ROUGHLY = 60, 30  # limits for a search, and for one that only provides a start for the next
 _TOLERANCE = 0.03  # of chi^2
-_FOLLOWED = 3  # first guesses from which a search begins
-_SAME_LEFT, _SAME_PLACE = 0.01, 0.03  # of chi^2 and of each parameter: searches that end so near ended at one minimum
-_LOUDER = 100.0  # times the white noise, in the first of two searches where the frame moves
-_ASTRAY = 1.0  # chi^2 per sample of that first search, above which it ended in a false valley or an effect is missing
+_FOLLOWED = 3  # number of first guesses from which a search starts
+_SAME_LEFT, _SAME_PLACE = 0.01, 0.03  # relative tolerances in chi^2 and in each parameter of the same minimum
+_LOUDER = 100.0  # factor on the white noise in the first of two searches on a moving frame
+_ASTRAY = 1.0  # chi^2 per sample of that first search above which its minimum is false or an effect is missing
 
 
 def first_fit(
     shots: tuple[Samples, ...], model: str, site: Site | None, stop: Stop, *, noise: Floor | None = None
 ) -> SearchStart:
-    """Return the base ``model``'s best fit to ``shots``; ``noise`` is that of their flights, where known.
+    """Return the best fit of the base ``model`` to ``shots``; ``noise`` is that of their flights, if known.
 
-    Raises ValueError for an unknown model, NoCollision (an AnalysisError) where no candidate resembles a contact,
-    AnalysisError where no motion of the model comes near, Cancelled when asked to stop.  Cost: 0.1 s for three
-    shots, 0.3 s more where the frame moves.
+    Raises ValueError for an unknown model, NoCollision (an AnalysisError) if no candidate resembles a contact,
+    AnalysisError if no trajectory of the model comes near the shots, Cancelled on request.  Cost: 0.1 s for three
+    shots, 0.3 s more on a moving frame.
     """
     base = base_of(model, 1 + max(shot.plate_number for shot in shots))
     own = np.array([shot.course.own for shot in shots])
@@ -73,7 +73,7 @@ def first_fit(
             if sure:
                 break
         if not sure and (not ends or min(end.left for end in ends) > STRONG):
-            # from a poor guess the search may end where nothing collides, the more so where an effect is missing
+            # a search from a poor guess may end without any collision, especially if an effect is missing
             still = _best_of_searches(JointData(shots, base), guessed(), noise, stop)
             ends.append(still)
             for rough in _rough_ends(data, iter([still]), noise, stop):
@@ -89,9 +89,9 @@ def first_fit(
 
 
 def base_fit(data: JointData, begin: SearchStart, stop: Stop, nuisances: Sequence[Effect] = ()) -> Fitted:
-    """Return the base model's best fit at the diagnosis' sample rate, searched from ``begin``.
+    """Return the base model's best fit at the sample rate of ``data``, searched from ``begin``.
 
-    ``nuisances`` are effects that every shot may have for itself and that do not count as findings.
+    ``nuisances`` are effects with per-shot parameters that do not count as findings.
     """
     along = trials_of(nuisances)
     values = tuple({kind.effect: kind.starts[0] for kind in along} for _ in data.shots)
@@ -104,7 +104,7 @@ def base_fit(data: JointData, begin: SearchStart, stop: Stop, nuisances: Sequenc
 
 
 def _best_of_searches(data: JointData, starts: Sequence[SearchStart], noise: Floor, stop: Stop) -> SearchStart:
-    """Return the best end of searches from the starts, or from a fit of the first bounces alone."""
+    """Return the best end of searches from the starts or from a fit of the first bounces alone."""
     floor = noise.without_site
     best = _search_from(data, starts[0], floor, stop)
     if best.left < STRONG:
@@ -124,7 +124,7 @@ def _best_of_searches(data: JointData, starts: Sequence[SearchStart], noise: Flo
 
 
 def _are_one(end: SearchStart, other: SearchStart) -> bool:
-    """Return whether two searches ended at one minimum: a third from yet another guess would end there, too."""
+    """Return whether two searches ended at the same minimum; a third guess would then probably end there too."""
     apart = np.abs(end.shared - other.shared) > _SAME_PLACE * np.abs(other.shared)
     return abs(end.left - other.left) < _SAME_LEFT * other.left and not np.any(apart)
 
@@ -135,9 +135,9 @@ def _first_bounces(shot: Samples) -> Samples:
 
 
 def _rough_ends(data: JointData, starts: Iterator[SearchStart], noise: Floor, stop: Stop) -> Iterator[SearchStart]:
-    """Yield where searches with the white noise enlarged end: those that went astray last, the best of them first.
+    """Yield the ends of searches with enlarged white noise: good ends at once, poor ends last, the best of them first.
 
-    Two that went astray to one place did not: something is missing there, and no further start is tried.
+    Two poor ends at one minimum indicate a missing effect rather than a false minimum, so no further start is tried.
     """
     astray: list[SearchStart] = []
     louder = replace(noise, white_m=_LOUDER * noise.white_m)
@@ -157,7 +157,7 @@ def _rough_ends(data: JointData, starts: Iterator[SearchStart], noise: Floor, st
 def _search_on_frame(
     data: JointData, here: SearchStart, noise: Floor, stop: Stop, evaluations: int = _EVALUATIONS
 ) -> SearchStart:
-    """Return where one search ends, the frame's response computed for where it begins; Infeasible as _search_from."""
+    """Return the end of one search, with the frame's response linearised about its start; raises Infeasible."""
     there = replace(data, shots=on_site(data.shots, data.site, data.base, here.point))
     return _search_from(there, here, noise, stop, evaluations)
 
@@ -165,7 +165,7 @@ def _search_on_frame(
 def _search_from(
     data: JointData, start: SearchStart, floor: Floor, stop: Stop, evaluations: int = _EVALUATIONS
 ) -> SearchStart:
-    """Return where one search ends, with its chi^2 per sample; Infeasible where it cannot begin."""
+    """Return the end of one search, with its chi^2 per sample; raises Infeasible if its start has no trajectory."""
     problem = Problem(data, (), floor)
     z = problem.pack(problem.slow_enough(start.point))
     found = problem.search(z, evaluations=evaluations, tolerance=_TOLERANCE, cancelled=stop)
@@ -178,7 +178,7 @@ def _search_from(
 
 
 def likely_plates(problem: Problem, z: Floats) -> Plates:
-    """Return each shot's likeliest plate at first touch (m, m/s) given the residual; empty where no frame moves."""
+    """Return each plate's likeliest state (m, m/s) at first touch given the residual; empty without frame motion."""
     if not problem.noise.site:
         return ()
     plates = []

@@ -1,7 +1,7 @@
-"""A fit with the response to the frame's motion computed anew for the motion that the fit gives.
+"""Refit with the response to frame motion relinearised about the fitted motion.
 
-The response was computed for shots without a missing effect, which had shifted base parameters; it depends on effects
-that act on the motion, and is linear in the plate's swing, which a plate that swings far is not.
+The earlier response was computed before an effect was added, with base parameters biased by the missing effect.  The
+response also depends on effects that act on the motion, and its linear form fails if the plate swings far.
 """
 
 from dataclasses import replace
@@ -14,15 +14,15 @@ from analysis.inference.fit.problem import Fitted
 from analysis.inference.noise.sway import on_site
 from analysis.shot import Stop
 
-_MATTERS = 0.02  # of the white noise: that the response is wrong by
-_FAR = 0.6  # of a plate's std: nearer to where it was taken to be, straight lines will do
-_TURNS = 8  # of plates and fit at most: each goes some two stds towards plates that were taken for what was missing
-_NOTHING = 1.0  # of the criterion: what a turn may change that is the last
-_SURE = 2  # turns, after which each must make the shots likelier
+_MATTERS = 0.02  # error of the response, over the white noise, above which the fit is repeated
+_FAR = 0.6  # plate stds from the linearisation point, below which the linear response is adequate
+_TURNS = 8  # most iterations of plates and fit; each moves plates by up to about two stds
+_NOTHING = 1.0  # change of the criterion below which an iteration is the last
+_SURE = 2  # iterations after which each must improve the criterion
 
 
 def on_frame_anew(fitted: Fitted, stop: Stop) -> Fitted:
-    """Return the fit, itself where the frame's response is right; cost: 0.05 s, 0.2 s more a turn for three shots."""
+    """Return the fit, repeated until it agrees with its frame response; three shots: 0.05 s, 0.2 s per repetition."""
     here, site = fitted, fitted.problem.data.site
     if site is None:
         return here
@@ -40,7 +40,7 @@ def on_frame_anew(fitted: Fitted, stop: Stop) -> Fitted:
             break
         there = replace(here.problem, data=replace(data, shots=shots)).fit(here.z, cancelled=stop)
         gained = here.bic - there.bic
-        if turn >= _SURE and gained <= 0.0:  # the plates run away with what is still missing
+        if turn >= _SURE and gained <= 0.0:  # the plates are absorbing an effect that is still missing
             break
         here = there
         if abs(gained) < _NOTHING:
@@ -49,7 +49,7 @@ def on_frame_anew(fitted: Fitted, stop: Stop) -> Fitted:
 
 
 def _plates(fitted: Fitted) -> tuple[list[tuple[float, float]], float]:
-    """Return each shot's plate at first touch by the fit's residual, and the largest change in standard deviations."""
+    """Return each plate's likeliest state at first touch given the residual, and the largest change in stds."""
     plates, moved = [], 0.0
     for shot, left in zip(fitted.problem.data.shots, fitted.residual_m, strict=True):
         assert shot.sway is not None

@@ -13,8 +13,8 @@ from analysis.shot import Stop
 class Square:
     """A whitened sum of squares at one point: chi^2, J^T J, shape (p, p), J^T r, shape (p,), and number of samples.
 
-    ``residual`` r, shape (n,), ``along(step)`` = J step and ``pull(vector)`` = J^T vector serve the corrections of
-    steps in bent valleys; None where a search does without them.
+    ``residual`` r, shape (n,), ``along(step)`` = J step and ``pull(vector)`` = J^T vector are used to correct steps in
+    curved valleys; None for a search without corrections.
     """
 
     chi2: float
@@ -26,7 +26,7 @@ class Square:
     pull: Callable[[Floats], Floats] | None = None
 
     def covariance(self, free: np.ndarray | None = None) -> Floats | None:
-        """Return (J^T J)^-1, shape (p, p), zero rows where not ``free``; None where it is singular to rounding."""
+        """Return (J^T J)^-1, shape (p, p), zero where not ``free``; None if J^T J is singular to rounding."""
         p = self.gradient.size
         index = np.arange(p) if free is None else np.flatnonzero(free)
         curvature = self.curvature[np.ix_(index, index)]
@@ -43,7 +43,7 @@ class Square:
         return out
 
     def followed(self, moved: Floats, own: Sequence[int]) -> Floats:
-        """Return the step of the parameters at ``own``, to first order, where the others have ``moved``."""
+        """Return the first-order step that re-optimises the parameters at ``own`` after the others have ``moved``."""
         pull = self.gradient[own] + self.curvature[own] @ moved
         return np.asarray(-np.linalg.pinv(self.curvature[np.ix_(own, own)], hermitian=True) @ pull)
 
@@ -52,8 +52,8 @@ class Square:
 class Minimum:
     """The end of a search; ``converged``: the next step would move no parameter by 1e-3 standard deviations.
 
-    Where rounding hides what steps of up to 0.1 standard deviations change, that is the end as well; so is a corner,
-    where chi^2 rises however short the step, within a standard deviation of where the next would lead.
+    A search also counts as converged if rounding hides the effect of steps up to 0.1 standard deviations, or at a
+    corner: chi^2 rises for any step length, and the next step is shorter than a standard deviation.
     """
 
     parameters: Floats
@@ -65,15 +65,15 @@ class Minimum:
 Function = Callable[[Floats], Square]
 Residual = Callable[[Floats], Floats]
 Hopeless = Callable[[Floats, Square], bool]
-_CORRECTIONS = 6
-_NEAR_ENOUGH = 0.3  # of the fall of chi^2 that was promised: where no more is missing, nothing is corrected further
-_STEEP = 1e-5  # relative damping: directions with less curvature than that are not corrected
-_LITTLE = 15.0  # of chi^2: once the next step promises less, ``hopeless`` is called
-_ROUNDED = 1e-2  # of chi^2: where no step makes even so little of a promise true, rounding hides it (noise of 1 pm)
-_CORNER = 1.0  # of chi^2: what may have been promised where the valley has a corner, as at the end of a force's range
-_MOST_DAMPING = 1e12  # relative: steps are nothing then
-_SHORTER = 0.7  # of a refused step's length: a longer one would be refused as well
-_STRAIGHT = 1.0  # of chi^2: a step that promises less is too short for corrections
+_CORRECTIONS = 6  # most corrections of one step
+_NEAR_ENOUGH = 0.3  # fraction of the predicted fall of chi^2 whose absence is tolerated without further correction
+_STEEP = 1e-5  # relative damping: directions with less curvature are not corrected
+_LITTLE = 15.0  # predicted fall of chi^2 below which ``hopeless`` is called
+_ROUNDED = 1e-2  # predicted fall of chi^2 below which failing steps are due to rounding (noise of 1 pm)
+_CORNER = 1.0  # predicted fall of chi^2 below which a corner counts as converged, as at the end of a force's range
+_MOST_DAMPING = 1e12  # relative damping at which steps vanish
+_SHORTER = 0.7  # largest ratio of the next step's length to a refused one's: longer would be refused as well
+_STRAIGHT = 1.0  # predicted fall of chi^2 below which a step is too short for corrections
 
 
 def minimise(
@@ -87,15 +87,14 @@ def minimise(
     hopeless: Hopeless | None = None,
     cancelled: Stop | None = None,
 ) -> Minimum:
-    """Minimise from ``start``, shape (p,); ``tolerance`` is the fall of chi^2 still expected when the search stops.
+    """Minimise from ``start``, shape (p,), until the predicted further fall of chi^2 is below ``tolerance``.
 
     ``bounds`` are the least and the largest values, shape (p,) each.  A fall of chi^2 by 1e-6 is a move of 1e-3
-    standard deviations.  ``residual`` computes whitened residuals at a point without derivatives, which is cheap: if
-    it is given, and the squares carry their residual, a long step is corrected until the residual is nearly
-    what its linearisation predicted, before derivatives are computed there.  In a bent valley steps may then be longer
-    (a retraction; Absil, Mahony and Sepulchre, "Optimization Algorithms on Matrix Manifolds", ch. 4).  ``hopeless`` is
-    called once, when little more is promised; the search stops if it returns True.  ``function`` may raise Infeasible
-    anywhere but at the start.
+    standard deviations.  ``residual`` computes whitened residuals cheaply, without derivatives.  If it is given and the
+    squares carry their residual, a long step is corrected until the residual nearly equals its linear prediction,
+    before derivatives are computed.  Steps in a curved valley may then be longer (a retraction; Absil, Mahony and
+    Sepulchre, "Optimization Algorithms on Matrix Manifolds", ch. 4).  ``hopeless`` is called once, when the predicted
+    fall is small; the search stops if it returns True.  ``function`` may raise Infeasible except at the start.
     """
     low, high = bounds or (np.full(start.size, -np.inf), np.full(start.size, np.inf))
     here = np.clip(start, low, high)
@@ -134,19 +133,20 @@ def minimise(
 
 
 class _Damping:
-    """The damping of steps, and for how many more steps it is eased slowly after a refusal."""
+    """The damping of steps, and the number of further steps over which it falls slowly after a refusal."""
 
     def __init__(self) -> None:
-        self.value = 1e-6  # the base model has directions a million times softer than others: near Gauss-Newton
+        self.value = 1e-6  # near Gauss-Newton: curvatures of the base model differ by a factor of a million
         self.refused = 0
         self._too_long = np.inf
 
     def way(
         self, square: Square, here: Floats, free: np.ndarray, bounds: tuple[Floats, Floats]
     ) -> tuple[Floats, float] | None:
-        """Return where the next step leads and the fall of chi^2 it promises; None where no damping gives one.
+        """Return the end of the next step and its predicted fall of chi^2; None if no damping predicts a fall.
 
-        After a refusal damping is raised until the step is clearly shorter: at first it changes only soft directions.
+        After a refusal damping is raised until the step is clearly shorter, since small damping only shortens the step
+        in directions of low curvature.
         """
         while self.value <= _MOST_DAMPING:
             there = _stepped(square, here, free, self.value, bounds)
@@ -159,7 +159,7 @@ class _Damping:
         return None
 
     def ease(self, ratio: float) -> None:
-        """Reduce or raise damping after a step with ``ratio`` of the expected fall; slowly after a refusal."""
+        """Adapt damping after a step with ``ratio`` of the predicted fall; reduce it slowly after a refusal."""
         easing = 0.3 if self.refused else 0.01
         self.value *= easing if ratio > 0.7 else (0.5 if ratio > 0.3 else 4.0)
         self.value = max(self.value, 1e-14)
@@ -167,7 +167,7 @@ class _Damping:
         self._too_long = np.inf
 
     def refuse(self, length: float) -> None:
-        """Raise damping after a step of such a length led uphill."""
+        """Raise damping after a step of this length raised chi^2."""
         self.refused = 3
         self._too_long = length
         self.value = max(10 * self.value, 1e-9)
@@ -178,7 +178,7 @@ def _within(point: Floats, low: Floats, high: Floats) -> bool:
 
 
 def free_to_move(here: Floats, gradient: Floats, low: Floats, high: Floats) -> np.ndarray:
-    """Return which parameters may move: not fixed ones, nor those that the gradient presses against their bound."""
+    """Return which parameters may move: all but fixed ones and those pressed against a bound by the gradient."""
     held = (low >= high) | ((here <= low) & (gradient > 0)) | ((here >= high) & (gradient < 0))
     return np.asarray(~held)
 
@@ -193,10 +193,10 @@ def _trial(
     bounds: tuple[Floats, Floats],
     straight: bool,
 ) -> tuple[Floats, Square] | None:
-    """Return the point ``there``, corrected where there is a ``residual``, and the square at it; None if infeasible.
+    """Return the point ``there``, corrected if ``residual`` is given, and the square at it; None if infeasible.
 
-    Also None where chi^2 after the corrections has not fallen: the step would be refused, so its derivatives are saved.
-    Where the valley seems ``straight`` they are computed at once, since the step will hardly need a correction.
+    Also None if chi^2 has not fallen after the corrections: the step will be refused, and its derivatives are not
+    needed.  If the valley seems ``straight`` derivatives are computed first, since a correction is unlikely.
     """
     try:
         ahead = function(there) if straight or residual is None else None
@@ -210,7 +210,7 @@ def _trial(
 
 
 def _rises(residual: Residual, square: Square, there: Floats, expected: float) -> bool:
-    """Return whether chi^2 rises at ``there`` by more than the ``expected`` fall, as no smooth valley does so near."""
+    """Return whether chi^2 at ``there`` rises by more than the ``expected`` fall: the valley then has a corner."""
     try:
         left = residual(there)
     except Infeasible:
@@ -227,11 +227,11 @@ def _corrected(
     bounds: tuple[Floats, Floats],
     ahead: Square | None = None,
 ) -> tuple[Floats, float] | None:
-    """Return ``there``, corrected until the residual is the one predicted linearly from ``here``, and chi^2 at it.
+    """Return ``there``, corrected until its residual is the linear prediction from ``here``, and chi^2 at it.
 
-    The corrections use the derivatives at ``here``, which hold in steep directions; flat directions, along which the
-    step was meant to go, are left out.  ``ahead`` is the square at ``there``, where known.  None where the corrections
-    do not converge.
+    The corrections use the derivatives at ``here``, which remain valid in steep directions.  Flat directions, in which
+    the step is long, are not corrected.  ``ahead`` is the square at ``there``, if known.  None if ``square`` has no
+    residual or the first corrected point is infeasible.
     """
     if square.residual is None or square.along is None or square.pull is None:
         return None
@@ -260,9 +260,9 @@ def _corrected(
 def _stepped(
     square: Square, here: Floats, free: np.ndarray, damping: float, bounds: tuple[Floats, Floats]
 ) -> Floats | None:
-    """Return where the damped step leads between ``bounds``; None where the matrix is singular.
+    """Return the end of the damped step within ``bounds``; None if the matrix is singular.
 
-    Parameters that it would lead beyond their bounds end on them, and the others move as is best beside that.
+    Parameters that would cross a bound stop on it, and the others take the best step given that.
     """
     there, free = here.copy(), free.copy()
     while True:
@@ -279,12 +279,12 @@ def _stepped(
 
 
 def _length(square: Square, step: Floats) -> float:
-    """Return the length of a step, each parameter in its standard deviations where the others are known."""
+    """Return the length of a step, with each parameter in units of its conditional standard deviation."""
     return float(np.sqrt(np.diag(square.curvature) @ step**2))
 
 
 def _step(square: Square, free: np.ndarray, damping: float, gradient: Floats | None = None) -> Floats | None:
-    """Return the damped Gauss-Newton step (zero where not ``free``), or None where the matrix is singular."""
+    """Return the damped Gauss-Newton step, zero where not ``free``; None if the matrix is singular."""
     gradient = square.gradient if gradient is None else gradient
     index = np.flatnonzero(free)
     solution = damped_step(square.curvature[np.ix_(index, index)], -gradient[index], damping)
@@ -296,9 +296,9 @@ def _step(square: Square, free: np.ndarray, damping: float, gradient: Floats | N
 
 
 def damped_step(curvature: Floats, pull: Floats, damping: float) -> Floats | None:
-    """Return the step s with (curvature + damping diag(curvature)) s = pull, or None where that is singular.
+    """Return the step s with (curvature + damping diag(curvature)) s = pull, or None if that is singular.
 
-    Damping shortens the step most in directions that the data hardly determine, where valleys bend (Marquardt).
+    Damping shortens the step most in poorly determined directions, along which valleys curve (Marquardt).
     """
     scale = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
     scaled = curvature / np.outer(scale, scale) + damping * np.eye(scale.size)

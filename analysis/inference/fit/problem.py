@@ -1,4 +1,4 @@
-"""A problem: base model and effects over some shots, and their noise.  Fits, predictions and scores go through it."""
+"""A fitting problem: base model, effects, shots and noise.  All fits, predictions and scores are computed from it."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -20,23 +20,23 @@ from analysis.inference.screen.projector import Projector
 from analysis.inference.screen.screening import Score
 from analysis.shot import Floats, Stop
 
-_ROUNDS, _A_ROUND, _BRINGS = 8, 25, 0.05  # of ``continued``: rounds, evaluations in each, least gain of ln L
-_WANDERING_PARTS = 2  # at most, of a noise
-_NEAR = 0.04  # of chi^2 still to fall: no parameter is further than a fifth of its std from the minimum
-COMPARABLE = 0.1  # of chi^2 still to fall where a noise is given up for the one learnt there, or fits are only compared
+_ROUNDS, _A_ROUND, _BRINGS = 8, 25, 0.05  # of ``continued``: rounds, evaluations per round, least gain of ln L
+_WANDERING_PARTS = 2  # most wandering parts of a noise
+_NEAR = 0.04  # expected fall of chi^2 of a converged fit: parameters are within a fifth of a std of the minimum
+COMPARABLE = 0.1  # expected fall of chi^2 at which a search ends before the noise is re-estimated or fits are compared
 
 
 @dataclass(frozen=True)
 class Problem(WeighedModel):
-    """A base model with effects over some shots, weighed by a noise: what is fitted, and predicted from.
+    """A base model with effects over some shots, weighted by a noise; methods fit it and predict from it.
 
-    Vectors ``z`` are laid out as ``SearchVector`` says.
+    Vectors ``z`` have the layout of ``SearchVector``.
     """
 
     def with_first_noise(self, z: Floats) -> "Problem":
-        """Return the problem with the noise that a search from ``z`` begins with: its own where no frame moves.
+        """Return the problem with the noise for the start of a search from ``z``; unchanged without frame motion.
 
-        On a moving frame it is learnt from the residual, its wandering parts with the shape that the flights show.
+        On a moving frame the noise is estimated from the residual, with the wandering shape of the flights' noise.
         """
         if self.data.site is None:
             return self
@@ -47,7 +47,7 @@ class Problem(WeighedModel):
     ) -> tuple[Floor, float]:
         """Return the likeliest noise of residuals (m, one for each shot), and its log-likelihood.
 
-        On a moving frame the wandering parts keep the shape they have in ``start`` unless learnt ``anew``.
+        On a moving frame the wandering parts keep their shape in ``start`` unless ``anew`` re-estimates it.
         """
         data = self.data
         if data.site is not None:
@@ -67,9 +67,9 @@ class Problem(WeighedModel):
         hopeless: Hopeless | None = None,
         cancelled: Stop | None = None,
     ) -> Minimum:
-        """Minimise chi^2 from ``z`` until the fall still expected is below ``tolerance``; parameters ``held`` stay.
+        """Minimise chi^2 from ``z`` until its expected further fall is below ``tolerance``; ``held`` are fixed.
 
-        Or until ``hopeless`` says so (see ``minimise``).  Raises Infeasible where the start has no trajectory.
+        It also ends if ``hopeless`` returns True (see ``minimise``).  Infeasible if the start has no trajectory.
         """
         return minimise(
             self.square,
@@ -83,21 +83,21 @@ class Problem(WeighedModel):
         )
 
     def predict(self, z: Floats, known: Sequence[int] | None = None, *, evaluations: int, tolerance: float) -> Minimum:
-        """Predict the shots from parameters that others have determined: only what is a shot's own is fitted.
+        """Predict the shots from parameters determined by other shots: only per-shot parameters are fitted.
 
-        ``known`` are the places in ``z`` of what was determined (None: all that shots share).
+        ``known`` are the indices in ``z`` of the fixed parameters (None: all shared ones).
         """
         bounds = self._held(z, self.shared if known is None else known)
         return minimise(self.square, z, bounds=bounds, evaluations=evaluations, tolerance=tolerance)
 
     def _held(self, z: Floats, places: Sequence[int]) -> tuple[Floats, Floats]:
-        """Return the bounds of the vector between which the parameters at ``places`` stay as they are in ``z``."""
+        """Return bounds of the vector that fix the parameters at ``places`` to their values in ``z``."""
         low, high = self.bounds
         low[places] = high[places] = z[places]
         return low, high
 
     def fit(self, z: Floats, *, evaluations: int = 25, anew: bool = False, cancelled: Stop | None = None) -> "Fitted":
-        """Fit from ``z`` under the noise given, then under that learnt from its residual."""
+        """Fit from ``z`` under the problem's noise, then under the noise estimated from the residual."""
         first = self.fit_once(z, evaluations=evaluations, tolerance=COMPARABLE, cancelled=cancelled)
         again = max(8, evaluations // 2)
         final = first.problem.fit_once(first.z, evaluations=again, anew=anew, cancelled=cancelled)
@@ -113,14 +113,14 @@ class Problem(WeighedModel):
         anew: bool = False,
         cancelled: Stop | None = None,
     ) -> "Fitted":
-        """Search from ``z`` under the noise given, and learn the noise from the residual at the end."""
+        """Search from ``z`` under the problem's noise, and estimate the noise from the final residual."""
         found = self.search(z, evaluations=evaluations, tolerance=tolerance, hopeless=hopeless, cancelled=cancelled)
         return self.fitted(found, anew=anew)
 
     def fitted(self, found: Minimum, *, anew: bool = False) -> "Fitted":
-        """Return the fit at the end of a search: noise learnt from the residual, likelihood, covariance."""
+        """Return the fit at the end of a search: noise estimated from the residual, likelihood, covariance."""
         left = self.residual_m(found.parameters)
-        # The likelihood of wandering parts has several maxima; a search begun at another fit's would stay there.
+        # The likelihood of wandering parts has several maxima; a search started at another fit's maximum stays there.
         noise, value = self.learn_noise(left, self.noise if self.noise.site else None, anew=anew)
         inverse = found.square.covariance()
         converged = found.converged
@@ -133,13 +133,13 @@ class Problem(WeighedModel):
         return Fitted(self.with_noise(noise), found.parameters, value, left, inverse, converged)
 
     def linearise(self, z: Floats, near: Projector | None = None) -> "Linearised":
-        """Return the problem linearised at ``z``; results of another one ``near`` it are used where still valid."""
+        """Return the problem linearised at ``z``; still valid results of the linearisation ``near`` it are reused."""
         return Linearised.of(self, z, near)
 
 
 @dataclass(frozen=True)
 class Linearised(Projector):
-    """A problem linearised at ``z``, on which further effects are scored."""
+    """A problem linearised at ``z``; methods score further effects on its residual."""
 
     problem: Problem
 
@@ -148,23 +148,23 @@ class Linearised(Projector):
         return screening.scores(self, kind)
 
     def screen(self, kinds: Sequence[TrialEffect], stop: Stop, *, to_join: float | None = None) -> list[list[Score]]:
-        """Return the scores of every effect that has any, in the order of ``kinds``; Cancelled.
+        """Return the scores of every effect that has any, in the order of ``kinds``; raises Cancelled.
 
-        ``to_join`` is the fall of the criterion that an effect needs to be added.
+        ``to_join`` is the fall of the criterion required of an added effect.
         """
         return screening.all_scores(self, kinds, stop, to_join=to_join)
 
     def added_by(self, kind: TrialEffect, starts: Sequence[Mapping[str, float]]) -> list[Floats] | None:
-        """Return what an effect, its values given for each shot, adds to the averaged samples; None with no motion."""
+        """Return the displacement that an effect with these per-shot values adds; None if there is no trajectory."""
         return added_by(self, kind, starts)
 
 
 @dataclass(frozen=True)
 class Fitted(AtVector):
-    """A problem at its minimum ``z``: its noise is the likeliest of the averaged residual ``residual_m`` of each shot.
+    """A problem at its minimum ``z``, with the likeliest noise given the averaged residual ``residual_m`` of each shot.
 
-    ``inverse`` is (J^T J)^-1 of the derivatives J whitened as in the search, shape (p, p), in its coordinates.
-    ``trained`` keeps, by the shot left out, the parameters that the other shots lead to and their covariance.
+    ``inverse``, shape (p, p), is (J^T J)^-1 in search coordinates, with derivatives J whitened as in the search.
+    ``trained`` caches, by the shot left out, the parameters estimated from the other shots and their covariance.
     """
 
     problem: Problem
@@ -213,12 +213,12 @@ class Fitted(AtVector):
 
     @property
     def unlearned_noise(self) -> Floor:
-        """Get a noise that has not absorbed what the model lacks: on a moving frame the flights' own, else white."""
+        """Get a noise that absorbs no missing effect: on a moving frame that of the flights, else the white part."""
         return self.noise.still if self.problem.data.site is None else self.problem.data.noise_of_flights
 
     @property
     def wanders_in_contact_alone(self) -> bool:
-        """Get whether the noise learnt from the whole shots wanders, and that of their flights does not."""
+        """Get whether the noise estimated from whole shots wanders while that of their flights does not."""
         data = self.problem.data
         return data.site is None and bool(self.noise.wander) and not data.noise_of_flights.wander
 
@@ -227,19 +227,19 @@ class Fitted(AtVector):
         return self.problem.linearise(self.z, near)
 
     def fitted_on(self, *, evaluations: int = 25, anew: bool = False, cancelled: Stop | None = None) -> "Fitted":
-        """Fit on from the minimum, as ``Problem.fit``."""
+        """Continue the fit from the minimum with ``Problem.fit``."""
         return self.problem.fit(self.z, evaluations=evaluations, anew=anew, cancelled=cancelled)
 
     def from_white(self, *, evaluations: int = 25, cancelled: Stop | None = None) -> "Fitted":
-        """Fit on from the minimum as ``fitted_on``, begun under white noise alone."""
+        """Continue the fit as ``fitted_on``, starting under white noise alone."""
         white = self.problem.with_noise(self.noise.still)
         return white.fit(self.z, evaluations=evaluations, cancelled=cancelled)
 
     def continued(self, cancelled: Stop | None = None) -> "Fitted":
         """Continue the search of a fit that had not converged, as long as the likelihood grows.
 
-        With a law the minimum lies in a long bent valley: a point worse by only a thousandth of chi^2 may be ten
-        standard deviations away from it.
+        With a law the minimum lies in a long curved valley: a point whose chi^2 is a thousandth larger may be ten
+        standard deviations away.
         """
         best = self
         for _ in range(_ROUNDS):
@@ -255,17 +255,17 @@ class Fitted(AtVector):
         return best._without_wander(cancelled)
 
     def _without_wander(self, cancelled: Stop | None) -> "Fitted":
-        """Return the fit with white noise alone where likelier; wandering noise can hide what a model lacks."""
+        """Return the likelier of this fit and one started under white noise: wander can absorb a missing effect."""
         if self.noise.site or max(self.noise.rms_m) < self.noise.white_m:
             return self
         still = self.from_white(evaluations=_A_ROUND, cancelled=cancelled)
         return still if still.log_likelihood > self.log_likelihood else self
 
     def under_likely_noises(self) -> "Fitted":
-        """Return a fit on a moving frame with its covariance under all likely strengths of the frame's bands.
+        """Return a fit on a moving frame with its covariance averaged over all likely strengths of the frame's bands.
 
-        Under the likeliest strengths alone it is a third too small, since slow bands swing only a few times in a shot.
-        A fit without a moving frame is returned unchanged.
+        At the likeliest strengths alone the covariance is a third too small, since slow bands have only a few periods
+        in a shot.  A fit without frame motion is returned unchanged.
         """
         if self.problem.data.site is None or not self.noise.site:
             return self
@@ -275,9 +275,9 @@ class Fitted(AtVector):
         return self if likely is None else replace(self, inverse=likely.covariance)
 
     def over_likely_strengths(self, free: NDArray[np.bool_]) -> Likely | None:
-        """Return the parameters' covariance under all likely strengths, zero where not ``free``, shape (p,).
+        """Return the likeliest noise and the parameter covariance over all likely strengths, zero where not ``free``.
 
-        None where the free parameters are not determined.
+        ``free`` has shape (p,).  None if the free parameters are not determined.
         """
         problem, data = self.problem, self.problem.data
         assert data.site is not None

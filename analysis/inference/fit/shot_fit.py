@@ -1,7 +1,7 @@
-"""Fit a model to one or several shots, weighed by the noise that their flights show.
+"""Fit a model to one or several shots, weighted by the noise estimated from their flights.
 
-A diagnosis fits its hypotheses in the same way, but learns the noise from each one's residual; here the noise comes
-from the flights alone, so that chi^2 tells whether the model lacks something.
+A diagnosis fits its hypotheses in the same way, but estimates the noise from each residual.  Here the noise comes from
+the flights alone, so that chi^2 shows whether the model lacks an effect.
 """
 
 import math
@@ -28,15 +28,15 @@ from analysis.inference.noise.sway import on_site
 from analysis.shot import PLATE_RINGS, AnalysisError, Cancelled, Fit, Floats, Motion, Shaking, Stop
 
 _PLATE_MOTION = named("plate_motion")
-_EVALUATIONS, _TO_CONTINUE = 60, 120  # of a search, and of its continuation where it had not converged
+_EVALUATIONS, _TO_CONTINUE = 60, 120  # limits for a search, and for its continuation if it had not converged
 _TOLERANCE = 1e-6  # of chi^2: a thousandth of a standard deviation
-_POOR_FIT = 1.15  # reduced chi^2 above which the frame may also move faster than a building does, as after a knock
-_TURNS = 4  # of fitting, and of computing anew what the frame does at the motion just fitted
-_SMALL_MOVE = 1.0  # standard deviations: over a smaller move the frame's contribution stays the same
-_STRENGTH_TURNS = 3  # of fitting, and of learning from the residual how strongly the frame moved
-_SETTLED = 0.1  # standard deviations: after a smaller move the strengths need not be learnt again
-_RINGING = 16.0  # BIC: the least that a plate swinging at first touch must gain to be flagged
-_LEAST_SHARE = 0.7  # of the excess chi^2: a ringing plate explains 99 % of it, another effect half at most
+_POOR_FIT = 1.15  # reduced chi^2 above which frame motion faster than a building's is tried, as after a knock
+_TURNS = 4  # most iterations of fitting and relinearising the frame's contribution about the fitted motion
+_SMALL_MOVE = 1.0  # standard deviations of a parameter move that needs no relinearisation
+_STRENGTH_TURNS = 3  # most iterations of fitting and re-estimating the frame's strengths from the residual
+_SETTLED = 0.1  # standard deviations of a parameter move after which the strengths are final
+_RINGING = 16.0  # BIC gain above which a plate swinging at first touch is flagged
+_LEAST_SHARE = 0.7  # least share of the excess chi^2: a ringing plate explains 99 %, another effect at most half
 
 
 def fit_shots(
@@ -49,14 +49,13 @@ def fit_shots(
 ) -> Fit:
     """Fit base ``model`` and ``effects`` (at most three) to the displacement of ``motions``.
 
-    Contact and effects are shared by all shots, the plate by shots that state the same plate; each shot has its own
-    speed, touch time and offset (and own effect parameters where the catalogue says so).  ``shakings`` say how the
-    frame of each shot moved: the two-body fit then includes that motion in flight and in contact, and the plate may
-    swing before it is touched, as far as the frame can have made it.
-    An effect of the catalogue may be given by its name.
-    Raises ValueError for unknown names, NoCollision (an AnalysisError) where a motion shows no collision, AnalysisError
-    where no motion of the model comes near, Cancelled when asked to stop.
-    A search that did not end in a minimum comes back with ``converged`` False: its numbers are no result.
+    All shots share contact and effects; shots that state the same plate share that plate.  Each shot has its own speed,
+    touch time and offset, and its own effect parameters if the catalogue says so.  ``shakings`` are the frame motions
+    of the shots.  If given, the two-body fit includes that motion in flight and in contact, and the plate may swing
+    before the touch by as much as the frame can have driven it.  An effect of the catalogue may be given by its name.
+    Raises ValueError for unknown names, NoCollision (an AnalysisError) if a motion shows no collision, AnalysisError if
+    no trajectory of the model comes near the shots, Cancelled on request.  If the search did not end in a minimum,
+    ``converged`` is False and the numbers are not a result.
     """
     began = time.perf_counter()
     if not motions:
@@ -76,10 +75,10 @@ def fit_shots(
 
 @dataclass(frozen=True, slots=True)
 class _SearchEnd:
-    """The end of a search under a noise learnt from flights; ``trusted``: these are long enough to learn it from.
+    """The end of a search under the noise of the flights; ``trusted``: they are long enough for a noise estimate.
 
-    ``undecided``, shape (p,), is the standard deviation of each parameter that remains where the iteration over the
-    frame's contribution (``_settled``) does not converge.
+    ``undecided``, shape (p,), is an extra standard deviation per parameter, non-zero if the iteration over the frame's
+    contribution (``_settled``) did not converge.
     """
 
     problem: Problem
@@ -93,7 +92,7 @@ class _SearchEnd:
         return self.found.square.chi2 / max(1, self.found.square.samples - self.problem.size)
 
     def as_fit(self, motions: Sequence[Motion], model: str, began: float, stop: Stop) -> Fit:
-        """Return the fit, weighed by the noise of the whole shots where the frame moves."""
+        """Return the fit; on a moving frame it is weighted by the noise of the whole shots."""
         problem, found = self.problem, self.found
         fitted = _reweighed(problem, found, stop)
         fitted = replace(fitted, inverse=fitted.inverse + np.outer(self.undecided, self.undecided))
@@ -104,10 +103,10 @@ class _SearchEnd:
         return as_fit(fitted, motions, model, seconds, how="fit", by=problem.noise, chi2=chi2, flags=flags)
 
     def _plate_rings(self, fitted: Fitted) -> bool:
-        """Return whether shots fitted with the plate at rest are better described by one that swings at first touch.
+        """Return whether shots fitted with the plate at rest are better described by a plate swinging at first touch.
 
-        Judged by a linear step.  Where it explains only part of the excess chi^2, something else is missing.  Cost: 5
-        ms per shot.
+        The gain is computed by a linear step.  If the swing explains only part of the excess chi^2, another effect is
+        missing.  Cost: 5 ms per shot.
         """
         problem, square = self.problem, self.found.square
         if problem.data.site is not None or not self.found.converged or _PLATE_MOTION in fitted.effects:
@@ -121,7 +120,7 @@ class _SearchEnd:
 def _fit_on(
     site: Site | None, motions: Sequence[Motion], model: str, effects: Sequence[Effect], stop: Stop
 ) -> _SearchEnd:
-    """Return the end of the search with the frame moving as ``site`` says.  Raises AnalysisError and Cancelled."""
+    """Return the end of the search with frame motion ``site``.  Raises AnalysisError and Cancelled."""
     shots = averaged_shots(motions)
     noise, trusted = noise_of_flights(shots, site)
     begin = first_fit(shots, model, site, stop, noise=noise)
@@ -139,10 +138,10 @@ def _fit_on(
 
 
 def _settled(problem: Problem, here: Point, plates: Plates, stop: Stop) -> tuple[Problem, Minimum, Floats]:
-    """Return the minimum, searched from ``here``, with the frame's contribution computed at the motion fitted.
+    """Return the minimum, searched from ``here``, with the frame's contribution linearised about the fitted motion.
 
-    The last value is the uncertainty, shape (p,), one standard deviation each, that remains of the parameters where a
-    plate swings so far that the iteration between motion and contribution does not converge.
+    The last value, shape (p,), is an extra standard deviation per parameter.  It is non-zero if a plate swings so far
+    that the iteration between motion and contribution does not converge.
     """
     for turn in range(_TURNS):
         if turn:
@@ -156,20 +155,20 @@ def _settled(problem: Problem, here: Point, plates: Plates, stop: Stop) -> tuple
         undecided = move * math.sqrt(0.5)
         there = problem.unpack(found.parameters)
         swung = likely_plates(problem, found.parameters)
-        # Where a plate swings far, its contribution changes so much that full steps would alternate: go half-way.
+        # If a plate swings far, its contribution changes so much that full steps would alternate: go half-way.
         here, plates = _half_way((here, plates), (there, swung)) if turn else (there, swung)
     return problem, found, undecided
 
 
 def _at_motion(problem: Problem, point: Point, plates: Plates) -> Problem:
-    """Return the problem with the frame's contribution computed anew for shots that move as ``point`` says."""
+    """Return the problem with the frame's contribution relinearised about the motion at ``point``."""
     data = problem.data
     shots = on_site(with_plates(data.shots, plates), data.site, data.base, point)
     return replace(problem, data=replace(data, shots=shots))
 
 
 def _half_way(here: tuple[Point, Plates], there: tuple[Point, Plates]) -> tuple[Point, Plates]:
-    """Return the mean of two base models with their plates, and the effects of the second."""
+    """Return the mean of the base parameters and plate states of two points, with the effects of the second."""
     (one, before), (other, after) = here, there
     both = zip(before or after, after, strict=True)
     plates = tuple((0.5 * (x + y), 0.5 * (v + w)) for (x, v), (y, w) in both)
@@ -186,12 +185,12 @@ def _minimum_from(problem: Problem, z: Floats, stop: Stop, evaluations: int = _E
 def _with_effects(
     problem: Problem, of_base: Minimum, effects: Sequence[Effect], stop: Stop
 ) -> tuple[Problem, Minimum, Floats]:
-    """Return the minimum with the named effects, added one after the other, and the uncertainty of ``_settled``."""
+    """Return the minimum with the effects, added one after the other, and the extra uncertainty of ``_settled``."""
     here = problem.fit_once(of_base.parameters, evaluations=1, anew=True, cancelled=stop)
     here = joined(here, trials_of(effects), stop)
     problem, undecided = here.problem.with_noise(problem.noise), np.zeros(here.z.size)
     found = _minimum_from(problem, here.z, stop)
-    if problem.data.site is not None:  # what the base model lacked had moved the plates
+    if problem.data.site is not None:  # the missing effects had biased the plates' likeliest states
         point, plates = problem.unpack(found.parameters), likely_plates(problem, found.parameters)
         problem, found, undecided = _settled(_at_motion(problem, point, plates), point, plates, stop)
     if not found.converged:
@@ -200,9 +199,9 @@ def _with_effects(
 
 
 def _reweighed(problem: Problem, found: Minimum, stop: Stop) -> Fitted:
-    """Return the fit, on a moving frame weighed by strengths of its motion that the whole shots show.
+    """Return the fit; on a moving frame, reweighted by frame strengths estimated from the whole shots.
 
-    The flights determine slow motion of the frame poorly, and say nothing of a knock during the contact.
+    The flights determine slow frame motion poorly, and contain no information about a knock during the contact.
     """
     free = np.ones(problem.size, dtype=np.bool_)
     free[[*found.at_bound, *problem.unseen]] = False

@@ -184,7 +184,7 @@ def _independent(columns: Floats) -> Floats:
         mixture = np.abs(np.diag(triangle)) <= _DEPENDENT
         if not mixture.any():
             return np.asarray(basis)
-        # The rounding residual of a dependent column has a random direction: later columns must keep that direction.
+        # The rounding residual of a dependent column has a random direction: do not project later columns off it.
         columns = np.delete(columns, int(mixture.argmax()), axis=1)
 
 

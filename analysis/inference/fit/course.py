@@ -1,4 +1,4 @@
-"""Where a collision begins and ends in a displacement record, and first guesses of its speed and touch time."""
+"""Locate a collision in a displacement record and estimate its speed and touch time, as the start of a fit."""
 
 import math
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ class NoCollision(AnalysisError):
     """Raised where a displacement record shows no collision; the message says why in one line."""
 
 
-_FLIGHT = 4.5  # contact times before the touch: the stretch of flight from which the speed is read
-_FLIGHT_OF_COARSE = 2.0  # contact times of flight on either side in a fit of half a sine; further off the track bends
-_COARSE = 2000.0  # depth of the contact over its white noise, below which half a sine is fitted to all samples at once
+_FLIGHT = 4.5  # contact times of flight before the touch from which the speed is read
+_FLIGHT_OF_COARSE = 2.0  # contact times of flight on either side in a half-sine fit; further away the track is curved
+_COARSE = 2000.0  # contact depth over white noise below which a half-sine is fitted to all samples at once
 
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """Timing, speed and place of one collision, read from the displacement alone; times on the motion's own clock.
+    """Timing, speed and position of one collision, read from the displacement alone; times on the motion's clock.
 
     ``quiet_in`` and ``quiet_out`` are the sample ranges of undisturbed flight.
     """
@@ -39,7 +39,7 @@ class Course:
 
     @property
     def own(self) -> Floats:
-        """Get velocity in (m/s), touch time (s) and offset (m), shape (3,): the start of a fit of the shot."""
+        """Get incoming velocity (m/s), touch time (s) and offset (m), shape (3,): the start of a fit of the shot."""
         return np.array([self.velocity_in_m_per_s, self.touch_time_s, self.touch_position_m])
 
     @property
@@ -49,7 +49,7 @@ class Course:
 
 
 def read_course(time_s: Floats, displacement_m: Floats, valid: NDArray[np.bool_]) -> Course:
-    """Read timing and speed of one collision; the block comes from the right.  NoCollision says why there is none."""
+    """Read timing and speed of one collision; the displacement falls before the touch.  Raises NoCollision."""
     good = np.flatnonzero(valid & np.isfinite(displacement_m))
     if good.size < 50:
         raise NoCollision("fewer than 50 valid displacement samples")
@@ -104,8 +104,8 @@ def _first_look(t: Floats, d: Floats, turn: int, dt: float) -> tuple[float, floa
     """Return incoming velocity (m/s) and rate of the half-sine contact (rad/s) while the touch is still unknown.
 
     A half-sine turns around (pi/2 - 1)/omega after the undisturbed flight would have reached the same depth.  For each
-    of many supposed contact times the flight is fitted from 0.8 to 4.5 of them before the turnaround; the one taken is
-    nearest to the contact time that follows from it.
+    of many trial contact times a flight is fitted from 0.8 to 4.5 contact times before the turnaround.  The trial
+    chosen is the one closest to the contact time that its own fit implies.
     """
     best = (math.inf, 0.0, 1.0)
     for supposed in np.geomspace(2.0 * (t[turn] - t[0]), 6 * dt, 60):
@@ -129,17 +129,17 @@ def _first_look(t: Floats, d: Floats, turn: int, dt: float) -> tuple[float, floa
 def _half_sine(
     t: Floats, d: Floats, read: tuple[float, float, float, float]
 ) -> tuple[float, float, float, float] | None:
-    """Return (touch time, position, velocity, rate) of two flights joined by half a sine, or None where none fits.
+    """Return (touch time, position, velocity, rate) of two flights joined by half a sine; None if none fits.
 
-    Where the noise is a noticeable part of the depth, the onset of the force and the lowest sample do not show when the
-    contact begins and how long it lasts; a fit of all samples does.  Cost: some 20 ms.
+    If the noise is a noticeable part of the depth, the onset of the force and the lowest sample do not determine begin
+    and duration of the contact; a fit of all samples does.  Cost: about 20 ms.
     """
     touch, position, velocity, rate = read
     best: tuple[float, Floats] | None = None
     scale = np.array([0.1 / rate, 0.1 * abs(velocity) / rate, abs(velocity), 0.1, 0.1])
     for share in (1.0, 0.6, 0.35):
         z = np.array([touch, position, velocity, math.log(share * rate), 0.8])
-        for _ in range(2):  # the flights that count go with the contact time
+        for _ in range(2):  # the flights included depend on the fitted contact time
             flight = _FLIGHT_OF_COARSE * math.pi / math.exp(z[3])
             near = (t > z[0] - flight) & (t < z[0] + flight + math.pi / math.exp(z[3]))
             if near.sum() < 20 or z[0] < t[0]:
@@ -161,7 +161,7 @@ def _half_sine(
 
 
 def _joined(z: Floats, t: Floats) -> Floats:
-    """Return a flight in, half a sine of rate exp(z[3]) and a flight out at z[4] times the speed, at times t."""
+    """Return the displacement at times t: flight in, half-sine of rate exp(z[3]), flight out with COR z[4]."""
     touch, position, velocity, log_rate, restitution = z
     rate = math.exp(min(log_rate, 50.0))
     u = t - touch
@@ -180,12 +180,12 @@ def _flight(t: Floats, d: Floats, begin: int, end: int) -> tuple[float, float]:
 def _onset(t: Floats, d: Floats, sigma: float, rate: float, velocity: float, turn: int, dt: float) -> float:
     """Return the time at which the acceleration first rises above the noise.
 
-    A vibration of 60 nm at 555 Hz accelerates the block as hard as a thirtieth of the plate's peak force, but in both
-    directions, while the plate only pushes: the most negative acceleration sets how large a positive one must be.
+    A vibration of 60 nm at 555 Hz causes an acceleration of a thirtieth of the plate's peak, but in both directions,
+    while the plate only pushes.  The threshold is therefore set by the most negative acceleration.
     """
     peak = abs(velocity) * rate
     span = max(1, int(0.004 / rate / dt))
-    # Wide enough that a twentieth of the peak acceleration stands five sigma out of the second difference's noise.
+    # Wide enough that a twentieth of the peak acceleration is five sigma of the second difference's noise.
     while math.sqrt(6.0) * sigma / (span * dt) ** 2 > 0.01 * peak and span < turn // 4:
         span += max(1, span // 4)
     second = (d[2 * span : turn + 1] - 2 * d[span : turn + 1 - span] + d[: turn + 1 - 2 * span]) / (span * dt) ** 2
@@ -196,5 +196,5 @@ def _onset(t: Floats, d: Floats, sigma: float, rate: float, velocity: float, tur
     if not loud.any():
         return float(t[turn] - 0.5 * math.pi / rate)
     index = int(np.argmax(loud))
-    # The second difference responds one span before the touch, and reaches the mark part of the way into that span.
+    # The second difference responds one span before the touch and crosses the threshold within that span.
     return float(min(centre[index] + 0.6 * span * dt, t[turn]))

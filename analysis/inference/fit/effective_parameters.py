@@ -1,9 +1,9 @@
-"""Effective parameters, as a record shows them, and their conversion to and from the physical ones.
+"""Convert between physical parameters and effective parameters, which a record determines directly.
 
 The optics' delay makes the touch appear late.  A plate on a compliant clamp (compliance C) appears softer, k_p / (1 +
-k_p C), since plate and clamp are springs in series; the clamp's mode appears faster, f sqrt(1 + k_p C), since the plate
-at rest adds its spring to the clamp's.  The record determines these to parts in a million, but C itself only to a few
-per cent: a search in effective parameters has straight valleys.
+k_p C), since plate and clamp are springs in series.  The clamp's mode appears faster, f sqrt(1 + k_p C), since the
+plate at rest adds its spring to the clamp's.  The record determines these apparent values to parts in a million, but C
+only to a few per cent.  A search in effective parameters therefore has straight valleys.
 """
 
 import math
@@ -15,7 +15,7 @@ from analysis.shot import Floats
 
 Values = Mapping[Effect, Mapping[str, float]]  # of a shot's effects, by effect and parameter
 
-_SOFTEST = 0.9  # of the total compliance is the clamp's, at most
+_SOFTEST = 0.9  # largest share of the clamp in the total compliance
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ class Point:
     values: tuple[Values, ...]
 
     def with_effect(self, effect: Effect, starts: Sequence[Mapping[str, float]]) -> "Point":
-        """Return the point with one effect more, at the values given for each shot."""
+        """Return the point with one more effect, at the values given for each shot."""
         values = tuple({**before, effect: start} for before, start in zip(self.values, starts, strict=True))
         return Point(self.base, self.own, values)
 
@@ -43,7 +43,7 @@ def to_effective(point: Point) -> Point:
 
 
 def to_actual(effective: Point) -> Point:
-    """Return the physical parameters of effective ones; Infeasible where nothing remains for the plate."""
+    """Return the physical parameters of effective ones; Infeasible if the clamp takes nearly all the compliance."""
     own = effective.own - [[0.0, _delay(values), 0.0] for values in effective.values]
     clamp = _clamp(effective.values[0])
     if clamp is None:
@@ -55,8 +55,8 @@ def to_actual(effective: Point) -> Point:
 def chained(effective: Point, seen: Floats, at: Mapping[tuple[Effect, str], int], touches: list[int]) -> Floats:
     """Return the derivatives of physical parameters, given those of the effective ones (``seen``).
 
-    Both have shape (p, k), one row for each parameter; ``at`` gives the row of each (effect, parameter), ``touches``
-    the rows of the touch times.
+    Both have shape (p, k), one row per parameter.  ``at`` holds the row of each (effect, parameter), ``touches`` the
+    rows of the touch times.
     """
     out = seen.copy()
     for (effect, parameter), place in at.items():
@@ -75,7 +75,7 @@ def chained(effective: Point, seen: Floats, at: Mapping[tuple[Effect, str], int]
 
 @dataclass(frozen=True, slots=True)
 class _Clamp:
-    """An effect whose spring is in series with the plate's: names of effect and parameters, and their values."""
+    """An effect whose spring is in series with the plate's: the effect, its parameter names, and their values."""
 
     effect: Effect
     compliance: str
@@ -106,5 +106,5 @@ def _clamp(values: Values) -> _Clamp | None:
 
 
 def _delay(values: Values) -> float:
-    """Return the delay of the optics in s: where it grows, the touch must not appear to move."""
+    """Return the delay of the optics in s; the effective touch time stays fixed when the delay changes."""
     return sum(given[effect.delays] for effect, given in values.items() if effect.delays)

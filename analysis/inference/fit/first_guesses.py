@@ -1,8 +1,8 @@
-"""First guesses of a set's shared parameters: candidates like the fastest shot's contact, and short fits of it.
+"""First guesses of the shared parameters: candidates that resemble the fastest shot's contact, refined by short fits.
 
-The motion of two linear bodies has no scale of its own: with the block's mass and the half period of the smooth
-contact as units, a candidate moves alike in every shot.  So the candidates are solved once, and a shot is compared
-with all of them by one matrix product.
+The motion of two linear bodies is scale-free: in units of block mass and smooth contact's half period, a candidate has
+the same motion in every shot.  The candidates are therefore solved once, and one matrix product compares a shot with
+all of them.
 """
 
 import contextlib
@@ -26,23 +26,23 @@ from analysis.inference.noise.floor import white_floor
 from analysis.shot import Cancelled, Floats, Stop
 from analysis.signal import LEAST_NOISE_M
 
-_TRIED = 6  # candidates
+_TRIED = 6  # most candidates that are fitted
 _EVALUATIONS = 18
-_SAME_PATTERN = 0.03  # of a wrong sequence's residual: a right one leaves less, even where effects are missing
-_SWAYED_PATTERN = 0.2  # the same where all of the residual may be the frame's motion
-_APART = 0.03  # of a parameter: guesses nearer to each other than that count as one
-# of the candidates: plate mass over block mass, contact stiffness over that of the smooth contact, damping ratio
+_SAME_PATTERN = 0.03  # largest residual of a right bounce sequence over a wrong one's, even with missing effects
+_SWAYED_PATTERN = 0.2  # the same if the whole residual may be frame motion
+_APART = 0.03  # relative difference of a parameter below which guesses count as one
+# grid of the candidates: plate mass over block mass, contact stiffness over smooth contact's, damping ratio
 _MASS_RATIOS = np.geomspace(0.002, 0.1, 7)
 _STIFFNESS_RATIOS = np.geomspace(8, 1200, 8)
 _DAMPING_RATIOS = (0.04, 0.15, 0.4)
 _POINTS = 420
-_BEFORE, _AFTER = 0.1, 1.25  # of the contact time, from the touch
+_BEFORE, _AFTER = 0.1, 1.25  # contact times before and after the touch that are compared
 _MASS_KG, _RATE_RAD_PER_S = PAPER.block_mass_kg, 110.0  # of the shot for which the candidates are solved
 
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """A candidate and the rms in m of the contact that it leaves unexplained with flight and touch time fitted."""
+    """A candidate and the rms residual in m of the contact, with flight and touch time fitted."""
 
     collision: Collision
     left_m: float
@@ -63,7 +63,7 @@ class _Patterns:
 def resembled(base: Base, shots: Sequence[Samples], most: int) -> list[Floats]:
     """Return the shared parameters of up to ``most`` candidates that resemble the fastest shot's contact, best first.
 
-    Nothing is fitted, since a fit without the frame may be led astray by its motion.  Empty with several plates.
+    The candidates are not refined by a fit, since frame motion can bias a fit without it.  Empty with several plates.
     """
     return [base.shared(guess.collision) for guess in rank(_fastest(shots), base)[:most]] if base.plates == 1 else []
 
@@ -71,9 +71,9 @@ def resembled(base: Base, shots: Sequence[Samples], most: int) -> list[Floats]:
 def first_guesses(base: Base, shots: Sequence[Samples], stop: Stop, sways_m: float = 0.0) -> list[Floats]:
     """Return different sets of shared parameters, best first, by a short fit of the fastest shot's contact.
 
-    ``sways_m`` is the rms of the frame's motion: a sequence of bounces that leaves no more than that is the right one.
-    With several plates there is one set, of each plate's best, with the contact found on the plate of most shots.
-    Raises NoCollision where no candidate fits, Cancelled when asked to stop.
+    ``sways_m`` is the rms of the frame's motion: a bounce sequence whose residual is below it is accepted as right.
+    With several plates there is one set: each plate's best, with the contact found on the plate with most shots.
+    Raises NoCollision if no candidate fits, Cancelled on request.
     """
     if base.plates > 1:
         return [_plate_by_plate(base, shots, stop, sways_m)]
@@ -92,7 +92,7 @@ def first_guesses(base: Base, shots: Sequence[Samples], stop: Stop, sways_m: flo
         return None
 
     first = tried(ranked[0]) if ranked else None
-    usual = float(np.median([guess.left_m for guess in ranked])) if ranked else 0.0  # of wrong sequences of bounces
+    usual = float(np.median([guess.left_m for guess in ranked])) if ranked else 0.0  # residual of wrong sequences
     enough = max(_SAME_PATTERN * usual, min(sways_m, _SWAYED_PATTERN * usual))
     if first is not None and white.white_m * math.sqrt(first[0].square.chi2 / first[0].square.samples) < enough:
         return [first[1]]
@@ -120,7 +120,7 @@ def _plate_by_plate(base: Base, shots: Sequence[Samples], stop: Stop, sways_m: f
 
 
 def _contact_of(shot: Samples) -> Samples:
-    """Return the averaged samples of the contact and a little flight alone."""
+    """Return the averaged samples of the contact and a little flight only."""
     near = slice(*np.searchsorted(shot.centre_s, _around_contact(shot.course)).tolist())
     fine = slice(near.start * shot.factor, near.stop * shot.factor)
     return replace(
@@ -147,8 +147,8 @@ def _fastest(shots: Sequence[Samples]) -> Samples:
 def rank(shot: Samples, base: Base) -> list[Guess]:
     """Return candidates, best first, by the residual of a shot's contact with flight and touch time fitted.
 
-    Offset, velocity, touch time and the plate's stiffness are projected out linearly, so that the coarse grid only has
-    to find the bounces: mass ratio, contact stiffness and damping.  About 2 ms; 40 ms the first time in a process.
+    Offset, velocity, touch time and plate stiffness are projected out linearly.  The coarse grid therefore covers only
+    mass ratio, contact stiffness and damping, which determine the bounces.  About 2 ms; 40 ms for the first call.
     """
     patterns = _patterns(base.variant, base.one_body)
     course, time_s, good = shot.course, shot.centre_s, np.flatnonzero(shot.valid)

@@ -1,4 +1,4 @@
-"""The parameters of an effect that a fit moves: scale, sign and start values, all from the catalogue."""
+"""The free parameters of an effect in a fit: scale, sign and start values, all from the catalogue."""
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
@@ -9,10 +9,10 @@ from analysis.collision import CATALOGUE, Effect, Parameter
 
 @dataclass(frozen=True, slots=True)
 class TrialEffect:
-    """An effect as a diagnosis tries it: its free parameters and the values from which they may start.
+    """An effect in the form in which it is fitted: its free parameters and their start values.
 
-    ``amplitude`` names parameters in which the displacement is linear while the effect is small; the others are tried
-    on a grid.  ``starts`` are complete sets of values.
+    ``amplitude`` names the parameters in which the displacement of a small effect is linear; the others start on a
+    grid.  ``starts`` are complete sets of values.
     """
 
     effect: Effect
@@ -28,7 +28,7 @@ class TrialEffect:
 
     @property
     def own(self) -> tuple[Parameter, ...]:
-        """Get the free parameters that every shot has for itself."""
+        """Get the free parameters that differ per shot."""
         return tuple(free for free in self.free_parameters if free.own)
 
     def fixed_in(self, start: Mapping[str, float]) -> Mapping[str, float]:
@@ -37,13 +37,13 @@ class TrialEffect:
         return {name: value for name, value in start.items() if name not in names}
 
     def times(self, values: Mapping[str, float], factor: float) -> Mapping[str, float]:
-        """Return values of the effect at ``factor`` times its strength, to first order."""
+        """Return the values for ``factor`` times the effect's strength, to first order."""
         factor = 1 / factor if self.inverse else factor
         return {**values, **{name: values[name] * factor for name in self.amplitude}}
 
 
 def trial_effect(row: Effect) -> TrialEffect:
-    """Return a row of the catalogue in the form in which it is searched."""
+    """Return the trial effect of a row of the catalogue."""
     free = [parameter for parameter in row.parameters if not parameter.fixed]
     axes = [parameter.tried or parameter.grid or (parameter.scale,) for parameter in row.parameters]
     names = [parameter.name for parameter in row.parameters]
@@ -57,10 +57,10 @@ def trial_effect(row: Effect) -> TrialEffect:
 
 
 def trials_of(effects: Iterable[Effect]) -> tuple[TrialEffect, ...]:
-    """Return effects in the form in which they are searched."""
+    """Return the trial effects of these effects."""
     return tuple(map(trial_effect, effects))
 
 
 def trial_effects(further: Iterable[Effect] = ()) -> Sequence[TrialEffect]:
-    """Return all effects of the catalogue, then ``further`` ones, each once, in the form in which they are searched."""
+    """Return the trial effects of the whole catalogue, then of ``further`` effects, each once."""
     return trials_of(dict.fromkeys((*CATALOGUE.values(), *further)))

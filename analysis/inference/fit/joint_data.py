@@ -1,4 +1,4 @@
-"""Shots that are fitted together: averaged, weighted, and with the contribution of the frame's motion."""
+"""Shots that are fitted jointly: averaged, weighted, and with the frame's motion as a covariance term."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -18,16 +18,16 @@ from analysis.reading import shaking_in
 from analysis.shot import AnalysisError, Floats, Motion, Shaking
 from analysis.signal import LEAST_NOISE_M
 
-_FEWEST_A_TURN = 10.0  # samples per period of the fastest motion of a frame
-_SAMPLES = 100  # at least, to learn a noise from
+_FEWEST_A_TURN = 10.0  # least samples per period of the fastest frame motion
+_SAMPLES = 100  # fewest third differences for a noise estimate
 
 
 @dataclass(frozen=True)
 class JointData:
-    """The shots that are fitted together, and the base model.
+    """The shots that are fitted jointly, and the base model.
 
-    ``site`` is what shakes the frame, or None.  ``like_kg`` is the block mass assumed in the search coordinates (None:
-    the first shot's); with it, vectors for a subset of shots mean the same as vectors for the whole set.
+    ``site`` is the frame's motion, or None.  ``like_kg`` is the block mass assumed in the search coordinates (None: the
+    first shot's).  With it, vectors for a subset of shots have the same coordinates as vectors for the whole set.
     """
 
     shots: tuple[Samples, ...]
@@ -51,17 +51,17 @@ class JointData:
 
     @cached_property
     def noise_of_flights(self) -> Floor:
-        """Get the noise that the quiet flights show, the frame as strong as they were read."""
+        """Get the noise estimated from the quiet flights, with the frame's strengths as read from them."""
         return noise_of_flights(self.shots, self.site)[0]
 
     @property
     def stated_noise(self) -> Floor:
-        """Get white noise as strong as the first motion states it."""
+        """Get white noise with the std stated by the first motion."""
         return white_floor(self.shots[0].white_m, self.shots[0].spacing_s)
 
     @property
     def white_noise(self) -> Floor:
-        """Get white noise as strong as third differences show it; AnalysisError with too few samples."""
+        """Get white noise with the std estimated from third differences; AnalysisError with too few samples."""
         if sum(int(np.count_nonzero(s.valid[3:] & s.valid[:-3])) for s in self.shots) < _SAMPLES:
             raise AnalysisError("too few samples for a diagnosis")
         white_m = white_by_differences([s.displacement_m for s in self.shots], [s.valid for s in self.shots])
@@ -69,16 +69,16 @@ class JointData:
 
 
 def can_tell(motion: Motion) -> bool:
-    """Return whether a motion is sampled fast enough to separate the frame's motion from the optics' noise."""
+    """Return whether a motion is sampled fast enough to separate frame motion from the optics' noise."""
     return motion.sample_rate_hz >= _FEWEST_A_TURN * BELOW_HZ
 
 
 def shakings_of(
     motions: Sequence[Motion], model: str, known: Sequence[Shaking | None] | None
 ) -> tuple[Shaking | None, ...]:
-    """Return the frame's motion of each shot, as ``known`` or read from its flights; None where ``model`` has no plate.
+    """Return each shot's frame motion, ``known`` or read from its flights; None for all unless it can be included.
 
-    Cost of reading: some 0.1 s per shot.
+    It is included in the "paper" model only, at a sufficient sample rate.  Cost of reading: about 0.1 s per shot.
     """
     if model != "paper" or not all(can_tell(motion) for motion in motions):
         return (None,) * len(motions)
@@ -88,14 +88,14 @@ def shakings_of(
 def site_under(
     motions: Sequence[Motion], shakings: Sequence[Shaking | None], least_nm: float, *, whole: bool = False
 ) -> Site | None:
-    """Return the common motion of the frame for shots with these shakings; arguments as ``site_of``'s."""
+    """Return the common frame motion of shots with these shakings; arguments as for ``site_of``."""
     return site_of(shakings, max(float(np.ptp(motion.time_s)) for motion in motions), least_nm, whole=whole)
 
 
 def joint_data(plain: tuple[Samples, ...], begin: SearchStart, site: Site | None) -> JointData:
-    """Return averaged shots for a joint fit, the frame's contribution computed for the motion of ``begin``.
+    """Return averaged shots for a joint fit, with the frame's contribution linearised about the motion of ``begin``.
 
-    Where a plate swings far, its likeliest state in ``begin`` is the one about which that contribution is linear.
+    For a plate that swings far, the linearisation is about its likeliest state in ``begin``.
     """
     base = begin.base
     if site is None:

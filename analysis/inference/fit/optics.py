@@ -1,4 +1,4 @@
-"""What the optics show of a motion and of a small change of it, after the effects of the sensor that a shot has.
+"""The displacement shown by the optics for a motion and for a small change of it, after the shot's sensor effects.
 
 All times are the centres of the averaged samples.
 """
@@ -16,7 +16,7 @@ _STEP = 1e-40  # the complex step
 
 
 def change_shown(shot: ShotModel, path: LinearPath, change: Floats) -> Floats:
-    """Return what the optics show of small changes, shape (n, k), of the block's position along a shot's ``path``."""
+    """Return small changes, shape (n, k), of the block's position along a shot's ``path`` as the optics show them."""
     if all(effect.sensor is None for effect in shot.values):
         return change
     x, v = np.empty(len(change)), np.empty(len(change))
@@ -30,9 +30,9 @@ def change_shown(shot: ShotModel, path: LinearPath, change: Floats) -> Floats:
 
 
 def shown_by_optics(shot: ShotModel, x: Any, v: Floats) -> Any:
-    """Return what the optics show of motions ``x``, shape (n,) or (n, k), after all effects of the sensor.
+    """Return motions ``x``, shape (n,) or (n, k), as the optics show them, after all sensor effects.
 
-    ``v``, shape (n,), is the velocity about which ``x`` is taken.  The imaginary part of a complex ``x`` carries a
+    ``v``, shape (n,), is the velocity of the unperturbed motion.  The imaginary part of a complex ``x`` carries a
     derivative.
     """
     samples = shot.samples

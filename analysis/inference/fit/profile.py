@@ -1,8 +1,7 @@
-"""Uncertainty of an attraction's parameters by profile likelihood, where the curvature at the minimum is too narrow.
+"""Uncertainty of an attraction's parameters by profile likelihood: the curvature at the minimum underestimates it.
 
-Force and reach of an attraction lie in a bent valley, made rough by samples that come within reach one by one.  The
-profile likelihood (Venzon and Moolgavkar, Appl. Statist. 37 (1988) 87) follows the valley to where chi^2 has grown by
-one.
+Force and range of an attraction lie in a curved valley, which is rough since samples come within range one by one.  The
+profile likelihood (Venzon and Moolgavkar, Appl. Statist. 37 (1988) 87) follows the valley until chi^2 has grown by one.
 """
 
 from dataclasses import replace
@@ -15,15 +14,16 @@ from analysis.inference.fit.problem import Fitted
 from analysis.shot import Stop
 
 _TRIES = 3
-_FLAT = 0.05  # of chi^2: less growth than that says nothing about the distance to a growth of one
-_WIDEST = 4.0  # times the distance, from one try to the next
-_ROUNDED = 0.999  # of the distance that was asked: less was reached only where a bound lies before it
+_FLAT = 0.05  # growth of chi^2 too small to extrapolate to a growth of one
+_WIDEST = 4.0  # largest factor on the distance from one try to the next
+_ROUNDED = 0.999  # fraction of the requested distance below which a bound was reached first
 
 
 def with_profile_std(fitted: Fitted, stop: Stop) -> Fitted:
     """Return the fit with standard deviations of its attraction from the wider side of the profile likelihood.
 
-    Never narrower than the curvature says.  Any other fit is returned unchanged.  Cost: 0.3 s per parameter.
+    They are never less than those from the curvature.  A fit without an attraction is returned unchanged.  Cost: 0.3 s
+    per parameter.
     """
     problem = fitted.problem
     places = [k for k, (effect, _, _) in enumerate(problem.free_parameters, problem.offset) if effect.range_at >= 0]
@@ -41,9 +41,9 @@ def with_profile_std(fitted: Fitted, stop: Stop) -> Fitted:
 
 
 def _stds_to_unit_rise(fitted: Fitted, at: int, side: float, stop: Stop) -> float:
-    """Return how many of its standard deviations off a parameter raises chi^2 by one, on one side; 1 if unknown.
+    """Return the distance, in standard deviations, at which a parameter raises chi^2 by one on one side; 1 if unknown.
 
-    Where a bound comes before that, its distance.
+    If a bound is nearer, the distance is that of the bound.
     """
     low, high = fitted.problem.bounds
     best = fitted.chi2(fitted.noise)

@@ -1,8 +1,8 @@
 """The model of one shot: displacement as the sensor shows it, with exact derivatives by all parameters.
 
 In some directions of the base model's parameters the displacement changes ten thousand times less than in others.
-Finite differences of trajectories lose these directions in their error, and a search then stops in the middle of a
-valley; the tangents that the integrator carries along do not.
+Errors of finite differences hide these directions, and a search then stops in the middle of a valley.  The tangents
+that the integrator propagates do not have this error.
 """
 
 import math
@@ -41,18 +41,18 @@ from analysis.inference.fit.base import OWN_NAMES, Base
 from analysis.inference.fit.effective_parameters import Values
 from analysis.inference.fit.samples import Samples
 
-STRIDE = 2.0  # of ``general.solve``, with which a nonlinear law is right to 0.05 pm: far below any noise
+STRIDE = 2.0  # of ``general.solve``: its error for a nonlinear law is then 0.05 pm, far below any noise
 _DEFAULT_WAVELENGTH_M = 632.8e-9
-_MOST_RADIANS = 1e5  # of the contact, or of an effect, over the whole record
-_MOST_RADIANS_A_SAMPLE = 60.0  # between two averaged samples: a trajectory follows no faster oscillation
-_STEP = 1e-40  # of a complex step
+_MOST_RADIANS = 1e5  # largest phase of the contact, or of an effect, over the whole record
+_MOST_RADIANS_A_SAMPLE = 60.0  # largest phase between two averaged samples that a trajectory follows
+_STEP = 1e-40  # size of a complex step
 
 
 @dataclass(frozen=True)
 class ShotModel:
-    """The model of one shot with its parameters: the base model's ``shared`` ones, shape (b,), and the shot's.
+    """The model of one shot with its parameters: the base model's ``shared`` ones, shape (b,), and the shot's own.
 
-    ``own`` are velocity in (m/s), touch time (s) and offset (m), shape (3,); ``values`` those of the effects.
+    ``own`` are incoming velocity (m/s), touch time (s) and offset (m), shape (3,); ``values`` are those of the effects.
     """
 
     samples: Samples
@@ -63,14 +63,14 @@ class ShotModel:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Get the names of the parameters that a fit moves, those that shots share first, in a derivative's order."""
+        """Get the names of the fitted parameters, shared ones first, in the order of the derivatives."""
         moved = [(p.own, f"{effect.key}.{p.name}") for effect in self.values for p in effect.parameters if not p.fixed]
         shared, own = ([name for is_own, name in moved if is_own is wanted] for wanted in (False, True))
         return (*self.base.names, *shared, *OWN_NAMES, *own)
 
     @cached_property
     def collision(self) -> Collision:
-        """Get the collision; Infeasible where the parameters give none."""
+        """Get the collision; raises Infeasible if the parameters are invalid."""
         numbers = [*self.own, *(value for given in self.values.values() for value in given.values())]
         if any(math.isnan(number) for number in numbers):
             raise Infeasible("a parameter is not a number")
@@ -93,9 +93,9 @@ class ShotModel:
 
     @property
     def too_fast(self) -> bool:
-        """Get whether something oscillates faster than the samples show, or than a trajectory follows.
+        """Get whether an oscillation is faster than the samples can show, or than a trajectory follows.
 
-        The model can follow oscillations that no sample can show; a search must not go there.
+        The model itself can have oscillations that no sample shows; a search must avoid these parameters.
         """
         fastest = min(math.pi * self.samples.factor, _MOST_RADIANS_A_SAMPLE) / self.samples.spacing_s
         return max(self.rates.contact, self.rates.every) > fastest
@@ -106,17 +106,17 @@ class ShotModel:
         return linear_path(self.collision, hidden_first, self.samples.centre_s - self.own[1], steps)
 
     def with_laws(self, laws: Sequence[Effect]) -> "ShotModel":
-        """Return the model with laws that act besides the effects, each of its parameters at its scale."""
+        """Return the model with laws that act in addition to the effects, with each law parameter at its scale."""
         return replace(self, values={**self.values, **{law: {p.name: p.scale for p in law.parameters} for law in laws}})
 
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """The model of one shot at its samples (or averaged over blocks of them), arrays of shape (n,).
+    """The model's prediction of one shot at its samples (or averaged over blocks of them), arrays of shape (n,).
 
-    ``displacement_m`` is what the optics would show, offset included; ``derivatives``, shape (n, p), are by the
-    parameters of ``ShotModel.names``.  ``velocity_out`` is the block's velocity after its last release with its
-    derivatives by the same.
+    ``displacement_m`` is the displacement shown by the optics, offset included; ``derivatives``, shape (n, p), are by
+    the parameters of ``ShotModel.names``.  ``velocity_out`` is the block's velocity after its last release, with its
+    derivatives by the same parameters.
     """
 
     displacement_m: Floats
@@ -133,13 +133,13 @@ def respond(
 ) -> Response:
     """Solve the model of a shot at ``time_s``, shape (n,), on the recording's clock.
 
-    ``stride`` is that of ``solve``; with ``block`` all arrays are averaged over so many samples.  Raises Infeasible
-    where there is no such motion.
+    ``stride`` is that of ``solve``; all arrays are averages over ``block`` samples.  Raises Infeasible if there is no
+    trajectory.
     """
     names = shot.names
     chains = chain_rules(list(shot.values), shot.values, shot.collision, float(shot.own[1])) if derivatives else []
     wanted = _directions(shot) if derivatives else {}
-    # A parameter that enters a kernel through others: these get names that no parameter has; the chain rule follows.
+    # A parameter may enter a kernel through others: those get placeholder names, and the chain rule follows below.
     wanted |= {f"{c.slot} {k}": direction(c.slot, k) for c in chains for k in range(c.slopes.shape[0])}
     seeing = sensors(shot.values)
     inner = 1 if seeing else block  # the sensor's effects act on every sample, before averaging
@@ -176,7 +176,7 @@ def respond(
 
 
 def _directions(shot: ShotModel) -> dict[str, int | None]:
-    """Return the integrator's direction of each of ``names``; None where a parameter does not act on the motion."""
+    """Return the integrator's direction of each of ``names``; None if a parameter does not act on the motion."""
     places = {name: place for place, name in enumerate(KERNEL_ORDER)}
     known = {**shot.base.columns(shot.samples.plate_number), "velocity_in_m_per_s": places["velocity_in_m_per_s"]}
     for slot, one in enumerate(shot.active):
@@ -204,11 +204,11 @@ def _solved(shot: ShotModel, time_s: Floats, directions: Sequence[int], stride: 
 def _through_sensor(
     effect: Effect, shot: ShotModel, time_s: Floats, velocity_m_per_s: Floats, x: Floats, columns: Floats
 ) -> tuple[Floats, Floats]:
-    """Return displacement and derivatives after one effect of the sensor (derivatives by complex steps)."""
+    """Return displacement and derivatives after one sensor effect (derivatives by complex steps)."""
     assert effect.sensor is not None
     samples, names = shot.samples, shot.names
     wavelength_m, rate_hz = samples.wavelength_m or _DEFAULT_WAVELENGTH_M, samples.factor / samples.spacing_s
-    # an average over several samples does not tell the displacement at each
+    # an average over several samples does not determine the displacement at each of them
     measured_m = samples.displacement_m if samples.factor == 1 else None
     seen = Sensed(time_s, velocity_m_per_s, wavelength_m, rate_hz, measured_m)
     own = np.zeros((max(3, len(effect.parameters)), 1))

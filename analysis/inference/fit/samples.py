@@ -17,18 +17,17 @@ if TYPE_CHECKING:
     from analysis.inference.noise.sway import Sway
 
 Mask = NDArray[np.bool_]
-_FITTED_CONTACT_TIMES = 5.0  # of flight on either side that are fitted: further off the track matters more
-RATE_HZ = 20e3  # effects of the catalogue act on the displacement below half of it, except the ripple of a fringe
-FINE_RATE_HZ = 100e3
+_FITTED_CONTACT_TIMES = 5.0  # contact times of flight fitted on either side: beyond, the track's shape matters more
+RATE_HZ = 20e3  # catalogue effects act on the displacement below half of this rate, except the ripple of a fringe
+FINE_RATE_HZ = 100e3  # the rate for that ripple
 
 
 @dataclass(frozen=True, slots=True)
 class Samples:
     """One shot, averaged over blocks of ``factor`` samples.
 
-    ``time_s`` and ``used``, shape (n,), are on the motion's own grid; all other arrays are of averaged samples, shape
-    (n // factor,), with centres at ``centre_s``.  A block's mean keeps white noise white and loses no sample at the
-    ends.
+    ``time_s`` and ``used``, shape (n,), are on the motion's own grid.  All other arrays are averaged samples, shape
+    (n // factor,), centred at ``centre_s``.  Block means keep white noise white and lose no sample at the ends.
     """
 
     time_s: Floats
@@ -43,14 +42,14 @@ class Samples:
     course: Course
     white_m: float  # white noise of one averaged sample, as the motion states it
     weight: float = 1.0  # ``white_m`` over the rms of that of all shots in the fit
-    sway: "Sway | None" = None  # what the frame's motion may have added to the shot
+    sway: "Sway | None" = None  # frame motion as a covariance term
     plate: tuple[float, float] = (0.0, 0.0)  # m, m/s: the plate's likeliest state at first touch on a moving frame
-    plate_number: int = 0  # on which of the set's plates it was taken
+    plate_number: int = 0  # index of the shot's plate in the set
 
     def whitened(self, floor: "Floor", columns: Floats) -> Floats:
-        """Return ``columns``, shape (n, k), whitened: noise as this floor's becomes unit white noise; shape (m, k).
+        """Return ``columns``, shape (n, k), whitened so that this noise becomes unit white noise; shape (m, k).
 
-        One row for each of the m valid samples.
+        The result has one row for each of the m valid samples.
         """
         rows = floor.whiten(columns, self.valid, self.weight)
         if self.sway is None or not floor.site:
@@ -60,8 +59,9 @@ class Samples:
     def left_m(self, displacement_m: Floats) -> Floats:
         """Return measured minus model displacement, averaged, shape (n,).
 
-        The plate's motion before the touch is part of what the frame may have caused.  Where the model starts from its
-        likeliest state, its contribution is added back, so that a large swing is penalised as its variance demands.
+        The plate's motion before the touch is part of the frame's covariance term.  If the model starts from the
+        plate's likeliest state, the contribution of that state is added back, so that its variance penalises a large
+        swing.
         """
         left = self.displacement_m - displacement_m
         return left if self.sway is None or not any(self.plate) else left + self.sway.of_plate_m(self.plate)
@@ -71,7 +71,7 @@ class Samples:
         return averaged(columns, self.factor)
 
     def without_frame_motion(self, floor: "Floor", left_m: Floats) -> Floats:
-        """Return a residual, shape (n,), minus the most likely contribution of the frame's motion."""
+        """Return a residual, shape (n,), minus the likeliest contribution of the frame's motion."""
         if self.sway is None or not floor.site:
             return left_m
         out = left_m.copy()
@@ -85,7 +85,7 @@ class Samples:
 
 
 def averaged_shot(motion: Motion, rate_hz: float = RATE_HZ) -> Samples:
-    """Return the averaged samples of a motion; NoCollision (an AnalysisError) where it shows no collision."""
+    """Return the averaged samples of a motion; NoCollision (an AnalysisError) if it shows no collision."""
     valid = np.asarray(motion.valid & np.isfinite(motion.displacement_m))
     course = read_course(motion.time_s, motion.displacement_m, valid)
     around = _FITTED_CONTACT_TIMES * course.contact_time_s
@@ -112,7 +112,7 @@ def averaged_shot(motion: Motion, rate_hz: float = RATE_HZ) -> Samples:
 
 
 def spacing(shots: Sequence[Samples]) -> float:
-    """Return the spacing of averaged samples in s; ValueError where shots differ in it by more than 1 %."""
+    """Return the spacing of averaged samples in s; ValueError if it differs between shots by more than 1 %."""
     first = shots[0].spacing_s
     if any(abs(shot.spacing_s / first - 1) > 0.01 for shot in shots):
         raise ValueError("the shots were sampled at different rates: diagnose them apart")

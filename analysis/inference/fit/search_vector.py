@@ -1,4 +1,4 @@
-"""The vector of parameters that a search moves: order, names, bounds, and conversion to physical parameters."""
+"""The parameter vector of a search: order, names, bounds, and conversion to physical parameters."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.response import STRIDE, ShotModel
 from analysis.shot import Floats
 
-_BELOW = 0.8  # of the lowest frequency at which a line is looked for: one near it may lie a little lower
+_BELOW = 0.8  # lower bound of a line's frequency, as a fraction of the lowest frequency that is searched
 
 
 @dataclass(frozen=True)
@@ -24,8 +24,8 @@ class SearchVector:
     """The parameters of base model and ``effects`` (in that order), laid out as one vector over all shots.
 
     It holds the base and per-shot parameters in ``Coordinates``, then each effect's shared free parameters, then every
-    effect's per-shot ones; all of them effective (``to_effective``).  ``fixed`` holds values that are not searched (the
-    order of a cyclic error).
+    effect's per-shot ones; all are effective parameters (``to_effective``).  ``fixed`` holds values that are not fitted
+    (the order of a cyclic error).
     """
 
     data: JointData
@@ -35,7 +35,7 @@ class SearchVector:
 
     @cached_property
     def free_parameters(self) -> list[tuple[Effect, Parameter, int]]:
-        """Get (effect, parameter, shot or -1 if shared) of each searched effect parameter, in order."""
+        """Get (effect, parameter, shot or -1 if shared) of each fitted effect parameter, in order."""
         out = [(kind.effect, free, -1) for kind in self.effects for free in kind.shared]
         for shot in range(len(self.data.shots)):
             out += [(kind.effect, free, shot) for kind in self.effects for free in kind.own]
@@ -73,7 +73,7 @@ class SearchVector:
 
     @cached_property
     def unseen(self) -> list[int]:
-        """Get the indices of parameters of plates on which none of these shots was taken."""
+        """Get the indices of parameters of plates that none of these shots uses."""
         base = self.data.base
         seen = {place for shot in self.data.shots for place in base.places(shot.plate_number)}
         return [place for place in range(self.data.count) if place not in seen]
@@ -90,7 +90,7 @@ class SearchVector:
 
     @cached_property
     def coordinates(self) -> Coordinates:
-        """Get the map of base and own parameters."""
+        """Get the map of base and per-shot parameters to search coordinates."""
         shots = self.data.shots
         return Coordinates(
             block_mass_kg=self.data.like_kg or shots[0].moving_mass_kg,
@@ -113,7 +113,7 @@ class SearchVector:
         return z
 
     def unpack(self, z: Floats) -> Point:
-        """Return the parameters of a search vector; Infeasible where it stands for none."""
+        """Return the physical parameters of a search vector; Infeasible if it is out of range."""
         return to_actual(self._effective(z)[0])
 
     def slope(self, z: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""A base model with effects over some shots, weighed by a noise: displacement, derivatives and chi^2 at a vector."""
+"""A base model with effects over some shots, weighted by a noise: displacement, derivatives and chi^2 at a vector."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -19,38 +19,38 @@ from analysis.inference.fit.search_vector import SearchVector
 from analysis.inference.noise.floor import Floor
 from analysis.shot import Floats
 
-# of each shot the averaged displacement, shape (n,), and its derivatives by the shot's ``places``, (n, q)
+# per shot the averaged displacement, shape (n,), and its derivatives by the shot's ``places``, (n, q)
 Lines = Sequence[tuple[Floats, Floats]]
-_REMEMBERED = 3  # vectors whose displacement and derivatives are kept
-_SOFTER = 8  # times, at most, that a contact too stiff for the samples is softened tenfold
+_REMEMBERED = 3  # vectors whose displacement and derivatives are cached
+_SOFTER = 8  # most tenfold softenings of a contact too stiff for the samples
 
 
 @dataclass(frozen=True)
 class WeighedModel(SearchVector):
-    """A base model with effects, evaluated for every shot at a vector of their parameters; ``noise`` weighs residuals.
+    """A base model with effects, evaluated for every shot at a vector of their parameters; ``noise`` weights residuals.
 
-    All of it is in ``Problem``; this part is what scores of further effects are computed from.
+    ``Problem`` extends this class by fits; scores of further effects need this part only.
     """
 
     noise: Floor
     _lately: dict[bytes, Lines] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def with_noise(self, noise: Floor) -> Self:
-        """Return the same weighed by another noise; results that do not depend on the noise are shared."""
+        """Return the model weighted by another noise; results that do not depend on the noise are shared."""
         other = copy(self)
         object.__setattr__(other, "noise", noise)
         return other
 
     def with_effects(self, effects: Iterable[TrialEffect], fixed: Values) -> Self:
-        """Return the base model with other effects over the same shots; ``fixed`` holds values not searched."""
+        """Return the base model with other effects over the same shots; ``fixed`` holds values not fitted."""
         return type(self)(self.data, tuple(effects), self.noise, fixed=fixed, stride=self.stride)
 
     def with_effect(self, kind: TrialEffect, start: Mapping[str, float]) -> Self:
-        """Return the model with one effect more, the values that are not searched as in ``start``."""
+        """Return the model with one more effect; values that are not fitted are taken from ``start``."""
         return self.with_effects((*self.effects, kind), {**self.fixed, kind.effect: kind.fixed_in(start)})
 
     def without_effect(self, effect: Effect) -> Self:
-        """Return the model with one effect less."""
+        """Return the model without this effect."""
         fixed = {key: value for key, value in self.fixed.items() if key != effect}
         return self.with_effects((kind for kind in self.effects if kind.effect != effect), fixed)
 
@@ -63,14 +63,14 @@ class WeighedModel(SearchVector):
         return self._averaged(index, point, laws, derivatives=False).displacement_m
 
     def coarse(self, index: int, point: Point) -> Floats:
-        """Return one shot's displacement at the centres of the averaged samples, not averaged: enough for a score."""
+        """Return one shot's displacement at the averaged samples' centres, not averaged: sufficient for a score."""
         return self.run(index, point, coarse=True).displacement_m
 
     def run(self, index: int, point: Point, *, coarse: bool = False, derivatives: bool = False) -> Response:
         """Return one shot's motion on the motion's grid; ``coarse``: at the averaged samples' centres.
 
-        Raises Infeasible where there is no such motion.  Cost: 0.3 ms, with derivatives 0.5 to 1 ms; where a law is not
-        linear in the state 1 to 2 ms and 4 to 11 ms.
+        Raises Infeasible if there is no trajectory.  Cost: 0.3 ms, with derivatives 0.5 to 1 ms.  With a law that is
+        nonlinear in the state: 1 to 2 ms, with derivatives 4 to 11 ms.
         """
         shot = self._slow_shot(index, point)
         if coarse:
@@ -78,7 +78,7 @@ class WeighedModel(SearchVector):
         return respond(shot, shot.samples.time_s, derivatives=derivatives, stride=self.stride)
 
     def _averaged(self, index: int, point: Point, laws: Sequence[Effect], *, derivatives: bool) -> Response:
-        """Return one shot's motion, averaged like the data, with ``laws`` besides its effects; otherwise as ``run``."""
+        """Return one shot's motion, averaged like the data, with ``laws`` added to its effects; else as ``run``."""
         shot, samples = self._slow_shot(index, point), self.data.shots[index]
         if laws:
             alone, shot = shot, shot.with_laws(laws)
@@ -88,7 +88,7 @@ class WeighedModel(SearchVector):
         return respond(shot, samples.time_s, block=samples.factor, derivatives=derivatives, stride=stride)
 
     def _slow_shot(self, index: int, point: Point) -> ShotModel:
-        """Return the model of one shot; Infeasible where something in it oscillates too fast to be seen."""
+        """Return the model of one shot; Infeasible if an oscillation in it is too fast for the samples."""
         shot = self.shot_at(index, point)
         if shot.too_fast:
             raise Infeasible("something would swing faster than any record can show")
@@ -105,8 +105,8 @@ class WeighedModel(SearchVector):
     def derivatives(self, z: Floats, laws: Sequence[Effect] = ()) -> Lines:
         """Return every shot's averaged displacement, shape (n,), and its derivatives by the shot's ``places``, (n, q).
 
-        ``laws`` act besides the effects, with parameters that are not searched.  Without laws the last few results are
-        kept: a search often begins where another ended.
+        ``laws`` act in addition to the effects, with parameters that are not fitted.  Without laws the last few results
+        are cached, since a search often starts where another ended.
         """
         known = None if laws else self._lately.get(z.tobytes())
         if known is not None:
@@ -118,7 +118,7 @@ class WeighedModel(SearchVector):
         return lines
 
     def remember(self, z: Floats, lines: Lines) -> None:
-        """Keep ``lines`` as the result of ``derivatives`` at ``z``."""
+        """Cache ``lines`` as the result of ``derivatives`` at ``z``."""
         while len(self._lately) >= _REMEMBERED:
             self._lately.pop(tuple(self._lately)[0], None)  # noqa: RUF015 (a copy: other threads may add to it)
         self._lately[z.tobytes()] = lines
@@ -128,10 +128,10 @@ class WeighedModel(SearchVector):
         return self._line(index, self.unpack(z), self.slope(z))
 
     def _line(self, index: int, point: Point, slope: Floats, laws: Sequence[Effect] = ()) -> tuple[Floats, Floats]:
-        """Return what ``of_shot`` does at a point, given the derivatives ``slope`` of its parameters by the vector."""
+        """Return the result of ``of_shot`` at a point; ``slope`` are the parameters' derivatives by the vector."""
         response = self._averaged(index, point, laws, derivatives=True)
         at = self.places[index]
-        # in short steps, too, derivatives of the usual step will do: where a search ends the displacement decides
+        # derivatives at the usual stride suffice for a short stride: only the displacement decides where a search ends
         shown = response.displacement_m if self.stride == STRIDE else self.averaged(index, point, laws)
         return shown, response.derivatives @ slope[np.ix_(at, at)]
 
@@ -140,17 +140,17 @@ class WeighedModel(SearchVector):
         return self.data.left_m(self.displacement(z))
 
     def whitened(self, columns: Iterable[Floats]) -> Floats:
-        """Return whitened ``columns``, shape (n, k) for each shot, as one array of shape (rows, k), shot after shot."""
+        """Return ``columns``, shape (n, k) per shot, whitened and concatenated over the shots: shape (rows, k)."""
         return np.concatenate([s.whitened(self.noise, c) for s, c in zip(self.data.shots, columns, strict=True)])
 
     def whitened_residual(self, z: Floats) -> Floats:
-        """Return model minus measured at ``z``, whitened, all shots one after another."""
+        """Return model minus measured at ``z``, whitened, concatenated over the shots."""
         return self.whitened(-left[:, None] for left in self.residual_m(z))[:, 0]
 
     def whitened_lines(self, lines: Lines) -> tuple[Floats, Arrow]:
         """Return residual and derivatives, whitened; ``lines`` as ``derivatives`` returns them.
 
-        The residual is measured minus model, shape (rows,), all shots one after another.
+        The residual is measured minus model, shape (rows,), concatenated over the shots.
         """
         both = zip(self.data.shots, self.data.left_m(x for x, _ in lines), lines, strict=True)
         rows = [shot.whitened(self.noise, np.column_stack([left, tangents])) for shot, left, (_, tangents) in both]
@@ -166,7 +166,7 @@ class WeighedModel(SearchVector):
         return Square(chi2, tangents.gram(), pull, left.size, left, tangents.along, tangents.pull)
 
     def slow_enough(self, point: Point) -> Point:
-        """Return the point with a contact soft enough for the samples: a search cannot start from a rigid one."""
+        """Return the point with a contact soft enough for the samples: a search cannot start from a rigid contact."""
         for _ in range(_SOFTER):
             if not self.shot_at(0, point).too_fast:
                 break
@@ -185,15 +185,15 @@ class AtVector:
 
     @property
     def noise(self) -> Floor:
-        """Get the noise that residuals are weighed by."""
+        """Get the noise that weights residuals."""
         return self.problem.noise
 
     @property
     def point(self) -> Point:
-        """Get the parameters."""
+        """Get the physical parameters."""
         return self.problem.unpack(self.z)
 
     @property
     def effective(self) -> Point:
-        """Get the parameters as a record shows them (``effective_parameters``)."""
+        """Get the effective parameters (``effective_parameters``)."""
         return to_effective(self.point)

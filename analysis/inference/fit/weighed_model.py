@@ -178,7 +178,7 @@ class WeighedModel(SearchVector):
 
 @dataclass(frozen=True)
 class AtVector:
-    """A weighed model at a vector ``z`` of its parameters."""
+    """A weighted model at a vector ``z`` of its parameters."""
 
     problem: WeighedModel
     z: Floats

@@ -1,6 +1,6 @@
-"""Columns that are scored: the displacement each start value of an effect adds, and its part that is new to a fit.
+"""Columns to be scored: the displacement added by each start of an effect, and its part not absorbed by the fit.
 
-A start's column comes from a trajectory of its own; many starts are computed to first order along the fit's path.
+A few starts are computed by one trajectory each; many are computed to first order along the fit's trajectory.
 """
 
 import contextlib
@@ -22,13 +22,13 @@ from analysis.shot import Floats
 
 Starts = Sequence[Mapping[str, float]]
 Paths = dict[int, LinearPath]  # by steps per sample
-MANY_STARTS = 8  # above, a path with propagators costs less than one trajectory for each start
-KNOWN_PATH = 1  # the same where the path is already known
+MANY_STARTS = 8  # number of starts above which a linearised path costs less than one trajectory per start
+KNOWN_PATH = 1  # the same if the path is already known
 
 
 @dataclass(frozen=True, slots=True)
 class ColumnProducts:
-    """Products of the columns of ``starts`` with each other and with a fit's residual, each of shape (k,).
+    """Squared norms of the columns of ``starts`` and their products with a fit's residual, each of shape (k,).
 
     ``whole``: squared norms; ``power``: squared norms after projection off the fitted parameters; ``along``: products
     with the residual.
@@ -42,7 +42,7 @@ class ColumnProducts:
 
 @dataclass(frozen=True, slots=True)
 class _ShotProducts:
-    """One shot's part of ``ColumnProducts``: squared norms, (k,), in all and on its own parameters, and products.
+    """One shot's part of ``ColumnProducts``: squared norms, (k,), in total (``whole``) and along ``own`` parameters.
 
     ``shared``, shape (s, k), are products with the directions of shared parameters, ``along`` with the residual.
     """
@@ -58,7 +58,7 @@ def column_products(
 ) -> ColumnProducts:
     """Return the products for all starts that have a trajectory; more than ``few`` are computed to first order.
 
-    Shot by shot, to save memory; columns are kept only with ``kept`` and where either they or the shots are few.
+    The shots are processed one by one, to save memory.  Columns are cached only with ``kept`` and few starts or shots.
     """
     count = len(at.problem.data.shots)
     inside = _inside(at, starts)
@@ -87,9 +87,9 @@ def column_products(
 
 
 def products_along_paths(at: Projector, kinds: Sequence[TrialEffect]) -> dict[Effect, ColumnProducts]:
-    """Return the products of all effects computed to first order along common paths, by effect; only for many shots.
+    """Return the products of all effects with many starts, to first order along common paths, by effect.
 
-    A shot's path, some 15 MB, serves all effects and is then released.
+    Empty for few shots.  A shot's path, about 15 MB, is used for all effects and then released.
     """
     count = len(at.problem.data.shots)
     if count <= FEW_SHOTS:
@@ -114,7 +114,7 @@ def products_along_paths(at: Projector, kinds: Sequence[TrialEffect]) -> dict[Ef
 
 
 def own_columns(at: Projector, kind: TrialEffect, starts: Starts) -> list[Floats] | None:
-    """Return the columns of ``starts`` by trajectories, shape (n, k) for each shot; None where one has none."""
+    """Return the columns of ``starts`` by trajectories, shape (n, k) per shot; None if one has no trajectory."""
     moved = [_moved(at, kind, [start] * len(at.lines)) for start in starts]
     makes = [partial(_by_trajectories, at, kind, moved, index) for index in range(len(at.lines))]
     bare = [at.once(f"{index} of {kind.effect.key} {starts}", make, nearby=True) for index, make in enumerate(makes)]
@@ -122,7 +122,7 @@ def own_columns(at: Projector, kind: TrialEffect, starts: Starts) -> list[Floats
 
 
 def _inside(at: Projector, starts: Starts) -> list[Mapping[str, float]]:
-    """Return the starts whose frequency, if they have one, lies in the band of the records."""
+    """Return the starts without a frequency or with one in the band of the records."""
     slowest, fastest = at.problem.data.band_hz
     return [start for start in starts if "frequency_hz" not in start or slowest < start["frequency_hz"] < fastest]
 
@@ -135,11 +135,11 @@ def _shot_products(at: Projector, index: int, columns: WhitenedColumns) -> _Shot
 
 
 def _sum_over_shots(starts: list[Mapping[str, float]], found: Sequence[_ShotProducts | None]) -> ColumnProducts | None:
-    """Return the sums over all shots, for starts with a trajectory in each; None where a shot has no result."""
+    """Return the sums over all shots, for starts with a trajectory in each; None if a shot has no result."""
     every = [one for one in found if one is not None]
     if len(every) < len(found):
         return None
-    with np.errstate(invalid="ignore"):  # a start may lead beyond all numbers, which makes its sums none
+    with np.errstate(invalid="ignore"):  # a start may overflow, which makes its sums not finite
         summed = (sum(getattr(one, name) for one in every) for name in ("whole", "own", "shared", "along"))
         whole, own, shared, along = map(np.asarray, summed)
         power = whole - own - np.einsum("ij,ij->j", shared, shared)
@@ -148,7 +148,7 @@ def _sum_over_shots(starts: list[Mapping[str, float]], found: Sequence[_ShotProd
 
 
 def _moved(at: Projector, kind: TrialEffect, starts: Starts) -> Point | None:
-    """Return a fit's point with an effect added at a start for each shot; None where there is no such motion."""
+    """Return a fit's point with an effect added at one start per shot; None if Infeasible."""
     try:
         return to_actual(at.effective.with_effect(kind.effect, starts))
     except Infeasible:
@@ -156,7 +156,7 @@ def _moved(at: Projector, kind: TrialEffect, starts: Starts) -> Point | None:
 
 
 def added_by(at: Projector, kind: TrialEffect, starts: Starts) -> list[Floats] | None:
-    """Return what an effect with values for each shot adds to its averaged samples, (n,) each; None with no motion."""
+    """Return an effect's contribution to each shot's averaged samples, (n,) each; None if there is no trajectory."""
     point = _moved(at, kind, starts)
     if point is None:
         return None
@@ -165,7 +165,7 @@ def added_by(at: Projector, kind: TrialEffect, starts: Starts) -> list[Floats] |
 
 
 def _by_trajectories(at: Projector, kind: TrialEffect, moved: Sequence[Point | None], index: int) -> Floats:
-    """Return what an effect adds to one shot at each point, shape (n, k); NaN where there is no trajectory."""
+    """Return an effect's contribution to one shot at each point, shape (n, k); NaN if there is no trajectory."""
     before = at.problem
     with_it = before.with_effect(kind, kind.starts[0])
     # The ripple of a sensor's effect is finer than averaged samples: it is averaged like the data.
@@ -186,9 +186,9 @@ def _shown(model: WeighedModel, index: int, point: Point, finely: bool) -> Float
 def _to_first_order(
     at: Projector, kind: TrialEffect, starts: Starts, index: int, paths: Paths | None = None
 ) -> Floats | None:
-    """Return one shot's columns of ``starts`` to first order, shape (n, k), or None where that does not apply.
+    """Return one shot's columns of ``starts`` to first order, shape (n, k); None if the effect cannot be linearised.
 
-    With many shots a path is kept in ``paths`` alone.  Raises Infeasible.
+    With many shots a path is cached in ``paths`` only.  Raises Infeasible.
     """
     effect, problem, point = kind.effect, at.problem, at.point
     shot = problem.shot_at(index, point)

@@ -1,7 +1,7 @@
-"""The first-order response of a fitted shot to a small effect, for all start values at once, as the optics show it.
+"""The first-order response of a fitted shot to a small effect, as the optics show it, for all start values at once.
 
-The mechanics are those of ``collision.first_order`` along the shot's own path; the fit's sensor effects follow.  All
-times are the centres of the averaged samples.
+The mechanics are those of ``collision.first_order`` along the shot's own path; the fit's sensor effects are then
+applied.  All times are the centres of the averaged samples.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,13 +16,13 @@ from analysis.shot import Floats
 
 
 def steps_for(shot: ShotModel, effect: Effect, starts: Sequence[Mapping[str, float]]) -> list[int]:
-    """Return the steps per sample that each start needs: powers of two, so that many share a path."""
+    """Return the steps per sample required by each start: powers of two, so that many starts share a path."""
     values = ([start[parameter.name] for parameter in effect.parameters] for start in starts)
     return [steps_of(effect, given, shot.collision, shot.samples.spacing_s) for given in values]
 
 
 def parameter_columns(effect: Effect, starts: Sequence[Mapping[str, float]]) -> Floats:
-    """Return the parameters of ``starts`` in the form that an effect's function takes, shape (k, 3)."""
+    """Return the parameters of ``starts`` as arguments of an effect's function, shape (k, 3)."""
     out = np.zeros((len(starts), 3))
     for place, parameter in enumerate(effect.parameters):
         out[:, place] = [start[parameter.name] for start in starts]
@@ -32,9 +32,9 @@ def parameter_columns(effect: Effect, starts: Sequence[Mapping[str, float]]) -> 
 def responses(
     shot: ShotModel, path: LinearPath, effect: Effect, starts: Sequence[Mapping[str, float]]
 ) -> Floats | None:
-    """Return the displacement that each of ``starts`` of an effect adds, shape (n, k); about 50 ns per value.
+    """Return the displacement added by each of an effect's ``starts``, shape (n, k); about 50 ns per value.
 
-    None where the effect's function cannot be linearised in this way.
+    None if the effect's function cannot be linearised in this way.
     """
     count = shot.samples.centre_s.size
     change = along(path, effect, shot.collision, parameter_columns(effect, starts), count)

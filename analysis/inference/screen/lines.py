@@ -1,4 +1,4 @@
-"""Spectral lines in the residual of a fit: how much chi^2 a sinusoid of each frequency would explain."""
+"""Find spectral lines in the residual of a fit: the gain in chi^2 of a sinusoid at each frequency."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,16 +14,16 @@ from analysis.inference.screen.projector import FEW_SHOTS, Projector
 from analysis.inference.screen.whitened_columns import WhitenedColumns, column_by_column
 from analysis.shot import Floats
 
-_LOUD = 5  # lines that are looked at more closely
-_TURNED = 32  # samples that are advanced from one whose phases are computed
-_AT_ONCE = 96  # frequencies: their columns then fit into the processor's cache
-_APART = 1.0  # in widths of a line, which is one over the record's length
+_LOUD = 5  # most lines that are refined
+_TURNED = 32  # samples computed by rotation from one with computed phases
+_AT_ONCE = 96  # frequencies per block, whose columns fit into the processor's cache
+_APART = 1.0  # least separation of two lines in line widths, each one over the record's length
 
 
 def scan(at: Projector) -> tuple[Floats, Floats]:
-    """Return frequencies in Hz, spaced closer than one over the record, and the gain in chi^2 of a line at each.
+    """Return frequencies in Hz and the gain in chi^2 of a line at each, both of shape (k,).
 
-    Both have shape (k,).  Every shot may have its own amplitude and phase.
+    The spacing is less than one over the record's length.  Every shot has its own amplitude and phase.
     """
     known: tuple[Floats, Floats, Floats] = at.once("scan", lambda: (at.left, *_scan(at)))
     if known[0] is not at.left:  # projectors of one fit share cached results
@@ -43,7 +43,7 @@ def _scan(at: Projector) -> tuple[Floats, Floats]:
     if not at.left.any():
         return grid, total
     few = len(shots) <= FEW_SHOTS
-    # The projection is done shot by shot: shared parameters absorb little of a line.
+    # The projection is done per shot, without coupling: shared parameters absorb little of a line.
     fitted = [np.column_stack([at.basis.of_shot(index), left]) for index, left in enumerate(at.tangents.parts(at.left))]
 
     def of_part(part: tuple[int, int]) -> Floats:
@@ -63,9 +63,9 @@ def _scan(at: Projector) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, slots=True)
 class _Waves:
-    """Cosines and sines of f frequencies in a shot's whitened samples, independent of what is fitted.
+    """Cosines and sines of f frequencies in a shot's whitened samples, independent of the fitted parameters.
 
-    ``products``, shape (3, f), are of cosine and cosine, cosine and sine, sine and sine; whitening the frame's motion
+    ``products``, shape (3, f), are of cosine and cosine, cosine and sine, sine and sine.  Whitening for frame motion
     adds ``directions`` times ``moved``, shape (r, 2 f).
     """
 
@@ -75,14 +75,14 @@ class _Waves:
 
     @classmethod
     def of(cls, shot: Samples, floor: Floor, white: Floats) -> "_Waves":
-        """Return waves from columns, shape (n, 2 f), that are whitened except for the frame's motion."""
+        """Return waves, given their columns, shape (n, 2 f), whitened except for frame motion."""
         columns = WhitenedColumns.whitened(shot, floor, white)
         c, s = _halves(white)
         products = np.stack([columns.products(one, other) for one, other in ((c, c), (c, s), (s, s))])
         return cls(products, columns.directions, columns.moved)
 
     def gain(self, white: Floats, fitted: Floats) -> Floats:
-        """Return each line's gain in chi^2, shape (f,), for the last of the ``fitted`` columns, given the others."""
+        """Return each line's gain in chi^2, shape (f,); the last ``fitted`` column is the residual, others a basis."""
         both = fitted.T @ white + (fitted.T @ self.directions) @ self.moved
         taken, along = both[:-1], both[-1]
         c, s = _halves(white)
@@ -103,7 +103,7 @@ def _halves(white: Floats) -> tuple[slice, slice]:
 
 
 def _waves(frequency_hz: Floats, time_s: Floats) -> Floats:
-    """Return cosines and sines, shape (n, 2 k), at even times; about 5 ns per value, by rotating a few of them."""
+    """Return cosines and sines, shape (n, 2 k), at evenly spaced times, by rotation; about 5 ns per value."""
     spacing = (time_s[-1] - time_s[0]) / (time_s.size - 1)
     near = 2 * np.pi * spacing * np.arange(_TURNED)[:, None] * frequency_hz
     far = 2 * np.pi * time_s[::_TURNED, None, None] * frequency_hz
@@ -119,7 +119,7 @@ def _waves(frequency_hz: Floats, time_s: Floats) -> Floats:
 def near_loud_lines(at: Projector, kind: TrialEffect, louder_than: float) -> list[Mapping[str, float]]:
     """Return start values of weakly damped lines at and near the frequencies with more gain than ``louder_than``.
 
-    Such a line is as narrow as one over the record; a grid with steps of some per cent would miss it at a kilohertz.
+    The width of these lines is one over the record's length; a grid with steps of a few per cent misses them at 1 kHz.
     """
     grid, total = scan(at)
     width = 1 / max(shot.length_s for shot in at.problem.data.shots)

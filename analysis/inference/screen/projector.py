@@ -1,4 +1,4 @@
-"""A weighed model linearised at a vector, and projection onto what its own parameters cannot do."""
+"""Linearise a weighted model at a vector, and project rows off the directions of its own parameters."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -13,15 +13,15 @@ from analysis.inference.fit.weighed_model import AtVector, Lines, WeighedModel
 from analysis.inference.noise.floor import Floor
 from analysis.shot import Floats
 
-FEW_SHOTS = 8  # up to which columns of effects are kept, some 15 MB per shot
-_NEARBY = 0.01  # relative: of a radian of the contact's oscillation, and of a base parameter
+FEW_SHOTS = 8  # most shots for which columns of effects are cached, about 15 MB per shot
+_NEARBY = 0.01  # tolerance for shared trajectories, in radians of the contact's phase and relative in base parameters
 
 
 @dataclass(frozen=True, slots=True)
 class Trajectories:
-    """Columns of small effects along the trajectories of a model at ``z``, valid where these are nearly the same.
+    """Cached columns of small effects along the trajectories of a model at ``z``; valid for nearly equal trajectories.
 
-    ``lines`` are the displacement and derivatives there.
+    ``lines`` are the displacement and derivatives at ``z``.
     """
 
     problem: WeighedModel
@@ -50,20 +50,20 @@ class Trajectories:
 
 @dataclass(frozen=True)
 class Projector(AtVector):
-    """Projects whitened rows of all shots, one after another, off the tangents of the parameters at ``z``."""
+    """Projects whitened rows of all shots, concatenated, off the tangents of the parameters at ``z``."""
 
     basis: Span  # of the tangents
     left: Floats  # the whitened residual, projected
     tangents: Arrow  # the whitened derivatives by the parameters
     whole: Floats  # the whitened residual, not projected
     lines: Lines
-    trajectories: Trajectories  # with unwhitened columns of effects, which other projectors share
-    done: dict[str, Any] = field(default_factory=dict)  # whitened columns of effects already computed here
+    trajectories: Trajectories  # with unwhitened columns of effects, shared with other projectors
+    done: dict[str, Any] = field(default_factory=dict)  # cached whitened columns of effects
     _doing: dict[str, Lock] = field(default_factory=dict)  # held while a value is computed
 
     @classmethod
     def of(cls, problem: WeighedModel, z: Floats, near: "Projector | None" = None) -> Self:
-        """Linearise ``problem`` at ``z``; results of a projector ``near`` it are used as far as they are valid."""
+        """Linearise ``problem`` at ``z``; results of a projector ``near`` it are reused as far as they are valid."""
         lines = near.lines if near and near.problem is problem and near.z is z else problem.derivatives(z)
         serve = near is not None and near.trajectories.serve(problem, z, lines)
         return cls._with(problem, z, lines, near.trajectories if near and serve else Trajectories(problem, z, lines))
@@ -75,11 +75,11 @@ class Projector(AtVector):
         return cls(problem, z, basis, basis.projected(whole), tangents, whole, lines, trajectories)
 
     def under(self, noise: Floor) -> Self:
-        """Return the same under another noise; what does not depend on noise is shared."""
+        """Return the projector under another noise; results that do not depend on noise are shared."""
         return self._with(self.problem.with_noise(noise), self.z, self.lines, self.trajectories)
 
     def once(self, key: str, make: Callable[[], Any], *, nearby: bool = False) -> Any:
-        """Return the cached value of ``key``, computed by the first thread that needs it; others wait.
+        """Return the cached value of ``key``, computed by the first thread that needs it while others wait.
 
         ``nearby``: the value depends on the trajectories alone, not on the noise.
         """

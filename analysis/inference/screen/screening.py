@@ -1,4 +1,4 @@
-"""Score every effect of the catalogue on the residual of a fit, projected off everything already fitted."""
+"""Score every effect of the catalogue on the residual of a fit, after projection off all fitted parameters."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -21,39 +21,39 @@ from analysis.inference.screen.lines import near_loud_lines, scan
 from analysis.inference.screen.projector import Projector
 from analysis.shot import Cancelled, Floats, Stop
 
-_SPANNED = 1e-5  # of a column's length: with less after projection it depends linearly on what is fitted
-_WORTH_REFINING = 12.0  # of gain on the grid, above which a line is searched between grid points
+_SPANNED = 1e-5  # relative length after projection below which a column depends linearly on the fitted parameters
+_WORTH_REFINING = 12.0  # gain on the grid above which a line is searched between grid points
 
 
 @dataclass(frozen=True, slots=True)
 class Score:
     """The score of one start of an effect: ``gain`` in chi^2 for ``freedom`` parameters, by a linear step.
 
-    ``start`` holds the values, for each shot, that this step leads to.
+    ``start`` holds the values of each shot after this step.
     """
 
     kind: TrialEffect
     start: tuple[Mapping[str, float], ...]
     gain: float
     freedom: int
-    power: float = 0.0  # squared norm of the column of ``unit`` amplitude, after projection off what is fitted
+    power: float = 0.0  # squared norm of the column of ``unit`` amplitude, projected off the fitted parameters
     unit: float = 0.0
 
     def worth(self, samples: int) -> float:
-        """Return the gain minus its price in the Bayesian information criterion."""
+        """Return the gain minus the cost of its parameters in the Bayesian information criterion."""
         return self.gain - self.freedom * math.log(samples)
 
 
 def all_scores(
     at: Projector, kinds: Sequence[TrialEffect], stop: Stop, *, to_join: float | None = None
 ) -> list[list[Score]]:
-    """Return the scores of every effect that has any, in the order of ``kinds``; arguments as those of ``scores``.
+    """Return the scores of every effect that has any, in the order of ``kinds``; arguments as for ``scores``.
 
     Raises Cancelled.
     """
     known = products_along_paths(at, kinds)
     if any(_looks_for_lines(kind) for kind in kinds):
-        scan(at)  # several effects need it: here on both cores, below one would wait for the other
+        scan(at)  # several effects need it: computed here on all cores, since below one effect would wait for another
 
     def scored(kind: TrialEffect) -> list[Score]:
         if stop():
@@ -71,8 +71,8 @@ def scores(
 ) -> list[Score]:
     """Return the scores of one effect, one for each start, best first.
 
-    ``to_join`` is the fall of the criterion that the effect needs to be added; lines that cannot reach it are not
-    looked at more closely.  ``grid`` holds the products of the effect's own starts, if known.
+    ``to_join`` is the fall of the criterion required of an added effect; lines that cannot reach it are not refined.
+    ``grid`` holds the products of the effect's own starts, if known.
     """
     if kind.effect.wave is not None:
         return _waves(at, kind)
@@ -85,7 +85,7 @@ def scores(
         return _linear(at, kind, column_products(at, kind, some, KNOWN_PATH), freedom)
 
     if _looks_for_lines(kind):
-        # An effect that is to be added must pay for its parameters: only lines with so much gain are worth a look.
+        # An added effect must pay for its parameters: only lines with that gain are refined.
         cost = 0.0 if to_join is None else freedom * math.log(at.left.size) + to_join
         lines = near_loud_lines(at, kind, louder_than=cost)
         out += more(lines) if lines else []
@@ -104,7 +104,7 @@ def _freedom(at: Projector, kind: TrialEffect) -> int:
 
 
 def _between(listed: Sequence[Score], kind: TrialEffect) -> list[Mapping[str, float]]:
-    """Return starts around the two best peaks: a weakly damped line is narrower than the grid's steps."""
+    """Return starts around the two best peaks, since a weakly damped line is narrower than the grid's steps."""
     ranked = sorted(listed, key=lambda score: -score.gain)
     peaks = [ranked[0]]
     for score in ranked[1:]:
@@ -124,9 +124,9 @@ def _between(listed: Sequence[Score], kind: TrialEffect) -> list[Mapping[str, fl
 
 
 def _linear(at: Projector, kind: TrialEffect, products: ColumnProducts, freedom: int) -> list[Score]:
-    """Return the scores of columns in whose amplitude the displacement is linear, with allowed signs only."""
+    """Return the scores of effects whose displacement is linear in the amplitude, with allowed signs only."""
     shots = at.problem.data.shots
-    # A column that the fitted parameters span is rounding after projection, and its score would be arbitrary.
+    # After projection a column in the span of the fitted parameters is rounding error, with an arbitrary score.
     power = np.where(products.power < _SPANNED**2 * products.whole, 0.0, products.power)
     along = products.along
     free = next(free for free in kind.free_parameters if free.name == kind.amplitude[0])
@@ -152,9 +152,9 @@ def _linear(at: Projector, kind: TrialEffect, products: ColumnProducts, freedom:
 
 
 def distinct_starts(listed: Sequence[Score], most: int = 3, apart: float = 0.12) -> list[Score]:
-    """Return up to ``most`` starts that differ: the best, and those not near it in frequency, time, range or order.
+    """Return up to ``most`` starts that differ: the best, and others not near it in frequency, time, range or order.
 
-    Near are values whose logarithms are less than ``apart`` from each other.
+    Values are near each other if their logarithms differ by less than ``apart``.
     """
     out = list(listed[:1])
     for score in listed[1:]:
@@ -169,7 +169,7 @@ def distinct_starts(listed: Sequence[Score], most: int = 3, apart: float = 0.12)
 
 
 def opposite(score: Score) -> Score | None:
-    """Return the same start with the effect the other way round; None where its amplitude allows one sign only."""
+    """Return the same start with the effect's sign reversed; None if its amplitude allows one sign only."""
     kind, start = score.kind, tuple(score.kind.times(one, -1.0) for one in score.start)
     free = [parameter for parameter in kind.free_parameters if parameter.name in kind.amplitude]
     allowed = all(one.lower <= values[one.name] <= one.upper for one in free for values in start)
@@ -177,7 +177,7 @@ def opposite(score: Score) -> Score | None:
 
 
 def _own_amplitudes(at: Projector, kind: TrialEffect) -> list[Score]:
-    """Score an effect with amplitudes for every shot (plate motion; a cyclic error's phase as two quadratures)."""
+    """Score an effect with per-shot amplitudes (plate motion; a cyclic error's phase as two quadratures)."""
     shots = at.problem.data.shots
     freedom = _freedom(at, kind)
     out = []
@@ -206,7 +206,7 @@ def _own_amplitudes(at: Projector, kind: TrialEffect) -> list[Score]:
 
 
 def _given_fit(at: Projector, bare: Sequence[Floats]) -> tuple[float, float, Floats]:
-    """Return gain, squared norm of the first, and amplitudes of per-shot columns, shape (n, k), given the fit."""
+    """Return the gain of per-shot columns, shape (n, k), given the fit, the first's squared norm, and amplitudes."""
     columns = Arrow.of(bare, 0).whitened(at.problem.data.shots, at.noise)
     projected = at.basis.projected_columns(columns)
     numbers = projected.solve(at.left)
@@ -214,7 +214,7 @@ def _given_fit(at: Projector, bare: Sequence[Floats]) -> tuple[float, float, Flo
 
 
 def _waves(at: Projector, kind: TrialEffect) -> list[Score]:
-    """Score a wave added by the sensor: amplitude and phase for each shot, frequencies closer than 1 / record."""
+    """Score a wave added by the sensor, with per-shot amplitude and phase; frequencies closer than 1 / record."""
     shots = at.problem.data.shots
     wave = kind.effect.wave
     assert wave is not None

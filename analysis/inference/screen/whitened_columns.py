@@ -1,6 +1,6 @@
-"""Products of one shot's whitened columns, where whitening the frame's motion is not done column by column.
+"""Compute products of one shot's whitened columns without whitening each column for frame motion.
 
-That whitening adds to every column only along few directions, so products need no more than the projections on these.
+Whitening frame motion changes every column only along a few directions, so projections on these suffice for products.
 """
 
 from dataclasses import dataclass
@@ -14,9 +14,9 @@ from analysis.shot import Floats
 
 @dataclass(frozen=True, slots=True)
 class WhitenedColumns:
-    """Columns w, shape (n, k), whitened except for the frame's motion, whose whitening adds C ``moved``.
+    """Columns w, shape (n, k), whitened except for frame motion; fully whitened they are w + C ``moved``.
 
-    C, shape (n, r), are the shot's whitened ``directions``.  ``half``, like ``moved`` of shape (r, k), is
+    C, shape (n, r), are the shot's whitened ``directions``.  ``moved`` and ``half`` have shape (r, k); ``half`` is
     C^T w + C^T C ``moved`` / 2.
     """
 
@@ -32,7 +32,7 @@ class WhitenedColumns:
 
     @classmethod
     def whitened(cls, shot: Samples, floor: Floor, white: Floats) -> "WhitenedColumns":
-        """Return columns, shape (n, k), that are already whitened except for the frame's motion."""
+        """Return columns, shape (n, k), given them already whitened except for frame motion."""
         if shot.sway is None or not floor.site:
             nothing = np.zeros((0, white.shape[1]))
             return cls(white, np.zeros((white.shape[0], 0)), nothing, nothing)
@@ -46,12 +46,12 @@ class WhitenedColumns:
         return np.asarray(rows.T @ self.columns + (rows.T @ self.directions) @ self.moved)
 
     def products(self, some: slice = slice(None), others: slice = slice(None)) -> Floats:
-        """Return the products of some columns with as many others, each with the one at its place."""
+        """Return the products of corresponding columns in two slices of equal length."""
         out = column_by_column(self.columns[:, some], self.columns[:, others])
         out += column_by_column(self.half[:, some], self.moved[:, others])
         return np.asarray(out + column_by_column(self.moved[:, some], self.half[:, others]))
 
 
 def column_by_column(one: Floats, other: Floats) -> Floats:
-    """Return the products of columns, shape (n, k), each with the one at its place in the other."""
+    """Return the products of corresponding columns of two matrices, shape (n, k) each: shape (k,)."""
     return np.asarray(np.einsum("ij,ij->j", one, other))

@@ -1,4 +1,4 @@
-"""Read the numbers of an impact from the motion alone, without a model of the plate: flights, edges, bounces, pulse."""
+"""Read the numbers of an impact from the motion, without a plate model: flights, contact edges, bounces, pulse."""
 
 import lazy_loader
 

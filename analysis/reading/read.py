@@ -1,4 +1,4 @@
-"""Read the numbers of one impact from its motion; for a number that cannot be read, the reason."""
+"""Read the numbers of one impact from its motion; a number that cannot be read is replaced by the reason."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -26,34 +26,34 @@ from analysis.shot import (
     reading_flags,
 )
 
-GUARD = 1.5  # of the force filter's reach: the distance of a flight's line from a contact's edge
-RELEASE_CLEAR = 0.015  # of the contact: the same distance from a release, at least
-SWAY_SHARE = 0.025  # of the contact, beyond the line, over which the floor's motion is not known
-FADED_SIGMAS = 3.0  # between the release that the displacement shows and the one that the force tells
-EDGE_REACH = 0.4  # of the contact, up to which its force is fitted from its edge at most
-SWAYS_M = 1e-9  # rms of a floor that hides the end of a contact, and moves the plate
-FLOOR_TIMES = 1.4  # times the white noise: half of the variance is then the floor's
-MATTERS = 4e-6  # of a velocity: a quiet laboratory's table stays below it
+GUARD = 1.5  # gap between a flight's line and a contact's edge, in lengths of the force filter (1 / bandwidth)
+RELEASE_CLEAR = 0.015  # least gap before the line of an outgoing flight, as a fraction of the contact time
+SWAY_SHARE = 0.025  # fraction of the contact time, beyond the line, over which the floor's motion is unknown
+FADED_SIGMAS = 3.0  # agreement required between the releases read from displacement and from force
+EDGE_REACH = 0.4  # fraction of the contact time, from its edge, in which the force is fitted at most
+SWAYS_M = 1e-9  # rms of floor motion above which it hides the end of a contact and moves the plate
+FLOOR_TIMES = 1.4  # ratio of a std to that of white noise alone at which half of the variance is the floor's
+MATTERS = 4e-6  # fraction of a velocity above which vibration matters; a quiet laboratory's table is below it
 AGREEMENT_SIGMAS = 3.0  # quasi-static COR and impulse ratio must agree within this
 
 
 class NoImpact(Exception):
-    """Why no collision can be read from a motion, in one line."""
+    """Raised if no collision can be read from a motion; the message gives the reason in one line."""
 
 
 def read_impact(motion: Motion) -> Impact:
-    """Read one collision.  Raises NoImpact where the record shows none."""
+    """Read one collision.  Raises NoImpact if the record shows none."""
     return _read(motion, *_between_flights(motion))
 
 
 def _between_flights(motion: Motion) -> tuple[CollisionSpan, Edge, Edge | None, Flights]:
-    """Return the place of the collision, touch and release, and the flights before and after."""
+    """Return the span of the collision, touch and release, and the flights before and after."""
     span = find_collision(motion)
     if span is None:
         raise NoImpact("no impact: the force never rises above its noise")
     touch, release = _edges(motion, span)
     flights = _read_flights(motion, span, touch, release)
-    if flights is not None and flights.lines:  # edges are read anew without the lines, and the flights up to them
+    if flights is not None and flights.lines:  # read edges and flights again without the vibration lines
         touch, release = _edges(without_lines(motion, flights.lines), span)
         flights = _read_flights(motion, span, touch, release, flights)
     if flights is None:
@@ -117,10 +117,10 @@ def _read(motion: Motion, span: CollisionSpan, touch: Edge, release: Edge | None
 
 
 def shaking_in(motion: Motion) -> Shaking | None:
-    """Return the frame's vibration as a motion shows it; None where it is too little to matter, or cannot be read."""
+    """Return the frame's vibration read from a motion; None if it is negligible or cannot be read."""
     try:
         found = _between_flights(motion)
-        if not _frame_moves(found[-1]):  # whatever else the collision shows
+        if not _frame_moves(found[-1]):  # no further reading is needed
             return None
         disturbance = _read(motion, *found).disturbance
     except (NoImpact, AnalysisError, LinAlgError):
@@ -129,7 +129,7 @@ def shaking_in(motion: Motion) -> Shaking | None:
 
 
 def _edges(motion: Motion, span: CollisionSpan) -> tuple[Edge, Edge | None]:
-    """Return touch and release; as the force tells them where the displacement does not show them clearly."""
+    """Return touch and release, read from the force if the displacement does not show them clearly."""
     reach = round(EDGE_REACH * (span.last - span.first))
     way = motion.displacement_m[min(span.first, span.turn) : span.turn + 1]
     if not np.isfinite(way).any():
@@ -152,19 +152,19 @@ def _edges(motion: Motion, span: CollisionSpan) -> tuple[Edge, Edge | None]:
     if seen is None or seen.std_s > faded.std_s:
         return touch, faded
     apart = abs(seen.time_s - faded.time_s)
-    # the floor's motion departs from a flight as well, without a force; a pull holds on to the block with little of it
+    # floor motion departs from the flight's line without a force; an adhesion holds the block with little force
     return touch, seen if apart < FADED_SIGMAS * faded.std_s else faded.less_sure(0.5 * apart)
 
 
 def _faded(motion: Motion, span: CollisionSpan) -> Edge:
-    """Return the release as the force tells it."""
+    """Return the release read from the force."""
     return Edge(float(motion.time_s[span.last]), span.last_std_s)
 
 
 def _read_flights(
     motion: Motion, span: CollisionSpan, touch: Edge, release: Edge | None, before: Flights | None = None
 ) -> Flights | None:
-    """Fit the flights up to the edges, as long as no other force acts and no longer than LONGEST_FLIGHT_S."""
+    """Fit the flights up to the edges, over the stretch free of other forces and at most LONGEST_FLIGHT_S."""
     longest = max(round(LONGEST_FLIGHT_S * motion.sample_rate_hz), FEWEST_SAMPLES)
     guard = 1 + round(2.0 * touch.std_s * motion.sample_rate_hz)
     last = int(np.searchsorted(motion.time_s, touch.time_s)) - guard
@@ -197,7 +197,7 @@ def _flags(span: CollisionSpan, flights: Flights, motion: Motion) -> list[str]:
 
 
 def _vibration_matters(flights: Flights) -> bool:
-    """Return whether vibration matters to a velocity: the lines that were subtracted, or the floor's motion."""
+    """Return whether vibration matters for a velocity: either the subtracted lines or the floor's motion."""
     for flight, plain in zip((flights.incoming, flights.outgoing), flights.plain, strict=True):
         if flight is None:
             continue
@@ -215,8 +215,8 @@ def _with_floor_uncertainty(
 ) -> Edge:
     """Return the release with the uncertainty from the floor's motion beyond the flight's line.
 
-    The force of a half-sine departs from the flight with the cube of the time, v omega^2 u^3 / 6: it is not seen as
-    long as that stays below the floor's motion.  Where the force tells it better, it is the force's.
+    The displacement under a half-sine force departs from the flight as v omega^2 u^3 / 6.  The force is not visible
+    while that is below the floor's motion.  If the force determines the release better, its reading is returned.
     """
     lasts = max(float(motion.time_s[span.last] - motion.time_s[span.first]), 1.0 / motion.sample_rate_hz)
     omega = np.pi / lasts
@@ -225,7 +225,7 @@ def _with_floor_uncertainty(
 
 
 def _disturbance(flights: Flights, motion: Motion, impact: Impact) -> Disturbance:
-    """Return the disturbance of the path, and its share of the variance of each number."""
+    """Return the disturbance of the displacement, and its share of the variance of each number."""
     return Disturbance(
         lines=flights.lines,
         floor_rms_m=flights.floor.rms_m,
@@ -237,7 +237,7 @@ def _disturbance(flights: Flights, motion: Motion, impact: Impact) -> Disturbanc
 
 
 def _frame_moves(flights: Flights) -> bool:
-    """Return whether the frame moves so far that a fit has to include it."""
+    """Return whether the frame's motion is so large that a fit has to include it."""
     return bool(flights.lines) or flights.floor.rms_m > SWAYS_M
 
 
@@ -252,7 +252,7 @@ def _shares(flights: Flights, impact: Impact) -> Mapping[str, float]:
 
 
 def _threshold_edge(motion: Motion, sample: int) -> Edge:
-    """Return an edge at the force's threshold, as uncertain as the force filter is long."""
+    """Return an edge at the force's threshold, with an uncertainty set by the length of the force filter."""
     return Edge(float(motion.time_s[sample]), float(np.hypot(0.25 / motion.bandwidth_hz, 0.5 / motion.sample_rate_hz)))
 
 
@@ -277,7 +277,7 @@ def _agree(one: Quantity, other: Reading) -> bool:
 
 
 def _disturbed(bounces: Bounces) -> bool:
-    """Return whether the block vibrates: a flight is curved, or the second bounce lasts longer than the first."""
+    """Return whether the bounces are disturbed: a flight is curved, or the second bounce is longer than the first."""
     on = [edge.time_s for edge in bounces.onsets]
     top = [edge.time_s for edge in bounces.peaks]
     return bounces.disturbed or any(len(t) >= 3 and t[2] - t[1] >= t[1] - t[0] for t in (on, top))

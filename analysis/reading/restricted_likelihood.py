@@ -1,9 +1,9 @@
-"""Strengths of white noise and of bands of random motion, by restricted likelihood with a normal prior.
+"""Estimate strengths of white noise and of bands of random motion by restricted likelihood with a normal prior.
 
-A shot's residual is y = X b + sum_k sqrt(s_k) W_k u_k + white noise: the columns of X are derivatives by free
-parameters b, which shots may share, those of W_k are what band k can do, and u_k are unit normal numbers.  The
-restricted likelihood (Patterson & Thompson, Biometrika 58, 1971) allows for the motion that the parameters absorb.  The
-vector searched is (ln white^2, ln s_1, ln s_2 ...); white noise that is known has a narrow prior.
+A shot's residual is y = X b + sum_k sqrt(s_k) W_k u_k + white noise.  The columns of X are derivatives by free
+parameters b, which shots may share.  The columns of W_k are the responses to band k, and u_k are unit normal numbers.
+The restricted likelihood (Patterson & Thompson, Biometrika 58, 1971) allows for motion absorbed by the parameters.  The
+vector searched is (ln white^2, ln s_1, ln s_2 ...); known white noise has a narrow prior.
 """
 
 import math
@@ -18,22 +18,22 @@ from scipy.linalg.blas import dgemm
 from analysis.compiled import side_by_side, solve_triangle
 from analysis.shot import Floats
 
-_ITERATIONS, _MOST = 20, 3.0  # steps; greatest step of a logarithm
-_ENOUGH, _LEAST = 5e-3, 1e-3  # the search ends where a step's first-order gain of ln L, or what it gained, is less
-_TRIES, _SHORTER = 5, 0.3  # of one step, and how much shorter each is than the one before
-_AS_PROMISED = 0.15  # of a step's first-order gain: allowed deviation from the half that the right curvature gives
-_LEAST_LEVEL = 1e-3  # of a curvature's eigenvalues: priors give more, if rounding leaves it
+_ITERATIONS, _MOST = 20, 3.0  # most steps; largest step of a logarithm
+_ENOUGH, _LEAST = 5e-3, 1e-3  # first-order gain and actual gain of ln L by a step, below which the search ends
+_TRIES, _SHORTER = 5, 0.3  # trials of one step, and the length of each relative to the one before
+_AS_PROMISED = 0.15  # allowed deviation of actual over first-order gain from one half, its value for a right curvature
+_LEAST_LEVEL = 1e-3  # least eigenvalue of a curvature: priors make it larger unless rounding interferes
 
 
 @dataclass(frozen=True, slots=True)
 class ShotResidual:
-    """A shot's residual and its derivatives by q parameters, whitened by its noise without the bands, of unit variance.
+    """A shot's residual and its derivatives by q parameters, whitened to unit variance by its noise without the bands.
 
     ``along``, shape (r, 1 + q), are both along the r orthonormal directions of the bands' motion; ``rest_products``,
-    shape (1 + q, 1 + q), are the products of what lies across these.  ``samples`` counts all directions; ``logs`` is ln
-    det of the covariance that whitened.  ``places``, shape (q,), are the indices of the parameters.  ``factors``, shape
-    (r, m), give m unit normal numbers along the directions; ``shares``, shape (k, m), are the variances that the bands
-    give these at strength one.  ``rounding`` is the part by which the diagonal of their covariance is increased.
+    shape (1 + q, 1 + q), are the products of their components orthogonal to these directions.  ``samples`` counts all
+    directions; ``logs`` is ln det of the whitening covariance.  ``places``, shape (q,), are the parameters' indices.
+    ``factors``, shape (r, m), map m unit normal numbers to the directions; ``shares``, shape (k, m), are these numbers'
+    variances by each band at strength one.  ``rounding`` is the relative increase of their covariance's diagonal.
     """
 
     along: Floats
@@ -46,7 +46,7 @@ class ShotResidual:
     rounding: float = 0.0
 
     def whitened(self, at: Floats) -> "_Whitened":
-        """Return the shot whitened by its whole covariance; LinAlgError where rounding leaves it none."""
+        """Return the shot whitened by its whole covariance; LinAlgError if that is singular to rounding."""
         strength = np.exp(at[1:] - at[0])
         power = strength @ self.shares
         scaled = self.factors * np.sqrt(power)
@@ -67,9 +67,9 @@ class ShotResidual:
 class _Whitened:
     """A shot whitened by the covariance along its directions, in units of the white variance.
 
-    ``waves``, shape (r, m), are the bands' contributions, ``half``, shape (r, 1 + q), residual and derivatives, both
-    divided by the covariance's Cholesky ``root``; ``of_band``, shape (k, m), is each band's part of the contributions'
-    variances; ``products``, shape (1 + q, 1 + q), are those of the fully whitened residual and derivatives.
+    ``waves``, shape (r, m), are the bands' contributions; ``half``, shape (r, 1 + q), are residual and derivatives;
+    both are divided by the covariance's Cholesky ``root``.  ``of_band``, shape (k, m), is each band's share of each
+    number's variance; ``products``, shape (1 + q, 1 + q), are those of the fully whitened residual and derivatives.
     """
 
     root: Floats
@@ -81,7 +81,7 @@ class _Whitened:
 
 @dataclass(slots=True)
 class Curvature:
-    """The expected curvature of the log-likelihood by the logarithms, where it was last computed."""
+    """The expected curvature of the log-likelihood by the logarithms, as last computed; None before."""
 
     value: Floats | None = None
 
@@ -90,8 +90,8 @@ class Curvature:
 class Likelihood:
     """Log-likelihood plus log prior at (ln white^2, ln strengths), its gradient, and intermediate results.
 
-    ``covariance``, shape (q, q), is that of the parameters fitted; ``profile`` is log-likelihood plus log prior with
-    these at their best instead of integrated over; ``curvature`` is kept once it has been computed.
+    ``covariance``, shape (q, q), is that of the fitted parameters; ``profile`` is log-likelihood plus log prior with
+    these at their best instead of marginalised; ``curvature`` is cached once computed.
     """
 
     at: Floats
@@ -105,16 +105,16 @@ class Likelihood:
 
 @dataclass(frozen=True, slots=True)
 class RestrictedLikelihood:
-    """The restricted likelihood of shots, and the prior of (ln white^2, ln strengths): normal, of mean zero.
+    """The restricted likelihood of shots, and the normal prior of (ln white^2, ln strengths), with mean zero.
 
-    ``precision``, shape (1 + k, 1 + k), is its inverse covariance.
+    ``precision``, shape (1 + k, 1 + k), is the prior's inverse covariance.
     """
 
     shots: Sequence[ShotResidual]
     precision: Floats
 
     def at(self, at: Floats) -> Likelihood:
-        """Return log-likelihood plus log prior and gradient at a vector; minus infinity where undefined.
+        """Return log-likelihood plus log prior and its gradient at a vector; minus infinity if undefined.
 
         Cost: r^2 (3 m + r / 3) multiply-adds per shot, r directions, m numbers.
         """
@@ -126,7 +126,7 @@ class RestrictedLikelihood:
             whitened = tuple(side_by_side(lambda shot: shot.whitened(at), self.shots))
             products = [one.products[None] for one in whitened]
             (values,), (covariance,), (half_logs,) = self._parameters_under(products, np.array([variance]))
-        except np.linalg.LinAlgError:  # with motion a billion times the white noise rounding breaks the factorisation
+        except np.linalg.LinAlgError:  # rounding breaks the factorisation for motion a billion times the white noise
             return Likelihood(at, -math.inf, slope)
         slope[0] += 0.5 * values.size
         for shot, one in zip(self.shots, whitened, strict=True):
@@ -148,7 +148,7 @@ class RestrictedLikelihood:
     def curvature(self, here: Likelihood) -> Floats:
         """Return the expected curvature by the vector; cost: m^2 r multiply-adds per shot.
 
-        The coupling of shots through shared parameters is neglected.  LinAlgError where the point has no likelihood.
+        The coupling of shots through shared parameters is neglected.  LinAlgError if the likelihood is undefined.
         """
         if here.curvature is not None:
             return here.curvature
@@ -161,7 +161,7 @@ class RestrictedLikelihood:
             if shot.places.size:
                 taken = one.waves.T @ one.half[:, 1:]
                 told = taken @ here.covariance[np.ix_(shot.places, shot.places)]
-                # subtracted in place: to write another matrix of this size takes longer than the product
+                # subtracted in place: writing another matrix of this size takes longer than the product
                 dgemm(-math.exp(-here.at[0]), told, taken, beta=1.0, c=gram.T, trans_b=True, overwrite_c=True)
             seen = one.of_band @ np.diag(gram)
             shared = one.of_band @ np.square(gram, out=gram) @ one.of_band.T
@@ -176,9 +176,9 @@ class RestrictedLikelihood:
         return curve
 
     def greatest(self, start: Floats, curve: Curvature) -> Likelihood:
-        """Return the greatest likelihood times prior, searched from a vector by Fisher scoring.
+        """Return the maximum of likelihood times prior, searched from a vector by Fisher scoring.
 
-        The ``curve`` of a nearby noise is used until a step gains less or more than it predicts.
+        The curvature ``curve`` of a nearby noise is used until a step's gain differs from its prediction.
         """
         here = self.at(start)
         if not math.isfinite(here.value):
@@ -204,21 +204,21 @@ class RestrictedLikelihood:
             gained, here = there.value - here.value, there
             if gained < _LEAST:
                 break
-            if abs(gained / promise - 0.5) > _AS_PROMISED:  # the curvature has changed
+            if abs(gained / promise - 0.5) > _AS_PROMISED:  # the curvature is no longer valid
                 curve.value = self.curvature(here)
         return here
 
     def fits(self, points: Floats) -> tuple[Floats, Floats]:
-        """Return the q parameters fitted under each of p vectors, (p, q), and their covariances, (p, q, q)."""
+        """Return the q parameters fitted under each of p noise vectors, (p, q), and their covariances, (p, q, q)."""
         products = side_by_side(lambda shot: np.stack([shot.products(at) for at in points]), self.shots)
         values, covariances, _ = self._parameters_under(products, np.exp(points[:, 0]))
         return values, covariances
 
     def _parameters_under(self, products: Sequence[Floats], variance: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return q parameters fitted under p noises, (p, q), their covariances, (p, q, q), half ln det of inverses.
+        """Return q parameters fitted under p noises, (p, q), covariances, (p, q, q), and half ln det of their inverses.
 
-        ``products``, shape (p, 1 + q, 1 + q) for each shot, are those of residual and derivatives, in units of
-        ``variance``, shape (p,).  LinAlgError where they do not determine the parameters.
+        ``products``, shape (p, 1 + q, 1 + q) per shot, are those of residual and derivatives, in units of ``variance``,
+        shape (p,).  LinAlgError if they do not determine the parameters.
         """
         size = max((int(shot.places.max(initial=-1)) + 1 for shot in self.shots), default=0)
         normal, pull = np.zeros((variance.size, size, size)), np.zeros((variance.size, size))
@@ -243,8 +243,8 @@ class RestrictedLikelihood:
 def root_of(scaled: Floats, rounding: float = 0.0) -> Floats:
     """Return the Cholesky factor of 1 + scaled scaled^T, the covariance along whitened directions, shape (r, r).
 
-    ``scaled`` has shape (r, m); the diagonal of scaled scaled^T is first increased by its part ``rounding``.
-    LinAlgError where rounding leaves the covariance none.
+    ``scaled`` has shape (r, m); the diagonal of scaled scaled^T is first increased by its fraction ``rounding``.
+    LinAlgError if rounding leaves no Cholesky factor.
     """
     covariance = scaled @ scaled.T
     diagonal = np.einsum("ii->i", covariance)  # a view
@@ -256,13 +256,13 @@ def root_of(scaled: Floats, rounding: float = 0.0) -> Floats:
 
 
 def chain_precision(level_std: Floats, step_std: Floats) -> Floats:
-    """Return the precision of k normal numbers of std ``level_std``, (k,), that differ by ``step_std``, (k - 1,)."""
+    """Return the precision of k normal numbers with stds ``level_std``, (k,), and of differences, (k - 1,)."""
     steps = np.diff(np.eye(level_std.size), axis=0) / step_std[:, None]
     return np.asarray(np.diag(level_std**-2.0) + steps.T @ steps)
 
 
 def points_about(mean: Floats, precision: Floats, pairs: int) -> Floats:
-    """Return points that sample a normal distribution, shape (2 pairs, k), in pairs on opposite sides of the mean."""
+    """Return points that sample a normal distribution, shape (2 pairs, k), in pairs symmetric about the mean."""
     level, turn = np.linalg.eigh(precision)
     # the symmetric root of the covariance: eigenvectors of nearly equal eigenvalues turn with every rounding
     spread = turn / np.sqrt(np.maximum(level, _LEAST_LEVEL)) @ turn.T
@@ -273,7 +273,7 @@ def points_about(mean: Floats, precision: Floats, pairs: int) -> Floats:
 def _normal_points(size: int, pairs: int) -> Floats:
     """Return points that sample a standard normal distribution, shape (2 pairs, size).
 
-    Their covariance is one, or with fewer pairs than dimensions at least their variances are.
+    Their covariance is exactly the identity; with fewer pairs than dimensions only the variances are exactly one.
     """
     half = np.random.default_rng(size).standard_normal((pairs, size))
     covariance = half.T @ half / pairs

@@ -29,16 +29,16 @@ CRITERIA_M_PER_S: Mapping[str, float] = {
 BAND_HZ = (8.0, 80.0)  # of the criteria
 CENTRES_HZ = 10 ** (np.arange(6, 27) / 10)  # of third-octaves, 4 to 400 Hz
 _OF_CRITERIA = (0.97 * BAND_HZ[0] < CENTRES_HZ) & (1.03 * BAND_HZ[1] > CENTRES_HZ)
-LEAST_S = 1.0  # of record: a third-octave at 8 Hz then has two bins
+LEAST_S = 1.0  # shortest record: a third-octave at 8 Hz then has two bins
 _MOST_LINES = 10
-_LINE = 25.0  # times the power about it: e^-25 by chance in each bin
-_ABOUT = 9  # bins to each side of a line, for the power about it
-_MOST_STEPS = 160  # of both flights together, for the covariance
-_CHANCE = 0.05  # that a site exactly on a criterion's curve is rated the next worse
+_LINE = 25.0  # least power of a line over that of its surroundings; e^-25 by chance in each bin
+_ABOUT = 9  # bins to each side of a line that are its surroundings
+_MOST_STEPS = 160  # time steps of both flights together, for the covariance
+_CHANCE = 0.05  # probability that a site exactly on a criterion's curve is rated the next worse
 _HAND_LINE = 12.0  # as _LINE, at the frequencies of a hand
-_HAND_HZ = (7.0, 12.5)  # of the tremor of a hand that holds the block, which no shot has
-_UNSURE = 0.5  # of 1 / span: the uncertainty of a line's frequency in a flight; motors also vary
-_COSTLY = 1.2  # the least cost of a line that is mentioned
+_HAND_HZ = (7.0, 12.5)  # tremor of a hand that holds the block, absent in a shot
+_UNSURE = 0.5  # uncertainty of a line's frequency in a flight, in units of 1 / span; motors also vary
+_COSTLY = 1.2  # least cost of a line that is reported
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +67,8 @@ class SiteFloor:
     """The vibration of the site's floor; arrays of shape (k,) are read-only.
 
     ``third_octave_m_per_s`` includes the lines; ``density_m2_per_hz`` (one-sided, of displacement, at ``frequency_hz``)
-    does not.  ``criterion`` is the strictest that no band exceeds by more than chance in so short a record (5 % for all
-    bands together), "" where every one is exceeded.
+    does not.  ``criterion`` is the strictest that no band exceeds significantly, given the record's length (5 % chance
+    for all bands together); "" if all are exceeded.
     """
 
     seconds: float
@@ -82,7 +82,7 @@ class SiteFloor:
 
     @property
     def advice(self) -> tuple[str, ...]:
-        """Get the costly lines, worst first, in a sentence each."""
+        """Get one sentence per costly line, worst first."""
         costly = sorted((line for line in self.lines if line.cost >= _COSTLY), key=lambda line: -line.cost)
         return tuple(
             f"{line.cause[0].upper()}{line.cause[1:]} at {line.frequency_hz:.1f} Hz costs you a factor "
@@ -94,7 +94,7 @@ class SiteFloor:
 def read_site(velocity_m_per_s: Floats, sample_rate_hz: float, planned: PlannedShot | None = None) -> SiteFloor | None:
     """Return the floor's vibration from the velocity of a block at rest, shape (n,), without gaps.
 
-    None where it is shorter than LEAST_S or not finite.  Cost: about 5 ms for four seconds, and 3 ms for each line.
+    None if it is shorter than LEAST_S or not finite.  Cost: about 5 ms for four seconds, and 3 ms per line.
     """
     n = velocity_m_per_s.size
     if n < LEAST_S * sample_rate_hz or not np.isfinite(velocity_m_per_s).all():
@@ -123,7 +123,7 @@ def read_site(velocity_m_per_s: Floats, sample_rate_hz: float, planned: PlannedS
 
 
 def likely_cause(frequency_hz: float, resolution_hz: float) -> str:
-    """Return the most probable cause of a line: mains and its multiples, motors on it, a hand, or something general."""
+    """Return the most probable cause of a line: mains or a multiple, a motor on the mains, a hand, or a general one."""
     near = max(0.05, resolution_hz)
     for mains in (50.0, 60.0):
         order = round(frequency_hz / mains)
@@ -132,7 +132,7 @@ def likely_cause(frequency_hz: float, resolution_hz: float) -> str:
                 return f"the mains ({mains:g} Hz)"
             return "a transformer or a lamp (twice the mains)" if order == 2 else f"the mains ({order} x {mains:g} Hz)"
     for mains in (50.0, 60.0):
-        for pairs in (1, 2, 3):  # an induction motor lags its field by up to some 7 %
+        for pairs in (1, 2, 3):  # an induction motor runs up to about 7 % slower than its field
             if 0.93 * mains / pairs <= frequency_hz <= mains / pairs + near:
                 return f"a motor or pump ({2 * pairs} poles on {mains:g} Hz)"
     if _HAND_HZ[0] <= frequency_hz <= _HAND_HZ[1]:
@@ -142,9 +142,9 @@ def likely_cause(frequency_hz: float, resolution_hz: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class PlannedFlights:
-    """Two straight flights at steps of time, shape (n,), and their covariance on a floor without lines, (n, n) in m^2.
+    """Two straight flights at time steps, shape (n,), and their covariance on a floor without lines, (n, n) in m^2.
 
-    The covariance takes most of the time and is the same for any lines.
+    The covariance is the slowest part to compute and does not depend on the lines.
     """
 
     planned: PlannedShot
@@ -168,10 +168,10 @@ class PlannedFlights:
         return cls(planned, span, time_s[keep], design, covariance)
 
     def cor_stds(self, lines: Sequence[MachineLine]) -> tuple[float, list[float]]:
-        """Return u(COR) with these lines, of unknown phase and frequency, and with all but one of them, in order.
+        """Return u(COR) with these lines, of unknown phase and frequency, and with each of them left out, in order.
 
-        Generalised least squares.  A line adds four columns to the covariance, so that one solution under the floor
-        serves every set of lines (Woodbury's identity).  Some 2 ms.
+        By generalised least squares.  A line adds four columns to the covariance, so one solution without lines
+        suffices for every set of lines (Woodbury's identity).  About 2 ms.
         """
         columns = [self.design]
         for line in lines:
@@ -208,11 +208,11 @@ def _of_hand(frequency_hz: float) -> bool:
 
 
 def _covariance(floor: SiteFloor, step_s: float, count: int) -> Floats:
-    """Return the covariance of displacement means over steps at lags 0, 1, ... steps, (count,)."""
+    """Return the covariance of step means of the displacement at lags of 0, 1, ... steps, (count,)."""
     frequency, density = floor.frequency_hz, floor.density_m2_per_hz
     seen = density * np.sinc(frequency * step_s) ** 2
     width = float(frequency[1] - frequency[0])
-    # power near zero frequency is constant in a shot, and absorbed by the flights' offsets
+    # motion near zero frequency is constant in a shot, and absorbed by the flights' offsets
     turn, wave = np.exp(2j * np.pi * step_s * frequency), np.ones(frequency.size, dtype=np.complex128)
     covariance = np.empty(count)
     for lag in range(count):
@@ -239,11 +239,11 @@ def _smoothed(power: Floats) -> Floats:
 
 
 def _strongest_line(values: Floats, rate_hz: float) -> float | None:
-    """Return the frequency of the line with the most power relative to its surroundings, None where none is enough."""
+    """Return the frequency of the line with the most power relative to its surroundings; None if not significant."""
     frequency, power = _periodogram(values, rate_hz)
     padded = np.pad(power, _ABOUT, mode="reflect")
     sides = np.lib.stride_tricks.sliding_window_view(padded, 2 * _ABOUT + 1)
-    # each side by itself: a steep edge of the spectrum is no line
+    # each side separately: a steep edge of the spectrum is not a line
     about = np.maximum(np.median(sides[:, : _ABOUT - 2], 1), np.median(sides[:, _ABOUT + 3 :], 1)) / math.log(2.0)
     inside = (frequency > 3.0 * frequency[0]) & (frequency < 0.4 * rate_hz)
     needed = np.where((frequency >= _HAND_HZ[0]) & (frequency <= _HAND_HZ[1]), _HAND_LINE, _LINE)
@@ -275,7 +275,7 @@ def _refined(values: Floats, time_s: Floats, frequency_hz: float) -> tuple[float
 
 
 def _amplitudes(cosine: Floats, sine: Floats, values: Floats, window: Floats) -> tuple[float, float]:
-    """Return the factors of cosine and sine that describe the values best through the window."""
+    """Return the amplitudes of cosine and sine by least squares through the window."""
     weighed = window**2
     cc, cs, ss = float(weighed @ cosine**2), float(weighed @ (cosine * sine)), float(weighed @ sine**2)
     cv, sv = float(weighed @ (cosine * values)), float(weighed @ (sine * values))
@@ -284,10 +284,10 @@ def _amplitudes(cosine: Floats, sine: Floats, values: Floats, window: Floats) ->
 
 
 def _third_octaves(frequency_hz: Floats, power: Floats, waves: Sequence[tuple[float, float]]) -> tuple[Floats, Floats]:
-    """Return the rms in each third-octave, lines included, and the least that it may be given its scatter, (k,) each.
+    """Return the rms in each third-octave, lines included, and its lower limit given its scatter, (k,) each.
 
-    A band of a few bins scatters: for a site exactly on a criterion's curve the largest of eleven bands is nearly
-    always above it.
+    A band of a few bins scatters: for a site exactly on a criterion's curve the largest of eleven measured bands is
+    nearly always above it.
     """
     found, least = np.zeros(CENTRES_HZ.size), np.zeros(CENTRES_HZ.size)
     for k, centre in enumerate(CENTRES_HZ):
@@ -302,11 +302,11 @@ def _third_octaves(frequency_hz: Floats, power: Floats, waves: Sequence[tuple[fl
 
 
 def _most_by_chance(bins: int) -> float:
-    """Return the largest ratio of a band's measured power to its true one, exceeded with ``_CHANCE`` among all bands.
+    """Return the ratio of a band's measured to true power that any band exceeds with probability ``_CHANCE``.
 
     Neighbouring bins of a Hann window share 4/9 of their power, next neighbours 1/36.
     """
-    from scipy.special import chdtri  # a fifth of a second that opening the window need not wait for
+    from scipy.special import chdtri  # imported late: it takes 0.2 s, which would delay the opening of the window
 
     freedom = 2 * bins / (1 + 2 * (1 - 1 / bins) * 4 / 9 + 2 * max(0.0, 1 - 2 / bins) / 36)
     return float(chdtri(freedom, _CHANCE / np.count_nonzero(_OF_CRITERIA))) / freedom

@@ -1,12 +1,12 @@
-"""The floor under the rig as flights show it: how strong it is in every octave, and how sure that is.
+"""Estimate the floor's motion under the rig from flights: its strength in every octave, with uncertainty.
 
-The floor's density is free in each octave from a third of a period in the flights' time up to what their bins resolve.
-The strengths are those of greatest restricted likelihood with a prior: that a building moves with about the same
-velocity in each octave (Gordon, SPIE 1619, 1991), neighbouring ones differing by a factor of a few.  The slowest
-octaves are hardly determined, so the result is the mixture of all likely strengths.
+The floor's density is free in each octave, from a third of a period per span of the flights up to the resolution of
+their bins.  The strengths maximise the restricted likelihood under a prior: a building moves with about the same
+velocity in each octave (Gordon, SPIE 1619, 1991), and neighbouring octaves differ by a factor of a few.  The slowest
+octaves are poorly determined, so the result is a mixture over all likely strengths.
 
-The vector of logarithms, shape (k + 2,), holds those of the white noise, which is known, of the k octaves' powers and
-of the power of the flights' drags, each over what is expected.
+The vector of logarithms, shape (k + 2,), holds ln of the white noise variance (known), of the k octaves' powers and of
+the power of the flights' drags, each relative to its prior expectation.
 """
 
 from dataclasses import dataclass
@@ -26,25 +26,25 @@ from analysis.reading.restricted_likelihood import (
 )
 from analysis.shot import Floats
 
-SPEED_M_PER_S = 3e-6  # in an octave, before anything is seen: a good laboratory's ...
-SPEED_SPREAD = 6.0  # ... to a factor of some hundred; spreads are of natural logarithms of powers
-SLOW_SPREAD = 0.6  # from one octave to the next among the slow ones
-FAST_SPREAD = 3.0  # ... and the quicker ones, where machines and the frame's own modes decide
-DRAG_M_PER_S2 = 1e-3  # a flight's own acceleration, before anything is seen: a tilt of 0.1 mrad ...
+SPEED_M_PER_S = 3e-6  # prior rms velocity in an octave: a good laboratory's
+SPEED_SPREAD = 6.0  # its prior std, a factor of several hundred; spreads are stds of natural logarithms of powers
+SLOW_SPREAD = 0.6  # prior std from one octave to the next among slow octaves
+FAST_SPREAD = 3.0  # the same among fast octaves, where machines and the frame's modes dominate
+DRAG_M_PER_S2 = 1e-3  # prior acceleration of a flight: a tilt of 0.1 mrad
 DRAG_SPREAD = 2.0
-_WHITE_SPREAD = 1e-6  # it is known
-_LEAST_DRAG = 1e-4  # of the expected: a drag's std is never less
-_PAIRS = 10  # of points of the mixture
+_WHITE_SPREAD = 1e-6  # the white noise is known
+_LEAST_DRAG = 1e-4  # least std of a drag, as a fraction of the prior
+_PAIRS = 10  # pairs of points of the mixture
 _ROUNDING = 1e-11
-_NOTHING = -50.0
-_LEAST = 0.01  # weight of a motionless floor in the mixture
+_NOTHING = -50.0  # ln of a negligible power
+_LEAST = 0.01  # weight above which a motionless floor is part of the mixture
 
 
 @dataclass(frozen=True, slots=True)
 class FloorEstimate:
     """The floor estimated from flights: a mixture of ``points``, shape (p, k + 2), with ``weights``, shape (p,).
 
-    The likeliest are ``best``; ``worth`` is their log-likelihood, coefficients at theirs, with what was known before.
+    ``best`` are the likeliest logarithms; ``worth`` is their log-likelihood plus log prior, coefficients profiled.
     """
 
     weights: Floats
@@ -55,7 +55,7 @@ class FloorEstimate:
 
 @dataclass(frozen=True, slots=True)
 class FlightObservation:
-    """The binned displacement of flights, (n,) in m, the white std of a bin, and which columns of a design are drags.
+    """The binned displacement of flights, (n,) in m, the white std of a bin, and the drag columns of a design.
 
     ``waves`` (n, 2 f) are cosines and sines of the octaves' frequencies, averaged over the bins.
     """
@@ -68,7 +68,7 @@ class FlightObservation:
 
     @property
     def unknowns(self) -> int:
-        """Get how many logarithms there are."""
+        """Get the number of logarithms."""
         return self.octaves.centre_hz.size + 2
 
     def powers(self, at: Floats) -> Floats:
@@ -78,8 +78,8 @@ class FlightObservation:
     def likelihood(self, design: Floats) -> RestrictedLikelihood:
         """Return the restricted likelihood of the logarithms with a design (n, p) whose coefficients are free.
 
-        The design is in SI units, the coefficients are in white noises, of columns whose largest element is one.  What
-        is known of each drag is a row after the bins: that the drag is zero, to as much as the drags' strength says.
+        The design is in SI units.  Coefficients are in units of the white std, for columns scaled to a maximum of one.
+        The prior of each drag is a row after the bins: a drag of zero, with the drags' strength as std.
         """
         (bins, width), known = design.shape, len(self.drags)
         scale = _scale(design)
@@ -87,7 +87,7 @@ class FlightObservation:
         for row, column in enumerate(self.drags, bins):
             least = 0.5 * _LEAST_DRAG * DRAG_M_PER_S2 / self.white_m  # half the acceleration, as the design has it
             along[row, 1 + column] = 1.0 / (least * scale[column])
-        factors = block_diag(self.waves.T, np.eye(known)).T  # in the order of Fortran
+        factors = block_diag(self.waves.T, np.eye(known)).T  # Fortran order
         power = np.tile(self.octaves.power_m2, 2) * (SPEED_M_PER_S / self.white_m) ** 2
         shares = block_diag(power, np.full((1, known), _LEAST_DRAG**-2))
         rest = np.zeros((1 + width, 1 + width))
@@ -95,13 +95,13 @@ class FlightObservation:
         return RestrictedLikelihood((shot,), _prior(self.octaves.centre_hz.size))
 
     def padded(self, columns: Floats) -> Floats:
-        """Return columns, shape (n, c), with the rows of what is known of the drags; they are zero there."""
+        """Return columns, shape (n, c), with zero rows appended for the priors of the drags."""
         return np.pad(columns, ((0, len(self.drags)), (0, 0)))
 
     def estimate_floor(self, design: Floats, start: Floats | None = None) -> FloorEstimate:
         """Estimate the floor's strengths with a design (n, p) whose coefficients are free; SI units.
 
-        Cost: 1 ms per iteration at n = 64, some six iterations from afar.
+        Cost: 1 ms per iteration at n = 64, and about six iterations without a ``start``.
         """
         likelihood = self.likelihood(design)
         best = likelihood.greatest(self._guess(design) if start is None else start, Curvature())
@@ -111,7 +111,7 @@ class FlightObservation:
         octaves = np.array([0.0, *np.full(best.at.size - 2, _NOTHING), 0.0])
         still = np.array([*octaves[:-1], best.at[-1]])
         left = likelihood.at(still).value + 0.5 * float(octaves @ likelihood.precision @ octaves)  # without the prior
-        # how much likelier any floor is than none, its strengths integrated over (Laplace)
+        # log evidence ratio of a moving floor over a motionless one, strengths marginalised (Laplace)
         volume = np.linalg.slogdet(likelihood.precision)[1] - np.linalg.slogdet(curve)[1]
         times = best.value - left + 0.5 * float(volume)
         none = float(1.0 / (1.0 + np.exp(np.clip(times, -30.0, 30.0))))
@@ -120,7 +120,7 @@ class FlightObservation:
         return FloorEstimate(weights, points, best.at, best.profile)
 
     def _guess(self, design: Floats) -> Floats:
-        """Return strengths to begin with: what white noise would leave, as if it were all in the middle octave."""
+        """Return start strengths: rms residual of an unweighted fit, taken at the middle octave's frequency."""
         scale = _scale(design)
         solution, *_ = np.linalg.lstsq(design / scale, self.value_m, rcond=None)
         left = self.value_m - design / scale @ solution
@@ -135,7 +135,7 @@ class FlightObservation:
         return np.array([0.0, *at])
 
     def solve(self, weights: Floats, points: Floats, design: Floats) -> tuple[Floats, Floats]:
-        """Return coefficients (p,) and covariance (p, p): generalised least squares in every part of a mixture."""
+        """Return coefficients (p,) and covariance (p, p) of a mixture, by generalised least squares in every part."""
         values, covariances = self.likelihood(design).fits(points)
         mean = weights @ values
         unscale = self.white_m / _scale(design)
@@ -149,7 +149,7 @@ def _scale(design: Floats) -> Floats:
 
 @lru_cache(maxsize=8)
 def _prior(octaves: int) -> Floats:
-    """Return the precision of the logarithms before anything is seen, shape (k + 2, k + 2)."""
+    """Return the prior precision of the logarithms, shape (k + 2, k + 2)."""
     level_std = np.full(octaves + 2, np.inf)
     level_std[[0, 1 + octaves // 2, -1]] = _WHITE_SPREAD, SPEED_SPREAD, DRAG_SPREAD
     step_std = np.full(octaves + 1, np.inf)

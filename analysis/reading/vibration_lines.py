@@ -1,4 +1,4 @@
-"""Find the steady sines of machines in both free flights, fit them together above the floor, and subtract them."""
+"""Find the steady sines of machines in both free flights, fit them jointly with the floor, and subtract them."""
 
 from dataclasses import dataclass, replace
 
@@ -10,9 +10,9 @@ from analysis.reading.floor_spectrum import waves_of
 from analysis.reading.strengths import FlightObservation, FloorEstimate
 from analysis.shot import Floats, Motion, Quantity, VibrationLine
 
-LINE_WORTH = 16.0  # of log-likelihood that a line's three parameters must gain, the floor estimated again
-LOWEST_LINES = 0.5  # periods of a line that the shorter flight must hold at least
-STEADY = 30.0  # of chi^2 that separate amplitudes in the two flights may gain
+LINE_WORTH = 16.0  # log-likelihood gain required of a line's three parameters, with the floor re-estimated
+LOWEST_LINES = 0.5  # least periods of a line in the shorter flight
+STEADY = 30.0  # largest gain in chi^2 by separate amplitudes in the two flights
 REFINEMENTS = 3
 
 
@@ -45,7 +45,7 @@ def _waves_of(bins: Bins, frequency_hz: Floats) -> tuple[Floats, Floats]:
 
 
 def _columns(bins: Bins, wave: Wave) -> Floats:
-    """Return the columns of cosine, sine and, about this wave, frequency: (n, 3), each of the order of one."""
+    """Return the columns of cosine, sine and frequency derivative about this wave: (n, 3), each of the order of one."""
     bend, size = frequency_derivative(bins, wave)
     return np.column_stack([*_waves_of(bins, np.array([wave.frequency_hz])), bend / size])
 
@@ -60,10 +60,10 @@ def frequency_derivative(bins: Bins, wave: Wave) -> tuple[Floats, float]:
 def add_line(
     bins: Bins, observation: FlightObservation, waves: list[Wave], polynomials: Floats, estimate: FloorEstimate
 ) -> tuple[list[Wave], FloorEstimate] | None:
-    """Return the waves with one more, and the floor estimated again; None where none is worth its three parameters.
+    """Return the waves with one more, and the floor re-estimated; None if no line is worth its three parameters.
 
-    A line is searched above the likeliest floor, then above one that does not rise towards higher frequencies, as a
-    strong line may have been taken for the floor.
+    A line is searched above the likeliest floor, then above one that does not rise towards higher frequencies, since
+    the floor estimate may have absorbed a strong line.
     """
     design = design_matrix(bins, waves, polynomials)
     white, *octaves, drag = estimate.best
@@ -82,9 +82,9 @@ def add_line(
 
 
 def _is_steady(bins: Bins, observation: FlightObservation, waves: list[Wave], polynomials: Floats, at: Floats) -> bool:
-    """Return whether the last wave is the same in both flights, and at a frequency of its own.
+    """Return whether the last wave is the same in both flights, and resolved from the other waves.
 
-    What vibrates in one flight alone was excited by the impact: it is the block's or the plate's, not a machine's.
+    A vibration in one flight only was excited by the impact: it belongs to block or plate, not to a machine.
     """
     *others, last = waves
     if any(abs(last.frequency_hz - wave.frequency_hz) < 0.7 * bins.resolution_hz for wave in others):
@@ -102,7 +102,7 @@ def design_matrix(bins: Bins, waves: list[Wave], polynomials: Floats) -> Floats:
 
 
 def _strongest_line(bins: Bins, observation: FlightObservation, at: Floats, design: Floats) -> Wave | None:
-    """Return the sine that explains most of the residual above a floor, None where it is not worth it."""
+    """Return the sine that explains most of the residual above a floor; None if it gains less than LINE_WORTH."""
     shorter = min(float(np.ptp(bins.time_s[side])) for side in (bins.into, ~bins.into) if side.any())
     lowest, highest = LOWEST_LINES / max(shorter, 1e-12), 0.45 / (bins.each * bins.step_s)
     if highest <= lowest:
@@ -135,7 +135,7 @@ def _strongest_line(bins: Bins, observation: FlightObservation, at: Floats, desi
 def refined(
     bins: Bins, observation: FlightObservation, waves: list[Wave], polynomials: Floats, at: Floats
 ) -> list[Wave]:
-    """Return all waves fitted together, frequencies included, above one floor (Gauss-Newton)."""
+    """Return all waves fitted jointly, including frequencies, above one floor (Gauss-Newton)."""
     most = 0.2 * bins.resolution_hz
     for _ in range(REFINEMENTS):
         solution, _ = observation.solve(np.ones(1), at[None], design_matrix(bins, waves, polynomials))

@@ -1,7 +1,7 @@
-"""Fit both free flights together: parabolas, steady lines of machines, the floor's spectrum; knocks are left out.
+"""Fit both free flights jointly: parabolas, steady lines of machines, the floor's spectrum; knocks are left out.
 
-The displacement of the flights is averaged in bins shorter than any vibration; the bins are so few that their full
-covariance can be used.
+The displacement of the flights is averaged in bins shorter than any vibration period.  The number of bins is small
+enough for their full covariance.
 """
 
 from dataclasses import dataclass, replace
@@ -17,21 +17,21 @@ from analysis.shot import Floats, Motion, VibrationLine
 
 Mask = NDArray[np.bool_]
 
-FEWEST_BINS = 4  # of one flight, for a straight line with a residual
-FEWEST_FOR_LINES = 24  # of both flights
+FEWEST_BINS = 4  # fewest bins of one flight, for a straight line with a residual
+FEWEST_FOR_LINES = 24  # fewest bins of both flights for a search of lines
 MOST_LINES = 8
-LOUD = 25.0  # of a knock, times the power of the quiet part: five times its amplitude
-FADED = 4.0
-WINDOW = 4  # bins of a flight whose power is compared
-FEWEST_LEFT = 10  # bins of a flight that must remain
+LOUD = 25.0  # power of a knock over that of the quiet part: five times its amplitude
+FADED = 4.0  # the same ratio at which a knock has ended
+WINDOW = 4  # bins over which power is averaged
+FEWEST_LEFT = 10  # bins of a flight that must remain without a knock
 
 
 @dataclass(frozen=True, slots=True)
 class Flights:
     """Both flights, the steady lines and the floor's spectrum.
 
-    ``outgoing`` is None where there is no flight after the contact; ``velocity_covariance`` is that of the two
-    velocities at their own ``time_zero_s``.  ``plain`` are the stds in m/s of both velocities with white noise alone.
+    ``outgoing`` is None if there is no flight after the contact; ``velocity_covariance`` is that of the two velocities
+    at their own ``time_zero_s``.  ``plain`` are the stds in m/s of both velocities under white noise alone.
     """
 
     incoming: Flight
@@ -41,8 +41,8 @@ class Flights:
     floor: FloorSpectrum
     knocks_s: tuple[tuple[float, float], ...]
     plain: tuple[float, float]
-    strengths: Floats  # the likeliest, with which ``estimate_floor`` may begin
-    knocks_kept: bool = False  # a knock fills a flight and could not be left out
+    strengths: Floats  # the likeliest, as a start for ``estimate_floor``
+    knocks_kept: bool = False  # a knock fills a flight, so it could not be left out
 
 
 def read_flights(
@@ -50,9 +50,9 @@ def read_flights(
 ) -> Flights | None:
     """Fit the flights between sample pairs (first, last), inclusive.
 
-    The velocities are those at the ends that face the contact.  ``before`` is an earlier fit of nearly the same
-    flights: its lines are refined, and no others searched.  None where the incoming flight is too short.  Cost: about
-    10 ms, and as much again for each line.
+    The velocities are those at the ends adjacent to the contact.  ``before`` is an earlier fit of nearly the same
+    flights: its lines are refined, and no others are searched.  None if the incoming flight is too short.  Cost: about
+    10 ms, and another 10 ms per line.
     """
     bins = binned(motion, into, out)
     if bins.into.sum() < FEWEST_BINS:
@@ -109,7 +109,7 @@ def read_flights(
 def _straight_lines(bins: Bins, polynomials: Floats, drags: tuple[int, ...]) -> tuple[Floats, Floats]:
     """Return the coefficients of straight flights, (p,), and their displacement, (n,).
 
-    It is ten million times the noise and is subtracted first, so that sums of squares keep their precision.
+    This displacement is ten million times the noise.  Subtracting it first keeps the precision of sums of squares.
     """
     free = np.setdiff1d(np.arange(polynomials.shape[1]), drags)
     scale = np.abs(polynomials).max(axis=0)
@@ -126,7 +126,7 @@ def _observation(bins: Bins, drags: tuple[int, ...]) -> FlightObservation:
 
 
 def _polynomials(bins: Bins, zeros: tuple[float, float]) -> tuple[Floats, tuple[int, ...]]:
-    """Return the columns of both flights' polynomials about their zeros, in SI units, and which are accelerations."""
+    """Return the columns of both flights' polynomials about their zeros, in SI units, and the acceleration columns."""
     columns: list[Floats] = []
     drags = []
     for side, zero in ((bins.into, zeros[0]), (~bins.into, zeros[1])):
@@ -167,9 +167,8 @@ def _flights(
 def find_knocks(rest_m: Floats, into: Mask, white_m: float) -> tuple[list[tuple[int, int]], bool]:
     """Return (start, stop) of the bins of every knock, and whether one fills a flight and could not be left out.
 
-    ``rest_m`` (n,) is the residual of the flights' parabolas, in bins.  A knock is where a flight vibrates far more
-    than at other times: the power of the second differences, which suppress slow motion, is far above that of the quiet
-    half of both flights.
+    ``rest_m`` (n,) is the residual of the flights' parabolas, in bins.  A knock is a stretch in which the power of
+    second differences, which suppress slow motion, is far above that of the quiet part of both flights.
     """
     power = np.zeros(rest_m.size)
     for side in (into, ~into):
@@ -196,7 +195,7 @@ def find_knocks(rest_m: Floats, into: Mask, white_m: float) -> tuple[list[tuple[
             stop += 1
         start, stop = max(0, start - WINDOW), min(index.size, stop + WINDOW)
         if start < FEWEST_LEFT and index.size - stop >= FEWEST_LEFT:
-            start = 0  # the part before it is too short for a line
+            start = 0  # the part before the knock is too short for a line
         if index.size - (stop - start) < FEWEST_LEFT:
             kept = True
             continue

@@ -1,4 +1,4 @@
-"""Find the first bounces: the contacts and the short flights between them."""
+"""Find the first bounces: the early contacts and the short flights between them."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -13,25 +13,25 @@ from analysis.reading.floor_spectrum import FloorSpectrum
 from analysis.shot import Floats, Motion
 from analysis.signal import LEAST_NOISE_M, stretches, white_noise
 
-SUPPORTS = (5, 7, 9, 11, 15, 21)  # samples a local parabola may span
-FLIGHT_SIGMAS = 4.0
-FLIGHT_FRACTION = 0.03  # of the first contact's force: below it the block counts as free
-NOISY = 1.5  # times that: a larger force within a flight is a contact, however short
-EARLY_FRACTION = 0.4  # of the whole contact in which bounces are looked for
-STRAIGHT_SIGMAS = 4.0  # rms about a flight's line, in units of the record's white noise
+SUPPORTS = (5, 7, 9, 11, 15, 21)  # possible lengths of a local parabola in samples
+FLIGHT_SIGMAS = 4.0  # force over its noise, below which the block counts as free
+FLIGHT_FRACTION = 0.03  # force over the first contact's, below which the block counts as free
+NOISY = 1.5  # factor on that threshold above which a force within a flight is a contact, however short
+EARLY_FRACTION = 0.4  # initial fraction of the whole contact that is searched for bounces
+STRAIGHT_SIGMAS = 4.0  # largest rms about a flight's line, in units of the record's white noise
 SHORTEST_FLIGHT = 5  # samples
-BENT_OVER = 0.5  # of a flight: how far apart a floor's three places are that tell how it bends its line
-BENDS = 1.4  # times the white noise
+BENT_OVER = 0.5  # spacing, over a flight's duration, of the second difference that estimates the floor's curvature
+BENDS = 1.4  # std of a flight's end off its line, over the white noise, above which a parabola is fitted
 LONG_FLIGHT = 24  # samples, after trimming
-LINE_TRIM = 0.12  # of a long flight, left out at each end of its line: the contact may begin before it shows
-EDGE_REACH_SAMPLES = 40  # of contact beyond a long flight: it is followed while its force keeps its sign
-EDGE_SAMPLES = 10  # of contact on either side of a short flight that show where it begins and ends
-GRAZES = 0.35  # of the first contact: a shorter flight cannot be distinguished from a contact of little force
-GRAZING = 0.04  # of the first contact: the uncertainty of both its ends for that reason
-# degrees of the polynomial through the displacement about a force peak, and what each puts the peak off by, in units of
-# the rise before it: rms over 120 simulated shots with bodies of which no two are alike (the first three bounces)
+LINE_TRIM = 0.12  # fraction of a long flight left out at each end of its line: the contact may begin before it shows
+EDGE_REACH_SAMPLES = 40  # most samples of contact, beyond a long flight, used for its edge
+EDGE_SAMPLES = 10  # samples of contact on either side of a short flight that are fitted with it
+GRAZES = 0.35  # duration, over the first contact's, below which a flight may be a contact of little force
+GRAZING = 0.04  # the resulting uncertainty of both its ends, over the first contact's duration
+# degree of the polynomial through the displacement about a force peak: systematic error of the peak's time in units of
+# the rise before it; rms over 120 simulated shots with bodies of which no two are alike (the first three bounces)
 PEAK_DEGREES = {4: 0.04, 5: 0.016, 6: 0.004, 7: 0.0012, 8: 0.0005}
-PEAK_REACH = 1.3  # how far beyond the peak it goes, in units of the rise before it
+PEAK_REACH = 1.3  # extent of the polynomial beyond the peak, in units of the rise before it
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,14 +41,14 @@ class Bounces:
     onsets: tuple[Edge, ...]
     releases: tuple[Edge, ...]
     peaks: tuple[Edge, ...]
-    disturbed: bool = False  # a flight is not straight: something else moves the block, and its edges are unreliable
+    disturbed: bool = False  # a flight is not straight: another force moves the block, and edges are unreliable
 
 
 def find_bounces(motion: Motion, touch: Edge, release: Edge, flight_in: Flight, floor: FloorSpectrum) -> Bounces:
     """Find the flights inside the early contact, and between them the contacts with their force peaks.
 
-    In a flight the force is zero; its edges are then found to a fraction of a sample by how the displacement departs
-    from the flight's straight line.
+    A flight is a stretch of zero force.  Its edges are then found to a fraction of a sample from the displacement's
+    departure from the flight's straight line.
     """
     motion = _straightened(motion, flight_in)
     time = motion.time_s
@@ -81,7 +81,7 @@ def find_bounces(motion: Motion, touch: Edge, release: Edge, flight_in: Flight, 
 
 
 def _free(force: Floats, limit: float) -> NDArray[np.bool_]:
-    """Return where a force's absolute value (n,) is below a limit, but for samples of noise that part no flight."""
+    """Return where an absolute force (n,) is below a limit; short noise excursions within a flight count as below."""
     free = force < limit
     for first, stop in stretches(~free):
         flown = free[max(first - SHORTEST_FLIGHT, 0) : first].sum() + free[stop : stop + SHORTEST_FLIGHT].sum()
@@ -92,13 +92,13 @@ def _free(force: Floats, limit: float) -> NDArray[np.bool_]:
 
 
 def _straightened(motion: Motion, flight: Flight) -> Motion:
-    """Subtract the incoming flight's own acceleration from the displacement: drag curves the short flights as well."""
+    """Subtract the incoming flight's own acceleration from the displacement: drag curves short flights as well."""
     bend = 0.5 * flight.acceleration_m_per_s2 * (motion.time_s - flight.time_zero_s) ** 2
     return replace(motion, displacement_m=motion.displacement_m - bend)
 
 
 def _is_flight(edges: tuple[Edge, Edge], releases: list[Edge], onsets: list[Edge], step_s: float) -> bool:
-    """Return whether a flight is more than a force passing through zero: it lasts, and begins after the one before."""
+    """Return whether a stretch is a flight, not a zero crossing of force: long enough, and after the one before."""
     release, onset = edges
     lasts = onset.time_s - release.time_s
     return (
@@ -123,7 +123,7 @@ def _is_straight(motion: Motion, edges: tuple[Edge, Edge], noise_std_m: float) -
 def _local_force(motion: Motion, index: NDArray[np.intp], noise_std_m: float) -> tuple[Floats, float]:
     """Return the force by a parabola over the fewest samples that keep the noise small, (n,), and its std, both in N.
 
-    A parabola has no ringing, unlike a sharp low-pass, so a flight of a few samples stays at zero force.
+    Unlike a sharp low-pass, a parabola does not ring, so the force in a flight of a few samples remains zero.
     """
     step = 1.0 / motion.sample_rate_hz
     peak = float(np.nanmax(motion.force_n))
@@ -142,9 +142,9 @@ def _local_force(motion: Motion, index: NDArray[np.intp], noise_std_m: float) ->
 def _flight_edges(motion: Motion, first: int, last: int, noise_m: float, level_m: float) -> tuple[Edge, Edge] | None:
     """Return the release before and the onset after the flight about samples ``first`` to ``last``.
 
-    A long flight has a line of its own, which each edge leaves: a parabola, found together with each edge, where a
-    floor bends the flight.  A short flight is fitted whole, with such a line as well.  ``level_m`` is how far noise
-    and floor put the end of a flight off its straight line.
+    For a long flight a line is fitted first, then each edge as the departure from that line.  If the floor curves the
+    flight, a parabola is fitted jointly with each edge.  A short flight is fitted with both edges and its line or
+    parabola at once.  ``level_m`` is the std by noise and floor of a flight's end off its straight line.
     """
     trim = round(LINE_TRIM * (last - first))
     curved = level_m > BENDS * noise_m
@@ -170,10 +170,10 @@ def _flight_edges(motion: Motion, first: int, last: int, noise_m: float, level_m
 
 
 def _as_it_grazes(edges: tuple[Edge, Edge], first_contact_s: float) -> tuple[Edge, Edge]:
-    """Return the edges of a flight, with a larger uncertainty where it may be a contact that never ended.
+    """Return the edges of a flight, with a larger uncertainty if it may be a contact that never ended.
 
-    About its minimum the force of such a contact grows with the square of the time: for a sixth of the first contact
-    it stays below FLIGHT_FRACTION, as in a flight.
+    The force of a contact grows quadratically about its minimum.  For a sixth of the first contact's duration it stays
+    below FLIGHT_FRACTION, as in a flight.
     """
     release, onset = edges
     if onset.time_s - release.time_s > GRAZES * first_contact_s:
@@ -185,7 +185,7 @@ def _as_it_grazes(edges: tuple[Edge, Edge], first_contact_s: float) -> tuple[Edg
 def _peaks(
     motion: Motion, onsets: list[Edge], releases: list[Edge], end_s: float, noise_std_m: float
 ) -> tuple[Edge, ...]:
-    """Return the first force maximum after each of the first three onsets, up to the first that is not seen."""
+    """Return the first force maximum after each of the first three onsets, up to the first that cannot be read."""
     peaks: list[Edge] = []
     for number, onset in enumerate(onsets[:3]):
         until = releases[number].time_s if number < len(releases) else end_s
@@ -215,9 +215,9 @@ def _first_maximum(motion: Motion, index: NDArray[np.intp]) -> float | None:
 def _refined_peak(motion: Motion, onset_s: float, coarse_s: float, until_s: float, noise_std_m: float) -> Edge | None:
     """Return the instant of largest acceleration by a polynomial through the displacement about it.
 
-    A steep onset on one side shifts the peak of the low-passed force by tens of microseconds.  Of the degrees in
-    PEAK_DEGREES that is taken for which noise and the series' own error together are least.  A higher degree is no
-    surer than a lower one: in much noise it has steep tops of its own, whose noise to first order is small.
+    A steep onset on one side shifts the peak of the low-passed force by tens of microseconds.  The degree in
+    PEAK_DEGREES with the least total of noise and systematic error is used.  The noise of a higher degree is taken to
+    be at least that of a lower one: in much noise it has spurious steep tops, whose first-order noise is too small.
     """
     rise = coarse_s - onset_s
     step = 1.0 / motion.sample_rate_hz
@@ -246,5 +246,5 @@ def _refined_peak(motion: Motion, onset_s: float, coarse_s: float, until_s: floa
 
 @lru_cache(maxsize=len(PEAK_DEGREES))
 def _derivatives(degree: int) -> tuple[Floats, ...]:
-    """Return the second to the fourth derivative of each Chebyshev polynomial up to a degree, as series, in columns."""
+    """Return the second to fourth derivatives of the Chebyshev polynomials up to a degree, as series in columns."""
     return tuple(np.asarray(chebder(np.eye(degree + 1), k), np.float64) for k in (2, 3, 4))

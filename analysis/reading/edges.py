@@ -1,4 +1,4 @@
-"""Find the instant at which a contact begins or ends, from how the displacement departs from a free flight."""
+"""Find the instant at which a contact begins or ends, from the displacement's departure from a free flight."""
 
 from dataclasses import dataclass
 
@@ -13,21 +13,21 @@ from analysis.signal import LEAST_NOISE_M, first_run
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-CLEAR_SIGMAS = 6.0  # a departure from flight beyond noise
-SHAPED_SIGMAS = 200.0  # a departure that shows its shape to a per cent: it is fitted up to there
-SHAPED_DEPTH = 3e-5  # ... or to this part of the way to the turn, before a stiff contact rebounds
-FURTHER = 10.0  # times that departure: there a force that also bends describes it, and tells the instant better
-DESCRIBED = 3.0  # of the standard deviation of chi^2, up to which it does
-DEEP = 3e-3  # of the way to the turn: a departure that no floor makes
-SHORTENED, SLOWER = 0.7, 1.1  # of the time that a plate without mass takes to be so far
-LONGEST_REACH_S = 1.0e-3  # of flight before the edge, for the line from which the displacement departs
-SLOW_RECORD_SAMPLES = 64  # ... or so many samples of a record at a few hundred Hz
-BEND = 2  # degree of the line through the last millisecond of flight, where the floor's motion curves it
-PLAINER = 1.1  # log of three: the prior odds of the model with one parameter fewer
-PLAIN = 9.0  # of chi^2 that a curved line must gain
-TRIALS = 64  # of the instant, and as many again where it is likely
-LIKELY = 25.0  # of chi^2
-FLIGHT_TRIALS = 28  # per side, for the two edges of a short flight together
+CLEAR_SIGMAS = 6.0  # departure from flight that is significant
+SHAPED_SIGMAS = 200.0  # departure up to which it is fitted; its shape is then known to a per cent
+SHAPED_DEPTH = 3e-5  # upper limit of that departure at a touch, over the depth: before a stiff contact rebounds
+FURTHER = 10.0  # factor on that departure up to which a force with a quadratic term is fitted, for better precision
+DESCRIBED = 3.0  # standard deviations of chi^2 up to which that force describes the departure
+DEEP = 3e-3  # departure, over the depth, that no floor motion reaches
+SHORTENED, SLOWER = 0.7, 1.1  # limits of the time to that departure, over that of a massless plate
+LONGEST_REACH_S = 1.0e-3  # flight before the edge to which the line is fitted from which the displacement departs
+SLOW_RECORD_SAMPLES = 64  # the same in samples, for a record at a few hundred Hz
+BEND = 2  # degree of the line through the last millisecond of flight if the floor's motion curves it
+PLAINER = 1.1  # log of three: log prior odds of the model with one parameter fewer
+PLAIN = 9.0  # gain in chi^2 required of a curved line
+TRIALS = 64  # trial instants, on a coarse grid and again on a fine one
+LIKELY = 25.0  # of chi^2 above its minimum: the range of the fine grid
+FLIGHT_TRIALS = 28  # trial instants per side, for both edges of a short flight jointly
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,14 +47,14 @@ def edge_of_flight(
 ) -> Edge | None:
     """Return the contact's edge at the end of a flight (first, last sample), near sample ``coarse``.
 
-    The line from which the displacement departs is fitted to the last millisecond of flight only, up to ``guard_s``
-    before ``coarse``, so that the floor's motion curves it little.  A force ``a + b u`` at the time ``u`` beyond the
-    edge makes a departure of ``(a/2) u^2 + (b/6) u^3`` (times 1/m); the edge is the instant of least squares over the
-    samples up to a departure of SHAPED_SIGMAS, or SHAPED_DEPTH of the whole ``depth_m``, and not beyond ``until``.  The
-    force grows away from the edge (b >= 0), and a contact begins with a push (a >= 0; a release may end in tension):
-    else a flight could be taken for a contact without force.  A plate gives way as it is pushed: a touch is fitted up
-    to a departure FURTHER with a third term, ``-(c/24) u^4`` (c >= 0), where that describes it; without, the instant
-    would be late by half its uncertainty on a quiet floor.  None without a clear departure.
+    The line is fitted to the last millisecond of flight only, up to ``guard_s`` before ``coarse``, so that floor motion
+    curves it little.  A force ``a + b u`` at the time ``u`` beyond the edge causes a departure of
+    ``(a/2) u^2 + (b/6) u^3`` (times 1/m).  The edge is the least-squares instant over the samples up to a departure of
+    SHAPED_SIGMAS, or SHAPED_DEPTH of the whole ``depth_m``, and not beyond ``until``.  The force grows away from the
+    edge (b >= 0), and a contact begins with a push (a >= 0; a release may end in tension): otherwise a flight could be
+    fitted as a contact without force.  The plate yields: a touch is fitted up to a departure FURTHER with a third term,
+    ``-(c/24) u^4`` (c >= 0), if that describes it.  Without this term the instant would be late by half its uncertainty
+    on a quiet floor.  None without a clear departure.
     """
     step = 1.0 / motion.sample_rate_hz
     into = until > coarse
@@ -93,11 +93,11 @@ def edge_of_flight(
 
 
 def _later(u_s: Floats, departure_m: Floats, std_m: float, depth_m: float, omega: float) -> float:
-    """Return by how much a contact began later than at ``u_s`` = 0, where it comes too slowly for any; 0 where not.
+    """Return the delay in s of a contact after ``u_s`` = 0 if its departure grows too slowly for a contact; else 0.
 
-    A departure D from flight takes at most the time of a plate without mass, whose half-sine of the whole ``depth_m``
-    is (omega u)^3 / 6 of it deep; the mass of a plate only shortens that, of a twentieth of the block's to SHORTENED.
-    Where it took longer, what bent the flight at first was something else: somebody struck the table.
+    The departure grows slowest for a massless plate: a half-sine of depth ``depth_m`` reaches (omega u)^3 / 6 of it.
+    Plate mass only shortens the time to a departure, to SHORTENED at a twentieth of the block's mass.  If the departure
+    took longer, something else curved the flight first, such as a knock on the table.
     """
     deep_m = max(DEEP * depth_m, CLEAR_SIGMAS * std_m)
     deep = first_run(np.abs(departure_m) > deep_m, 3)
@@ -107,21 +107,21 @@ def _later(u_s: Floats, departure_m: Floats, std_m: float, depth_m: float, omega
     return took_s - SHORTENED * longest_s if took_s > SLOWER * longest_s else 0.0
 
 
-_FEWEST = 8  # samples of a short flight
-_FORCE_NUMBERS = 8  # that are fitted beside its line: two edges, a force of three terms on either side
+_FEWEST = 8  # fewest samples of a short flight
+_FORCE_NUMBERS = 8  # parameters fitted jointly with its line: two edges, a force of three terms on either side
 
 
 def _bend_of(u_s: Floats, x_m: Floats) -> int:
-    """Return the degree of the line through some flight: curved only where the floor's motion clearly curves it."""
+    """Return the degree of the line through a stretch of flight: BEND if floor motion clearly curves it, else 1."""
     straight, bent = (float(np.sum((x_m - np.polyval(np.polyfit(u_s, x_m, k), u_s)) ** 2)) for k in (1, BEND))
     return BEND if straight - bent > PLAIN * bent / (u_s.size - BEND - 1) else 1
 
 
 def edge_of_line(motion: Motion, line: Flight, *, until: int, bend: int) -> Edge | None:
-    """Return the edge of a contact that leaves a flight's own line, on the side of sample ``until``.
+    """Return the edge of a contact that departs from a flight's own line, on the side of sample ``until``.
 
-    With ``bend`` the flight bends: a polynomial of that degree through it is found together with the edge, and what a
-    shorter departure and one degree more say instead stands in the uncertainty.
+    If ``bend`` is positive, a polynomial of that degree is fitted jointly with the edge; the uncertainty then includes
+    the shifts by a shorter departure and by one degree more.
     """
     sign = 1 if until > line.last else -1
     until = min(max(until, 0), motion.time_s.size - 1)
@@ -130,7 +130,7 @@ def edge_of_line(motion: Motion, line: Flight, *, until: int, bend: int) -> Edge
     departure = motion.displacement_m[window] - line.position_m(motion.time_s[window])
     std = max(line.noise_std_m, LEAST_NOISE_M)
     most = SHAPED_SIGMAS * std
-    further = FURTHER * most if sign > 0 else most  # before a release the force turns over within so long
+    further = FURTHER * most if sign > 0 else most  # before a release the force passes its peak within that range
     found = _edge_with_error(motion, window, departure, (std, further, 0.0), sign, bend, bending=True)
     found = found or _edge_with_error(motion, window, departure, (std, most, 0.0), sign, bend)
     return None if found is None else found[0].less_sure(found[1])
@@ -146,9 +146,9 @@ def _edge_with_error(
     *,
     bending: bool = False,
 ) -> tuple[Edge, float] | None:
-    """Return ``_edge_in`` and, in s, the systematic error of the series and of the line, where that is not known.
+    """Return ``_edge_in`` and, in s, the systematic error of the force series and of the line; 0 for a known line.
 
-    That is the edge's shift with a line of one degree more or, of a force that does not bend, a shorter departure.
+    The error is the edge's shift by one more degree of the line or, without a third term, by a shorter departure.
     """
     edge = _edge_in(motion, window, departure_m, levels, sign, bend, bending=bending)
     if edge is None or bend == 0:
@@ -172,10 +172,10 @@ def _edge_in(
 ) -> Edge | None:
     """Return the edge shown by a departure (n,) from flight, in the direction ``sign`` of time.
 
-    ``levels`` are its noise and the departure up to which it is fitted, in m, and the angular frequency of the
-    contact's spring; ``bend`` is the degree of the line that is fitted together with the edge, 0 where the line is
-    known.  A ``bending`` force has a third term, which gives way at a touch and grows into the contact at a release,
-    as the pull fades; it has to describe the departure.
+    ``levels`` are the noise and the largest fitted departure, in m, and the angular frequency of the contact's spring.
+    ``bend`` is the degree of the line fitted jointly with the edge, 0 for a known line.  A ``bending`` force has a
+    third term, which reduces the force at a touch and increases it into the contact at a release, as the pull fades.
+    None if this force does not describe the departure.
     """
     std_m, shaped_m, omega = levels
     step = 1.0 / motion.sample_rate_hz
@@ -184,11 +184,11 @@ def _edge_in(
         return None
     shaped = first_run(np.abs(departure_m) > shaped_m, 3) or departure_m.size - 1
     shaped = min(max(shaped, clear + 6), departure_m.size - 1)
-    # a departure that grows with the cube of the time began that long before it was clear
+    # a cubic departure began this long before it became significant
     growth = np.cbrt(max(abs(float(departure_m[shaped])), shaped_m) / (CLEAR_SIGMAS * std_m))
     reach = 1.5 * (shaped - clear) * max(1.0, 1.0 / max(growth - 1.0, 0.1)) + 3 if bend else 1.5 * (shaped - clear) + 3
     start = max(0, int(clear - 2.0 * reach - 24)) if bend == 0 else 0
-    latest = max(0.5, shaped - clear - 4.0) if bend else 0.5  # the clear departure may have been the floor's
+    latest = max(0.5, shaped - clear - 4.0) if bend else 0.5  # the significant departure may be floor motion
     anchor = float(motion.time_s[window[clear]])
     beyond = sign * (motion.time_s[window[start : shaped + 1]] - anchor)
     found = _least_squares_edge(
@@ -216,7 +216,7 @@ def _least_squares_edge(
     if u_s.size < bend + 2 + terms or not np.any(u_s):
         return None
     trials = np.linspace(*within_s, TRIALS)
-    # vibration of the building curves the flight beyond the known line: the line before the edge is fitted as well
+    # building vibration curves the flight relative to the known line, so the line before the edge is fitted as well
     line, _ = np.linalg.qr(np.vander(u_s / np.abs(u_s).max(), bend + 1))
     scaled = departure_m / std_m
     scaled = scaled - line @ (line.T @ scaled)
@@ -252,14 +252,14 @@ def edges_of_short_flight(
     *,
     bend: int,
 ) -> tuple[Edge, Edge] | None:
-    """Return release and onset of a short flight between two contacts, fitted together with its line.
+    """Return release and onset of a short flight between two contacts, fitted jointly with its line.
 
-    The line is a polynomial of degree ``bend``: 1, or 2 where the floor bends the flight.
+    The line is a polynomial of degree ``bend``: 1, or 2 if the floor curves the flight.
 
     ``time_s`` and ``displacement_m`` (n,) span the flight and a little of the contact on either side; ``release`` and
-    ``onset`` are the ranges in s that are searched.  None where an edge lies at the end of its range.
-    The forces are those of ``edge_of_flight``, with third terms where those pay.  Cost: 2 FLIGHT_TRIALS^2 small
-    least-squares solutions on each of two grids, 5 ms in all.
+    ``onset`` are the search ranges in s.  None if an edge lies at the outer end of its range.  The forces are those of
+    ``edge_of_flight``; models with and without third terms are averaged by likelihood.  Cost: 2 FLIGHT_TRIALS^2 small
+    least-squares solutions on each of two grids, 5 ms in total.
     """
     if time_s.size < _FEWEST:
         return None
@@ -293,18 +293,18 @@ def edges_of_short_flight(
 
 
 def _of_both(full: Floats, plain: Floats, least: float, plainer: float) -> Floats:
-    """Return -2 ln L of two models together, the one with fewer parameters ``plainer`` ahead in log prior odds.
+    """Return -2 ln L of two models averaged; the one with fewer parameters has log prior odds ``plainer``.
 
-    ``full`` and ``plain`` are what each leaves of the squares at every trial; ``least`` is the variance in their unit.
+    ``full`` and ``plain`` are their sums of squared residuals at every trial; ``least`` is the variance in their unit.
     """
     return np.asarray(-2.0 * least * np.logaddexp(-0.5 * full / least, plainer - 0.5 * plain / least))
 
 
 def _force_terms(u_s: Floats, omega: float = 0.0, bends: int = 0) -> Floats:
-    """Return the departures of a step and of a slope of force at u = 0, scaled to about 1: (n, k) gives (n, k, 2 or 3).
+    """Return the departures by a step and by a slope of force at u = 0, scaled to about 1: (n, k) gives (n, k, 2 or 3).
 
-    Where the force ``bends`` (1 or -1) also that of one that grows or falls with the square of the time.  With
-    ``omega`` step and slope are those of a spring: 2 (1 - cos) and 6 (x - sin x), to the fourth order.
+    If ``bends`` is 1 or -1, the third is that of a force growing or falling quadratically in time.  With ``omega`` the
+    first two are those of a spring: 2 (1 - cos) and 6 (x - sin x), to fourth order.
     """
     since = np.maximum(u_s, 0.0)
     u = since / np.maximum(since.max(axis=0), 1e-300)
@@ -321,16 +321,16 @@ def _force_terms(u_s: Floats, omega: float = 0.0, bends: int = 0) -> Floats:
 
 
 def _grams_of_each(flat: Floats, terms: int) -> Floats:
-    """Return the products of each trial's terms with each other, (trials, terms, terms), of (n, terms trials)."""
+    """Return each trial's Gram matrix of its terms, (trials, terms, terms), from columns (n, terms trials)."""
     of_trial = flat.reshape(flat.shape[0], -1, terms).transpose(1, 2, 0)
     return of_trial @ of_trial.transpose(0, 2, 1)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _costs_of_one(gram: Floats, across: Floats, whole: float, tension: bool, cost: Floats) -> None:
-    """Write what all terms of the force leave of the squares at every trial, and all but its step, (trials, 2).
+    """Write the residual sum of squares at every trial with all force terms, and without the step, (trials, 2).
 
-    ``gram`` (trials, k, k) and ``across`` (k trials,) hold a trial's k terms.  About 0.2 us a trial of two.
+    ``gram`` (trials, k, k) and ``across`` (k trials,) hold a trial's k terms.  About 0.2 us per trial with two terms.
     """
     terms = gram.shape[1]
     index, free = np.arange(terms), np.zeros(terms, np.bool_)
@@ -343,9 +343,9 @@ def _costs_of_one(gram: Floats, across: Floats, whole: float, tension: bool, cos
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _costs_of_two(gram: Floats, across: Floats, whole: float, terms: int, cost: Floats) -> None:
-    """Write the same for every pair of a release (columns first) and an onset (columns after), with 2 or 3 terms each.
+    """Write the residual sum of squares for every pair of a release and an onset, with 2 or 3 force terms each.
 
-    A force has three columns.  About 2 us a pair with two terms each, 6 us with three.
+    Columns of releases precede those of onsets, three per force.  About 2 us per pair with two terms, 6 us with three.
     """
     rows, columns = cost.shape
     index, free = np.empty(2 * terms, np.int64), np.zeros(2 * terms, np.bool_)
@@ -361,10 +361,10 @@ def _costs_of_two(gram: Floats, across: Floats, whole: float, terms: int, cost: 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _explained(gram: Floats, across: Floats, index: Ints, free: Mask) -> float:
-    """Return the most that columns ``index`` explain, their coefficients >= 0 but for the ``free``.
+    """Return the largest sum of squares explained by columns ``index``, with coefficients >= 0 unless ``free``.
 
-    Where the best coefficients of a subset are not allowed, one of those that are negative is zero at the best that
-    are: so subsets are left out one column at a time, from all of them on.  About 0.1 us a subset of three.
+    If the best coefficients of a subset are not allowed, one of the negative ones is zero at the allowed optimum.  The
+    search therefore starts from all columns and removes one at a time.  About 0.1 us per subset of three.
     """
     n = index.size
     best = 0.0
@@ -418,9 +418,9 @@ def _explained(gram: Floats, across: Floats, index: Ints, free: Mask) -> float:
 
 
 def _likelihood_mean(trials: Floats, cost: Floats, spread: float) -> Edge:
-    """Return mean and standard deviation of the instant, trials weighed by their likelihood exp(-chi2/2).
+    """Return mean and standard deviation of the instant, with trials weighted by their likelihood exp(-chi2/2).
 
-    Where two instants explain the record almost equally, the uncertainty covers both.
+    If two instants explain the record almost equally, the uncertainty covers both.
     """
     weight = np.exp(-0.5 * (cost - cost.min()) / spread**2)
     weight /= weight.sum()

@@ -1,4 +1,4 @@
-"""A free flight as a polynomial, with its velocity at any instant; both flights averaged in bins."""
+"""Fit a free flight by a polynomial, with its velocity at any instant; average both flights in bins."""
 
 from dataclasses import dataclass, replace
 
@@ -10,10 +10,10 @@ from analysis.signal import LEAST_NOISE_M, white_noise
 
 Mask = NDArray[np.bool_]
 
-LONGEST_FLIGHT_S = 0.040  # of flight used on each side: a longer one adds drift, not information
-FEWEST_SAMPLES = 400  # ... but a slow record needs this many
-SHORTEST_CURVED_S = 0.003  # a shorter flight carries a straight line only
-BIN_S = 0.5e-3  # at least: a line of 900 Hz still passes
+LONGEST_FLIGHT_S = 0.040  # longest flight used on each side: a longer one adds drift, not information
+FEWEST_SAMPLES = 400  # samples used in a slow record, even if that is longer
+SHORTEST_CURVED_S = 0.003  # flight below which only a straight line is fitted
+BIN_S = 0.5e-3  # shortest bin: a line of 900 Hz still passes
 MOST_BINS = 110
 
 
@@ -21,8 +21,8 @@ MOST_BINS = 110
 class Flight:
     """A polynomial through the displacement of a free flight, about ``time_zero_s``.
 
-    ``coefficients`` are position, velocity, half acceleration, ... (SI); ``covariance`` is over them.
-    ``noise_std_m`` is that of one sample against its neighbours.
+    ``coefficients`` are position, velocity, half acceleration, ... (SI), with ``covariance``.  ``noise_std_m`` is the
+    white noise of one sample.
     """
 
     time_zero_s: float
@@ -34,11 +34,11 @@ class Flight:
 
     @property
     def acceleration_m_per_s2(self) -> float:
-        """Get the flight's own constant acceleration; 0 where it was too short to show one."""
+        """Get the flight's constant acceleration; 0 if the flight was too short to fit one."""
         return 2.0 * float(self.coefficients[2]) if self.coefficients.size > 2 else 0.0
 
     def position_m(self, time_s: Floats) -> Floats:
-        """Return the flight's displacement in m, continued to any times in s."""
+        """Return the flight's displacement in m, extrapolated to any times in s."""
         return np.asarray(np.polynomial.polynomial.polyval(time_s - self.time_zero_s, self.coefficients))
 
     def velocity(self, time_s: float) -> tuple[float, float]:
@@ -50,10 +50,10 @@ class Flight:
 
 
 def fit_flight(motion: Motion, first: int, last: int, *, nearest: int, curved: bool = False) -> Flight | None:
-    """Fit the flight between samples ``first`` and ``last`` (inclusive), its time zero at sample ``nearest``.
+    """Fit the flight between samples ``first`` and ``last`` (inclusive), with time zero at sample ``nearest``.
 
-    Quadratic where the flight is long enough, so that drag and tilt do not bias the velocity at its end, or where it is
-    ``curved``; straight where it is short.  All noise counts as white.  None with fewer than 4 valid samples.
+    The fit is quadratic if the flight is long enough, so that drag and tilt do not bias the velocity at its end, or if
+    ``curved``; else straight.  All noise is taken as white.  None with fewer than 4 valid samples.
     """
     index = np.arange(max(first, 0), min(last, motion.time_s.size - 1) + 1)
     index = index[motion.valid[index] & np.isfinite(motion.displacement_m[index])]
@@ -77,13 +77,13 @@ def fit_flight(motion: Motion, first: int, last: int, *, nearest: int, curved: b
 
 @dataclass(frozen=True, slots=True)
 class Bins:
-    """The displacement of both free flights in bins of about half a millisecond, shorter than any vibration."""
+    """The displacement of both free flights in bins of about half a millisecond, shorter than vibration periods."""
 
     time_s: Floats
     value_m: Floats
     into: Mask  # of the incoming flight
     each: int  # samples per bin
-    step_s: float  # a sample
+    step_s: float  # between samples
     std_m: float  # white noise of a bin
 
     @property
@@ -93,12 +93,12 @@ class Bins:
 
     @property
     def middle_s(self) -> float:
-        """Get the time about which waves are written."""
+        """Get the time origin of the waves."""
         return 0.5 * float(self.time_s[0] + self.time_s[-1])
 
 
 def binned(motion: Motion, into: tuple[int, int], out: tuple[int, int] | None) -> Bins:
-    """Return the bins of both flights, of one length, counted from the contact outwards, without those with holes."""
+    """Return bins of both flights, of equal length, counted outwards from the contact; bins with holes are left out."""
     step = 1.0 / motion.sample_rate_hz
     total = into[1] - into[0] + 1 + (out[1] - out[0] + 1 if out is not None else 0)
     each = max(1, round(BIN_S / step), -(-total // MOST_BINS))

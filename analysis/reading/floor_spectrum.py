@@ -1,4 +1,4 @@
-"""The spectrum of the floor's motion as the flights show it, in octaves, and how far the floor moves within a time."""
+"""The spectrum of the floor's motion read from flights, in octaves, and the rms floor motion within a given time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,16 +8,16 @@ import numpy as np
 
 from analysis.shot import Floats, Shaking
 
-LOWEST = 0.35  # of the centres of the octaves, over the whole time that the flights span
-SPACING = 0.45  # of the frequencies that represent the floor, over the same
-MOST_APART = 0.6  # ... over the time in flight
-STILL_BELOW_HZ = 8.0  # a building's velocity falls in proportion
-END_SAMPLES = 33  # of a stretch through which a polynomial is drawn
+LOWEST = 0.35  # lowest octave centre, in units of one over the flights' whole span
+SPACING = 0.45  # spacing of the frequencies that represent the floor, in the same unit
+MOST_APART = 0.6  # its upper limit, in units of one over the time in flight
+STILL_BELOW_HZ = 8.0  # frequency below which a building's velocity falls in proportion to frequency
+END_SAMPLES = 33  # samples of a stretch to which a polynomial is fitted
 
 
 @dataclass(frozen=True, slots=True)
 class Octaves:
-    """Frequencies (f,) in Hz that represent the floor, and the power there of octaves of unit velocity: (k, f), m^2."""
+    """Frequencies (f,) in Hz that represent the floor, and their power (k, f) in m^2 for octaves of unit velocity."""
 
     frequency_hz: Floats
     power_m2: Floats
@@ -48,13 +48,13 @@ def _octaves(span_s: float, flown_s: float, bin_s: float) -> Octaves:
 
 
 def _hats(frequency_hz: Floats, centre_hz: Floats) -> Floats:
-    """Return each octave's share of frequencies: (k, f), linear in the logarithm between centres."""
+    """Return the weight of each octave at each frequency: (k, f), linear in log frequency between centres."""
     place = np.clip(np.log2(frequency_hz / centre_hz[0]), 0.0, centre_hz.size - 1.0)
     return np.asarray(np.maximum(1.0 - np.abs(place - np.arange(centre_hz.size)[:, None]), 0.0))
 
 
 def _density(frequency_hz: Floats) -> Floats:
-    """Return the density in m^2/Hz of a floor that moves with 1 m/s in every octave, and less in the slow ones."""
+    """Return the density in m^2/Hz of a floor with 1 m/s in every octave, and less below STILL_BELOW_HZ."""
     still = np.minimum(1.0, frequency_hz / STILL_BELOW_HZ) ** 2
     return np.asarray(still / (np.log(2.0) * frequency_hz * (2 * np.pi * frequency_hz) ** 2))
 
@@ -70,7 +70,7 @@ def waves_of(time_s: Floats, bin_samples: int, step_s: float, frequency_hz: Floa
 
 @dataclass(frozen=True, slots=True)
 class FloorSpectrum:
-    """A mixture of spectra: ``parts`` are (weight, powers of the octaves); ``white_std_m`` is that of one sample."""
+    """A mixture of spectra: ``parts`` are (weight, octave powers); ``white_std_m`` is the white noise of one sample."""
 
     octaves: Octaves
     parts: tuple[tuple[float, Floats], ...]
@@ -89,21 +89,21 @@ class FloorSpectrum:
 
     @property
     def rms_m(self) -> float:
-        """Get the floor's rms displacement in m, without the slowest, which looks like the flights' own motion."""
+        """Get the floor's rms displacement in m, without the slowest part, which is confounded with the flights."""
         seen = self.octaves.frequency_hz > 2.0 * self.octaves.centre_hz[0]
         return float(np.sqrt(self._power[seen].sum()))
 
     def difference_std_m(self, lag_s: float, order: int = 1) -> float:
-        """Return the std of the floor's difference of this order over a time.
+        """Return the std in m of the floor's difference of this order over a time ``lag_s``.
 
-        Of order 1 it is how far the floor moves; of 2 what a straight line through it misses one step beyond, of 3 what
-        a parabola does.
+        Order 1 is the floor's displacement.  Order 2 is the error of extrapolating it one step by a straight line,
+        order 3 that by a parabola.
         """
         half = np.pi * self.octaves.frequency_hz * lag_s
         return float(np.sqrt(self._power @ (2.0 * np.sin(half)) ** (2 * order)))
 
     def end_std_m(self, lasts_s: float, degree: int) -> float:
-        """Return the std of how far the floor ends off its own least-squares polynomial through so long a stretch."""
+        """Return the std in m of the floor's end off a least-squares polynomial through a stretch of ``lasts_s``."""
         at = np.linspace(-1.0, 1.0, END_SAMPLES)
         powers = np.vander(at, degree + 1)
         off = np.eye(END_SAMPLES)[-1] - powers[-1] @ np.linalg.pinv(powers)
@@ -115,7 +115,7 @@ class FloorSpectrum:
         return np.asarray(self._white + self._moving(frequency_hz))
 
     def velocity_std_m_per_s(self, at_s: Sequence[float], weights: Sequence[float], bandwidth_hz: float) -> float:
-        """Return the std of a weighted sum of the floor's velocities at instants, slow motion being common to them."""
+        """Return the std in m/s of a weighted sum of floor velocities at instants, correlated by slow motion."""
         f = np.geomspace(min(0.5, 0.01 * bandwidth_hz), bandwidth_hz, 400)
         seen = np.abs(np.exp(2j * np.pi * f[:, None] * np.asarray(at_s)) @ np.asarray(weights)) ** 2
         return float(np.sqrt(np.trapezoid((2 * np.pi * f) ** 2 * self._moving(f) * seen, f)))

@@ -1,9 +1,9 @@
-"""Locate the first collision in a motion: its turn, then outwards the samples of touch and release, and the flights.
+"""Locate the first collision in a motion: the turn, then the samples of touch and release, and the flights.
 
-The block flies at centimetres per second, a building vibrates at a tenth of a millimetre per second at most: the turn
-is a minimum of the displacement far deeper than anything but the block can make.  The duration of the contact follows
-from how long the velocity takes to turn; the force, smoothed over a tenth of it, shows where the contact begins and
-ends, and where another force acts.
+The block flies at centimetres per second, and a building vibrates at a tenth of a millimetre per second at most.  The
+turn is therefore by far the deepest minimum of the displacement.  The contact's duration follows from the time that the
+velocity takes to reverse.  The force, smoothed over a tenth of that duration, shows where the contact begins and ends,
+and where another force acts.
 """
 
 from dataclasses import dataclass
@@ -13,30 +13,30 @@ import numpy as np
 from analysis.shot import Floats, Motion
 from analysis.signal import first_run
 
-TRAVEL_FRACTION = 0.02  # of the record's whole path: the least fall before a turn and rise after it
-TRAVEL_SIGMAS = 30.0  # ... and the same in noise of a sample
-SPEED_QUANTILE = 0.85  # of the speeds on one side of the turn: that of the flight, however long the contact
-SLOWED = 0.7  # of the flight's speed: between here and there ...
-SLOWED_SHARE = 0.494  # ... lies this part of a half-sine contact
-SLOWER = 0.9  # of the usual speed, at the end of a record that ends in the contact
-SMOOTHED_SHARE = 0.1  # of the contact, over which the force is smoothed at least
-SMOOTHED_MOST = 0.4
-FORCE_FRACTION = 0.03  # of the peak: a force that counts
-FORCE_SIGMAS = 6.0
-FADED = 0.15  # of the peak: a force is followed down to there, or to where it is lost in its noise
-FADED_MOST = 0.3  # the same, however large the noise
-FADES_ELSE = 0.05  # of the time that a half-sine takes to fade from there: by so much another force does it otherwise
-SMOOTHED_ERROR = 0.01  # of the width over which a force was smoothed: by so much is off when it is over
-HALF_SINE_ENDS = 0.2  # of that width: by so much a force that fades like a half-sine is lost earlier or later
-FREE_SHARE = 0.1  # of the contact, that the force must stay small for, until the block counts as free
+TRAVEL_FRACTION = 0.02  # least fall before a turn and rise after it, as a fraction of the record's whole range
+TRAVEL_SIGMAS = 30.0  # the same in noise of a sample
+SPEED_QUANTILE = 0.85  # quantile of the speeds on one side of the turn that is the flight's, however long the contact
+SLOWED = 0.7  # fraction of the flight's speed below which the block is in contact
+SLOWED_SHARE = 0.494  # fraction of a half-sine contact that is below that speed
+SLOWER = 0.9  # last speed over the usual one, below which a record ends in the contact
+SMOOTHED_SHARE = 0.1  # least smoothing width of the force, as a fraction of the contact
+SMOOTHED_MOST = 0.4  # largest smoothing width, likewise
+FORCE_FRACTION = 0.03  # force over the peak that is significant
+FORCE_SIGMAS = 6.0  # force over its noise that is significant
+FADED = 0.15  # force over the peak down to which it is followed, unless it reaches its noise before
+FADED_MOST = 0.3  # upper limit of that level, however large the noise
+FADES_ELSE = 0.05  # relative uncertainty of the extrapolation from there by a half-sine
+SMOOTHED_ERROR = 0.01  # error of the end of a smoothed force, in smoothing widths
+HALF_SINE_ENDS = 0.2  # deviation from a half-sine's end, in smoothing widths, above which another force acts
+FREE_SHARE = 0.1  # fraction of the contact for which the force must stay small before the block counts as free
 FEWEST_SAMPLES = 32
 
 
 @dataclass(frozen=True, slots=True)
 class CollisionSpan:
-    """Sample indices of one collision: touch and release lie close to ``first`` and ``last``, as the force tells them.
+    """Sample indices of one collision: touch and release, read from the force, are close to ``first`` and ``last``.
 
-    ``last_std_s`` is how well it does that: it fades before a release, and is lost in its noise.
+    ``last_std_s`` is the uncertainty of the release, before which the force fades into its noise.
     The flights lie between ``flight_first`` and ``first``, and between ``last`` and ``flight_last``;
     ``disturbed_before`` and ``disturbed_after``: another force acts beyond them.  ``finished`` False: the record ends
     in the contact.
@@ -54,7 +54,7 @@ class CollisionSpan:
 
 
 def find_collision(motion: Motion) -> CollisionSpan | None:
-    """Return the first collision after the trigger, or the record's first where none follows it; None without any."""
+    """Return the first collision after the trigger, or the record's first if none follows; None without any."""
     x = _filled(motion)
     if x is None:
         return None
@@ -75,7 +75,7 @@ class _Turn:
 
 
 def _filled(motion: Motion) -> Floats | None:
-    """Return the displacement with holes interpolated and ends extended; None where too few samples are known."""
+    """Return the displacement with holes interpolated and ends extended; None if too few samples are valid."""
     good = motion.valid & np.isfinite(motion.displacement_m)
     if good.sum() < FEWEST_SAMPLES:
         return None
@@ -115,13 +115,13 @@ def _turns(motion: Motion, x: Floats) -> list[_Turn]:
 
 
 def _slows(x: Floats) -> bool:
-    """Return whether a fall ends slower than it was: the record then ends in the contact, not in flight."""
+    """Return whether a fall slows down at its end: the record then ends in the contact, not in flight."""
     reach = max(1, x.size // 20)
     return x.size > 2 * reach and x[-1 - reach] - x[-1] < SLOWER * np.median(x[:-reach] - x[reach:])
 
 
 def _refined_turn(x: Floats, high: int, low: int, end: int, step: int) -> _Turn:
-    """Return the turn between coarse points as far as it is known: it rises at least to ``end``, or not at all."""
+    """Return the turn near the coarse point ``low``, provisionally ending at ``end`` without a rise."""
     first = max(0, (low - 1) * step)
     at = first + int(x[first : (low + 1) * step + 1].argmin())
     return _Turn(high * step, at, end * step, False)
@@ -168,18 +168,18 @@ def _span(motion: Motion, x: Floats, turn: _Turn) -> CollisionSpan | None:
 
 
 def _fades(force: Floats, lost: float, width: int) -> tuple[float, float]:
-    """Return after how many samples a force (n,) has faded, and how many that may be off.
+    """Return the number of samples after which a force (n,) has faded, and the uncertainty of this number.
 
-    It is in units of its peak, begins at the turn, is smoothed over ``width`` and ends where it falls to ``lost``.
-    Down to FADED it is followed, from there it fades as a half-sine does.  Where it is seen for longer or less than
-    such a one, something else pushes or pulls, until about the end of what is given.
+    The force is in units of its peak, begins at the turn, is smoothed over ``width`` and ends where it falls to
+    ``lost``.  It is followed down to FADED and extrapolated by a half-sine.  If the force is visible for longer or
+    shorter than that half-sine, another force acts, and the contact ends near the end of the given force.
     """
     share, apart = max(FADED, lost), HALF_SINE_ENDS * width
     if not np.any(force > share):
         return force.size - apart, apart
     at = _last_above(force, share)
     half = at
-    for _ in range(4):  # how much the width smooths depends on the half-sine's length, and that on it
+    for _ in range(4):  # the smoothing's effect depends on the half-sine's length, and vice versa
         half = at / _faded_to(share, 0.5 * width / half)
     if abs(force.size - half * _faded_to(lost, 0.5 * width / half)) > 1.0 + apart:
         return force.size - apart, apart
@@ -187,7 +187,7 @@ def _fades(force: Floats, lost: float, width: int) -> tuple[float, float]:
 
 
 def _faded_to(share: float, smoothed: float) -> float:
-    """Return when a half-sine, smoothed over a part of its length, has faded to a share; it ends by itself at 1."""
+    """Return when a half-sine, smoothed over a fraction of its length, fades to a share; unsmoothed it ends at 1."""
     half = 200  # samples
     force = np.cos(0.5 * np.pi * np.minimum(np.abs(np.arange(-4 * half, 4 * half)) / half, 1.0))
     width = max(1, round(2 * half * min(smoothed, SMOOTHED_MOST)))
@@ -196,7 +196,7 @@ def _faded_to(share: float, smoothed: float) -> float:
 
 
 def _last_above(force: Floats, share: float) -> float:
-    """Return the last place at which a force (n,), which ends below a share, falls to that."""
+    """Return the last (interpolated) index at which a force (n,), which ends below a share, falls to that share."""
     k = int(np.flatnonzero(force > share)[-1])
     return k + float((force[k] - share) / (force[k] - force[k + 1]))
 
@@ -230,7 +230,7 @@ def _width(motion: Motion, contact: float, speed: float) -> int:
 
 
 def _smooth_acceleration(x: Floats, width: int) -> Floats:
-    """Return the second difference over ``width`` of means half as wide, (n,); at the ends the nearest value."""
+    """Return the second difference over ``width`` of means half as wide, (n,); constant at the ends."""
     box = max(1, width // 2) | 1
     total = np.cumsum(np.concatenate([[0.0], np.pad(x - x[0], box // 2, mode="reflect", reflect_type="odd")]))
     mean = (total[box:] - total[:-box]) / box

@@ -1,4 +1,4 @@
-"""Read the force pulse as a whole: peak, width without the bounces' spikes, impulses, slope, deflection."""
+"""Read the whole force pulse: peak, width without the bounces' spikes, impulses, slope, deflection."""
 
 from dataclasses import replace
 
@@ -13,23 +13,23 @@ from analysis.shot import Floats, Motion, NotSeen, Quantity, Reading
 from analysis.signal import derivative_filters
 
 SMOOTH_HZ = (100.0, 250.0, 500.0)  # docs/physics.md: the smooth pulse is the force low-passed at 100-500 Hz
-SLOPE_SPAN = (0.209, 0.975)  # of the contact: 6 to 28 ms of 28.7, clear of bounces and release
-FREQUENCIES = 8192  # of the transform for a noise's variance
+SLOPE_SPAN = (0.209, 0.975)  # fractions of the contact: 6 to 28 ms of 28.7, clear of bounces and release
+FREQUENCIES = 8192  # length of the transform for a noise variance
 SWAY_S = 1e-4  # spacing of the samples that represent the floor's motion
-_TRAPEZOID = 1e-5  # of an impulse: the error of a sum over samples
-NEAR_S = 0.3e-3  # of flight before the touch, for the place of the touch
-HOLE_SHARE = 0.02  # of the contact: a hole up to so long is closed
-FORGOTTEN = 4.0  # periods of its cutoff, after which the end of a record no longer affects a low-pass
-TURN_SHARE = 0.05  # of the contact's samples, to each side of the turn, through which the velocity is a line ...
-TURN_SAMPLES = 9  # ... and not more
-TOP_FRACTION = 0.04  # of the contact time, to each side of the top, that a parabola follows
+_TRAPEZOID = 1e-5  # relative error of an impulse computed as a sum over samples
+NEAR_S = 0.3e-3  # flight before the touch from which the position at the touch is read
+HOLE_SHARE = 0.02  # longest hole that is closed, as a fraction of the contact
+FORGOTTEN = 4.0  # periods of its cutoff after which the end of a record no longer affects a low-pass
+TURN_SHARE = 0.05  # fraction of the contact's samples to each side of the turn in a linear fit of velocity
+TURN_SAMPLES = 9  # most samples to each side in that fit
+TOP_FRACTION = 0.04  # fraction of the contact time to each side of the top in a parabolic fit
 
 
 def with_short_holes_closed(motion: Motion, contact_s: float) -> Motion:
     """Return the motion with its force interpolated over holes of at most HOLE_SHARE of the contact.
 
-    The force in a hole is not known, but its impulse is: m times the change of velocity.  A straight line from side to
-    side is raised until it has that impulse.
+    The force in a hole is unknown, but its impulse is m times the change of velocity.  The force is interpolated
+    linearly across the hole, plus a constant that gives this impulse.
     """
     known = np.isfinite(motion.force_n) & np.isfinite(motion.velocity_m_per_s)
     if known.all() or not known.any():
@@ -51,9 +51,9 @@ def with_short_holes_closed(motion: Motion, contact_s: float) -> Motion:
 
 
 def smooth_force(motion: Motion, cutoff_hz: float) -> Floats | None:
-    """Return the force in N, low-passed without delay, (n,); None where it cannot be.
+    """Return the force in N, low-passed without delay, (n,); None if holes, cutoff or record length prevent it.
 
-    The gain is that of a Butterworth filter of second order passed both ways, 1 / (1 + (f / cutoff)^4).
+    The gain is that of a second-order Butterworth filter applied forwards and backwards, 1 / (1 + (f / cutoff)^4).
     """
     seen = np.isfinite(motion.force_n)
     first, last = (int(i) for i in np.flatnonzero(seen)[[0, -1]])
@@ -62,9 +62,9 @@ def smooth_force(motion: Motion, cutoff_hz: float) -> Floats | None:
     out = np.full(motion.force_n.shape, np.nan)
     inside = motion.force_n[first : last + 1]
     pad = min(last - first, round(FORGOTTEN * motion.sample_rate_hz / cutoff_hz))
-    # a few samples more, for a length with small factors: a transform of a large prime is slow
+    # pad to a length with small factors: a transform of a large prime length is slow
     more = min(last - first - pad, next_fast_len(inside.size + 2 * pad, real=True) - inside.size - 2 * pad)
-    # reflected about the ends, not periodic
+    # odd reflection about the ends, instead of periodic continuation
     longer = np.pad(inside, (pad, pad + more), mode="reflect", reflect_type="odd")
     frequency_hz = np.fft.rfftfreq(longer.size, 1.0 / motion.sample_rate_hz)
     passed = irfft(rfft(longer) / (1.0 + (frequency_hz / cutoff_hz) ** 4), longer.size)
@@ -109,7 +109,7 @@ def _force_std(motion: Motion, weights: Floats, noise: FloorSpectrum) -> float:
 
 
 def read_fwhm(motion: Motion, touch: Edge, release: Edge, noise: FloorSpectrum) -> Reading:
-    """Return the full width at half maximum in s of the smooth pulse, its uncertainty with the choice of cut-off."""
+    """Return the full width at half maximum in s of the smooth pulse; its std includes the choice of cut-off."""
     widths = [w for w in (_width(motion, touch, release, cutoff, noise) for cutoff in SMOOTH_HZ) if w is not None]
     if not widths:
         return NotSeen("the record leaves no room to smooth the pulse")
@@ -145,7 +145,7 @@ def _width(
     f = np.geomspace(0.5, motion.bandwidth_hz, 400)
     density = noise.psd(f) * (2 * np.pi * f) ** 4 / (1.0 + (f / cutoff_hz) ** 4) ** 2  # Butterworth, both ways
     std = motion.moving_mass_kg * float(np.sqrt(np.trapezoid(density, f)))
-    # the noise of both crossings, and that of the maximum, which shifts the level of both
+    # the noise of both crossings, and that of the maximum, which shifts the half level of both
     per_n = np.array([1.0 / up, 1.0 / down, 0.5 / up - 0.5 / down]) / motion.sample_rate_hz
     return float(finish - begin), std * float(np.linalg.norm(per_n)), cutoff_hz
 
@@ -155,21 +155,21 @@ def read_impulse_ratio(
 ) -> Reading:
     """Return the impulse of unloading over that of loading, split where v = 0 (docs/physics.md).
 
-    The integrals extend beyond the contact by the force filter's ringing; the impulses of the free flights' own forces
-    ``drag_n`` (before, after) there are subtracted.
+    The integrals extend beyond the contact by the force filter's ringing.  The impulses of the free flights' own forces
+    ``drag_n`` (before, after) during this extension are subtracted.
     """
-    margin = 6.0 / motion.bandwidth_hz  # the filter rings this far beyond the edges
+    margin = 6.0 / motion.bandwidth_hz  # duration of the filter's ringing beyond the edges
     begin, finish = touch.time_s - margin, release.time_s + margin
     if begin < motion.time_s[0] or finish > motion.time_s[-1]:
         return NotSeen("the record ends too close to the contact")
-    # the line through the turn leaves some velocity there, which a step of Newton's takes away
+    # the linear fit at the turn leaves a small velocity there, which one Newton step removes
     speed, force = (np.interp(turnaround_s, motion.time_s, of) for of in (motion.velocity_m_per_s, motion.force_n))
     split = float(turnaround_s - motion.moving_mass_kg * speed / force)
     loading = _integral(motion.time_s, motion.force_n, begin, split) - drag_n[0] * margin
     unloading = _integral(motion.time_s, motion.force_n, split, finish) - drag_n[1] * margin
     if not (np.isfinite(loading) and np.isfinite(unloading)) or loading <= 0.0:
         return NotSeen("the force is interrupted within the contact")
-    # an integral of the force is a difference of velocities, and at the split the measured one is zero
+    # an integral of the force is a difference of velocities, and the measured velocity at the split is zero
     ratio = unloading / loading
     white = _white_velocity_std(motion, noise) * float(np.linalg.norm([ratio, 1.0]))
     sways = noise.velocity_std_m_per_s((begin, finish), (ratio, 1.0), motion.bandwidth_hz)
@@ -178,7 +178,7 @@ def read_impulse_ratio(
 
 
 def _white_velocity_std(motion: Motion, noise: FloorSpectrum) -> float:
-    """Return the std of a velocity in m/s by white noise alone: the motion's own holds the path's wander as well."""
+    """Return the std in m/s of a velocity by white noise alone; the motion's stated std includes path wander."""
     return noise.white_std_m * derivative_filters(motion.sample_rate_hz, motion.bandwidth_hz).velocity_gain
 
 
@@ -190,7 +190,7 @@ def read_momentum(
     velocities: tuple[Quantity, Quantity],
     noise: FloorSpectrum,
 ) -> tuple[Quantity, Quantity] | None:
-    """Return the impulse of the whole pulse and m (v_out - v_in), in N s; None where the force is interrupted."""
+    """Return the impulse of the whole pulse and m (v_out - v_in), in N s; None if the force is interrupted."""
     margin = 6.0 / motion.bandwidth_hz
     begin, finish = touch.time_s - margin, release.time_s + margin
     if begin < motion.time_s[0] or finish > motion.time_s[-1]:
@@ -210,8 +210,8 @@ def read_momentum(
 def read_slope(motion: Motion, touch: Edge, release: Edge, flight: Flight, noise: FloorSpectrum) -> Reading:
     """Return dF/dy in N/m over the smooth part of the contact (Fig. 6, Eq. 11).
 
-    It lies below k_p by the plate's inertia and the contact spring in series.  The end of the contact is uncertain
-    where the floor moves; the change of the slope by an earlier end is part of its uncertainty.
+    It is less than k_p because of the plate's inertia and the contact spring in series.  The end of the contact is
+    uncertain if the floor moves; the slope's change by an earlier end is part of its uncertainty.
     """
     slope = _slope(motion, touch, release, flight, noise)
     earlier = _slope(motion, touch, Edge(release.time_s - release.std_s, 0.0), flight, noise)
@@ -245,9 +245,9 @@ def _slope_white(
 ) -> float:
     """Return the std in N/m of the slope from the displacement's white noise, which enters force and deflection.
 
-    To first order an error s of the displacement moves the slope by (m c s'' + (slope c - r) s) / (c c), with the
-    centred deflection c and what the line leaves of the force, r (``fitted``, of the samples ``index``): ripples of
-    plate and contact are the collision's own and no noise.
+    To first order a displacement error s changes the slope by (m c s'' + (slope c - r) s) / (c c), with the centred
+    deflection c and the residual r of the force (``fitted``, at the samples ``index``).  The residual itself is not
+    noise: it contains ripples of plate and contact.
     """
     centred, residual = (np.bincount(index - index[0], values) for values in fitted)
     taps = derivative_filters(motion.sample_rate_hz, motion.bandwidth_hz).acceleration
@@ -260,10 +260,10 @@ def _slope_white(
 
 
 def _slope_sway(motion: Motion, time_s: Floats, centred_m: Floats, slope: float, noise: FloorSpectrum) -> float:
-    """Return the std in N/m of the slope from a floor or an optical path that moves by s.
+    """Return the std in N/m of the slope by motion s of the floor or of the optical path.
 
-    Where the floor moves, F lacks m s'', and the plate's bend is measured as it is; where the path does, s is in the
-    bend as well.  The flights do not tell which of them it was: at every frequency the larger error counts.
+    If the floor moves, F lacks m s'', and the plate's deflection is measured correctly.  If the path moves, s is in the
+    deflection as well.  The flights do not distinguish the two, so the larger error is used at every frequency.
     """
     every = max(1, round(SWAY_S * motion.sample_rate_hz))
     time, weight = time_s[::every] - time_s[0], centred_m[::every] / float(centred_m[::every] @ centred_m[::every])
@@ -278,8 +278,8 @@ def _slope_sway(motion: Motion, time_s: Floats, centred_m: Floats, slope: float,
 def read_deflection(motion: Motion, turnaround_s: float, touch: Edge, velocity: float, noise: FloorSpectrum) -> Reading:
     """Return the largest distance in m that the block goes beyond its first touch.
 
-    The block's place at the touch is read from the last moments of flight, not from the whole flight's line: the floor
-    moves both that place and the turning point, so only its motion between them is an error.
+    The block's position at the touch is read from the end of the flight, not from the whole flight's line.  Floor
+    motion then shifts that position and the turning point alike, so only its motion between the two is an error.
     """
     near = (motion.time_s < touch.time_s) & (motion.time_s > touch.time_s - NEAR_S - 4.0 / motion.sample_rate_hz)
     near &= motion.valid
@@ -308,13 +308,13 @@ def find_turnaround(motion: Motion, touch: Edge, release: Edge) -> float | None:
     if crossing.size == 0:
         return None
     few = min(max(round(TURN_SHARE * inside.size), 1), TURN_SAMPLES)
-    near = inside[max(crossing[0] + 1 - few, 0) : crossing[0] + 1 + few]  # a line over some samples steadies the noise
+    near = inside[max(crossing[0] + 1 - few, 0) : crossing[0] + 1 + few]  # a linear fit over these reduces the noise
     slope, offset = np.polyfit(motion.time_s[near] - motion.time_s[near[0]], motion.velocity_m_per_s[near], 1)
     return float(motion.time_s[near[0]] - offset / slope)
 
 
 def _with_mass(motion: Motion, value: float, std: float) -> float:
-    """Return the standard uncertainty with the moving mass's own, which scales every force."""
+    """Return the standard uncertainty including that of the moving mass, which scales every force."""
     return float(np.hypot(std, value * motion.moving_mass_u_kg / motion.moving_mass_kg))
 
 

@@ -1,17 +1,17 @@
-"""Check that a motion record can be a collision: its units, its mass, its direction."""
+"""Check that a motion record can be a collision: units, mass, direction."""
 
 import numpy as np
 
 from analysis.shot import AnalysisError, Floats, Motion
 
-CLEAR_SIGMAS = 20.0  # of the displacement's noise, by which a turn must stand out
-SHORTEST_S, LONGEST_S = 1e-6, 600.0  # of a record with a collision and its two flights
-AT_REST_M = 1e-4  # a block that moves less in a whole record stands still, whether or not the building shakes it
-_BLOCKS = 200  # into which a record is averaged, so that noise has no turns
+CLEAR_SIGMAS = 20.0  # least height of a turn, in noise of the displacement
+SHORTEST_S, LONGEST_S = 1e-6, 600.0  # limits of the duration of a record with a collision and its two flights
+AT_REST_M = 1e-4  # movement in a whole record below which the block is at rest, even in a vibrating building
+_BLOCKS = 200  # number of blocks into which a record is averaged, so that noise causes no turns
 
 
 def check_collision(motion: Motion) -> None:
-    """Raise AnalysisError, naming the cause, where a record from elsewhere lacks a mass or has a wrong sign or unit."""
+    """Raise AnalysisError with the cause if a foreign record lacks a mass or has a wrong sign or unit."""
     if motion.wavelength_m is not None:
         return
     span = float(motion.time_s[-1] - motion.time_s[0])
@@ -29,7 +29,7 @@ def check_collision(motion: Motion) -> None:
 
 
 def _reversed(displacement_m: Floats, noise_m: float) -> bool:
-    """Return whether the one turn of a displacement, shape (n,), is at its top."""
+    """Return whether the turn of a displacement, shape (n,), is a maximum instead of a minimum."""
     known = displacement_m[np.isfinite(displacement_m)]
     size = max(1, known.size // _BLOCKS)
     rough = known[: known.size // size * size].reshape(-1, size).mean(axis=1)
@@ -41,9 +41,9 @@ def _reversed(displacement_m: Floats, noise_m: float) -> bool:
 
 
 def why_reversed(motion: Motion) -> str | None:
-    """Return, of a motion from the optics, whether time or direction is reversed, in words; None where neither is.
+    """Return in words whether time or direction is reversed in a motion from the optics; None if neither is.
 
-    A plate returns less energy than it takes, so of the two flights the slower one is the later.
+    A plate returns less energy than it absorbs, so the slower of the two flights is the later one.
     """
     displacement = motion.displacement_m
     known = np.flatnonzero(np.isfinite(displacement))
@@ -61,7 +61,7 @@ def why_reversed(motion: Motion) -> str | None:
 
 
 def where_it_went(motion: Motion) -> str:
-    """Return, in words, what the block of a record without a collision did, and what to change; "" where unclear."""
+    """Return in words the block's motion in a record without a collision, and what to change; "" if unclear."""
     known = motion.displacement_m[np.isfinite(motion.displacement_m)]
     if motion.wavelength_m is None or known.size < _BLOCKS:
         return ""
@@ -80,7 +80,7 @@ def where_it_went(motion: Motion) -> str:
 
 
 def _speed(displacement_m: Floats, rate_hz: float) -> float:
-    """Return the speed of the flight in a stretch of which another part, the contact, is slower."""
+    """Return the flight's speed in m/s in a stretch that also contains the slower contact."""
     known = displacement_m[np.isfinite(displacement_m)]
     size = max(1, known.size // _BLOCKS)
     means = known[: known.size // size * size].reshape(-1, size).mean(axis=1)

@@ -21,7 +21,7 @@ from analysis.shot import Floats
 _ITERATIONS, _MOST = 20, 3.0  # most steps; largest step of a logarithm
 _ENOUGH, _LEAST = 5e-3, 1e-3  # first-order gain and actual gain of ln L by a step, below which the search ends
 _TRIES, _SHORTER = 5, 0.3  # trials of one step, and the length of each relative to the one before
-_AS_PROMISED = 0.15  # allowed deviation of actual over first-order gain from one half, its value for a right curvature
+_AS_PROMISED = 0.15  # allowed deviation of actual over first-order gain from 1/2, its value for a correct curvature
 _LEAST_LEVEL = 1e-3  # least eigenvalue of a curvature: priors make it larger unless rounding interferes
 
 
@@ -256,7 +256,7 @@ def root_of(scaled: Floats, rounding: float = 0.0) -> Floats:
 
 
 def chain_precision(level_std: Floats, step_std: Floats) -> Floats:
-    """Return the precision of k normal numbers with stds ``level_std``, (k,), and of differences, (k - 1,)."""
+    """Return the precision of k normal numbers of std ``level_std``, (k,), with steps of std ``step_std``, (k - 1,)."""
     steps = np.diff(np.eye(level_std.size), axis=0) / step_std[:, None]
     return np.asarray(np.diag(level_std**-2.0) + steps.T @ steps)
 

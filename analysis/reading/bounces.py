@@ -29,7 +29,7 @@ EDGE_SAMPLES = 10  # samples of contact on either side of a short flight that ar
 GRAZES = 0.35  # duration, over the first contact's, below which a flight may be a contact of little force
 GRAZING = 0.04  # the resulting uncertainty of both its ends, over the first contact's duration
 # degree of the polynomial through the displacement about a force peak: systematic error of the peak's time in units of
-# the rise before it; rms over 120 simulated shots with bodies of which no two are alike (the first three bounces)
+# the rise before it; rms over 120 simulated shots, each with different bodies (the first three bounces)
 PEAK_DEGREES = {4: 0.04, 5: 0.016, 6: 0.004, 7: 0.0012, 8: 0.0005}
 PEAK_REACH = 1.3  # extent of the polynomial beyond the peak, in units of the rise before it
 

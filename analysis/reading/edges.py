@@ -174,7 +174,7 @@ def _edge_in(
 
     ``levels`` are the noise and the largest fitted departure, in m, and the angular frequency of the contact's spring.
     ``bend`` is the degree of the line fitted jointly with the edge, 0 for a known line.  A ``bending`` force has a
-    third term, which reduces the force at a touch and increases it into the contact at a release, as the pull fades.
+    third term, which reduces the force at a touch and increases it into the contact at a release, as tension fades.
     None if this force does not describe the departure.
     """
     std_m, shaped_m, omega = levels

@@ -220,7 +220,7 @@ def _contact_samples(motion: Motion, x: Floats, turn: _Turn) -> tuple[float, flo
 def _width(motion: Motion, contact: float, speed: float) -> int:
     """Return the width in samples for the acceleration: the smallest at which its noise is low enough."""
     noise = float(np.nanmedian(motion.displacement_std_m))
-    peak = np.pi * speed / contact  # of a half-sine that turns the speed round, m per sample^2
+    peak = np.pi * speed / contact  # of a half-sine that reverses the speed, m per sample^2
     width = 1
     for share in np.geomspace(SMOOTHED_SHARE, SMOOTHED_MOST, 6):
         width = max(1, round(share * contact))

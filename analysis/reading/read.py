@@ -305,7 +305,7 @@ def _kinetic(bounces: Bounces) -> KineticCor:
 def _intervals(a: Edge, b: Edge, c: Edge, d: Edge, how: str) -> Quantity:
     first, second = b.time_s - a.time_s, d.time_s - c.time_s
     ratio = second / first
-    if b is c:  # the middle instant moves both intervals, in opposite senses
+    if b is c:  # the middle instant changes both intervals, with opposite signs
         parts = [a.std_s * ratio / first, b.std_s * (1 + ratio) / first, d.std_s / first]
     else:
         parts = [a.std_s * ratio / first, b.std_s * ratio / first, c.std_s / first, d.std_s / first]

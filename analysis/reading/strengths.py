@@ -85,7 +85,7 @@ class FlightObservation:
         scale = _scale(design)
         along = self.padded(np.column_stack([self.value_m / self.white_m, design / scale]))
         for row, column in enumerate(self.drags, bins):
-            least = 0.5 * _LEAST_DRAG * DRAG_M_PER_S2 / self.white_m  # half the acceleration, as the design has it
+            least = 0.5 * _LEAST_DRAG * DRAG_M_PER_S2 / self.white_m  # the coefficient is half the acceleration
             along[row, 1 + column] = 1.0 / (least * scale[column])
         factors = block_diag(self.waves.T, np.eye(known)).T  # Fortran order
         power = np.tile(self.octaves.power_m2, 2) * (SPEED_M_PER_S / self.white_m) ** 2

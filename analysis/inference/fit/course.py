@@ -131,7 +131,7 @@ def _half_sine(
 ) -> tuple[float, float, float, float] | None:
     """Return (touch time, position, velocity, rate) of two flights joined by half a sine; None if none fits.
 
-    If the noise is a noticeable part of the depth, the onset of the force and the lowest sample do not determine begin
+    If the noise is a noticeable part of the depth, the onset of the force and the lowest sample do not determine start
     and duration of the contact; a fit of all samples does.  Cost: about 20 ms.
     """
     touch, position, velocity, rate = read

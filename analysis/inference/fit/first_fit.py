@@ -32,7 +32,7 @@ _EARLY = 0.3  # fraction of the contact time that contains the first bounces
 _EVALUATIONS, _ROUGHLY = 60, 30  # limits for a search, and for one that only provides a start for the next
 _TOLERANCE = 0.03  # of chi^2
 _FOLLOWED = 3  # number of first guesses from which a search starts
-_SAME_LEFT, _SAME_PLACE = 0.01, 0.03  # relative tolerances in chi^2 and in each parameter of the same minimum
+_SAME_LEFT, _SAME_PLACE = 0.01, 0.03  # relative tolerances in chi^2 and each parameter of searches at one minimum
 _LOUDER = 100.0  # factor on the white noise in the first of two searches on a moving frame
 _ASTRAY = 1.0  # chi^2 per sample of that first search above which its minimum is false or an effect is missing
 

@@ -26,9 +26,9 @@ from analysis.inference.noise.floor import white_floor
 from analysis.shot import Cancelled, Floats, Stop
 from analysis.signal import LEAST_NOISE_M
 
-_TRIED = 6  # most candidates that are fitted
+_TRIED = 6  # maximum number of fitted candidates
 _EVALUATIONS = 18
-_SAME_PATTERN = 0.03  # largest residual of a right bounce sequence over a wrong one's, even with missing effects
+_SAME_PATTERN = 0.03  # largest residual of a correct bounce sequence over a wrong one's, even with missing effects
 _SWAYED_PATTERN = 0.2  # the same if the whole residual may be frame motion
 _APART = 0.03  # relative difference of a parameter below which guesses count as one
 # grid of the candidates: plate mass over block mass, contact stiffness over smooth contact's, damping ratio
@@ -71,7 +71,7 @@ def resembled(base: Base, shots: Sequence[Samples], most: int) -> list[Floats]:
 def first_guesses(base: Base, shots: Sequence[Samples], stop: Stop, sways_m: float = 0.0) -> list[Floats]:
     """Return different sets of shared parameters, best first, by a short fit of the fastest shot's contact.
 
-    ``sways_m`` is the rms of the frame's motion: a bounce sequence whose residual is below it is accepted as right.
+    ``sways_m`` is the rms of the frame's motion: a bounce sequence whose residual is below it is accepted as correct.
     With several plates there is one set: each plate's best, with the contact found on the plate with most shots.
     Raises NoCollision if no candidate fits, Cancelled on request.
     """
@@ -136,7 +136,7 @@ def _contact_of(shot: Samples) -> Samples:
 
 
 def _around_contact(course: Course) -> Floats:
-    """Return begin and end in s of the contact with a little flight, shape (2,)."""
+    """Return start and end in s of the contact with a little flight, shape (2,)."""
     return course.touch_time_s + np.array([-_BEFORE, _AFTER]) * course.contact_time_s
 
 

@@ -16,7 +16,7 @@ from analysis.shot import Stop
 
 _MATTERS = 0.02  # error of the response, over the white noise, above which the fit is repeated
 _FAR = 0.6  # plate stds from the linearisation point, below which the linear response is adequate
-_TURNS = 8  # most iterations of plates and fit; each moves plates by up to about two stds
+_TURNS = 8  # maximum number of iterations of plates and fit; each moves plates by up to about two stds
 _NOTHING = 1.0  # change of the criterion below which an iteration is the last
 _SURE = 2  # iterations after which each must improve the criterion
 

@@ -32,7 +32,7 @@ class TrialEffect:
         return tuple(free for free in self.free_parameters if free.own)
 
     def fixed_in(self, start: Mapping[str, float]) -> Mapping[str, float]:
-        """Return those values of a start that are not searched."""
+        """Return those values of a start that are not fitted."""
         names = {free.name for free in self.free_parameters}
         return {name: value for name, value in start.items() if name not in names}
 

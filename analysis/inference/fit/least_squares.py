@@ -65,7 +65,7 @@ class Minimum:
 Function = Callable[[Floats], Square]
 Residual = Callable[[Floats], Floats]
 Hopeless = Callable[[Floats, Square], bool]
-_CORRECTIONS = 6  # most corrections of one step
+_CORRECTIONS = 6  # maximum number of corrections of one step
 _NEAR_ENOUGH = 0.3  # fraction of the predicted fall of chi^2 whose absence is tolerated without further correction
 _STEEP = 1e-5  # relative damping: directions with less curvature are not corrected
 _LITTLE = 15.0  # predicted fall of chi^2 below which ``hopeless`` is called

@@ -21,7 +21,7 @@ from analysis.inference.screen.screening import Score
 from analysis.shot import Floats, Stop
 
 _ROUNDS, _A_ROUND, _BRINGS = 8, 25, 0.05  # of ``continued``: rounds, evaluations per round, least gain of ln L
-_WANDERING_PARTS = 2  # most wandering parts of a noise
+_WANDERING_PARTS = 2  # maximum number of wandering parts of a noise
 _NEAR = 0.04  # expected fall of chi^2 of a converged fit: parameters are within a fifth of a std of the minimum
 COMPARABLE = 0.1  # expected fall of chi^2 at which a search ends before the noise is re-estimated or fits are compared
 

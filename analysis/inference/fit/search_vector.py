@@ -147,7 +147,7 @@ class SearchVector:
     def bounds(self) -> tuple[Floats, Floats]:
         """Get lower and upper bounds of the vector."""
         low, high = np.full(self.size, -np.inf), np.full(self.size, np.inf)
-        low[self.data.base.contact_at.stop - 1] = 0.0  # a dashpot never drives
+        low[self.data.base.contact_at.stop - 1] = 0.0  # a dashpot only dissipates
         for k, (_, free, _) in enumerate(self.free_parameters):
             low[self.offset + k], high[self.offset + k] = free.bounds
             if free.name == "frequency_hz":

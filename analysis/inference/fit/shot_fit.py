@@ -31,9 +31,9 @@ _PLATE_MOTION = named("plate_motion")
 _EVALUATIONS, _TO_CONTINUE = 60, 120  # limits for a search, and for its continuation if it had not converged
 _TOLERANCE = 1e-6  # of chi^2: a thousandth of a standard deviation
 _POOR_FIT = 1.15  # reduced chi^2 above which frame motion faster than a building's is tried, as after a knock
-_TURNS = 4  # most iterations of fitting and relinearising the frame's contribution about the fitted motion
+_TURNS = 4  # maximum iterations of fitting and relinearising the frame's contribution about the fitted motion
 _SMALL_MOVE = 1.0  # standard deviations of a parameter move that needs no relinearisation
-_STRENGTH_TURNS = 3  # most iterations of fitting and re-estimating the frame's strengths from the residual
+_STRENGTH_TURNS = 3  # maximum iterations of fitting and re-estimating the frame's strengths from the residual
 _SETTLED = 0.1  # standard deviations of a parameter move after which the strengths are final
 _RINGING = 16.0  # BIC gain above which a plate swinging at first touch is flagged
 _LEAST_SHARE = 0.7  # least share of the excess chi^2: a ringing plate explains 99 %, another effect at most half
@@ -112,7 +112,7 @@ class _SearchEnd:
         if problem.data.site is not None or not self.found.converged or _PLATE_MOTION in fitted.effects:
             return False
         free = square.samples - problem.size
-        excess = square.chi2 - free - math.sqrt(2.0 * free)  # more than chance alone would make it
+        excess = square.chi2 - free - math.sqrt(2.0 * free)  # beyond one standard deviation of chance
         listed = problem.linearise(fitted.z).scores(trial_effect(_PLATE_MOTION))
         return any(score.worth(square.samples) > _RINGING and score.gain > _LEAST_SHARE * excess for score in listed)
 

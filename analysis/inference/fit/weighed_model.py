@@ -22,7 +22,7 @@ from analysis.shot import Floats
 # per shot the averaged displacement, shape (n,), and its derivatives by the shot's ``places``, (n, q)
 Lines = Sequence[tuple[Floats, Floats]]
 _REMEMBERED = 3  # vectors whose displacement and derivatives are cached
-_SOFTER = 8  # most tenfold softenings of a contact too stiff for the samples
+_SOFTER = 8  # maximum number of tenfold softenings of a contact too stiff for the samples
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """Test whether the flights have accelerations that no law common to all shots can explain.
 
-A camera sees metres of track; an interferometer sees millimetres of bearing.  Before a camera each shot uses another
-stretch of track, and its flights are curved by that stretch.  Drag, friction, tilt and gradient are common to all
-shots.  The remaining accelerations are per shot.
+A camera records metres of track; an interferometer records millimetres of bearing.  With a camera each shot uses a
+different stretch of track, which curves its flights.  Drag, friction, tilt and gradient are common to all shots.  The
+remaining accelerations are per shot.
 """
 
 from collections.abc import Iterator, Sequence

@@ -14,7 +14,7 @@ from analysis.inference.screen.projector import FEW_SHOTS, Projector
 from analysis.inference.screen.whitened_columns import WhitenedColumns, column_by_column
 from analysis.shot import Floats
 
-_LOUD = 5  # most lines that are refined
+_LOUD = 5  # maximum number of refined lines
 _TURNED = 32  # samples computed by rotation from one with computed phases
 _AT_ONCE = 96  # frequencies per block, whose columns fit into the processor's cache
 _APART = 1.0  # least separation of two lines in line widths, each one over the record's length

@@ -13,7 +13,7 @@ from analysis.inference.fit.weighed_model import AtVector, Lines, WeighedModel
 from analysis.inference.noise.floor import Floor
 from analysis.shot import Floats
 
-FEW_SHOTS = 8  # most shots for which columns of effects are cached, about 15 MB per shot
+FEW_SHOTS = 8  # maximum number of shots for which columns of effects are cached, about 15 MB per shot
 _NEARBY = 0.01  # tolerance for shared trajectories, in radians of the contact's phase and relative in base parameters
 
 

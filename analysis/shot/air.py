@@ -15,7 +15,7 @@ def refractive_index(vacuum_wavelength_m: float, air: Air) -> float:
     """Return the phase refractive index n of moist air (Ciddor 1996, appendix B).
 
     Valid for 300-1700 nm, -40..100 degC, 80-120 kPa, 0..100 % relative humidity; n(633.0 nm) = 1.000271373 at
-    20 degC, 101325 Pa, 50 %.  Raises ValueError for values that air in a laboratory cannot have.
+    20 degC, 101325 Pa, 50 %.  Raises ValueError outside the range of laboratory air.
     """
     _check(vacuum_wavelength_m, air)
     wavenumber2 = (1e-6 / vacuum_wavelength_m) ** 2  # um^-2
@@ -26,7 +26,7 @@ def refractive_index(vacuum_wavelength_m: float, air: Air) -> float:
     water = _water_fraction(air)
     kelvin = air.temperature_c + 273.15
 
-    # densities over molar mass and gas constant, of which the ratios to the reference are free
+    # densities in units of molar mass / gas constant, which cancels in the ratios to the reference
     moles = air.pressure_pa / (_compressibility(air.temperature_c, air.pressure_pa, water) * kelvin)
     dry_reference = 101325.0 / (_compressibility(15.0, 101325.0, 0.0) * 288.15)
     vapour_reference = 1333.0 / (_compressibility(20.0, 1333.0, 1.0) * 293.15)
@@ -37,9 +37,9 @@ def refractive_index(vacuum_wavelength_m: float, air: Air) -> float:
 def wavelength_in_air_m(setup: Setup) -> float:
     """Return the wavelength in m that converts Doppler cycles into displacement.
 
-    It is the wavelength given in air, or else the vacuum wavelength over the index of the air given, or of
-    ``STANDARD_AIR`` where none is given (a laboratory at 20 degC is within a few ppm of it, vacuum would be 271 ppm
-    off); with neither it is the paper's 632.8 nm.  Raises ValueError for an impossible wavelength or air.
+    A stated wavelength in air is used as given.  Otherwise a vacuum wavelength is divided by the index of the stated
+    air, or of ``STANDARD_AIR`` if none is stated (within a few ppm for a laboratory at 20 degC; vacuum would be 271 ppm
+    off).  With neither, the paper's 632.8 nm is used.  Raises ValueError for an impossible wavelength or air.
     """
     if setup.wavelength_air_m is not None:
         if not 1e-7 < setup.wavelength_air_m < 1e-5:

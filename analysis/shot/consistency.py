@@ -1,7 +1,7 @@
 """Consistency checks on a shot's numbers: flags for impossible values and for values that contradict one another.
 
-``CONCERNS`` gives the numbers that a flag concerns, by their names in Impact and in the fit's parameters, so that the
-flag can be shown at the number.
+``CONCERNS`` maps a flag to the numbers that it affects, by their names in Impact and in the fit's parameters, so that
+the flag can be shown next to the number.
 """
 
 from collections.abc import Mapping
@@ -19,9 +19,9 @@ FIT_SIGMAS = 5.0
 FIT_DISAGREES, CHI2_FAR_FROM_ONE = "fit_disagrees", "chi2_far_from_one"
 PLATE_SHAKEN, KNOCK_SUSPECTED = "plate_shaken", "knock_suspected"
 FIT_FLAGS = (FIT_DISAGREES, CHI2_FAR_FROM_ONE, PLATE_SHAKEN, KNOCK_SUSPECTED)
-PLATE_RINGS = "plate_rings"  # the fit's flag: its residual is a swing of the plate before the touch
-SHAKEN = "vibration"  # the reading's flag: the plate moves before it is touched
-CHI2_FAR = 2.0  # the factor from 1 beyond which reduced chi^2 is flagged
+PLATE_RINGS = "plate_rings"  # fit flag: the residual is an oscillation of the plate before the touch
+SHAKEN = "vibration"  # reading flag: the plate moves before it is touched
+CHI2_FAR = 2.0  # reduced chi^2 above this or below its inverse is flagged
 _VELOCITIES = ("velocity_in_m_per_s", "velocity_out_m_per_s", "cor_quasi_static")
 _PULSE = ("force_peak_n", "force_fwhm_s", "cor_impulse", "stiffness_slope_n_per_m")
 _BOUNCES = ("cor_kinetic.force_peaks", "cor_kinetic.onsets", "cor_kinetic.flights")
@@ -58,14 +58,14 @@ CONCERNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 
 def concerning(name: str, flags: tuple[str, ...]) -> tuple[str, ...]:
-    """Return those of a shot's flags that concern one number."""
+    """Return the flags among ``flags`` that affect the number ``name``."""
     return tuple(flag for flag in flags if name in CONCERNS.get(flag, ()))
 
 
 def reading_flags(impact: Impact, momentum: tuple[Quantity, Quantity] | None) -> tuple[str, ...]:
     """Return the flags of impossible readings.
 
-    ``momentum`` are the impulse of the whole force pulse and m (v_out - v_in), both in N s, where both were read.
+    ``momentum`` is (impulse of the whole force pulse, m (v_out - v_in)) in N s; None if either was not read.
     """
     flags = []
     ratio = impact.cor_quasi_static
@@ -77,15 +77,15 @@ def reading_flags(impact: Impact, momentum: tuple[Quantity, Quantity] | None) ->
 
 
 def fit_flags(impact: Impact, fit: Fit) -> tuple[str, ...]:
-    """Return the flags of a fit that contradicts the readings or does not describe the shot."""
+    """Return the flags of a fit that contradicts the readings or does not describe the shot; () if not converged."""
     if not fit.converged:
         return ()
-    # the model's plate is at rest until it is touched, so the fit's ± does not include its motion
+    # the model's plate is at rest until touched, so the fit's uncertainties do not include plate motion before
     flags = [PLATE_SHAKEN] if SHAKEN in impact.flags and not fit.on_frames else []
     if len(fit.shots) != 1:
         return tuple(flags)
     own = fit.shots[0]
-    # the steady motion of the frame is part of the fit's noise, so this is something else
+    # steady frame motion is already part of the fit's noise, so this excess has another cause
     if fit.on_frames and (own.rings or fit.reduced_chi2 > CHI2_FAR):
         flags.append(KNOCK_SUSPECTED)
     pairs = (
@@ -100,6 +100,6 @@ def fit_flags(impact: Impact, fit: Fit) -> tuple[str, ...]:
 
 
 def _sigmas_apart(one: Quantity, other: Quantity) -> float:
-    """Return the difference of two quantities in joint standard uncertainties; 0 where none is known."""
+    """Return the difference of two quantities in combined standard uncertainties; 0 if these are unknown or zero."""
     spread = float(np.hypot(one.std, other.std))
     return abs(one.value - other.value) / spread if np.isfinite(spread) and spread > 0.0 else 0.0

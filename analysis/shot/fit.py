@@ -1,4 +1,4 @@
-"""The result of a fit of one or several shots."""
+"""The result of fitting a model to one or several shots."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -9,17 +9,17 @@ import numpy as np
 from analysis.collision import Effect, Floats
 from analysis.shot.quantity import Quantity
 
-Wander = tuple[tuple[float, float], ...]  # of each part of the noise that wanders: rms in m, memory in s
+Wander = tuple[tuple[float, float], ...]  # Ornstein-Uhlenbeck terms of the noise: (rms in m, correlation time in s)
 _FURTHER = re.compile(r"plate_(\d+)_(.+)")  # a further plate's stiffness or mass
 
 
 def plates_named(names: Iterable[str]) -> int:
-    """Return how many plates are among a fit's parameter ``names``."""
+    """Return the number of plates to which a fit's parameter ``names`` belong."""
     return 1 + len({match[1] for name in names if (match := _FURTHER.match(name))})
 
 
 def names_on_plate(names: Iterable[str], plate_number: int) -> dict[str, str]:
-    """Return the parameter names that apply on one plate, by the names they have in a fit with one plate."""
+    """Return a fit's parameter names for one plate, keyed by the names used in a fit with a single plate."""
     called, further = {}, {}
     for name in names:
         if (match := _FURTHER.match(name)) is None:
@@ -33,8 +33,8 @@ def names_on_plate(names: Iterable[str], plate_number: int) -> dict[str, str]:
 class Overlay:
     """The fitted model on the motion's own time grid and through the motion's own filters; arrays of shape (n,).
 
-    ``displacement_m`` carries the fitted offset, so that it lies over the measured one; ``gap_m`` is x_b - x_p
-    (negative: overlap); ``deflection_m`` is the plate's displacement from rest.
+    ``displacement_m`` includes the fitted offset, so that it overlays the measured displacement.  ``gap_m`` is
+    x_b - x_p (negative: overlap); ``deflection_m`` is the plate's displacement from rest.
     """
 
     time_s: Floats
@@ -57,19 +57,19 @@ class ShotFit:
     overlay: Overlay
     residual_m: Floats  # measured - model displacement, NaN outside the fitted samples
     reduced_chi2: float
-    own_parameters: Mapping[str, Quantity] = field(default_factory=dict)  # of effects that differ from shot to shot
-    rings: bool = False  # for a moment the residual is larger than model and noise allow
-    sway_std_m: Floats | None = None  # of the frame's motion in the residual, shape (n,)
-    plate_number: int = 0  # of the set's plates
+    own_parameters: Mapping[str, Quantity] = field(default_factory=dict)  # effect parameters fitted per shot
+    rings: bool = False  # the residual briefly exceeds what model and noise allow
+    sway_std_m: Floats | None = None  # standard deviation of the frame motion in the residual, shape (n,)
+    plate_number: int = 0  # index of the shot's plate within the set
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """A model fitted to one shot or to several at once (shared plate and contact, each shot's own start).
+    """A model fitted to one shot, or jointly to several that share plate and contact but not their start values.
 
-    ``parameters`` maps the names of the result file ("plate_stiffness_n_per_m", ...; of a second plate
-    "plate_2_stiffness_n_per_m", ...; an effect's key before its own) to quantities, ``covariance`` is over them in that
-    order.  Where ``converged`` is False every number is a guess: callers show the flag, not the number.
+    ``parameters`` maps the names of the result file to quantities: "plate_stiffness_n_per_m" (on a second plate
+    "plate_2_stiffness_n_per_m"); an effect's parameters carry its key as prefix.  ``covariance`` has the same order.
+    If ``converged`` is False every number is a guess: callers show the flag, not the number.
     """
 
     model: str
@@ -77,7 +77,7 @@ class Fit:
     covariance: Floats
     shots: tuple[ShotFit, ...]
     reduced_chi2: float
-    noise_std_m: float  # of one displacement sample, from the quiet flight
+    noise_std_m: float  # noise of one displacement sample, from the quiet flight
     converged: bool
     effects: tuple[Effect, ...] = ()
     flags: tuple[str, ...] = ()
@@ -86,11 +86,11 @@ class Fit:
     samples: int = 0
     free_parameters: int = 0
     wander: Wander = ()
-    on_frames: bool = False  # the frames' vibration is part of the noise, and the plates may move before the touch
+    on_frames: bool = False  # frame vibration is part of the noise, and the plates may move before the touch
 
     @property
     def correlations(self) -> Floats:
-        """Get the correlations of ``parameters``, shape (n, n); NaN with a parameter that has no variance."""
+        """Get the correlations of ``parameters``, shape (n, n); NaN for a parameter without variance."""
         variance = np.diag(self.covariance)
         with np.errstate(invalid="ignore"):
             std = np.sqrt(np.where((variance > 0.0) & np.isfinite(variance), variance, np.nan))
@@ -98,17 +98,17 @@ class Fit:
 
     @property
     def short_names(self) -> dict[str, str]:
-        """Get the names of the parameters by those of ``parameters``: "law.c" for one of a law with a longer key."""
+        """Get the parameters' short names, keyed as in ``parameters``, by an effect's name in place of its key."""
         of_effects = {f"{e.key}.{p.name}": f"{e.name}.{p.name}" for e in self.effects for p in e.parameters}
         return {name: of_effects.get(name, name) for name in self.parameters}
 
     def of_shot(self, index: int) -> "Fit":
-        """Return the fit with one shot's part alone; the shared parameters are those of all shots."""
+        """Return the fit reduced to one shot; the shared parameters remain those fitted to all shots."""
         part = self.shots[index]
         return replace(self.on_plate(part.plate_number), shots=(part,), reduced_chi2=part.reduced_chi2)
 
     def on_plate(self, plate_number: int) -> "Fit":
-        """Return the fit with the parameters of one of its plates, under the names without a plate's number."""
+        """Return the fit with the parameters of one plate only, under the names of a fit with a single plate."""
         called = names_on_plate(self.parameters, plate_number)
         if len(called) == len(self.parameters):
             return self

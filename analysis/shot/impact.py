@@ -1,6 +1,6 @@
 """The numbers of one collision, read from the motion without a model (docs/physics.md, "the numbers of a shot").
 
-With them the disturbance of the measured path: steady lines, random vibration of the floor, and knocks.
+The module also holds the disturbance of the measured path: steady lines, random floor vibration, and knocks.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -29,8 +29,8 @@ class VibrationLine:
 class Shaking:
     """The vibration of the frame as sines that represent its spectrum: ascending frequencies, shape (f,).
 
-    ``power_m2`` is the variance of each one's cosine, and of its sine.  ``random`` marks those of random vibration; the
-    others are lines.
+    ``power_m2`` is the variance of the cosine amplitude, and equally of the sine amplitude, at each frequency.
+    ``random`` is True for components of random vibration and False for lines.
     """
 
     frequency_hz: Floats
@@ -38,11 +38,11 @@ class Shaking:
     random: NDArray[np.bool_]
 
     def density_m2_per_hz(self, frequency_hz: float) -> float:
-        """Return the density of the random part; beyond its last frequency it falls as a building's does, with f^4."""
+        """Return the random part's density at a frequency; above its last frequency it falls as f^-4 (buildings)."""
         return float(self.densities_m2_per_hz(np.array([frequency_hz]))[0])
 
     def densities_m2_per_hz(self, frequency_hz: Floats) -> Floats:
-        """Return the densities at several frequencies, shape (k,)."""
+        """Return ``density_m2_per_hz`` at several frequencies, shape (k,)."""
         known, power = self.frequency_hz[self.random], self.power_m2[self.random]
         if known.size < 2:
             return np.zeros(frequency_hz.shape)
@@ -50,7 +50,7 @@ class Shaking:
         return np.asarray(density * np.minimum(1.0, known[-1] / frequency_hz) ** 4)
 
     def with_lines(self, lines: Sequence["VibrationLine"]) -> "Shaking":
-        """Return it with lines added, each as two sines at its frequency plus and minus its uncertainty."""
+        """Return the vibration with lines added, each as two sines at its frequency plus and minus its uncertainty."""
         apart = np.array([line.frequency_hz.std for line in lines])
         middle = np.array([line.frequency_hz.value for line in lines])
         power = np.array([0.5 * line.amplitude_m.value**2 for line in lines])
@@ -68,7 +68,7 @@ class Shaking:
         return float(np.sqrt(self.power_m2.sum()))
 
     def less(self, density: Callable[[Floats], Floats]) -> "Shaking":
-        """Return it minus a noise of one-sided ``density`` in m^2/Hz, together with which it was estimated."""
+        """Return the vibration minus noise of one-sided ``density`` (m^2/Hz) that its estimate still contains."""
         power = self.power_m2.copy()
         known = self.frequency_hz[self.random]
         if known.size > 1:
@@ -76,9 +76,9 @@ class Shaking:
         return Shaking(self.frequency_hz, power, self.random)
 
     def closer(self, apart_hz: float) -> "Shaking":
-        """Return it with the same density represented by sines no farther apart than ``apart_hz``.
+        """Return the vibration with its density represented by sines no farther apart than ``apart_hz``.
 
-        Sines repeat their sum after 1 / their distance, so they represent a spectrum only over shorter stretches.
+        The sum of equally spaced sines repeats after 1 / spacing, so it represents a spectrum only for shorter times.
         """
         known = self.frequency_hz[self.random]
         if known.size < 2 or np.diff(known).max() <= apart_hz:
@@ -92,19 +92,19 @@ class Shaking:
         return floor._with(self.below(0.0))
 
     def below(self, frequency_hz: float) -> "Shaking":
-        """Return its random part below a frequency, and all lines."""
+        """Return the random part below a frequency, and all lines."""
         slow = (self.frequency_hz < frequency_hz) | ~self.random
         return Shaking(self.frequency_hz[slow], self.power_m2[slow], self.random[slow])
 
 
 @dataclass(frozen=True, slots=True)
 class Disturbance:
-    """The disturbance that the free flights show.
+    """The disturbance of the measured path, estimated from the free flights.
 
-    ``lines`` were subtracted from the motion before it was read.  ``floor_rms_m`` is the random vibration, which cannot
-    be subtracted and is part of the uncertainties; ``floor_rms_m_per_s`` is its velocity.  ``knocks_s`` are the
-    (begin, end) of stretches that were left out because of a knock.  ``shares`` gives the share of each number's
-    variance, 0 to 1, that comes from the disturbance.  ``shaking`` is lines and random vibration as fits use them.
+    ``lines`` were subtracted from the motion before it was read.  ``floor_rms_m`` is the rms random vibration, which
+    cannot be subtracted and is part of the uncertainties; ``floor_rms_m_per_s`` is its rms velocity.  ``knocks_s`` are
+    the (begin, end) of stretches excluded because of a knock.  ``shares`` gives the fraction (0 to 1) of each number's
+    variance that comes from the disturbance.  ``shaking`` is lines and random vibration in the form used by fits.
     """
 
     lines: tuple[VibrationLine, ...]
@@ -121,7 +121,7 @@ def _not_read() -> Reading:
 
 @dataclass(frozen=True, slots=True)
 class KineticCor:
-    """T2 / T1 of the first bounces between three kinds of instants; ``contact`` is of the fitted contact."""
+    """The kinetic COR: T2 / T1 of the first bounces by three kinds of instants, and ``contact`` by the fitted model."""
 
     force_peaks: Reading = field(default_factory=_not_read)
     onsets: Reading = field(default_factory=_not_read)
@@ -131,7 +131,7 @@ class KineticCor:
 
 @dataclass(frozen=True, slots=True)
 class Impact:
-    """One collision as read from the motion; times count from the recording's first sample."""
+    """The numbers of one collision, read from the motion; times count from the recording's first sample."""
 
     touch_time_s: Reading
     release_time_s: Reading

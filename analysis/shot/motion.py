@@ -13,7 +13,7 @@ from analysis.shot.recording import Plate
 
 @dataclass(frozen=True, slots=True)
 class BeatQuality:
-    """The quality of one beat, measured on the recording itself."""
+    """The quality of one beat, measured on the recording."""
 
     frequency_hz: float  # mean over the first quiet part
     amplitude_v: float
@@ -26,9 +26,9 @@ class Motion:
     """A shot's motion on a uniform time grid; right is positive, time zero is the recording's first sample.
 
     All arrays have shape (n,) and are read-only; ``*_std_*`` are the samples' standard deviations.
-    Displacement is low-passed only by the decimation (flat to ``displacement_band_hz``), its noise is white in that
-    band; velocity, acceleration and force are low-passed at ``bandwidth_hz`` and their noise is not white.
-    ``valid`` is False in gaps and drop-outs: such samples are NaN, never zero.
+    Displacement is low-passed only by the decimation (flat to ``displacement_band_hz``), and its noise is white in that
+    band.  Velocity, acceleration and force are low-passed at ``bandwidth_hz``, and their noise is not white.
+    ``valid`` is False in gaps and drop-outs, where samples are NaN, never zero.
     """
 
     time_s: Floats
@@ -46,16 +46,16 @@ class Motion:
     displacement_band_hz: float
     moving_mass_kg: float
     moving_mass_u_kg: float
-    wavelength_m: float | None  # in air; None for a motion record that did not come from the optics
+    wavelength_m: float | None  # in air; None for a motion record, which has no beats
     rest_frequency_hz: Reading = field(default_factory=lambda: NotSeen("no optics"))
     trigger_time_s: float | None = None
-    rate_error: float = 0.0  # relative, of the stated sample rate; not included in the stds
+    rate_error: float = 0.0  # relative error of the stated sample rate; not included in the stds
     displacement_wander_m_per_sqrt_s: float = 0.0  # random walk of the path; included in the stds of v, a and F
     reference: BeatQuality | None = None
     measurement: BeatQuality | None = None
     flags: tuple[str, ...] = ()
-    force_measured: bool = False  # ``force_n`` is of the record; else it is mass times acceleration
-    plate: Plate | None = None  # as the recording states it
+    force_measured: bool = False  # True: ``force_n`` was recorded; False: it is mass times acceleration
+    plate: Plate | None = None  # as stated in the recording
 
     def __post_init__(self) -> None:
         for name in ARRAYS:

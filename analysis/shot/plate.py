@@ -1,4 +1,4 @@
-"""The spring plate: an arm clamped at one end with a disc at the other, loaded at the disc's centre.
+"""Stiffness and effective mass of the spring plate: an arm clamped at one end, loaded at the centre of its end disc.
 
 Geometry and E give k_p and the effective mass m_p*; geometry and a measured k_p give E.  Bending is that of slender
 beams (S. Timoshenko, "Strength of Materials", part I); the effective mass is Rayleigh's: the kinetic energy of the
@@ -15,24 +15,24 @@ from uncertainties import umath
 
 from analysis.shot.recording import Plate
 
-# The formulas below take plain floats or numbers with uncertainty, which keep their correlations.
+# The formulas below take plain floats, or numbers with uncertainty whose correlations are kept.
 Number = Any
 
 
 class Disc(StrEnum):
     RIGID = "rigid"  # the arm alone bends
-    BENDING = "bending"  # the disc bends where its chord is wider than the arm; the neck between stays rigid
-    BENDING_NECK = "bending_neck"  # the neck, arm_length to where the chord is as wide, bends as arm as well
+    BENDING = "bending"  # the disc bends where its chord is wider than the arm; the neck stays rigid
+    BENDING_NECK = "bending_neck"  # the neck, from arm_length to where the chord equals the arm's width, bends as arm
 
 
 @dataclass(frozen=True, slots=True)
 class PlateTolerance:
     """Standard uncertainties of a plate's geometry and material.
 
-    Defaults: a calliper to 0.05 mm and a micrometer to 0.005 mm (rectangular), density and modulus as tables give
-    them for an alloy whose temper is not known (0.5 % and 2 %).  ``beam_theory`` is the relative error of k_p by beam
-    theory: a plate in two dimensions, held flat across its clamp, is 0.9 % stiffer at Poisson's ratio 0.3 (the paper's
-    plate, by thin-plate elements in the tests).
+    Defaults: a calliper to 0.05 mm and a micrometer to 0.005 mm (rectangular); density and modulus from tables for an
+    alloy of unknown temper (0.5 % and 2 %).  ``beam_theory`` is the relative error of k_p by beam theory: a
+    two-dimensional plate, held flat across its clamp, is 0.9 % stiffer at Poisson's ratio 0.3 (the paper's plate,
+    computed with thin-plate elements in the tests).
     """
 
     arm_length_m: float = 0.05e-3 / math.sqrt(3.0)
@@ -45,7 +45,7 @@ class PlateTolerance:
 
 
 def compliance_times_modulus_per_m(plate: Plate, disc: Disc = Disc.RIGID) -> float:
-    """Return E / k_p in 1/m: deflection of the disc's centre, times E, under a unit load there.
+    """Return E / k_p in 1/m: E times the deflection of the disc's centre under a unit load there.
 
     Raises ValueError for an impossible plate (no length, an arm wider than its disc).
     """
@@ -59,7 +59,7 @@ def stiffness_n_per_m(plate: Plate, disc: Disc = Disc.RIGID) -> float:
 
 
 def stated_n_per_m(plate: Plate | None) -> float | None:
-    """Return k_p in N/m of the plate that a recording states; None where it states none, or an impossible one."""
+    """Return k_p in N/m of a recording's stated plate; None if no plate, or an impossible one, is stated."""
     try:
         return None if plate is None else stiffness_n_per_m(plate)
     except ValueError:
@@ -67,25 +67,25 @@ def stated_n_per_m(plate: Plate | None) -> float | None:
 
 
 def coefficient_c(plate: Plate) -> float:
-    """Return c of k_p = c E t^3 w / (4 l^3), disc rigid: l^3 / (L^3 - (L - l)^3) with L the load's distance."""
+    """Return c of k_p = c E t^3 w / (4 l^3), rigid disc: l^3 / (L^3 - (L - l)^3), L the distance clamp to load."""
     _check(plate)
     length, load, _ = _reach(asdict(plate))
     return float(length**3 / (load**3 - (load - length) ** 3))
 
 
 def mass_kg(plate: Plate) -> float:
-    """Return the plate's whole mass in kg: arm and disc, their overlap at the neck not subtracted."""
+    """Return the plate's total mass in kg: arm plus disc, without subtracting their overlap at the neck."""
     return float(_masses(plate)[0])
 
 
 def effective_mass_kg(plate: Plate) -> float:
-    """Return m_p* in kg by Rayleigh's method with the static shape of a load at the centre of a rigid disc."""
+    """Return m_p* in kg by Rayleigh's method, with the static shape under a load at the centre of a rigid disc."""
     _check(plate)
     return float(_masses(plate)[1])
 
 
 def arm_effective_mass_kg(plate: Plate) -> float:
-    """Return the arm's part of ``effective_mass_kg``; the other part is the disc's."""
+    """Return the arm's part of ``effective_mass_kg``; the remainder is the disc's."""
     _check(plate)
     length, load, _ = _reach(asdict(plate))
     arm = plate.density_kg_m3 * plate.thickness_m * plate.arm_width_m * plate.arm_length_m
@@ -93,10 +93,10 @@ def arm_effective_mass_kg(plate: Plate) -> float:
 
 
 def corrected_slope(slope: Number, plate_mass: Number, contact_stiffness: Number, block_mass: Number) -> Number:
-    """Return k_p of a slope dF/dy, both in N/m; plain floats or numbers with uncertainty.
+    """Return k_p from a measured slope dF/dy, both in N/m; plain floats or numbers with uncertainty.
 
-    F = m_b a, y the block's deflection: the slope is m_b omega^2 of the slow mode of the two bodies in contact (Eq. 4,
-    without damping), to first order k_p / (1 + m_p*/m_b + k_p/k_N).
+    F is m_b a and y the block's deflection.  The slope is m_b omega^2 of the slow mode of the two bodies in contact
+    (Eq. 4, without damping), to first order k_p / (1 + m_p*/m_b + k_p/k_N).
     """
     return slope / (1 - slope / contact_stiffness) + plate_mass * slope / block_mass
 
@@ -111,23 +111,23 @@ def _check(plate: Plate) -> None:
 
 
 def _reach(n: Mapping[str, Number]) -> tuple[Number, Number, Number]:
-    """Return arm length, distance of the load, disc radius."""
+    """Return (arm length, distance from clamp to load, disc radius)."""
     radius = n["disc_diameter_m"] / 2
     return n["arm_length_m"], n["arm_length_m"] + radius, radius
 
 
 def compliance_of(n: Mapping[str, Number], disc: Disc = Disc.RIGID) -> Number:
-    """Return E / k_p in 1/m from a plate's fields and "beam_theory", a factor about 1, by name.
+    """Return E / k_p in 1/m from a plate's fields by name, with "beam_theory" as a correction factor near 1.
 
-    Plain floats or numbers with uncertainty.
+    The fields are plain floats or numbers with uncertainty.
     """
     length, load, radius = _reach(n)
     width, cubed, theory = n["arm_width_m"], n["thickness_m"] ** 3, n["beam_theory"]
     arm = 4 * (load**3 - (load - length) ** 3) / (width * cubed)
     if disc is Disc.RIGID:
         return theory * arm
-    # A chord at distance s from the centre is 2 sqrt(R^2 - s^2) wide and bends with the moment F s: the integral of
-    # s^2 / (I) over it is R^2/2 (arcsin u - u sqrt(1 - u^2)), u = s/R up to where the chord is as wide as the arm.
+    # A chord at distance s from the centre is 2 sqrt(R^2 - s^2) wide and carries the moment F s.  The integral of
+    # s^2 / (I) is R^2/2 (arcsin u - u sqrt(1 - u^2)), u = s/R, up to where the chord is as wide as the arm.
     half = width / 2
     neck = (radius**2 - half**2) ** 0.5
     chords = radius**2 / 2 * (umath.asin(neck / radius) - neck * half / radius**2)
@@ -143,12 +143,12 @@ def _masses(plate: Plate) -> tuple[float, float]:
     sheet = plate.density_kg_m3 * plate.thickness_m
     disc = sheet * math.pi * radius**2
     arm = sheet * plate.arm_width_m * length
-    tilt = (load**2 - (load - length) ** 2) / 2 / _deflection(length, load)  # of the disc, per deflection of its centre
+    tilt = (load**2 - (load - length) ** 2) / 2 / _deflection(length, load)  # the disc's, per deflection of its centre
     return arm + disc, arm * _arm_ratio(length, load) + disc * (1 + (tilt * radius) ** 2 / 4)
 
 
 def bare_beam_mass_ratio() -> float:
-    """Return m*/m of a uniform cantilever loaded at its end, 33/140: the paper's 0.24, a plate without a disc."""
+    """Return m*/m = 33/140 of a uniform cantilever loaded at its end, a plate without a disc: the paper's 0.24."""
     return float(_arm_ratio(1.0, 1.0))
 
 

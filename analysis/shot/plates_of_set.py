@@ -1,4 +1,4 @@
-"""The plates and weights of a set of shots, in numbers and words, and whether its shots can be fitted together."""
+"""Number the plates and describe the added weights of a set of shots; check that its shots can be fitted together."""
 
 from collections.abc import Sequence
 from itertools import groupby
@@ -7,13 +7,13 @@ from analysis.shot.motion import Motion
 from analysis.shot.plate import stated_n_per_m
 from analysis.shot.shot import Shot
 
-_SAME_PLATE = 0.1  # of the stiffness, a thickness to 3 %: with a larger difference it is another plate
+_SAME_PLATE = 0.1  # relative difference of stiffness (3 % of thickness) above which two plates are different
 
 
 def plate_numbers(motions: Sequence[Motion]) -> tuple[int, ...]:
-    """Return the plate's number of each shot, from 0 in the order of appearance.
+    """Return the plate number of each shot, from 0 in order of appearance.
 
-    Plates of nearly the same stiffness are one; a shot that states none is on the plate of the shot before.
+    Plates of nearly the same stiffness count as one.  A shot that states no plate is on the previous shot's plate.
     """
     known: list[float] = []
     numbers: list[int] = []
@@ -34,18 +34,18 @@ def plate_count(motions: Sequence[Motion]) -> int:
 
 
 def plates_words(motions: Sequence[Motion]) -> str:
-    """Return the shots of each plate in words ("shots 1-3 on plate 1, 4-5 on plate 2"); "" with one plate."""
+    """Return in words which shots are on which plate ("shots 1-3 on plate 1, 4-5 on plate 2"); "" with one plate."""
     numbers = plate_numbers(motions)
     return f"shots {numbered([f'on plate {k + 1}' for k in numbers])}" if any(numbers) else ""
 
 
-_SAME_KG = 1e-6  # a balance's milligram
+_SAME_KG = 1e-6  # a balance's resolution, 1 mg
 
 
 def weights_words(masses_kg: Sequence[float]) -> str:
-    """Return the added weights in words ("shots 1-3 as found, 4-5 with 50.00 g added"); "" where all are equal.
+    """Return the added weights in words ("shots 1-3 as found, 4-5 with 50.00 g added"); "" if all are equal.
 
-    The lightest block of the set is the block as found.
+    The lightest block of the set counts as found, without added weight.
     """
     if not masses_kg or max(masses_kg) - min(masses_kg) <= _SAME_KG:
         return ""
@@ -66,7 +66,7 @@ def numbered(kinds: Sequence[str]) -> str:
 
 
 def why_not_together(shots: Sequence[Shot]) -> str | None:
-    """Return in words why these shots cannot be fitted or diagnosed together; None where they can."""
+    """Return in words why these shots cannot be fitted or diagnosed together; None if they can."""
     models = sorted({shot.settings.model for shot in shots})
     if len(models) > 1:
         return f"the shots use different base models ({', '.join(models)}): select shots of one"

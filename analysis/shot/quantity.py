@@ -1,4 +1,4 @@
-"""A number with its standard uncertainty, or the reason why it was not seen; and the units of numbers."""
+"""A number with its standard uncertainty, or the reason why it could not be read; display units of numbers."""
 
 import math
 import re
@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A value, its standard uncertainty in the same unit, and in a few words how it was obtained."""
+    """A value, its standard uncertainty in the same unit, and a short description of how it was obtained."""
 
     value: float
     std: float
@@ -31,7 +31,7 @@ class Quantity:
         return f"{round(self.value, decimals):.{digits}f} ± {round(self.std, decimals):.{digits}f}"
 
     def in_a_sentence(self) -> str:
-        """Render it with a power of ten where it would begin with zeros or have more than five digits."""
+        """Render the quantity, with a power of ten where the value would begin with zeros or exceed five digits."""
         if not self.value or 1e-2 <= abs(self.value) < 1e5:
             return str(self)
         exponent = int(f"{self.value:e}".partition("e")[2])
@@ -56,7 +56,7 @@ Reading: TypeAlias = Quantity | NotSeen
 
 
 def to_json(reading: Reading | None) -> dict[str, float] | None:
-    """Return the result file's form of a reading: ``{"value", "std"}``, or null where it was not seen."""
+    """Return a reading as the result file stores it: ``{"value", "std"}``, or null if it could not be read."""
     if not isinstance(reading, Quantity):
         return None
     if not (math.isfinite(reading.value) and math.isfinite(reading.std)):
@@ -72,12 +72,12 @@ _TOKEN = re.compile(rf"({'|'.join(_SYMBOLS)})([234]?)")
 
 
 def shown_in(unit: str) -> tuple[float, str]:
-    """Return the factor to the unit in which a number in this SI unit is shown, and that unit; "" for a ratio."""
+    """Return the factor from an SI unit to the unit shown on the screen, and the shown unit; "" for a ratio."""
     return _SHOWN.get(unit, (1.0, unit))
 
 
 def words_and_unit(name: str) -> tuple[str, str]:
-    """Return ("coefficient", "N s²/m²") for "coefficient_n_s2_per_m2"; a name without a unit has the unit ""."""
+    """Return the words and the unit of a name: ("coefficient", "N s²/m²") for "coefficient_n_s2_per_m2"; "" if none."""
     tokens = name.split("_")
     begin = len(tokens)
     while begin > 1 and (tokens[begin - 1] == "per" or _TOKEN.fullmatch(tokens[begin - 1])):
@@ -93,7 +93,7 @@ def words_and_unit(name: str) -> tuple[str, str]:
 
 
 def power_of_time(name: str) -> int:
-    """Return the power of the second that a name's unit holds: -2 for "stiffness_n_per_m", as N is kg m/s²."""
+    """Return the power of the second in the unit of a name: -2 for "stiffness_n_per_m", as N is kg m/s²."""
     unit = words_and_unit(name.rpartition(".")[2])[1]
     above, _, below = unit.partition("/")
     return _seconds(above) - _seconds(below.strip("()"))

@@ -1,4 +1,4 @@
-"""One shot as recorded: the digitizer's counts, and the set-up they were taken with."""
+"""A raw shot: the digitizer's counts and the set-up they were recorded with."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -50,7 +50,7 @@ class Plate:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """The rig of a shot; ``extra`` keeps other programs' keys, so that they are written back."""
+    """The set-up of a shot; ``extra`` keeps keys of other programs, so that they are written back."""
 
     moving_mass_kg: float
     moving_mass_u_kg: float = 0.0
@@ -60,13 +60,13 @@ class Setup:
     rest_frequency_hz: float | None = None
     plate: Plate | None = None
     digitizer_bits: int = 16
-    rest_frequency_u_hz: float | None = None  # of a stated rest frequency
+    rest_frequency_u_hz: float | None = None  # standard uncertainty of the stated rest frequency
     extra: Mapping[str, Any] = field(default_factory=lambda: _NOTHING)
 
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Samples lost between stored samples ``sample_start - 1`` and ``sample_start``; None: how many is not known."""
+    """Samples lost between stored samples ``sample_start - 1`` and ``sample_start``; None: number unknown."""
 
     sample_start: int
     samples_lost: int | None = None
@@ -76,8 +76,8 @@ class Gap:
 class Recording:
     """A raw shot.
 
-    ``counts`` is int16, shape (samples, channels), read-only; time zero is its first sample.
-    ``flags`` are its known faults ("clipped", "gap", "truncated", "longer_than_declared", ...).
+    ``counts`` is int16, shape (samples, channels), read-only; time zero is the first sample.
+    ``flags`` are the recording's known faults ("clipped", "gap", "truncated", "longer_than_declared", ...).
     """
 
     name: str
@@ -91,7 +91,7 @@ class Recording:
     note: str = ""
     flags: tuple[str, ...] = ()
     path: str | None = None
-    extra: Mapping[str, Any] = field(default_factory=lambda: _NOTHING)  # metadata of other writers, kept
+    extra: Mapping[str, Any] = field(default_factory=lambda: _NOTHING)  # metadata of other programs, kept unchanged
 
     @property
     def samples(self) -> int:
@@ -107,9 +107,9 @@ class Recording:
     def bridgeable_gaps(self) -> tuple[Gap, ...]:
         """Get the gaps inside the recording that lost samples, in order.
 
-        Where the losses sum to more than the stored samples, the further ones count as of unknown length: motion cannot
-        be predicted over them, and a few bytes of metadata must not require more memory than the samples themselves.
-        With more than ``MOST_GAPS`` all do: the stretches between are too short to be read, and each gap costs 4 ms.
+        Once the losses exceed the stored samples, later gaps count as of unknown length: motion cannot be predicted
+        over them, and a few bytes of metadata must not claim more memory than the samples.  With more than
+        ``MOST_GAPS`` all do, as the stretches between are too short to be read and each gap costs 4 ms.
         """
         inside = (gap for gap in self.gaps if 0 < gap.sample_start < self.samples and gap.samples_lost != 0)
         gaps, lost = [], 0
@@ -119,7 +119,7 @@ class Recording:
         return tuple(gaps) if len(gaps) <= MOST_GAPS else tuple(Gap(gap.sample_start) for gap in gaps)
 
     def column(self, role: Role) -> int | None:
-        """Return the channel index that carries ``role``, or None."""
+        """Return the index of the channel with this role, or None."""
         for index, channel in enumerate(self.channels):
             if channel.role is role:
                 return index
@@ -132,9 +132,9 @@ NAMES = ("moving_mass_kg", "moving_mass_u_kg", "wavelength_vacuum_m", "wavelengt
 
 
 def corrected(setup: Setup, corrections: Mapping[str, float | None]) -> Setup:
-    """Return the rig with these values in SI units instead of its own; None: not given.
+    """Return the set-up with these values (SI units) in place of its own; None: not given.
 
-    Names are those of ``NAMES``; the air is corrected as a whole.  Raises KeyError for another name.
+    Names are those of ``NAMES``; the air changes only when all of ``AIR`` are given.  Raises KeyError for another name.
     """
     unknown = set(corrections) - set(NAMES)
     if unknown:

@@ -1,8 +1,8 @@
 """Detect a wrong sample rate, by PD0 or the computer's clock, and add its effect to the uncertainty of every number.
 
-With PD0 a displacement is a number of fringes and independent of the rate; a time scales with 1 / rate, a velocity with
-the rate and a force with its square.  Without PD0 the stated rest frequency does not scale with the rate, and every
-velocity is off by half a wavelength times the apparent shift of the rest beat.
+With PD0 a displacement is a number of fringes and independent of the rate.  A time scales with 1 / rate, a velocity
+with the rate and a force with its square.  Without PD0 the stated rest frequency does not scale with the rate, and
+every velocity is off by half a wavelength times the apparent shift of the rest beat.
 """
 
 import math
@@ -17,9 +17,9 @@ from analysis.shot.quantity import Quantity, power_of_time
 from analysis.shot.recording import Recording
 
 RATE_CONTRADICTED = "rate_contradicted"
-DELIVERED = "lmm:delivered_rate_hz"  # global key: the rate by the computer's clock, where it is not the stated one
-STATED_U = 5e-4  # relative, of a rest frequency stated without uncertainty: a laser's beat is so stable over months
-COVERAGE = 2.0  # standard uncertainties
+DELIVERED = "lmm:delivered_rate_hz"  # global key: rate by the computer's clock, if it differs from the stated rate
+STATED_U = 5e-4  # relative tolerance of a rest frequency stated without uncertainty: a laser's drift over months
+COVERAGE = 2.0  # standard uncertainties by which the rates must differ
 _POWERS = {
     "velocity_in_m_per_s": 1,
     "velocity_out_m_per_s": 1,
@@ -31,9 +31,9 @@ _POWERS = {
 
 
 def rate_error(recording: Recording, rest_hz: Quantity | None) -> float:
-    """Return the relative error of the stated sample rate, the greater by PD0 and by the clock; 0 where both agree.
+    """Return the relative error of the stated sample rate: the larger of PD0's and the clock's; 0 if both confirm it.
 
-    ``rest_hz`` is the rest frequency measured with PD0, None without PD0.
+    ``rest_hz`` is the rest frequency measured with PD0, or None without PD0.
     """
     return max(_by_rest(recording, rest_hz), _by_clock(recording))
 
@@ -45,7 +45,7 @@ def _by_rest(recording: Recording, rest_hz: Quantity | None) -> float:
     std = recording.setup.rest_frequency_u_hz or 0.0
     own = COVERAGE * std if std > 0.0 else STATED_U * stated
     error = abs(rest_hz.value - stated)
-    # limited to 1: a rest frequency wrong by a factor says no more than that something is wrong
+    # limited to 1: an error by a whole factor says only that something is wrong, not by how much
     return min(error / stated, 1.0) if error > math.hypot(own, COVERAGE * rest_hz.std) else 0.0
 
 
@@ -77,7 +77,7 @@ def with_rate_error(impact: Impact, motion: Motion) -> Impact:
 
 
 def velocity_offset_m_per_s(motion: Motion) -> float:
-    """Return what a wrong rate adds to every velocity where the rest frequency was stated and not recorded."""
+    """Return the error of every velocity from a wrong sample rate if the rest frequency was stated; 0 with PD0."""
     rest = motion.rest_frequency_hz
     if motion.reference is not None or motion.wavelength_m is None or not isinstance(rest, Quantity):
         return 0.0
@@ -87,7 +87,7 @@ def velocity_offset_m_per_s(motion: Motion) -> float:
 def fit_with_rate_error(fit: Fit, motion: Motion) -> Fit:
     """Return a fit with the error of the sample rate added to its parameters' uncertainties and their covariance.
 
-    A parameter scales with the rate as its unit says; all of them scale together, so ratios are unchanged.
+    A parameter scales with the power of time in its unit.  All scale together, so their ratios are unaffected.
     """
     error = motion.rate_error
     if not error:
@@ -110,7 +110,7 @@ def fit_with_rate_error(fit: Fit, motion: Motion) -> Fit:
 
 
 def _wider(quantity: Quantity, *further: float) -> Quantity:
-    """Return a quantity with further, independent standard uncertainties; their signs do not matter."""
+    """Return a quantity with ``further`` independent standard uncertainties added in quadrature."""
     return replace(quantity, std=math.hypot(quantity.std, *further))
 
 
@@ -120,7 +120,7 @@ def _carried(impact: Impact, name: str, share: float) -> float:
 
 
 def _of_ratios(impact: Impact, offset_m_per_s: float) -> dict[str, float]:
-    """Return the errors of the ratios and of the deflection from one velocity added to both flights."""
+    """Return the errors of both CORs and of the deflection from one velocity offset common to both flights."""
     added = {}
     into, lasts = impact.velocity_in_m_per_s, impact.contact_time_s
     for name in ("cor_quasi_static", "cor_impulse"):

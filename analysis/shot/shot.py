@@ -1,4 +1,4 @@
-"""One analysed shot, and the operator's notes on its plots."""
+"""An analysed shot with its motion, impact and fit, and the operator's notes on its plots."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -9,13 +9,13 @@ from analysis.shot.motion import Motion
 from analysis.shot.recording import Setup
 from levimass import AnalysisSettings as AnalysisSettings
 
-Progress = Callable[[str, float], None]  # (what is being done, fraction of the whole)
+Progress = Callable[[str, float], None]  # (current step, fraction of the analysis done)
 Stop = Callable[[], bool]  # whether the caller has cancelled
 
 
 LONGEST = 200  # characters of a note
 TIME = "s"
-UNITS: Mapping[str, tuple[str, str]] = {  # of x and y, by the plot's name
+UNITS: Mapping[str, tuple[str, str]] = {  # plot name -> units of x and y
     "velocity": (TIME, "m/s"),
     "force": (TIME, "N"),
     "residual of displacement": (TIME, "m"),
@@ -36,7 +36,7 @@ UNITS: Mapping[str, tuple[str, str]] = {  # of x and y, by the plot's name
 
 
 class AnalysisError(Exception):
-    """Why a shot could not be analysed, in one line."""
+    """The shot could not be analysed; the message gives the reason in one line."""
 
 
 class Cancelled(Exception):
@@ -45,11 +45,10 @@ class Cancelled(Exception):
 
 @dataclass(frozen=True, slots=True)
 class PlotNote:
-    """A short text that the operator put at a place of one of a shot's plots.
+    """A short text that the operator placed at a point of one of a shot's plots.
 
-    It is kept in the units of ``UNITS``, so that it stays in its place whatever the plot's axes count in.
-    ``plot`` is a name of ``UNITS``.  Time counts from the recording's first sample: first touch, from which the plots
-    count, moves with every new analysis.
+    ``plot`` is a key of ``UNITS``; ``x`` and ``y`` are in the units listed there, whatever units the axes show.
+    Time counts from the recording's first sample, as a new analysis shifts first touch, the zero of the plots' time.
     """
 
     plot: str
@@ -60,7 +59,7 @@ class PlotNote:
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """One analysed shot; a part is None where it or one before it failed, for the reason ``problem``."""
+    """One analysed shot; a part is None if its step or an earlier step failed, with the reason in ``problem``."""
 
     name: str
     path: str | None
@@ -72,10 +71,10 @@ class Shot:
     motion: Motion | None
     impact: Impact | None
     fit: Fit | None
-    readings_fit: Fit | None = None  # of a diagnosis, for the readings that come from a model; None: ``fit``
+    readings_fit: Fit | None = None  # a diagnosis's fit, used for readings that need a model; None: use ``fit``
     flags: tuple[str, ...] = ()
     problem: str | None = None
-    fit_problem: str | None = None  # why the model could not be fitted to a shot that was read
+    fit_problem: str | None = None  # why the fit failed although the impact was read
     started_at: str | None = None
     note: str = ""
     plot_notes: tuple[PlotNote, ...] = ()

@@ -19,9 +19,9 @@ def program_version() -> str:
 
 @cache
 def program() -> str:
-    """Return the version with a digest of the source: programs with the same digest give the same numbers.
+    """Return the version with a digest of the source; programs with the same digest compute the same numbers.
 
-    Without sources (a frozen application) the digest is the executable's.
+    Without sources (a frozen application) the executable is digested instead.
     """
     digest = hashlib.sha256()
     parts = ("analysis", "instrument", "app", "levimass")

@@ -1,4 +1,4 @@
-"""The motion of the block from the counts of both beats: phase, displacement, velocity and force with their noise."""
+"""Demodulation: the block's displacement, velocity and force, with their noise, from the counts of both beats."""
 
 import lazy_loader
 

@@ -1,7 +1,7 @@
 """Demodulate int16 counts to the phase of one beat, with identical results for any division into blocks.
 
-Outputs are computed in batches of fixed size at fixed absolute sample counts; a batch always runs the same instructions
-on the same values, so the boundaries of a caller's blocks do not change the result.
+Outputs are computed in batches of fixed size at fixed absolute sample counts.  A batch always runs the same
+instructions on the same values, so the boundaries of a caller's blocks do not change the result.
 """
 
 from typing import Any
@@ -36,9 +36,9 @@ _C0, _C1, _C2, _C3, _C4, _C5, _C6, _C7, _C8 = _arctangent_coefficients()
 
 @njit(**_KERNEL)
 def _take(flat: Counts, channels: int, column: int, start: int, count: int, out: Counts) -> None:
-    """Copy ``count`` samples of one interleaved column; 0.07 ns a sample, the speed of memory.
+    """Copy ``count`` samples of one interleaved column; 0.07 ns per sample, limited by memory.
 
-    An unsigned counter and a stride written out: with either missing the loop is not vectorised and costs fourfold.
+    Without the unsigned counter or the literal stride the loop is not vectorised and takes four times as long.
     """
     column_on = flat[start * channels + column :]
     if channels == 1:
@@ -59,9 +59,9 @@ def _take(flat: Counts, channels: int, column: int, start: int, count: int, out:
 def _mix(
     samples: Counts, stride: int, taps: Counts, out: NDArray[np.int32], ahead: Counts, place: int, fetched: int
 ) -> None:
-    """Write the dot products of either row of ``taps`` with every ``stride``-th stretch of one batch; 0.1 ns a sample.
+    """Write the dot products of both rows of ``taps`` with a batch's windows, ``stride`` apart; 0.1 ns per sample.
 
-    Meanwhile ``fetched`` counts of ``ahead`` from ``place`` on are fetched: waiting for them later would cost 0.1 ns.
+    Meanwhile ``fetched`` counts of ``ahead`` from ``place`` on are prefetched, which saves 0.1 ns per sample later.
     """
     lines = fetched // (BATCH // TOGETHER * _LINE) + 1
     for j in range(0, BATCH, TOGETHER):
@@ -73,7 +73,7 @@ def _mix(
 
 @njit(**_KERNEL)
 def _turn(sums: NDArray[np.int32], restore: Singles, turn: Singles, power: Singles) -> None:
-    """Write the angle in cycles (-0.5..0.5) and |z|^2 of one batch; polynomial arctangent, 1e-7 cycles, 0.4 ns each."""
+    """Write phase (-0.5..0.5 cycles) and |z|^2 of one batch by a polynomial arctangent; 1e-7 cycles, 0.4 ns each."""
     gain_re, gain_im, steady = restore[0], restore[1], restore[2]
     for j in range(BATCH):
         re = np.float32(sums[0, j]) * gain_re - steady
@@ -94,11 +94,11 @@ def _turn(sums: NDArray[np.int32], restore: Singles, turn: Singles, power: Singl
 def _unwrap(
     turn: Singles, first: int, nominal: int, steps: int, state: Floats, slips: NDArray[np.int32], phase: Floats
 ) -> None:
-    """Take the nominal oscillator off and add whole cycles, counted as an integer; phase in cycles, shape (BATCH,).
+    """Subtract the nominal oscillator and unwrap with an integer count of cycles; phase in cycles, shape (BATCH,).
 
-    ``state`` = [whole cycles so far, fractional phase of the sample before].  A step is taken to be the one nearest
-    to this batch's oscillator, ``steps``.  Oscillators are exact: integers modulo PHASE_STEPS.  Differences are taken
-    side by side, only the integer sum is sequential.
+    ``state`` = [whole cycles so far, fractional phase of the previous sample].  Each phase step is assumed to be the
+    one nearest to this batch's oscillator, ``steps``.  Oscillators are exact, integers modulo PHASE_STEPS.  Differences
+    are vectorised; only the integer sum is sequential.
     """
     start = np.int64((first * nominal) % PHASE_STEPS)
     expected = (steps - nominal) * _STEP
@@ -142,10 +142,10 @@ def _read(
     phase: Floats,
     power: Singles,
 ) -> tuple[int, int]:
-    """Run every whole batch that ``buffer`` and ``flat`` together hold; return (outputs, samples left in ``buffer``).
+    """Run every whole batch in ``buffer`` followed by ``flat``; return (outputs, samples left in ``buffer``).
 
-    Batch b (absolute) is mixed with oscillator ``schedule[b]``, the last entry serving all later ones.  About 0.25 ns a
-    sample at 30 MS/s and a decimation of 50; nothing is allocated.
+    Batch b (absolute) is mixed with oscillator ``schedule[b]``; the last entry serves all later batches.  Costs about
+    0.25 ns per sample at 30 MS/s and a decimation of 50; nothing is allocated.
     """
     used, done = 0, 0
     step = BATCH * decimation
@@ -170,8 +170,8 @@ def _read(
 class BeatReader:
     """Reads the phase of one beat from interleaved counts, block by block.
 
-    Output m (absolute) is the phase of samples m D .. m D + L - 1 about their centre, so that a reader started
-    elsewhere in the record (``start_sample`` after a gap) stays on the same grid.
+    Output m (absolute) is the phase at the centre of samples m D .. m D + L - 1 (D the decimation, L the window's
+    length), so a reader started later in the record (``start_sample`` after a gap) stays on the same grid.
     """
 
     def __init__(
@@ -188,7 +188,7 @@ class BeatReader:
         turns = schedule.steps / (PHASE_STEPS * tuning.decimation)
         self._taps = integer_taps(tuning.window, turns, offset_counts)
         self._need = (BATCH - 1) * tuning.decimation + tuning.length
-        self.index = -(-start_sample // tuning.decimation)  # of the next output
+        self.index = -(-start_sample // tuning.decimation)  # index of the next output
         self._skip = self.index * tuning.decimation - start_sample
         self._buffer = np.zeros(self._need + WIDTH, dtype=np.int16)  # taps are padded to whole vectors with zeros
         self._filled = 0
@@ -205,10 +205,10 @@ class BeatReader:
         return self.tuning.oscillator_hz(self.schedule.nominal)
 
     def feed(self, counts: Counts) -> tuple[int, Floats, Singles]:
-        """Take counts of shape (n, channels); return (index of the first output, phase in cycles, |z|^2).
+        """Process counts of shape (n, channels); return (index of the first output, phase in cycles, |z|^2).
 
         The phase is the beat's minus the oscillator's (``oscillator_hz`` times the time of each window's centre).
-        Both arrays, shape (m,), are views of the reader's own memory, valid until the next call.
+        Both arrays, shape (m,), are views of the reader's memory, valid until the next call.
         """
         if self._skip:
             dropped = min(self._skip, counts.shape[0])
@@ -217,7 +217,7 @@ class BeatReader:
         return self._run(counts, self.column)
 
     def finish(self) -> tuple[int, Floats, Singles]:
-        """Return the outputs that whole windows of samples still allow; the reader is done afterwards."""
+        """Return the last outputs that have a complete window; the reader cannot be used afterwards."""
         left = max(0, (self._filled - self.tuning.length) // self.tuning.decimation + 1)
         first, phase, power = self._run(np.zeros((self._need, 1), dtype=np.int16), 0)
         return first, phase[:left], power[:left]
@@ -225,7 +225,7 @@ class BeatReader:
     def _run(self, counts: Counts, column: int) -> tuple[int, Floats, Singles]:
         samples, channels = counts.shape
         flat = np.asarray(np.ascontiguousarray(counts)).reshape(-1).view()
-        flat.flags.writeable = False  # one compiled kernel for recordings, maps and buffers alike
+        flat.flags.writeable = False  # so that one compiled kernel serves recordings, memory maps and buffers
         most = ((self._filled + samples) // (BATCH * self.tuning.decimation) + 1) * BATCH
         if self._phase.size < most:
             self._phase = np.empty(most)

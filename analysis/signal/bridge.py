@@ -1,4 +1,4 @@
-"""Bridge gaps in a beat's phase, moments without light or lost samples, without losing a fringe."""
+"""Bridge gaps in a beat's phase (light too weak, or samples lost) without losing count of the fringes."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,24 +8,24 @@ from analysis.signal.filters import stretches
 
 Singles = NDArray[np.float32]
 Segment = tuple[int, Floats, Singles]
-LONGEST_PHASES = 400  # of a hole that is bridged; over a longer one motion is not predictable to half a fringe
-REACH = 160  # phases on either side that the prediction is made from
+LONGEST_PHASES = 400  # longest hole that is bridged; over a longer one motion is not predictable to half a fringe
+REACH = 160  # phases on either side from which the motion in a hole is predicted
 _LEAST = 12
 DOUBT_CYCLES = 0.25
 JOIN_REACH = 48  # motion samples on either side of a long gap
-_JOIN_DOUBT = 0.2  # of a fringe
+_JOIN_DOUBT = 0.2  # fringes
 
 
 class Bridge:
     """Fills short holes in a beat's fine phases before they are decimated.
 
-    A hole is where the light's power falls below ``threshold`` (mean over ``box`` phases), widened by ``guard`` phases,
-    or where phases are missing; a piece between two holes that is too short to show the motion belongs to the hole.
-    A parabola on either side is extrapolated to the middle of the hole: the whole number of fringes at which they meet
-    is subtracted, and a cubic between the sides fills the hole.  The result does not depend on the blocks' boundaries.
+    A hole is where phases are missing, or where the beat's power (mean over ``box`` phases) is below ``threshold``,
+    widened by ``guard`` phases.  A piece between two holes that is too short to show the motion belongs to the hole.
+    Parabolas fitted on either side are extrapolated to the middle of the hole.  Their difference, rounded to whole
+    fringes, is subtracted from the later side, and a cubic fills the hole.  Block boundaries do not affect the result.
 
-    ``holes`` lists (first, last + 1) of what was not measured; ``breaks`` the first phases after holes too long to
-    bridge; ``doubtful`` counts bridges where the two sides differed by more than a quarter of a fringe.
+    ``holes`` lists (first, last + 1) of each hole; ``breaks`` the first phases after holes too long to bridge;
+    ``doubtful`` counts bridges whose sides differed by more than a quarter of a fringe from a whole number.
     """
 
     def __init__(self, threshold: float, box: int, guard: int) -> None:
@@ -39,9 +39,9 @@ class Bridge:
         self._shift = 0.0
 
     def feed(self, first: int, phase: Floats, power: Singles) -> list[Segment]:
-        """Take phases from index ``first`` on; return the finished ones as (first, phase, power) without holes.
+        """Add phases from index ``first`` on; return the finished ones as (first, phase, power) without holes.
 
-        The arrays are views of the bridge's own memory, valid until the next call.
+        The arrays are views of the bridge's memory, valid until the next call.
         """
         ready: list[Segment] = []
         if phase.size == 0:
@@ -60,12 +60,12 @@ class Bridge:
         return ready + self._release(last=False)
 
     def finish(self) -> list[Segment]:
-        """Return the remaining phases; a hole at the very end stays as it is."""
+        """Return the remaining phases; a hole at the end of the stream is left unbridged."""
         return self._release(last=True)
 
     def _clear(self, first: int) -> None:
         self._first = first  # index of the oldest phase held
-        self._done = 0  # phases held that were returned already
+        self._done = 0  # number of phases held that were already returned
         self._phase: Floats = np.empty(0)
         self._power: Singles = np.empty(0, np.float32)
 
@@ -151,12 +151,12 @@ class Bridge:
 def joined(
     displacement_m: Floats, breaks: tuple[int, ...], fringe_m: float, degree: int = 2, reach: int = JOIN_REACH
 ) -> tuple[Floats, bool]:
-    """Return the displacement (n,), each stretch after a break shifted by whole fringes, and whether that is unsure.
+    """Join the stretches of a displacement (n,) at ``breaks`` by whole fringes; return it and whether that is unsure.
 
-    The motion on either side is extrapolated to the middle of the gap by a polynomial of ``degree`` through ``reach``
-    samples, and shifted until both meet within half a fringe.  The shift is unsure where half as many samples give a
-    result more than a fifth of a fringe off, as when the force changed in the gap: the velocity is then right on both
-    sides, and the position is not known.
+    The motion on either side of a break is extrapolated to the middle of the gap by a polynomial of ``degree`` through
+    ``reach`` samples, and the later side is shifted until both meet within half a fringe.  The shift is unsure where
+    half as many samples give a result more than a fifth of a fringe away, or where the remaining mismatch is large.
+    This happens when the force changed in the gap: the velocity is then right on both sides but the position unknown.
     """
     out = displacement_m.copy()
     sure = True

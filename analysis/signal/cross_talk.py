@@ -1,8 +1,8 @@
 """Estimate and remove cross-talk of PD1 in PD0: the moving beat's frequency in the rest beat.
 
-It modulates PD0's phase at the Doppler frequency; where that passes through zero it looks like the jump of a lost
-sample.  Cables, amplifiers and boards couple linearly and within a sample or two, so a few taps on PD1 describe it.
-PD0's beat in PD1 has the same effect as a leak of light, and is removed as one (``phase_errors``).
+Cross-talk modulates PD0's phase at the Doppler frequency; as that passes through zero, it looks like the phase jump of
+a lost sample.  Cables, amplifiers and boards couple linearly within a sample or two, so a few filter taps on PD1
+describe it.  PD0's beat in PD1 acts like a leak of light and is removed as one (``phase_errors``).
 """
 
 from dataclasses import dataclass
@@ -16,29 +16,29 @@ from analysis.signal.survey import Survey
 
 REMOVED, LEFT = "cross_talk_removed", "cross_talk"  # flags
 BLOCK, MOST_BLOCKS = 1024, 256  # samples of a block, and blocks examined at most
-REMOVED_ABOVE = 0.01  # of PD0's amplitude
-LEFT_ABOVE = 0.02  # of PD0's amplitude, after the taps: then it is not the linear kind that taps remove
-_AT_ONCE = 64  # blocks of 32 KiB; of smaller pieces the allocator keeps nothing for the arrays that follow
+REMOVED_ABOVE = 0.01  # relative to PD0's amplitude
+LEFT_ABOVE = 0.02  # relative to PD0's amplitude, after removal: the coupling is then not linear
+_AT_ONCE = 64  # blocks of 32 KiB; with fewer the allocator maps later arrays anew: demodulation takes 20 % longer
 _REACH = 1  # samples: taps at -1, 0 and 1
-_APART = 6.0  # bins of a block by which PD1's beat must differ from PD0's to be separable
+_APART = 6.0  # frequency bins of a block by which PD1's beat must differ from PD0's to be separable
 _FEWEST = 8  # blocks
 _FAULTY = 4.0  # times the usual residual: a block with a lost sample or a flash
-_SLOW_HZ = 20e3  # by which a rest beat may drift in a shot at most
-_LEAST_POWER = 1e-12  # of a combination of lags, of the greatest: less is rounding
-_STILL = 0.1  # of the other channel's span of frequencies
+_SLOW_HZ = 20e3  # largest drift of a rest beat within a shot
+_LEAST_POWER = 1e-12  # of a combination of lags, relative to the strongest: less is rounding
+_STILL = 0.1  # a beat is at rest if its frequency span is below this share of the other channel's
 
 
 @dataclass(frozen=True, slots=True)
 class CrossTalk:
-    """The part of PD1 in PD0: ``taps`` (3,) at -1, 0, 1 samples, and amplitudes relative to PD0's beat."""
+    """Cross-talk of PD1 in PD0: ``taps`` (3,) at lags of -1, 0, 1 samples, and amplitudes relative to PD0's beat."""
 
     taps: Floats
     ratio: float
-    left: float  # that the taps do not describe
+    left: float  # the amplitude that the taps do not describe
 
 
 def swapped_hz(measurement: Survey, reference: Survey) -> float | None:
-    """Return the span in Hz of PD0's beat where it moves while PD1's does not, else None."""
+    """Return the frequency span in Hz of PD0's beat if it moves and PD1's does not (swapped cables), else None."""
     spans = []
     for seen in (measurement, reference):
         low, high = np.percentile(seen.frequency_hz[seen.seen], (5, 95))
@@ -50,9 +50,9 @@ def swapped_hz(measurement: Survey, reference: Survey) -> float | None:
 def find_cross_talk(
     reference: NDArray[np.int16], moving: NDArray[np.int16], rest: Survey, beat: Survey, sample_rate_hz: float
 ) -> CrossTalk | None:
-    """Return the cross-talk of ``moving`` in ``reference``, both (n,), None where there is too little to matter.
+    """Return the cross-talk of ``moving`` in ``reference``, both (n,), or None if it is negligible.
 
-    PD0's own tone is removed from blocks in which the block moves, and the rest of PD0 is fitted with PD1.
+    PD0's own tone is removed from stretches in which the moving body moves, and PD0's residual is fitted with PD1.
     """
     turns = float(np.median(rest.frequency_hz[rest.seen])) / sample_rate_hz
     at = np.interp(beat.sample, rest.sample[rest.seen], rest.frequency_hz[rest.seen])
@@ -80,7 +80,7 @@ def find_cross_talk(
 
 
 def without_cross_talk(reference: NDArray[np.int16], moving: NDArray[np.int16], found: CrossTalk) -> NDArray[np.int16]:
-    """Return ``reference``, (n,), minus the taps' part of ``moving``."""
+    """Return ``reference``, (n,), minus ``moving`` filtered with the taps."""
     mean = float(moving[:: max(1, moving.size // 4096)].mean())
     beat = np.pad(moving.astype(np.float32) - np.float32(mean), _REACH, mode="edge")
     out = reference.astype(np.float32)
@@ -90,7 +90,7 @@ def without_cross_talk(reference: NDArray[np.int16], moving: NDArray[np.int16], 
 
 
 def _blocks(reference: NDArray[np.int16], moving: NDArray[np.int16], starts: NDArray[np.int64]) -> Floats:
-    """Return PD1 at each lag, then PD0, in blocks from ``starts`` (m,): shape (m, lags + 1, BLOCK)."""
+    """Return blocks that begin at ``starts`` (m,): PD1 at each lag, then PD0; shape (m, lags + 1, BLOCK)."""
     blocks = np.empty((starts.size, 2 * _REACH + 2, BLOCK))
     for column, lag in enumerate(range(-_REACH, _REACH + 1)):
         blocks[:, column] = sliding_window_view(moving, BLOCK)[starts - lag]
@@ -99,10 +99,10 @@ def _blocks(reference: NDArray[np.int16], moving: NDArray[np.int16], starts: NDA
 
 
 def _tone(turns: float) -> Floats:
-    """Return an orthonormal basis (BLOCK, 5) of a level and of a tone near ``turns`` cycles per sample."""
+    """Return an orthonormal basis (BLOCK, 5) of an offset and of a tone near ``turns`` cycles per sample."""
     n = np.arange(BLOCK) - 0.5 * (BLOCK - 1)
     wave = np.exp(2j * np.pi * turns * n)
-    drift = n / BLOCK  # of frequency and amplitude
+    drift = n / BLOCK  # of the tone's frequency and amplitude
     columns = [wave.real, wave.imag, drift * wave.real, drift * wave.imag, np.ones(BLOCK)]
     return np.asarray(np.linalg.qr(np.stack(columns, axis=1))[0])
 
@@ -112,26 +112,26 @@ def _without(blocks: Floats, tone: Floats) -> Floats:
 
 
 def _products(blocks: Floats, tone: Floats) -> Floats:
-    """Return the scalar products of each block's columns without their tone, shape (m, lags + 1, lags + 1)."""
+    """Return the scalar products of each block's rows after removal of ``tone``, shape (m, lags + 1, lags + 1)."""
     along = blocks @ tone
     return np.asarray(blocks @ blocks.swapaxes(1, 2) - along @ along.swapaxes(1, 2))
 
 
 def _squares(products: Floats, weights: Floats) -> Floats:
-    """Return the sum of squares of each block's columns taken with ``weights``, shape (m,)."""
+    """Return the sum of squares of each block's rows combined with ``weights``, shape (m,)."""
     return np.asarray(np.einsum("mij,i,j->m", products, weights, weights))
 
 
 def _solved(products: Floats) -> Floats:
-    """Return the taps by least squares over all blocks; a combination of lags that PD1 hardly has gets none."""
+    """Return the taps by least squares over all blocks; combinations of lags with negligible power get zero."""
     total = products.sum(axis=0)
     return np.asarray(np.linalg.pinv(total[:-1, :-1], rcond=_LEAST_POWER, hermitian=True) @ total[:-1, -1])
 
 
 def _left_over(blocks: Floats, taps: Floats, amplitude: float) -> float:
-    """Return the amplitude of PD1, relative to PD0's, that remains at any phase: the 90th percentile of the blocks.
+    """Return the residual amplitude of PD1's beat, at any phase, relative to PD0's: 90th percentile over the blocks.
 
-    Blocks are examined one by one: a coupling that changes in the shot leaves nothing on average.
+    Blocks are examined separately, as the residual of a coupling that varies within the shot averages to zero.
     """
     remainder = blocks[:, -1] - taps @ blocks[:, :-1]
     beat = blocks[:, _REACH]

@@ -12,7 +12,7 @@ from analysis.signal.filters import decimator_taps
 from analysis.signal.tuning import Tuning
 
 Singles = NDArray[np.float32]
-_SPARE = 1024  # inputs of room, so that blocks of uneven size do not grow the memory each time
+_SPARE = 1024  # spare inputs, so that blocks of varying size do not reallocate the memory each time
 _KERNEL: dict[str, Any] = {
     "cache": True,
     "nogil": True,
@@ -23,7 +23,7 @@ _KERNEL: dict[str, Any] = {
 
 @njit(**_KERNEL)
 def _filter(phase: Floats, taps: Floats, factor: int, outputs: int, out: Floats) -> None:
-    """Dot product of the taps with every ``factor``-th stretch of phase; 12 multiply-adds an input sample."""
+    """Write the dot products of the taps with windows of phase ``factor`` apart; 12 multiply-adds per input sample."""
     length = taps.shape[0]
     for k in range(outputs):
         stretch = phase[k * factor : k * factor + length]
@@ -43,10 +43,10 @@ def _describe(
     mean: Floats,
     rough: Floats,
 ) -> None:
-    """For the central ``factor`` inputs of each output: mean power, and the phase's local roughness.
+    """Write mean power and local roughness of the phase over the central ``factor`` inputs of each output.
 
-    Roughness is the squared third difference of four neighbouring means of ``factor // 4`` phases (or of phases),
-    divided by 20: the variance of one such mean where the motion is smooth.
+    Roughness is the squared third difference, divided by 20, of four neighbouring means of ``factor // 4`` phases (at
+    least one): the variance of one mean if the motion is smooth.
     """
     part = max(1, factor // 4)
     for k in range(outputs):
@@ -73,12 +73,12 @@ def _describe(
 def _decimate(
     phase: Floats, power: Singles, kept: int, phases: Floats, powers: Singles, taps: Floats, factor: int, out: Floats
 ) -> int:
-    """Append new inputs to the ``kept`` ones and write what they allow, shape (3, outputs); return how many are kept.
+    """Append new inputs to the ``kept`` ones and write ``out``, shape (3, outputs); return the number of inputs kept.
 
-    2.5 ns an input at a factor of 6.
+    Costs 2.5 ns per input at a factor of 6.
     """
     total: int = kept + phase.shape[0]
-    for i in range(phase.shape[0]):  # not by a slice: numba compiles its words about unequal shapes for seconds
+    for i in range(phase.shape[0]):  # not a slice: numba takes seconds to compile the slice's shape-error message
         phases[kept + i] = phase[i]
         powers[kept + i] = power[i]
     outputs = out.shape[1]
@@ -93,7 +93,7 @@ def _decimate(
 
 @njit(**_KERNEL)
 def group_means(phase: Floats, power: Singles, group: int) -> tuple[Floats, Singles]:
-    """Return the means of whole groups of neighbouring phases and powers, shape (n // group,).  0.3 ns an input."""
+    """Return the means of ``group`` neighbouring phases and powers, shape (n // group,).  Costs 0.3 ns per input."""
     groups = phase.shape[0] // group
     phases, powers = np.empty(groups), np.empty(groups, np.float32)
     for k in range(groups):
@@ -106,9 +106,9 @@ def group_means(phase: Floats, power: Singles, group: int) -> tuple[Floats, Sing
 
 
 def filtered(phase: Floats, taps: Floats) -> Floats:
-    """Return the dot products of ``taps`` with every stretch of their length, shape (n - taps + 1,).
+    """Return the dot products of ``taps`` with every window of their length, shape (n - taps + 1,).
 
-    The same value for the same samples wherever a stream was cut, which a library convolution does not promise.
+    Equal samples give equal values wherever a stream was cut, which a library convolution does not guarantee.
     """
     out = np.empty(max(0, phase.size - taps.size + 1))
     _filter(phase, taps, 1, out.size, out)
@@ -117,7 +117,7 @@ def filtered(phase: Floats, taps: Floats) -> Floats:
 
 @lru_cache(maxsize=32)
 def noise_ratio(tuning: Tuning, factor: int) -> float:
-    """Return std of a decimated phase / sqrt(mean roughness), both made of white noise on the counts."""
+    """Return std of a decimated phase / sqrt(mean roughness), both for white noise on the counts."""
     window = tuning.window
     part = max(1, factor // 4)
     third = np.repeat([1.0, -3.0, 3.0, -1.0], part) / (part * np.sqrt(20.0))
@@ -138,17 +138,17 @@ class PhaseDecimator:
             raise ValueError(f"a phase is decimated by at least 2, not {factor}")
         self.factor = factor
         self.taps = decimator_taps(factor, spread)
-        self.index = -(-first_phase // factor)  # of the next output
+        self.index = -(-first_phase // factor)  # index of the next output
         self._skip = self.index * factor - first_phase
         self._phase = np.empty(0)
         self._power: Singles = np.empty(0, np.float32)
         self._kept = 0
 
     def feed(self, phase: Floats, power: Singles) -> tuple[int, Floats, Floats]:
-        """Take phases in cycles and powers, shape (m,); return (index of the first output, phase, description).
+        """Decimate phases in cycles, with powers, shape (m,); return (index of the first output, phase, description).
 
-        ``phase`` has shape (k,), ``description`` (2, k): mean power, variance of the noise of a mean of
-        ``factor // 4`` phases in cycles^2.
+        ``phase`` has shape (k,).  ``description`` has shape (2, k): mean power, and the noise variance in cycles^2 of a
+        mean of ``factor // 4`` phases.
         """
         if self._skip:
             dropped = min(self._skip, phase.size)

@@ -34,10 +34,10 @@ from analysis.signal.rest import RestPhase, fit_rest_phase
 from analysis.signal.survey import Survey, survey
 from analysis.signal.track import BeatSpec, Grid, Track, read_tracks
 
-HARMONICS_ABOVE = 0.01  # of the beat's amplitude: where one folds onto the beat it bends the phase by as much
+HARMONICS_ABOVE = 0.01  # relative to the beat; a harmonic folded onto the beat disturbs the phase by as much (rad)
 _UNSTEADY_SIGMA = 3.0
-_WORTH_ANOTHER = 0.8  # of the samples missed so far: a wider band must miss fewer to be preferred
-_CLIPPED = 1e-4  # of the samples at a rail: a beat that is cut off
+_WORTH_ANOTHER = 0.8  # a wider band is preferred only if it misses less than this share of the samples missed so far
+_CLIPPED = 1e-4  # share of the samples at a rail above which a beat counts as clipped
 _REST_REACH = 2000
 
 
@@ -47,10 +47,10 @@ def demodulate(
     progress: Progress | None = None,
     cancelled: Stop | None = None,
 ) -> Motion:
-    """Return the motion of a recording; docs/physics.md, "from beats to force" gives equations and signs.
+    """Return the motion of a recording; docs/physics.md, "from beats to force", gives equations and signs.
 
-    Raises AnalysisError, in one line, where the recording holds no motion: no rate, too short, flat, saturated, only
-    noise, no rest frequency, a beat too near its image; Cancelled when ``cancelled()`` returns True.
+    Raises AnalysisError, in one line, if the recording yields no motion: no rate, too short, flat, saturated, only
+    noise, no rest frequency, a beat too near its image.  Raises Cancelled when ``cancelled()`` returns True.
     """
     _check(recording, settings)
     try:
@@ -69,7 +69,7 @@ def demodulate(
 
 
 def _surveys(recording: Recording) -> tuple[Survey, Survey | None]:
-    """Return the surveys of PD1 and, where there is one, PD0.  Raises AnalysisError where their cables are swapped."""
+    """Return the surveys of PD1 and of PD0 (None without PD0).  Raises AnalysisError if their cables are swapped."""
     rate, bits = recording.sample_rate_hz, recording.setup.digitizer_bits
     moving = survey(_counts(recording, Role.MEASUREMENT), rate, bits, "measurement channel")
     if recording.column(Role.REFERENCE) is None:
@@ -91,7 +91,7 @@ def _counts(recording: Recording, role: Role) -> NDArray[np.int16]:
 
 
 def _with_cross_talk_removed(recording: Recording, moving: Survey, rest: Survey | None) -> Recording | None:
-    """Return the recording with PD1's beat removed from PD0, and flagged; None where there is too little to remove."""
+    """Return the recording with PD1's cross-talk removed from PD0, and flagged; None if there is too little of it."""
     if rest is None or {CROSS_TALK_REMOVED, CROSS_TALK}.intersection(recording.flags):
         return None
     pd0, pd1 = _counts(recording, Role.REFERENCE), _counts(recording, Role.MEASUREMENT)
@@ -113,7 +113,7 @@ def _read_beats(
     progress: Progress | None,
     cancelled: Stop | None,
 ) -> tuple[Grid, list[Track]]:
-    """Read the beats by the first plan that misses nothing of the moving one, else by the one that misses least."""
+    """Read the beats with the first plan that misses no sample of the moving beat, or else with the best plan."""
     column, reference_column = recording.column(Role.MEASUREMENT), recording.column(Role.REFERENCE)
     assert column is not None
     best: tuple[int, Grid, list[Track]] | None = None
@@ -128,17 +128,17 @@ def _read_beats(
         better = best is None or missed < _WORTH_ANOTHER * best[0]
         if better:
             best = (missed, grid, tracks)
-        if missed == 0 or not better:  # where a wider band helps nothing, the band is not the cause
+        if missed == 0 or not better:  # if a wider band does not help, the band is not the cause
             break
     assert best is not None
     return best[1:]
 
 
 def _with_losses(recording: Recording, grid: Grid, tracks: list[Track]) -> Recording | None:
-    """Return the recording with the losses that both beats show added to its gaps; None where there are none."""
+    """Return the recording with unreported sample losses, found from both beats, added to its gaps; None if none."""
     if len(tracks) < 2 or {SAMPLES_LOST, CROSS_TALK}.intersection(recording.flags):
         return None
-    # A beat that is cut off has harmonics; folded onto the beat they jump as a loss does.
+    # A clipped beat has harmonics; one that folds onto the beat makes its phase jump as a loss would.
     whole = tracks[0].spec.survey.clipped_fraction <= _CLIPPED
     kinked = [grid.stored_sample(at, tracks[0].spec.tuning) for at in kinks(tracks[0])] if whole else []
     if not kinked and not suspicious(tracks[1]):
@@ -176,17 +176,17 @@ def _check(recording: Recording, settings: AnalysisSettings) -> None:
 
 
 def _missed(track: Track, grid: Grid) -> int:
-    """Return how many motion samples show a beat that faded or left the band it was read through."""
+    """Return the number of motion samples at which the beat faded or left its band-pass."""
     return int(np.count_nonzero(track.hole) + _outside_band(track, grid, track.phase_cycles.size - 1))
 
 
 def _outside_band(track: Track, grid: Grid, steps: int) -> int:
-    """Return in how many of the first ``steps`` motion steps the beat lay outside its band."""
+    """Return the number of motion steps, among the first ``steps``, at which the beat lay outside its band-pass."""
     return int(np.count_nonzero(np.abs(track.offset_hz(grid)[:steps]) > track.spec.tuning.half_width_hz))
 
 
 def _mean_hz(track: Track, grid: Grid) -> float:
-    """Return a beat's usual frequency; jumps of its phase do not count."""
+    """Return a beat's frequency from its median phase step, which jumps do not affect."""
     return float(track.oscillator_hz + np.nanmedian(np.diff(track.phase_cycles)) * grid.rate_hz)
 
 
@@ -235,7 +235,7 @@ def _motion(
 
 @dataclass(frozen=True, slots=True)
 class _Displacement:
-    """The displacement over time, (n,) each, and what its computation showed; ``folded_harmonic`` is an amplitude."""
+    """The displacement over time, shape (n,), and findings of its computation; ``folded_harmonic`` is an amplitude."""
 
     time_s: Floats
     displacement_m: Floats
@@ -254,7 +254,7 @@ def _displacement(
     tracks: list[Track],
     flags: list[str],
 ) -> _Displacement:
-    """Return the displacement from the phases of both beats; what is found to be wrong is added to ``flags``."""
+    """Return the displacement from the phases of both beats; faults found are added to ``flags``."""
     track = tracks[0]
     known = np.flatnonzero(np.isfinite(track.phase_cycles))
     if known.size < 3:
@@ -283,7 +283,7 @@ def _displacement(
 def _without_leak(
     recording: Recording, moving: Floats, rest: "_RestBeat", grid: Grid, tracks: list[Track], flags: list[str]
 ) -> Floats:
-    """Return the moving beat's phase in cycles without that of a polarisation leak, which is flagged."""
+    """Return the moving beat's phase in cycles, corrected for a polarisation leak, which is flagged."""
     if rest.smooth is None:
         return moving
     track = tracks[0]
@@ -298,7 +298,7 @@ def _without_leak(
 def _derived(
     displacement: Floats, std: Floats, rate_hz: float, bandwidth_hz: float
 ) -> tuple[Floats, Floats, Floats, Floats, float]:
-    """Return velocity and acceleration, their stds, and the growth of the path's random walk in m/s^0.5."""
+    """Return velocity, acceleration, their stds, and the growth of the path's random walk in m/s^0.5."""
     velocity, acceleration = derivatives(displacement, rate_hz, bandwidth_hz)
     finite = np.isfinite(displacement)
     gains = derivative_gains(finite, rate_hz, bandwidth_hz)
@@ -334,7 +334,7 @@ def _beat_flags(recording: Recording, grid: Grid, tracks: list[Track], folded: f
 
 
 def _start(displacement: Floats) -> float:
-    """Return the displacement that becomes zero: the first sample's, on a parabola through the first 64."""
+    """Return the displacement to define as zero: the value at the first sample of a parabola through the first 64."""
     first = displacement[:64]
     if first.size < 8:
         raise AnalysisError("no light: the beat is nowhere strong enough to be read")
@@ -371,14 +371,14 @@ def _rest(
         flags.append("rest_unsteady")
     delayed = track.oscillator_hz * (time_s - _delay_s(track))
     if settings.rest == "instantaneous":
-        own = phase[: time_s.size]  # read through the same window as the moving beat, so at the same times
+        own = phase[: time_s.size]  # read through the moving beat's window, so at the same times
         own = np.where(np.isfinite(own), own, rest.phase_at(time_s))
         return _RestBeat(own + delayed, track.std_cycles[: time_s.size], rest.frequency_hz, rest)
     return _RestBeat(rest.phase_at(time_s) + delayed, 0.0, rest.frequency_hz, rest)
 
 
 def _delay_s(track: Track) -> float:
-    """Return the time from a window's first sample, where its oscillator is counted, to its centre, in s."""
+    """Return the time in s from a window's first sample, where the oscillator's phase is counted, to its centre."""
     tuning = track.spec.tuning
     return tuning.delay_samples / tuning.sample_rate_hz
 

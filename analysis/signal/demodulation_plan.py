@@ -1,4 +1,4 @@
-"""Plan how a recording is demodulated: oscillators, bandwidth, decimation; narrow bands first, wider where needed."""
+"""Plan a recording's demodulation (oscillators, bandwidth, decimation): narrow bands first, wider ones if needed."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,11 +9,11 @@ from analysis.shot import AnalysisError, AnalysisSettings, Recording
 from analysis.signal.survey import Survey
 from analysis.signal.tuning import OscillatorSchedule, Tuning, fixed_schedule, following_schedule, tune
 
-FOLLOWED_HZ = (130e3, 400e3)  # how far the beat may lie from the oscillator that follows it, first and second try
-NARROW_HZ = 40e3  # the same where the beat comes so near zero that a wider band would include its image
-SPAN_MARGIN_HZ = 60e3  # beyond the frequencies seen, where one oscillator serves the whole recording
-PHASE_RATE_HZ = 0.45e6  # with enough light: windows are short, so that a fault spoils little
-PHASE_VARIANCE = 0.025  # rad^2 of one phase: above it a whole cycle may slip, so less light needs longer windows
+FOLLOWED_HZ = (130e3, 400e3)  # largest distance of beat from following oscillator, in the first and second plan
+NARROW_HZ = 40e3  # the same for a beat so near zero that a wider band would include its image
+SPAN_MARGIN_HZ = 60e3  # beyond the surveyed frequencies, if one oscillator serves the whole recording
+PHASE_RATE_HZ = 0.45e6  # if there is enough light: short windows, so that a fault spoils little
+PHASE_VARIANCE = 0.025  # rad^2 of one phase above which a cycle may slip; less light needs longer windows
 OSCILLATOR_SPACING_HZ = 40e3
 REST_HALF_WIDTH_HZ = 50e3
 _ROUND_HZ = 20e3
@@ -22,7 +22,7 @@ _DIM_DB = 6.0
 
 @dataclass(frozen=True, slots=True)
 class DemodulationPlan:
-    """One way to demodulate a recording; ``step`` is the distance of motion samples in samples of the recording."""
+    """Parameters of a demodulation; ``step`` is the number of recorded samples per motion sample."""
 
     tuning: Tuning
     schedule: OscillatorSchedule
@@ -34,10 +34,10 @@ class DemodulationPlan:
 def demodulation_plans(
     seen: Survey, reference: Survey | None, recording: Recording, settings: AnalysisSettings
 ) -> Iterator[DemodulationPlan]:
-    """Yield the plans to try, the cheapest and least noisy first.
+    """Yield the plans to try, the cheapest and least noisy first.  Raises AnalysisError if no plan is possible.
 
-    The oscillator follows the beat as the survey saw it; a beat that leaves that band is read again through a wider
-    one, and last through one that holds all frequencies seen.  Raises AnalysisError where no plan is possible.
+    The oscillator follows the surveyed beat in two plans, the second with a wider band; the third plan has one fixed
+    band for all surveyed frequencies.  A narrow plan is yielded only if these are impossible.
     """
     made = False
     problem: AnalysisError | None = None
@@ -60,7 +60,7 @@ def _plan(
     rate, motion_rate = recording.sample_rate_hz, settings.motion_rate_hz
     low, high = _rounded(seen.low_hz, seen.high_hz)
     together = reference is not None and settings.rest == "instantaneous"
-    if together and reference is not None:  # the same window on both, so that their samples fall together
+    if together and reference is not None:  # the same window for both beats, so that their samples coincide
         low, high = _rounded(min(seen.low_hz, reference.low_hz), max(seen.high_hz, reference.high_hz))
     if width_hz is None:
         half_width = 0.5 * (high - low) + SPAN_MARGIN_HZ + 0.5 * motion_rate
@@ -97,7 +97,7 @@ def _rounded(low_hz: float, high_hz: float) -> tuple[float, float]:
 def _tune(
     rate_hz: float, low_hz: float, high_hz: float, half_width_hz: float, settings: AnalysisSettings, snr_db: float
 ) -> Tuning:
-    """Return the tuning with the shortest window that is still safe from slips at this signal-to-noise ratio."""
+    """Return the tuning with the shortest window that is safe from cycle slips at this signal-to-noise ratio."""
     floor = 3.0 * settings.motion_rate_hz
     wanted = max(floor, PHASE_RATE_HZ)
     whole = round(rate_hz / settings.motion_rate_hz)
@@ -116,7 +116,7 @@ def _tune(
 def _divided(
     rate_hz: float, low_hz: float, high_hz: float, half_width_hz: float, phase_rate_hz: float, whole: int
 ) -> Tuning:
-    """Return a tuning whose decimation divides ``whole``, for an exact motion rate, unless that costs too much."""
+    """Return the best tuning if its decimation divides ``whole`` or else is over 3 times that of the best that does."""
     free = tune(rate_hz, low_hz, high_hz, half_width_hz, phase_rate_hz)
     if whole % free.decimation == 0 or whole < 2:
         return free

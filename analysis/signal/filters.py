@@ -1,7 +1,7 @@
 """The filters from phase to force: a decimating low-pass, and the derivatives of displacement.
 
-All are linear and without delay (symmetric or antisymmetric taps about their centre sample), so a model's displacement
-passed through ``derivatives`` is distorted exactly as the measured one is.
+All are linear and without delay (taps symmetric or antisymmetric about the centre sample), so ``derivatives`` distorts
+a model's displacement exactly as the measured one.
 """
 
 from dataclasses import dataclass
@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from analysis.shot import Floats
 
-HALF_POWER_SHARE = 0.5  # of the output rate: where the decimator is 3 dB down, which keeps decimated noise white
+HALF_POWER_SHARE = 0.5  # of the output rate: the decimator's 3 dB point, which keeps decimated noise white
 FLAT_SHARE = 0.3  # of the output rate: below it the decimator is flat (0.1 %; the band-pass before it droops by 2 %)
-MAX_BANDWIDTH_SHARE = 0.35  # of the motion rate: the widest bandwidth the derivative filters can honestly have
+MAX_BANDWIDTH_SHARE = 0.35  # of the motion rate: the widest valid bandwidth of the derivative filters
 _HALF_LENGTH = 3.0  # of the derivative filters, in 1 / bandwidth
 _KAISER = 5.65  # 60 dB
 _EDGE_DEGREE = 3
@@ -24,9 +24,9 @@ _EDGE_DEGREE = 3
 def decimator_taps(factor: int, spread: float) -> Floats:
     """Return the symmetric low-pass, shape (12 factor + 1,), that decimates a phase by ``factor``.
 
-    Kaiser-windowed sinc with its half-power point at half the output rate: its power response and the response's
-    mirror image add up to one there, so white phase noise stays white.  ``spread`` is the second moment, in
-    inputs squared, of the smoothing before: it is compensated, so that cubics pass both unchanged (factor > 2).
+    It is a Kaiser-windowed sinc with its half-power point at half the output rate: its power response and the mirror
+    image of that response add up to one there, so white phase noise stays white.  ``spread`` is the second moment, in
+    inputs squared, of the preceding smoothing, and is compensated: cubics pass both filters unchanged (factor > 2).
     """
     half = 6 * factor
     n = np.arange(-half, half + 1)
@@ -53,9 +53,9 @@ def decimator_taps(factor: int, spread: float) -> Floats:
 class Derivatives:
     """The derivative filters of one motion rate and bandwidth.
 
-    ``velocity`` and ``acceleration`` have shape (2 half + 1,), in order of time; a dot product with the displacement
-    around a sample gives m/s and m/s^2.  The ``edge_*`` matrices, shape (half, 2 half + 1), do the same for the
-    first samples of a stretch from its first 2 half + 1 samples.
+    ``velocity`` and ``acceleration`` have shape (2 half + 1,), in order of time; their dot product with the
+    displacement around a sample is in m/s and m/s^2.  The ``edge_*`` matrices, shape (half, 2 half + 1), give the
+    first ``half`` samples of a stretch from its first 2 half + 1 samples.
     """
 
     half: int
@@ -77,12 +77,12 @@ class Derivatives:
 
 @lru_cache(maxsize=32)
 def derivative_filters(sample_rate_hz: float, bandwidth_hz: float) -> Derivatives:
-    """Return the derivative filters: flat to 0.6 ``bandwidth_hz``, half amplitude near it, 60 dB down beyond 1.5.
+    """Return derivative filters: flat to 0.6 ``bandwidth_hz``, half amplitude near it, 60 dB down beyond 1.5 of it.
 
-    They are the first and second derivative of a sinc low-pass, Kaiser-windowed and trimmed so that polynomials up to
-    the fourth (velocity) and fifth degree (acceleration) come out exact: no bias from jerk.
+    They are the first and second derivative of a sinc low-pass, Kaiser-windowed and adjusted to be exact for
+    polynomials up to the fourth (velocity) and fifth degree (acceleration): no bias from jerk.
 
-    Raises ValueError where the rate cannot carry the bandwidth.
+    Raises ValueError if the sample rate is too low for the bandwidth.
     """
     if not 0 < bandwidth_hz <= MAX_BANDWIDTH_SHARE * sample_rate_hz * (1 + 1e-9):
         raise ValueError(
@@ -96,11 +96,11 @@ def derivative_filters(sample_rate_hz: float, bandwidth_hz: float) -> Derivative
     safe = np.where(n == 0, 1.0, x)
     first = np.where(n == 0, 0.0, (np.cos(x) - np.sin(safe) / safe) / safe)
     second = np.where(n == 0, -1 / 3, -(np.sin(x) + 2 * (np.cos(x) - np.sin(safe) / safe) / safe) / safe)
-    odd = -first * window  # minus: a dot product, not a convolution
+    odd = -first * window  # minus, as the taps are used in a dot product, not a convolution
     even = second * window
     low = np.sinc(x / np.pi) * window
     u = n / half
-    slope = sample_rate_hz / half  # of u, per second
+    slope = sample_rate_hz / half  # change of u per second
     velocity = _with_moments(u, (odd, odd * u**2), (1, 3), (slope, 0.0))
     acceleration = _with_moments(u, (even, low, low * u**2), (0, 2, 4), (0.0, 2 * slope**2, 0.0))
     edge_velocity, edge_acceleration = _edge_filters(2 * half + 1, half, sample_rate_hz)
@@ -112,9 +112,9 @@ def derivative_filters(sample_rate_hz: float, bandwidth_hz: float) -> Derivative
 def derivatives(displacement_m: Floats, sample_rate_hz: float, bandwidth_hz: float) -> tuple[Floats, Floats]:
     """Return (velocity in m/s, acceleration in m/s^2), both shape (n,), of a displacement of shape (n,).
 
-    These are the filters a Motion is made with.  NaN in the displacement separates stretches; nothing is padded:
-    within half a filter length of a stretch's ends (0.3 ms at 10 kHz) the value is that of a cubic fitted to the
-    outermost filter length, whose larger noise ``derivative_gains`` states; a stretch shorter than that is NaN.
+    A Motion is made with these filters.  NaN in the displacement separates stretches; nothing is padded.  Within half a
+    filter length of a stretch's ends (0.3 ms at 10 kHz) the value is that of a cubic fitted to the outermost filter
+    length; ``derivative_gains`` gives its larger noise.  A stretch shorter than a filter length becomes NaN.
     """
     filters = derivative_filters(float(sample_rate_hz), float(bandwidth_hz))
     displacement = np.asarray(displacement_m, dtype=np.float64)
@@ -138,10 +138,10 @@ def derivatives(displacement_m: Floats, sample_rate_hz: float, bandwidth_hz: flo
 def derivative_gains(
     finite: NDArray[np.bool_], sample_rate_hz: float, bandwidth_hz: float, walk: bool = False
 ) -> tuple[Floats, Floats]:
-    """Return the noise gains (1/s, 1/s^2) of each sample of ``derivatives``, shape (n,), NaN where it gives NaN.
+    """Return the noise gains (1/s, 1/s^2) of each sample of ``derivatives``, shape (n,); NaN where that returns NaN.
 
-    Times the white standard deviation of displacement they are the standard deviation of velocity and acceleration.
-    With ``walk`` they are those of a random walk instead (1/s^0.5, 1/s^1.5), per m/s^0.5 of its growth.
+    A gain times the white standard deviation of displacement is the standard deviation of velocity or acceleration.
+    With ``walk`` the gains (1/s^0.5, 1/s^1.5) apply to a random walk, per m/s^0.5 of its growth.
     """
     filters = derivative_filters(float(sample_rate_hz), float(bandwidth_hz))
     half = filters.half
@@ -163,7 +163,7 @@ def derivative_gains(
 
 
 def _gain(rows: Floats, sample_rate_hz: float, walk: bool) -> Floats:
-    if walk:  # each step of the walk shifts every later sample
+    if walk:  # each step of a random walk shifts all later samples
         rows = np.cumsum(rows[:, ::-1], axis=1) / np.sqrt(sample_rate_hz)
     return np.asarray(np.sqrt(np.sum(rows**2, axis=1)))
 
@@ -175,14 +175,14 @@ def stretches(finite: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def first_run(mask: NDArray[np.bool_], length: int) -> int | None:
-    """Return the first index from which ``length`` elements in a row are True, or None."""
+    """Return the first index at which ``length`` consecutive elements are True, or None."""
     count = np.cumsum(np.concatenate([[0], ~mask]))
     clear = np.flatnonzero(count[length:] == count[:-length])
     return int(clear[0]) if clear.size else None
 
 
 def _with_moments(u: Floats, shapes: tuple[Floats, ...], powers: tuple[int, ...], moments: tuple[float, ...]) -> Floats:
-    """Return the combination of ``shapes`` whose sums with u^power are ``moments``."""
+    """Return the linear combination of ``shapes`` whose moments sum(shape u^power) are ``moments``."""
     basis = np.stack(shapes)
     weights = np.linalg.solve(np.stack([basis @ u**power for power in powers]), np.array(moments))
     return np.asarray(weights @ basis)

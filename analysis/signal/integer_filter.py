@@ -1,9 +1,9 @@
-"""The filter of a beat in integers: its taps, and the processor's instructions for products and memory in advance.
+"""The beat's band-pass in integers: its taps, and the processor's multiply-add and prefetch instructions.
 
-16-bit samples are multiplied with 16-bit taps and added up in 32 bits.  Processors multiply sixteen pairs of 16-bit
-numbers and add neighbouring products in one instruction, twice as many as in single precision, and sums of integers are
-exact in any order.  The compiler does not use that instruction in a loop in which samples and taps are used more than
-once, so it is called by name.
+16-bit samples are multiplied with 16-bit taps and summed in 32 bits.  A processor multiplies sixteen pairs of 16-bit
+numbers and adds neighbouring products in one instruction, twice as many as in single precision.  Sums of integers are
+exact in any order.  The compiler does not choose this instruction for a loop that reuses samples and taps, so it is
+called by name.
 """
 
 from dataclasses import dataclass
@@ -16,13 +16,13 @@ from numba.core import cgutils as _cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-_MOST = 65535  # of the taps' absolute sum: full-scale samples of 16 bits then stay below 2^31
+_MOST = 65535  # limit of the taps' absolute sum: sums of full-scale 16-bit samples then stay below 2^31
 _LARGEST = 32700
-_STRAY = 2.0  # most that rounding, with two errors carried on, moves one tap
+_STRAY = 2.0  # largest change of one tap by rounding, with two errors carried forward
 cgutils: Any = _cgutils
-LINE_BYTES = 64  # of memory, fetched at once
+LINE_BYTES = 64  # bytes of memory fetched at once
 _READ, _SECOND_CACHE, _DATA = 0, 2, 1  # in the first cache a prefetched line would displace data in use
-WIDTH = 16  # samples multiplied together: taps come in whole multiples of it
+WIDTH = 16  # samples multiplied by one instruction; taps are padded to a multiple of it
 TOGETHER = 4  # outputs that share each load of the taps
 _I16, _I32 = ir.IntType(16), ir.IntType(32)
 _SAMPLES, _SUMS = ir.VectorType(_I16, WIDTH), ir.VectorType(_I32, WIDTH // 2)
@@ -30,10 +30,10 @@ _SAMPLES, _SUMS = ir.VectorType(_I16, WIDTH), ir.VectorType(_I32, WIDTH // 2)
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _round(window, turns, room, taps, gains):  # type: ignore[no-untyped-def]
-    """Mix a symmetric window with oscillators and round to whole numbers; 10 ns a tap.
+    """Mix a symmetric window with oscillators and round the taps to integers; 10 ns per tap.
 
-    Each error is carried on to the next two taps, e[k] becoming e[k] - 2 cos(w) e[k-1] + e[k-2], which is zero at +-w,
-    the oscillator's frequency.  It is carried towards the centre, where the last error shifts no phase.
+    Each rounding error is carried to the next two taps: the total error e[k] - 2 cos(w) e[k-1] + e[k-2] has a zero at
+    +-w, the oscillator's frequency.  Errors are carried towards the centre, where the last one shifts no phase.
     """
     length = window.shape[0]
     half = length // 2
@@ -65,11 +65,11 @@ def _round(window, turns, room, taps, gains):  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IntegerTaps:
-    """Complex band-passes with integer taps, one per oscillator, and the gains that restore their sums.
+    """Complex band-passes with integer taps, one per oscillator, and the gains that scale their sums back to counts.
 
     ``taps`` int16 (oscillators, 2, length rounded up to ``WIDTH``): real part, even about the centre, and imaginary
-    part, odd.  ``restore`` float32 (oscillators, 3): the gain of either sum, and the part of a constant offset in the
-    first; the second sum is free of it.
+    part, odd.  ``restore`` float32 (oscillators, 3): the gains of both sums, and the contribution of a constant offset
+    to the first sum; the second sum is unaffected by an offset.
     """
 
     taps: NDArray[np.int16]
@@ -79,10 +79,10 @@ class IntegerTaps:
 def integer_taps(window: NDArray[np.float64], turns: NDArray[np.float64], offset_counts: float) -> IntegerTaps:
     """Return ``window`` mixed with each oscillator, as integers of the largest scale that cannot overflow.
 
-    ``window`` is symmetric, of an even number of taps; ``turns`` (oscillators,) are the oscillators in cycles per
-    sample, their phase zero at the window's centre, so that the angle read is the beat's there for any oscillator.
-    As even and odd functions the taps shift no phase at any frequency; at the oscillator the gains of both parts, and
-    so the rejection of the image, are exact.
+    ``window`` is symmetric with an even number of taps.  ``turns`` (oscillators,) are the oscillators in cycles per
+    sample; their phase is zero at the window's centre, so the phase read is the beat's there for any oscillator.
+    The taps are even and odd functions, so they shift no phase at any frequency.  At the oscillator's frequency the
+    gains of both parts, and therefore the rejection of the image, are exact.
     """
     taps = np.zeros((turns.size, 2, -(-window.size // WIDTH) * WIDTH), np.int16)
     gains = np.empty((turns.size, 2))
@@ -92,7 +92,7 @@ def integer_taps(window: NDArray[np.float64], turns: NDArray[np.float64], offset
 
 
 def has_multiply_add() -> bool:
-    """Return whether kernels are compiled for a processor that adds products of 16-bit pairs (x86 with AVX2)."""
+    """Return whether kernels are compiled for a processor with 16-bit multiply-add (x86 with AVX2)."""
     settings = vars(config)
     named = settings["CPU_FEATURES"]
     if named is None:
@@ -105,7 +105,7 @@ def _shuffled(builder: Any, a: Any, b: Any, places: list[int]) -> Any:
 
 
 def _products(builder: Any, x: Any, taps: Any, native: bool) -> Any:
-    """Return eight sums of two products each; which two does not matter to a sum over all."""
+    """Return eight sums of two products each; the pairing differs by processor but not the sum over all eight."""
     if native:
         kind = ir.FunctionType(_SUMS, [_SAMPLES, _SAMPLES])
         instruction = cgutils.get_or_insert_function(builder.module, kind, "llvm.x86.avx2.pmadd.wd")
@@ -120,7 +120,7 @@ def _products(builder: Any, x: Any, taps: Any, native: bool) -> Any:
 
 
 def _summed(builder: Any, vectors: list[Any]) -> Any:
-    """Return the sums over each of eight vectors of eight, as one vector in their order: three rounds of halving."""
+    """Return one vector of the eight sums over each of eight vectors, in their order, by three rounds of halving."""
     lanes = len(vectors)
     stretch = lanes
     while stretch > 1:
@@ -138,10 +138,10 @@ def _summed(builder: Any, vectors: list[Any]) -> Any:
 def make_four_dots(native: bool) -> Any:
     """Return ``four_dots(samples, start, stride, taps, out, place)`` for kernels to call.
 
-    ``samples`` int16 (n,); ``taps`` int16 (2, a multiple of 16); ``out`` int32 (2, m).  It writes
+    ``samples`` int16 (n,); ``taps`` int16 (2, a multiple of 16); ``out`` int32 (2, m).  The function writes
     ``out[r, place + j] = sum_k taps[r, k] samples[start + j stride + k]`` for j of 0 to 3, modulo 2^32: exact as long
-    as 32768 times the taps' absolute sum stays below 2^31.  Nothing is checked: the samples must reach so far.
-    1/80 ns a product, 0.1 ns a sample of input where each serves four outputs.
+    as 32768 times the taps' absolute sum stays below 2^31.  Bounds are not checked.
+    Costs 1/80 ns per product, 0.1 ns per input sample if each sample serves four outputs.
     """
 
     @intrinsic
@@ -190,7 +190,7 @@ four_dots = make_four_dots(has_multiply_add())
 
 
 def _prefetch(typing_context, array, index):  # type: ignore[no-untyped-def]
-    """Start fetching the line that ``array[index]`` lies in; an index out of bounds does nothing."""
+    """Prefetch the memory line that contains ``array[index]``; an index out of bounds has no effect."""
     del typing_context
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:

@@ -1,9 +1,9 @@
-"""Find samples that a digitizer lost without reporting it: where, and how many, from jumps of both beats' phases.
+"""Find the place and number of samples that a digitizer lost without reporting it, from jumps of both beats' phases.
 
 A missing sample advances the rest beat by f/fs of a cycle, whatever the block does.  A jump of PD0's phase within one
-sample is therefore a loss; its size gives the number of samples up to whole periods of the beat, and PD1, at another
-frequency, decides between those.  A loss of whole periods leaves PD0 unchanged: then PD1 alone jumps, by the block's
-displacement meanwhile.
+sample is therefore a loss.  The size of the jump gives the number of samples up to whole periods of the beat, and PD1,
+at another frequency, decides among those.  A loss of whole periods leaves PD0 unchanged; then only PD1 jumps, by the
+block's displacement during the loss.
 """
 
 from collections.abc import Sequence
@@ -18,25 +18,25 @@ from analysis.signal.rest import RestTones, cumulative, jump_of, tone_columns
 from analysis.signal.track import Track
 
 FLAG = "samples_lost"
-APART = 16  # motion samples: beyond the decimator's own reach
+APART = 16  # motion samples: more than the decimator's length
 SUSPECT_SIGMAS = 8.0
-SUSPECT_CYCLES = 0.01  # of a jump that is examined
+SUSPECT_CYCLES = 0.01  # smallest jump that is examined
 SHORTEST_BLOCK, LONGEST_BLOCK = 64, 1024
-BLOCK_PERIODS = 8.0  # of the beat and of its mirror image
-JUMP_CYCLES = 0.006  # of a block's phase
-SIDE_BLOCKS = 8  # of samples on each side that a jump is measured with
-PD0_CYCLES, PD1_CYCLES = 0.003, 0.04  # to which jumps are known, at least
-MOST_SINGLE = 64  # samples lost one by one ...
-PACKET, MOST_LOST = 64, 8192  # ... or in the packets of a transfer
+BLOCK_PERIODS = 8.0  # shortest block, in periods of the beat and of its distance from the mirror image
+JUMP_CYCLES = 0.006  # smallest jump of a block's phase
+SIDE_BLOCKS = 8  # blocks of samples on each side from which a jump is measured
+PD0_CYCLES, PD1_CYCLES = 0.003, 0.04  # three standard deviations of a measured jump (PD0: at least)
+MOST_SINGLE = 64  # any loss of up to this many samples is considered ...
+PACKET, MOST_LOST = 64, 8192  # ... and larger ones in whole packets of a transfer
 MOST_LOSSES = 200
-CLOSE_BLOCKS = 3  # within which two losses are examined together
-KINK_SIGMAS, KINK_CYCLES = 10.0, 0.02  # of a fourth difference of the moving beat's phase
+CLOSE_BLOCKS = 3  # shortest blocks within which two losses are examined together
+KINK_SIGMAS, KINK_CYCLES = 10.0, 0.02  # least fourth difference of the moving beat's phase at a kink
 KINK_GUARD, KINK_SIDE = 256, 2048  # samples: uncertainty of a kink's place, and reach of the beat's extrapolation
-REACH = KINK_SIDE + 64  # samples examined about a kink
+REACH = KINK_SIDE + 64  # samples examined on each side of a kink
 
 
 def suspicious(reference: Track) -> bool:
-    """Return whether the rest beat's phase jumps beyond its noise anywhere.  Cost: one pass over the motion samples."""
+    """Return whether the rest beat's phase jumps by more than noise anywhere.  Cost: one pass over the samples."""
     step = reference.phase_cycles[APART:] - reference.phase_cycles[:-APART]
     step = step[np.isfinite(step)]
     if step.size < 8 * APART:
@@ -47,10 +47,10 @@ def suspicious(reference: Track) -> bool:
 
 
 def kinks(moving: Track) -> list[int]:
-    """Return the motion samples about which the moving beat's phase jumps faster than in any collision.
+    """Return the motion samples near which the moving beat's phase jumps faster than in any collision.
 
-    A jump shows in the fourth difference over all of the decimator's reach; a force that sets in within a sample moves
-    the block by less than a nanometre within it.  Cost: one pass over the motion samples.
+    A jump appears in the fourth difference over the whole length of the decimator.  A force that starts abruptly moves
+    the block by less than a nanometre within one sample.  Cost: one pass over the motion samples.
     """
     bend = np.abs(np.diff(moving.phase_cycles, 4))
     known = np.isfinite(bend)
@@ -63,10 +63,10 @@ def kinks(moving: Track) -> list[int]:
 
 
 def find_losses(recording: Recording, rest_hz: float, kinked: Sequence[int] = ()) -> tuple[Gap, ...]:
-    """Return the losses that both beats show, without those already known as gaps.
+    """Return the losses found from both beats, without those already known as gaps.
 
-    ``kinked`` are the stored samples about which PD1 jumps (``kinks``): where PD0 does not, whole periods of it may be
-    missing.  Cost: some 10 ms per million samples, and 1 ms per loss.
+    ``kinked`` are the stored samples near which PD1 jumps (``kinks``); where PD0 does not jump, whole periods of PD0's
+    beat may be missing.  Cost: some 10 ms per million samples, and 1 ms per loss.
     """
     column = recording.column(Role.REFERENCE)
     moving_column = recording.column(Role.MEASUREMENT)
@@ -103,7 +103,7 @@ def find_losses(recording: Recording, rest_hz: float, kinked: Sequence[int] = ()
         if whole is None:
             continue
         at = first + whole.sample_start
-        if all(abs(at - gap.sample_start) > 2 * block for gap in found):  # else it is the same loss again
+        if all(abs(at - gap.sample_start) > 2 * block for gap in found):  # otherwise it is a loss already found
             found.append(Gap(at, whole.samples_lost))
     return tuple(sorted(found, key=lambda gap: gap.sample_start))
 
@@ -113,7 +113,7 @@ def _wrapped(cycles: Floats) -> Floats:
 
 
 def _block_phases(values: Floats, turns: float, block: int) -> tuple[Floats, Floats]:
-    """Return phase in cycles, minus the oscillator's, and amplitude of blocks that overlap by half, (n,) each."""
+    """Return the phase in cycles relative to an oscillator, and the amplitude, of half-overlapping blocks, (n,)."""
     count = values.size // (block // 2) - 1
     halves = values[: (count + 1) * (block // 2)].reshape(count + 1, block // 2)
     window = np.hanning(block + 1)[:-1]
@@ -125,26 +125,26 @@ def _block_phases(values: Floats, turns: float, block: int) -> tuple[Floats, Flo
 
 
 def _jumps(counts: NDArray[np.int16], turns: float, block: int) -> tuple[float, list[int]]:
-    """Return the beat's cycles per sample, and the samples about which its phase jumps."""
+    """Return the beat's frequency in cycles per sample, and the samples near which its phase jumps."""
     values = counts.astype(np.float64)
     values -= values.mean()
     phase, size = _block_phases(values, turns, block)
     per_block = float(np.median(_wrapped(np.diff(phase))))
-    step = _wrapped(phase[4:] - phase[:-4] - 4 * per_block)  # between blocks one block's length apart
+    step = _wrapped(phase[4:] - phase[:-4] - 4 * per_block)  # of blocks separated by one block
     bright = size > 0.5 * float(np.median(size))
-    lit = bright[4:] & bright[:-4]  # a jump of half a cycle darkens only the block that holds it
+    lit = bright[4:] & bright[:-4]  # a jump of half a cycle cancels the amplitude only of the block that contains it
     usual = 1.4826 * float(np.median(np.abs(step)))
     over = lit & (np.abs(step) > max(JUMP_CYCLES, SUSPECT_SIGMAS * usual))
     places = []
     for start, stop in stretches(over):
-        # a jump shows in all pairs of blocks on either side of it: it lies in the middle of those
+        # all pairs of blocks that enclose a jump show it, so it lies in the middle of these pairs
         strong = start + np.flatnonzero(np.abs(step[start:stop]) > 0.7 * np.abs(step[start:stop]).max())
         places.append(int((0.5 * (strong[0] + strong[-1]) + 3.0) * (block // 2)))
     return turns + per_block / (block // 2), places
 
 
 def _joined(places: list[int]) -> list[int]:
-    """Return places with those close together replaced by their mean."""
+    """Return the places with clusters replaced by their mean."""
     joined: list[list[int]] = []
     for at in places:
         if joined and at - joined[-1][0] <= CLOSE_BLOCKS * SHORTEST_BLOCK:
@@ -155,7 +155,7 @@ def _joined(places: list[int]) -> list[int]:
 
 
 def _losses(reference: NDArray[np.int16], moving: NDArray[np.int16], near: int, turns: float) -> tuple[Gap, ...]:
-    """Return the loss about sample ``near`` of a stretch of both beats, or two losses close together, or none."""
+    """Return the loss, or two losses close together, near sample ``near`` of a stretch of both beats; () if none."""
     x, beat = reference.astype(np.float64), moving.astype(np.float64)
     room = min(near // 2, (x.size - near) // 2)
     guard = min(SHORTEST_BLOCK, room)
@@ -178,19 +178,19 @@ def _losses(reference: NDArray[np.int16], moving: NDArray[np.int16], near: int, 
 
 
 def _counted(at: int, turns: float, jump: float, sigma: float, moved: tuple[float, float] | None) -> Gap | None:
-    """Return the loss that explains the jumps of both beats, ``jump`` and ``moved``; None where no number does."""
+    """Return the loss whose size explains the jumps of both beats, ``jump`` and ``moved``; None if no size does."""
     lost = np.concatenate([np.arange(1, MOST_SINGLE + 1), np.arange(2 * PACKET, MOST_LOST + 1, PACKET)])
     misfit = (_wrapped(lost * turns - jump) / max(PD0_CYCLES / 3.0, sigma)) ** 2
     if moved is not None:
         misfit += (_wrapped(lost * moved[0] - moved[1]) / (PD1_CYCLES / 3.0)) ** 2
-    best = int((misfit + 2.0 * np.log(lost)).argmin())  # few are likelier than many
+    best = int((misfit + 2.0 * np.log(lost)).argmin())  # a small loss is likelier than a large one
     return Gap(at, int(lost[best])) if misfit[best] < 16.0 else None
 
 
 def _whole_periods(reference: NDArray[np.int16], moving: NDArray[np.int16], near: int, turns: float) -> Gap | None:
-    """Return the loss of whole periods of the rest beat about sample ``near``, None where there is none.
+    """Return the loss of whole periods of the rest beat near sample ``near``, or None.
 
-    It lies where the moving beat, extrapolated from either side, has the smallest residual.
+    The loss is placed where the moving beat, extrapolated from both sides, has the smallest residual.
     """
     x = moving - moving.mean()
     spans = (slice(max(0, near - KINK_SIDE), near - KINK_GUARD), slice(near + KINK_GUARD, near + KINK_SIDE))
@@ -215,9 +215,9 @@ def _whole_periods(reference: NDArray[np.int16], moving: NDArray[np.int16], near
 
 
 def _moving_jump(x: Floats, at: int, lasts: int = 0) -> tuple[float, float] | None:
-    """Return cycles per sample and the jump in cycles of the moving beat at a sample; None where it is not seen.
+    """Return the moving beat's (cycles per sample, jump in cycles) at sample ``at``; None if the beat is not visible.
 
-    The ``lasts`` samples from there on are left out.
+    The ``lasts`` samples from ``at`` on are ignored.
     """
     before, after = (
         _extrapolated(x - x.mean(), side, at) for side in (slice(0, at - 2), slice(at + lasts + 2, x.size))
@@ -229,7 +229,7 @@ def _moving_jump(x: Floats, at: int, lasts: int = 0) -> tuple[float, float] | No
 
 
 def _extrapolated(x: Floats, side: slice, at: int) -> Polynomial | None:
-    """Return a polynomial of a beat's cycles on one side of a sample, by samples from it; None where none is seen."""
+    """Return a polynomial of a beat's phase in cycles, over samples from ``at``, fitted to one side; None if dark."""
     block = 64
     part = x[side]
     if part.size < 4 * block:

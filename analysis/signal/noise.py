@@ -1,38 +1,38 @@
-"""The noise of a phase, a displacement or a column of a record, estimated from its own samples."""
+"""Estimate the noise of a phase, a displacement or a column of a record from its own samples."""
 
 import numpy as np
 
 from analysis.shot import AnalysisError, Floats
 from analysis.signal.filters import stretches
 
-CHI2_MEDIAN = 0.45494  # of one squared standard normal
+CHI2_MEDIAN = 0.45494  # median of a squared standard normal
 _NOISE_BLOCK = 512  # samples per local variance
 BLOCK = 32  # samples per mean
-_FORCED = 8.0  # standard deviations of acceleration: above it a force acts
-_SHIELD = 100  # samples about such a force that are left out
-_LEAST = 40  # second differences
+_FORCED = 8.0  # standard deviations of acceleration above which a force acts
+_SHIELD = 100  # samples on each side of a force that are excluded
+_LEAST = 40  # second differences needed
 _SIGMA = 4.0
-LEAST_NOISE_M = 1e-15  # a place that is never another one has it from rounding alone
+LEAST_NOISE_M = 1e-15  # rounding noise of a constant displacement
 
 
 def white_noise(third: Floats) -> float:
-    """Return the standard deviation of white noise with these third differences, shape (n,); 0 where there are none.
+    """Return the standard deviation of white noise from its third differences, shape (n,); 0 if there are none.
 
-    Third differences hold little of a smooth motion, and 20 times the variance of white noise; from their median, which
-    a few loud samples do not move.
+    Third differences contain little of a smooth motion and 20 times the variance of white noise.  Their median is used,
+    which a few outliers do not affect.
     """
     return 1.4826 * float(np.median(np.abs(third))) / float(np.sqrt(20.0)) if third.size else 0.0
 
 
 def wander(displacement_m: Floats, std_m: Floats, acceleration: Floats, acceleration_std: Floats, rate: float) -> float:
-    """Return the growth w of a random walk in the displacement, in m/s^0.5; 0.0 where white noise accounts for all.
+    """Return the growth w of a random walk in the displacement, in m/s^0.5; 0.0 if white noise accounts for all.
 
-    Arrays of shape (n,).  In flight the second difference of neighbouring means over tau has the variance
-    6 sigma^2 / BLOCK from white noise and w^2 tau from a walk; the median over the flight tells them apart.
+    Arrays have shape (n,).  In flight, second differences of neighbouring means over a time tau have the variance
+    6 sigma^2 / BLOCK from white noise plus w^2 tau from a random walk; their median over the flight yields w.
     """
     with np.errstate(invalid="ignore"):
         forced = ~(np.abs(acceleration) < _FORCED * acceleration_std)
-    # mode "same" would return the shield's length where the record is shorter
+    # not mode "same", which would return the shield's length for a record shorter than the shield
     near = np.convolve(forced, np.ones(2 * _SHIELD + 1))[_SHIELD:-_SHIELD] > 0.5
     squares = []
     for start, stop in stretches(~near & np.isfinite(displacement_m)):
@@ -47,14 +47,14 @@ def wander(displacement_m: Floats, std_m: Floats, acceleration: Floats, accelera
         return 0.0
     total = float(np.median(joined)) / CHI2_MEDIAN
     white = 6.0 * float(np.nanmedian(std_m)) ** 2 / BLOCK
-    unsure = 2.0 / np.sqrt(joined.size)  # relative, of a variance from a median
+    unsure = 2.0 / np.sqrt(joined.size)  # relative uncertainty of a variance from a median
     if total < white * (1 + _SIGMA * unsure):
         return 0.0
     return float(np.sqrt((total - white) * rate / BLOCK))
 
 
 def noise_of_column(column: Floats, name: str) -> float:
-    """Return the white noise of a smooth column: median square of its fourth differences (variance 70 sigma^2)."""
+    """Return a column's white noise, at least its rounding, by its median squared 4th difference (70 sigma^2)."""
     fourth = np.diff(column, 4)
     fourth = fourth[np.isfinite(fourth)]
     known = column[np.isfinite(column)]
@@ -68,7 +68,7 @@ def noise_of_column(column: Floats, name: str) -> float:
 
 
 def local_variance(rough: Floats) -> Floats:
-    """Return the local variance of squared normal deviates, shape (n,): medians of 512, linearly interpolated."""
+    """Return the local variance from squared normal deviates, shape (n,): medians of 512, linearly interpolated."""
     each = min(_NOISE_BLOCK, rough.size)
     count = rough.size // each
     blocks = rough[: count * each].reshape(count, each)

@@ -1,12 +1,12 @@
 """Errors of the moving beat's phase: the polarisation leak (unshifted light that reaches PD1), and folded harmonics.
 
-In the frame that rotates with PD0's phase the moving beat describes a circle, and the leak is the distance of its
-centre from zero.  While the block moves fast the leak's ripple lies far outside the motion's band; near the turnaround
-it lies within it and disturbs the displacement by up to lambda / (4 pi) times leak / beat.
+In the frame that rotates with PD0's phase the moving beat describes a circle, and the leak is the offset of the
+circle's centre from zero.  While the block moves fast the leak's ripple lies far outside the motion's band.  Near the
+turnaround the ripple lies within the band and disturbs the displacement by up to lambda / (4 pi) times leak / beat.
 
-Near a third of the sample rate the second harmonic of a distorted beat folds onto the beat, near a quarter the third.
-It disturbs the phase there and has the beat's frequency, but its phase is known: it turns ``order + 1`` times as fast
-as the beat, in the opposite direction, and its amplitude shows as a ripple of the beat's.
+A distorted beat near a third of the sample rate has a second harmonic that folds onto the beat; near a quarter the
+third harmonic does.  The folded harmonic disturbs the phase, but its own phase is known: relative to the beat it turns
+``order + 1`` times as fast as the beat, in the opposite direction, and so appears as a ripple of the beat's amplitude.
 """
 
 from dataclasses import dataclass
@@ -19,20 +19,20 @@ from analysis.signal.filters import decimator_taps, stretches
 from analysis.signal.rest import RestPhase
 from analysis.signal.track import BeatSpec, Grid, Track
 
-LONGEST_S = 12e-3  # of flight, read for the centre
+LONGEST_S = 12e-3  # of flight from which the circle's centre is estimated
 SHORTEST_S = 0.5e-3
-FAST_HZ = 40e3  # Doppler shift above which the circle turns often enough for its centre to be its mean
-REMOVED_ABOVE = 5e-4  # of the beat's amplitude; less disturbs the displacement by less than 25 pm
-_LEAK_SIGMA = 6.0  # a leak is removed from here on
-_NEAREST_SHARE = 0.03  # of the motion rate, for a harmonic: a slower ripple looks like a change of light
-_FARTHEST_SHARE = 0.3  # a faster one is averaged away
+FAST_HZ = 40e3  # Doppler shift above which the phase turns often enough for the mean to be the circle's centre
+REMOVED_ABOVE = 5e-4  # relative to the beat; a smaller leak disturbs the displacement by less than 25 pm
+_LEAK_SIGMA = 6.0  # significance above which a leak is removed
+_NEAREST_SHARE = 0.03  # of the motion rate: a slower ripple of a harmonic looks like a change of light
+_FARTHEST_SHARE = 0.3  # of the motion rate: a faster ripple is averaged away
 _FEWEST = 100  # motion samples
-_FOLDED_SIGMA = 5.0  # a harmonic counts from here on
+_FOLDED_SIGMA = 5.0  # significance above which a harmonic counts
 
 
 @dataclass(frozen=True, slots=True)
 class Leak:
-    """A leak relative to the beat: amplitude ratio, its standard deviation, and phase against PD0's in cycles."""
+    """A leak: amplitude ratio to the beat, its standard deviation, and phase relative to PD0 in cycles."""
 
     ratio: float
     std: float
@@ -42,10 +42,10 @@ class Leak:
 def find_leak(
     recording: Recording, rest: RestPhase, rest_spec: BeatSpec, track: Track, grid: Grid, doppler_hz: Floats
 ) -> Leak | None:
-    """Return the leak in the moving beat ``track``; None where it is too small or the block never moves fast enough.
+    """Return the leak in the moving beat ``track``; None if it is too small or the block never moves fast enough.
 
-    ``doppler_hz`` (n,) on the motion's grid says where the block flies.  There its channel is read once more at the
-    rest frequency, and averaged in PD0's frame under a Hann window.
+    ``doppler_hz`` (n,), on the motion's grid, shows where the block flies fast.  There PD1 is read again at the rest
+    frequency and averaged in the frame rotating with PD0's phase, under a Hann window.
     """
     fast = (np.abs(doppler_hz) > FAST_HZ) & ~track.hole[: doppler_hz.size]
     runs = stretches(fast)
@@ -83,10 +83,10 @@ def find_leak(
 
 
 def leak_phase(leak: Leak, moving_cycles: Floats, rest_cycles: Floats, track: Track, grid: Grid) -> Floats:
-    """Return the phase in cycles, shape (n,), that a leak adds to the moving beat's.
+    """Return the phase in cycles, shape (n,), that a leak adds to the moving beat, to second order in the ratio.
 
-    Both phases are true ones (a cosine's) at the same times.  Band-pass and decimator attenuate the ripple as a tone
-    at the Doppler frequency.  Second order in the ratio.
+    Both given phases are full phases (a cosine's) at the same times.  Band-pass and decimator attenuate the ripple like
+    a tone at the Doppler frequency.
     """
     doppler = np.abs(np.gradient(moving_cycles - rest_cycles) * grid.rate_hz)
     ratio = leak.ratio * _response(track.spec.tuning.window, doppler / grid.input_rate_hz)
@@ -102,7 +102,7 @@ def leak_phase(leak: Leak, moving_cycles: Floats, rest_cycles: Floats, track: Tr
 
 
 def _response(taps: Floats, frequency: Floats) -> Floats:
-    """Return the response of symmetric taps of unit sum at frequencies in cycles per sample, off a fine grid."""
+    """Return the response of symmetric taps of unit sum at frequencies in cycles per sample, from a fine grid."""
     size = 1 << int(np.ceil(np.log2(32 * taps.size)))
     position = np.arange(size // 2 + 1) / size
     gain = np.fft.rfft(taps, size) * np.exp(2j * np.pi * position * 0.5 * (taps.size - 1))
@@ -113,11 +113,10 @@ def _response(taps: Floats, frequency: Floats) -> Floats:
 def folded_harmonic(
     phase_cycles: Floats, amplitude_counts: Floats, time_s: Floats, sample_rate_hz: float, rate_hz: float
 ) -> float:
-    """Return the amplitude of a 2nd or 3rd harmonic folded onto the beat, relative to the beat; 0 where none is seen.
+    """Return the amplitude of a 2nd or 3rd harmonic folded onto the beat, relative to the beat; 0 if none is found.
 
-    ``phase_cycles`` (n,) is the beat's true phase at ``time_s``, samples of the motion at ``rate_hz``; NaN where not
-    known.  Second differences of the amplitude are fitted with those of the ripple, so that slow changes of light do
-    not count.
+    ``phase_cycles`` (n,) is the beat's full phase at ``time_s``, the motion samples at ``rate_hz``; NaN if unknown.
+    Second differences of the amplitude are fitted with those of the ripple, so that slow changes of light do not count.
     """
     middle = amplitude_counts[1:-1]
     bend = amplitude_counts[2:] - 2 * middle + amplitude_counts[:-2]

@@ -1,4 +1,4 @@
-"""Make a Motion of a record demodulated elsewhere, with this program's filters and the noise that the record shows."""
+"""Make a Motion from a record demodulated elsewhere, with this program's filters and the record's own noise."""
 
 import numpy as np
 
@@ -6,9 +6,9 @@ from analysis.shot import AnalysisError, Floats, Motion, NotSeen
 from analysis.signal.filters import FLAT_SHARE, derivative_gains, derivatives
 from analysis.signal.noise import noise_of_column
 
-BANDWIDTH_SHARE = 0.2  # of the sample rate: the widest bandwidth, and the default
-MAX_JITTER = 0.2  # of a step: times farther off an even grid are refused
-_EVEN = 1e-3  # of a step: closer than this the grid counts as even
+BANDWIDTH_SHARE = 0.2  # of the sample rate: the largest bandwidth, and the default
+MAX_JITTER = 0.2  # of a step: a record with times farther off an even grid is refused
+_EVEN = 1e-3  # of a step: with smaller deviations the grid counts as even
 _LONGEST_GAP = 10_000  # steps
 _MIN_SAMPLES = 32
 
@@ -24,12 +24,12 @@ def motion_from_displacement(
 ) -> Motion:
     """Return the Motion of a record with times of shape (n,) and at least displacement or velocity, shape (n,).
 
-    Missing rows (steps of a whole number of sample intervals) become NaN, flagged "gap"; times that jitter by up to
-    ``MAX_JITTER`` of a step are interpolated (cubic) to an even grid, flagged "uneven_time"; what is worse is refused.
-    Where displacement is given, velocity is its derivative through this program's filters and a velocity column is
-    not used; else displacement is the integral of velocity, whose noise grows as a random walk and is stated so.
-    ``force_n``, where given, is the force as measured; else mass times acceleration, or NaN without a mass.
-    The noise is read from the record's fourth differences, at least the rounding of its numbers.  Raises
+    Missing rows (steps of a whole number of sample intervals) become NaN, flagged "gap".  Times that jitter by up to
+    ``MAX_JITTER`` of a step are interpolated (cubic) to an even grid, flagged "uneven_time"; larger jitter is refused.
+    If displacement is given, velocity is its derivative by this program's filters and a velocity column is ignored.
+    Otherwise displacement is the integral of velocity, whose noise grows as a random walk; its std states this.
+    ``force_n``, if given, is the measured force; otherwise force is mass times acceleration, or NaN without a mass.
+    The noise is estimated from the record's fourth differences, at least the rounding of its numbers.  Raises
     AnalysisError, in one line, naming the column at fault.
     """
     grid, given, problems = _even(*_checked(time_s, displacement_m, velocity_m_per_s, force_n))
@@ -76,7 +76,7 @@ def motion_from_displacement(
 def _checked(
     time_s: Floats, displacement_m: Floats | None, velocity_m_per_s: Floats | None, force_n: Floats | None
 ) -> tuple[Floats, dict[str, Floats]]:
-    """Return the times and the given columns by name as arrays.  Raises AnalysisError on sizes or times at fault."""
+    """Return the times and the given columns by name as arrays.  Raises AnalysisError for wrong sizes or times."""
     time = np.asarray(time_s, dtype=np.float64)
     if displacement_m is None and velocity_m_per_s is None:
         raise AnalysisError("neither displacement_m nor velocity_m_per_s is given")
@@ -93,7 +93,7 @@ def _checked(
 
 
 def _displacement(given: dict[str, Floats], rate_hz: float) -> tuple[Floats, Floats, float | None]:
-    """Return displacement and its std, (n,) each, and the growth of its random walk where velocity was integrated."""
+    """Return displacement and its std, (n,) each, and its random walk's growth (None unless velocity is integrated)."""
     if "displacement_m" in given:
         displacement = given["displacement_m"]
         return displacement, np.full(displacement.size, noise_of_column(displacement, "displacement_m")), None
@@ -136,7 +136,7 @@ def _even(time: Floats, given: dict[str, Floats]) -> tuple[Floats, dict[str, Flo
 
 
 def _interpolated(target: Floats, time: Floats, column: Floats) -> Floats:
-    """Return a column moved by fractions of a step: the cubic through the four rows around each target."""
+    """Return a column interpolated to ``target`` by the cubic through the four rows around each target."""
     first = np.clip(np.searchsorted(time, target) - 2, 0, time.size - 4)
     out = np.zeros(target.shape)
     for j in range(4):

@@ -1,6 +1,6 @@
 """The rest beat: its phase as a smooth curve, and its tones on either side of a stretch that may lack samples.
 
-The smooth phase, with its frequency and drift, is subtracted from the moving beat's.
+The smooth phase, with its frequency and drift, is subtracted from the moving beat's phase.
 """
 
 from collections.abc import Sequence
@@ -11,32 +11,32 @@ import numpy as np
 from analysis.shot import AnalysisError, Floats, Quantity
 
 _HIGHEST_DEGREE = 4
-_MEANS = 1024  # to which the phases are averaged before curves are fitted
-_WORTH = 25.0  # decrease of chi^2 that a further term of the polynomial must bring (5 sigma)
-SHARP = 2.0  # of the noise on both sides: a phase that changes gradually is no loss
-MOST_CLOSE = 16  # samples lost at once, in the first of two losses within a few periods of the beat
+_MEANS = 1024  # number of means to which the phases are averaged before curves are fitted
+_WORTH = 25.0  # least decrease of chi^2 for a further term of the polynomial (5 sigma)
+SHARP = 2.0  # times the noise variance on both sides: a larger residual is a gradual change, not a loss
+MOST_CLOSE = 16  # most samples lost in the first of two losses within a few periods of the beat
 
 
 @dataclass(frozen=True, slots=True)
 class RestPhase:
-    """The rest beat's smooth phase minus the oscillator's: a polynomial over ``middle_s`` +- ``half_s``."""
+    """The rest beat's smooth phase relative to the oscillator: a polynomial over ``middle_s`` +- ``half_s``."""
 
     coefficients: Floats  # Legendre
     middle_s: float
     half_s: float
     frequency_hz: Quantity  # mean over the record
-    unsteady_cycles: float  # beyond noise: rms residual of the curve, or more where means show slow parts as if white
+    unsteady_cycles: float  # rms residual of the curve beyond noise, or that scaled from its means if this is larger
     degree: int
 
     def phase_at(self, time_s: Floats) -> Floats:
-        """Return the phase in cycles, minus the oscillator's, at times of shape (n,)."""
+        """Return the phase in cycles relative to the oscillator, at times of shape (n,)."""
         return np.asarray(np.polynomial.Legendre(self.coefficients)((time_s - self.middle_s) / self.half_s))
 
 
 def fit_rest_phase(time_s: Floats, phase_cycles: Floats, std_cycles: float, oscillator_hz: float) -> RestPhase:
     """Fit PD0's phase (NaN where not measured) with the polynomial of lowest degree that describes it.
 
-    A straight line is a constant frequency; further terms are added only where they are worth 5 sigma.  The
+    A straight line is a constant frequency; further terms are added only if each improves the fit by 5 sigma.  The
     uncertainty of the frequency is that of the slope, from the actual residual.
     """
     middle = 0.5 * (time_s[0] + time_s[-1])
@@ -59,7 +59,7 @@ def fit_rest_phase(time_s: Floats, phase_cycles: Floats, std_cycles: float, osci
         raise AnalysisError("reference channel: too short for a rest frequency")
     degree, coefficients, left = best
     series = np.polynomial.Legendre(coefficients)
-    slow = np.sqrt(left / max(1, count - degree - 1))  # of a single phase, if the means' residual were white
+    slow = np.sqrt(left / max(1, count - degree - 1))  # noise of a single phase if the means' residual were white
     remainder = max(slow, float(np.sqrt(np.mean((phase_cycles[known] - series(u[known])) ** 2))))
     std = np.sqrt(3.0 / known.sum()) * max(slow, std_cycles) / half
     mean = oscillator_hz + float(series(1.0) - series(-1.0)) / (2 * half)
@@ -75,11 +75,11 @@ def fit_rest_phase(time_s: Floats, phase_cycles: Floats, std_cycles: float, osci
 
 @dataclass(frozen=True, slots=True)
 class RestTones:
-    """The residuals of a doubtful stretch of the rest beat from the tones fitted before and after it.
+    """The residuals of a stretch of the rest beat that may lack samples, from the tones fitted before and after it.
 
-    ``before`` and ``after``, shape (n + 1,), are the cumulative squares over the stretch's samples ``x``, shape (n,);
-    ``tone``, shape (n, 3), are the beat's cosine, sine and level, ``solution``, shape (3,), the tone before.  ``most``
-    is the sum of squares that noise may leave, ``jump`` the cycles between the tones, ``sigma`` its standard deviation.
+    ``before`` and ``after``, shape (n + 1,), are cumulative squared residuals of the samples ``x``, shape (n,), from
+    each tone.  ``tone``, shape (n, 3), holds the beat's cosine, sine and level; ``solution``, shape (3,), the tone
+    before.  ``most`` is the sum of squares expected at most, ``jump`` the cycles between the tones, ``sigma`` its std.
     """
 
     x: Floats
@@ -93,7 +93,7 @@ class RestTones:
 
     @classmethod
     def of(cls, x: Floats, near: int, guard: int, turns: float) -> "RestTones":
-        """Fit the tones of ``turns`` cycles per sample outside of ``guard`` samples about sample ``near``."""
+        """Fit tones of ``turns`` cycles per sample to all but ``guard`` samples on each side of sample ``near``."""
         tone = np.column_stack([tone_columns(turns * np.arange(x.size, dtype=np.float64)), np.ones(x.size)])
         sides = (slice(0, near - guard), slice(near + guard, x.size))
         solutions: list[Floats] = [np.asarray(np.linalg.lstsq(tone[side], x[side], rcond=None)[0]) for side in sides]
@@ -113,7 +113,7 @@ class RestTones:
         )
 
     def two_losses(self, turns: float) -> tuple[float, int, int, int]:
-        """Return the squares left by two losses, the first one's place, the second one's distance, the first's size."""
+        """Return (squared residual with two losses, place of the first, distance to the second, size of the first)."""
         best = (float(np.inf), 0, 0, 0)
         cosine, sine, level = self.solution
         for count in range(1, MOST_CLOSE + 1):
@@ -129,13 +129,13 @@ class RestTones:
 
 
 def jump_of(solutions: Sequence[Floats]) -> float:
-    """Return the cycles between two tones, each given by the coefficients of its cosine and sine."""
+    """Return the phase difference in cycles of two tones, each given by the coefficients of its cosine and sine."""
     before, after = (float(np.arctan2(-s[1], s[0])) / (2 * np.pi) for s in solutions)
     return after - before
 
 
 def tone_columns(cycles: Floats) -> Floats:
-    """Return cosine and sine at a phase, shape (n, 2)."""
+    """Return cosine and sine of phases in cycles, shape (n, 2)."""
     turn = 2 * np.pi * cycles
     return np.stack([np.cos(turn), np.sin(turn)], axis=1)
 

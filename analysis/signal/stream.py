@@ -12,34 +12,34 @@ from analysis.signal.filters import derivative_filters
 from analysis.signal.survey import survey
 from analysis.signal.tuning import Tuning, fixed_schedule, tune
 
-LOOK_S = 2e-3  # of the stream, surveyed before the beat is tuned to
-REST_MEMORY_S = 0.2  # the rest frequency shown is a running mean over about this long
-LISTEN_S, LISTEN_EVERY_S = 0.025, 0.1  # of PD0, which LIVE reads a quarter of the time: 1 mHz of scatter at 37 dB
+LOOK_S = 2e-3  # length of stream that is surveyed to choose the band-passes
+REST_MEMORY_S = 0.2  # averaging time of the rest frequency
+LISTEN_S, LISTEN_EVERY_S = 0.025, 0.1  # LIVE reads PD0 for 25 ms of every 100 ms: 1 mHz of scatter at 37 dB
 MAX_DOPPLER_HZ = 1.3e6
 _REST_HALF_WIDTH_HZ = 80e3
 _MIN_PHASE_RATE_HZ = 100e3
-_GROUP = 8  # phases averaged before they are filtered, where they come far faster than the display needs them
-_LEAST_GROUPS = 16  # for each point of the display
+_GROUP = 8  # phases averaged before they are filtered, if their rate is far above the display's
+_LEAST_GROUPS = 16  # least number of groups per point of the display
 
 
 @dataclass(frozen=True, slots=True)
 class LiveChunk:
-    """The samples that one block added, on a uniform grid; arrays of shape (k,), k may be 0; NaN marks a gap."""
+    """The output samples of one block on a uniform grid; arrays of shape (k,), k may be 0; NaN marks a gap."""
 
     time_s: Floats  # from the stream's first sample
     beat_frequency_hz: Floats
     velocity_m_per_s: Floats
     force_n: Floats
     rest_frequency_hz: float | None
-    problem: str | None  # why nothing can be shown
+    problem: str | None  # the reason why nothing can be shown
 
 
 class LiveDemodulator:
     """Demodulates a running stream at a display rate; used from one thread.
 
-    Tunes itself to the beats of the first ``LOOK_S`` (repeated until there is a beat), then follows both; the result
-    lags the samples by 3 / bandwidth.  Memory is that of a few blocks however long it runs.  Raises AnalysisError at
-    once where no rest frequency can be known.
+    The band-passes are chosen from the first ``LOOK_S`` of stream (repeated until a beat is found); then both beats are
+    followed.  The output lags the input by 3 / bandwidth.  Memory is that of a few blocks however long the stream.
+    Raises AnalysisError at once if the rest frequency is neither recorded nor stated.
     """
 
     def __init__(
@@ -64,24 +64,24 @@ class LiveDemodulator:
             self._wavelength = wavelength_in_air_m(setup)
         except ValueError as problem:
             raise AnalysisError(str(problem)) from None
-        self._sample = 0  # next input sample, lost ones counted
+        self._sample = 0  # next input sample, lost samples counted
         self._look: list[NDArray[np.int16]] = []
         self._looked = 0
         self._lines: list[_BeatStream] = []
         self._rest_hz: float | None = None if reference_column is not None else setup.rest_frequency_hz
         self._rest_weight = 0.0
-        self._listened_from = 0  # sample from which on PD0 is read now and then
+        self._listened_from = 0  # sample at which PD0's reading periods begin
         self._broken = False
         self._pending: Floats | None = None  # of the moving beat, until the rest frequency is known
         self._problem: str | None = "looking for the beat"
 
     @property
     def rate_hz(self) -> float | None:
-        """Get the rate of the display's points, which is near the wanted one; None before there is a beat."""
+        """Get the rate of the display's points, close to ``output_rate_hz``; None before a beat is found."""
         return self._lines[0].rate_hz if self._lines else None
 
     def feed(self, counts: NDArray[np.int16]) -> LiveChunk:
-        """Take the next counts, shape (n, channels), and return the samples they add."""
+        """Process the next counts, shape (n, channels), and return their output samples."""
         if self._lines:
             self._sample += counts.shape[0]
             return self._follow(counts)
@@ -94,7 +94,7 @@ class LiveDemodulator:
         seen = np.concatenate(self._look)
         self._look, self._looked = [], 0
         try:
-            self._tune(seen[:enough])  # so many, so that blocks of another size give the same result
+            self._tune(seen[:enough])  # a fixed number, so that the result does not depend on the block size
         except AnalysisError as problem:
             self._problem = str(problem)
             return self._nothing()
@@ -103,7 +103,7 @@ class LiveDemodulator:
         return self._follow(seen)
 
     def gap(self, samples_lost: int | None) -> None:
-        """Note that samples were lost before the next block; None: how many is not known."""
+        """Note that samples were lost before the next block; None: number unknown."""
         self._sample += samples_lost or 0
         self._look, self._looked = [], 0
         if self._lines:
@@ -139,7 +139,7 @@ class LiveDemodulator:
 
     def _restart(self, sample: int) -> None:
         self._listened_from = sample
-        self._lines[0].restart(sample)  # PD0 begins anew each time it is read
+        self._lines[0].restart(sample)  # PD0 restarts each time it is read
 
     def _follow(self, counts: NDArray[np.int16]) -> LiveChunk:
         line = self._lines[0]
@@ -164,7 +164,7 @@ class LiveDemodulator:
         return LiveChunk(time_s, frequency, velocity, force, self._rest_hz, None)
 
     def _listen(self, counts: NDArray[np.int16]) -> None:
-        """Read PD0 in the first part of every period, where these counts reach into it; they end at ``_sample``."""
+        """Read PD0 in the first part of every period that ``counts``, which end at ``_sample``, overlap."""
         period, part = round(LISTEN_EVERY_S * self._rate), round(LISTEN_S * self._rate)
         first = at = self._sample - counts.shape[0]
         while at < self._sample:
@@ -191,7 +191,7 @@ class LiveDemodulator:
 
 
 class _BeatStream:
-    """One beat of the stream: its decimated phase and the derivatives of that."""
+    """One beat of the stream: its decimated phase and the phase's derivatives."""
 
     def __init__(
         self, column: int, tuning: Tuning, centre_hz: float, offset: float, rate_hz: float, bandwidth_hz: float
@@ -202,22 +202,22 @@ class _BeatStream:
         self._offset = offset
         self._group = _GROUP if tuning.phase_rate_hz > _LEAST_GROUPS * _GROUP * rate_hz else 1
         self._factor = max(2, round(tuning.phase_rate_hz / (self._group * rate_hz)))
-        self._step = self._group * self._factor * tuning.decimation  # samples from one point to the next
+        self._step = self._group * self._factor * tuning.decimation  # input samples per output point
         self.rate_hz = tuning.sample_rate_hz / self._step
         self._filters = derivative_filters(self.rate_hz, min(bandwidth_hz, 0.35 * self.rate_hz))
 
     def restart(self, sample: int) -> None:
         self._reader = BeatReader(self._tuning, self._guide, self._column, self._offset, sample)
         self._decimator = PhaseDecimator(self._factor)
-        middle = self._reader.index + 0.5 * (self._group - 1)  # of the first group
+        middle = self._reader.index + 0.5 * (self._group - 1)  # centre of the first group
         self._delay = middle * self._tuning.decimation + self._tuning.delay_samples
-        self._first = 0  # of the oldest phase kept
+        self._first = 0  # index of the oldest phase kept
         self._phase = np.empty(0)
 
     def feed(self, counts: NDArray[np.int16]) -> Floats:
-        """Return time in s, frequency in Hz, its slope in Hz/s as rows, shape (3, k)."""
+        """Return time in s, frequency in Hz and its rate of change in Hz/s as rows, shape (3, k)."""
         _, phase, power = self._reader.feed(counts)
-        if self._group > 1:  # the reader gives whole batches, which are whole groups
+        if self._group > 1:  # the reader returns whole batches, which are whole groups
             phase, power = group_means(phase, power, self._group)
         _, phase, _ = self._decimator.feed(phase, power)
         self._phase = np.concatenate((self._phase, phase))

@@ -11,20 +11,20 @@ from analysis.shot import AnalysisError
 STRETCH_S = 40e-6
 SPACING_S = 1e-3
 _MOST_STRETCHES = 2000
-_SATURATED = 0.9  # of the samples at the rail: a sine cut off at a sixth of its height
-_PINNED = 3.0  # times as many samples at the extremes as within a count of them
-_APART = 5  # bins: beyond it the window's side lobes are below a third of a percent
+_SATURATED = 0.9  # share of the samples at the rail: a sine clipped at a sixth of its height
+_PINNED = 3.0  # clipped: more than this many times as many samples at the extremes as one count inside them
+_APART = 5  # bins, beyond which the window's side lobes are below a third of a percent
 _EDGE = 8
 _FEWEST = 8  # stretches
-_DARK = 0.02  # of the usual height of the peak
-_SEEN = 13.0  # peak over mean noise, as power: one noise bin in 400,000 is as high
+_DARK = 0.02  # of the median peak power, below which a stretch holds no beat
+_SEEN = 13.0  # least ratio of peak power to mean noise power: one noise bin in 400,000 exceeds it
 
 
 @dataclass(frozen=True, slots=True)
 class Survey:
-    """A beat in short stretches; ``frequency_hz`` and ``seen`` have shape (stretches,), at ``sample``.
+    """A beat surveyed in short stretches that begin at ``sample``; arrays of shape (stretches,).
 
-    A stretch without a beat is not ``seen``.
+    ``seen`` is False for a stretch without a beat.
     """
 
     offset_counts: float
@@ -35,7 +35,7 @@ class Survey:
     frequency_hz: NDArray[np.float64]
     seen: NDArray[np.bool_]
     clipped_fraction: float
-    harmonics: float  # amplitude of the strongest of the 2nd and 3rd, relative to the beat
+    harmonics: float  # amplitude of the stronger of the 2nd and 3rd harmonic, relative to the beat
 
     @property
     def low_hz(self) -> float:
@@ -47,9 +47,9 @@ class Survey:
 
 
 def survey(counts: NDArray[np.int16], sample_rate_hz: float, bits: int, what: str) -> Survey:
-    """Look at up to 160 stretches of one column, shape (n,); at most a few percent of the record is read.
+    """Survey the beat of one column, shape (n,), in 40 to 2000 stretches, one per ms: a few percent of a long record.
 
-    Raises AnalysisError, naming ``what``, where the column is flat, saturated or holds no beat.
+    Raises AnalysisError, naming ``what``, if the column is too short, flat, saturated or without a beat.
     """
     length = int(2 ** np.clip(np.round(np.log2(STRETCH_S * sample_rate_hz)), 8, 12))
     if counts.size < length:
@@ -81,7 +81,7 @@ def survey(counts: NDArray[np.int16], sample_rate_hz: float, bits: int, what: st
     height = power[rows, peak]
     seen = height > _SEEN * np.maximum(noise, 1e-12)
     if seen.any():
-        seen &= height > _DARK * np.median(height[seen])  # in the dark, rounding alone has peaks too
+        seen &= height > _DARK * np.median(height[seen])  # without light, rounding alone has peaks too
     if not seen.any() or seen.mean() < 0.2:
         raise AnalysisError(f"{what}: no beat found, only noise ({high - low} counts from peak to peak)")
     frequency = (peak + _peak_offset(power, rows, peak)) * sample_rate_hz / length
@@ -101,19 +101,19 @@ def survey(counts: NDArray[np.int16], sample_rate_hz: float, bits: int, what: st
 def _excess_pinning(raw: NDArray[np.int16], low: int, high: int) -> float:
     """Return the fraction of samples clipped at a level below the digitizer's rail.
 
-    A sine spends little time within a count of its extremes, and at most 2.4 times as much as within the next count:
-    more than that is clipping.
+    A sine spends little time within a count of its extremes, at most 2.4 times as much as within the next count; more
+    time is clipping.
     """
     extreme = float(((raw == high) | (raw == low)).mean())
     next_in = float(((raw == high - 1) | (raw == low + 1)).mean())
-    expected = 4 * np.sqrt(2.0 / max(high - low, 1)) / np.pi  # of a sine within a count of its extremes, twice over
+    expected = 4 * np.sqrt(2.0 / max(high - low, 1)) / np.pi  # twice a sine's share within a count of its extremes
     return extreme if extreme > expected + 0.01 and extreme > _PINNED * next_in else 0.0
 
 
 def _harmonics(power: NDArray[np.float32], peak: NDArray[np.float64], noise: NDArray[np.float64]) -> float:
-    """Return the amplitude of the stronger of the second and third harmonic, folded back, relative to the beat.
+    """Return the amplitude of the stronger of the second and third (folded) harmonic, relative to the beat.
 
-    It is measured where it folds neither onto the beat nor onto the edges of the band.
+    A harmonic is measured only in stretches in which it folds neither onto the beat nor onto the edges of the band.
     """
     size = 2 * (power.shape[1] - 1)
     rows = np.arange(power.shape[0])
@@ -131,7 +131,7 @@ def _harmonics(power: NDArray[np.float32], peak: NDArray[np.float64], noise: NDA
 
 
 def _peak_offset(power: NDArray[np.float32], rows: NDArray[np.int64], peak: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the peak's distance in bins from the highest bin: a parabola through the logarithms of three bins."""
+    """Return the peak's distance in bins from the highest bin, by a parabola through the logarithms of three bins."""
     left, mid, right = (np.log(np.maximum(power[rows, peak + k].astype(np.float64), 1e-30)) for k in (-1, 0, 1))
-    bend = np.minimum(left - 2 * mid + right, -1e-30)  # 0 of three bins that are equal
+    bend = np.minimum(left - 2 * mid + right, -1e-30)  # zero for three equal bins
     return np.asarray(np.clip(0.5 * (left - right) / bend, -0.5, 0.5))

@@ -1,4 +1,4 @@
-"""Read the beats of a recording onto the motion's grid, side by side."""
+"""Read the phases of a recording's beats on the motion's time grid, in parallel."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,10 +15,10 @@ from analysis.signal.noise import local_variance
 from analysis.signal.survey import Survey
 from analysis.signal.tuning import BATCH, PHASE_STEPS, OscillatorSchedule, Tuning
 
-BLOCK_SAMPLES = 1 << 19  # read without the interpreter's lock
+BLOCK_SAMPLES = 1 << 19  # samples read at a time without the interpreter's lock
 MIN_MOTION_SAMPLES = 64
-DARK_SHARE = 0.3  # of the surveyed amplitude: below it the phase is not usable
-_STEADY_VARIANCE = 0.005  # of the power's box means, relative, so that noise alone is never taken for darkness
+DARK_SHARE = 0.3  # of the surveyed amplitude, below which the phase is not usable
+_STEADY_VARIANCE = 0.005  # relative variance of the power's box means: noise alone is not mistaken for darkness
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,17 +35,17 @@ class BeatSpec:
 class Track:
     """One beat on the motion's grid; arrays of shape (n,), NaN where not measured."""
 
-    phase_cycles: Floats  # of the beat minus the oscillator's
+    phase_cycles: Floats  # relative to the oscillator
     std_cycles: Floats
     amplitude_counts: Floats
-    hole: NDArray[np.bool_]  # not measured, bridged where possible
+    hole: NDArray[np.bool_]  # True where not measured; bridged where possible
     breaks: tuple[int, ...]  # first samples after holes that could not be bridged
-    doubtful: int  # bridges that may be a fringe off
+    doubtful: int  # number of bridges that may be wrong by a fringe
     oscillator_hz: float
     spec: BeatSpec
 
     def offset_hz(self, grid: "Grid") -> Floats:
-        """Return the beat's distance from the oscillator it was read with, shape (n - 1,), NaN where not known."""
+        """Return the beat's frequency minus that of the oscillator it was read with, shape (n - 1,); NaN if unknown."""
         tuning, schedule = self.spec.tuning, self.spec.schedule
         factor = grid.step // tuning.decimation
         batch = ((np.arange(self.phase_cycles.size - 1) + 6) * factor + factor // 2) // BATCH
@@ -56,9 +56,9 @@ class Track:
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """The motion's uniform time grid, ``step`` recorded samples apart, lost samples counted.
+    """The motion's uniform time grid, ``step`` recorded samples apart, where lost samples count as well.
 
-    ``pieces`` are (start, stop, true index of start) of the stretches of stored samples without a loss.
+    ``pieces`` are (start, stop, index of start with lost samples counted) of the stretches without a loss.
     """
 
     input_rate_hz: float
@@ -68,9 +68,9 @@ class Grid:
 
     @classmethod
     def of(cls, recording: Recording, step: int) -> "Grid":
-        """Lay the grid over a recording, or over its longest part without a loss of unknown length.
+        """Return the grid of a recording, or of its longest part without a loss of unknown length.
 
-        Raises AnalysisError where that is too short for a motion.
+        Raises AnalysisError if that part is too short for a motion.
         """
         longest: tuple[tuple[int, int, int], ...] = ()
         current: list[tuple[int, int, int]] = []
@@ -98,7 +98,7 @@ class Grid:
         return self.input_rate_hz / self.step
 
     def time_s(self, tuning: Tuning) -> Floats:
-        """Return the times, shape (samples,), on which samples of a beat read with ``tuning`` are centred.
+        """Return the times, shape (samples,), on which motion samples of a beat read with ``tuning`` are centred.
 
         Half the decimator (6 steps) and half the band-pass lie before a sample's centre.
         """
@@ -119,9 +119,9 @@ def read_tracks(
     progress: Progress | None,
     cancelled: Stop | None,
 ) -> list[Track]:
-    """Read every beat over the whole recording, side by side, as the kernels release the interpreter's lock.
+    """Read every beat over the whole recording, in parallel, as the kernels release the interpreter's lock.
 
-    Memory: one block per beat in addition to the motion's own arrays.  Raises Cancelled.
+    Memory: one block per beat in addition to the motion's arrays.  Raises Cancelled.
     """
     done = [0.0] * len(wanted)
 

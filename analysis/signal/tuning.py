@@ -1,4 +1,4 @@
-"""Choose the band-pass that a beat is read through, and the oscillator of every part of the recording."""
+"""Choose a beat's band-pass, and its local oscillator in every part of the recording."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from analysis.shot import AnalysisError
 
 BATCH = 64  # decimated samples read with one oscillator; their input stays in the first cache
-PHASE_STEPS = 65536  # the local oscillator advances by whole 1/65536 cycles a decimated sample: exact in integers
+PHASE_STEPS = 65536  # the oscillator advances by whole 1/65536 cycles per decimated sample: exact in integers
 IMAGE_REJECTION_DB = 90.0
-ALIAS_LIMIT = 0.012  # noise power folded onto the beat by decimation, relative to its own
+ALIAS_LIMIT = 0.012  # largest noise power folded onto the beat by decimation, relative to the noise kept there
 _MAX_TAPS = 4096
 _GRID = 4096
 _SHARES = (4, 8, 12, 16, 24, 32, 48, 64, 96, 128)
@@ -24,12 +24,12 @@ _CUTS = (0.0, 0.5, 0.8, 1.1, 1.5, 2.0)
 class Tuning:
     """A complex band-pass and decimator for one beat, with an oscillator that can be set from batch to batch.
 
-    ``window`` is the real low-pass, shape (length,).  It serves oscillators between ``low_hz`` and ``high_hz`` and
-    beats within ``half_width_hz`` of them.
+    ``window`` is the real low-pass, shape (length,), valid for oscillators between ``low_hz`` and ``high_hz`` and beats
+    within ``half_width_hz`` of the oscillator.
     """
 
     sample_rate_hz: float
-    decimation: int  # samples of the recording per phase
+    decimation: int  # recorded samples per phase
     low_hz: float
     high_hz: float
     half_width_hz: float
@@ -37,7 +37,7 @@ class Tuning:
 
     @property
     def length(self) -> int:
-        """Get the number of samples of the recording that one phase is read from."""
+        """Get the number of recorded samples from which one phase is read."""
         return int(self.window.size)
 
     @property
@@ -46,24 +46,24 @@ class Tuning:
 
     @property
     def delay_samples(self) -> float:
-        """Get the distance from the first sample of a window to its centre."""
+        """Get the distance in samples from the first sample of a window to its centre."""
         return 0.5 * (self.length - 1)
 
     @property
     def effective_samples(self) -> float:
-        """Get the number of samples that one phase averages: its variance is 1 / (SNR effective_samples)."""
+        """Get the number of samples that one phase averages; the phase's variance is 1 / (SNR effective_samples)."""
         window = self.window
         return float(window.sum() ** 2 / np.sum(window**2))
 
     @property
     def spread(self) -> float:
-        """Get the window's second moment about its centre, in decimated samples squared: what it smooths."""
+        """Get the window's second moment about its centre in decimated samples squared, a measure of its smoothing."""
         window = self.window
         position = np.arange(window.size) - self.delay_samples
         return float(np.sum(window * position**2) / window.sum() / self.decimation**2)
 
     def steps(self, frequency_hz: float) -> int:
-        """Return the oscillator nearest to a frequency, in 1 / PHASE_STEPS cycles a decimated sample."""
+        """Return the oscillator nearest to a frequency, in 1 / PHASE_STEPS cycles per decimated sample."""
         return round(frequency_hz * self.decimation * PHASE_STEPS / self.sample_rate_hz)
 
     def oscillator_hz(self, steps: int) -> float:
@@ -79,12 +79,12 @@ def tune(
     min_phase_rate_hz: float,
     divides: int = 0,
 ) -> Tuning:
-    """Return the cheapest band-pass for oscillators from ``low_hz`` to ``high_hz`` and beats ``half_width_hz`` off.
+    """Return the cheapest band-pass for oscillators ``low_hz`` to ``high_hz`` and beats within ``half_width_hz``.
 
-    The image of a real beat at f lies at -f; it and its aliases are kept ``IMAGE_REJECTION_DB`` below the beat, and
-    decimation folds no more than ``ALIAS_LIMIT`` of noise onto it; the decimation divides ``divides`` (0: any does).
-    Raises AnalysisError where no window of up to 4096 taps does, because the beat comes too near zero or the Nyquist
-    frequency.
+    The image of a real beat at f lies at -f; the image and its aliases stay ``IMAGE_REJECTION_DB`` below the beat, and
+    decimation folds at most ``ALIAS_LIMIT`` of noise onto the beat.  The decimation divides ``divides`` (0: no
+    restriction).  Raises AnalysisError if no window of up to 4096 taps meets this, as the beat comes too near zero or
+    the Nyquist frequency.
     """
     lowest, highest = low_hz - half_width_hz, high_hz + half_width_hz
     if not 0 < lowest <= highest < sample_rate_hz / 2:
@@ -100,7 +100,7 @@ def tune(
             continue
         least = 20.0 / decimation + 4.0
         if best is not None and best[0] <= least + _SHARES[0]:
-            break  # no smaller decimation can be cheaper
+            break  # smaller decimations cannot be cheaper
         for share in _SHARES:
             if share * decimation > _MAX_TAPS or (best is not None and least + share >= best[0]):
                 break
@@ -143,7 +143,7 @@ def _window(
                 continue
             beyond = power[frequency >= image_edge_hz]
             if beyond.size and beyond.max() > 10 ** (-IMAGE_REJECTION_DB / 10) * inside.min():
-                break  # a wider cut only comes nearer to the image
+                break  # a wider cut only comes closer to the image
             if _folded(power, frequency, rate_hz, decimation, half_width_hz) <= ALIAS_LIMIT:
                 return taps
     return None
@@ -156,7 +156,7 @@ def _folded(
     decimation: int,
     half_width_hz: float,
 ) -> float:
-    """Return the worst noise power folded onto a beat within +-half_width, relative to the power kept there."""
+    """Return the largest noise power folded onto a beat within +-half_width, relative to the power kept there."""
     at = np.linspace(-half_width_hz, half_width_hz, 17)
     kept = np.interp(np.abs(at), frequency, power)
     fold = np.arange(1, decimation)[:, None] * (rate_hz / decimation)
@@ -169,7 +169,7 @@ def _folded(
 class OscillatorSchedule:
     """The oscillator of every batch, which follows the beat so that a narrow band is enough.
 
-    ``steps`` (g,) are oscillators in PHASE_STEPS, ``batch`` (b,) the index into them for every batch.
+    ``steps`` (g,) are the oscillators in 1 / PHASE_STEPS cycles; ``batch`` (b,) is each batch's index into ``steps``.
     """
 
     steps: NDArray[np.int64]
@@ -177,7 +177,7 @@ class OscillatorSchedule:
 
     @property
     def nominal(self) -> int:
-        """Get the oscillator relative to which phases are given, in steps."""
+        """Get the oscillator to which phases are relative, in steps."""
         return int(self.steps[self.steps.size // 2])
 
 
@@ -188,7 +188,7 @@ def fixed_schedule(tuning: Tuning, frequency_hz: float) -> OscillatorSchedule:
 def following_schedule(
     tuning: Tuning, sample: NDArray[np.int64], frequency_hz: NDArray[np.float64], samples: int, spacing_hz: float
 ) -> OscillatorSchedule:
-    """Return the schedule of a beat of ``frequency_hz`` (n,) at ``sample`` (n,): straight lines between, rounded.
+    """Return the schedule of a beat of ``frequency_hz`` (n,) at ``sample`` (n,), interpolated linearly and rounded.
 
     ``samples`` is the recording's length, ``spacing_hz`` the distance between oscillators.
     """

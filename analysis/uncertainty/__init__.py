@@ -1,4 +1,4 @@
-"""The numbers of a shot and their uncertainties: budget, statistics over a series of shots, the band of the noise."""
+"""The numbers of a shot and their uncertainties: budget, statistics over a series of shots, and noise band."""
 
 import lazy_loader
 

@@ -1,6 +1,6 @@
-"""The sources of uncertainty of a shot as variables, each with its name, type and origin; the instrument's own.
+"""The sources of uncertainty of a shot, as variables with name, type and origin, and the instrument's uncertainties.
 
-Those of the instrument no shot shows: the type B part of the budget, stated by its owner.
+The instrument's uncertainties cannot be seen in a shot; its owner states them, as the type B part of the budget.
 """
 
 import math
@@ -23,22 +23,22 @@ from analysis.shot import (
     wavelength_in_air_m,
 )
 
-_DEFAULT_VACUUM_M = 632.991354e-9  # of the HP 5518A, for the sensitivity to air where no vacuum wavelength is stated
-_RECTANGLE = 1.0 / math.sqrt(3.0)  # standard uncertainty of a limit of which no more is known (GUM 4.3.7)
+_DEFAULT_VACUUM_M = 632.991354e-9  # the HP 5518A's, for the sensitivity to air if no vacuum wavelength is stated
+_RECTANGLE = 1.0 / math.sqrt(3.0)  # standard uncertainty per limit of a rectangular distribution (GUM 4.3.7)
 
 
 @dataclass(frozen=True, slots=True)
 class InstrumentUncertainty:
-    """Standard uncertainties (or, where the name says limit, half-widths of a rectangular distribution).
+    """The instrument's standard uncertainties (for names with "limit": half-widths of a rectangular distribution).
 
-    ``mass_u_kg``: where the recording's setup states none; 17.85 g read to 0.01 g.
-    ``wavelength_vacuum_relative``: a stabilised Zeeman laser without a calibration.
+    ``mass_u_kg``: used if the recording's set-up states none; 17.85 g read to 0.01 g.
+    ``wavelength_vacuum_relative``: a stabilised Zeeman laser without calibration.
     ``air_*``: sensors near the beam; ``room_*``: a laboratory whose air was not measured.
-    ``alignment_limit_rad``: half-angle of the cone in which the beam lies about the motion; with 2 mrad the return beam
+    ``alignment_limit_rad``: half-angle of the cone about the motion in which the beam lies; at 2 mrad the return beam
     moves by 1 mm over 0.5 m of travel.
     ``timebase_limit``: a digitizer's crystal, 25 ppm.
-    ``rest_frequency_u_hz``: where the rest frequency was stated and not recorded.
-    ``instant_limit_s``: the shift of one instant of a bounce against another by the band limit.
+    ``rest_frequency_u_hz``: used if the rest frequency was stated without uncertainty instead of recorded.
+    ``instant_limit_s``: shift of one instant of a bounce relative to another, caused by the band limit.
     """
 
     mass_u_kg: float = 0.005e-3 * _RECTANGLE
@@ -71,8 +71,8 @@ class InstrumentUncertainty:
     def alignment_u(self) -> float:
         """Get the relative uncertainty from a cosine error of unknown size.
 
-        1/cos a - 1 = a^2/2 is uniform from 0 to its limit for a direction uniform in the cone; it is not corrected, so
-        its mean counts as well (GUM F.2.4.5): the root mean square of that distribution.
+        For a direction uniform in the cone, 1/cos a - 1 = a^2/2 is uniform from 0 to its limit.  The error is not
+        corrected, so its mean counts as well (GUM F.2.4.5): the value is that distribution's root mean square.
         """
         return 0.5 * self.alignment_limit_rad**2 * _RECTANGLE
 
@@ -82,7 +82,7 @@ class InstrumentUncertainty:
 
     @property
     def instant_u_s(self) -> float:
-        """Get the standard uncertainty in s of an interval's end by the band limit."""
+        """Get the standard uncertainty in s of an interval due to the band limit."""
         return self.instant_limit_s * _RECTANGLE
 
 
@@ -95,29 +95,29 @@ class UncertaintySource:
 
 
 class ShotSources:
-    """The variables of one shot, each made once, so that results which share one are correlated.
+    """The uncertainty variables of one shot, each made once, so that results sharing a variable are correlated.
 
-    Scales are ratios to the value used in the analysis, 1 with an uncertainty.
+    A scale is the ratio of the true value to the value used in the analysis: 1 with an uncertainty.
     """
 
     def __init__(self, shot: Shot, instrument: InstrumentUncertainty) -> None:
-        self._sources: dict[Any, UncertaintySource] = {}  # by variable
+        self._sources: dict[Any, UncertaintySource] = {}  # variable -> source
         self._shot = shot
         self._instrument = instrument
         self._rate_error = shot.motion.rate_error if shot.motion is not None else 0.0
         self.timebase = self._timebase()
         self.mass_kg, self._mass_value = self._mass()
-        self.length_scale = self._length()  # of displacement; velocity also takes the timebase
+        self.length_scale = self._length()  # of a displacement; a velocity's scale also has the timebase
         self.velocity_scale = self.length_scale / self.timebase
         self.rest_velocity_m_per_s = self._rest()
 
     @property
     def mass_scale(self) -> Number:
-        """Get the block's mass over the value used."""
+        """Get the ratio of the block's mass to the value used."""
         return self.mass_kg / self._mass_value
 
     def number(self, value: float, std: float, name: str, kind: str, unit: str, how: str) -> Number:
-        """Return a new independent variable; a source without uncertainty stays a plain number."""
+        """Return a new independent variable, or the plain value if ``std`` is zero, negative or not finite."""
         if not std > 0.0 or not math.isfinite(std):
             return value
         variable = ufloat(value, std)
@@ -130,10 +130,10 @@ class ShotSources:
     def noisy(
         self, reading: Reading | None, name: str, unit: str, *, without_mass: bool = False, per_time: int = 0
     ) -> Number | None:
-        """Return a reading with its own type A uncertainty, or None where it was not seen.
+        """Return a reading with its own type A uncertainty, or None if it was not read.
 
-        ``without_mass`` removes the mass's part from a reading whose uncertainty includes it; ``per_time``, the power
-        of the sample rate with which the reading scales, removes that of a contradicted rate.
+        ``without_mass`` removes the mass's part from the reading's uncertainty.  ``per_time``, the power of the sample
+        rate with which the reading scales, removes the part of a contradicted rate.
         """
         if not isinstance(reading, Quantity) or not (math.isfinite(reading.value) and math.isfinite(reading.std)):
             return None
@@ -148,7 +148,7 @@ class ShotSources:
         return self.number(reading.value, std, name, "A", unit, reading.how)
 
     def interval(self, value_s: float, std_s: float, name: str, how: str) -> Number:
-        """Return an interval between two read instants: its noise (type A) and the band limit's shift (type B)."""
+        """Return an interval between two instants, with its noise (type A) and the band limit's shift (type B)."""
         noise = self.number(value_s, std_s, f"beat noise, {name}", "A", "s", how)
         shift = self.number(
             0.0, self._instrument.instant_u_s, f"bandwidth, {name}", "B", "s", "instants shifted alike but for this"
@@ -156,7 +156,7 @@ class ShotSources:
         return (noise + shift) * self.timebase
 
     def band_scale(self, contact_time: Reading) -> Number:
-        """Return the scale of the pulse's height, uncertain by what the band limit may remove: (1 / (2 T B))^2."""
+        """Return the scale of the pulse's height, uncertain by the band limit's largest loss, (1 / (2 T B))^2."""
         motion = self._shot.motion
         if motion is None or not isinstance(contact_time, Quantity) or not contact_time.value > 0.0:
             return 1.0
@@ -197,7 +197,7 @@ class ShotSources:
     def _length(self) -> Number:
         setup, motion = self._shot.setup, self._shot.motion
         if setup is None or (motion is not None and motion.wavelength_m is None):
-            return 1.0  # a motion record: its length scale is its maker's
+            return 1.0  # a motion record, whose length scale is the other instrument's
         alignment = self.number(
             1.0,
             self._instrument.alignment_u,
@@ -221,7 +221,7 @@ class ShotSources:
         return wavelength / used * self._air(setup)
 
     def _air(self, setup: Setup) -> Number:
-        """Return n of the assumed air over n of the actual air, linear in temperature, pressure and humidity."""
+        """Return n(assumed air) / n(actual air), linear in temperature, pressure and humidity."""
         known, air = self._instrument, setup.air
         if air is not None:
             stds = (known.air_temperature_u_k, known.air_pressure_u_pa, known.air_humidity_u_percent)
@@ -243,7 +243,7 @@ class ShotSources:
         return scale
 
     def _rest(self) -> Number:
-        """Return the velocity in m/s that an error of the rest frequency adds to every velocity."""
+        """Return the error in m/s of every velocity from an error of the rest frequency, as a variable around 0."""
         motion = self._shot.motion
         if motion is None or motion.wavelength_m is None:
             return 0.0
@@ -261,7 +261,7 @@ class ShotSources:
 
 
 def _last_digit(wavelength_m: float) -> float:
-    """Return half a unit of the last digit of a stated wavelength, at least that of 0.1 pm."""
+    """Return half a unit of the last digit of a stated wavelength, at least 0.05 pm."""
     digits = f"{wavelength_m * 1e9:.6f}".rstrip("0")
     decimals = min(4, max(1, len(digits.split(".")[1])))
     return 0.5e-9 * 10.0**-decimals

@@ -1,4 +1,4 @@
-"""The uncertainty budget of a shot after the GUM (JCGM 100:2008): source by source, type A and B separate."""
+"""The uncertainty budget of a shot by the GUM (JCGM 100:2008), with every source listed and types A and B separate."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from analysis.uncertainty.numbers import ResultNumber, with_equation
 from analysis.uncertainty.series_statistics import ONE_SPEED, excess_spread, speed
 
 COVERAGE_FACTOR = 2.0
-ALIKE = 0.1  # relative difference of impact speed up to which shots are compared for repeatability
+ALIKE = 0.1  # largest relative difference of impact speed of shots compared for repeatability
 ENOUGH_FOR_A_LINE = 4
 COLUMNS = (
     "shot",
@@ -34,13 +34,13 @@ COLUMNS = (
 
 @dataclass(frozen=True, slots=True)
 class BudgetRow:
-    """One source: its standard uncertainty u(x), the sensitivity dy/dx, and their product in the result's unit.
+    """One source of a result's uncertainty: standard uncertainty u(x), sensitivity dy/dx, and their product.
 
-    ``std`` None: the size of the source is not known from these data; it counts as 0 and is listed.
+    ``std`` None: these data do not show the size of the source; it is listed but counts as 0.
     """
 
     source: str
-    kind: str  # "A": from repeated values of this very measurement; "B": from elsewhere
+    kind: str  # "A": evaluated from this measurement's own repeated values; "B": from other information
     std: float | None
     unit: str
     sensitivity: float
@@ -94,11 +94,11 @@ class Budget:
 
 
 def budget(shot: Shot, instrument: InstrumentUncertainty | None = None, others: Sequence[Shot] = ()) -> Budget:
-    """Return the budget of a shot's velocities, force, stiffness and restitution.
+    """Return the uncertainty budget of a shot's velocities, force, stiffness and restitution.
 
-    ``others`` are shots of the same rig: those of similar speed give the repeatability beyond the noise.  Sensitivities
-    are derivatives of the measurement equations by the ``uncertainties`` package, so a source common to two readings
-    (wavelength, timebase, mass) cancels from their ratio.
+    ``others`` are shots of the same rig; those of similar speed determine the repeatability beyond the noise.
+    Sensitivities are derivatives of the measurement equations by the ``uncertainties`` package, so a source common to
+    two readings (wavelength, timebase, mass) cancels from their ratio.
     """
     sources = ShotSources(shot, instrument or InstrumentUncertainty())
     inputs, tables = EquationInputs(shot, sources), []
@@ -149,7 +149,7 @@ def budget_result(result: Budget) -> dict[str, Any]:
 
 
 def budget_rows(result: Budget) -> list[list[str]]:
-    """Return the budget as rows of CSV in the order of ``COLUMNS``; each result closes with its combined lines."""
+    """Return the budget as CSV rows in the order of ``COLUMNS``; each result ends with its combined uncertainties."""
     rows: list[list[str]] = []
     for q in result.quantities:
         head = [result.shot, q.key, q.unit, repr(q.value)]
@@ -170,13 +170,13 @@ def budget_rows(result: Budget) -> list[list[str]]:
 
 def _row(sources: ShotSources, variable: Any, slope: float, size: float) -> BudgetRow:
     source, std = sources.source(variable), float(variable.std_dev)
-    if abs(slope) * std < 1e-15 * size:  # rounding of what cancels
+    if abs(slope) * std < 1e-15 * size:  # rounding left by a source that cancels
         slope = 0.0
     return BudgetRow(source.name, source.kind, std, source.unit, float(slope), source.how)
 
 
 def _repeatability(of: ResultNumber, shot: Shot, others: Sequence[Shot]) -> BudgetRow:
-    """Return the scatter of similar shots beyond their own type A uncertainties."""
+    """Return the repeatability: the scatter of shots at similar speed beyond their own type A uncertainties."""
     unit, own = of.unit, speed(shot)
     readings = []
     if isinstance(own, Quantity):
@@ -193,7 +193,7 @@ def _repeatability(of: ResultNumber, shot: Shot, others: Sequence[Shot]) -> Budg
     if len(readings) < 2:
         return BudgetRow("repeatability", "A", None, unit, 1.0, "not seen: no other shot at a like speed")
     speeds, values, stds = (np.array(column) for column in zip(*readings, strict=True))
-    # a change with speed is not scatter: a line is subtracted where there are enough shots
+    # a trend with speed is not scatter: with enough shots a line is subtracted
     sloped = len(readings) >= ENOUGH_FOR_A_LINE and np.ptp(speeds) > ONE_SPEED * speeds.mean()
     spread = excess_spread(values, stds, 1 if sloped else 0, speeds - speeds.mean())
     about = " about their line over speed" if sloped else ""
@@ -202,11 +202,11 @@ def _repeatability(of: ResultNumber, shot: Shot, others: Sequence[Shot]) -> Budg
 
 
 def combined_of(shot: Shot) -> dict[str, float]:
-    """Return the combined standard uncertainty of each number that has a budget, by its key.  Cost: some ms."""
+    """Return the combined standard uncertainty of each number that has a budget, by key.  Cost: some ms."""
     return {q.key: q.std for q in budget(shot).quantities} if shot.impact is not None else {}
 
 
 def stated(reading: Reading, key: str, combined: Mapping[str, float]) -> Reading:
-    """Return a reading with the combined uncertainty of its key, or unchanged where there is none."""
+    """Return a reading with the combined uncertainty of its key, or unchanged if the key has none."""
     std = combined.get(key)
     return replace(reading, std=std) if isinstance(reading, Quantity) and std is not None else reading

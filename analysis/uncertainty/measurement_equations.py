@@ -1,4 +1,4 @@
-"""The measurement equations of a shot's numbers, in the budget's variables."""
+"""The measurement equations of a shot's numbers, as functions of the budget's variables."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -16,14 +16,14 @@ Instants = tuple[float, ...]
 
 @dataclass(frozen=True, slots=True)
 class EquationInputs:
-    """A shot, its sources, and its numbers ``made`` so far by key: numbers made of one another stay correlated."""
+    """A shot, its sources, and the numbers ``made`` so far by key; numbers derived from these stay correlated."""
 
     shot: Shot
     sources: ShotSources
     made: dict[str, Number] = field(default_factory=dict)
 
 
-Equation = Callable[[EquationInputs, Reading, str], Number | None]  # the number's own reading and unit; None: not seen
+Equation = Callable[[EquationInputs, Reading, str], Number | None]  # (inputs, own reading, unit); None: not read
 Scale = Callable[[ShotSources], Number]
 
 
@@ -33,12 +33,12 @@ mass: Scale = attrgetter("mass_scale")
 
 
 def damping(sources: ShotSources) -> Number:
-    """Return the scale of a force over a velocity; the length cancels."""
+    """Return the scale of a damping coefficient, force / velocity, from which the length cancels."""
     return sources.mass_scale / sources.timebase
 
 
 def stiffness(sources: ShotSources) -> Number:
-    """Return the scale of a stiffness, a mass over a time squared; the length cancels, as the model is linear."""
+    """Return the scale of a stiffness, mass / time^2; the length cancels, as the model is linear."""
     return sources.mass_scale / sources.timebase**2
 
 
@@ -51,8 +51,8 @@ def scaled(
 ) -> Equation:
     """Return the equation of a reading times one scale.
 
-    ``per_time`` is that of ``ShotSources.noisy``; ``length_cancels`` lists the sources of the length with a sensitivity
-    of zero.
+    ``per_time`` is passed to ``ShotSources.noisy``.  ``length_cancels`` lists the sources of length in the budget with
+    zero sensitivity.
     """
 
     def equation(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
@@ -66,7 +66,7 @@ def scaled(
 
 
 def velocity(noise: str) -> Equation:
-    """Return v = lambda_air f_D / 2 / cos a (Eq. 1); the rest frequency's error adds the same to both flights."""
+    """Return v = lambda_air f_D / 2 / cos a (Eq. 1); an error of the rest frequency shifts both flights equally."""
 
     def equation(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
         sources = inputs.sources
@@ -77,7 +77,7 @@ def velocity(noise: str) -> Equation:
 
 
 def deflection(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
-    """Return the way from touch to turn: an error of the rest frequency adds its velocity for as long as that takes."""
+    """Return the distance from touch to turnaround; an error of the rest frequency adds a velocity for that time."""
     impact, sources = inputs.shot.impact, inputs.sources
     seen = sources.noisy(reading, "beat noise, deflection", unit)
     if seen is None or impact is None:
@@ -88,7 +88,7 @@ def deflection(inputs: EquationInputs, reading: Reading, unit: str) -> Number | 
 
 
 def slope_of_force(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
-    """Return dF/dy: a stiffness, and an error of the rest frequency shears the deflection that it is fitted over."""
+    """Return the slope dF/dy, a stiffness; an error of the rest frequency shears the deflection of its line fit."""
     impact, sources = inputs.shot.impact, inputs.sources
     seen = sources.noisy(reading, "beat noise, slope", unit, without_mass=True, per_time=2)
     if seen is None or impact is None:
@@ -98,9 +98,9 @@ def slope_of_force(inputs: EquationInputs, reading: Reading, unit: str) -> Numbe
 
 
 def _shear(impact: Impact) -> float:
-    """Return by which share of itself a slope grows where the deflection shrinks by 1 m/s times the time, in s/m.
+    """Return the relative increase of dF/dy, in s/m, per velocity error (m/s) that reduces the deflection over time.
 
-    To first order (c t) / (c c) of a least-squares line over the samples' centred deflections c, here of half a sine.
+    To first order it is (c t) / (c c) of a least-squares line over centred deflections c, here of half a sine.
     """
     lasts, deepest = impact.contact_time_s, impact.deflection_max_m
     if not isinstance(lasts, Quantity) or not isinstance(deepest, Quantity):
@@ -112,13 +112,13 @@ def _shear(impact: Impact) -> float:
 
 
 def ratio_of_velocities(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
-    """Return -v_out / v_in; common sources cancel."""
+    """Return the quasi-static COR -v_out / v_in; common sources cancel."""
     into, out = (inputs.made.get(f"velocity_{which}_m_per_s") for which in ("in", "out"))
     return None if into is None or out is None else -out / into
 
 
 def ratio_of_impulses(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
-    """Return the ratio of two impulses, each m_b times a difference of velocities, so that their scales cancel."""
+    """Return the ratio of two impulses, each m_b times a difference of velocities; their scales cancel."""
     sources = inputs.sources
     impulse, one = sources.noisy(reading, "beat noise, impulses", unit), sources.mass_scale * sources.velocity_scale
     return None if impulse is None else impulse * one / one
@@ -133,13 +133,13 @@ def between_onsets(impact: Impact) -> tuple[Instants, Instants]:
 
 
 def first_flights(impact: Impact) -> tuple[Instants, Instants]:
-    """Return release and touch of the first and of the second flight."""
+    """Return (release, touch) of the first and of the second flight between bounces."""
     on, off = impact.bounce_onsets_s, impact.bounce_releases_s
     return (*off[:1], *on[1:2]), (*off[1:2], *on[2:3])
 
 
 def ratio_of_times(instants: Callable[[Impact], tuple[Instants, Instants]]) -> Equation:
-    """Return T2 / T1, ``instants`` giving both ends of each; the reading's noise is shared equally between the two."""
+    """Return T2 / T1, with both ends of each from ``instants``; the reading's noise is shared equally by the two."""
 
     def equation(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
         impact, sources = inputs.shot.impact, inputs.sources
@@ -154,7 +154,7 @@ def ratio_of_times(instants: Callable[[Impact], tuple[Instants, Instants]]) -> E
 
 
 def peak_force(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
-    """F = m_b a: the acceleration scales with the length and the inverse square of time."""
+    """Return the peak force m_b a; the acceleration scales with length / time^2."""
     impact, sources = inputs.shot.impact, inputs.sources
     peak = sources.noisy(reading, "beat noise, force", unit, without_mass=True, per_time=2)
     if peak is None or impact is None:
@@ -164,9 +164,9 @@ def peak_force(inputs: EquationInputs, reading: Reading, unit: str) -> Number | 
 
 
 def stiffness_from_slope(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
-    """Return k_p from the slope of force against deflection, corrected for the plate's and the contact's parts.
+    """Return k_p from the slope of force against deflection, corrected for the plate's mass and the contact.
 
-    The fit's m_p* and k_N scale with the mass as well, so their ratios to it are independent of the mass.
+    The fit's m_p* and k_N also scale with the block's mass, so their ratios to it are independent of the mass.
     """
     slope, fit, sources = inputs.made.get("stiffness_slope_n_per_m"), inputs.shot.fit, inputs.sources
     if slope is None or fit is None or not fit.converged:
@@ -179,7 +179,7 @@ def stiffness_from_slope(inputs: EquationInputs, reading: Reading, unit: str) ->
 
 
 def youngs_modulus(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
-    """Return E of a plate whose geometry is stated, from the fitted k_p."""
+    """Return Young's modulus of a plate with stated geometry, from the fitted k_p."""
     fitted, setup = inputs.made.get("plate_stiffness_n_per_m"), inputs.shot.setup
     if fitted is None or setup is None or setup.plate is None:
         return None

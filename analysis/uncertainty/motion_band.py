@@ -1,4 +1,4 @@
-"""The band in which a motion lies about its true model, by noise and vibration, sample by sample."""
+"""Standard deviations of a motion about its true model, per sample: white noise, slow noise and frame vibration."""
 
 from dataclasses import dataclass, replace
 
@@ -10,13 +10,13 @@ from analysis.fitted import shaking_of
 from analysis.shot import Fit, Floats, Motion, Shaking, Shot, Wander
 from analysis.signal import derivative_filters, derivative_gains
 
-WANDERS = 1.1  # times the white noise, beyond which a fit's noise includes slow noise that it estimated
-_POINTS = 256  # over a record, for the effect of a polynomial on slow sines; fast ones are not affected
+WANDERS = 1.1  # times the white noise, above which a fit's noise includes slow noise that it estimated
+_POINTS = 256  # points over a record at which a polynomial is fitted to slow sines; fast sines are not affected
 
 
 @dataclass(frozen=True, slots=True)
 class NoiseBand:
-    """Standard deviations of a motion about its true model; arrays of shape (n,)."""
+    """Standard deviations of a motion about its true model; arrays have shape (n,)."""
 
     displacement_m: Floats
     velocity_m_per_s: Floats
@@ -24,9 +24,9 @@ class NoiseBand:
 
 
 def band_of(shot: Shot) -> NoiseBand:
-    """Return the band of a shot's motion about a complete model; the shot must have a motion.
+    """Return the noise band of a shot's motion about a complete model; the shot must have a motion.
 
-    Where the path wanders without vibration (air, laser) the displacement's band is the noise that the fit estimated.
+    If the path has slow noise other than vibration (air, laser), the displacement's band is the noise of the fit.
     """
     motion, fit = shot.motion, shot.fit
     assert motion is not None
@@ -39,12 +39,12 @@ def band_of(shot: Shot) -> NoiseBand:
 
 
 def wander_of(shot: Shot) -> Wander:
-    """Return what wanders in a shot's path besides vibration, nothing where no fit has told."""
+    """Return the slow noise in a shot's path other than vibration; () without a converged fit."""
     return shot.fit.wander if shot.fit is not None and shot.fit.converged else ()
 
 
 def judged_band(shot: Shot, diagnosis: Diagnosis | None) -> tuple[NoiseBand, str]:
-    """Return the band by which the verdict on a shot was judged, and its name; without a diagnosis the shot's own."""
+    """Return the band that decided a shot's verdict, and its name; without a diagnosis the shot's own band."""
     band = band_of(shot)
     if diagnosis is None:
         return band, "noise, wander and building"
@@ -53,16 +53,16 @@ def judged_band(shot: Shot, diagnosis: Diagnosis | None) -> tuple[NoiseBand, str
 
 
 def noise_band(motion: Motion, shaking: Shaking | None, left_m: Floats | None = None, wander: Wander = ()) -> NoiseBand:
-    """Return the noise of the samples and of the path's vibration, each through the motion's own filters.
+    """Return the noise band from sample noise, vibration and slow noise, each through the motion's filters.
 
-    ``left_m``, shape (n,), is the std of the vibration in the residual of a fit that includes it; without, the fit is
-    taken to absorb only a constant and a slope.  ``wander`` is what wanders besides (air, laser), as the fit found it:
-    (rms in m, memory in s) of each part.
+    ``left_m``, shape (n,), is the std of the vibration in the residual of a fit that includes vibration; without it the
+    fit is assumed to absorb only a constant and a slope.  ``wander`` is other slow noise (air, laser), as the fit
+    estimated it: (rms in m, correlation time in s) of each term.
 
-    A Motion's stated uncertainties treat the path as a random walk, as its spectrum is not known when it is made.  A
-    building's spectrum falls from octave to octave: with the spectrum from the flights (``shaking``) the force's band
-    is a sixth as wide on a floor of VC-D, and the displacement has one at all.  Without it the motion's own stds are
-    used.
+    A Motion's stated uncertainties treat the path as a random walk, as its spectrum is unknown when the Motion is made.
+    A building's spectrum falls with frequency.  With the spectrum from the flights (``shaking``) the force's band is a
+    sixth as wide on a VC-D floor, and the displacement's band includes vibration.  Without it the motion's own stds are
+    returned.
     """
     if shaking is None:
         return NoiseBand(motion.displacement_std_m, motion.velocity_std_m_per_s, motion.force_std_n)
@@ -87,11 +87,10 @@ def noise_band(motion: Motion, shaking: Shaking | None, left_m: Floats | None = 
 
 
 def diagnosed_band(diagnosis: Diagnosis, shot: Shot) -> tuple[Floats, str]:
-    """Return the band of a diagnosed shot's displacement in m, and its name in words.
+    """Return the noise band of a diagnosed shot's displacement in m, and its name in words.
 
-    A diagnosis that explains its shots estimates the path's wander and the frame's motion from all samples of all
-    shots, better than some milliseconds of flight do.  Where its residual is not explained, the band is that of a
-    single shot.
+    A diagnosis that explains its shots estimates slow noise and frame motion from all samples of all shots, better
+    than a few milliseconds of flight can.  If it does not explain its residual, the band of the single shot is used.
     """
     motion = shot.motion
     assert motion is not None
@@ -106,10 +105,10 @@ def diagnosed_band(diagnosis: Diagnosis, shot: Shot) -> tuple[Floats, str]:
 
 
 def _frame_in(fit: Fit, shot: Shot) -> Floats | None:
-    """Return the std of the frame's motion in a shot's residual of a joint fit, shape (n,); None where there is none.
+    """Return the std of the frame motion in a shot's residual of a joint fit, shape (n,); None if there is none.
 
-    The shot's part is that with its speed: the hand never gives the same twice, to the micrometre per second it is
-    known to.
+    The shot's part is found by its impact speed, which is known to micrometres per second and never repeats exactly
+    in shots pushed by hand.
     """
     if shot.motion is None or shot.fit is None or not shot.fit.shots:
         return None
@@ -119,7 +118,7 @@ def _frame_in(fit: Fit, shot: Shot) -> Floats | None:
 
 
 def _wandering(wander: Wander, taps: Floats, rate_hz: float) -> float:
-    """Return the std of what wanders behind a filter; its parts forget exponentially (Floor)."""
+    """Return the std of slow noise after a filter; its terms are Ornstein-Uhlenbeck processes (``Floor``)."""
     apart_s = np.arange(taps.size) / rate_hz
     power = sum(rms_m**2 * float(taps @ toeplitz(np.exp(-apart_s / memory_s)) @ taps) for rms_m, memory_s in wander)
     return float(np.sqrt(power))
@@ -130,9 +129,9 @@ def _rms(shaking: Shaking, gain: Floats) -> float:
 
 
 def _left(shaking: Shaking, span_s: float, terms: int) -> Floats:
-    """Return the share of each sine's power that is left by a polynomial of ``terms`` terms, shape (f,).
+    """Return the share of each sine's power that remains after a polynomial fit with ``terms`` terms, shape (f,).
 
-    The fit adjusts every shot's own offset and speed, and so absorbs the slowest part of the vibration.
+    The fit adjusts the offset and speed of every shot, and so absorbs the slowest part of the vibration.
     """
     at = np.linspace(-1.0, 1.0, _POINTS)
     basis = np.linalg.qr(np.vander(at, terms))[0]

@@ -1,4 +1,4 @@
-"""Declare the numbers of a shot: files, tables, report, window and trends are made from ``NUMBERS``.
+"""Declare the numbers of a shot; files, tables, report, window and trends are generated from ``NUMBERS``.
 
 How to add one: docs/add-a-number.md.
 """
@@ -19,26 +19,26 @@ class Group(Enum):
     RESTITUTION = "RESTITUTION"
     MOTION = "MOTION"
     PLATE = "PLATE AND CONTACT"
-    DRIVE = "DRIVE"  # of a driven slider, which strikes nothing; the others are a collision's
+    DRIVE = "DRIVE"  # for a driven slider without collisions; the other groups are for collisions
     ANALYSIS = "ANALYSIS"
 
 
 class Origin(Enum):
-    """The origin of a number, which decides in which files it has an entry."""
+    """The origin of a number, which determines the files that list it."""
 
     READ = "read from the motion"  # result file, shots.csv, series
-    FITTED = "a parameter of the fitted model"  # shots.csv, series; the result file has it among the fit's parameters
+    FITTED = "a parameter of the fitted model"  # shots.csv, series; in the result file a parameter of the fit
     DERIVED = "computed by its measurement equation alone"  # budget
     STATED = "information about the shot"  # screen only
 
 
 @dataclass(frozen=True, slots=True)
 class ResultNumber:
-    """One result: its key in files ("group.name" is nested), name below its group's heading, words in full, SI unit.
+    """One result: key in files ("group.name" is nested), name under its group's heading, full words, and SI unit.
 
-    ``computed`` returns it from a shot where it is neither an attribute of the impact nor a parameter of the fit.
-    ``equation`` is its measurement equation; without one it has no budget.  ``repeats``: it should be the same in other
-    shots of the rig.
+    ``computed`` returns the reading from a shot, if it is neither an attribute of the impact nor a fit parameter.
+    ``equation`` is the measurement equation; a result without one has no budget.  ``repeats`` is True if the result
+    should be the same in other shots of the rig.
     """
 
     key: str
@@ -52,37 +52,37 @@ class ResultNumber:
     computed: Callable[[Shot], Reading] | None = None
     equation: Equation | None = None
     repeats: bool = False
-    in_series: bool = True  # mean, scatter and trend over impact speed, where several shots show it
+    in_series: bool = True  # has mean, scatter and trend over impact speed in a series of shots
     symbol: str = ""  # shortest name
-    listed: bool = False  # a column of the list of shots unless hidden; the others are hidden unless chosen
+    listed: bool = False  # a default column of the list of shots; other numbers are shown only if chosen
     large: bool = False  # shown in LARGE
     headline: bool = False
-    folded: str = ""  # a sentence that says what it is, of a number that the window shows on request
+    folded: str = ""  # explanation, in one sentence, of a number that the window shows only on request
 
     def find(self, shot: Shot) -> Reading:
-        """Return its value in SI units with the uncertainty from noise, or why the shot does not show it."""
+        """Return a shot's value in SI units with the uncertainty from noise, or the reason why it has none."""
         if self.computed is not None:
             return self.computed(shot)
         return _of_impact(shot, self.key) if self.origin is Origin.READ else _of_fit(shot, self.key)
 
     @property
     def scale(self) -> float:
-        """Get the factor from SI to the unit in which it is shown."""
+        """Get the factor from the SI unit to the unit shown."""
         return shown_in(self.unit)[0]
 
     @property
     def shown_unit(self) -> str:
-        """Get the unit in which it is shown, "" for a ratio."""
+        """Get the unit shown, "" for a ratio."""
         return shown_in(self.unit)[1]
 
     @property
     def title(self) -> str:
-        """Get the name without its group's heading: "COR quasi-static"."""
+        """Get the name for use without its group's heading: "COR quasi-static"."""
         return f"COR {self.name}" if self.group is Group.RESTITUTION else self.name
 
     @property
     def head(self) -> str:
-        """Get the heading of its column in the list of shots, with the unit."""
+        """Get the heading of the column in the list of shots, with the unit."""
         short = self.symbol if self.listed and self.group is not Group.RESTITUTION else ""
         return with_unit(short or self.title, self.shown_unit)
 
@@ -223,17 +223,17 @@ NUMBERS = (
 
 
 def with_unit(words: str, unit: str) -> str:
-    """Return "deflection (mm)"; the words alone where there is no unit."""
+    """Return words with their unit, "deflection (mm)"; the words alone if there is no unit."""
     return f"{words} ({unit})" if unit else words
 
 
 def of_collision(*origins: Origin) -> list[ResultNumber]:
-    """Return the numbers of these kinds that a collision has, in the order of the result file."""
+    """Return the numbers of a collision that have these origins, in the order of the result file."""
     return [number for number in NUMBERS if number.origin in origins and number.group is not Group.DRIVE]
 
 
 def with_equation() -> list[tuple[ResultNumber, Equation]]:
-    """Return the numbers that have a budget, each with its measurement equation."""
+    """Return the numbers with an uncertainty budget, each with its measurement equation."""
     return [(number, number.equation) for number in NUMBERS if number.equation is not None]
 
 
@@ -246,7 +246,7 @@ def shown_numbers(group: Group) -> list[ResultNumber]:
 
 
 def number_of(key: str) -> ResultNumber:
-    """Return a number by its key; KeyError where there is none."""
+    """Return the number with this key; raises KeyError for an unknown key."""
     for number in NUMBERS:
         if number.key == key:
             return number
@@ -254,5 +254,5 @@ def number_of(key: str) -> ResultNumber:
 
 
 def read(shot: Shot, key: str) -> Reading:
-    """Return a shot's number by its key, in SI units, with the uncertainty from noise; KeyError for another key."""
+    """Return a shot's number by key, in SI units with the uncertainty from noise; KeyError for an unknown key."""
     return number_of(key).find(shot)

@@ -10,7 +10,7 @@ import numpy as np
 from analysis.shot import Floats, NotSeen, Quantity, Reading, Shot, to_json
 from analysis.uncertainty.numbers import ResultNumber, of_series
 
-ONE_SPEED = 0.02  # speeds that differ by less than this share of their mean show no trend
+ONE_SPEED = 0.02  # least range of speeds, relative to their mean, that can show a trend
 COLUMNS = (
     "quantity",
     "unit",
@@ -30,16 +30,16 @@ COLUMNS = (
 
 @dataclass(frozen=True, slots=True)
 class Trend:
-    """A straight line over impact speed, its uncertainties with the scatter about it."""
+    """A straight line over impact speed; its uncertainties include the scatter about it."""
 
     slope: Quantity  # unit of the number per m/s
     at_mean_speed: Quantity
     mean_speed_m_per_s: float
-    repeatability: float  # scatter of the shots about the line beyond their own uncertainties
+    repeatability: float  # scatter of the shots about the line, beyond their own uncertainties
 
     @property
     def significance(self) -> float:
-        """Get the slope over its standard uncertainty."""
+        """Get the ratio of the slope's magnitude to its standard uncertainty."""
         return abs(self.slope.value) / self.slope.std if self.slope.std > 0.0 else math.inf
 
     def at(self, speed_m_per_s: float) -> float:
@@ -48,10 +48,10 @@ class Trend:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """One number over a series of shots; arrays of shape (n,), without the shots in which it was not seen.
+    """One number over a series of shots; arrays have shape (n,), without shots from which the number was not read.
 
-    ``scatter`` is the standard deviation between the shots, ``repeatability`` the part of it beyond the shots' own
-    uncertainties; NaN with a single shot.
+    ``scatter`` is the standard deviation between the shots, ``repeatability`` the part beyond the shots' own
+    uncertainties; both are NaN for a single shot.
     """
 
     key: str
@@ -87,7 +87,7 @@ def speed(shot: Shot) -> Reading:
 
 
 def series(shots: Sequence[Shot]) -> Series:
-    """Return the series of the shots that have an impact."""
+    """Return the statistics over the shots that have an impact speed, in order of speed."""
     numbers = of_series()
     seen = [(shot, v) for shot in shots if isinstance(v := speed(shot), Quantity)]
     seen.sort(key=lambda pair: pair[1].value)
@@ -101,9 +101,9 @@ def series(shots: Sequence[Shot]) -> Series:
 def excess_spread(values: Floats, stds: Floats, degree: int = 0, at: Floats | None = None) -> float:
     """Return the standard deviation between shots beyond their own uncertainties (R. C. Paule and J. Mandel, 1982).
 
-    ``values`` and ``stds`` have shape (n,).  It is the s with which the weighted squares about the mean (or about a
-    polynomial of ``degree`` over ``at``) sum to their degrees of freedom; 0 where the uncertainties explain the
-    scatter.
+    ``values`` and ``stds`` have shape (n,).  The result is the s that, added to ``stds`` in quadrature, makes the sum
+    of weighted squares about the mean (or about a polynomial of ``degree`` over ``at``) equal its degrees of freedom;
+    0 if the uncertainties explain the scatter.
     """
     freedom = values.size - degree - 1
     if freedom < 1:
@@ -125,7 +125,7 @@ def excess_spread(values: Floats, stds: Floats, degree: int = 0, at: Floats | No
 
 
 def series_rows(result: Series) -> list[list[str]]:
-    """Return the summaries as rows of CSV, ``COLUMNS`` first; what is not known is an empty field."""
+    """Return the summaries as CSV rows, ``COLUMNS`` first; unknown values are empty fields."""
     rows = [list(COLUMNS)]
     for s in result.summaries:
         cells: list[float | None] = [s.mean.value, s.mean.std] if isinstance(s.mean, Quantity) else [None, None]
@@ -141,7 +141,7 @@ def series_rows(result: Series) -> list[list[str]]:
 
 
 def series_result(result: Series) -> dict[str, Any]:
-    """Return the summaries for a result file; NaN and what was not seen become null."""
+    """Return the summaries for a result file; NaN and missing values become null."""
     return {
         "shots": list(result.shots),
         "speed_m_per_s": [to_json(v) for v in result.speeds],

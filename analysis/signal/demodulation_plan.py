@@ -116,7 +116,7 @@ def _tune(
 def _divided(
     rate_hz: float, low_hz: float, high_hz: float, half_width_hz: float, phase_rate_hz: float, whole: int
 ) -> Tuning:
-    """Return a tuning whose decimation divides ``whole`` (exact motion rate) unless that is under a third of the best."""
+    """Return a tuning whose decimation divides ``whole`` (exact motion rate), unless that costs over three times."""
     free = tune(rate_hz, low_hz, high_hz, half_width_hz, phase_rate_hz)
     if whole % free.decimation == 0 or whole < 2:
         return free

@@ -1,7 +1,7 @@
 """The simulated rig: block, plate, optics, photodiodes, light switch and digitizer.
 
-It shares no code with the analysis, but uses other coordinates, another integrator and its own list of effects, so that
-the analysis of its recordings is an independent test.
+Its physics shares no code with the analysis: it has other coordinates, another integrator and its own list of effects.
+Analysing its recordings is therefore an independent test.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""The kernel that turns a path into the int16 counts of the photodiodes, fast enough for real time.
+"""Compute the photodiodes' int16 counts from a path, fast enough for real time.
 
 Noise is a function of seed and sample index, so a stream does not depend on the lengths of its blocks.
 """
@@ -48,11 +48,11 @@ def _gauss_table() -> NDArray[np.float32]:
 GAUSS = _gauss_table()  # the sum of two independent draws has variance one
 
 
-# sin(2 pi s) for s in turns, -1/4 to 1/4, in odd powers: least squares at Chebyshev's points, error below 4e-9
+# sin(2 pi s), s in turns, -1/4 to 1/4, in odd powers: least squares at the Chebyshev nodes, error below 4e-9
 _S1, _S3, _S5, _S7, _S9 = np.array([6.28318516, -41.34165493, 81.60099819, -76.54965682, 39.53581371], np.float32)
 _QUARTER, _HALF, _PER_TURN, _TURN = np.float32(0.25), np.float32(0.5), 2.0**32, np.float32(2.0**-32)
-_LANES = 32  # samples that the processor takes at once: segments are filled up to a multiple
-_RUN = 1024  # samples that get their noise at a time
+_LANES = 32  # samples that the processor computes at once; segments are padded to a multiple
+_RUN = 1024  # samples whose noise is computed at a time
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -63,13 +63,13 @@ def _cos_turns(turns: float) -> float:
     return s * (_S1 + t * (_S3 + t * (_S5 + t * (_S7 + t * _S9))))  # type: ignore[no-any-return]
 
 
-# products and sums in one instruction where the processor has it: this changes the last bit
+# "contract" allows fused multiply-add where the processor has it, which changes the last bit
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _fill_turns(phase, places, out):  # type: ignore[no-untyped-def]
     """Fill ``out`` (m,), float32, with a phase in turns, -1/2 to 1/2, at the samples' ``places`` (m,) in a segment.
 
-    ``phase``: in turns at the first sample and from one sample to the next, and the factors of the place's square and
-    cube.  The linear part is counted in 2^-32 turns, which wrap without error; float32 would err by 1e-5 rad.
+    ``phase`` is the phase in turns at the first sample, its step per sample, and the factors of place^2 and place^3.
+    The linear part is counted in 2^-32 turns, which wrap without error; float32 would have an error of 1e-5 rad.
     """
     p2, p3 = np.float32(phase[2]), np.float32(phase[3])
     turned = np.uint32(np.int64(math.floor((phase[0] - math.floor(phase[0])) * _PER_TURN)))
@@ -96,10 +96,10 @@ def _add_beat(factor, light, turns, out):  # type: ignore[no-untyped-def]
         out[i] += factor * light[i] * _cos_turns(turns[i])
 
 
-# one loop each for what gathers, what computes and what interleaves: together they would not vectorise
+# gathering, computing and interleaving need a loop each: a combined loop would not vectorise
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _draw(drawn, shift, draws, gauss, noise) -> None:  # type: ignore[no-untyped-def]
-    """Fill ``noise`` (m,) with the sum of one or two draws, from the bits of ``drawn`` that begin at ``shift``."""
+    """Fill ``noise`` (m,) with one draw or the sum of two, from the bits of ``drawn`` that begin at ``shift``."""
     if draws == 1:
         for i in range(noise.shape[0]):
             noise[i] = gauss[(drawn[i] >> shift) & _MASK]
@@ -126,7 +126,7 @@ def _to_counts(level, sigma, noise, rails, out) -> int:  # type: ignore[no-untyp
 def _interleave(rows, out) -> None:  # type: ignore[no-untyped-def]
     """Copy ``rows`` (channels, m or more) into ``out`` (m, channels)."""
     m, channels = out.shape
-    if channels == 3:  # a spacing that is known vectorises: 0.1 ns per sample, not 0.6
+    if channels == 3:  # a literal spacing is vectorised: 0.1 ns per sample, not 0.6
         flat = out.reshape(out.size)
         for i in range(m):
             flat[3 * i], flat[3 * i + 1], flat[3 * i + 2] = rows[0, i], rows[1, i], rows[2, i]
@@ -149,17 +149,17 @@ def fill_counts(
 ) -> None:
     """Fill ``out`` (n, channels) with counts of the samples from ``first_sample`` on.
 
-    ``nodes`` (5, m), the path at samples ``first_sample + j * per_segment``: 2 x / lambda, subtracted from the rest
-    beat (block inward: beat above rest), and its slope per segment; the laser's deviation from a steady rest beat, in
-    turns, straight between nodes; the share of the light; the block's position in m.  ``noise`` is the seed and GAUSS,
-    ``columns`` are those of reference, measurement and switch in ``out``, -1 when not recorded.  Clipped samples are
-    added to ``clipped`` (channels,).  Cost: about 5 ns per sample of three channels.
+    The rows of ``nodes`` (5, m) describe the path at samples ``first_sample + j * per_segment``: 2 x / lambda, which is
+    subtracted from the rest beat (block inward: beat above rest); its slope per segment; the laser's deviation in turns
+    from a steady rest beat, linear between nodes; the relative amplitude of the light; the block's position in m.
+    ``noise`` is (seed, GAUSS).  ``columns`` are those of reference, measurement and switch in ``out``, -1 if absent.
+    Clipped samples are added to ``clipped`` (channels,).  Cost: about 5 ns per sample of three channels.
     """
     seed, gauss = noise
     reference, measurement, switch = columns
     n = out.shape[0]
     run = per_segment * max(1, _RUN // per_segment)
-    filled = -(-per_segment // _LANES) * _LANES  # of a segment; the next one overwrites what is too much
+    filled = -(-per_segment // _LANES) * _LANES  # samples filled per segment; the next one overwrites the excess
     places = (np.arange(filled) / per_segment).astype(np.float32)
     levels, work = np.empty((3, run + _LANES), np.float32), np.ones((5, run + _LANES), np.float32)
     drawn = np.empty(run, np.uint64)
@@ -189,9 +189,9 @@ def fill_counts(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fill_levels(first, segments, per_segment, nodes, p, places, work, levels) -> None:  # type: ignore[no-untyped-def]
-    """Fill ``levels`` of PD0, PD1 and switch (3, m) from node ``first`` on, without noise, in float32.
+    """Fill the noise-free ``levels`` (3, m) of PD0, PD1 and switch from node ``first`` on, in float32.
 
-    ``work`` (5, m) receives the phases of both beats and of light in the wrong arm, and the light; its last row is one.
+    ``work`` (5, m) receives the phases of both beats and of the leak, and the light; its last row is one.
     """
     path_turns, path_slope, rest_turns, light, position_m = nodes[0], nodes[1], nodes[2], nodes[3], nodes[4]
     rest, beat, leaked, lit, steady = work[0], work[1], work[2], work[3], work[4]
@@ -226,5 +226,5 @@ def _fill_levels(first, segments, per_segment, nodes, p, places, work, levels) -
     _add_beat(np.float32(p[REFERENCE_A]), steady, rest, levels[0])
     levels[1, :] = np.float32(p[MEASUREMENT_OFFSET])
     _add_beat(np.float32(p[MEASUREMENT_A]), lit, beat, levels[1])
-    if p[LEAK]:  # light in the wrong arm: a second beat, harmonic of the path
+    if p[LEAK]:  # light leaking into the wrong arm adds a second beat, at a harmonic of the path's phase
         _add_beat(np.float32(p[LEAK] * p[MEASUREMENT_A]), lit, leaked, levels[1])

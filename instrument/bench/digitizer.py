@@ -1,4 +1,4 @@
-"""The simulated rig as a digitizer, which loses samples like a real one."""
+"""The simulated rig as a digitizer, which can lose samples like a real one."""
 
 import threading
 import time
@@ -24,16 +24,16 @@ from instrument.devices import (
 
 RATES_HZ = (10e6, 15e6, 20e6, 30e6)
 _CHUNK = 200_000  # samples computed at a time
-_SET_SPREAD = 0.02  # relative deviation of a push whose speed was set
+_SET_SPREAD = 0.02  # relative deviation of a push from the speed that was set
 _LOWEST_HZ, _HIGHEST_HZ = 8e6, 60e6  # a lower rate does not resolve the beat of a fast block
 
 
 class BenchDigitizer(Digitizer):
     """A stream of the simulated rig; the block is pushed after each ``arm`` and again every few seconds.
 
-    ``real_time``: samples come at their rate and are lost when more than ``memory_s`` of them wait; otherwise they come
-    as fast as they are read.  The counts depend only on the rig's seed, the settings and the number of earlier pushes.
-    ``stop`` may be called from any thread.
+    If ``real_time``, samples arrive at the sample rate and are lost when more than ``memory_s`` of them are unread;
+    otherwise they arrive as fast as they are read.  The counts depend only on the rig's seed, the settings and the
+    number of earlier pushes.  ``stop`` may be called from any thread.
     """
 
     def __init__(
@@ -48,9 +48,9 @@ class BenchDigitizer(Digitizer):
         patient: bool = False,
         first_shot: int = 0,
     ) -> None:
-        """``push_every_s`` 0: the block is never pushed; ``first_shot`` is the number of its first push.
+        """With ``push_every_s`` 0 the block is never pushed; ``first_shot`` is the number of the first push.
 
-        ``patient``: if the computer is too slow, the rig's clock slows down and nothing is lost.
+        If ``patient``, a computer that is too slow makes the rig's clock slow down instead of losing samples.
         """
         self._patient = patient
         self._rig = rig or Bench()
@@ -62,12 +62,12 @@ class BenchDigitizer(Digitizer):
         self._closed = False
         self._stage: SimulatedStream | None = None
         self._shots = first_shot
-        self._rate_hz: float  # these and the next three from the arming on
+        self._rate_hz: float  # this and the next three are set by ``arm``
         self._started: float
         self._next_sample: int
         self._next_push_s: float | None
         self._chunk = np.empty((_CHUNK, len(self._rig.optics.channels)), np.int16)
-        self._chunk_at: int | None  # None: no chunk is kept
+        self._chunk_at: int | None  # first sample of the kept chunk; None: no chunk is kept
 
     @property
     def capabilities(self) -> Capabilities:
@@ -126,7 +126,7 @@ class BenchDigitizer(Digitizer):
         if self._stop.is_set():
             return Block(0, ended=True)
         if self._real_time:
-            # wait for a whole block, so that reading is not a busy loop
+            # wait for a whole block, so that reading does not become a busy loop
             deadline = self._clock() + timeout_s
             least = min(wanted, block_samples(self._rate_hz))
             while (missing := least - self._waiting()) > 0:
@@ -176,7 +176,7 @@ class BenchDigitizer(Digitizer):
         stage = self._stage
         assert stage is not None
         now_s = base / self._rate_hz
-        ahead_s = now_s + 2 * _CHUNK / self._rate_hz  # a push starts in a chunk that is not computed yet
+        ahead_s = now_s + 2 * _CHUNK / self._rate_hz  # so that a push starts in a chunk not yet computed
         if self._next_push_s is not None and ahead_s >= self._next_push_s:
             pushed = stage.push(max(self._next_push_s, now_s))
             self._next_push_s = pushed.end_s + self._push_every_s if self._push_every_s > 0 else None
@@ -184,7 +184,7 @@ class BenchDigitizer(Digitizer):
 
 
 def open_digitizer(_: str, options: SourceOptions) -> BenchDigitizer:
-    """Open the bench that a source's options describe."""
+    """Open the simulated bench described by a source's options."""
     try:
         effects = parse(options.text("effect", "")) if "effect" in options else {}
     except ValueError as error:
@@ -202,5 +202,5 @@ def open_digitizer(_: str, options: SourceOptions) -> BenchDigitizer:
         rig = Bench(effects=effects, site=site, seed=options.whole("seed", "1"), **push)
     except ValueError as error:
         raise DigitizerError(f"source bench: {error}", "set another speed or less weight") from error
-    # patient: a simulated shot with gaps only because the computer is busy would be of no use
+    # patient: a simulated shot with gaps caused only by a busy computer would be useless
     return BenchDigitizer(rig, patient=True, first_shot=options.whole("first", "0", "first push"))

@@ -1,10 +1,10 @@
-"""The effects that the simulated rig can have beyond the paper's model: names, parameters, usual sizes, text syntax.
+"""The effects that the simulated rig can add to the paper's model: names, parameters, usual sizes, text syntax.
 
-Conventions of this rig: the bearing's force is zero where the plate at rest is touched; the hidden mass is part of the
-block's mass; the clamp is a mass 1 / (C omega^2) on a spring 1 / C, undamped; adhesion is a constant force while the
-gap is smaller than its range; the contact's reference overlap is 10 um; the demodulation lag is of first order; drift
-and vibration act on the measured path, not on the block, and start with the recording.  A frame vibration that moves
-the plate too moves its clamp by ``plate_factor`` times the motion of the optics.
+Conventions of this rig: the bearing's force is zero where the resting plate is touched.  The internal mass is part of
+the block's mass.  The clamp is a mass 1 / (C omega^2) on a spring 1 / C, undamped.  Adhesion is a constant force while
+the gap is smaller than its range.  The contact's reference overlap is 10 um.  The demodulation lag is of first order.
+Drift and vibration act on the measured path, not on the block, and start with the recording.  A frame vibration that
+also moves the plate moves its clamp by ``plate_factor`` times the motion of the optics.
 """
 
 import math
@@ -21,9 +21,9 @@ TWO_PI = 2 * math.pi
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One parameter: its usual range (drawn logarithmically), whether its sign is free, its slot in forces.py.
+    """One parameter of an effect: usual range (drawn logarithmically), free sign or not, and index in forces.py.
 
-    ``slot`` None: not a force, see observation.py.
+    ``slot`` None: the parameter belongs to no force, see observation.py.
     """
 
     low: float
@@ -86,15 +86,15 @@ CATALOGUE: Mapping[str, Mapping[str, Parameter]] = {
         "frequency_hz": _p(40.0, 1500.0, scales=False),
         "phase_rad": _p(1e-3, TWO_PI, signed=True, scales=False),
     },
-    "cyclic_error": {"amplitude_m": _p(3e-10, 6e-9), "order": _p(1.0, 1.0, scales=False)},  # 1 or 2 where drawn
+    "cyclic_error": {"amplitude_m": _p(3e-10, 6e-9), "order": _p(1.0, 1.0, scales=False)},  # 1 or 2 if drawn
 }
 
-# variants with more parameters of an effect of the catalogue; never drawn at random
+# effects of the catalogue with further parameters; never drawn at random
 WIDER: Mapping[str, Mapping[str, Parameter]] = {
     "frame_vibration_with_plate": {**CATALOGUE["frame_vibration"], "plate_factor": _p(0.2, 1.0, scales=False)},
 }
 
-# effects that the analysis does not know; it must say "unexplained" or name none
+# effects unknown to the analysis; it must report "unexplained" or name no effect
 OFF_CATALOGUE: Mapping[str, Mapping[str, Parameter]] = {
     "bristle_friction": {  # LuGre with a Stribeck curve
         "force_n": _p(3e-5, 5e-4, slot.F_BRISTLE),
@@ -131,9 +131,9 @@ PER_SHOT = {
 
 
 def parse(text: str) -> dict[str, dict[str, float]]:
-    """Read effects from ``NAME:PARAMETER=VALUE,...``, separated by ``;``; parameters left out have default values.
+    """Parse effects written as ``NAME:PARAMETER=VALUE,...``, separated by ``;``; omitted parameters get defaults.
 
-    Raises ValueError in one line.
+    Raises ValueError, in one line.
     """
     effects: dict[str, dict[str, float]] = {}
     for part in filter(None, (piece.strip() for piece in text.split(";"))):
@@ -154,7 +154,7 @@ def parse(text: str) -> dict[str, dict[str, float]]:
 
 
 def complete(effects: Effects) -> dict[str, dict[str, float]]:
-    """Return ``effects`` with default values for the parameters left out.
+    """Return ``effects`` with default values for omitted parameters.
 
     Raises ValueError for an unknown name or parameter, or an impossible value.
     """
@@ -184,7 +184,7 @@ def _check(name: str, values: Mapping[str, float]) -> None:
 
 
 def force_slots(effects: Effects) -> dict[int, float]:
-    """Return the parameter slots of forces.py that ``effects`` set."""
+    """Return the parameters of forces.py that ``effects`` set, as {index: value}."""
     extra: dict[int, float] = {}
     for name, values in effects.items():
         known = ALL[name]
@@ -212,7 +212,7 @@ def draw(name: str, random: np.random.Generator) -> dict[str, float]:
 
 
 def scaled(effects: Effects, strength: float) -> dict[str, dict[str, float]]:
-    """Return ``effects`` with their sizes multiplied by ``strength`` (the modal mass of the plate: divided)."""
+    """Return ``effects`` with their sizes multiplied by ``strength`` (the plate's modal mass is divided by it)."""
     result: dict[str, dict[str, float]] = {}
     for name, values in effects.items():
         known = ALL[name]

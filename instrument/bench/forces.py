@@ -1,7 +1,7 @@
-"""The forces between block, plate, clamp and bearing, in the frame's coordinates, and the slots of their parameters.
+"""The forces between block, plate, clamp and bearing in the frame's coordinates, and indices of their parameters.
 
-A coefficient of zero switches a force off.  Right is positive, the plate at rest is at x = 0, the block comes from the
-right.  SI units.
+A coefficient of zero switches a force off.  Right is positive, the plate at rest is at x = 0, and the block comes from
+the right.  SI units.
 """
 
 import math
@@ -16,7 +16,7 @@ GRAVITY_M_PER_S2 = 9.80665
 
 # state: positions and velocities, then internal variables
 BLOCK_X, BLOCK_V, PLATE_X, PLATE_V = 0, 1, 2, 3
-HIDDEN_X, HIDDEN_V = 4, 5  # mass inside the block
+HIDDEN_X, HIDDEN_V = 4, 5  # internal mass of the block
 ARM_F = 6  # force of the Maxwell arm
 MODE_Q, MODE_V = 7, 8  # second plate mode, at the contact point
 CLAMP_X, CLAMP_V = 9, 10  # elastic displacement of the clamp
@@ -81,7 +81,7 @@ def pair_force_n(y: Floats, p: Floats, on: NDArray[np.int64]) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def rates(y: Floats, p: Floats, on: NDArray[np.int64], frame: float, dy: Floats) -> None:
-    """Write dy/dt of the 13 states into ``dy``; minus the acceleration ``frame`` (m/s2) acts on every mass.
+    """Write dy/dt of the 13 states into ``dy``; the frame's acceleration ``frame`` (m/s2) acts negatively on each mass.
 
     Cost: about 50 ns.
     """

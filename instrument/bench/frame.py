@@ -1,8 +1,8 @@
-"""The motion of the frame that carries optics, plate and light switch; the block floats free of it.
+"""The motion of the frame that carries optics, plate and light switch; the block floats free of the frame.
 
-The optics measure block minus frame.  In flight the block is inertial, so the record contains the whole motion of the
-frame; in contact the plate's clamp moves with the frame and drives both bodies.  The equations of motion are in the
-frame's coordinates, where minus the frame's acceleration acts on every mass.
+The optics measure the block's position minus the frame's.  In flight the frame does not drive the block, so the record
+contains the whole frame motion.  In contact the plate's clamp moves with the frame and drives both bodies.  In the
+frame's coordinates, used by the equations of motion, minus the frame's acceleration acts on every mass.
 """
 
 from dataclasses import dataclass, replace
@@ -15,24 +15,24 @@ from instrument.bench.site import Knock, Site
 
 Floats = NDArray[np.float64]
 LOWEST_HZ, HIGHEST_HZ = 1.0, 250.0
-BAND_HZ = (8.0, 80.0)  # where the criterion curves are level
-PLATE_QUALITY = 200.0  # of the plate's resonance in air, which the frame excites before the block comes
-_PER_THIRD_OCTAVE = 12  # sines, if they are closer than ...
-_LARGEST_SPACING_HZ = 0.15  # ... this: a record of some seconds must not resolve them
-_PHASE_STEP = 0.1  # rad of the fastest sine between computed times; cubic interpolation then errs by 3e-7
-_KNOCKED_WITHIN_S = 0.055  # after the release of the block
+BAND_HZ = (8.0, 80.0)  # range in which the criterion curves are constant
+PLATE_QUALITY = 200.0  # of the plate's resonance in air, which the frame excites before the block arrives
+_PER_THIRD_OCTAVE = 12  # sines per third-octave, unless they are farther apart than ...
+_LARGEST_SPACING_HZ = 0.15  # ... this, as a record of a few seconds must not resolve them
+_PHASE_STEP = 0.1  # rad of the fastest sine between computed times; error of cubic interpolation: 3e-7
+_KNOCKED_WITHIN_S = 0.055  # latest random time of a knock after the release of the block
 
 
 @dataclass(frozen=True, slots=True)
 class _Ringing:
-    """A knock: Im A sum_k c_k exp(s_k t) from ``start_s`` on; its derivatives below the fourth start at zero."""
+    """A knock: Im A sum_k c_k exp(s_k t) from ``start_s`` on; it and its first three derivatives start at 0."""
 
     start_s: float
     amplitude: tuple[complex, ...]
     rate: tuple[complex, ...]
 
     def add(self, time_s: Floats, order: int, out: Floats) -> None:
-        """Add the derivative of ``order`` at ascending times."""
+        """Add the derivative of this order, at ascending times, to ``out``."""
         a = int(np.searchsorted(time_s, self.start_s))
         for amplitude, rate in zip(self.amplitude, self.rate, strict=True):
             out[a:] += (amplitude * rate**order * np.exp(rate * (time_s[a:] - self.start_s))).imag
@@ -79,13 +79,13 @@ class Frame:
         return x, v
 
     def from_time(self, start_s: float) -> "Frame":
-        """Return the same frame on a clock whose zero is ``start_s``."""
+        """Return the frame with time zero moved to ``start_s``."""
         turned = replace(self.sines, phase=self.sines.phase + self.sines.omega * start_s)
         ringing = tuple(replace(one, start_s=one.start_s - start_s) for one in self.ringing)
         return replace(self, sines=turned, ringing=ringing)
 
     def acceleration(self, duration_s: float) -> tuple[float, Floats, Floats]:
-        """Return spacing (s), acceleration (m/s2) and its rate (m/s3) at nodes from time zero on."""
+        """Return spacing (s), acceleration (m/s2) and jerk (m/s3) at nodes from time zero on."""
         spacing_s = self._spacing_s
         nodes = int(np.ceil(duration_s / spacing_s)) + 2
         a, jerk = self.sines.acceleration(spacing_s, nodes)
@@ -96,14 +96,14 @@ class Frame:
         return spacing_s, a, jerk
 
     def plate_response(self, omega: float) -> tuple[float, float]:
-        """Return displacement and velocity, relative to the frame, of a plate of resonance ``omega`` at time zero."""
+        """Return displacement and velocity, relative to the frame, at time zero of a plate of resonance ``omega``."""
         w = self.sines.omega
         answer = w**2 / (omega**2 - w**2 + 1j * w * omega / PLATE_QUALITY)
         turning = self.sines.amplitude_m * answer * np.exp(1j * self.sines.phase)
         return float(turning.imag.sum()), float((w * turning).real.sum())
 
     def knocked(self, release_s: float, shot: int) -> "Frame":
-        """Return the frame with the knocks during the shot whose block is released at ``release_s``."""
+        """Return the frame with the knocks of shot number ``shot``, whose block is released at ``release_s``."""
         random = np.random.default_rng((self.seed, shot, 0x6B))
         ringing = []
         for knock in self.site.knocks:
@@ -115,7 +115,7 @@ class Frame:
 
 
 def density_m2_per_hz(site: Site, frequency_hz: Floats) -> Floats:
-    """Return the one-sided density of the random displacement, without lines, (n,) at ``frequency_hz``."""
+    """Return the one-sided density of the random displacement, without lines, at ``frequency_hz`` (n,)."""
     low, high = BAND_HZ
     shape = np.minimum(1.0, frequency_hz / low) * np.minimum(1.0, (high / frequency_hz) ** 2)
     third = np.log(2.0) / 3 * frequency_hz  # width of a third-octave
@@ -131,7 +131,7 @@ def density_m2_per_hz(site: Site, frequency_hz: Floats) -> Floats:
 
 
 def _edges_hz(lowest: float, highest: float) -> Floats:
-    """Return the limits between neighbouring sines of the random part."""
+    """Return the edges of the frequency bands that hold one sine each of the random part."""
     ratio = 2 ** (1 / (3 * _PER_THIRD_OCTAVE))
     bend = min(max(_LARGEST_SPACING_HZ / (ratio - 1), lowest), highest)
     low = np.geomspace(lowest, bend, max(1, round(np.log(bend / lowest) / np.log(ratio))) + 1)

@@ -1,4 +1,4 @@
-"""Dormand-Prince steps of fixed length; every event (touch, release, turnaround, reach) is located by bisection."""
+"""Integrate with fixed Dormand-Prince steps; events (touch, release, turnaround, adhesion's range) are bisected."""
 
 from typing import NamedTuple
 
@@ -29,7 +29,7 @@ BISECTIONS = 45  # 10 us / 2^45: below a femtosecond
 
 
 class FrameAcceleration(NamedTuple):
-    """Acceleration (m/s2) of the frame and its rate (m/s3) at nodes of equal spacing from time zero; empty: at rest."""
+    """Acceleration (m/s2) and jerk (m/s3) of the frame at equally spaced nodes from time zero; empty: at rest."""
 
     spacing_s: float
     acceleration: Floats
@@ -41,7 +41,7 @@ STILL = FrameAcceleration(np.inf, np.array([]), np.array([]))
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def frame_acceleration(drive: FrameAcceleration, t: float) -> float:
-    """Return the frame's acceleration at ``t``, cubic between nodes.  Cost: 5 ns."""
+    """Return the frame's acceleration at ``t``, interpolated cubically between nodes.  Cost: 5 ns."""
     last = drive.acceleration.shape[0] - 2
     if last < 0:
         return 0.0
@@ -59,9 +59,9 @@ def frame_acceleration(drive: FrameAcceleration, t: float) -> float:
 def _step(
     y: Floats, t: float, h: float, p: Floats, on: NDArray[np.int64], drive: FrameAcceleration, k: Floats, new: Floats
 ) -> None:
-    """Advance ``y`` from ``t`` by ``h`` into ``new`` with constant switches.
+    """Advance ``y`` from ``t`` by ``h`` into ``new``, with constant switches: six stages, fifth order.
 
-    Six stages, fifth order (Dormand, Prince 1980); ``k`` holds the stages and, in its last row, their starting point.
+    Method: Dormand and Prince (1980).  ``k`` holds the stages' rates and, in its last row, the state of a stage.
     """
     work = k[6]
     rates(y, p, on, frame_acceleration(drive, t), k[0])
@@ -96,7 +96,7 @@ def _step(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _switches(y: Floats, p: Floats, before: NDArray[np.int64], now: NDArray[np.int64]) -> bool:
-    """Write the switches for ``y`` into ``now``; return whether one differs from ``before``."""
+    """Write the switches for state ``y`` into ``now``; return whether any differs from ``before``."""
     gap = gap_m(y)
     now[IN_CONTACT] = 1 if gap < 0.0 else 0
     now[MOVING_RIGHT] = 1 if y[BLOCK_V] > 0.0 else 0
@@ -129,8 +129,8 @@ def integrate(
 ) -> int:
     """Integrate from time zero to ``t_end``; write time, state and switches of every node; return their number.
 
-    ``steps_s`` are those in contact and in flight.  There is a node at every step and at every event, with the switches
-    after the event.  Returns -1 if the node arrays are too short.  Cost: about 0.4 us per node.
+    ``steps_s`` are the steps in contact and in flight.  There is a node at every step and at every event, with the
+    switches after the event.  Returns -1 if the node arrays are too short.  Cost: about 0.4 us per node.
     """
     y = start.copy()
     new = np.empty(STATES)
@@ -163,7 +163,7 @@ def integrate(
             h = high
             _step(y, t, h, p, on, drive, k, new)
             _switches(new, p, on, now)
-            if now[JUMPED] > on[JUMPED]:  # the mass picked up was at rest
+            if now[JUMPED] > on[JUMPED]:  # the picked-up mass was at rest: momentum is conserved
                 carried = p[M_BLOCK] - p[M_HIDDEN]
                 new[BLOCK_V] *= carried / (carried + p[JUMP_MASS])
         t = t_end if t + h > t_end - 1e-15 else t + h

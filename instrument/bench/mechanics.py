@@ -1,4 +1,4 @@
-"""Simulates a collision of block and plate from a start velocity."""
+"""Simulate a collision of block and plate from a start velocity."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Bodies:
-    """Block, plate and contact; the defaults are the paper's (its section on simulation)."""
+    """Masses, stiffnesses and damping of block, plate and contact; defaults from the paper's simulation section."""
 
     block_mass_kg: float = 17.85e-3
     plate_mass_kg: float = 1.984e-4
@@ -28,7 +28,7 @@ class Bodies:
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """The motion at nodes in time; arrays have shape (n,) and ``states`` (n, 13), with the columns of forces.py.
+    """The motion at nodes in time; arrays have shape (n,), and ``states`` (n, 13) has the columns of forces.py.
 
     Positions and velocities are relative to the frame.  Time zero is the start of the flight.
     ``events`` are ("touch" | "release", time in s), in order.
@@ -38,17 +38,17 @@ class Trajectory:
     states: Floats
     acceleration_m_per_s2: Floats  # of the block
     events: tuple[tuple[str, float], ...]
-    velocity_in_m_per_s: float  # just before the first touch; nan when there is none
-    velocity_out_m_per_s: float  # just after the last release; nan when there is none
+    velocity_in_m_per_s: float  # just before the first touch; nan without a touch
+    velocity_out_m_per_s: float  # just after the last release; nan without a release
 
     @property
     def touch_time_s(self) -> float:
-        """Get the time of the first touch in s, nan when there is none."""
+        """Get the time of the first touch in s, nan without a touch."""
         return next((time for what, time in self.events if what == "touch"), float("nan"))
 
     @property
     def release_time_s(self) -> float:
-        """Get the time of the last release in s, nan when there is none."""
+        """Get the time of the last release in s, nan without a release."""
         return next((time for what, time in reversed(self.events) if what == "release"), float("nan"))
 
     def block_m(self, time_s: Floats) -> Floats:
@@ -80,7 +80,7 @@ def _accelerations(
 
 
 def parameters(bodies: Bodies, extra: Mapping[int, float] | None = None) -> Floats:
-    """Return the parameter array of forces.py for ``bodies``, with the slots of ``extra``."""
+    """Return the parameter array of forces.py for ``bodies``, with further parameters from ``extra`` (index: value)."""
     p = np.zeros(slot.PARAMETERS)
     p[slot.M_BLOCK] = bodies.block_mass_kg
     p[slot.M_PLATE] = bodies.plate_mass_kg
@@ -97,7 +97,7 @@ def _fine_steps_s(p: Floats, steps_s: tuple[float, float], speed_m_per_s: float)
     """Return steps in contact and in flight that resolve the fastest resonance and the bristles."""
     contact_s, flight_s = steps_s
     fastest = max(p[slot.W_HIDDEN], p[slot.W_MODE], p[slot.W_CLAMP])
-    if fastest:  # an error of 1e-9 of the oscillation per step
+    if fastest:  # error per step: 1e-9 of the oscillation
         contact_s, flight_s = min(contact_s, 0.1 / fastest), min(flight_s, 0.1 / fastest)
     if p[slot.F_BRISTLE]:
         flight_s = min(flight_s, 0.1 * p[slot.F_BRISTLE] / p[slot.K_BRISTLE] / speed_m_per_s)
@@ -119,9 +119,9 @@ def collide(
     """Simulate a block that starts at ``distance_m`` with ``velocity_m_per_s`` (negative: towards the plate).
 
     ``plate_at_touch`` is the displacement (m) and velocity (m/s) of a freely oscillating plate when the block arrives;
-    ``steps_s`` are the steps in contact and in flight.  With a ``frame``, whose time zero is the start, distance and
-    velocity are relative to space and the trajectory to the frame, and the plate has its stationary response to the
-    frame.  Raises ValueError if the block does not move towards the plate.
+    ``steps_s`` are the steps in contact and in flight.  A ``frame`` has its time zero at the start.  Then distance and
+    velocity are relative to space, the trajectory is relative to the frame, and the plate has its stationary response
+    to the frame.  Raises ValueError if the block does not move towards the plate or comes to rest against it.
     """
     if not velocity_m_per_s < 0.0:
         raise ValueError(f"the block must start towards the plate: velocity {velocity_m_per_s} m/s is not negative")

@@ -1,4 +1,4 @@
-"""The path that the optics measure, from the motion of the block: drift, lag, vibration, light in the wrong arm."""
+"""Compute the path measured by the optics from the block's motion: drift, lag, vibration, polarisation leak."""
 
 import math
 from collections.abc import Mapping
@@ -28,7 +28,7 @@ def run_shot(
     duration_s: float,
     frame: Frame | None = None,
 ) -> Trajectory:
-    """Simulate the collision with the effects of one shot, in a frame whose time zero is the release."""
+    """Simulate the collision with the effects of one shot; the frame's time zero is the release."""
     motion = effects.get("plate_motion", _NONE)
     return collide(
         velocity_m_per_s,
@@ -44,8 +44,8 @@ def run_shot(
 def observed(trajectory: Trajectory, effects: Effects, time_s: Floats) -> tuple[Floats, Floats]:
     """Return the displacement (m) and velocity (m/s) that the optics measure at ascending ``time_s``.
 
-    Sensor drift b: + b t^2 / 2.  Frame vibration: velocity + A sin(omega t + phi).  Demodulation lag tau: the optics
-    follow with tau dx_m/dt = x - x_m.  The cyclic error is in the light, see ``with_leak``.
+    Sensor drift b adds b t^2 / 2.  Frame vibration adds the velocity A sin(omega t + phi).  With a demodulation lag tau
+    the measured x_m follows tau dx_m/dt = x - x_m.  The cyclic error is part of the light, see ``with_leak``.
     """
     tau = effects.get("demodulation_lag", _NONE).get("time_s", 0.0)
     if tau > 0.0:
@@ -71,7 +71,7 @@ def observed(trajectory: Trajectory, effects: Effects, time_s: Floats) -> tuple[
 
 
 def plate_support(frame: Frame | None, effects: Effects) -> Frame | None:
-    """Return the motion of the plate's clamp: that of the frame, plus its share of a vibration that moves the plate.
+    """Return the motion of the plate's clamp: the frame's, plus its share of a vibration that also moves the plate.
 
     The equations of motion are in the clamp's coordinates.
     """
@@ -80,13 +80,13 @@ def plate_support(frame: Frame | None, effects: Effects) -> Frame | None:
         return frame
     omega = 2 * math.pi * shake["frequency_hz"]
     size = shake["plate_factor"] * shake["amplitude_m_per_s"] / omega
-    turned = shake["phase_rad"] + 0.5 * math.pi  # a cosine
+    turned = shake["phase_rad"] + 0.5 * math.pi  # turns the sine into a cosine
     line = Sines(np.array([omega]), np.array([size]), np.array([turned]))
     return Frame(QUIET, 0, line) if frame is None else replace(frame, sines=frame.sines.plus(line))
 
 
 def with_leak(optics: Optics, effects: Effects) -> Optics:
-    """Return the optics with the light in the wrong arm that makes the cyclic error."""
+    """Return the optics with the light leak that causes the cyclic error."""
     cyclic = effects.get("cyclic_error", _NONE)
     if not cyclic:
         return optics

@@ -1,4 +1,4 @@
-"""Laser, photodiodes and light switch: the counts of each channel for a path of the block.
+"""Simulate laser, photodiodes and light switch: the counts of each channel for a given path of the block.
 
 The measurement beat is the rest beat shifted in phase by 4 pi x / lambda; inward motion (v < 0) raises its frequency.
 """
@@ -14,12 +14,12 @@ from analysis.shot import DEFAULT_WAVELENGTH_AIR_M, Channel, Role
 from instrument.bench import counts
 
 Floats = NDArray[np.float64]
-FLIGHT_NODES_S, HELD_NODES_S = 5e-6, 40e-6  # spacing of the path's nodes; a hand and a floor are slow
+FLIGHT_NODES_S, HELD_NODES_S = 5e-6, 40e-6  # spacing of the path's nodes; motion of hand and floor is slow
 
 
 @dataclass(frozen=True, slots=True)
 class DropOut:
-    """A time in which the measurement beat has only the share ``light`` of its amplitude."""
+    """An interval in which the measurement beat has only the fraction ``light`` of its amplitude."""
 
     start_s: float
     end_s: float
@@ -28,7 +28,7 @@ class DropOut:
 
 @dataclass(frozen=True, slots=True)
 class Optics:
-    """Light, electronics and digitizer.  SNR is A^2 / (2 sigma^2) of white noise over the whole digitizer band."""
+    """Light, electronics and digitizer; SNR is A^2 / (2 sigma^2) for white noise over the whole digitizer band."""
 
     wavelength_m: float = DEFAULT_WAVELENGTH_AIR_M  # in air
     rest_frequency_hz: float = 2.73e6
@@ -46,8 +46,8 @@ class Optics:
     switch_low_v: float = 0.0488
     switch_high_v: float = 0.8789
     switch_noise_v: float = 0.003
-    switch_m: float = 0.7e-3  # where the block's flag crosses the light
-    switch_edge_m: float = 9.25e-6  # 10 to 90 %
+    switch_m: float = 0.7e-3  # block position at which its flag crosses the light
+    switch_edge_m: float = 9.25e-6  # width of the edge, 10 to 90 %
     range_v: float = 1.0  # rails at -range and +range
     bits: int = 12
     with_reference: bool = True
@@ -75,7 +75,7 @@ class Optics:
         return tuple(Channel(role, self.volts_per_count) for role in self.roles)
 
     def light(self, time_s: Floats) -> Floats:
-        """Return the share of the measurement amplitude that is left at ``time_s``."""
+        """Return the measurement beat's amplitude at ``time_s``, relative to that without drop-outs."""
         result = np.ones_like(time_s)
         for gap in self.drop_outs:
             result[(time_s >= gap.start_s) & (time_s < gap.end_s)] = gap.light
@@ -86,7 +86,7 @@ class Optics:
 class Path:
     """Position of the corner cube (optics) and of the block (light switch) at the nodes ``time_s``; shape (n,).
 
-    ``optical_m`` includes what only the optics measure: vibration of the frame, drift.
+    ``optical_m`` includes disturbances of the optical measurement alone: frame vibration and drift.
     """
 
     time_s: Floats
@@ -96,7 +96,7 @@ class Path:
 
 
 def node_times_s(first_sample: int, samples: int, sample_rate_hz: float, spacing_s: float = FLIGHT_NODES_S) -> Floats:
-    """Return the times of the path's nodes for these samples; a whole number of samples lies between two."""
+    """Return the times of the path's nodes for these samples, a whole number of samples apart."""
     step = max(1, round(sample_rate_hz * spacing_s))
     nodes = -(-samples // step) + 1
     return (first_sample + step * np.arange(nodes)) / sample_rate_hz
@@ -107,7 +107,7 @@ def fill(
 ) -> tuple[int, ...]:
     """Fill ``out`` (n, channels) with counts from ``first_sample`` on; return the clipped samples per channel.
 
-    The path's times are ``node_times_s`` of these samples; sample 0 is at time zero.
+    The path's times must be ``node_times_s`` of these samples; sample 0 is at time zero.
     """
     time_s = path.time_s
     step = round(float(time_s[1] - time_s[0]) * sample_rate_hz)
@@ -147,6 +147,6 @@ def fill(
 
 
 def _turns_modulo_one(frequency_hz: float, sample: int, sample_rate_hz: float) -> float:
-    """Return the rest beat's phase at a sample, in turns; it stays exact after hours, unlike a product of floats."""
+    """Return the rest beat's phase at a sample in turns, exact even after hours, unlike a product of floats."""
     turns = Fraction(frequency_hz) / Fraction(sample_rate_hz) * sample
     return float(turns - math.floor(turns))

@@ -1,4 +1,4 @@
-"""A shot as the hand makes it: it holds the block, pushes it, catches it after the collision, and brings it back."""
+"""Simulate a shot pushed by hand: hold the block, push it, catch it after the collision, and bring it back."""
 
 import math
 from dataclasses import dataclass
@@ -14,17 +14,17 @@ from instrument.bench.sines import interpolate_with_slope
 
 Floats = NDArray[np.float64]
 
-HOME_M = 30e-3  # where the hand holds the block
-RELEASE_M = 12e-3  # where it releases the block; both from the plate
+HOME_M = 30e-3  # distance from the plate at which the hand holds the block
+RELEASE_M = 12e-3  # distance from the plate at which the hand releases the block
 CATCH_S, RETURN_S = 0.1, 0.5
-AFTER_S = 0.19  # of free flight after the plate
+AFTER_S = 0.19  # free flight after the collision
 _NODES = 400
 _TREMOR_M, _TREMOR_HZ = 3e-6, 9.0
 
 
 @dataclass(frozen=True, slots=True)
 class PushedShot:
-    """One shot on the stream's clock, from the hand's first move until the block is back; arrays of shape (n,).
+    """One shot on the stream's clock, from the start of the push until the block is back; arrays of shape (n,).
 
     Positions are relative to space, as hand and block do not move with the frame.
     """
@@ -41,18 +41,18 @@ class PushedShot:
     block_m_per_s: Floats
 
     def at(self, time_s: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return optical position (m), its velocity (m/s) and the block's position (m) at ascending times, in space."""
+        """Return optical position (m) and velocity (m/s), and block position (m), in space at ascending times."""
         x, v = interpolate_with_slope(self.time_s, self.optical_m, self.optical_m_per_s, time_s)
         return x, v, interpolate_with_slope(self.time_s, self.block_m, self.block_m_per_s, time_s)[0]
 
 
 def push_duration_s(velocity_m_per_s: float) -> float:
-    """Return the time from the start of the push to the release."""
+    """Return the time in s from the start of the push to the release."""
     return 2.0 * (HOME_M - RELEASE_M) / abs(velocity_m_per_s)
 
 
 def push_block(start_s: float, velocity_m_per_s: float, effects: Effects, bodies: Bodies, frame: Frame) -> PushedShot:
-    """Simulate a push that starts at ``start_s``; the frame, on the stream's clock, carries the plate."""
+    """Simulate a shot whose push starts at ``start_s``; the frame, on the stream's clock, carries the plate."""
     u = np.linspace(0.0, 1.0, _NODES)
     step, slope, area = u**3 * (10 + u * (6 * u - 15)), 30 * u**2 * (1 - u) ** 2, u**4 * (2.5 + u * (u - 3))
     pushing = push_duration_s(velocity_m_per_s)
@@ -70,7 +70,7 @@ def push_block(start_s: float, velocity_m_per_s: float, effects: Effects, bodies
     way = HOME_M - catch_x[-1]
     hand_x = np.concatenate((catch_x[1:], catch_x[-1] + way * step[1:]))
     hand_v = np.concatenate((catch_v[1:], way * slope[1:] / RETURN_S))
-    gained = float(flight_x[-1] - block_x[-1])  # optics minus block; it returns to zero on the way back
+    gained = float(flight_x[-1] - block_x[-1])  # optical minus block position, returned to zero on the way back
     still = np.zeros(_NODES - 1)
     caught = release + free
     time_s = np.concatenate(
@@ -98,11 +98,11 @@ def push_block(start_s: float, velocity_m_per_s: float, effects: Effects, bodies
 
 
 def next_push_time_s(time_s: float) -> float:
-    """Return the next time at which the hand's tremor is zero, so that a push starts without a step."""
+    """Return the next time at which the hand's tremor is zero, so that a push starts without a jump."""
     return math.ceil(time_s * _TREMOR_HZ - 1e-9) / _TREMOR_HZ
 
 
 def hand_motion(time_s: Floats) -> tuple[Floats, Floats]:
-    """Return position and velocity of the block in the hand, which trembles."""
+    """Return position and velocity of the block held in the trembling hand."""
     omega = 2 * math.pi * _TREMOR_HZ
     return HOME_M + 0.5 * _TREMOR_M * (1 - np.cos(omega * time_s)), 0.5 * _TREMOR_M * omega * np.sin(omega * time_s)

@@ -1,4 +1,4 @@
-"""The simulated rig as a whole, and its endless stream of counts, which follows from one seed."""
+"""The complete simulated rig, and its endless stream of counts, which is determined by one seed."""
 
 from dataclasses import dataclass, field, replace
 
@@ -26,7 +26,7 @@ class Bench:
     optics: Optics = field(default_factory=Optics)
     effects: Effects = field(default_factory=dict)
     site: Site = QUIET  # the vibration of the frame
-    floor_m: float = 3e-10  # rms of the vibration of the optical path
+    floor_m: float = 3e-10  # rms vibration of the optical path
     velocity_m_per_s: float = 0.265  # towards the plate
     velocity_spread: float = 0.15  # largest relative deviation of a push
     added_kg: float = 0.0  # weights on the block
@@ -41,12 +41,12 @@ class Bench:
 
     @property
     def loaded_bodies(self) -> Bodies:
-        """Get the bodies, the block with its weights."""
+        """Get the bodies, with the added weights included in the block's mass."""
         return replace(self.bodies, block_mass_kg=self.bodies.block_mass_kg + self.added_kg)
 
     @property
     def setup(self) -> Setup:
-        """Get the setup as an operator knows it: without the effects."""
+        """Get the set-up as known to an operator, without the effects."""
         return Setup(
             moving_mass_kg=self.loaded_bodies.block_mass_kg,
             moving_mass_u_kg=1e-6,
@@ -57,7 +57,7 @@ class Bench:
 
 
 class SimulatedStream:
-    """The stream of a rig, with its pushes: position at any time, counts of any samples."""
+    """The stream of a simulated rig with its pushes: position at any time, counts of any samples."""
 
     def __init__(self, rig: Bench, sample_rate_hz: float, first_shot: int = 0) -> None:
         """Begin the stream; its first push is number ``first_shot`` of the seed's sequence."""
@@ -81,7 +81,7 @@ class SimulatedStream:
         self._frame = self._frame.knocked(start_s + push_duration_s(speed), self.shots)
         pushed = push_block(start_s, -speed, effects, rig.loaded_bodies, self._frame)
         self.shots += 1
-        self._pushed = [*self._pushed[-1:], pushed]  # older ones are over: the stream only goes forward
+        self._pushed = [*self._pushed[-1:], pushed]  # older shots are over, as the stream only goes forward
         return pushed
 
     def path(self, time_s: Floats) -> Path:

@@ -1,4 +1,4 @@
-"""Writes recordings of the simulated rig, with a given effect or with an undeclared one drawn at random."""
+"""Write recordings of the simulated rig, with given effects or with an undeclared effect drawn at random."""
 
 import base64
 import json
@@ -26,7 +26,7 @@ SAMPLE_RATE_HZ = 10e6
 DURATION_S = 0.06
 BEFORE_TOUCH_S = 0.012
 SLOWEST_M_PER_S, FASTEST_M_PER_S = 0.16, 0.40
-_EPOCH = datetime.fromisoformat("2026-01-01T09:00:00")  # UTC: recordings of one seed are the same files on any day
+_EPOCH = datetime.fromisoformat("2026-01-01T09:00:00")  # UTC; fixed, so that a seed gives the same files on any day
 
 
 def simulate(
@@ -40,11 +40,11 @@ def simulate(
     duration_s: float = DURATION_S,
     site: Site = QUIET,
 ) -> list[Path]:
-    """Write recordings of one rig into ``folder``; return their metadata files.
+    """Write recordings of one simulated rig into ``folder``; return the paths of their metadata files.
 
     ``shots`` is their number, or the speed of each in m/s.  The same seed gives the same counts.  ``undeclared`` draws
-    the effect (or none) from the seed and writes it, base64 over JSON, to ``.truth-SEED`` in the folder, a name that no
-    search for recordings finds.  Raises ValueError for an unknown effect, RecordingError if a file cannot be written.
+    the effects (or none) from the seed and writes them, as base64 of JSON, to ``.truth-SEED`` in the folder, which a
+    search for recordings ignores.  Raises ValueError for an unknown effect, RecordingError if a write fails.
     """
     if undeclared and effects:
         raise ValueError("an undeclared effect is drawn from the seed; no other effect can be given")
@@ -78,7 +78,7 @@ def speeds_of_set(shots: int, seed: int) -> tuple[float, ...]:
 
 
 def draw_undeclared(seed: int) -> dict[str, dict[str, float]]:
-    """Draw effects from the seed: one of the catalogue (60 %), two (10 %), one not in it (15 %), or none."""
+    """Draw effects from the seed: one of the catalogue (60 %), two (10 %), one outside it (15 %), or none (15 %)."""
     random = np.random.default_rng((seed, 0xD))
     share = random.random()
     names = list(CATALOGUE)
@@ -95,7 +95,7 @@ def draw_undeclared(seed: int) -> dict[str, dict[str, float]]:
 
 @dataclass(frozen=True, slots=True)
 class SimulatedShot:
-    """The true motion of one shot, and its effects.  Its time zero is that of the first sample."""
+    """The true motion of one shot and its effects; time zero is the first sample."""
 
     trajectory: Trajectory
     frame: Frame
@@ -115,7 +115,7 @@ def simulate_shot(rig: Bench, index: int, speed_m_per_s: float, duration_s: floa
 def record_shot(
     rig: Bench, index: int, speed_m_per_s: float, sample_rate_hz: float, duration_s: float
 ) -> tuple[Recording, dict[str, dict[str, float]]]:
-    """Return one shot of the rig as a recording, and its effects."""
+    """Simulate one shot of the rig; return its recording and its effects."""
     played = simulate_shot(rig, index, speed_m_per_s, duration_s)
     return recording_of(rig, index, played, sample_rate_hz, duration_s), played.effects
 

@@ -1,4 +1,4 @@
-"""Sums of sines at any times, and interpolation between their nodes."""
+"""Evaluate sums of sines at arbitrary times, and interpolate between nodes."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,22 +16,22 @@ _STRETCH = 512  # nodes summed at a time: 0.15 s at 250 Hz
 
 @dataclass(frozen=True)
 class Sines:
-    """Displacement sum A_k sin(omega_k t + phi_k); arrays of shape (k,), in rad/s, m and rad."""
+    """A displacement sum A_k sin(omega_k t + phi_k); arrays of shape (k,), in rad/s, m and rad."""
 
     omega: Floats
     amplitude_m: Floats
     phase: Floats
 
     def plus(self, other: "Sines") -> "Sines":
-        """Return both sums together."""
+        """Return the sum of both."""
         pairs = ((self.omega, other.omega), (self.amplitude_m, other.amplitude_m), (self.phase, other.phase))
         return Sines(*(np.concatenate(pair) for pair in pairs))
 
     def motion(self, time_s: Floats) -> tuple[Floats, Floats]:
         """Return displacement (m) and velocity (m/s) at ascending times, shape (n,).
 
-        They are summed at nodes whose spacing suits the fastest sine, and interpolated to the fifth degree: 2e-7 off.
-        Cost: 2 ns a sine and millisecond of record at 250 Hz, and 8 ns a time.
+        The sums are evaluated at nodes spaced by the fastest sine, and interpolated to the fifth degree: error 2e-7.
+        Cost: 2 ns per sine and millisecond of record at 250 Hz, and 8 ns per time.
         """
         if not self.omega.size:
             return np.zeros_like(time_s), np.zeros_like(time_s)
@@ -46,7 +46,7 @@ class Sines:
     def _stretch(self, k: int) -> Floats:
         """Return displacement and its first two derivatives (3, _STRETCH) at the nodes of stretch ``k``.
 
-        The newest two are kept: a stream that is read in short blocks asks for the same stretch many times.
+        The newest two stretches are kept, as a stream read in short blocks needs the same stretch many times.
         """
         kept = self._stretches
         if k in kept:
@@ -66,12 +66,12 @@ class Sines:
 
     @cached_property
     def _nodes(self) -> tuple[float, Floats]:
-        """Get the spacing in s of the nodes of ``motion``, and by how much each sine turns from one to the next."""
+        """Get the spacing in s of the nodes of ``motion``, and each sine's rotation from one node to the next."""
         spacing_s = _PHASE_STEP / float(self.omega.max())
         return spacing_s, _on_circle(self.omega * spacing_s)
 
     def acceleration(self, spacing_s: float, n: int) -> tuple[Floats, Floats]:
-        """Return acceleration (m/s2) and its rate (m/s3) at ``n`` times of equal spacing from time zero on."""
+        """Return acceleration (m/s2) and jerk (m/s3) at ``n`` times of equal spacing from time zero on."""
         sums = np.zeros((3, n))
         start, turn = _on_circle(self.phase), _on_circle(self.omega * spacing_s)
         _add_sines(start, turn, self.omega, -(self.omega**2) * self.amplitude_m, sums)
@@ -84,9 +84,9 @@ def _on_circle(angle: Floats) -> Floats:
 
 
 def path_vibration(rms_m: float, seed: int) -> Sines:
-    """Return the vibration of the optical path: sines that are denser at low frequencies, with a spectrum as 1/f.
+    """Return the optical path's vibration: sines spaced logarithmically, with an amplitude density as 1/f.
 
-    ``rms_m`` is the rms displacement of the whole band; the same seed draws the same sines.
+    ``rms_m`` is the rms displacement over the whole band; the same seed draws the same sines.
     """
     random = np.random.default_rng((seed, 0xF1))
     edges = np.geomspace(PATH_LOWEST_HZ, PATH_HIGHEST_HZ, PATH_LINES + 1)
@@ -98,10 +98,10 @@ def path_vibration(rms_m: float, seed: int) -> Sines:
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc"})  # the sum over sines, in any order
 def _add_sines(start, turn, omega, amplitude, sums) -> None:  # type: ignore[no-untyped-def]
-    """Add sines and their first two derivatives to ``sums`` (3, n), by rotation, all sines from one time to the next.
+    """Add sines and their first two derivatives to ``sums`` (3, n), rotating all sines from one time to the next.
 
-    ``start`` and ``turn``, (2, k): the sines' first places on the unit circle, and by how much they turn from one time
-    to the next.  Cost: about 0.5 ns per sine and time.
+    ``start`` and ``turn``, (2, k), are each sine's (cos, sin) at the first time, and its rotation from one time to the
+    next.  Cost: about 0.5 ns per sine and time.
     """
     c, s, dc, ds = start[0].copy(), start[1].copy(), turn[0], turn[1]
     speed, bend = amplitude * omega, -amplitude * omega * omega

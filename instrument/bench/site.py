@@ -1,9 +1,9 @@
-"""The site of the simulated rig: how much its floor vibrates, by a vibration criterion or as measured.
+"""The site of the simulated rig: its floor vibration, given by a vibration criterion or as measured.
 
 The curves of Gordon ("Generic criteria for vibration-sensitive equipment", SPIE 1619, 1991) state the rms velocity
-in every third-octave from 8 to 80 Hz: ISO-office 400 um/s, VC-A 50 um/s, halved at each letter to VC-G.  A site named
-by its criterion has random vibration at the limit of the curve, and a pump, a transformer and a fan in proportion.
-Outside 8 to 80 Hz the velocity of a third-octave falls: with f below, with 1/f^2 above.
+in every third-octave from 8 to 80 Hz: ISO-office 400 um/s, VC-A 50 um/s, halved at each letter down to VC-G.  A site
+named by its criterion has random vibration at the curve's limit, and a pump, a transformer and a fan in proportion.
+Outside 8 to 80 Hz the third-octave velocity is proportional to f (below) and to 1/f^2 (above).
 """
 
 import math
@@ -20,7 +20,7 @@ LEVELS_M_PER_S: Mapping[str, float] = {
     **{f"VC-{letter}": 50e-6 / 2**step for step, letter in enumerate("ABCDEFG")},
 }
 NAMES = ("quiet", *LEVELS_M_PER_S)
-USUAL_SITE = "VC-D"  # default: as in a good laboratory
+USUAL_SITE = "VC-D"  # default: a good laboratory
 LOWEST_LINE_HZ, HIGHEST_LINE_HZ = 0.1, 2000.0
 
 
@@ -31,7 +31,7 @@ def _check(what: str, value: float, low: float, high: float) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """The vibration of a machine: a sine of ``amplitude_m`` with a random phase in every shot."""
+    """The vibration of a machine: a sine of ``amplitude_m`` whose phase is drawn anew for every shot."""
 
     frequency_hz: float
     amplitude_m: float
@@ -44,9 +44,9 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Knock:
-    """A knock against the table: an oscillation of ``frequency_hz`` that decays with ``decay_s``.
+    """A knock against the table: an oscillation of ``frequency_hz`` that decays with time constant ``decay_s``.
 
-    It comes ``at_s`` after the release of the block, None: at a random time, in the share ``share`` of the shots.
+    It starts ``at_s`` after the release of the block (None: at a random time), in a fraction ``share`` of the shots.
     """
 
     amplitude_m: float
@@ -66,10 +66,10 @@ class Knock:
 
 @dataclass(frozen=True, slots=True)
 class Site:
-    """The vibration of the frame.  ``third_octave_m_per_s`` is the level of the criterion, zero without one.
+    """The vibration of the frame.  ``third_octave_m_per_s`` is the criterion's level, zero without a criterion.
 
-    ``spectrum`` are pairs of frequency (Hz) and amplitude density of acceleration (m/s2/sqrt(Hz)), as an
-    accelerometer on the frame measures it, ascending; between them it is interpolated on logarithmic scales.
+    ``spectrum`` lists pairs of ascending frequency (Hz) and amplitude density of acceleration (m/s2/sqrt(Hz)), as
+    measured by an accelerometer on the frame; between them the density is interpolated on logarithmic scales.
     """
 
     name: str = "quiet"
@@ -97,7 +97,7 @@ QUIET = Site()
 
 
 def site_named(text: str) -> Site:
-    """Return the site that ``text`` names: one of NAMES, or a TOML file that describes one.
+    """Return the site named by ``text``: one of NAMES, or the path of a TOML file that describes a site.
 
     Raises ValueError, in one line, for an unknown name or a file that cannot be read.
     """
@@ -143,7 +143,7 @@ def _described(whole: Checked) -> Site:
 
 
 def _all_read(table: Checked, part: Part) -> Part:
-    """Return what was read from ``table``; a key that it does not know is an error."""
+    """Return ``part``, which was read from ``table``; raise RecordingError if the table has an unknown key."""
     for key in table.unread():
         raise table.refuse(key, f"is none of {', '.join(sorted(table.used))}")
     return part

@@ -1,4 +1,4 @@
-"""Digitizers: the contract, one driver each, how they are named, opened and found."""
+"""Digitizers: their common interface, the drivers, and how a digitizer is named, found and opened."""
 
 import lazy_loader
 

@@ -1,8 +1,8 @@
-"""Finds lost USB packets from a steady beat: its phase steps at the packet boundary where samples are missing.
+"""Find lost USB packets from a steady beat: its phase steps at the packet boundary where samples are missing.
 
-A loss of a few packets is too short for the clock, but not for the phase.  Each packet gives one phasor.  The second
-difference of their phases is zero while the beat is steady, (+a, -a) where the phase steps by a between two packets,
-and (e, -2e, e) at a packet that is disturbed but not lost.  Cost: 2 float32 multiplications per sample.
+A loss of a few packets is too short for the byte clock but changes the phase.  Each packet yields one phasor.  The
+second difference of the phasors' phases is zero for a steady beat, (+a, -a) where the phase steps by a between two
+packets, and (e, -2e, e) at a packet that is disturbed but not lost.  Cost: 2 float32 multiplications per sample.
 """
 
 import math
@@ -13,33 +13,33 @@ from numpy.typing import NDArray
 _FREQUENCY_SAMPLES = 1 << 14
 _LEAST_STEP_RAD = 0.12
 _SIGMAS = 10.0
-_COHERENT = 0.25  # share of a packet's power that must be in the beat for its phase to be judged
+_COHERENT = 0.25  # least share of a packet's power in the beat for its phase to be tested
 
 
 class BeatSeams:
     """Finds the packets before which samples were lost, from the counts of one channel that carries a steady beat.
 
-    The first 16,384 samples only give the beat's frequency; a loss among them is not noticed.
+    The first 16,384 samples serve only to find the beat's frequency; a loss among them is not detected.
     """
 
     def __init__(self, packet_samples: int) -> None:
         self._n = packet_samples
         self._table: NDArray[np.float32] | None = None
-        self._phases: NDArray[np.float64]  # these three of the beat in the table
+        self._phases: NDArray[np.float64]  # this and the next two: of the beat at the table's frequency
         self._coherent: NDArray[np.bool_]
-        self._sigma: float  # 0.0: not known yet
-        self._first = np.empty(0)  # samples for the beat's frequency
+        self._sigma: float  # noise of the second differences in rad; 0.0: not yet known
+        self._first = np.empty(0)  # samples from which the beat's frequency is found
 
     def forget(self) -> None:
-        """Forget the phases: the next packets do not continue the last ones."""
+        """Discard the phases, because the next packets do not continue the previous ones."""
         self._phases = np.empty(0)
         self._coherent = np.empty(0, bool)
 
     def find(self, counts: NDArray[np.uint8] | NDArray[np.int16]) -> list[int]:
         """Return the packets (index into ``counts`` // packet samples) before which samples were lost.
 
-        ``counts`` holds whole packets (any multiple of packet_samples) and continues the last call's.  A loss in the
-        last two packets is found by the next call, with a negative index (-1: before the last packet of this call).
+        ``counts`` holds whole packets (any multiple of packet_samples) and continues the previous call's.  A loss in
+        the last two packets is found by the next call, with a negative index (-1: before this call's last packet).
         """
         packets = counts.size // self._n
         if packets == 0:
@@ -57,7 +57,7 @@ class BeatSeams:
         phases = np.concatenate((self._phases, np.angle(phasors)))
         coherent = np.concatenate((self._coherent, share > _COHERENT))
         if np.count_nonzero(coherent) < coherent.size // 2:
-            self._table = None  # the beat's frequency has changed: find it again
+            self._table = None  # the beat's frequency has changed and must be found again
         bend = np.angle(np.exp(1j * np.diff(phases, 2)))  # bend[i] is centred on packet i + 1
         judged = coherent[:-2] & coherent[1:-1] & coherent[2:]
         if self._sigma == 0.0 and np.count_nonzero(judged) >= 16:
@@ -66,12 +66,12 @@ class BeatSeams:
         seams, reaches_end = _steps(bend, judged, limit) if self._sigma else ([], False)
         if reaches_end:
             self.forget()
-        else:  # the last four packets include every undecided step
+        else:  # the last four packets contain every undecided step
             self._phases, self._coherent = phases[-4:], coherent[-4:]
         return [seam - kept for seam in seams]
 
     def _lock(self, counts: NDArray[np.uint8] | NDArray[np.int16]) -> bool:
-        """Find the beat's frequency in the first samples; return False while they are too few or show no clear beat."""
+        """Find the beat's frequency in the first samples; return False if they are too few or show no clear beat."""
         length = _FREQUENCY_SAMPLES
         self._first = np.concatenate((self._first, counts[:length].astype(np.float64)))[-length:]
         if self._first.size < length:
@@ -82,7 +82,7 @@ class BeatSeams:
         peak = int(np.argmax(spectrum[:-2]))
         if spectrum[peak] <= 20 * float(np.median(spectrum)):
             return False
-        angle = 2 * math.pi * peak / length * np.arange(self._n)  # half a bin off: 1/128 of a cycle in a packet
+        angle = 2 * math.pi * peak / length * np.arange(self._n)  # error: half a bin, 1/128 cycle per packet
         self._table = np.stack((np.cos(angle), np.sin(angle), np.ones(self._n)), axis=1).astype(np.float32)
         self._sigma = 0.0
         self.forget()
@@ -92,7 +92,7 @@ class BeatSeams:
 def _steps(bend: NDArray[np.float64], judged: NDArray[np.bool_], limit: float) -> tuple[list[int], bool]:
     """Return the packets before which the phase steps, and whether the last step reaches the end.
 
-    ``bend[i]`` is centred on packet i + 1, so a step before packet m shows in bend m - 2 and m - 1.
+    ``bend[i]`` is centred on packet i + 1, so a step before packet m appears in bend[m - 2] and bend[m - 1].
     """
     beyond = judged & (np.abs(bend) > limit)
     edges = np.flatnonzero(np.diff(np.concatenate(([False], beyond, [False]))))
@@ -100,7 +100,7 @@ def _steps(bend: NDArray[np.float64], judged: NDArray[np.bool_], limit: float) -
     for begin, end in edges.reshape(-1, 2).tolist():
         group = bend[begin:end]
         if end == bend.size and group.size < 3:
-            break  # undecided without the next packets
+            break  # cannot be decided without the next packets
         disturbed = group.size == 3 and abs(group.sum()) < limit and abs(group[0] - group[2]) < limit
         if group.size >= 2 and not disturbed:
             found.append(begin + 2)

@@ -1,9 +1,9 @@
-"""Reads a USB bulk endpoint without a gap: several transfers are queued with the kernel at any time.
+"""Read a USB bulk endpoint without gaps: several transfers are queued with the kernel at any time.
 
-pyusb has no asynchronous bulk transfers, and calling its ``read`` in a loop leaves gaps that a 2 KiB device FIFO does
-not bridge.  The transfers go through libusb's asynchronous calls on pyusb's own library and device handle.  The
-structure they need is fixed by libusb's public ABI; pyusb's inner names for library, context and handle are checked in
-``_libusb_of``, and its version is bounded in pyproject.toml.
+pyusb has no asynchronous bulk transfers, and calling its ``read`` in a loop leaves gaps that a 2 KiB device FIFO cannot
+bridge.  The transfers therefore use libusb's asynchronous calls with pyusb's library and device handle.  The structure
+they need is fixed by libusb's public ABI.  pyusb's internal names for library, context and handle are checked in
+``_libusb_of``, and pyusb's version is bounded in pyproject.toml.
 """
 
 import ctypes
@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from instrument.devices.digitizer import DigitizerError
 
-IN_FLIGHT_BYTES = 12 << 20  # Linux allows 16 MiB for all programs together
+IN_FLIGHT_BYTES = 12 << 20  # Linux allows 16 MiB in total for all programs
 MAX_TRANSFER_BYTES = 1 << 20
 MIN_TRANSFER_BYTES = 8 << 10
 MAX_TRANSFERS = 32
-WAITING_BYTES = 64 << 20  # received and unread; beyond this no transfer is queued
+WAITING_BYTES = 64 << 20  # received but unread bytes above which no transfer is queued
 _RETRIES = 3
 
 _COMPLETED, _ERROR, _TIMED_OUT, _CANCELLED, _STALL, _NO_DEVICE, _OVERFLOW = range(7)
@@ -31,7 +31,7 @@ _BULK = 2
 
 
 class _Transfer(ctypes.Structure):
-    """``struct libusb_transfer`` of libusb.h, up to its isochronous tail."""
+    """``struct libusb_transfer`` of libusb.h, without its isochronous tail."""
 
 
 _Callback = ctypes.CFUNCTYPE(None, ctypes.POINTER(_Transfer))
@@ -57,7 +57,7 @@ class _Timeval(ctypes.Structure):
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """Bytes of one finished transfer (uint8, shape (n,)); ``lost_before``: no transfer was queued before it."""
+    """Bytes of one finished transfer (uint8, shape (n,)); ``lost_before``: no transfer was queued before this one."""
 
     codes: NDArray[np.uint8]
     received_s: float  # time.monotonic() when the transfer finished
@@ -82,7 +82,7 @@ def _libusb_of(device: Any) -> tuple[Any, Any, Any]:
 
 
 class _Slot:
-    """One transfer and the buffer that it fills."""
+    """A transfer and the buffer that it fills."""
 
     def __init__(self, pointer: Any, size: int) -> None:
         self.pointer = pointer
@@ -135,7 +135,7 @@ class BulkStream:
             transfer.timeout = 0
             transfer.callback = self._callback
         with self._ready:
-            for slot in self._slots.values():  # the system may grant fewer than are asked for
+            for slot in self._slots.values():  # the system may accept fewer than requested
                 self._submit(slot)
             if not self._in_flight:
                 error = self._error or DigitizerError(f"{self._name}: no USB transfer could be queued", "re-plug it")
@@ -145,7 +145,7 @@ class BulkStream:
         self._thread.start()
 
     def take(self, timeout_s: float) -> Chunk | None:
-        """Return the oldest chunk, None after ``timeout_s``.  Raises a fault once all received chunks are taken."""
+        """Return the oldest chunk, None after ``timeout_s``; raise a fault after all received chunks are taken."""
         with self._ready:
             self._ready.wait_for(lambda: self._chunks or self._error or self._woken, timeout_s)
             self._woken = False
@@ -162,18 +162,18 @@ class BulkStream:
             return None
 
     def wake(self) -> None:
-        """Make a ``take`` under way return soon; from any thread."""
+        """Make a ``take`` in progress return soon; may be called from any thread."""
         with self._ready:
             self._woken = True
             self._ready.notify_all()
 
     def stop(self) -> None:
-        """Cancel the queued transfers and wait for their end; harmless when not started."""
+        """Cancel the queued transfers and wait for their end; harmless if not started."""
         with self._ready:
             self._stopping = True
         if self._thread is not None:
             self._thread.join(timeout=5.0)
-            if self._thread.is_alive():  # the kernel still uses the buffers: they must not be freed
+            if self._thread.is_alive():  # the kernel still uses the buffers, which must not be freed
                 _LEAKED.append(self)
                 self._thread = None
                 return
@@ -203,7 +203,7 @@ class BulkStream:
         self._ready.notify_all()
 
     def _finished(self, pointer: Any) -> None:
-        """Take a transfer's bytes and queue it again; runs in the event thread, called by libusb."""
+        """Take a transfer's bytes and queue it again; called by libusb in the event thread."""
         now = time.monotonic()
         transfer = pointer.contents
         with self._ready:
@@ -240,19 +240,19 @@ class BulkStream:
                     return
                 recovering = bool(self._failed) and not ending
                 pointers = [slot.pointer for slot in self._slots.values()] if ending or recovering else []
-            for pointer in pointers:  # one that is not queued, or is cancelled already, refuses and stays as it is
+            for pointer in pointers:  # a transfer that is not queued, or already cancelled, is unaffected
                 self._lib.libusb_cancel_transfer(pointer)
             if recovering and not self._in_flight:
                 self._recover()
                 continue
             if self._in_flight:
                 self._lib.libusb_handle_events_timeout_completed(self._context, ctypes.byref(tick), None)
-            else:  # every transfer is parked until the reader takes a chunk
+            else:  # all transfers are parked until the reader takes a chunk
                 with self._ready:
                     self._ready.wait(0.02)
 
     def _recover(self) -> None:
-        """Clear the endpoint's halt and queue the failed transfers again; the loss in between is flagged."""
+        """Clear the endpoint's halt and queue the failed transfers again; the loss meanwhile is flagged."""
         self._retries += 1
         if self._retries > _RETRIES:
             with self._ready:

@@ -1,4 +1,4 @@
-"""The digitizers plugged into this computer, whether this user may open them, and the remedy if not."""
+"""Find the digitizers plugged into this computer, check that this user may open them, and give a remedy if not."""
 
 import contextlib
 import os
@@ -19,7 +19,7 @@ _USB_NODES = Path("/dev/bus/usb")
 
 @dataclass(frozen=True, slots=True)
 class FoundDevice:
-    """A device on a bus; ``source`` opens it, ``problem`` is empty if it can be opened."""
+    """A device on a bus; ``source`` is the text that opens it, ``problem`` is empty if it can be opened."""
 
     source: str
     name: str
@@ -34,7 +34,7 @@ def udev_rule_path() -> Path:
 
 
 def udev_instructions() -> str:
-    """Return the lines that install the udev rule, to be shown and copied."""
+    """Return the commands that install the udev rule, to be shown and copied."""
     return (
         f"sudo cp '{udev_rule_path()}' /etc/udev/rules.d/\n"
         "sudo udevadm control --reload\n"
@@ -44,7 +44,7 @@ def udev_instructions() -> str:
 
 
 def found_devices(backend: Any = None) -> tuple[FoundDevice, ...]:
-    """Return the digitizers plugged in, opening none.  Raises DigitizerError if the USB library is missing."""
+    """Return the digitizers plugged in, without opening any.  Raises DigitizerError if the USB library is missing."""
     finders = [sources.imported(source.finder) for source in sources.SOURCES if source.finder]
     return tuple(device for find in finders for device in find(backend))
 
@@ -85,7 +85,7 @@ def _where(device: Any) -> str:
 
 
 def _permission(device: Any) -> tuple[str, str]:
-    """Return problem and remedy of opening ``device``; both empty if this user may open it or the bus cannot say."""
+    """Return problem and remedy of opening ``device``; both empty if this user may open it or this is unknown."""
     from instrument.devices.usb_bus import PERMISSION_REMEDY, is_permitted
 
     node = _USB_NODES / f"{device.bus or 0:03d}" / f"{device.address or 0:03d}"
@@ -97,7 +97,7 @@ def _permission(device: Any) -> tuple[str, str]:
 
 
 def ni_cards(_: Any) -> list[FoundDevice]:
-    """Return National Instruments' PCI cards; only NI's runtime knows which of them are digitizers."""
+    """Return National Instruments' PCI cards; only NI's runtime can tell which of them are digitizers."""
     from instrument.devices.niscope_card import load_package
 
     places, problem, remedy = _ni_places(), "", ""
@@ -111,7 +111,7 @@ def ni_cards(_: Any) -> list[FoundDevice]:
 
 
 def _ni_places() -> list[str]:
-    """Return the PCI slots that hold a card of National Instruments, as this system lists them."""
+    """Return the PCI slots with a National Instruments card, as listed by this system."""
     if sys.platform == "win32":
         import winreg
 
@@ -129,7 +129,7 @@ def _ni_in_sys(pci: Path) -> list[str]:
 
 
 def _ni_in_registry(registry: Any) -> list[str]:
-    """Return the slots from the Windows registry, which also keeps cards that were removed."""
+    """Return the slots from the Windows registry, which also lists removed cards."""
     try:
         with registry.OpenKey(registry.HKEY_LOCAL_MACHINE, _WINDOWS_PCI) as key:
             names = [registry.EnumKey(key, n) for n in range(registry.QueryInfoKey(key)[0])]

@@ -1,4 +1,4 @@
-"""The contract of every digitizer: simulated bench, replay, USB streamer, oscilloscope, card."""
+"""The interface of every digitizer: simulated bench, replay, USB streamer, oscilloscope, card."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -12,14 +12,14 @@ from instrument.files import one_line
 
 
 class DigitizerError(Exception):
-    """A fault of a device in one line, and the remedy."""
+    """A device's fault, in one line, and its remedy."""
 
     def __init__(self, what: str, remedy: str = "") -> None:
-        self.what = one_line(what, 400)  # answers of drivers and instruments may contain anything
+        self.what = one_line(what, 400)  # messages of drivers and instruments may contain any characters
         self.remedy = one_line(remedy, 400)
         super().__init__(f"{self.what}: {self.remedy}" if remedy else self.what)
 
-    def __reduce__(self) -> tuple[Any, ...]:  # between processes, also of a driver's own kind of it
+    def __reduce__(self) -> tuple[Any, ...]:  # a driver's subclass, too, reaches another process as this class
         return DigitizerError, (self.what, self.remedy)
 
 
@@ -33,17 +33,17 @@ class Capabilities:
     rates_hz: tuple[float, ...]  # the rates to offer; empty: only the rate set on the device
     max_samples: int | None  # per shot; None: unlimited stream
     hardware_trigger: bool  # True: the stream is one shot, already triggered
-    real_time: bool  # True: samples are lost when they are not fetched in time
-    unseen_loss_s: float = 0.0  # a loss shorter than this may go unnoticed
-    simulated: bool = False  # True: it may be late on a busy computer, but it neither hangs nor stalls
+    real_time: bool  # True: samples are lost if they are not fetched in time
+    unseen_loss_s: float = 0.0  # a loss shorter than this may go undetected
+    simulated: bool = False  # True: it may be late on a busy computer, but neither hangs nor stalls
 
 
 @dataclass(frozen=True, slots=True)
 class CaptureSettings:
-    """The requested sample rate and lengths of a shot; ``arm`` refuses what a device cannot do."""
+    """The requested sample rate and lengths of a shot; ``arm`` refuses settings that the device cannot do."""
 
     sample_rate_hz: float
-    samples: int  # per channel, with the part before the trigger
+    samples: int  # per channel, including the part before the trigger
     pre_trigger_samples: int
 
 
@@ -51,42 +51,42 @@ class CaptureSettings:
 class Block:
     """The result of one ``read_into``; the samples are in the caller's buffer.
 
-    ``lost_before`` is the number of samples per channel that the device lost before this block (None: unknown; they
-    are recorded as a gap, never filled).
+    ``lost_before`` is the number of samples per channel that the device lost before this block (None: unknown).  Losses
+    are recorded as gaps and never filled.
     """
 
     samples: int
     lost_before: int | None = 0
-    ended: bool = False  # no sample follows until the next arm
-    trigger_sample: int | None = None  # index in this block, if the hardware triggered here
-    fired: bool = False  # without samples: the hardware trigger fired, and its samples follow
+    ended: bool = False  # no sample follows until the next ``arm``
+    trigger_sample: int | None = None  # index in this block at which the hardware triggered, if in this block
+    fired: bool = False  # in a block without samples: the hardware trigger fired, and its samples follow
 
 
-_BLOCK_S = 0.04  # each block wakes a thread: shorter ones cost more, longer ones are seen late
-_BLOCK_SAMPLES = 256, 1 << 20  # least and most
+_BLOCK_S = 0.04  # each block wakes a thread: shorter blocks cost more, longer ones are processed later
+_BLOCK_SAMPLES = 256, 1 << 20  # limits of a block's size
 
 
 def block_samples(sample_rate_hz: float) -> int:
-    """Return how many samples per channel of a stream are read at a time."""
+    """Return the number of samples per channel that are read from a stream at a time."""
     least, most = _BLOCK_SAMPLES
     return max(least, min(most, int(_BLOCK_S * sample_rate_hz)))
 
 
 class Digitizer(ABC):
-    """A source of counts.  Used from one thread at a time; ``stop`` alone may be called from any thread."""
+    """A source of counts, used from one thread at a time; only ``stop`` may be called from any thread."""
 
     @property
     @abstractmethod
     def capabilities(self) -> Capabilities:
-        """Get what the device can do."""
+        """Get the device's capabilities."""
 
     @property
     @abstractmethod
     def setup(self) -> Setup:
-        """Get what the device knows of the rig: the bench everything, an oscilloscope only its bits."""
+        """Get what is known of the set-up from the device: everything for the bench, only bits for an oscilloscope."""
 
     def prepare(self) -> None:
-        """Prepare for ``arm`` what takes long (compile, load firmware); called once, may take a minute."""
+        """Do the slow preparations for ``arm`` (compile, load firmware); called once, may take a minute."""
         return
 
     def default_settings(self) -> CaptureSettings | None:
@@ -106,10 +106,10 @@ class Digitizer(ABC):
 
     @abstractmethod
     def stop(self) -> None:
-        """Stop sampling; a ``read_into`` under way returns soon.  Harmless when not armed."""
+        """Stop sampling; a ``read_into`` in progress returns soon.  Harmless if not armed."""
 
     def close(self) -> None:
-        """Release the device.  Harmless when already closed."""
+        """Release the device.  Harmless if already closed."""
         self.stop()
 
 
@@ -118,10 +118,10 @@ _SHOT_S = 1 / 6
 
 
 def usual_settings(digitizer: Digitizer) -> CaptureSettings:
-    """Return the settings of a shot where the operator left them open.
+    """Return the settings of a shot that the operator has not specified.
 
-    They are the digitizer's defaults, else the fastest rate up to the paper's 30 MS/s, a sixth of a second (the paper's
-    5 M samples), and a sixteenth of the shot before the trigger.  Raises DigitizerError if no rate is known.
+    They are the digitizer's defaults, if any.  Otherwise: the fastest rate up to the paper's 30 MS/s, a sixth of a
+    second (the paper's 5 M samples), and 1/16 of the shot before the trigger.  Raises DigitizerError without a rate.
     """
     own = digitizer.default_settings()
     able = digitizer.capabilities

@@ -29,7 +29,7 @@ class Grade(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One check: its name, its result, and one line with the finding and the remedy."""
+    """One check: name, result, and one line with the finding and its remedy."""
 
     name: str
     grade: Grade
@@ -37,7 +37,7 @@ class Check:
 
 
 def examine(folder: Path, backend: Any = None) -> tuple[Check, ...]:
-    """Run every check; ``folder`` is where recordings are to be saved.  Never raises."""
+    """Run all checks; ``folder`` is the intended folder of recordings.  Never raises."""
     checks: list[Check] = []
     parts: tuple[tuple[str, Callable[[], list[Check]]], ...] = (
         ("Python", _python),

@@ -1,9 +1,9 @@
-"""Driver of the Hantek 6022BE/BL: two channels of 8 bits, streamed without a gap, without a hardware trigger.
+"""Driver of the Hantek 6022BE/BL: two channels of 8 bits, streamed without gaps and without a hardware trigger.
 
-The device does not report overruns: whole 512-byte packets are missing.  The driver finds them from the byte count
-against the clock and, if a channel carries the rest beat (PD0), from the beat's phase packet by packet; both give
-``lost_before`` None.  It uses the vendor requests of the OpenHantek or the sigrok firmware, which number the rates
-differently: code 10 is 10 MS/s for one and 100 kS/s for the other.
+The device does not report overruns; whole 512-byte packets are then missing.  The driver detects a loss by comparing
+the byte count with the clock and, if a channel carries the rest beat (PD0), by the beat's phase packet by packet.  Both
+report ``lost_before`` None.  The driver uses the vendor requests of the OpenHantek or the sigrok firmware, whose rate
+codes differ: code 10 is 10 MS/s for one and 100 kS/s for the other.
 """
 
 import threading
@@ -32,16 +32,16 @@ _EEPROM, _GAIN_1, _GAIN_2, _RATE, _RUN, _CHANNELS = 0xA2, 0xE0, 0xE1, 0xE2, 0xE3
 _RATES_OPENHANTEK = {1e5: 110, 2e5: 120, 5e5: 150} | {m * 1e6: m for m in (1, 2, 3, 4, 5, 6, 8, 10, 12, 15)}
 _RATES_SIGROK = {1e5: 10, 2e5: 20, 5e5: 50} | {m * 1e6: m for m in (1, 2, 4, 8, 12)}
 
-_EASY_HZ = 12e6  # two channels at 15 MS/s leave USB 2.0 little to spare
+_EASY_HZ = 12e6  # two channels at 15 MS/s nearly exhaust USB 2.0
 
 StreamMaker = Callable[[Any, int, float, str], BulkStream]
 
 
 class Hantek6022(Digitizer):
-    """A Hantek 6022BE/BL, or the DDS/2020 of the same maker; the firmware is loaded if it is missing.
+    """A Hantek 6022BE/BL, or a DDS/2020 of the same maker; the firmware is loaded if it is missing.
 
-    ``roles`` are the roles of CH1 and CH2, ``gains`` their gain steps (1, 2, 5, 10 = +-5, 2.5, 1, 0.5 V).  After the
-    device was unplugged the next ``arm`` opens it again.
+    ``roles`` are the roles of CH1 and CH2, ``gains`` their gain steps (1, 2, 5, 10 for +-5, 2.5, 1, 0.5 V).  If the
+    device was unplugged, the next ``arm`` opens it again.
     """
 
     def __init__(
@@ -70,14 +70,14 @@ class Hantek6022(Digitizer):
         self._rates: dict[float, int] = {}
         self._eeprom = b""
         self._reference_column = self._roles.index(Role.REFERENCE) if Role.REFERENCE in self._roles else None
-        self._codes: StreamedCodes | None = None  # of the stream that was armed last
+        self._codes: StreamedCodes | None = None  # codes of the stream armed last
         self._fault: DigitizerError | None = None
-        self._received_s: float  # when the last bytes came
+        self._received_s: float  # time at which the last bytes arrived
         self._open()
 
     @property
     def capabilities(self) -> Capabilities:
-        """Get what the device can do; the scales come from its calibration EEPROM."""
+        """Get the device's capabilities; the scales come from its calibration EEPROM."""
         return Capabilities(
             name=NAME,
             channels=tuple(channel_of(self._roles[n], gain, n, self._eeprom) for n, gain in enumerate(self._gains)),
@@ -94,13 +94,13 @@ class Hantek6022(Digitizer):
         return self._setup
 
     def default_settings(self) -> CaptureSettings:
-        """Return the fastest rate that USB carries easily, for a sixth of a second."""
+        """Return the settings of a sixth of a second at the fastest rate that USB carries easily."""
         rate = self.capabilities.rates_hz[0]
         samples = round(rate / 6)
         return CaptureSettings(rate, samples, round(0.15 * samples))
 
     def arm(self, settings: CaptureSettings) -> None:
-        """Start sampling; opens the device again after it was unplugged.  Raises DigitizerError."""
+        """Start sampling; open the device again if it was unplugged.  Raises DigitizerError."""
         self.stop()
         if self._device is None:
             self._open()
@@ -131,7 +131,7 @@ class Hantek6022(Digitizer):
             raise
 
     def read_into(self, buffer: NDArray[np.int16], timeout_s: float) -> Block:
-        """Fill ``buffer`` with codes less 128; a loss begins a new block, a fault comes after its samples."""
+        """Fill ``buffer`` with codes minus 128; a loss begins a new block, a fault is raised after its samples."""
         stream, codes = self._stream, self._codes
         end = time.monotonic() + timeout_s
         while codes is None or not codes.ready:
@@ -169,7 +169,7 @@ class Hantek6022(Digitizer):
             try:
                 self._request(_RUN, 0)
             except (usb.core.USBError, NotImplementedError):
-                return  # the device is gone or hangs: the next arm reports it
+                return  # the device is gone or hangs; the next ``arm`` reports this
 
     def close(self) -> None:
         self.stop()
@@ -202,7 +202,7 @@ class Hantek6022(Digitizer):
         try:
             return bytes(self._device.ctrl_transfer(0xC0, _EEPROM, EEPROM_START, 0, EEPROM_BYTES, timeout=500))
         except (usb.core.USBError, NotImplementedError):
-            return b""  # the sigrok firmware cannot read it: the nominal scales apply
+            return b""  # the sigrok firmware cannot read the EEPROM, so the nominal scales apply
 
     def _request(self, request: int, value: int) -> None:
         self._device.ctrl_transfer(0x40, request, 0, 0, bytes([value]))
@@ -214,12 +214,12 @@ class Hantek6022(Digitizer):
 
 
 def _preference(rate_hz: float) -> tuple[bool, float]:
-    """Return the sorting key of a rate: the fastest easy rate comes first, the difficult ones last."""
+    """Return the sorting key of a rate: the fastest easy rate first, the difficult rates last."""
     return rate_hz > _EASY_HZ, -rate_hz
 
 
 def open_digitizer(_: str, options: SourceOptions) -> Hantek6022:
-    """Open the first one that is plugged in."""
+    """Open the first Hantek 6022 that is plugged in."""
     firmware = options.text("firmware", "")
     return Hantek6022(
         options.roles("reference,measurement"),
@@ -234,15 +234,15 @@ GAINS = (1, 2, 5, 10)  # +- 5, 2.5, 1 and 0.5 V
 EEPROM_START = 8
 EEPROM_BYTES = 80
 
-_RANGE_INDEX = {10: 0, 5: 3, 2: 4, 1: 7}  # which of the eight ranges the calibration programs write for a gain
-_OFFSET, _GAIN, _FINE = 0, 32, 48  # from EEPROM_START
+_RANGE_INDEX = {10: 0, 5: 3, 2: 4, 1: 7}  # gain -> index of its range among the eight of the calibration programs
+_OFFSET, _GAIN, _FINE = 0, 32, 48  # byte positions relative to EEPROM_START
 _UNSET = b"\x00\xff"
 
 
 def channel_of(role: Role, gain: int, column: int, eeprom: bytes) -> Channel:
     """Return the channel of ``column`` (0 or 1) at a gain step; ``eeprom`` are the bytes from EEPROM_START on.
 
-    A count is the code less 128.
+    A count is the code minus 128.
     """
     at = 2 * _RANGE_INDEX[gain] + column
     offset = _correction(eeprom, _OFFSET + at) + _correction(eeprom, _FINE + at) / 250

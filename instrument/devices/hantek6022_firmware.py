@@ -1,7 +1,7 @@
-"""Finds and loads the firmware of the Hantek 6022, which is lost at every unplugging.  Levimass contains none.
+"""Find and load the firmware of the Hantek 6022, which is lost whenever it is unplugged.  Levimass contains none.
 
-The FX2's loader takes control request 0xA0: 0x01 to 0xE600 stops its processor, the RAM image follows, 0x00 to 0xE600
-starts it; the device then leaves the bus and returns with another identity (Cypress EZ-USB TRM, 3.8).
+The FX2's loader takes control request 0xA0: 0x01 to 0xE600 stops its processor, the RAM image follows, and 0x00 to
+0xE600 starts it.  The device then leaves the bus and returns with another identity (Cypress EZ-USB TRM, 3.8).
 """
 
 import os
@@ -38,7 +38,7 @@ def firmware_folders(system: str, environment: Mapping[str, str], home: Path) ->
 
 
 def firmware_remedy(system: str) -> str:
-    """Return how to install the firmware on a system (``sys.platform``)."""
+    """Return instructions to install the firmware on a system (``sys.platform``)."""
     if system in ("win32", "darwin"):
         how = "install PulseView of sigrok, which brings it,"
     else:
@@ -63,7 +63,7 @@ _PIECE = 4096
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """Bytes for one address of the FX2's RAM."""
+    """Bytes to be written from one address of the FX2's RAM on."""
 
     address: int
     content: bytes
@@ -79,7 +79,7 @@ def find_firmware(product: int) -> Path:
 
 
 def read_firmware(path: Path) -> tuple[Segment, ...]:
-    """Read a RAM image (raw from address 0, or Intel HEX).  Raises DigitizerError naming the file."""
+    """Read a RAM image (raw from address 0, or Intel HEX).  Raises a DigitizerError that names the file."""
     try:
         content = path.read_bytes()
     except OSError as error:
@@ -119,7 +119,7 @@ def load_firmware(device: Any, segments: tuple[Segment, ...], name: str) -> None
     try:
         _write(device, _CPU_CONTROL, b"\x00")
     except usb.core.USBError:
-        pass  # some devices leave the bus before they acknowledge; ``wait_for_warm`` notices if it did not start
+        pass  # some devices leave the bus before they acknowledge; ``wait_for_warm`` detects a failed start
     finally:
         usb_bus.release(device)
 
@@ -136,7 +136,7 @@ def wait_for_warm(
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], object] = time.sleep,
 ) -> Any:
-    """Return the device that came back after its firmware was loaded.  Raises DigitizerError after ``timeout_s``."""
+    """Return the device that reappears after its firmware was loaded.  Raises DigitizerError after ``timeout_s``."""
     end = clock() + timeout_s
     while True:
         if warm := usb_bus.find_devices(WARM_IDS, backend):

@@ -15,7 +15,7 @@ from instrument.devices.triggered_digitizer import HardwareTrigger, Piece, Piece
 
 PACKAGE_REMEDY = "pip install 'levimass[niscope]'"
 RUNTIME_REMEDY = "install the NI-SCOPE runtime from ni.com/downloads (Windows and Linux), then restart"
-RATES_HZ = (30e6, 60e6, 20e6, 15e6, 10e6, 6e6, 4e6, 2e6, 1e6)  # the paper's first
+RATES_HZ = (30e6, 60e6, 20e6, 15e6, 10e6, 6e6, 4e6, 2e6, 1e6)  # the paper's rate first
 EXTERNAL = "VAL_EXTERNAL"
 
 _ROLES: Mapping[str, Role] = {"0": Role.REFERENCE, "1": Role.MEASUREMENT}
@@ -34,9 +34,9 @@ def load_package() -> Any:
 class NiscopeCard(TriggeredDigitizer[str]):
     """An NI digitizer card; one ``arm`` is one triggered record.
 
-    ``roles`` are the roles of its channels, ``range_v`` the full vertical range of each.  The ``trigger`` is a channel
-    or a digital line ("VAL_RTSI_0", "PFI_1").  NI-SCOPE refuses a record that does not fit the card's memory; its
-    message is passed on.
+    ``roles`` are the roles of the card's channels, ``range_v`` is the full vertical range of each.  The ``trigger`` is
+    a channel or a digital line ("VAL_RTSI_0", "PFI_1").  NI-SCOPE refuses a record that does not fit the card's memory;
+    its message is passed on.
     """
 
     _ends_within_s = 10.0
@@ -61,7 +61,7 @@ class NiscopeCard(TriggeredDigitizer[str]):
 
     @property
     def capabilities(self) -> Capabilities:
-        """Get what the card can do; scales are those of the last shot."""
+        """Get the card's capabilities; the scales are those of the last shot."""
         return Capabilities(
             name=f"NI-SCOPE {self._resource}",
             channels=tuple(
@@ -79,7 +79,7 @@ class NiscopeCard(TriggeredDigitizer[str]):
         return CaptureSettings(30e6, 5_000_000, 750_000)
 
     def arm(self, settings: CaptureSettings) -> None:
-        """Configure the card and wait for its trigger.  Raises DigitizerError, also when it rounds the rate."""
+        """Configure the card and wait for its trigger.  Raises DigitizerError, also if the card rounds the rate."""
         self.stop()
         if not 0 <= settings.pre_trigger_samples < settings.samples:
             raise DigitizerError(f"{self._resource}: the pre-trigger part must be shorter than the record")
@@ -88,7 +88,7 @@ class NiscopeCard(TriggeredDigitizer[str]):
         try:
             self._configure(settings)
             rate = float(self._session.horz_sample_rate)
-        except Exception as error:  # niscope's errors derive from Exception alone
+        except Exception as error:  # niscope's errors derive directly from Exception
             raise self._described(error) from error
         if abs(rate / settings.sample_rate_hz - 1) > 1e-6:
             raise DigitizerError(
@@ -100,7 +100,7 @@ class NiscopeCard(TriggeredDigitizer[str]):
         self.stop()
         session, self._session = self._session, None
         if session is not None:
-            with contextlib.suppress(Exception):  # an error at closing must not lose the shot
+            with contextlib.suppress(Exception):  # an error while closing must not lose the shot
                 session.close()
 
     def _open(self) -> Any:
@@ -152,7 +152,7 @@ class NiscopeCard(TriggeredDigitizer[str]):
 
 
 def open_digitizer(resource: str, options: SourceOptions) -> NiscopeCard:
-    """Open the card of this name in NI MAX."""
+    """Open the card named ``resource`` in NI MAX."""
     channels = [str(number) for number in options.wholes("channels", "0,1", "channel")]
     trigger = HardwareTrigger(options.text("trigger", "2"), options.slope(), options.number("level", "1"))
     range_v = options.number("range", "2")

@@ -18,9 +18,9 @@ from instrument.files import RecordingError, find_recordings, is_motion_record, 
 class ReplayDigitizer(Digitizer):
     """Plays one recording per ``arm``, in turn.
 
-    A recording is played from its first sample to its last.  Its gaps are given as ``lost_before``, and its trigger as
-    ``trigger_sample`` if it has no light-switch channel.  ``real_time``: the samples come at their rate; they wait for
-    a reader that is late.
+    A recording is played from its first sample to its last.  Its gaps are reported as ``lost_before``, and its trigger
+    as ``trigger_sample`` if it has no light-switch channel.  If ``real_time``, samples arrive at their rate; a late
+    reader loses none.
     """
 
     def __init__(
@@ -44,9 +44,9 @@ class ReplayDigitizer(Digitizer):
         self._sleep = sleep or self._stopped.wait
         self._index = -1
         self._played = True
-        self._at: int  # these two from the arming on
+        self._at: int  # this and the next are set by ``arm``
         self._started_at: float
-        for _ in range(len(shots) - 1):  # skip broken recordings
+        for _ in range(len(shots) - 1):  # skip unreadable recordings
             with contextlib.suppress(DigitizerError):
                 self._upcoming()
                 break
@@ -70,7 +70,7 @@ class ReplayDigitizer(Digitizer):
         return self._upcoming().setup
 
     def default_settings(self) -> CaptureSettings:
-        """Return the settings that play the whole next recording."""
+        """Return the settings that play all of the next recording."""
         shot = self._upcoming()
         return CaptureSettings(shot.sample_rate_hz, shot.samples, shot.trigger_sample or 0)
 
@@ -89,7 +89,7 @@ class ReplayDigitizer(Digitizer):
         self._stopped.clear()
 
     def read_into(self, buffer: NDArray[np.int16], timeout_s: float) -> Block:
-        """Fill ``buffer`` with the samples that are due; a gap begins a new block."""
+        """Fill ``buffer`` with the samples due by now; a gap begins a new block."""
         if self._stopped.is_set():
             return Block(0, ended=True)
         shot = self._playing
@@ -119,11 +119,11 @@ class ReplayDigitizer(Digitizer):
         self._stopped.set()
 
     def _wait_for_due(self, shot: Recording, wanted: int, timeout_s: float) -> int:
-        """Return the number of samples that are due by the clock, waiting for at least one."""
+        """Wait for at least one sample, up to ``timeout_s``; return the index after the last sample due by now."""
         if not self._real_time:
             return shot.samples
         rate = shot.sample_rate_hz
-        # wait for half a buffer only, so that a large buffer does not make the replay jump
+        # wait for only half a buffer, so that a large buffer does not make the replay jerky
         aim = self._started_at + (self._at + max(1, wanted // 2)) / rate
         wait = min(aim - self._clock(), timeout_s)
         if wait > 0:
@@ -131,7 +131,7 @@ class ReplayDigitizer(Digitizer):
         return min(shot.samples, round((self._clock() - self._started_at) * rate))
 
     def _upcoming(self) -> Recording:
-        """Return the recording being played, or the next one once it is over."""
+        """Return the recording being played, or the next one if that is over."""
         if self._played and self._stopped.is_set():
             self._index = (self._index + 1) % len(self._shots)
             shot = self._shots[self._index]
@@ -146,7 +146,7 @@ class ReplayDigitizer(Digitizer):
 
 
 def open_digitizer(path: str, _: SourceOptions) -> ReplayDigitizer:
-    """Play the recordings at a path."""
+    """Return a digitizer that plays the recordings at a path."""
     if not Path(path).exists():
         raise DigitizerError(f"nothing to replay at {path}", "name a recording, or a folder that holds some")
     return ReplayDigitizer([path])

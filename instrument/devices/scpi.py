@@ -1,4 +1,4 @@
-"""Driver of deep-memory oscilloscopes over SCPI: one shot on a hardware trigger, whose memory is fetched in chunks."""
+"""Driver of deep-memory oscilloscopes over SCPI: one shot on a hardware trigger, fetched from memory in chunks."""
 
 import contextlib
 import math
@@ -19,16 +19,16 @@ from instrument.files import one_line
 EXTERNAL = "external"
 RATE_TOLERANCE = 1e-3
 POLL_S = 0.02
-ARMING_S = 0.5  # for this long after arming, "stopped" may still refer to the previous shot
+ARMING_S = 0.5  # time after arming in which the status "stopped" may still refer to the previous shot
 
 _ROLES: Mapping[int, Role] = {1: Role.REFERENCE, 2: Role.MEASUREMENT}
 
 
 class ScpiOscilloscope(TriggeredDigitizer[int]):
-    """An oscilloscope of the dialect table over any transport.
+    """An oscilloscope of the dialect table, over any transport.
 
-    ``roles`` are the roles of its channels.  Ranges, coupling and, with ``trigger`` None, the trigger are as set on the
-    instrument.  The scales are read at opening, at arming, and with the shot.
+    ``roles`` are the roles of its channels.  Ranges and coupling are as set on the instrument, and so is the trigger if
+    ``trigger`` is None.  The scales are read on opening, on arming, and with the shot.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class ScpiOscilloscope(TriggeredDigitizer[int]):
         self._link = link
         self._clock = clock
         self._trigger = trigger or HardwareTrigger()
-        self._exchange = threading.RLock()  # one exchange at a time: the fetching thread also uses the link
+        self._exchange = threading.RLock()  # one exchange at a time, as the fetching thread also uses the link
         try:
             identity = link.query("*IDN?")
             self._dialect = dialect_of(identity)
@@ -56,12 +56,12 @@ class ScpiOscilloscope(TriggeredDigitizer[int]):
         model = identity.split(",")[1].strip() if identity.count(",") else ""
         self._name = f"{self._dialect.name.split()[0]} {model}".strip()
         self._scales = {n: Scaling(1.0, 0.0) for n in self._roles}
-        with contextlib.suppress(ImplausibleAnswer):  # zeros before the first shot; ``arm`` refuses them
+        with contextlib.suppress(ImplausibleAnswer):  # zeros before the first shot, which ``arm`` refuses
             self._read_known_scales()
 
     @property
     def capabilities(self) -> Capabilities:
-        """Get what the instrument can do; the scales are those last read."""
+        """Get the instrument's capabilities; the scales are those read last."""
         return Capabilities(
             name=self._name,
             channels=tuple(
@@ -104,7 +104,7 @@ class ScpiOscilloscope(TriggeredDigitizer[int]):
     def _set_time(self, wanted: CaptureSettings) -> None:
         """Set time base, memory depth and trigger delay if they differ from ``wanted``.
 
-        Raises DigitizerError if the instrument then has another rate.
+        Raises DigitizerError if the instrument's rate still differs afterwards.
         """
         if self.default_settings() == wanted:
             return
@@ -118,7 +118,7 @@ class ScpiOscilloscope(TriggeredDigitizer[int]):
             write(dialect.set_depth.format(samples=depth, short=short_depth(depth)))
         write(dialect.set_time_per_division.format(seconds=per_division))
         before_s = wanted.pre_trigger_samples / wanted.sample_rate_hz
-        write(dialect.set_trigger_delay.format(seconds=length_s / 2 - before_s))  # the shot amid the record
+        write(dialect.set_trigger_delay.format(seconds=length_s / 2 - before_s))  # centres the shot in the record
         now = self.default_settings()
         if abs(now.sample_rate_hz / wanted.sample_rate_hz - 1) > RATE_TOLERANCE:
             raise DigitizerError(
@@ -127,7 +127,7 @@ class ScpiOscilloscope(TriggeredDigitizer[int]):
             )
 
     def _set_trigger(self) -> None:
-        """Set the trigger, unless the instrument's own setting is used."""
+        """Set the trigger, unless the instrument's own setting is to be used."""
         dialect, trigger = self._dialect, self._trigger
         if trigger.source is None:
             return
@@ -140,7 +140,7 @@ class ScpiOscilloscope(TriggeredDigitizer[int]):
             self._link.write(command.format(n=trigger.source, source=source, volts=trigger.level_v))
 
     def _read_known_scales(self) -> None:
-        """Read the scales; some instruments know them only after a shot.  Raises ImplausibleAnswer."""
+        """Read the scales, which some instruments know only after a shot.  Raises ImplausibleAnswer."""
         try:
             self._read_scales()
         except ImplausibleAnswer:
@@ -184,7 +184,7 @@ class ScpiOscilloscope(TriggeredDigitizer[int]):
         dialect = self._dialect
         out.put(Piece(np.empty((0, len(self._roles)), np.int16), None, False))  # reports that the trigger fired
         with self._exchange:
-            with contextlib.suppress(ImplausibleAnswer):  # then the scales read at arming are used
+            with contextlib.suppress(ImplausibleAnswer):  # the scales read on arming are then used
                 self._read_scales()
             timing = dialect.timing(self._link.query, next(iter(self._roles)))
         if abs(timing.sample_rate_hz / settings.sample_rate_hz - 1) > RATE_TOLERANCE:
@@ -203,7 +203,7 @@ class ScpiOscilloscope(TriggeredDigitizer[int]):
                     with self._exchange:
                         counts[:, column] = self._points(n, at, count, timing)
                 except Stalled as error:
-                    if column == len(self._roles) - 1:  # keep the rows of which every channel was received
+                    if column == len(self._roles) - 1:  # keep the rows received for all channels
                         skipped = at if dialect.points_a_read is None else 0
                         received = dialect.decode(error.received)[skipped:][:count]
                         counts[: received.size, column] = received

@@ -1,4 +1,4 @@
-"""Opens an oscilloscope by its address: ``usb[:VVVV:PPPP]``, ``HOST[:PORT]`` or a VISA resource name."""
+"""Open an oscilloscope by its address: ``usb[:VVVV:PPPP]``, ``HOST[:PORT]`` or a VISA resource name."""
 
 import re
 from typing import TYPE_CHECKING, Any
@@ -18,9 +18,9 @@ _REMEDY = "type HOST or HOST:PORT, as 192.168.1.5 or scope.lab:5025, or a VISA n
 
 
 def network_source(typed: str) -> str:
-    """Return the source text of an address typed by the operator; connects to nothing.
+    """Return the source text of an address typed by the operator, without connecting.
 
-    Raises DigitizerError for text that is no address.
+    Raises DigitizerError for text that is not an address.
     """
     text = typed.strip()
     text = text[5:] if text.lower().startswith("scpi:") else text
@@ -35,14 +35,14 @@ def network_source(typed: str) -> str:
 
 
 def _host_of(address: str) -> tuple[str, int | None] | None:
-    """Return host and port (None: the usual ones) of ``HOST[:PORT]``, None for what is no such address."""
+    """Return host and port (None: try the usual ports) of ``HOST[:PORT]``; None if ``address`` has another form."""
     host = _HOST.fullmatch(address)
     port = int(host[2]) if host and host[2] else None
     return (host[1], port) if host and (port is None or 0 < port < 65536) else None
 
 
 def network_name(source: str) -> str:
-    """Return the name of such a source on the screen."""
+    """Return the name shown on the screen for a source of ``network_source``."""
     return f"Oscilloscope at {source.removeprefix('scpi:').partition('?')[0]}"
 
 
@@ -55,12 +55,12 @@ def open_digitizer(address: str, options: "SourceOptions") -> "ScpiOscilloscope"
     if "trigger" in options:
         source = EXTERNAL if options.text("trigger", "") == EXTERNAL else options.whole("trigger", "")
     trigger = HardwareTrigger(source, options.slope(), options.number("level", "") if "level" in options else None)
-    rig = options.rig()  # every option is read before the instrument is held
+    rig = options.rig()  # all options are read before the instrument is opened
     return ScpiOscilloscope(_link(address), roles, trigger, setup=rig)
 
 
 def _link(address: str) -> Any:
-    """Open the SCPI link that ``address`` names: ``usb[:VVVV:PPPP]``, ``HOST[:PORT]`` or a VISA resource name."""
+    """Open the SCPI link of an ``address``: ``usb[:VVVV:PPPP]``, ``HOST[:PORT]`` or a VISA resource name."""
     if usb_address := _USB_ADDRESS.fullmatch(address):
         from instrument.devices.usbtmc import UsbtmcTransport, find_instruments
 

@@ -1,4 +1,4 @@
-"""The SCPI commands of each maker's oscilloscopes, as a table for the one SCPI driver.
+"""The SCPI commands of each maker's oscilloscopes, as a table used by the SCPI driver.
 
 Sources: the programming guides of Rigol MSO1000Z/DS1000Z, Siglent SDS1000X-E and Keysight InfiniiVision.
 """
@@ -17,12 +17,12 @@ Query = Callable[[str], str]
 
 
 class ImplausibleAnswer(DigitizerError):
-    """An instrument's answer with impossible numbers."""
+    """An instrument's answer contains impossible numbers."""
 
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """When the samples of a shot were taken."""
+    """The sample rate, number of samples and trigger position of a shot."""
 
     sample_rate_hz: float
     samples: int
@@ -49,18 +49,18 @@ class Scaling:
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """One maker's commands.
+    """The SCPI commands of one maker.
 
-    In them ``{n}`` is a channel, ``{a}`` and ``{b}`` the first and last point (from 1), ``{count}`` the number of
-    points and ``{skip}`` that of the points before them, ``{source}`` the trigger's channel.
+    Placeholders: ``{n}`` a channel; ``{a}`` and ``{b}`` the first and last point (from 1); ``{count}`` the number of
+    points and ``{skip}`` the number of points before them; ``{source}`` the trigger's channel.
     """
 
     name: str
-    makers: tuple[str, ...]  # how *IDN? begins, in capitals
+    makers: tuple[str, ...]  # beginnings of the answer to *IDN?, in capitals
     bits: int
     bytes_per_sample: int
     points_a_read: int | None  # None: the whole memory in one block
-    begin: tuple[str, ...]  # once, after opening
+    begin: tuple[str, ...]  # sent once, after opening
     trigger_channel: tuple[str, ...]
     trigger_external: tuple[str, ...]
     slope: dict[str, str]
@@ -69,22 +69,22 @@ class Dialect:
     status: str
     is_done: Callable[[str], bool]
     stop: str
-    depths: tuple[int, ...]  # memory depths per channel with two channels on; empty: set by the instrument
+    depths: tuple[int, ...]  # memory depths per channel with two channels on; empty: chosen by the instrument
     set_depth: str
     divisions: int
     set_time_per_division: str
-    set_trigger_delay: str  # s from the trigger to the middle of the record
+    set_trigger_delay: str  # time in s from the trigger to the middle of the record
     max_samples: int
-    set_now: Callable[[Query, int], Timing]  # of the next shot, by the instrument's settings; channel number
-    timing: Callable[[Query, int], Timing]  # of the shot in memory
-    select: tuple[str, ...]  # before reading a channel's points
+    set_now: Callable[[Query, int], Timing]  # (query, channel) -> timing of the next shot, from the settings
+    timing: Callable[[Query, int], Timing]  # (query, channel) -> timing of the shot in memory
+    select: tuple[str, ...]  # sent before a channel's points are read
     scaling: Callable[[Query, int], Scaling]
-    fetch: tuple[str, ...]  # the last one is answered with the block
+    fetch: tuple[str, ...]  # the answer to the last command is the block
     decode: Callable[[bytes], NDArray[np.int16]]
 
 
 def numbers(answer: str, count: int, what: str) -> list[float]:
-    """Return the numbers of an answer.  Raises DigitizerError if they are fewer than ``count`` finite numbers."""
+    """Return the first ``count`` numbers of an answer.  Raises DigitizerError if they are fewer or not finite."""
     try:
         found = [_number(part) for part in answer.split(",")]
     except ValueError:
@@ -95,7 +95,7 @@ def numbers(answer: str, count: int, what: str) -> list[float]:
 
 
 def _number(text: str) -> float:
-    """Read a number that may carry its SI prefix and unit: ``1.00E+09``, ``500MSa/s``, ``2.00mV``."""
+    """Parse a number that may have an SI prefix and unit: ``1.00E+09``, ``500MSa/s``, ``2.00mV``."""
     text = text.strip()
     end = len(text)
     while end and not text[end - 1].isdigit() and text[end - 1] != ".":
@@ -194,7 +194,7 @@ RIGOL = Dialect(
     set_trigger_delay=":TIM:MAIN:OFFS {seconds:.9g}",
     max_samples=12_000_000,
     set_now=_rigol_set_now,
-    timing=_rigol_set_now,  # the preamble's points and origin follow the last part that was read
+    timing=_rigol_set_now,  # not the preamble, whose points and origin are those of the last part read
     select=(":WAV:SOUR CHAN{n}",),
     scaling=_rigol_scaling,
     fetch=(":WAV:STAR {a}", ":WAV:STOP {b}", ":WAV:DATA?"),
@@ -263,7 +263,7 @@ DIALECTS = (SIGLENT, RIGOL, KEYSIGHT)
 
 
 def dialect_of(identity: str) -> Dialect:
-    """Return the dialect for an answer to ``*IDN?``.  Raises DigitizerError for an instrument not in the table."""
+    """Return the dialect for an answer to ``*IDN?``.  Raises DigitizerError for an unknown instrument."""
     maker = identity.strip().upper()
     for dialect in DIALECTS:
         if maker.startswith(dialect.makers):
@@ -273,7 +273,7 @@ def dialect_of(identity: str) -> Dialect:
 
 
 def one_two_five(value: float) -> float:
-    """Return the smallest of 1, 2, 5 times a power of ten that is not below ``value``: a step of a time base."""
+    """Return the smallest 1, 2 or 5 times a power of ten that is at least ``value``: a step of a time base."""
     power = 10.0 ** math.floor(math.log10(value))
     return next(m * power for m in (1, 2, 5, 10) if m * power >= value * (1 - 1e-9))
 

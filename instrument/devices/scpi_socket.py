@@ -19,11 +19,11 @@ from instrument.devices.scpi_transport import (
 PORTS = (5025, 5555)  # Keysight and Siglent; Rigol
 _REMEDY = "check its network address, and that no other program is connected"
 _PIECE = 1 << 18
-_LOOK_S = 0.1  # between two looks for a cancellation
+_LOOK_S = 0.1  # time between checks for a cancellation
 
 
 class SocketTransport:
-    """A connection to ``host``; without a ``port`` the usual ones are tried."""
+    """A connection to ``host``; without a ``port`` the usual ports are tried."""
 
     def __init__(self, host: str, port: int | None = None, timeout_s: float = 3.0) -> None:
         self.name = f"oscilloscope at {host}" if port is None else f"oscilloscope at {host}:{port}"
@@ -52,7 +52,7 @@ class SocketTransport:
             raise DigitizerError(f"{self.name}: connection lost ({error})", _REMEDY) from error
 
     def query(self, command: str, timeout_s: float = ANSWER_S) -> str:
-        """Send a command and return the line of its answer; line ends left by an earlier block are skipped."""
+        """Send a command and return its answer, one line; line ends left by an earlier block are skipped."""
         deadline = Deadline(timeout_s)
         self.write(command)
         while True:
@@ -76,7 +76,7 @@ class SocketTransport:
         deadline.allow_for(size)
         while len(self._received) < first + size:
             so_far = len(self._received)
-            received = self._received  # a lost connection replaces it
+            received = self._received  # kept, as losing the connection replaces the buffer
             try:
                 self._receive_or_cancel(deadline, timeout_s, command, cancelled)
             except DigitizerError as error:
@@ -86,7 +86,7 @@ class SocketTransport:
         return block
 
     def close(self) -> None:
-        """Close the connection; the next command opens it again."""
+        """Close the connection; the next command reopens it."""
         held, self._socket = self._socket, None
         self._received = bytearray()
         if held is not None:
@@ -101,7 +101,7 @@ class SocketTransport:
         try:
             return block_start(self._received, self.name, max_bytes)
         except DigitizerError:
-            self.close()  # the rest of this answer would be taken for the next one
+            self.close()  # the remainder of this answer would be mistaken for the next one
             raise
 
     def _receive_or_cancel(

@@ -1,4 +1,4 @@
-"""The contract of a link that carries SCPI commands to an oscilloscope: socket, USB or VISA."""
+"""The interface of a link that carries SCPI commands to an oscilloscope: socket, USB or VISA."""
 
 import time
 from collections.abc import Callable
@@ -8,17 +8,17 @@ from instrument.devices.digitizer import DigitizerError
 
 MAX_PREFIX_BYTES = 64
 MAX_LINE_BYTES = 1 << 16
-ANSWER_S, BLOCK_S = 5.0, 10.0  # for an answer of one line; for the beginning of a block, or a pause in it
-SLOWEST_BYTES_PER_S = 50e3  # GPIB through an adapter; a block that comes slower than this counts as stalled
+ANSWER_S, BLOCK_S = 5.0, 10.0  # timeouts of an answer of one line, and of a block's beginning or a pause in it
+SLOWEST_BYTES_PER_S = 50e3  # rate of GPIB through an adapter; a block at a lower rate counts as stalled
 REMEDY = "check its connection, and that no other program uses it; then re-arm"
 
 
 class Cancelled(Exception):
-    """The operator stopped a transfer under way; the link can be used again."""
+    """The operator cancelled a transfer; the link remains usable."""
 
 
 class Stalled(DigitizerError):
-    """A block that stopped coming; ``received`` are its bytes so far."""
+    """A block stopped arriving; ``received`` holds its bytes so far."""
 
     def __init__(self, what: str, remedy: str, received: bytes = b"") -> None:
         super().__init__(what, remedy)
@@ -26,7 +26,7 @@ class Stalled(DigitizerError):
 
 
 class Deadline:
-    """The time at which one exchange must be over."""
+    """The time by which an exchange must be finished."""
 
     def __init__(self, seconds: float) -> None:
         self._end_s = time.monotonic() + seconds
@@ -36,7 +36,7 @@ class Deadline:
         self._end_s += size_bytes / SLOWEST_BYTES_PER_S
 
     def check(self, name: str, command: str) -> float:
-        """Return the time left in s.  Raises DigitizerError once it has passed."""
+        """Return the remaining time in s.  Raises DigitizerError after the deadline."""
         left_s = self._end_s - time.monotonic()
         if left_s <= 0.0:
             raise DigitizerError(f"{name} does not answer {command} in time", REMEDY)
@@ -44,7 +44,7 @@ class Deadline:
 
 
 def never() -> bool:
-    """Return False: an exchange that is never cancelled."""
+    """Return False, for an exchange that is never cancelled."""
     return False
 
 
@@ -52,10 +52,10 @@ class ScpiTransport(Protocol):
     """A link that carries commands and answers.  Every method raises DigitizerError."""
 
     def write(self, command: str) -> None:
-        """Send a command that has no answer."""
+        """Send a command without an answer."""
 
     def query(self, command: str, timeout_s: float = ANSWER_S) -> str:
-        """Send a command and return its answer, stripped; ``timeout_s`` is for the whole of it."""
+        """Send a command and return its answer, stripped; ``timeout_s`` is for the whole exchange."""
 
     def query_block(
         self, command: str, max_bytes: int, cancelled: Callable[[], bool] = never, timeout_s: float = BLOCK_S
@@ -63,19 +63,19 @@ class ScpiTransport(Protocol):
         """Send a command and return the bytes of the IEEE 488.2 definite block in its answer.
 
         Refuses a block of more than ``max_bytes``; raises Cancelled once ``cancelled()`` is True.  Raises Stalled, with
-        the bytes received, if its beginning or a pause takes longer than ``timeout_s``, or if the whole block comes
-        more slowly than SLOWEST_BYTES_PER_S.
+        the bytes received, if the block's beginning or a pause takes longer than ``timeout_s``, or if the whole block
+        is slower than SLOWEST_BYTES_PER_S.
         """
 
     def close(self) -> None:
-        """Release the instrument; harmless when already closed."""
+        """Release the instrument; harmless if already closed."""
 
 
 def block_start(received: bytes | bytearray, name: str, max_bytes: int) -> tuple[int, int] | None:
-    """Return (offset, number) of the bytes of a definite block; None while its head is incomplete.
+    """Return (offset, number) of the bytes of a definite block, or None while its header is incomplete.
 
-    IEEE 488.2, 8.7.9: ``#``, a digit n > 0, n digits that give the number of bytes.  Refuses a block larger than
-    requested: a damaged head must not exhaust the memory.
+    IEEE 488.2, 8.7.9: ``#``, a digit n > 0, and n digits that give the number of bytes.  Refuses a block larger than
+    requested, so that a damaged header cannot exhaust the memory.
     """
     at = received.find(b"#", 0, MAX_PREFIX_BYTES)
     if at < 0:

@@ -1,4 +1,4 @@
-"""SCPI over any link that pyvisa knows (VXI-11, HiSLIP, GPIB); pyvisa is an optional extra."""
+"""SCPI over any link supported by pyvisa (VXI-11, HiSLIP, GPIB); pyvisa is an optional extra."""
 
 import importlib
 from collections.abc import Callable
@@ -39,7 +39,7 @@ class VisaTransport:
             self._session.chunk_size = _PIECE
             self._session.write_termination = "\n"
             self._session.read_termination = "\n" if resource.upper().endswith("::SOCKET") else None
-        except Exception as error:  # pyvisa's backends raise errors of many kinds
+        except Exception as error:  # pyvisa's backends raise many kinds of errors
             raise DigitizerError(f"{self.name} cannot be opened ({_line(error)})", "check the resource name") from error
 
     def write(self, command: str) -> None:
@@ -76,7 +76,7 @@ class VisaTransport:
                 received += self._guard(partial(self._session.read_bytes, min(_PIECE, first + size - len(received))))
             except DigitizerError as error:
                 raise Stalled(error.what, error.remedy, bytes(received[first:])) from error
-        self._guard(lambda: self._session.read_bytes(1))  # the end of line after the block
+        self._guard(lambda: self._session.read_bytes(1))  # the line end after the block
         return bytes(received[first:])
 
     def close(self) -> None:
@@ -92,7 +92,7 @@ class VisaTransport:
     def _manager(pyvisa: Any) -> Any:
         try:
             return pyvisa.ResourceManager()
-        except Exception:  # no VISA library of a maker is installed: use the one in Python
+        except Exception:  # no maker's VISA library is installed, so the Python one is used
             try:
                 return pyvisa.ResourceManager("@py")
             except Exception as error:

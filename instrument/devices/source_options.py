@@ -1,4 +1,4 @@
-"""The options of a source, as in ``scpi:ADDRESS?roles=switch,measurement&mass=0.0213``, each value checked."""
+"""Read the options of a source with checks, as in ``scpi:ADDRESS?roles=switch,measurement&mass=0.0213``."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -15,13 +15,13 @@ from instrument.files import shown
 
 @dataclass(frozen=True, slots=True)
 class SourceOptions:
-    """The options of one source by name.  Every method raises DigitizerError for a value that it cannot read."""
+    """The options of one source by name.  Every method raises DigitizerError for an invalid value."""
 
     given: Mapping[str, str]
 
     @classmethod
     def read(cls, text: str, source: str, known: Sequence[str]) -> "SourceOptions":
-        """Read the options in ``text`` ("a=1&b=2")."""
+        """Parse the options in ``text`` ("a=1&b=2"); names outside ``known`` are an error."""
         given = {}
         for item in filter(None, text.split("&")):
             name, equals, value = item.partition("=")
@@ -37,7 +37,7 @@ class SourceOptions:
         return self.given.get(name, default)
 
     def number(self, name: str, default: str, what: str = "") -> float:
-        """Return a number; ``what`` is its name in an error, if not ``name``."""
+        """Return a number; ``what`` is its name in an error message, if not ``name``."""
         text = self.text(name, default)
         if not re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,2})?", text.strip()):
             raise DigitizerError(f"{shown(text)} is no {what or name}")
@@ -49,7 +49,7 @@ class SourceOptions:
         return found
 
     def wholes(self, name: str, default: str, what: str = "", *, several: bool = True) -> tuple[int, ...]:
-        """Return whole numbers, separated by commas."""
+        """Return whole numbers written with commas between them."""
         text = self.text(name, default)
         parts = text.split(",") if several else [text]
         for part in parts:
@@ -83,7 +83,7 @@ class SourceOptions:
         return slope
 
     def rig(self) -> Setup | None:
-        """Return the assumed rig with the values from the options; None if none of them is given."""
+        """Return ``assumed_rig`` with the values given by the options; None if the options give none."""
         given = {}
         for name, key in RIG.items():
             if name in self:
@@ -102,5 +102,5 @@ PAPER_MOVING_MASS_KG = 17.85e-3
 
 
 def assumed_rig() -> Setup:
-    """Return the paper's block; the recording says that it is assumed."""
+    """Return a set-up with the paper's block, marked in the recording as assumed."""
     return Setup(moving_mass_kg=PAPER_MOVING_MASS_KG, extra=MappingProxyType({"moving_mass_assumed": True}))

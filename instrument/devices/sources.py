@@ -1,12 +1,12 @@
-"""The sources of samples, one row each; ``--source``, the window's list and the guided set-up follow from the row.
+"""The table of sample sources; ``--source``, the window's list and the guided set-up are generated from its rows.
 
-A source is named ``NAME``, or ``NAME:ADDRESS`` where it has an address; options follow a question mark, as in
+A source is written ``NAME`` or, with an address, ``NAME:ADDRESS``; options follow a question mark, as in
 ``hantek6022?roles=switch,measurement&gains=1,5`` or ``scpi:192.168.1.5?channels=1,2&trigger=3&slope=falling``.
 ``bench?effect=quadratic_drag`` is a simulated rig with an effect that the base model lacks, ``seed`` sets its random
-numbers, ``bench?site=VC-D`` puts it in a building; ``bench?speed=0.45&added=0.05&first=3`` pushes it to this speed
-(m/s) with this mass added to the block (kg), the first push being the fourth of its seed.  Devices take what is known
-of the rig: ``mass`` (kg), ``rest`` (the rest frequency in Hz, needed if no channel carries PD0) and ``wavelength`` (in
-air, m).
+numbers, and ``bench?site=VC-D`` puts it in a building.  ``bench?speed=0.45&added=0.05&first=3`` sets the speed of a
+push (m/s) and the mass added to the block (kg), and starts with the fourth push of its seed.  Devices accept options
+for the set-up: ``mass`` (kg), ``rest`` (the rest frequency in Hz, needed if no channel carries PD0) and ``wavelength``
+(in air, m).
 
 How to add one: docs/add-a-digitizer.md.
 """
@@ -20,7 +20,7 @@ from urllib.parse import quote
 if TYPE_CHECKING:
     from instrument.devices.digitizer import Digitizer
 
-RIG = {"mass": "moving_mass_kg", "rest": "rest_frequency_hz", "wavelength": "wavelength_air_m"}  # of the setup
+RIG = {"mass": "moving_mass_kg", "rest": "rest_frequency_hz", "wavelength": "wavelength_air_m"}  # option -> Setup
 PUSH = ("speed", "added", "first")
 
 
@@ -28,25 +28,25 @@ PUSH = ("speed", "added", "first")
 class Source:
     """A kind of digitizer.  ``opener`` and ``finder`` are names "folder.module:function", imported when needed.
 
-    ``opener`` takes the address and a ``SourceOptions`` and returns the digitizer; ``finder`` takes a USB backend
-    (None: the system's) and returns the devices plugged in.  ``listed`` are the sources that the window always offers,
-    with their names; for one that ends with a colon it asks for the address.
+    ``opener`` takes the address and a ``SourceOptions`` and returns the digitizer.  ``finder`` takes a USB backend
+    (None: the system's) and returns the devices plugged in.  ``listed`` maps the sources that the window always offers
+    to their names on the screen; for a source that ends with a colon the window asks for the address.
     """
 
     name: str
     opener: str
-    address: str = ""  # name of the address that follows the colon; "": none
-    options: tuple[str, ...] = ()  # without any, everything after the colon is the address
+    address: str = ""  # name of the address that follows the colon; "": no address
+    options: tuple[str, ...] = ()  # if there are none, everything after the colon is the address
     finder: str = ""
     listed: dict[str, str] = field(default_factory=dict)
-    simulated: bool = False  # only a busy computer can delay it
-    knows_its_rig: bool = False  # mass and wavelength come from the source, not from the settings
+    simulated: bool = False  # True: only a busy computer can delay it
+    knows_its_rig: bool = False  # True: mass and wavelength come from the source, not from the settings
     in_subprocess: bool = True
-    remembered: bool = True  # opened again at the next start
+    remembered: bool = True  # True: opened again at the next start
 
     @property
     def text(self) -> str:
-        """Get the form of its text: "scpi:ADDRESS"."""
+        """Get the form of the source's text: "scpi:ADDRESS"."""
         return f"{self.name}:{self.address}" if self.address else self.name
 
 
@@ -55,7 +55,7 @@ SOURCES = (
         "bench",
         "bench:open_digitizer",
         options=("effect", "seed", "site", *PUSH),
-        listed={  # the effect is not named on the screen, because the user is to find it
+        listed={  # the effect is not named on the screen, as finding it is the user's task
             "bench": "Simulated bench",
             "bench?effect=quadratic_drag:coefficient_n_s2_per_m2=3e-3": "Simulated bench with a flaw",
         },
@@ -68,7 +68,7 @@ SOURCES = (
         "PATH",
         listed={"replay:": "Play a recording …"},
         knows_its_rig=True,
-        in_subprocess=False,  # it waits for its reader and can lose nothing
+        in_subprocess=False,  # not needed, as it waits for its reader and cannot lose samples
         remembered=False,
     ),
     Source(
@@ -95,13 +95,13 @@ SOURCES = (
 
 
 def source_of(text: str) -> Source:
-    """Return the row that a source's text names; a row without a name for an unknown source."""
+    """Return the row of a source's text; for an unknown source, a row without a name."""
     name = re.split("[:?]", text.strip())[0].lower()
     return next((source for source in SOURCES if source.name == name), Source("", ""))
 
 
 def listed_sources() -> list[tuple[str, str]]:
-    """Return the text and the name on the screen of each source that the window always offers."""
+    """Return (text, name on the screen) of each source that the window always offers."""
     return [item for source in SOURCES for item in source.listed.items()]
 
 
@@ -112,9 +112,9 @@ def source_words() -> str:
 
 
 def open_source(text: str) -> "Digitizer":
-    """Open the digitizer that ``text`` names.
+    """Open the digitizer of a source's ``text``.
 
-    Raises DigitizerError for an unknown source, a wrong option or a device that cannot be opened.
+    Raises DigitizerError for an unknown source, an invalid option or a device that cannot be opened.
     """
     from instrument.devices.digitizer import DigitizerError
     from instrument.devices.source_options import SourceOptions
@@ -135,7 +135,7 @@ def open_source(text: str) -> "Digitizer":
 
 
 def imported(name: str) -> Any:
-    """Return the function that "folder.module:function" names.  Raises DigitizerError if a package is missing."""
+    """Return the function named "folder.module:function".  Raises DigitizerError if a package is missing."""
     from instrument.devices.digitizer import DigitizerError
 
     module, _, function = name.partition(":")
@@ -146,14 +146,14 @@ def imported(name: str) -> Any:
 
 
 def is_bench(source: str) -> bool:
-    """Return whether the text of a source names the simulated bench."""
+    """Return whether a source's text is that of the simulated bench."""
     return source.strip().partition("?")[0].lower() == "bench"
 
 
 def pushed(source: str, speed_m_per_s: float, added_kg: float, first: int) -> str:
-    """Return the text of a simulated bench's source with another push: speed, mass added, number of the first push.
+    """Return the text of a simulated bench's source with these options of the push; other options are unchanged.
 
-    Its other options stay as they are.
+    The options are speed, added mass, and number of the first push.
     """
     kind, _, rest = source.strip().partition("?")
     kept = [item for item in rest.split("&") if item and item.partition("=")[0] not in PUSH]
@@ -162,7 +162,7 @@ def pushed(source: str, speed_m_per_s: float, added_kg: float, first: int) -> st
 
 
 def at_site(source: str, site: str) -> str:
-    """Return the text of a bench's source with ``site`` added; unchanged if it has one or is not the bench."""
+    """Return a source's text with ``site`` added; unchanged if it has a site or is not the simulated bench."""
     if not is_bench(source) or re.search("[?&]site=", source):
         return source
     return f"{source}{'&' if '?' in source else '?'}site={quote(site)}"

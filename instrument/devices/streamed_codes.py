@@ -1,4 +1,4 @@
-"""Turns the bytes of a two-channel 8-bit streamer into counts, and cuts the stream where samples were lost."""
+"""Convert the bytes of a two-channel 8-bit streamer to counts, and cut the stream where samples were lost."""
 
 import math
 from collections import deque
@@ -11,16 +11,16 @@ from instrument.devices.bulk_stream import Chunk
 from instrument.devices.digitizer import Block
 
 PACKET_BYTES = 512
-SETTLING_PACKETS = 8  # the first 2048 samples per channel are discarded: the input is settling
-_UNDECIDED_PACKETS = 2  # the next ones decide whether these continue the stream
-_SAME_LOSS_S = 2.5  # the clock shows a loss up to this much later than the beat
+SETTLING_PACKETS = 8  # discarded packets (2048 samples per channel) in which the input settles
+_UNDECIDED_PACKETS = 2  # last packets for which only later packets decide whether samples were lost before them
+_SAME_LOSS_S = 2.5  # longest delay between detection of one loss by the beat and by the clock
 
 
 class StreamedCodes:
-    """The stream between chunks received (``accept``) and samples delivered (``deliver``).
+    """The stream from chunks received (``accept``) to samples delivered (``deliver``).
 
-    ``reference_column`` is the channel (0 or 1) with the rest beat, whose phase shows lost packets; None: only the byte
-    clock shows them, later and only larger losses.
+    ``reference_column`` is the channel (0 or 1) with the rest beat, whose phase reveals lost packets.  If None, only
+    the byte clock does, later and for larger losses only.
     """
 
     def __init__(self, bytes_per_s: float, reference_column: int | None) -> None:
@@ -29,8 +29,8 @@ class StreamedCodes:
         self._seams = BeatSeams(PACKET_BYTES // 2)
         self._ready: deque[tuple[NDArray[np.uint8], bool]] = deque()
         self._undecided = np.empty(0, np.uint8)
-        self._part = np.empty(0, np.uint8)  # less than a packet
-        self._lost = False  # samples are missing before the undecided packets
+        self._part = np.empty(0, np.uint8)  # an incomplete packet
+        self._lost = False  # True: samples are missing before the undecided packets
         self._settling = SETTLING_PACKETS * PACKET_BYTES
         self._loss_seen_s = -math.inf
 
@@ -72,7 +72,7 @@ class StreamedCodes:
         self._undecided = joined[settled:]
 
     def flush(self) -> None:
-        """Make the undecided packets ready, whole samples only: the stream does not continue after them."""
+        """Make the undecided packets ready, whole samples only, because the stream does not continue after them."""
         rest = np.concatenate((self._undecided, self._part))
         rest = rest[: rest.size // 2 * 2]
         if rest.size:
@@ -82,7 +82,7 @@ class StreamedCodes:
         self._seams.forget()
 
     def deliver(self, buffer: NDArray[np.int16]) -> Block:
-        """Fill ``buffer`` (shape (n, 2)) from the front with codes less 128; stop before the next loss."""
+        """Fill ``buffer`` (shape (n, 2)) from the front with codes minus 128; stop before the next loss."""
         filled = 0
         lost_before = bool(self._ready) and self._ready[0][1]
         while self._ready and filled < buffer.shape[0]:
@@ -99,7 +99,7 @@ class StreamedCodes:
         return Block(filled, lost_before=None if lost_before else 0)
 
 
-DRIFT = 300e-6  # of two crystals against each other
+DRIFT = 300e-6  # largest relative deviation of two crystals' frequencies
 SOON_S, SOON_STEP_S = 0.3, 0.03
 LASTING_S, LASTING_STEP_S = 2.0, 0.004
 
@@ -110,18 +110,18 @@ class ByteClock:
     def __init__(self, bytes_per_s: float) -> None:
         self._rate = bytes_per_s
         self._recent: deque[tuple[float, float]] = deque()  # (time, lag) in s
-        self._received: int | None = None  # since the first chunk
-        self._level_s: float | None = None  # the lag that counts as none
+        self._received: int | None = None  # bytes since the first chunk
+        self._level_s: float | None = None  # the lag without a loss
         self._judged_s: float
 
     def count(self, received_bytes: int, now_s: float) -> int:
-        """Count a chunk that arrived at ``now_s``; return the number of bytes found lost, mostly 0.
+        """Count a chunk that arrived at ``now_s``; return the number of lost bytes detected, usually 0.
 
-        A loss of more than 30 ms of data is found after 0.3 s, one of more than 4 ms after 2 s.
+        A loss of more than 30 ms of data is detected after 0.3 s, a loss of more than 4 ms after 2 s.
         """
         if self._received is None:
             self._received = 0
-            return 0  # the first chunk only starts the clock: the time it took to fill is unknown
+            return 0  # the first chunk only starts the clock, as the time to fill it is unknown
         self._received += received_bytes
         self._recent.append((now_s, now_s - self._received / self._rate))
         while self._recent[0][0] < now_s - LASTING_S:

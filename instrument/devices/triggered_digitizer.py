@@ -1,4 +1,4 @@
-"""A digitizer that takes one shot an arming on its own trigger: a thread waits for the shot and fetches it."""
+"""A digitizer that takes one shot per ``arm`` on a hardware trigger; a thread waits for the shot and fetches it."""
 
 import queue
 import threading
@@ -14,12 +14,12 @@ from analysis.shot import Role, Setup
 from instrument.devices.digitizer import Block, CaptureSettings, Digitizer, DigitizerError
 from instrument.devices.source_options import assumed_rig
 
-Input = TypeVar("Input", int, str)  # the name of a channel on the device
+Input = TypeVar("Input", int, str)  # type of a channel's name on the device
 
 
 @dataclass(frozen=True, slots=True)
 class HardwareTrigger:
-    """The hardware trigger: a channel (3, of a card "2"), a named input of the device, or None: as set on it."""
+    """The hardware trigger: a channel (3, on a card "2"), a named input, or None for the instrument's own setting."""
 
     source: int | str | None = None
     slope: str = "rising"
@@ -28,7 +28,7 @@ class HardwareTrigger:
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """Fetched counts (int16, shape (n, channels)) and the trigger's index in them, which may lie outside.
+    """Fetched counts (int16, shape (n, channels)) and the trigger's index relative to them, which may be outside.
 
     A piece without counts reports that the trigger fired.
     """
@@ -38,16 +38,16 @@ class Piece:
     last: bool
 
 
-Pieces = queue.SimpleQueue[Piece | DigitizerError | None]  # None: the shot was given up
+Pieces = queue.SimpleQueue[Piece | DigitizerError | None]  # None: the shot was abandoned
 
 
 class TriggeredDigitizer(Digitizer, Generic[Input]):
-    """One shot an ``arm``; a thread takes it with ``_take_shot``, so that ``read_into`` keeps its timeout.
+    """A digitizer with one shot per ``arm``; ``_take_shot`` runs in a thread, so that ``read_into`` keeps its timeout.
 
-    ``roles`` are the roles of the channels of a device that is called ``what``.
+    ``roles`` are the roles of the device's channels; ``what`` is the device's name in messages.
     """
 
-    _ends_within_s = 15.0  # a driver that takes longer to give up its shot is left behind
+    _ends_within_s = 15.0  # a thread that takes longer to abandon its shot is left running
 
     def __init__(self, what: str, roles: Mapping[Input, Role], setup: Setup | None) -> None:
         if Role.MEASUREMENT not in roles.values() or len(set(roles.values())) != len(roles):
@@ -58,7 +58,7 @@ class TriggeredDigitizer(Digitizer, Generic[Input]):
         self._lock = threading.Lock()
         self._worker: threading.Thread | None = None
         self._blocks: Pieces = queue.SimpleQueue()
-        self._piece: Piece | None = None  # partly read
+        self._piece: Piece | None = None  # the piece being read
         self._armed = False
 
     @property
@@ -101,7 +101,7 @@ class TriggeredDigitizer(Digitizer, Generic[Input]):
                 worker.join(timeout=self._ends_within_s)
 
     def _begin(self, settings: CaptureSettings) -> None:
-        """Start the thread that takes the shot; the last one was stopped."""
+        """Start the thread that takes the shot; the previous thread must have been stopped."""
         self._cancel.clear()
         self._blocks = queue.SimpleQueue()
         self._piece = None
@@ -114,7 +114,7 @@ class TriggeredDigitizer(Digitizer, Generic[Input]):
             self._take_shot(settings, out)
         except DigitizerError as error:
             out.put(error)
-        except Exception as error:  # the reader must be told
+        except Exception as error:  # passed on to the reader
             out.put(self._described(error))
 
     @abstractmethod
@@ -123,4 +123,4 @@ class TriggeredDigitizer(Digitizer, Generic[Input]):
 
     @abstractmethod
     def _described(self, error: Exception) -> DigitizerError:
-        """Return what an error that is no DigitizerError is reported as."""
+        """Return an error of another kind as a DigitizerError."""

@@ -1,4 +1,4 @@
-"""The USB bus through pyusb: finds and claims devices, and turns its errors into DigitizerError."""
+"""Access the USB bus through pyusb: find and claim devices, and convert pyusb's errors to DigitizerError."""
 
 import errno
 import importlib
@@ -58,7 +58,7 @@ def find_matching(matches: Any, backend: Any = None) -> list[Any]:
 
 
 def is_permitted(device: Any) -> bool:
-    """Return whether this user may open the device; True if the bus cannot say without opening it."""
+    """Return whether this user may open the device; True if this is unknown without opening it."""
     try:
         usb.util.dispose_resources(device)
         device.get_active_configuration()
@@ -72,7 +72,7 @@ def is_permitted(device: Any) -> bool:
 
 
 def digitizer_error(error: Exception, name: str) -> DigitizerError:
-    """Return a pyusb error as a DigitizerError with the remedy."""
+    """Return a pyusb error as a DigitizerError with a remedy."""
     number = getattr(error, "errno", None)
     if isinstance(error, NotImplementedError):
         return DigitizerError(f"{name} cannot be opened: its USB driver does not allow it", PERMISSION_REMEDY)
@@ -89,7 +89,7 @@ def digitizer_error(error: Exception, name: str) -> DigitizerError:
 
 @contextmanager
 def usb_errors_of(name: str) -> Iterator[None]:
-    """Turn pyusb's errors inside the block into DigitizerError."""
+    """Convert pyusb's errors inside the with block to DigitizerError."""
     try:
         yield
     except (usb.core.USBError, NotImplementedError) as error:
@@ -97,7 +97,7 @@ def usb_errors_of(name: str) -> Iterator[None]:
 
 
 def claim(device: Any, interface: int, name: str) -> None:
-    """Claim ``interface`` of the device for this program, detaching a kernel driver if one uses it."""
+    """Claim ``interface`` of the device for this program, detaching a kernel driver that uses it."""
     with usb_errors_of(name):
         try:
             device.get_active_configuration()
@@ -115,7 +115,7 @@ def claim(device: Any, interface: int, name: str) -> None:
 
 
 def release(device: Any) -> None:
-    """Release the device; harmless when it is gone."""
+    """Release the device; harmless if it was unplugged."""
     try:
         usb.util.dispose_resources(device)
     except usb.core.USBError:

@@ -53,7 +53,7 @@ def find_instruments(backend: Any = None) -> list[Any]:
 
 
 class UsbtmcTransport:
-    """A link to a USBTMC instrument, claimed for this program alone."""
+    """A link to a USBTMC instrument, claimed exclusively for this program."""
 
     def __init__(self, device: Any) -> None:
         self.name = f"{VENDORS.get(device.idVendor, 'USB')} oscilloscope ({usb_bus.identity(device)})"
@@ -93,7 +93,7 @@ class UsbtmcTransport:
     def query_block(
         self, command: str, max_bytes: int, cancelled: Callable[[], bool] = never, timeout_s: float = BLOCK_S
     ) -> bytes:
-        """Send a command and return the bytes of the block in its answer, fetched in requests of at most 1 MiB."""
+        """Send a command and return the bytes of the block in its answer, fetched by requests of at most 1 MiB."""
         deadline = Deadline(timeout_s)
         self.write(command)
         received = bytearray()
@@ -154,10 +154,10 @@ class UsbtmcTransport:
 
     def _read(self, size: int, timeout_s: float) -> bytes:
         padded = (_HEADER.size + size + 3) // 4 * 4
-        return bytes(self._device.read(self._in, padded, timeout=math.ceil(1e3 * timeout_s)))  # 0 would be for ever
+        return bytes(self._device.read(self._in, padded, timeout=math.ceil(1e3 * timeout_s)))  # 0 would mean no timeout
 
     def _abort(self) -> None:
-        """End the answer under way, so that the next command is understood (USBTMC 1.0, 4.2.1.4)."""
+        """Abort the current answer, so that the next command is understood (USBTMC 1.0, 4.2.1.4)."""
         try:
             status = self._class_request(_INITIATE_ABORT_BULK_IN, self._tag, 2)
             end = time.monotonic() + 1.0
@@ -167,11 +167,11 @@ class UsbtmcTransport:
                 status = self._class_request(_CHECK_ABORT_BULK_IN, 0, 8)
                 if status and status[0] == 1:
                     break
-                if status and len(status) > 1 and status[1] & 1:  # bytes are left that must be read first
+                if status and len(status) > 1 and status[1] & 1:  # remaining bytes must be read first
                     self._device.read(self._in, 1 << 16, timeout=200)
             self._device.clear_halt(self._in)
         except (usb.core.USBError, NotImplementedError):
-            return  # the error that led here is reported
+            return  # the original error is the one reported
 
     def _class_request(self, request: int, value: int, length: int) -> bytes:
         return bytes(self._device.ctrl_transfer(0xA2, request, value, self._in, length, timeout=500))

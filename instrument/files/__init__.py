@@ -1,4 +1,4 @@
-"""Files, checked when read and written safe from a crash: recordings, motion records, laws, foreign formats."""
+"""Read, with checks, and write, crash-safe: recordings, motion records, laws and files of other programs."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Writing a file so that it is always whole: a new file is written in its folder and then moved to its name."""
+"""Write files atomically: a new file is written in the same folder and then moved to the final name."""
 
 import contextlib
 import hashlib
@@ -18,7 +18,7 @@ _LOOK_S = 0.05
 
 
 def write_json_atomic(path: Path, value: Mapping[str, Any], *, sync: bool) -> None:
-    """Write a JSON file as ``write_atomic`` does."""
+    """Write a JSON file with ``write_atomic``."""
     try:
         text = json.dumps(value, indent=1, allow_nan=False)
     except (TypeError, ValueError) as error:
@@ -27,7 +27,7 @@ def write_json_atomic(path: Path, value: Mapping[str, Any], *, sync: bool) -> No
 
 
 def write_toml_atomic(path: Path, table: Mapping[str, Any], head: str = "") -> None:
-    """Write a TOML file, after the comment ``head``, as ``write_atomic`` does; what is None is left out."""
+    """Write a TOML file that begins with the comment ``head``, with ``write_atomic``; values of None are omitted."""
     lines = [f"# {head}"] if head else []
     write_text_atomic(path, "\n".join(lines + _toml_lines(table)) + "\n", sync=True)
 
@@ -53,20 +53,20 @@ def _toml_value(value: Any) -> str:
         return "{" + ", ".join(f"{_toml_key(str(k))} = {_toml_value(v)}" for k, v in value.items()) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_toml_value(v) for v in value) + "]"
-    # strings, integers and booleans are written alike in JSON and TOML, but for one character
+    # strings, integers and booleans are written the same in JSON and TOML, except for one character
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def write_text_atomic(path: Path, text: str | Iterable[str], *, sync: bool) -> None:
-    """Write text, whole or in pieces, as ``write_atomic`` does; bytes of a file name that are no text are escaped."""
+    """Write text, whole or in pieces, with ``write_atomic``; characters that UTF-8 cannot encode are escaped."""
     pieces = (text,) if isinstance(text, str) else text
     write_atomic(path, (piece.encode("utf-8", errors="backslashreplace") for piece in pieces), sync=sync)
 
 
 def write_atomic(path: Path, content: Iterable[bytes | memoryview], *, sync: bool) -> None:
-    """Write a new file in the folder of ``path``, fsync it, and move it to ``path``.  Raises RecordingError.
+    """Write a new file in the folder of ``path``, fsync it if ``sync``, and move it to ``path``.
 
-    A link stays a link, to the new content; a device or a pipe is written to directly.
+    A symbolic link remains and its target is replaced.  A device or a pipe is written directly.  Raises RecordingError.
     """
     check_writable(path)
     with as_recording_error(path):
@@ -75,10 +75,10 @@ def write_atomic(path: Path, content: Iterable[bytes | memoryview], *, sync: boo
             return
         path = Path(os.path.realpath(path))
         short = hashlib.sha1(os.fsencode(path.name)).hexdigest()  # a long name must not become too long
-        new = path.with_name(f".{short}.{os.getpid()}-{threading.get_ident()}.new")  # other threads may write it too
+        new = path.with_name(f".{short}.{os.getpid()}-{threading.get_ident()}.new")  # unique to this thread
         try:
             with open(new, "wb") as file:
-                copy_permissions(new, path)  # before there is content to protect
+                copy_permissions(new, path)  # before the file has content to protect
                 file.writelines(content)
                 if sync:
                     file.flush()
@@ -93,10 +93,10 @@ def write_atomic(path: Path, content: Iterable[bytes | memoryview], *, sync: boo
 
 
 def check_writable(path: Path) -> None:
-    """Raise RecordingError if ``write_atomic`` would fail, to be called before a long computation."""
+    """Raise RecordingError if ``write_atomic`` would fail; to be called before a long computation."""
     with as_recording_error(path):
         with contextlib.suppress(FileNotFoundError):
-            os.lstat(path)  # raises for a name that is too long or leads through a file
+            os.lstat(path)  # raises for a name that is too long or treats a file as a folder
         if os.path.isdir(path):
             raise IsADirectoryError(0, "a folder, not a file")
         place = path if _is_device(path) else Path(os.path.realpath(path)).parent
@@ -113,7 +113,7 @@ def _is_device(path: Path) -> bool:
 
 @contextlib.contextmanager
 def as_recording_error(path: Path) -> Iterator[None]:
-    """Turn an OSError inside the block into a RecordingError that names ``path``."""
+    """Convert an OSError inside the with block to a RecordingError that names ``path``."""
     try:
         yield
     except FileExistsError:
@@ -125,10 +125,10 @@ def as_recording_error(path: Path) -> Iterator[None]:
 
 
 def replace_file(source: Path, target: Path) -> None:
-    """Move ``source`` to ``target`` as ``os.replace`` does, trying for two seconds while another program has it open.
+    """Move ``source`` to ``target`` with ``os.replace``, retrying for two seconds while another program has it open.
 
-    The new file gets mode and owner of the file it replaces.  Raises OSError that names ``target``; ``source`` then is
-    still there.
+    The new file gets mode and owner of the file it replaces.  Raises an OSError that names ``target``, and then leaves
+    ``source`` in place.
     """
     copy_permissions(source, target)
     end = time.monotonic() + PATIENCE_S
@@ -143,12 +143,12 @@ def replace_file(source: Path, target: Path) -> None:
 
 
 def copy_permissions(path: Path, like: Path) -> None:
-    """Give ``path`` mode and owner of the file ``like``, if it exists and as far as this user may."""
+    """Give ``path`` the mode and owner of the file ``like``, if it exists and as far as this user is permitted."""
     try:
         wanted, now = like.stat(), path.stat()
         if stat.S_ISREG(wanted.st_mode) and hasattr(os, "chown"):
             if (wanted.st_uid, wanted.st_gid) != (now.st_uid, now.st_gid):
-                with contextlib.suppress(PermissionError):  # another user's file: the new one is this user's
+                with contextlib.suppress(PermissionError):  # ``like`` is another user's; the new file stays this user's
                     os.chown(path, wanted.st_uid, wanted.st_gid)
             os.chmod(path, stat.S_IMODE(wanted.st_mode) & 0o777)
     except OSError:
@@ -156,8 +156,8 @@ def copy_permissions(path: Path, like: Path) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Write a folder's names to disk; only then is a file safe that was moved into it.  Raises OSError."""
-    if os.name == "posix":  # Windows has no such call and needs none
+    """Write a folder's entries to disk, without which a file moved into it is not safe.  Raises OSError."""
+    if os.name == "posix":  # Windows has no equivalent call and needs none
         descriptor = os.open(folder, os.O_RDONLY)
         try:
             os.fsync(descriptor)
@@ -166,7 +166,7 @@ def sync_folder(folder: Path) -> None:
 
 
 def _may_be_held(target: Path) -> bool:
-    return os.name == "nt" or os.access(target.parent, os.W_OK)  # else this user may not write there
+    return os.name == "nt" or os.access(target.parent, os.W_OK)  # otherwise this user has no write permission
 
 
 def _in_words(error: OSError) -> str:

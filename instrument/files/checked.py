@@ -1,4 +1,4 @@
-"""Reads the values of a JSON or TOML file, checking type and range of each, so that an error names file and key."""
+"""Read values of a JSON or TOML file with checks of type and range; every error names file and key."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -12,11 +12,11 @@ from instrument.files.recording_error import RecordingError, shown
 from levimass import setting_of
 
 Built = TypeVar("Built")
-_LARGEST = 1e15  # of a number in a dataclass that declares no bounds
+_LARGEST = 1e15  # bound of a number in a dataclass field without declared bounds
 
 
 class Checked:
-    """One JSON object or TOML table and its place in the file.  Every method raises RecordingError."""
+    """One JSON object or TOML table with its place in the file.  Every method may raise RecordingError."""
 
     __slots__ = ("path", "place", "used", "values")
 
@@ -27,7 +27,7 @@ class Checked:
         self.used: set[str] = set()
 
     def refuse(self, key: str, cause: str) -> RecordingError:
-        """Return the error for ``key`` of this object."""
+        """Return, without raising, the error that ``cause`` makes ``key`` of this object invalid."""
         return RecordingError(self.path, cause, f"{self.place}.{key}" if self.place else key)
 
     def get(self, key: str) -> Any:
@@ -36,7 +36,7 @@ class Checked:
         return self.values.get(key)
 
     def unread(self) -> dict[str, Any]:
-        """Return the values that were not read, to be written back."""
+        """Return the values that were not read, so that they can be written back."""
         return {key: value for key, value in self.values.items() if key not in self.used}
 
     def number(self, key: str, low: float, high: float) -> float | None:
@@ -55,7 +55,7 @@ class Checked:
         return real
 
     def required(self, key: str, low: float, high: float) -> float:
-        """Return a number as ``number`` does; a missing key is an error."""
+        """Return a finite number in [low, high]; a missing key is an error."""
         value = self.number(key, low, high)
         if value is None:
             raise self.refuse(key, "missing")
@@ -126,10 +126,10 @@ class Checked:
         return tuple(values)
 
     def built(self, kind: type[Built], own: Mapping[str, Callable[["Checked"], Any]] | None = None) -> Built:
-        """Return a dataclass with the values of this object, each checked by its field's type and declaration.
+        """Return a dataclass with the values of this object, each checked against its field's type and declaration.
 
-        A missing key keeps the field's default, and is an error if it has none; ``own`` are functions that read the
-        fields of these names.
+        A missing key keeps the field's default; without a default it is an error.  ``own`` maps field names to
+        functions that read these fields.
         """
         types, own, values = get_type_hints(kind), own or {}, {}
         for field in fields(kind):  # type: ignore[arg-type]
@@ -152,7 +152,7 @@ class Checked:
 
     def _typed(self, name: str, kind: Any) -> Any:
         """Return the value under ``name`` as the type of its field."""
-        if get_origin(kind) is UnionType:  # with None, for a missing key
+        if get_origin(kind) is UnionType:  # a type or None, which stands for a missing key
             kind = next(part for part in get_args(kind) if part is not type(None))
         if get_origin(kind) is tuple:
             return self.names(name, get_args(kind)[0])

@@ -1,4 +1,4 @@
-"""Reads text tables of oscilloscopes and data loggers: a few lines of header, then one row per sample."""
+"""Read text tables of oscilloscopes and data loggers: a few header lines, then one row per sample."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -22,8 +22,8 @@ from instrument.files.recording_error import RecordingError, one_line
 from instrument.files.text_file import open_regular
 
 _LARGEST_BYTES = 2 * 2**30
-_HEADER_BYTES, _HEADER_LINES = 2**18, 200  # of the beginning, in which the first row must be
-_ROWS = 2**19  # read at once
+_HEADER_BYTES, _HEADER_LINES = 2**18, 200  # the first row must begin within these
+_ROWS = 2**19  # rows read at once
 _TIME_NAME = re.compile(r"(time|zeit|t|seconds?)\b", re.IGNORECASE)
 _TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
 _TIME_SUFFIX = re.compile(r"(?:time|zeit|t)_([mun\u00b5\u03bc]?s)$", re.IGNORECASE)
@@ -43,7 +43,7 @@ class _Layout:
 
 
 def contents(path: Path) -> ForeignContents:
-    """Return all columns except the time; the rate comes from the mean step of the first thousand rows."""
+    """Return all columns except the time; the rate is that of the mean step of the first thousand rows."""
     layout = _layout(path)
     rows = _rows(path, layout)
     rate = 1.0 / layout.step_s if layout.step_s else None
@@ -61,9 +61,9 @@ def contents(path: Path) -> ForeignContents:
 
 
 def columns(path: Path, names: Sequence[str], timed: bool) -> list[ForeignColumn]:
-    """Return the named columns; ``timed``: with the rate from the time column, whose steps must be equal.
+    """Return the named columns; if ``timed``, with the rate of the time column (equal steps required) or header.
 
-    Raises RecordingError for a row that holds no numbers and for unequal steps of the time.
+    Raises RecordingError for a row without numbers and for unequal time steps.
     """
     layout = _layout(path)
     wanted = [layout.names.index(name) for name in names]
@@ -88,8 +88,8 @@ def columns(path: Path, names: Sequence[str], timed: bool) -> list[ForeignColumn
 def timed_column(path: Path, name: str, rate_hz: float | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the time in s and the numbers of one column, each of shape (n,).
 
-    Without ``rate_hz`` the time is the table's time column, whose steps need not be equal, else it follows from the
-    step in the header.  Raises RecordingError.
+    The time follows from ``rate_hz`` if given, else from the table's time column, whose steps need not be equal, else
+    from the step in the header.  Raises RecordingError.
     """
     layout = _layout(path)
     if rate_hz is None and layout.time_column is not None:
@@ -119,7 +119,7 @@ def _layout(path: Path) -> _Layout:
     lines = _beginning(path)
     best: tuple[int, str, int] | None = None
     for delimiter in (";", "\t", ",", " "):
-        odd = False  # after a row that none follows, as of a count of samples: the table begins below further words
+        odd = False  # True after a lone row of numbers in the header (a count of samples), until the next text line
         for index, line in enumerate(lines):
             cells = _cells(line, delimiter)
             if not cells or not all(_is_number(cell) for cell in cells):
@@ -133,10 +133,10 @@ def _layout(path: Path) -> _Layout:
     if best is None:
         raise RecordingError(path, f"no row of numbers in its first {len(lines)} lines")
     width, delimiter, first = best
-    comma = delimiter != "," and any("," in line for line in lines[first:])  # the first row may be all zeros
+    comma = delimiter != "," and any("," in line for line in lines[first:])  # any row, as the first may be all zeros
     above = [cells for line in lines[:first] if len(cells := _cells(line, delimiter)) == width]
     step_s = None
-    if not above:  # oscilloscopes write "X,CH1,CH2,Start,Increment" over rows of three
+    if not above:  # oscilloscopes write "X,CH1,CH2,Start,Increment" above rows of three
         wider = [cells for line in lines[:first] if len(cells := _cells(line, delimiter)) > width]
         step_s = _stated_step(wider)
         above = [cells[:width] for cells in wider if not any(_is_number(cell) for cell in cells[:width])]
@@ -162,7 +162,7 @@ def _layout(path: Path) -> _Layout:
 
 
 def _stated_step(header: Sequence[Sequence[str]]) -> float | None:
-    """Return the time step under "Increment" in an oscilloscope's header, in s."""
+    """Return the time step in s below "Increment" in an oscilloscope's header, or None."""
     for names, values in pairwise(header):
         for name, value in zip(names, values, strict=False):
             if name.lower() == "increment" and _is_number(value):
@@ -180,7 +180,7 @@ def _beginning(path: Path) -> list[str]:
         raw = file.read(_HEADER_BYTES)
     if b"\x00" in raw:
         raise RecordingError(path, "not a text table")
-    lines = list(StringIO(raw.decode("utf-8-sig", "replace"), newline=None))  # ends of lines as in ``_text``
+    lines = list(StringIO(raw.decode("utf-8-sig", "replace"), newline=None))  # same line ends as in ``_text``
     return lines[: -1 if size > len(raw) else None][:_HEADER_LINES]
 
 
@@ -208,7 +208,7 @@ def _text(path: Path) -> TextIO:
 def _blocks(
     path: Path, file: TextIO, layout: _Layout, wanted: Sequence[int], rows: int
 ) -> Iterator[NDArray[np.float64]]:
-    """Yield the wanted columns, ``rows`` at a time, shape (n, len(wanted))."""
+    """Yield blocks of at most ``rows`` rows of the wanted columns, shape (n, len(wanted))."""
     lines: Iterator[str] = islice(file, layout.first_row, None)
     if layout.decimal_comma:
         lines = (line.replace(",", ".") for line in lines)
@@ -222,7 +222,7 @@ def _blocks(
                 block, delimiter=delimiter, usecols=list(wanted), ndmin=2, dtype=np.float64, comments=None
             )
         except (ValueError, IndexError, OverflowError) as error:
-            # loadtxt counts rows from 1 in some errors and from 0 in others: only the start of the block is certain
+            # loadtxt counts rows from 1 in some errors and from 0 in others; only the start of the block is certain
             cause = str(error).split(";")[0]
             raise RecordingError(path, f"{cause}, counted from line {at + 1}") from None
         if values.size:

@@ -1,4 +1,4 @@
-"""A lock that lets one process at a time record into a folder; it ends with its process."""
+"""A lock that allows only one process at a time to record into a folder; it is released when the process ends."""
 
 import contextlib
 import os
@@ -13,11 +13,11 @@ LOCK_NAME = ".levimass.lock"
 
 
 class FolderLocked(RecordingError):
-    """Another process has locked the folder."""
+    """The folder is locked by another process."""
 
 
 class FolderLock:
-    """Locks a folder for this process.  Raises FolderLocked if another process has it, RecordingError if it cannot.
+    """Locks a folder for this process.  Raises FolderLocked if another process holds it, else RecordingError.
 
     The lock is the operating system's (``flock``, on Windows ``locking``), so a killed process releases it.
     """
@@ -47,7 +47,7 @@ class FolderLock:
         self._file = file
 
     def valid(self) -> bool:
-        """Return whether the folder is still the one that was locked; it may have been removed since."""
+        """Return whether the folder is still the one that was locked; it may have been removed or replaced since."""
         try:
             here, held = os.stat(self.folder / self._name), os.fstat(self._file.fileno())
         except (OSError, ValueError):
@@ -55,7 +55,7 @@ class FolderLock:
         return (here.st_ino, here.st_dev) == (held.st_ino, held.st_dev)
 
     def release(self) -> None:
-        """Release the lock.  The file stays: another process may have locked it already."""
+        """Release the lock.  The lock file is kept, as another process may already have locked it."""
         with contextlib.suppress(OSError):
             self._file.close()
 
@@ -64,7 +64,7 @@ if sys.platform == "win32":
     import msvcrt
 
     def _lock(file: IO[str]) -> None:
-        file.seek(4096)  # beyond the text, which others may read
+        file.seek(4096)  # beyond the text, which other processes may read
         msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
 else:
     import fcntl
@@ -74,7 +74,7 @@ else:
 
 
 def disk_free_bytes(folder: Path) -> int | None:
-    """Return the room left on the folder's disk, None if that is unknown."""
+    """Return the free space on the folder's disk, None if unknown."""
     try:
         return shutil.disk_usage(folder).free
     except OSError:

@@ -1,6 +1,6 @@
-"""Raw beats in a file of another program: its channels, and the mapping, saved as TOML, that says what they are.
+"""Raw beats in a file of another program: the file's channels, and the mapping (TOML) that gives their roles.
 
-Each format is read in a file of its own: ``csv_table``, ``foreign_hdf5``, ``foreign_tdms``; WAV in ``foreign_reading``.
+Each format has a reader module: ``csv_table``, ``foreign_hdf5``, ``foreign_tdms``; WAV is in ``foreign_reading``.
 """
 
 from collections.abc import Sequence
@@ -19,25 +19,25 @@ from instrument.files.recording_metadata import RATES_HZ, setup_json, setup_of
 from instrument.files.text_file import read_toml
 
 Column: TypeAlias = NDArray[np.integer[Any]] | NDArray[np.floating[Any]]
-MOST_SAMPLES = 2**26  # per channel: two seconds at 30 MS/s; a longer file is no shot
+MOST_SAMPLES = 2**26  # per channel: two seconds at 30 MS/s; a longer file is not a shot
 MOST_CHANNELS = 256
 LARGEST_FILE_BYTES = 4 * 2**30
 
 
 @dataclass(frozen=True, slots=True)
 class ForeignChannel:
-    """One channel as named in the file; ``unit`` and ``sample_rate_hz`` if the file states them."""
+    """One channel as named in the file; ``unit`` and ``sample_rate_hz`` are given if the file states them."""
 
     name: str
     samples: int
-    kind: str  # numpy's name of the stored number: "int16", "float64"
+    kind: str  # numpy's name of the stored number type: "int16", "float64"
     unit: str = ""
     sample_rate_hz: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class ForeignContents:
-    """The channels of a file in its order; ``flags`` as in a recording ("truncated")."""
+    """The channels of a file in file order; ``flags`` as in a recording ("truncated")."""
 
     path: Path
     format: str
@@ -46,7 +46,7 @@ class ForeignContents:
     flags: tuple[str, ...] = ()
 
     def channel(self, name: str) -> ForeignChannel:
-        """Return the channel of that name.  Raises RecordingError, which lists the channels."""
+        """Return the channel of this name.  Raises a RecordingError that lists the channels."""
         for channel in self.channels:
             if channel.name == name:
                 return channel
@@ -56,7 +56,7 @@ class ForeignContents:
 
 @dataclass(frozen=True, slots=True)
 class ForeignColumn:
-    """One channel's stored numbers, shape (n,), and their scale in volts if the file states it."""
+    """One channel's stored numbers, shape (n,), with their scale in volts if the file states it."""
 
     values: Column
     volts_per_unit: float | None = None
@@ -65,7 +65,7 @@ class ForeignColumn:
 
 
 def checked_channels(path: Path, channels: Sequence[ForeignChannel]) -> tuple[ForeignChannel, ...]:
-    """Return at most ``MOST_CHANNELS`` of the channels.  Raises RecordingError if one is too long or there is none."""
+    """Return at most ``MOST_CHANNELS`` of the channels.  Raises RecordingError if there is none or one is too long."""
     if not channels:
         raise RecordingError(path, "holds no channel of numbers")
     for channel in channels:
@@ -87,7 +87,7 @@ _HEAD = "How Levimass reads this file, or every file of this format in this fold
 class MappedChannel:
     """A channel by its name in the file; volts = stored number * volts_per_unit + offset_v.
 
-    ``volts_per_unit`` None: as the file states, else floats are volts and the full scale of integers is 1 V.
+    ``volts_per_unit`` None: as stated in the file; if not stated, floats are volts and integers have 1 V full scale.
     """
 
     role: Role
@@ -98,7 +98,7 @@ class MappedChannel:
 
 @dataclass(frozen=True, slots=True)
 class ForeignMapping:
-    """How a foreign file is read as a recording.  ``sample_rate_hz`` None: as the file states."""
+    """How a foreign file is read as a recording.  ``sample_rate_hz`` None: as stated in the file."""
 
     format: str
     channels: tuple[MappedChannel, ...]
@@ -140,7 +140,7 @@ def read_mapping(path: Path) -> ForeignMapping:
 
 
 def write_mapping(mapping: ForeignMapping, path: Path) -> None:
-    """Write a mapping so that ``read_mapping`` gives it again.  Raises RecordingError."""
+    """Write a mapping that ``read_mapping`` can read.  Raises RecordingError."""
     table = {
         "format": mapping.format,
         "sample_rate_hz": mapping.sample_rate_hz,
@@ -171,18 +171,18 @@ FOLDER_MAPPING = "levimass-mapping.toml"
 
 
 def format_of(path: Path | str) -> str | None:
-    """Return "tdms", "hdf5", "wav" or "csv" by the file's ending, or None."""
+    """Return "tdms", "hdf5", "wav" or "csv" from the file name's extension, or None."""
     return FORMATS.get(Path(path).suffix.lower())
 
 
 def mapping_path(path: Path | str) -> Path:
-    """Return the path of a file's own mapping."""
+    """Return the path of the mapping of this file alone."""
     path = Path(path)
     return path.with_name(path.name + MAPPING_SUFFIX)
 
 
 def find_mapping(path: Path | str) -> Path | None:
-    """Return the path of the mapping for ``path``: its own, else its folder's if that is for its format."""
+    """Return the path of the mapping for ``path``: the file's own, else the folder's if for this format, or None."""
     kind = format_of(path)
     if kind is None:
         return None
@@ -197,7 +197,7 @@ def find_mapping(path: Path | str) -> Path | None:
 
 
 def is_foreign(path: Path | str) -> bool:
-    """Return whether ``path`` is a raw recording by its mapping; a table with a .toml is a motion record."""
+    """Return whether ``path`` is a raw recording with a mapping; a .csv with a .toml is a motion record instead."""
     path = Path(path)
     if path.suffix.lower() == ".csv" and path.with_suffix(".toml").exists():
         return False

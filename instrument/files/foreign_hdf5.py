@@ -1,4 +1,4 @@
-"""Reads HDF5 files (and MATLAB's since v7.3): every data set of numbers, a table column by column."""
+"""Read HDF5 files (and MATLAB's since v7.3): every data set of numbers is a channel, or one per column of a table."""
 
 import math
 from collections.abc import Sequence
@@ -19,13 +19,13 @@ from instrument.files.recording_error import RecordingError, one_line
 
 _RATES = ("sample_rate_hz", "sample_rate", "samplerate", "sampling_rate", "sampling_frequency", "fs", "rate_hz", "rate")
 _STEPS = ("dt", "wf_increment", "time_step", "sample_interval", "increment", "delta_t")
-_LARGEST_CHUNK_BYTES = 256 * 2**20  # that the library decompresses at once
-_MOST_COMPRESSED = 4000  # times smaller on disk: zlib reaches 1032 on zeros
-_WIDEST = 64  # columns of a table
+_LARGEST_CHUNK_BYTES = 256 * 2**20  # largest chunk that the library may decompress at once
+_MOST_COMPRESSED = 4000  # largest accepted compression ratio; zlib reaches 1032 on zeros
+_WIDEST = 64  # most columns of a table
 
 
 def contents(path: Path) -> ForeignContents:
-    """Return every data set of integers or floats; the columns of a table are "name[0]", "name[1]", ..."""
+    """Return every data set of integers or floats; a table's columns are named "name[0]", "name[1]", ..."""
     with _opened(path) as file:
         found: list[ForeignChannel] = []
 
@@ -71,7 +71,7 @@ def _column(path: Path, file: Any, name: str) -> ForeignColumn:
 
 
 def _rate(item: Any) -> float | None:
-    """Return the sample rate in an attribute of a data set, of its groups or of the file."""
+    """Return the sample rate from an attribute of a data set, its groups or the file; None if none states it."""
     while True:
         for names, inverse in ((_RATES, False), (_STEPS, True)):
             for key in item.attrs:
@@ -94,7 +94,7 @@ def _number(item: Any, key: str) -> float | None:
 
 
 def _text(item: Any, names: Sequence[str]) -> str:
-    """Return a text attribute of fixed length; one of variable length may claim gigabytes."""
+    """Return a text attribute of fixed length; those of variable length are ignored, as they may claim gigabytes."""
     for key in item.attrs:
         about = item.attrs.get_id(key)
         if key.lower() in names and not about.shape and about.dtype.kind == "S" and about.dtype.itemsize <= 1000:

@@ -1,4 +1,4 @@
-"""Reads a foreign file as a recording by its mapping, and lists its channels; reads WAV files itself."""
+"""Read a foreign file as a recording, using its mapping, and list its channels; includes the WAV reader."""
 
 import os
 import warnings
@@ -48,7 +48,7 @@ def _wav_columns(path: Path, names: Sequence[str]) -> list[ForeignColumn]:
 
 
 def _read_wav(path: Path) -> tuple[float, Column]:
-    """Return rate and samples, shape (n, channels), memory-mapped if the width of the numbers allows it."""
+    """Return rate and samples, shape (n, channels), memory-mapped if the number format allows it."""
     from scipy.io import wavfile  # imported late: scipy.io is slow to import
 
     with warnings.catch_warnings():
@@ -72,24 +72,24 @@ _COLUMNS = {"hdf5": foreign_hdf5.columns, "tdms": foreign_tdms.columns, "wav": _
 
 
 def foreign_channels(path: Path | str) -> ForeignContents:
-    """Return the channels of a foreign file, without samples.  Raises RecordingError."""
+    """Return the channels of a foreign file, without their samples.  Raises RecordingError."""
     path = Path(path)
     return _call_reader(path, _CONTENTS[_format(path)], path)
 
 
 def foreign_columns(contents: ForeignContents, names: Sequence[str]) -> list[ForeignColumn]:
-    """Return the samples of the named channels of a foreign file.  A damaged file raises any error."""
+    """Return the samples of the named channels of a foreign file.  A damaged file may raise any exception."""
     if contents.format == "csv":
         return csv_table.columns(contents.path, names, False)
     return _COLUMNS[contents.format](contents.path, names)
 
 
 def read_foreign(path: Path | str, mapping: ForeignMapping) -> Recording:
-    """Return a foreign file as a recording, its channels in the mapping's order.
+    """Return a foreign file as a recording, with the channels in the mapping's order.
 
-    Integers of 8 and 16 bits are kept as counts; wider numbers are rounded to 16 bits of the range they use.  With a
-    switch channel and no ``trigger_sample`` the trigger is the first step of the light switch.  Flag "unequal": the
-    channels differ in length, and are cut to the shortest.  Raises RecordingError.
+    Integers of 8 and 16 bits are kept as counts; wider numbers are rounded to 16 bits over the range they span.
+    Without a ``trigger_sample`` the first step of the light switch, if recorded, is the trigger.  Channels of different
+    lengths are cut to the shortest, with flag "unequal".  Raises RecordingError.
     """
     path = Path(path)
     kind = _format(path)
@@ -128,7 +128,7 @@ def read_foreign(path: Path | str, mapping: ForeignMapping) -> Recording:
 
 
 def _call_reader(path: Path, read: Callable[..., Result], *arguments: object) -> Result:
-    """Call a format's reader; any exception of its library on a damaged file becomes a RecordingError."""
+    """Call a format's reader, and convert any exception of its library (damaged file) to RecordingError."""
     try:
         return read(*arguments)
     except RecordingError:
@@ -142,7 +142,7 @@ def _format(path: Path) -> str:
     kind = format_of(path)
     if kind is None:
         raise RecordingError(path, f"no format this program reads; it reads SigMF and {', '.join(sorted(FORMATS))}")
-    descriptor = open_regular(path)  # a pipe must not hang the readers below
+    descriptor = open_regular(path)  # refuses a pipe, on which the readers would hang
     try:
         size = os.fstat(descriptor).st_size
     finally:
@@ -153,7 +153,7 @@ def _format(path: Path) -> str:
 
 
 def _channel(path: Path, mapped: MappedChannel, column: ForeignColumn, into: np.ndarray) -> Channel:
-    """Fill ``into``, shape (n,), with the channel's counts and return the channel with their scale."""
+    """Fill ``into``, shape (n,), with the channel's counts; return the channel with the counts' scale."""
     values = column.values[: into.size]
     try:
         counts, unit_per_count, offset = to_counts(values)
@@ -171,7 +171,7 @@ def _channel(path: Path, mapped: MappedChannel, column: ForeignColumn, into: np.
 
 
 def _bits(mapping: ForeignMapping, columns: list[ForeignColumn]) -> int:
-    """Return the bits at whose rails a beat is clipped: the digitizer's for counts that were kept, else 16."""
+    """Return the number of bits that defines the rails: the digitizer's if the stored counts were kept, else 16."""
     kept = all(column.values.dtype.kind in "iu" and column.values.dtype.itemsize <= 2 for column in columns)
     widest = max(8 * column.values.dtype.itemsize for column in columns)
     return min(mapping.setup.digitizer_bits, widest) if kept else 16
@@ -199,10 +199,10 @@ def _triggered(path: Path, recording: Recording) -> Recording:
     return replace(recording, trigger_sample=step)
 
 
-_TOP = 32000  # counts of the largest deviation: below the rail, which would mean clipped
+_TOP = 32000  # counts of the largest deviation, below the rail so that it does not count as clipped
 _RAIL = 32767
-_CLIPPED_SHARE = 1e-3  # of the samples are at the extreme of a clipped beat ...
-_CLIPPED_RATIO = 4.0  # ... and this many times as many as at the level next to it
+_CLIPPED_SHARE = 1e-3  # clipped: a larger share of the samples is at the extreme, ...
+_CLIPPED_RATIO = 4.0  # ... and more than this many times as many as at the next level
 
 
 class NotFinite(ValueError):
@@ -210,10 +210,10 @@ class NotFinite(ValueError):
 
 
 def to_counts(values: Column) -> tuple[NDArray[np.int16], float, float]:
-    """Return (counts, unit_per_count, offset) with value = counts * unit_per_count + offset; shape (n,) as given.
+    """Return (counts, unit_per_count, offset), value = counts * unit_per_count + offset, for values of shape (n,).
 
-    Wider numbers are rounded to 1/64000 of the range they span, which is below the noise of any digitizer of 12 bits.
-    If they are clipped at an extreme, that extreme becomes the rail of the counts.  Raises NotFinite.
+    Wider numbers are rounded to 1/64000 of the range they span, which is below the noise of any 12-bit digitizer.
+    An extreme at which the values are clipped becomes the rail of the counts.  Raises NotFinite.
     """
     kind = values.dtype
     if kind == np.int16 or kind == np.int8:
@@ -225,12 +225,12 @@ def to_counts(values: Column) -> tuple[NDArray[np.int16], float, float]:
     if not (np.isfinite(low) and np.isfinite(high)):
         raise NotFinite(int(np.argmin(np.isfinite(values))))
     offset, half = 0.5 * low + 0.5 * high, 0.5 * high - 0.5 * low
-    if half / _RAIL < np.finfo(np.float64).tiny:  # one value, or a step too small to divide by
+    if half / _RAIL < np.finfo(np.float64).tiny:  # constant, or a step too small to divide by
         return np.zeros(values.size, np.int16), 1.0, offset
     unit = half / (_RAIL if _is_clipped(values, high, -1) or _is_clipped(values, low, 1) else _TOP)
     counts = np.empty(values.size, np.int16)
     step = 2**20
-    for start in range(0, values.size, step):  # block by block, to save the memory of a copy in floats
+    for start in range(0, values.size, step):  # block by block, to avoid a whole copy as floats
         block = values[start : start + step].astype(np.float64)
         counts[start : start + step] = np.rint((block - offset) / unit)
     return counts, unit, offset

@@ -1,4 +1,4 @@
-"""Reads TDMS files (LabVIEW, DIAdem): channels named "group/channel", volts by the scaling in the file."""
+"""Read TDMS files (LabVIEW, DIAdem): channels named "group/channel", volts by the scaling in the file."""
 
 import logging
 import os
@@ -18,12 +18,12 @@ from instrument.files.foreign_file import (
 )
 from instrument.files.recording_error import RecordingError, one_line
 
-_MOST_SCALES = 64  # the library allocates a list of the length that the file states
+_MOST_SCALES = 64  # limit, as the library allocates a list of the length stated in the file
 _TRUNCATION_LOGGERS = {"nptdms.reader", "nptdms.tdms_segment"}  # they report truncated segments
 
 
 def contents(path: Path) -> ForeignContents:
-    """Return every channel of numbers, with rate and unit from its waveform properties."""
+    """Return every numeric channel, with rate and unit from its waveform properties."""
     with _library_warnings() as warnings, _opened(path) as file:
         found = [
             ForeignChannel(name, len(channel), str(channel.dtype), _unit(channel), _rate(channel))
@@ -34,7 +34,7 @@ def contents(path: Path) -> ForeignContents:
 
 
 def columns(path: Path, names: Sequence[str]) -> list[ForeignColumn]:
-    """Return the named channels; counts with one linear scale stay counts, all others are scaled as the file states."""
+    """Return the named channels; counts with a single linear scale stay counts, all others are scaled by the file."""
     with _library_warnings(), _opened(path) as file:
         channels = _channels(path, file)
         return [_column(channels[name]) for name in names]
@@ -50,7 +50,7 @@ def _column(channel: Any) -> ForeignColumn:
 
 
 def _linear_scale(properties: Any) -> tuple[float, float] | None:
-    """Return (slope, intercept) where the channel has one linear scale and no other."""
+    """Return (slope, intercept) if the channel's only scale is linear, else None."""
     try:
         if int(properties["NI_Number_Of_Scales"]) != 1 or properties["NI_Scale[0]_Scale_Type"] != "Linear":
             return None
@@ -72,7 +72,7 @@ def _channels(path: Path, file: Any) -> dict[str, Any]:
             if dtype is None or dtype.kind not in "iuf" or len(channel) < 2:
                 continue
             stored = getattr(channel.data_type, "size", None) or 1
-            if len(channel) * stored > size:  # TDMS is not compressed, so the length must be false
+            if len(channel) * stored > size:  # TDMS is not compressed, so the stated length is false
                 raise RecordingError(path, "claims more samples than the file holds", channel.name)
             found[f"{group.name}/{channel.name}"] = channel
     return found
@@ -104,7 +104,7 @@ def _started(channel: Any) -> str | None:
 
 @contextmanager
 def _library_warnings() -> Iterator[list[str]]:
-    """Collect the library's warnings about truncated files, and suppress all that it logs."""
+    """Collect the library's warnings about truncated files, and suppress its log output."""
     warnings: list[str] = []
 
     def collect(record: logging.LogRecord) -> bool:

@@ -1,4 +1,4 @@
-"""The user's own laws as TOML files, one per law, in one folder (docs/own-laws.md)."""
+"""Read and write the user's own laws, one TOML file per law in one folder (docs/own-laws.md)."""
 
 from pathlib import Path
 
@@ -19,7 +19,7 @@ def read_law(path: Path) -> OwnLaw:
 
 
 def read_laws(folder: Path) -> tuple[list[OwnLaw], list[str]]:
-    """Return the laws in ``folder`` in the order of their files, and one line for each file that cannot be read."""
+    """Return the laws in ``folder`` in file order, and one line of text for each file that cannot be read."""
     laws: dict[str, OwnLaw] = {}
     problems: list[str] = []
     for path in sorted(folder.glob("*.toml")):

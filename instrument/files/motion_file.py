@@ -1,6 +1,6 @@
-"""Reads motion records: shots already demodulated, NAME.csv and NAME.toml in one folder (docs/formats.md).
+"""Read motion records: shots demodulated elsewhere, as NAME.csv and NAME.toml in one folder (docs/formats.md).
 
-The table ``[columns]`` of the .toml says which column of another program's table is the displacement, and its unit.
+For a table of another program, ``[columns]`` of the .toml names the displacement column and its unit.
 """
 
 import csv
@@ -27,17 +27,17 @@ from instrument.files.text_file import read_text, read_toml
 _MODELS = ("plate", "contact", "driven")
 _COLUMNS = ("time_s", "displacement_m", "velocity_m_per_s", "force_n")
 _LARGEST_CSV_BYTES = 512 * 2**20
-_LARGEST = 1e12  # SI: larger than any time, length, speed or force of a rig
+_LARGEST = 1e12  # SI units: above any time, length, speed or force of a rig
 LENGTHS_M = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
-TABLE = ".csv"  # the only ending of such a table
-MODELS = ("contact", "plate")  # of a motion record whose force was not measured
-_MICRO = str.maketrans("\u00b5\u03bc\ufffd", "uuu")  # the last: a micro sign of another encoding
+TABLE = ".csv"  # the only extension of another program's table
+MODELS = ("contact", "plate")  # models for a motion record without a measured force
+_MICRO = str.maketrans("\u00b5\u03bc\ufffd", "uuu")  # the last one replaces a micro sign in another encoding
 _LENGTH_SUFFIX = re.compile(r"_(m|mm|.m)$")
 
 
 @dataclass(frozen=True, slots=True)
 class MotionColumns:
-    """The displacement column of a table; ``sample_rate_hz`` if no column is the time."""
+    """The displacement column of a table, with its unit; ``sample_rate_hz`` is used if no column is the time."""
 
     displacement: str
     unit: str
@@ -48,9 +48,9 @@ class MotionColumns:
 
 @dataclass(frozen=True, slots=True)
 class MotionRecord:
-    """The columns of a motion record, each of shape (n,), float64, read-only; None: not given.
+    """The columns of a motion record, each of shape (n,), float64, read-only; None if absent.
 
-    ``time_s`` rises strictly; its steps need not be equal.  ``extra`` are the other keys of the .toml.
+    ``time_s`` increases strictly; its steps need not be equal.  ``extra`` holds the other keys of the .toml.
     """
 
     name: str
@@ -89,9 +89,9 @@ def read_motion(path: Path | str) -> MotionRecord:
 
 
 def save_columns(table: Path, columns: MotionColumns) -> Path:
-    """Write the .toml that makes a table a motion record and return its path.
+    """Write the .toml that makes a table a motion record; return the path of the .toml.
 
-    Raises RecordingError, and writes nothing, if the table cannot be read that way.
+    Raises RecordingError, and leaves no change, if the table cannot be read with it.
     """
     about = _columns_path(table)
     before = about.read_bytes() if about.exists() else None
@@ -105,14 +105,14 @@ def save_columns(table: Path, columns: MotionColumns) -> Path:
 
 
 def length_unit(channel: ForeignChannel) -> str | None:
-    """Return the unit of length ("mm") that a column's header states, as in "x (mm)" or "x_mm", or None."""
+    """Return the unit of length ("mm") in a column's header, such as "x (mm)" or "x_mm", or None."""
     suffix = _LENGTH_SUFFIX.search(channel.name)
     unit = (channel.unit or (suffix[1] if suffix else "")).translate(_MICRO)
     return unit if unit in LENGTHS_M else None
 
 
 def _mapped_columns(table: Path, columns: Checked) -> dict[str, NDArray[np.float64]]:
-    """Return time_s and displacement_m, each of shape (n,), as ``[columns]`` says.  Raises RecordingError."""
+    """Return time_s and displacement_m, each of shape (n,), read as ``[columns]`` states.  Raises RecordingError."""
     named = columns.object("displacement")
     name = named.text("name") if named is not None else None
     if named is None or name is None:
@@ -126,7 +126,7 @@ def _mapped_columns(table: Path, columns: Checked) -> dict[str, NDArray[np.float
 
 
 def _columns_path(table: Path) -> Path:
-    """Return the .toml in which a table's columns are saved.  Raises RecordingError if it must not be written."""
+    """Return the path of the .toml for a table's columns.  Raises RecordingError if it must not be written."""
     if table.suffix.lower() != TABLE:
         raise RecordingError(table, f"only a {TABLE} can be read as a displacement")
     about = table.with_suffix(".toml")
@@ -180,7 +180,7 @@ def _columns(table: Path) -> dict[str, Floats]:
 
 
 def _checked(table: Path, columns: dict[str, Floats], first_row: int) -> dict[str, Floats]:
-    """Return the columns read-only.  Raises RecordingError for a bad row; rows are counted from ``first_row``."""
+    """Check the columns and make them read-only.  Raises RecordingError for a bad row, counted from ``first_row``."""
     for name, column in columns.items():
         bad = np.flatnonzero(~(np.abs(column) <= _LARGEST))
         if bad.size:
@@ -193,7 +193,7 @@ def _checked(table: Path, columns: dict[str, Floats], first_row: int) -> dict[st
 
 
 def _bad_cell(body: str, parted: str, wanted: Mapping[str, int]) -> str | None:
-    """Return the place of the first cell that is not a number; the header is row 1, as in a spreadsheet."""
+    """Return in words which cell is the first that is no number, or None; the header is row 1."""
     for row, line in enumerate(body.splitlines(), 2):
         if not line.strip():
             continue

@@ -1,14 +1,14 @@
-"""The errors of reading and writing files: one line that names the file, the key and the cause."""
+"""Errors of reading and writing files, each with a message of one line: the file, the key and the cause."""
 
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-_SHOWN = 60  # characters of a foreign value that a message may carry
+_SHOWN = 60  # most characters of a file's value in a message
 
 
 class RecordingError(Exception):
-    """A file that cannot be read or written; the message is one line: file, key or place, cause."""
+    """A file cannot be read or written; the message is one line: file, key or place, cause."""
 
     def __init__(self, path: Path | str, cause: str, key: str | None = None) -> None:
         where = f"{path}: {one_line(key)}" if key else f"{path}"
@@ -18,18 +18,18 @@ class RecordingError(Exception):
 
 
 class FileNotReached(RecordingError):
-    """A file that does not exist, may not be read, or whose disk fails; its content is unknown."""
+    """A file does not exist, may not be read, or is on a failing disk; its content is unknown."""
 
 
 class RecordingExists(RecordingError):
-    """A recording of that name exists already; none is ever overwritten."""
+    """A recording of this name already exists; recordings are never overwritten."""
 
     def __init__(self, path: Path | str) -> None:
         super().__init__(path, "exists already; a recording is never overwritten")
 
 
 class PartlySaved(RecordingError):
-    """The first of several shots that could not be saved; ``saved`` are the paths of those before it, by name."""
+    """One of several shots could not be saved; ``saved`` maps the names of the shots before it to their paths."""
 
     def __init__(self, error: RecordingError, saved: Mapping[str, Path]) -> None:
         Exception.__init__(self, str(error))
@@ -43,12 +43,12 @@ def one_line(text: str, longest: int = 200) -> str:
 
 
 def cause_of(error: OSError) -> str:
-    """Return what the system refused, without the number of the error and the path."""
+    """Return the system's description of an error, without the error number and the path."""
     return error.strerror or str(error)
 
 
 def shown(value: Any) -> str:
-    """Return a value from a file, shortened for a message."""
+    """Return a value from a file as text shortened for a message."""
     if isinstance(value, str):
         return one_line(repr(value[:_SHOWN]), _SHOWN)
     if isinstance(value, dict):

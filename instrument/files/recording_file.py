@@ -1,8 +1,8 @@
-"""Opens raw recordings: two SigMF files with one stem (docs/formats.md), or a foreign file that has a mapping.
+"""Open raw recordings: two SigMF files with one stem (docs/formats.md), or a foreign file that has a mapping.
 
-The ``sigmf`` package is not used, because every error must name file and key in one line, metadata of other writers
-must not refer outside their folder (``core:dataset``) nor allocate without bound, and a capture must be readable while
-it is being written.  The tests check with the package that both agree on the format.  The samples are read, not
+The ``sigmf`` package is not used, for three reasons.  Every error must name file and key in one line.  Metadata of
+other programs must neither refer outside their folder (``core:dataset``) nor allocate without bound.  A capture must be
+readable while it is being written.  The tests check the format against the package.  The samples are read, not
 memory-mapped: if another program truncates a mapped file, the next access ends the process (SIGBUS).
 """
 
@@ -25,19 +25,19 @@ from instrument.files.recording_search import recording_files
 from instrument.files.text_file import open_regular
 
 ALTERED = "data_altered"
-ENDED_EARLY = "lmm:ended_early"  # global key: why a capture ended before all requested samples came
+ENDED_EARLY = "lmm:ended_early"  # global key: why a capture ended before all requested samples arrived
 _PIECE_BYTES = 4 * 2**20
-_CLIPPING_CHECK = 256, 256  # places in the file, and samples at each: enough to see clipping, and quick
+_CLIPPING_CHECK = 256, 256  # places in the file, and samples at each: enough to detect clipping, and fast
 _CLIPPED_SHARE = 1e-3
 
 
 def read_recording(path: Path | str) -> Recording:
     """Read a recording; its counts are int16, shape (samples, channels).  Raises RecordingError.
 
-    Flags: "interrupted" (never closed: no hash), "truncated" (fewer samples than the metadata state),
-    "longer_than_declared", "data_altered" (the right number of samples, but another hash), "gap", "cut_short" (ended
-    before all requested samples came), "clipped" (in samples taken across the file).  Cost, most of it the hash: 3 ms
-    per MB.
+    Flags: "interrupted" (never closed: no hash), "truncated" (fewer samples than stated in the metadata),
+    "longer_than_declared", "data_altered" (right number of samples but wrong hash), "gap", "trigger_lost" (beyond the
+    samples), "cut_short" (ended before all requested samples arrived), "rate_contradicted" (by the computer's clock),
+    "clipped" (judged by samples across the file).  Cost: 3 ms per MB, mostly for the hash.
     """
     recording, sha512 = read_without_hash(path)
     if sha512 is None or hash_matches(recording, sha512):
@@ -46,9 +46,9 @@ def read_recording(path: Path | str) -> Recording:
 
 
 def read_without_hash(path: Path | str) -> tuple[Recording, str | None]:
-    """Read a recording as ``read_recording`` does, without the hash; return also the SHA-512 that its counts must have.
+    """Read a recording without checking its hash; return it and the SHA-512 (hex) that its counts should have.
 
-    That is None if there is nothing to compare: never closed, or not as many samples as the metadata state.
+    The hash is None if there is nothing to compare: never closed, or another number of samples than the metadata state.
     """
     meta, data = recording_files(path)
     metadata = read_metadata(meta)
@@ -96,9 +96,9 @@ def read_without_hash(path: Path | str) -> tuple[Recording, str | None]:
 
 
 def hash_matches(recording: Recording, sha512: str, cancelled: Callable[[], bool] = lambda: False) -> bool:
-    """Return whether the counts have the hash ``sha512`` (hex); True once ``cancelled()``, checked every few ms.
+    """Return whether the counts have the hash ``sha512`` (hex), or True once ``cancelled()``, checked every few ms.
 
-    hashlib releases the interpreter, so that other threads run meanwhile.
+    hashlib releases the interpreter's lock, so that other threads run meanwhile.
     """
     digest = hashlib.sha512()
     octets = recording.counts.reshape(-1).view(np.uint8)
@@ -110,7 +110,7 @@ def hash_matches(recording: Recording, sha512: str, cancelled: Callable[[], bool
 
 
 def _stay_inside(data: Path) -> None:
-    """Refuse a link that leads outside the recording's folder."""
+    """Raise RecordingError for a link that leads outside the recording's folder."""
     try:
         if data.is_symlink() and data.resolve().parent not in (data.parent.resolve(), _real_folder(data)):
             raise RecordingError(data, "a link to outside the recording's folder; copy the file here instead")
@@ -119,7 +119,7 @@ def _stay_inside(data: Path) -> None:
 
 
 def _real_folder(data: Path) -> Path:
-    # two links into one other folder are that folder's recording, which is allowed
+    # links of both files into the same other folder are allowed
     return data.with_name(data.name.removesuffix(".sigmf-data") + ".sigmf-meta").resolve().parent
 
 
@@ -128,7 +128,7 @@ def _samples(data: Path, channels: int) -> tuple[NDArray[np.int16], int]:
     _stay_inside(data)
     frame = 2 * channels
     with os.fdopen(open_regular(data), "rb", buffering=0) as file:
-        size = os.fstat(file.fileno()).st_size  # samples that a running capture adds later are not read
+        size = os.fstat(file.fileno()).st_size  # samples added later by a running capture are not read
         try:
             content = np.empty(size, np.uint8)
             filled = 0
@@ -140,7 +140,7 @@ def _samples(data: Path, channels: int) -> tuple[NDArray[np.int16], int]:
             raise RecordingError(
                 data, f"{size / 2**30:.1f} GiB, more than this machine's memory has room for"
             ) from None
-    samples, left_over = divmod(filled, frame)  # fewer than ``size`` if it was truncated meanwhile
+    samples, left_over = divmod(filled, frame)  # ``filled`` is below ``size`` if the file was truncated meanwhile
     if samples == 0:
         raise RecordingError(data, "holds no samples")
     counts = content[: samples * frame].view("<i2").reshape(samples, channels)
@@ -149,7 +149,7 @@ def _samples(data: Path, channels: int) -> tuple[NDArray[np.int16], int]:
 
 
 def _clipped(counts: NDArray[np.int16], metadata: Metadata) -> bool:
-    """Return whether a beat is at the rails of the digitizer; the switch channel may be."""
+    """Return whether a beat reaches the digitizer's rails; the switch channel is ignored."""
     beats = [i for i, channel in enumerate(metadata.channels) if channel.role is not Role.SWITCH]
     places, length = _CLIPPING_CHECK
     starts = np.linspace(0, max(0, counts.shape[0] - length), places).astype(np.int64)
@@ -161,7 +161,7 @@ def _clipped(counts: NDArray[np.int16], metadata: Metadata) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class DataHash:
-    """Name, size and SHA-512 (hex) of a data file; ``recorded`` is the hash in its metadata, None if there is none."""
+    """Name, size and SHA-512 (hex) of a data file; ``recorded`` is the hash in its metadata, or None."""
 
     file: str
     size_bytes: int
@@ -175,7 +175,7 @@ class DataHash:
 
 
 def data_hash(path: Path | str) -> DataHash:
-    """Hash the data of a recording, a motion record or a foreign file; tens of ms for 10 M samples.
+    """Hash the data file of a recording, a motion record or a foreign file; tens of ms for 10 M samples.
 
     Raises RecordingError.
     """
@@ -195,13 +195,13 @@ def data_hash(path: Path | str) -> DataHash:
 
 
 def open_recording(path: Path | str) -> Recording:
-    """Open a recording.  Raises RecordingError, which says how to give a missing mapping."""
+    """Open a recording.  Raises RecordingError, whose message explains how to give a missing mapping."""
     path = Path(path)
     return _foreign(path) or read_recording(path)
 
 
 def open_without_hash(path: Path | str) -> Recording:
-    """Open a recording as ``open_recording`` does, without checking the hash of its data."""
+    """Open a recording like ``open_recording``, but without checking the hash of its data."""
     path = Path(path)
     return _foreign(path) or read_without_hash(path)[0]
 
@@ -209,7 +209,7 @@ def open_without_hash(path: Path | str) -> Recording:
 def analyse_and_check_hash(path: Path | str, analyse: Callable[[Recording], Shot]) -> Shot:
     """Analyse a recording while a second thread checks the hash of its data; flag "data_altered" if it differs.
 
-    The hash takes a third of the time of the rest.  Raises as ``open_recording`` and ``analyse`` do.
+    The hash takes a third of the analysis's time.  Raises what ``open_recording`` and ``analyse`` raise.
     """
     path = Path(path)
     recording = _foreign(path)
@@ -230,7 +230,7 @@ def analyse_and_check_hash(path: Path | str, analyse: Callable[[Recording], Shot
 
 
 def _foreign(path: Path) -> Recording | None:
-    """Return the recording in a foreign file, None if the path is that of SigMF files.  Raises RecordingError."""
+    """Return the recording in a foreign file, or None if ``path`` names no foreign format.  Raises RecordingError."""
     if path.is_dir():
         raise RecordingError(path, _why_no_recording(path))
     if format_of(path) is None:

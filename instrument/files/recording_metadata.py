@@ -1,4 +1,4 @@
-"""Reads and writes the SigMF metadata of a recording; unknown keys of other writers are preserved."""
+"""Read and write the SigMF metadata of a recording; unknown keys of other programs are preserved."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
@@ -12,7 +12,7 @@ from instrument.files.text_file import read_json
 
 SIGMF_VERSION = "1.2.5"
 _EXTENSION = {"name": "lmm", "version": "1.0.0", "optional": True}
-RATES_HZ = 1e-3, 1e12  # wider than any rig's, and safe in every formula
+RATES_HZ = 1e-3, 1e12  # accepted range: wider than any rig's, and safe in every formula
 MASSES_KG = 1e-9, 1e6
 _MOST_CHANNELS = 64
 _MOST_SAMPLES = 2**53
@@ -22,9 +22,9 @@ _PLATE = ("arm_length_m", "arm_width_m", "thickness_m", "disc_diameter_m", "dens
 
 @dataclass(frozen=True, slots=True)
 class Metadata:
-    """The checked content of a .sigmf-meta.  ``extra`` are the foreign keys under "global", "captures", ...
+    """The checked content of a .sigmf-meta.  ``extra`` holds unknown keys, sorted by "global", "captures", ...
 
-    ``declared_samples`` is the stated number of samples per channel, ``at_least_samples`` that implied by indices.
+    ``declared_samples`` is the stated number of samples per channel; ``at_least_samples`` is implied by indices.
     """
 
     sample_rate_hz: float
@@ -119,7 +119,7 @@ def _channels(head: Checked) -> tuple[tuple[Channel, ...], list[dict[str, Any]]]
 
 
 def setup_of(item: Checked) -> Setup:
-    """Return the rig from an object with the keys of ``lmm:setup``.  Raises RecordingError."""
+    """Return the set-up from an object with the keys of ``lmm:setup``.  Raises RecordingError."""
     extra: dict[str, Any] = {}
     air = None
     if (inside := item.object("air")) is not None:
@@ -166,7 +166,7 @@ class _Annotations:
     gaps: tuple[Gap, ...]
     note: str
     foreign: list[dict[str, Any]]
-    ends: list[int]  # of what is annotated, each the sample after its last
+    ends: list[int]  # first sample after each annotation
     note_samples: int | None
 
 
@@ -188,7 +188,7 @@ def _annotations(whole: Checked) -> _Annotations:
         elif label == "note":
             if comment := item.text("core:comment", _LONGEST_NOTE):
                 notes.append(comment)
-            if start == 0 and count:  # a note is about the shot: its extent is the shot's
+            if start == 0 and count:  # a note annotates the whole shot, so its count is the shot's
                 note_samples = max(note_samples or count, count)
         else:
             foreign.append(dict(item.values))
@@ -197,7 +197,7 @@ def _annotations(whole: Checked) -> _Annotations:
 
 
 def metadata_json(metadata: Metadata) -> dict[str, Any]:
-    """Return the JSON object of a .sigmf-meta; foreign keys are written back, this program's own take precedence."""
+    """Return the JSON object of a .sigmf-meta, with unknown keys restored; this program's keys take precedence."""
     extra = metadata.extra
     foreign_channels = list(extra.get("channels", ())) + [{}] * len(metadata.channels)
     extensions = [e for e in extra.get("extensions", ()) if not (isinstance(e, dict) and e.get("name") == "lmm")]
@@ -236,7 +236,7 @@ def metadata_json(metadata: Metadata) -> dict[str, Any]:
         if metadata.declared_samples:
             item["core:sample_count"] = metadata.declared_samples
         annotations.append(item)
-    annotations.sort(key=lambda a: a.get("core:sample_start") or 0)  # SigMF wants them in order
+    annotations.sort(key=lambda a: a.get("core:sample_start") or 0)  # SigMF requires this order
     return {**extra.get("top", {}), "global": head, "captures": segments, "annotations": annotations}
 
 

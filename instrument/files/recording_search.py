@@ -1,4 +1,4 @@
-"""Finds the recordings and motion records in files and folders."""
+"""Find the recordings and motion records among files and folders."""
 
 import re
 from collections.abc import Iterable
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from instrument.files.foreign_file import FOLDER_MAPPING, MAPPING_SUFFIX, is_foreign
 
-TABLES = {".csv": ",", ".tsv": "\t"}  # endings of motion records' tables, and their delimiters
+TABLES = {".csv": ",", ".tsv": "\t"}  # extensions of motion records' tables, and their delimiters
 
 
 def motion_table(about: Path) -> Path:
@@ -33,16 +33,16 @@ def recording_files(path: Path | str) -> tuple[Path, Path]:
 def find_recordings(paths: Iterable[Path | str]) -> list[Path]:
     """Return one path per shot: a ``.sigmf-meta`` for a recording, a ``.csv`` or ``.tsv`` for a motion record.
 
-    A foreign file is a shot if it has a mapping (``instrument.files.foreign_file``).  Paths keep their order; within
-    a folder names are in counting order (shot-2 before shot-10).  The subfolders of a folder without shots are searched
-    (links are not followed).  A path without a shot is returned unchanged: reading it gives the error.  No shot appears
-    twice.
+    A foreign file is a shot if it has a mapping (``instrument.files.foreign_file``).  Paths keep their order; within a
+    folder names are in numerical order (shot-2 before shot-10).  If a folder has no shots, its subfolders are searched
+    (links are not followed).  A path without a shot is returned unchanged, so that reading it raises the error.  Each
+    shot appears once.
     """
     found: dict[Path, None] = {}
     for path in map(Path, paths):
         try:
             shots = _in_folder(path) if path.is_dir() else [_of_file(path)]
-        except OSError:  # a folder that may not be entered, a name too long
+        except OSError:  # a folder without permission, or a name too long
             shots = [path]
         found.update(dict.fromkeys(shots))
     return list(found)
@@ -96,6 +96,6 @@ def _shots_among(entries: list[Path]) -> list[Path]:
 
 
 def _counting_order(path: Path) -> tuple[list[str | int], str]:
-    parts: list[str | int] = [*re.split(r"(\d+)", path.name)]  # text and number in turn, the text may be empty
+    parts: list[str | int] = [*re.split(r"(\d+)", path.name)]  # text and numbers alternate; texts may be empty
     parts[1::2] = [int(number) for number in parts[1::2]]
     return parts, path.name

@@ -1,4 +1,4 @@
-"""Writes a recording while it is being taken, so that after a crash the samples so far can be read."""
+"""Write a recording while it is being captured, so that after a crash the samples so far can be read."""
 
 import contextlib
 import hashlib
@@ -18,15 +18,15 @@ from instrument.files.atomic_file import as_recording_error, write_json_atomic
 from instrument.files.recording_error import RecordingError, RecordingExists
 from instrument.files.recording_metadata import Metadata, metadata_json, read_metadata
 
-_REFRESH_S = 0.25  # metadata of a running capture are rewritten at most this often
+_REFRESH_S = 0.25  # shortest time between rewrites of a running capture's metadata
 _CHUNK_BYTES = 4 * 2**20
 
 
 class RecordingWriter:
     """A recording being written.  Raises RecordingError for every OSError; not thread-safe.
 
-    From the start there are a data file and a metadata file without ``core:sha512``, so an interrupted capture can be
-    read as far as it got.  ``close`` hashes, fsyncs, and replaces the metadata.  An existing recording is never
+    A data file and a metadata file without ``core:sha512`` exist from the start, so an interrupted capture can be read
+    up to its last samples.  ``close`` hashes, fsyncs, and replaces the metadata.  An existing recording is never
     overwritten.
     """
 
@@ -48,7 +48,7 @@ class RecordingWriter:
         self._metadata = Metadata(
             sample_rate_hz, channels, setup, None, (), "", started_at, None, None, 0, dict(extra or {})
         )
-        self._stale: bool  # these two since the metadata were written
+        self._stale: bool  # this and the next: state since the metadata were last written
         self._refreshed_at: float
         if self.meta_path.exists():
             raise RecordingExists(self.meta_path)
@@ -63,7 +63,7 @@ class RecordingWriter:
             raise
 
     def append(self, counts: NDArray[np.int16]) -> None:
-        """Write samples, int16 of shape (n, channels), after those already there."""
+        """Append samples, int16 of shape (n, channels)."""
         block = np.ascontiguousarray(counts, dtype="<i2")
         if block.ndim != 2 or block.shape[1] != len(self._metadata.channels):
             raise RecordingError(self.data_path, f"samples of shape {block.shape} do not fit its channels")
@@ -94,9 +94,9 @@ class RecordingWriter:
         self._change(extra=dict(extra))
 
     def close(self, *, interrupted: bool = False) -> Path:
-        """Write samples and final metadata to disk and return the metadata's path.
+        """Write samples and final metadata to disk; return the metadata's path.
 
-        ``interrupted``: leave the hash out, as in an interrupted capture.
+        If ``interrupted``, the hash is omitted, as in an interrupted capture.
         """
         with as_recording_error(self.data_path):
             os.fsync(self._file.fileno())
@@ -113,7 +113,7 @@ class RecordingWriter:
                 action()
 
     def release(self) -> None:
-        """Close the file after an error and keep it.  Never raises."""
+        """Close the data file after an error, and keep it.  Never raises."""
         with contextlib.suppress(OSError):
             self._file.close()
 
@@ -128,7 +128,7 @@ class RecordingWriter:
 
 
 def write_recording(recording: Recording, stem: Path | str) -> Path:
-    """Write a whole recording to ``stem``.sigmf-data and .sigmf-meta and return the latter's path.
+    """Write a complete recording to ``stem``.sigmf-data and ``stem``.sigmf-meta; return the latter's path.
 
     An existing recording is never overwritten.  Raises RecordingError, and then leaves no file behind.
     """
@@ -158,7 +158,7 @@ def write_recording(recording: Recording, stem: Path | str) -> Path:
 def rewrite_note(path: Path, note: str) -> None:
     """Change the note in the metadata file ``path`` of a recording.
 
-    Raises RecordingError, also for a file that is marked read-only, because replacing a file ignores that mark.
+    Raises RecordingError, also for a read-only file, because replacing a file would ignore the read-only attribute.
     """
     with as_recording_error(path):
         mode = path.stat().st_mode

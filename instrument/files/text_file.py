@@ -1,4 +1,4 @@
-"""Reads JSON, TOML and text files: regular files only, bounded in size, depth and number of values."""
+"""Read JSON, TOML and text files: regular files only, bounded in size, depth and number of values."""
 
 import json
 import math
@@ -13,23 +13,23 @@ from typing import Any, NoReturn, TypeVar
 from instrument.files.recording_error import FileNotReached, RecordingError, cause_of, one_line, shown
 
 LARGEST_JSON_BYTES = 16 * 2**20
-LARGEST_TOML_BYTES = 2**20  # its parser is a thousand times slower
-MOST_VALUES = 400_000  # in one file: they take less than 0.3 GB of memory
-_MOST_PARTS = 200  # of a dotted TOML name; the time to read it grows with their square
+LARGEST_TOML_BYTES = 2**20  # smaller than for JSON, as the TOML parser is a thousand times slower
+MOST_VALUES = 400_000  # values in one file: these take less than 0.3 GB of memory
+_MOST_PARTS = 200  # parts of a dotted TOML name; parsing time grows with the square of their number
 _BETWEEN_NAMES = re.compile(r"[,=\n\[\]{}#]")
 
 Value = TypeVar("Value")
 
 
 def open_regular(path: Path) -> int:
-    """Return a read-only file descriptor of a regular file; a pipe or a device, which could hang, is refused."""
+    """Return a read-only file descriptor of a regular file; refuse a pipe or a device, which could hang."""
     try:
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     except FileNotFoundError:
         raise FileNotReached(path, "no such file") from None
     except OSError as error:
         raise FileNotReached(path, cause_of(error)) from None
-    except ValueError as error:  # a NUL in its name
+    except ValueError as error:  # a NUL character in the name
         raise RecordingError(path, str(error)) from None
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
@@ -54,7 +54,7 @@ def read_text(path: Path, largest_bytes: int) -> str:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Return the JSON object in ``path``.  Raises RecordingError, also for a key that appears twice."""
+    """Return the JSON object in ``path``.  Raises RecordingError, also for a duplicate key."""
 
     def parse(text: str) -> Any:
         return json.loads(
@@ -89,7 +89,7 @@ def _parsed(path: Path, text: str, what: str, parse: Callable[[str], Value]) -> 
         raise RecordingError(path, f"not {what} that can be read (nested too deeply)") from None
     except json.JSONDecodeError as error:
         raise RecordingError(path, f"not {what} ({error.msg}, line {error.lineno})") from None
-    except ValueError as error:  # TOML's own, NaN, a key twice, or a whole number of thousands of digits
+    except ValueError as error:  # a TOML error, NaN, a duplicate key, or an integer of thousands of digits
         raise RecordingError(path, f"not {what} ({error})") from None
 
 

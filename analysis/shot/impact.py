@@ -76,7 +76,7 @@ class Shaking:
         return Shaking(self.frequency_hz, power, self.random)
 
     def closer(self, apart_hz: float) -> "Shaking":
-        """Return the vibration with its density represented by sines no farther apart than ``apart_hz``.
+        """Return the vibration with its density represented by sines spaced by at most ``apart_hz``.
 
         The sum of equally spaced sines repeats after 1 / spacing, so it represents a spectrum only for shorter times.
         """

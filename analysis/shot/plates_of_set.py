@@ -56,7 +56,7 @@ def weights_words(masses_kg: Sequence[float]) -> str:
 
 
 def numbered(kinds: Sequence[str]) -> str:
-    """Return runs of equal kinds with their numbers: "1-3 as found, 4-5 with 50.00 g added"."""
+    """Group consecutive equal kinds by shot number: "1-3 as found, 4-5 with 50.00 g added"."""
     parts, number = [], 1
     for kind, group in groupby(kinds):
         count = len(list(group))

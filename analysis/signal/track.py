@@ -56,7 +56,7 @@ class Track:
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """The motion's uniform time grid, ``step`` recorded samples apart, where lost samples count as well.
+    """The motion's uniform time grid with a spacing of ``step`` recorded samples, lost samples included.
 
     ``pieces`` are (start, stop, index of start with lost samples counted) of the stretches without a loss.
     """

@@ -31,7 +31,7 @@ _POWERS = {
 
 
 def rate_error(recording: Recording, rest_hz: Quantity | None) -> float:
-    """Return the relative error of the stated sample rate: the larger of PD0's and the clock's; 0 if neither contradicts.
+    """Return the relative error of the stated sample rate, the larger by PD0 and by the clock; 0 if neither differs.
 
     ``rest_hz`` is the rest frequency measured with PD0, or None without PD0.
     """

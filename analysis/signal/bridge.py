@@ -25,7 +25,7 @@ class Bridge:
     fringes, is subtracted from the later side, and a cubic fills the hole.  Block boundaries do not affect the result.
 
     ``holes`` lists (first, last + 1) of each hole; ``breaks`` the first phases after holes too long to bridge;
-    ``doubtful`` counts bridges whose sides differed by more than a quarter of a fringe from a whole number.
+    ``doubtful`` counts bridges whose mismatch was over a quarter fringe from a whole number, and unbridged holes.
     """
 
     def __init__(self, threshold: float, box: int, guard: int) -> None:

@@ -113,7 +113,7 @@ def _read_beats(
     progress: Progress | None,
     cancelled: Stop | None,
 ) -> tuple[Grid, list[Track]]:
-    """Read the beats with the first plan that misses no sample of the moving beat, or else with the best plan."""
+    """Read the beats with the first plan that misses no sample of the moving beat, or else that which misses fewest."""
     column, reference_column = recording.column(Role.MEASUREMENT), recording.column(Role.REFERENCE)
     assert column is not None
     best: tuple[int, Grid, list[Track]] | None = None

@@ -191,7 +191,7 @@ def fill_counts(
 def _fill_levels(first, segments, per_segment, nodes, p, places, work, levels) -> None:  # type: ignore[no-untyped-def]
     """Fill the noise-free ``levels`` (3, m) of PD0, PD1 and switch from node ``first`` on, in float32.
 
-    ``work`` (5, m) receives the phases of both beats and of the leak, and the light; its last row is one.
+    ``work`` (5, m) receives the phases of both beats and of the leak, and the light; its last row holds ones.
     """
     path_turns, path_slope, rest_turns, light, position_m = nodes[0], nodes[1], nodes[2], nodes[3], nodes[4]
     rest, beat, leaked, lit, steady = work[0], work[1], work[2], work[3], work[4]

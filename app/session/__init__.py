@@ -1,4 +1,4 @@
-"""The session without its screen: shots, settings, rig and background work; no Qt."""
+"""The session logic behind the window: shots, settings, rig and background jobs; no Qt."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Background work in threads, with progress and cancel, whose results the screen takes; a thread that saves files."""
+"""Background job queues in threads, with progress and cancellation; the window collects their results."""
 
 import threading
 import time
@@ -14,17 +14,17 @@ from analysis.shot import Cancelled, Progress, Stop
 from app.session.entry import Entry
 from instrument.process import SubprocessWorker
 
-ESTIMATE_AFTER_S, LEAST_FRACTION = 2.0, 0.05  # before that the remaining time is not known
-YIELDING = ("why",)  # kinds of work that any other work cancels
+ESTIMATE_AFTER_S, LEAST_FRACTION = 2.0, 0.05  # least elapsed time and fraction done for an estimated remaining time
+YIELDING = ("why",)  # kinds of low-priority jobs, which any other job cancels
 Step = Callable[[Progress, Stop], Any]
 Take = Callable[[Any], object]
 
 
 class EventKind(StrEnum):
-    """What happened."""
+    """The kind of an event."""
 
-    SHOT = "shot"  # a new entry, analysed
-    CHANGED = "changed"  # entries were read again or refitted
+    SHOT = "shot"  # an analysed shot was added as a new entry
+    CHANGED = "changed"  # entries were read or refitted, or diagnoses were loaded
     EXPORTED = "exported"
     PRINT = "print"  # the text of a report, to be printed
     DIAGNOSED = "diagnosed"
@@ -35,7 +35,7 @@ class EventKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """The end of one piece of work, in words, with the entries it concerns."""
+    """The outcome of one job in words, with the numbers of the entries concerned."""
 
     kind: EventKind
     words: str
@@ -49,9 +49,9 @@ Item = TypeVar("Item")
 
 @dataclass(slots=True, eq=False)
 class Job:
-    """One piece of work; ``what`` and ``fraction`` are written by the worker and read by the screen.
+    """One job; the worker thread writes its progress to ``what`` and ``fraction``, and the window reads them.
 
-    ``take`` gets the result in the screen's thread.
+    ``take`` is called with the result in the window's thread.
     """
 
     name: str
@@ -63,11 +63,11 @@ class Job:
     result: Any = None
     problem: str | None = None
     cancelled: bool = False
-    started_s: float | None = None  # of the monotonic clock
+    started_s: float | None = None  # monotonic clock
     done: threading.Event = field(default_factory=threading.Event)
 
     def remaining_s(self) -> float | None:
-        """Return the estimated remaining time; None while it is not known."""
+        """Return the estimated remaining time in s; None while it is unknown."""
         if self.started_s is None or not LEAST_FRACTION <= self.fraction < 1.0:
             return None
         gone = time.monotonic() - self.started_s
@@ -78,7 +78,7 @@ class Job:
 
 
 def drained(waiting: deque[Item]) -> list[Item]:
-    """Take everything out of a queue that other threads may fill meanwhile."""
+    """Remove and return all items of a queue that other threads may be filling."""
     taken = []
     while waiting:
         taken.append(waiting.popleft())
@@ -86,61 +86,61 @@ def drained(waiting: deque[Item]) -> list[Item]:
 
 
 class Jobs:
-    """A queue of jobs, done one after another in a thread that ends with ``close``."""
+    """A queue of jobs, run one after another in a thread that ``close`` ends."""
 
     def __init__(self, name: str = "jobs") -> None:
         self._waiting: deque[Job] = deque()
         self._finished: deque[Job] = deque()
-        self.current: Job | None = None  # the one that runs
+        self.current: Job | None = None  # the running job
         self._wake = threading.Condition()
         self._closing = False
         self._thread = threading.Thread(target=self._work, name=f"levimass {name}", daemon=True)
         self._thread.start()
 
     def submit(self, name: str, work: Step, kind: str = "", take: Take | None = None) -> Job:
-        """Queue a job; its function gets (report, cancelled) and returns the result."""
+        """Queue a job; ``work`` is called as work(report, cancelled) and returns the result."""
         job = Job(name, work, kind, take)
         with self._wake:
             job.cancelled = self._closing
             for other in (*self._waiting, self.current):
                 if other is not None and other.kind in YIELDING and kind not in YIELDING:
-                    other.cancel()  # it is queued again when the screen needs it
+                    other.cancel()  # the window queues it again when needed
             self._waiting.append(job)
             self._wake.notify()
         return job
 
     @property
     def open_jobs(self) -> int:
-        """Get how many jobs are waiting or under way."""
+        """Get the number of queued and running jobs."""
         with self._wake:
             return len(self._waiting) + (self.current is not None)
 
     def waiting(self, *kinds: str) -> int:
-        """Return how many jobs of these kinds are waiting or under way and not cancelled."""
+        """Return the number of queued and running jobs of these kinds, without cancelled ones."""
         with self._wake:
             jobs = [*self._waiting, *([self.current] if self.current is not None else [])]
         return sum(job.kind in kinds and not job.cancelled for job in jobs)
 
     def waiting_words(self, job: Job, what: str) -> str:
-        """Return "computing ..." for a job about ``what``, or which job comes first."""
+        """Return "computing ``what`` ..." if ``job`` is next or running, else which job it waits for."""
         current = self.current
         if current is None or current is job:
             return f"computing {what} …"
         return f"waiting for {current.name} to end; then {what} will be computed"
 
     def finished(self) -> list[Job]:
-        """Return the jobs that ended since the last call, cancelled ones included."""
+        """Return the jobs that ended since the last call, including cancelled ones."""
         return drained(self._finished)
 
     def cancel(self, kind: str | None = None, *, ended: bool = False) -> None:
-        """Cancel the jobs of a kind, or all; ``ended``: also those whose result waits to be taken."""
+        """Cancel the jobs of a kind, or all; ``ended``: also jobs whose result has not been collected."""
         with self._wake:
             for job in (*self._waiting, self.current, *(self._finished if ended else ())):
                 if job is not None and (kind is None or job.kind == kind):
                     job.cancel()
 
     def close(self, timeout_s: float = 10.0, *, finish: bool = False) -> bool:
-        """Cancel all jobs, or let them ``finish``, and wait for the thread; return whether it ended."""
+        """Cancel all jobs, or let them ``finish``, and join the thread; return whether it ended."""
         with self._wake:
             self._closing = True
             if not finish:
@@ -178,24 +178,24 @@ class Jobs:
             job.result = job.work(report, cancelled)
         except Cancelled:
             job.cancelled = True
-        except Exception as error:  # the window shows the reason, and the thread goes on
+        except Exception as error:  # the window shows the reason, and the thread continues
             job.problem = str(error) or type(error).__name__
 
 
 class Saver:
-    """Does the newest task it was given, in a thread; a newer task replaces a waiting one."""
+    """Runs save functions in a thread; a newer save replaces a queued one."""
 
     def __init__(self) -> None:
         self._jobs = Jobs("saver")
 
     def submit(self, save: Callable[[], None]) -> None:
-        """Do this soon, in the thread.  ``save`` raises nothing."""
+        """Queue a save in place of any queued one.  ``save`` must not raise."""
         self._jobs.cancel()
-        self._jobs.finished()  # nobody asks for their results
+        self._jobs.finished()  # discarded: their results are not needed
         self._jobs.submit("saving", lambda _, __: save())
 
     def close(self, timeout_s: float = 10.0) -> bool:
-        """Do the waiting task and end the thread; return whether it ended."""
+        """Run the queued save and end the thread; return whether it ended."""
         return self._jobs.close(timeout_s, finish=True)
 
 
@@ -203,30 +203,30 @@ OF_A_SESSION = ("open", "refit", "diagnosis", "plan", "kept", "model")  # kinds 
 
 
 class Work:
-    """``jobs`` are long, ``short_jobs`` short; ``apart`` does the long part of a job, else the jobs' own thread."""
+    """Two job queues, for long and short jobs; long work runs in the subprocess ``apart``, else in the jobs' thread."""
 
     def __init__(self, apart: SubprocessWorker | None) -> None:
         self.jobs, self.short_jobs = Jobs(), Jobs()
         self._apart = apart
 
     def do(self, work: Callable[..., Any], report: Progress, cancelled: Stop) -> Any:
-        """Do the long part of a job, in the other process where there is one; called in the jobs' thread."""
+        """Run the long part of a job in the subprocess, or here without one; called in the jobs' thread."""
         if self._apart is not None:
             return self._apart.run(work, report, cancelled)
         return work(progress=report, cancelled=cancelled)
 
     def aside(self, name: str, work: Callable[..., Any], kind: str, take: Take) -> None:
-        """Queue long work, called with ``progress`` and ``cancelled``."""
+        """Queue long work, which is called with the keywords ``progress`` and ``cancelled``."""
         self.jobs.submit(name, partial(self.do, work), kind, take)
 
     def another_session(self) -> None:
-        """Cancel the work on the shots of this session, and drop what is done of it."""
+        """Cancel all jobs on the shots of this session and discard their results."""
         for kind in OF_A_SESSION:
             self.jobs.cancel(kind, ended=True)
             self.short_jobs.cancel(kind, ended=True)
 
     def take_ended(self) -> Iterator[str]:
-        """Hand on the results of jobs that ended since the last call; yield why others failed."""
+        """Pass each finished job's result to its ``take``; yield the reason of each failure."""
         for job in (*self.jobs.finished(), *self.short_jobs.finished()):
             if job.cancelled:
                 continue
@@ -236,7 +236,7 @@ class Work:
                 job.take(job.result)
 
     def close(self) -> bool:
-        """Cancel all work and wait for it; return whether the threads ended."""
+        """Cancel all jobs and wait for the threads; return whether they ended."""
         ended = self.jobs.close() & self.short_jobs.close()
         if self._apart is not None:
             self._apart.close()
@@ -247,16 +247,16 @@ Result = TypeVar("Result")
 
 
 class ShotJob(Generic[Result]):
-    """Background work on the shot in view; starting it for another shot cancels the one before."""
+    """A background job on the displayed shot; starting it for another shot cancels the previous job."""
 
     def __init__(self, jobs: Jobs, kind: str) -> None:
         self._jobs, self._kind = jobs, kind
-        self.job: Job | None = None  # the one that runs or waits
+        self.job: Job | None = None  # the running or queued job
         self._number: int | None = None
         self._entry: Entry | None = None
 
     def ask(self, entry: Entry, work: Callable[[Progress, Stop], Result]) -> bool:
-        """Start the work unless it is done or running for this shot; return whether it was started."""
+        """Start the work unless it is done or running for this entry; return whether it was started."""
         if self._number == entry.number:
             return False
         self._number, self._entry = entry.number, entry
@@ -265,11 +265,11 @@ class ShotJob(Generic[Result]):
         return True
 
     def forget(self) -> None:
-        """Do the work again the next time, also for the same shot."""
+        """Let the next ``ask`` start the work even for the same entry."""
         self._number = None
 
     def take(self) -> tuple[Entry, Result] | None:
-        """Return the result and its entry once, when it is ready; else None."""
+        """Return the entry and its result, once, when the job has finished; else None."""
         job = self.job
         if job is None or not job.done.is_set():
             return None

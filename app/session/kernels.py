@@ -1,8 +1,7 @@
-"""Compile or load the kernels in several processes at once, those that a first shot needs first.
+"""Compile or load the numba kernels in parallel processes while the window opens.
 
-The first start after an installation compiles for a minute or two: first what a shot's readings need, then its fit,
-then the rest.  Later starts load the kernels from disk.  Processes do it while the window opens, so that the screen
-does not wait.
+The first start after an installation compiles for one to two minutes: first the kernels of a shot's readings, then
+those of its fit, then all others.  Later starts load the kernels from disk.
 """
 
 import contextlib
@@ -27,22 +26,22 @@ from app.session.warm_up import readings
 from instrument.process import lower_priority
 
 if TYPE_CHECKING:
-    from instrument.process import SubprocessWorker  # slow to import, and in every process that compiles
+    from instrument.process import SubprocessWorker  # slow to import, which each compiling process would repeat
 
 _LOOK_S = 0.05
 
 
 class Stage(StrEnum):
-    """Stages of the compilation, in order; each is also the name of the file that marks it as done."""
+    """Stages of the compilation, in order; the value is also the name of the file that marks the stage as done."""
 
-    READINGS = "readings"  # the readings of a first shot
-    FIT = "first-shot"  # and its fit
+    READINGS = "readings"  # kernels for the readings of a shot
+    FIT = "first-shot"  # also those for its fit
     ALL = "complete"
 
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A part that one process compiles, ``after`` the piece whose kernels it needs too."""
+    """A set of kernels compiled by one process, started once the piece named ``after`` is compiled."""
 
     name: str
     work: Callable[[], object]
@@ -61,21 +60,21 @@ PIECES = (READINGS, BENCH, *LATER)
 
 
 def warm_up_analysis() -> None:
-    """Load the kernels of readings and fit; compile those of the readings where they are not on disk."""
+    """Load the kernels of readings and fit; compile those of the readings if they are not on disk."""
     warm_up.readings()
     if complete(Stage.FIT):
         warm_up.fit()
 
 
 def complete(stage: Stage = Stage.ALL) -> bool:
-    """Return whether this very program, Python, numba and processor compiled the kernels up to a stage."""
+    """Return whether this exact program, Python, numba and processor has compiled the kernels up to a stage."""
     now = whole_program()
     return any(_mark(reached) == now for reached in tuple(Stage)[tuple(Stage).index(stage) :])
 
 
 def mark_complete(stage: Stage = Stage.ALL) -> None:
     """Mark this program's kernels as compiled up to a stage."""
-    with contextlib.suppress(OSError):  # the next start then checks again
+    with contextlib.suppress(OSError):  # without the mark the next start prepares the kernels again
         (cache_folder() / stage).write_text(whole_program(), encoding="utf-8")
 
 
@@ -86,9 +85,9 @@ def prepare(
     at_once: int | None = None,
     pieces: Sequence[Piece] = PIECES,
 ) -> bool:
-    """Compile the pieces, ``at_once`` processes at a time (default: one per core); return whether all succeeded.
+    """Compile the pieces in at most ``at_once`` processes (default: one per core); return whether all succeeded.
 
-    ``ready`` is called with each stage that is reached.  Raises Cancelled, after ending all processes.
+    ``ready`` is called with each stage reached.  Raises Cancelled after ending all processes.
     """
     width = at_once or os.cpu_count() or 1
     waiting, running, succeeded = list(pieces), dict[Piece, SpawnProcess](), True
@@ -118,9 +117,9 @@ def prepare(
 
 
 def prepare_first_shot(report: Progress, ready: Callable[[Stage], None]) -> None:
-    """Compile what a simulated shot needs, on all cores, where it is not on disk yet.
+    """Compile the kernels for a simulated shot on all cores, unless they are on disk.
 
-    ``ready`` is called with each stage, also where it failed: its kernels are then compiled when they are needed.
+    ``ready`` is called with each stage, even after a failure; kernels that failed are compiled on first use.
     """
     try:
         if not complete(Stage.FIT):
@@ -144,7 +143,7 @@ def _started(piece: Piece) -> SpawnProcess:
 
 
 def _compile(piece: Piece) -> None:
-    lower_priority(5 if piece.stage is Stage.READINGS else 19)  # below capture and screen; the readings above all else
+    lower_priority(5 if piece.stage is Stage.READINGS else 19)  # below capture and window; the readings come first
     try:
         piece.work()
     except Exception as error:
@@ -152,33 +151,33 @@ def _compile(piece: Piece) -> None:
         raise SystemExit(1) from None
 
 
-_BESIDE = (*LATER, replace(BENCH, stage=Stage.ALL))  # the simulated bench compiles its own where it is the source
+_BESIDE = (*LATER, replace(BENCH, stage=Stage.ALL))  # not urgent: a simulated bench in use compiles its own kernels
 
 
 class Kernels:
-    """Makes the kernels ready, and lets others wait for them."""
+    """Prepares the kernels in the background; other threads can wait for each stage."""
 
     def __init__(self, analyst: "SubprocessWorker | None" = None, helper: "SubprocessWorker | None" = None) -> None:
-        """``analyst``, the process that analyses the rig's shots, starts first and compiles what readings need.
+        """``analyst``, the process that analyses the rig's shots, starts first and compiles the readings' kernels.
 
-        ``helper``, the process for other work, starts once it need not compile.  Without them this process does all.
+        ``helper``, the process for other work, starts once the fit's kernels are compiled.  Both are optional.
         """
         self._ready = {stage: threading.Event() for stage in Stage}
         self._analyst, self._helper = analyst, helper
 
     def work(self, report: Progress, cancelled: Stop) -> None:
-        """Make the kernels ready, as a job.  Where a process fails its kernels are compiled when they are needed."""
+        """Prepare the kernels, as a job.  If a process fails, its kernels are compiled on first use."""
         try:
             with ThreadPoolExecutor(1, "levimass kernels") as executor:
                 loading = executor.submit(self._load, cancelled)
                 if complete(Stage.FIT):
                     self._reached(Stage.FIT)
                 if not complete():
-                    cores = max(1, (os.cpu_count() or 1) - 1)  # one is the readings'
+                    cores = max(1, (os.cpu_count() or 1) - 1)  # one core is left for the readings' kernels
                     prepare(partial(self._report_progress, report), cancelled, self._reached, cores, _BESIDE)
                 loading.result()
         finally:
-            # what is loaded now stays: collecting garbage among it would stop every thread for 0.1 s
+            # loaded objects are permanent; scanning them in a garbage collection would stop all threads for 0.1 s
             gc.freeze()
             for ready in self._ready.values():
                 ready.set()

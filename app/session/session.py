@@ -1,4 +1,4 @@
-"""The shots of a session, with notes and verdicts; saved at each change, with undo."""
+"""A session: its list of shots with notes and verdicts, saved at each change, with undo and redo."""
 
 import os
 from collections.abc import Callable, Collection, Sequence
@@ -14,7 +14,7 @@ from instrument.files import Checked, RecordingError, read_json, shown, write_js
 SCHEMA = "levimass.session/1"
 UNDO_DEPTH = 100
 MOST_LEFT_OUT = 10_000
-NOT_SAVED = "the session could not be saved"  # how such a problem begins
+NOT_SAVED = "the session could not be saved"  # the beginning of ``problem`` after a failed save
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,13 +22,13 @@ class _State:
     entries: tuple[Entry, ...]
     what: str
     effects: ModelEffects
-    without: frozenset[int] = frozenset()  # entries that are removed on the way to this state
+    without: frozenset[int] = frozenset()  # entries to remove when this state is restored
 
 
 class Session:
     """An ordered list of entries, saved at each change before the call returns.
 
-    Where ``save_by`` is set it saves later; ``problem`` and ``revision`` are then updated by it.
+    If ``save_by`` is set, it saves later in another thread, and ``problem`` and ``revision`` change then.
     """
 
     def __init__(self, path: Path | None = None) -> None:
@@ -37,13 +37,13 @@ class Session:
         self._effects = ModelEffects()
         self._undo: list[_State] = []
         self._redo: list[_State] = []
-        self._left_out: tuple[str, ...] = ()  # recordings not to be offered, newest last
-        self._next = 0  # highest number used: undo may bring a removed shot back
-        self.problem: str | None = None  # why the session could not be saved or read, in one line
+        self._left_out: tuple[str, ...] = ()  # paths of recordings not to be offered, newest last
+        self._next = 0  # highest number ever used; numbers are not reused, because undo restores removed shots
+        self.problem: str | None = None  # one line: why the session could not be saved or read
         self.revision = 0
-        self.held: Callable[[Shot], Shot] = lambda shot: shot  # how an analysed shot is held in memory
+        self.held: Callable[[Shot], Shot] = lambda shot: shot  # moves a shot's arrays out of memory (``Spool.moved``)
         self.save_by: Callable[[Callable[[], None]], None] = lambda save: save()
-        self.unlock: Callable[[], None] = lambda: None  # releases the file for another window
+        self.unlock: Callable[[], None] = lambda: None  # releases the lock on the session file
 
     @property
     def entries(self) -> tuple[Entry, ...]:
@@ -63,12 +63,12 @@ class Session:
 
     @property
     def path(self) -> Path | None:
-        """Get the file the session is kept in."""
+        """Get the session file, or None."""
         return self._path
 
     @property
     def unsaved(self) -> bool:
-        """Get whether the newest change is not on disk, as saving it failed."""
+        """Get whether the last attempt to save failed, so that the newest change is not on disk."""
         return (self.problem or "").startswith(NOT_SAVED)
 
     @property
@@ -83,7 +83,7 @@ class Session:
         return [entry for entry in self._entries if entry.number in numbers]
 
     def shots(self, numbers: Sequence[int]) -> list[Shot]:
-        """Return the shots of these entries that were read, in the order of the numbers."""
+        """Return the shots of these entries, without entries not read yet, in the order of ``numbers``."""
         entries = (self.entry(number) for number in numbers)
         return [entry.shot for entry in entries if entry is not None and entry.shot is not None]
 
@@ -109,7 +109,7 @@ class Session:
         return entry
 
     def awaiting(self, shot: Shot) -> Entry | None:
-        """Return the newest entry of the same capture whose shot still lacks its fit."""
+        """Return the newest entry of the same capture whose shot awaits its fit."""
 
         def waits(there: Shot | None) -> bool:
             return there is not None and awaits_fit(there) and _capture_of(there) == _capture_of(shot)
@@ -117,7 +117,7 @@ class Session:
         return next((entry for entry in reversed(self._entries) if waits(entry.shot)), None)
 
     def fill(self, number: int, shot: Shot, version: str = "") -> None:
-        """Set the shot of an entry; ``version`` is that of a cached result."""
+        """Set the shot of an entry; ``version`` is the program version of a cached result, else ""."""
 
         shot = self.held(shot)
 
@@ -132,7 +132,7 @@ class Session:
         shot = self.held(shot)
 
         def whole(entry: Entry) -> Entry:
-            path = shot.path or entry.path  # it may have been saved elsewhere meanwhile
+            path = shot.path or entry.path  # the recording may have been saved to another folder in the meantime
             placed = replace(shot, path=path)
             return replace(
                 entry, shot=placed, path=path, settings=shot.settings, note=entry.note or shot.note, name=shot.name
@@ -144,7 +144,7 @@ class Session:
         return entry
 
     def set_path(self, name: str, path: str) -> bool:
-        """Set the path of the newest shot of this name that was only in memory; return whether there is one."""
+        """Set the path of the newest shot with this name that was only in memory; return whether one exists."""
         entry = next((e for e in reversed(self._entries) if e.name == name and e.path is None), None)
         if entry is not None:
             shot = None if entry.shot is None else replace(entry.shot, path=path)
@@ -152,11 +152,11 @@ class Session:
         return entry is not None
 
     def set_verdict(self, number: int, verdict: str, of: VerdictBasis | None = None) -> None:
-        """Set the verdict on an entry, and the model and shots it is about."""
+        """Set the verdict on an entry, and the model and shots that the verdict refers to."""
         self._change(number, lambda entry: replace(entry, verdict=verdict, verdict_of=of))
 
     def verdict_holds(self, entry: Entry) -> bool:
-        """Return whether an entry's verdict is about the present model, and all its shots are in the session."""
+        """Return whether an entry's verdict refers to the present model and only to shots in the session."""
         of = entry.verdict_of
         if not entry.verdict or of is None:
             return True
@@ -186,7 +186,7 @@ class Session:
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Get the recordings not to be offered at the next start: removed from the list, or declined."""
+        """Get the recordings not to be offered at the next start: removed from the session, or declined."""
         return self._left_out
 
     def leave_out(self, paths: Sequence[str]) -> None:
@@ -196,7 +196,7 @@ class Session:
         self._save()
 
     def undo(self) -> str | None:
-        """Undo the last note, removal or change of the model; return its name, or None."""
+        """Undo the last note, removal or model change; return its name, or None."""
         return self._step(self._undo, self._redo)
 
     def redo(self) -> str | None:
@@ -204,7 +204,7 @@ class Session:
         return self._step(self._redo, self._undo)
 
     def _step(self, back: list[_State], forth: list[_State]) -> str | None:
-        """Restore the newest state of ``back`` and put the present one on ``forth``; shots added since stay."""
+        """Restore the newest state of ``back`` and push the present one onto ``forth``; shots added since stay."""
         if not back:
             return None
         state = back.pop()
@@ -240,7 +240,7 @@ class Session:
             self.save_by(lambda: self._write(path, entries, effects, left_out))
 
     def save_again(self) -> None:
-        """Try once more to save what could not be saved: a full disk may have room by now."""
+        """Repeat a failed save; a full disk may have room by now."""
         if self.unsaved:
             self._save()
 
@@ -260,10 +260,10 @@ class Session:
             problem = f"{NOT_SAVED}: {error}"
         if problem != self.problem:
             self.problem = problem
-            self.revision += 1  # so that the screen shows it
+            self.revision += 1  # so that the window shows the new problem
 
     def become(self, other: "Session") -> None:
-        """Save this session and become another one, in that one's file."""
+        """Save this session, then take over the content and file of ``other``."""
         if self._path is not None:
             self._write(self._path, self._entries, self._effects, self._left_out)
         self.unlock()
@@ -274,7 +274,7 @@ class Session:
         self.revision += 1
 
     def move_to(self, path: Path, unlock: Callable[[], None]) -> None:
-        """Save the session in another file from now on; the former file stays."""
+        """Save the session to another file from now on; the former file remains."""
         if self._path is not None:
             self._write(self._path, self._entries, self._effects, self._left_out)
         self.unlock()
@@ -283,7 +283,7 @@ class Session:
 
     @classmethod
     def reopen(cls, path: Path) -> "Session":
-        """Return the session in ``path``, its shots not read yet; an unreadable file is renamed."""
+        """Return the session in ``path``, with its shots not read yet; an unreadable file is renamed."""
         session = cls(path)
         if not path.exists():
             return session

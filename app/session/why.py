@@ -1,7 +1,7 @@
-"""The residual that each candidate of a diagnosis leaves, from joint fits made while no other work waits.
+"""Residual of each candidate of a diagnosis, from joint fits that run while no other job is queued.
 
-A diagnosis has the numbers of its candidates, not their curves.  The base model with one candidate is fitted to all
-shots jointly, the best candidate first.
+A diagnosis stores the numbers of its candidates but not their residuals.  The diagnosed model plus one candidate is
+fitted jointly to all shots, the best candidate first.
 """
 
 import math
@@ -18,13 +18,13 @@ from analysis.shot import AnalysisError, Floats, Motion, Progress, Shaking, Shot
 from app.session.jobs import Job, Work
 from levimass import is_drive
 
-MOST = 6  # candidates: the named ones and their neighbours
+MOST = 6  # most candidates fitted: effects found, then the next best
 KIND = "why"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Remainder:
-    """The residual with one candidate in the model: for each shot (n,), in m; None where the fit did not converge."""
+    """Residual of each shot, (n,) in m, with one candidate in the model; None if the fit did not converge."""
 
     effect: Effect
     left_m: tuple[Floats, ...] | None
@@ -32,7 +32,7 @@ class Remainder:
 
 
 def by_evidence(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Return the candidates in the order of their evidence: those fitted in full first, by the fall of the BIC."""
+    """Return the candidates, best first: those fitted in full by the fall of the BIC, then the others by score."""
     return sorted(candidates, key=lambda c: (math.inf if c.delta_bic is None else c.delta_bic, -abs(c.score)))
 
 
@@ -45,7 +45,7 @@ def remainder_of(
     progress: Progress,
     cancelled: Stop,
 ) -> Remainder:
-    """Return the residual of a joint fit with these effects, the last of which is the candidate."""
+    """Return the residual of a joint fit with these effects; the last of them is the candidate."""
     try:
         fit = fit_jointly(motions, base, effects, cancelled, shakings)
     except AnalysisError:
@@ -55,7 +55,7 @@ def remainder_of(
 
 
 class Why:
-    """The residuals of one diagnosis's candidates, as far as they are fitted."""
+    """Residuals of the candidates of one diagnosis; ``found`` grows as the fits finish."""
 
     def __init__(self, work: Work) -> None:
         self._work = work
@@ -64,16 +64,16 @@ class Why:
         self._shakings: list[Shaking | None] = []
         self._wanted: list[Effect] = []
         self._job: Job | None = None
-        self._fitting: Effect | None = None  # the candidate that the job is about
+        self._fitting: Effect | None = None  # candidate of the current job
         self.found: dict[Effect, Remainder] = {}
 
     @property
     def waiting(self) -> bool:
-        """Get whether some candidates are still to be fitted."""
+        """Get whether any candidate is still to be fitted."""
         return bool(self._wanted)
 
     def show(self, diagnosis: Diagnosis | None, shots: Sequence[Shot]) -> None:
-        """Begin with another diagnosis, or none; ``shots`` in the order of its fits."""
+        """Switch to a diagnosis, or to none; ``shots`` are in the order of its fits."""
         if diagnosis is self._of:
             return
         if self._job is not None:
@@ -90,7 +90,7 @@ class Why:
         self._wanted = [effect for effect in dict.fromkeys([*named, *ranked]) if effect not in before][:MOST]
 
     def first(self, effect: Effect) -> None:
-        """Fit this candidate before the others, as the operator points at it."""
+        """Fit this candidate next, because the operator points at it."""
         if effect in self._wanted:
             self._wanted.remove(effect)
             self._wanted.insert(0, effect)
@@ -100,7 +100,7 @@ class Why:
         self._wanted = []
 
     def refresh(self) -> bool:
-        """Take a finished fit, start the next while there is no other work; return whether one has finished."""
+        """Collect a finished fit and start the next if no other job waits; return whether a fit was collected."""
         job, came = self._job, False
         if job is not None and job.done.is_set():
             self._job = None

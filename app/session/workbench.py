@@ -1,7 +1,7 @@
-"""The session and the work on its shots: open, analyse again, diagnose, note, undo.
+"""Commands on a session's shots: open, repeat the analysis, diagnose, edit notes, undo.
 
-``model`` changes the model, ``exports`` writes files, ``unsaved`` saves shots that are only in memory.  Work is done
-by jobs, in another process where there is one, and ends with an Event that the screen polls.
+``model`` changes the model, ``exports`` writes files, ``unsaved`` saves shots that are only in memory.  Work runs in
+background jobs, in a subprocess where one is given.  Each job ends with an Event; the window polls the events.
 """
 
 import time
@@ -32,12 +32,12 @@ from instrument.capture import STOPPED
 from instrument.files import RecordingError, find_recordings, rewrite_note
 from instrument.process import SubprocessWorker
 
-MOST_NAMED = 6  # shots in the name of a running diagnosis
-SAVE_AGAIN_S = 5.0  # after saving the session failed: the disk may have room again
+MOST_NAMED = 6  # most shots listed in the name of a running diagnosis
+SAVE_AGAIN_S = 5.0  # interval between attempts to save a session that could not be saved
 
 
 class Workbench:
-    """The session, and all work on its shots."""
+    """A session, its diagnoses, and the background jobs on its shots."""
 
     def __init__(
         self,
@@ -50,11 +50,11 @@ class Workbench:
         own_laws: OwnLaws | None = None,
         spool: Spool | None = None,
     ) -> None:
-        """``saver`` saves the session in its thread; ``apart`` does long work, else the jobs' thread does.
+        """``saver`` saves the session in its own thread; ``apart`` is the subprocess for long work, None: a thread.
 
-        ``again`` returns the settings for repeating an analysis, with corrections of the rig; else ``settings``.
-        ``results`` is the cache for the next start; ``own_laws`` are the user's laws that a diagnosis tries too;
-        ``spool`` is where the arrays of shots and diagnoses are held, without it in memory.
+        ``again`` returns the settings for a repeated analysis, with corrections of the rig; default: ``settings``.
+        ``results`` is the cache for the next start; ``own_laws`` are the user's laws, which a diagnosis also tries;
+        ``spool`` keeps the arrays of shots and diagnoses in files, None: they stay in memory.
         """
         self.session = session
         self._saver = saver
@@ -75,11 +75,11 @@ class Workbench:
         self.unsaved = UnsavedShots(session, self.short_jobs, self._tell)
         self._settings, self._again = settings, again or settings
         self._waiting: list[Event] = []
-        self._tried_at_s = -SAVE_AGAIN_S  # when a session that could not be saved was last saved again
-        self._captured: dict[tuple[str, str | None], int] = {}  # entries awaiting the rig's analysis
+        self._tried_at_s = -SAVE_AGAIN_S  # monotonic time of the last repeated attempt to save the session
+        self._captured: dict[tuple[str, str | None], int] = {}  # (name, path) -> entry awaiting the rig's analysis
 
     def close(self) -> bool:
-        """Cancel all work and wait for it; return whether the threads ended."""
+        """Cancel all jobs and wait for the threads; return whether they ended."""
         ended = self._work.close()
         self.session.save_again()
         ended &= self._saver is None or self._saver.close()
@@ -89,7 +89,7 @@ class Workbench:
     # sessions ---------------------------------------------------------------------------------------------------
 
     def open_session(self, path: Path) -> str | None:
-        """Open the session in a file; return a problem, or None."""
+        """Open a session file; return an error message, or None."""
         if self.session.path is not None and path.absolute() == self.session.path.absolute():
             return None
         try:
@@ -100,14 +100,14 @@ class Workbench:
         return other.problem
 
     def usual_session(self) -> str | None:
-        """Open the session without a name; return a problem, or None."""
+        """Open the unnamed session; return an error message, or None."""
         if self._usual is None:
             return "this window has no session file"
         self._switch_to(own_session(self._usual))
         return self.session.problem
 
     def save_session(self, path: Path) -> str | None:
-        """Save the session in another file from now on; return a problem, or None."""
+        """Save the session to another file from now on; return an error message, or None."""
         if path.absolute() == (self.session.path or Path()).absolute():
             return None
         try:
@@ -120,21 +120,21 @@ class Workbench:
         self._work.another_session()
         self.model.forget()
         self.diagnoses.clear()
-        self._captured.clear()  # their analyses are added to the new session
+        self._captured.clear()  # shots still being analysed are added to the new session
         self.session.become(other)
         self.read_unread()
 
     # commands --------------------------------------------------------------------------------------------------
 
     def open_paths(self, paths: Sequence[Path]) -> int:
-        """Queue every recording under these files and folders; return how many."""
+        """Queue the analysis of every recording under these files and folders; return their number."""
         found = find_recordings(paths)
         for path in found:
             self._submit_open(path, self._settings())
         return len(found)
 
     def read_unread(self) -> None:
-        """Queue the reading of entries of a reopened session, from the cache where there is one."""
+        """Queue the reading of a reopened session's entries, from the cache where one is given."""
         unread = [entry for entry in self.session.entries if entry.shot is None and entry.path is not None]
         if self._kept is not None:
             keys = {entry.number: self._key(entry) for entry in unread}
@@ -144,7 +144,7 @@ class Workbench:
             self._submit_fill(entry)
 
     def _key(self, entry: Entry) -> Key:
-        """Return the key of an entry's result in the cache."""
+        """Return the cache key of an entry's result."""
         effects = self.session.effects.of(entry.settings.model)
         return Key(entry.path or "", replace(entry.settings, effects=effects))
 
@@ -153,7 +153,7 @@ class Workbench:
             self._kept.keep(shots)
 
     def find_unlisted(self, folder: Path, sessions: Sequence[Path] = ()) -> None:
-        """Queue a search for recordings in ``folder`` that neither this session nor these session files list."""
+        """Queue a search for recordings in ``folder`` that neither this session nor ``sessions`` list."""
         own = {entry.path for entry in self.session.entries if entry.path is not None} | {*self.session.left_out}
         now_s = time.time()
 
@@ -163,9 +163,9 @@ class Workbench:
         self.short_jobs.submit("recordings not in any session", work, "look", self._take_unlisted)
 
     def reanalyse(self, numbers: Sequence[int]) -> int:
-        """Queue the analysis of these entries with the present settings, as copies; return how many.
+        """Queue the analysis of copies of these entries with the present settings; return their number.
 
-        An entry that was never analysed gets the result itself.
+        An entry without an analysed motion is not copied: it takes the result itself.
         """
         count = 0
         for entry in self.session.among(numbers):
@@ -179,20 +179,20 @@ class Workbench:
         return count
 
     def corrections_in_words(self) -> str:
-        """Return in words which values of the rig a repeated analysis would correct; "" for none."""
+        """Return the rig values that a repeated analysis would correct, in words; "" for none."""
         return ", ".join(correction_words(self._again().corrections))
 
     def add_captured(self, name: str, path: Path | None) -> Entry:
-        """Add a shot to the session when the rig has captured it, before its analysis."""
+        """Add a captured shot to the session before its analysis."""
         where = None if path is None else str(path)
         entry = self.session.add_captured(name, where, self._settings())
         self._captured[name, where] = entry.number
         return entry
 
     def add_shot(self, shot: Shot) -> Entry | None:
-        """Add a shot that the rig has analysed, in its entry where it has one; return the entry.
+        """Store a shot analysed by the rig in its entry, or in a new one; return the entry.
 
-        Returns None where the entry was removed meanwhile.
+        Returns None if the entry was removed in the meantime.
         """
         where = None if shot.path is None else str(Path(shot.path))
         number = self._captured.pop((shot.name, where), None)
@@ -209,11 +209,11 @@ class Workbench:
         return entry
 
     def take_fit(self, shot: Shot) -> Entry | None:
-        """Add the fit of a captured shot; return its entry, or None where that no longer needs it."""
+        """Store the fit of a captured shot; return its entry, or None if no entry awaits this fit."""
         awaiting = self.session.awaiting(shot)
         if awaiting is None:
             return None
-        if shot.fit_problem == STOPPED:  # by Abort: the fit is made as a job instead
+        if shot.fit_problem == STOPPED:  # Abort stopped the fit; a background job repeats it
             self.model.catch_up(also=[awaiting])
             return awaiting
         self.session.fill(awaiting.number, replace(shot, path=awaiting.path))
@@ -223,7 +223,7 @@ class Workbench:
         return entry
 
     def _store_or_refit(self, entry: Entry) -> None:
-        """Store the result of a captured shot, or fit it again where the model has changed."""
+        """Cache the result of a captured shot, or refit the shot if the model has changed."""
         shot = entry.shot
         assert shot is not None
         if self.model.is_behind(entry):
@@ -232,12 +232,12 @@ class Workbench:
             self._keep([shot])
 
     def add_unanalysed(self, path: Path | None, problem: str, name: str) -> Entry | None:
-        """Add a shot that the rig captured but did not analyse."""
+        """Add a shot that the rig captured but could not analyse."""
         words = f"{problem}: analyse it again (Ctrl+R)"
         return self.add_shot(unanalysed(path, self._settings(), words, name))
 
     def diagnose(self, numbers: Sequence[int]) -> str | None:
-        """Queue the diagnosis of these entries; return a problem, or None."""
+        """Queue the joint diagnosis of these entries; return an error message, or None."""
         chosen = [
             entry for entry in self.session.among(numbers) if entry.shot is not None and entry.shot.motion is not None
         ]
@@ -251,7 +251,7 @@ class Workbench:
         for problem in problems:
             self._tell(EventKind.PROBLEM, problem)
         accepted = self.session.effects.of(shots[0].settings.model)
-        seconds = self._settings().diagnosis_seconds  # the present setting, not that of the shots
+        seconds = self._settings().diagnosis_seconds  # the present setting, not the one stored with the shots
         judging = partial(diagnose_shots, shots, accepted, laws, seconds)
         which = ", ".join(str(number) for number in ids[:MOST_NAMED])
         more = f" and {len(ids) - MOST_NAMED} more" if len(ids) > MOST_NAMED else ""
@@ -260,7 +260,7 @@ class Workbench:
         return None
 
     def set_note(self, number: int, note: str) -> None:
-        """Set the operator's note in the session, and as a short job in the recording."""
+        """Set the operator's note in the session and, by a short job, in the recording."""
         self.session.set_note(number, note)
         entry = self.session.entry(number)
         if entry is not None:
@@ -273,12 +273,12 @@ class Workbench:
         path, note = Path(entry.path), entry.note
 
         def work(_: Progress, __: Stop) -> None:
-            rewrite_note(path, note)  # raises RecordingError where it is read-only
+            rewrite_note(path, note)  # raises RecordingError if the file is read-only
 
         self.short_jobs.submit(f"note of {entry.name}", work, "note")
 
     def undo(self) -> str | None:
-        """Undo the last note, removal or change of the model; return its name, or None."""
+        """Undo the last note, removal or model change; return its name, or None."""
         return self._undo_or_redo(self.session.undo)
 
     def redo(self) -> str | None:
@@ -292,10 +292,10 @@ class Workbench:
         for entry in self.session.entries:
             if notes.get(entry.number, entry.note) != entry.note:
                 self._write_note(entry)
-        for entry in self.session.entries:  # its analysis may have ended while it was removed
+        for entry in self.session.entries:  # the analysis may have finished while the entry was removed
             if entry.shot is None and entry.path is not None and entry.number not in there:
                 self._submit_fill(entry)
-        # the fits of shots that return may have ended while they were removed
+        # fits of restored entries may have finished while the entries were removed
         self.model.catch_up(also=self.session.entries)
         return what
 
@@ -317,7 +317,7 @@ class Workbench:
         self._waiting.append(Event(kind, words, numbers, paths))
 
     def _changed(self, number: int, shot: Shot) -> None:
-        """Store an entry's new shot, and tell the screen."""
+        """Cache an entry's new shot and report the change to the window."""
         self._keep([shot])
         self._tell(EventKind.CHANGED, "", (number,))
 
@@ -346,7 +346,7 @@ class Workbench:
     def _take_filled(self, number: int, shot: Shot) -> None:
         entry = self.session.entry(number)
         if entry is None or (entry.shot is not None and entry.shot.motion is not None):
-            return  # removed, or already analysed
+            return  # the entry was removed or is already analysed
         self.session.fill(number, shot)
         self.model.catch_up()
         self._changed(number, shot)
@@ -362,7 +362,7 @@ class Workbench:
             self._tell(EventKind.UNLISTED, words, paths=result.complete)
 
     def _take_cached(self, cached: dict[int, CachedShot | None]) -> None:
-        """Fill entries with their cached shots, and queue the reading of those that have none."""
+        """Set the shots of entries found in the cache, and queue the analysis of the other entries."""
         waiting = [entry for number in cached if (entry := self.session.entry(number)) is not None]
         waiting = [entry for entry in waiting if entry.shot is None]
         for entry in waiting:
@@ -376,7 +376,7 @@ class Workbench:
             self._tell(EventKind.CHANGED, "", found)
 
     def _take_cached_diagnoses(self, found: list[Diagnosed]) -> None:
-        self.diagnoses[:0] = map(self._held, found)  # those made meanwhile are newer
+        self.diagnoses[:0] = map(self._held, found)  # in front, because diagnoses made since the start are newer
         if found:
             self._tell(EventKind.CHANGED, "")
 
@@ -390,12 +390,12 @@ class Workbench:
         self._submit_reading(Path(entry.path or ""), entry.name, entry.settings, take)
 
     def _submit_reading(self, path: Path, name: str, settings: AnalysisSettings, take: Take) -> None:
-        """Queue the analysis of a recording, fitted with the effects in the model."""
+        """Queue the analysis of a recording and its fit with the effects in the model."""
         reading = partial(load_and_analyse, path, settings=settings, effects_of=self.session.effects.of)
         self.aside(name, reading, "open", take)
 
 
 def _named(paths: Sequence[Path]) -> str:
-    """Return the names of the first recordings, and how many more there are."""
+    """Return the names of the first three recordings and the number of others."""
     names = ", ".join(path.name.removesuffix(".sigmf-meta") for path in paths[:3])
     return names + (f" and {len(paths) - 3} more" if len(paths) > 3 else "")

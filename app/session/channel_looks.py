@@ -1,6 +1,6 @@
-"""Guess the role of each channel of a foreign file: beat that moves (PD1), beat at rest (PD0), two levels (switch).
+"""Guess the role of each channel of a foreign file: varying beat (PD1), constant beat (PD0), two levels (switch).
 
-Only the beginning of the record is used.  A column that rises by the same step in each row is a counter.
+Only the beginning of the record is used.  A column that rises by the same step in each row is a row counter.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,14 +12,14 @@ import numpy as np
 from analysis.shot import Floats, Role, Shot
 from instrument.files import ForeignChannel, ForeignColumn, ForeignContents, foreign_columns
 
-USED_SAMPLES = 2**22  # of each channel
-PARTS, PART = 48, 4096  # parts of the record that are searched for a beat, and their greatest length
-MOVES = 0.02  # relative change of frequency from which a beat moves
-LINE = 12.0  # least power of a beat, in units of the median
+USED_SAMPLES = 2**22  # samples used of each channel
+PARTS, PART = 48, 4096  # number of parts searched for a beat, and their greatest length in samples
+MOVES = 0.02  # least relative change of frequency of a varying beat
+LINE = 12.0  # least power of a beat's spectral line, in units of the median power
 
 
 class ChannelKind(StrEnum):
-    """What a channel looks like."""
+    """The kind of signal in a channel."""
 
     MOVING = "beat that moves"
     STILL = "beat at rest"
@@ -31,18 +31,18 @@ class ChannelKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ChannelLook:
-    """``amplitude`` in the file's unit; frequencies in Hz, or in units of the sample rate where that is not stated."""
+    """Signal in one channel: ``amplitude`` in the file's unit, beat in Hz or in units of an unknown sample rate."""
 
     name: str
     kind: ChannelKind
     amplitude: float
-    low: float | None = None  # of the beat over the record
+    low: float | None = None  # lowest frequency of the beat
     high: float | None = None
     in_hz: bool = False
 
 
 def looks_of(contents: ForeignContents) -> tuple[ChannelLook, ...]:
-    """Return what a file's channels look like.  Raises RecordingError, and for a damaged file any error."""
+    """Return the kind of signal in each channel of a file.  Raises RecordingError; for a damaged file any error."""
     names = [channel.name for channel in contents.channels]
     return tuple(
         _look(c, column) for c, column in zip(contents.channels, foreign_columns(contents, names), strict=True)
@@ -50,9 +50,9 @@ def looks_of(contents: ForeignContents) -> tuple[ChannelLook, ...]:
 
 
 def proposed(looks: Sequence[ChannelLook]) -> Mapping[Role, str]:
-    """Return the probable channel of each role; a role without one is left out.
+    """Return the probable channel of each role; a role without a channel is left out.
 
-    PD1 is the beat that moves most, PD0 the one that moves least; where none moves both are left out.
+    PD1 is the beat whose frequency varies most, PD0 the one that varies least; if none varies, both are left out.
     """
     found: dict[Role, str] = {}
     beats = [look for look in looks if look.kind in (ChannelKind.MOVING, ChannelKind.STILL)]
@@ -90,7 +90,7 @@ def _look(channel: ForeignChannel, column: ForeignColumn) -> ChannelLook:
 
 
 def _two_levels(values: Floats) -> bool:
-    """Return whether nearly all samples lie at one of two levels, with few changes between them."""
+    """Return whether nearly all samples are at one of two levels, with few transitions between them."""
     middle, half = 0.5 * (values.min() + values.max()), 0.5 * float(np.ptp(values))
     away = np.abs(values - middle)
     changes = int(np.count_nonzero(np.diff(values > middle)))
@@ -98,7 +98,7 @@ def _two_levels(values: Floats) -> bool:
 
 
 def _lines(values: Floats) -> Floats:
-    """Return the strongest spectral line of each part that has one, in units of the sample rate, shape (m,)."""
+    """Return the frequency of the strongest line of each part that has one, in units of the sample rate, (m,)."""
     length = min(PART, values.size // 8)
     if length < 32:
         return np.empty(0)
@@ -117,9 +117,9 @@ def _lines(values: Floats) -> Floats:
     return np.array(found)
 
 
-WORD = "swapped"  # in the demodulation's error where PD0's beat moves and PD1's is at rest
+WORD = "swapped"  # contained in the demodulation's error if PD0's beat varies and PD1's is constant
 
 
 def is_swapped(shot: Shot | None) -> bool:
-    """Return whether a shot was not analysed because its PD0 and PD1 are swapped."""
+    """Return whether a shot could not be analysed because its PD0 and PD1 are swapped."""
     return shot is not None and shot.problem is not None and WORD in shot.problem

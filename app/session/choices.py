@@ -1,4 +1,4 @@
-"""The settings in use and their file: written atomically, with the last good copy; a damaged file stops no start."""
+"""Load and save the settings: atomic writes, a last good copy, and a start even with a damaged file."""
 
 import contextlib
 import json
@@ -18,7 +18,7 @@ VERSION = 1
 
 
 def load(path: Path) -> tuple[Settings, list[str]]:
-    """Return the settings, and warnings where files were damaged or unknown settings left out."""
+    """Return the settings, and warnings about damaged files and unknown settings."""
     words: list[str] = []
     for candidate, meaning in ((path, ""), (_last_good(path), "the last good copy is used")):
         if not candidate.exists():
@@ -40,7 +40,7 @@ def load(path: Path) -> tuple[Settings, list[str]]:
 
 
 def save(path: Path, settings: Settings) -> str | None:
-    """Save the settings; the former file becomes the last good copy.  Returns why that failed, or None."""
+    """Save the settings; the former file becomes the last good copy.  Returns an error message, or None."""
     document = {"levimass_settings": VERSION, **settings.values()}
     temporary = path.with_name(f"{path.name}.{os.getpid()}.new")  # another window may be saving too
     try:
@@ -50,7 +50,7 @@ def save(path: Path, settings: Settings) -> str | None:
             json.dump(document, file, indent=1)
             file.flush()
             os.fsync(file.fileno())
-        with contextlib.suppress(FileNotFoundError):  # the first time, or just moved by another window
+        with contextlib.suppress(FileNotFoundError):  # there is no file yet, or another window has just moved it
             replace_file(path, _last_good(path))
         replace_file(temporary, path)
         sync_folder(path.parent)
@@ -82,11 +82,11 @@ def _set_aside(path: Path) -> None:
     try:
         os.replace(path, path.with_name(path.name + ".unreadable"))
     except OSError:
-        return  # the next start reports it again
+        return  # the next start reports the file again
 
 
 MOST_RECENT = 12
-RIG = (  # settings that are corrected together
+RIG = (  # groups of settings that are corrected together
     ("moving_mass_kg", "moving_mass_u_kg"),
     ("wavelength_vacuum_m", "wavelength_air_m", *AIR),
     ("rest_frequency_hz",),
@@ -94,15 +94,15 @@ RIG = (  # settings that are corrected together
 
 
 class Choices:
-    """Holds the settings in use, an immutable Settings that is replaced at each change."""
+    """Holds the settings in use; each change replaces the immutable Settings and saves it."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self.settings, self.warnings = load(path)
-        self._changed: set[str] = set()  # names of settings changed since the start
+        self._changed: set[str] = set()  # names of the settings changed since the start
 
     def change(self, values: dict[str, Value]) -> str | None:
-        """Change and save settings; return why that failed, or None."""
+        """Change and save settings; return an error message, or None."""
         before = self.settings.values()
         try:
             self.settings = self.settings.with_values(values)
@@ -112,12 +112,12 @@ class Choices:
         return save(self._path, self.settings)
 
     def remember_source(self, source: str) -> None:
-        """Open this source at the next start too, unless it is a replay."""
+        """Store this source, so that the next start opens it, unless it is a replay."""
         if source_of(source).remembered:
             self.change({"source": source})
 
     def remember_network(self, source: str) -> None:
-        """Offer this oscilloscope in the network from now on."""
+        """Add a network oscilloscope to the known sources."""
         known = (source, *(other for other in self.settings.network_sources if other != source))
         self.change({"network": " ".join(known[:MOST_ADDRESSES])})
 
@@ -128,7 +128,7 @@ class Choices:
 
     @property
     def sessions(self) -> list[Path]:
-        """Get the known session files: those without a name, and recently opened ones."""
+        """Get the known session files: the unnamed ones and recently opened ones."""
         without_name = sorted(self._path.parent.glob("session*.json"))
         return [*without_name, *(path for path in self.recent if path.suffix == ".json")]
 
@@ -141,7 +141,7 @@ class Choices:
 
     @property
     def start_folder(self) -> Path:
-        """Get the folder that file dialogs show first: that of the shots, where it exists."""
+        """Get the folder that file dialogs show first: the data folder if it exists, else the home folder."""
         folder = self.settings.data_folder
         return folder if folder.is_dir() else Path.home()
 
@@ -149,11 +149,11 @@ class Choices:
         return self.settings.analysis
 
     def analysis_again(self) -> AnalysisSettings:
-        """Return the settings for repeating an analysis: with the rig's values that were changed since the start.
+        """Return the settings for a repeated analysis, with rig values changed since the start as corrections.
 
-        Other values are left to the recording, which may be of another rig.
+        All other rig values come from the recording, which may have been taken with another rig.
         """
         values = self.settings.values()
         names = [name for group in RIG for name in group if self._changed.intersection(group)]
-        corrections = tuple((name, cast(float | None, values[name])) for name in names)  # all are numbers
+        corrections = tuple((name, cast(float | None, values[name])) for name in names)  # all are numbers or None
         return replace(self.settings.analysis, corrections=corrections)

@@ -1,4 +1,4 @@
-"""An entry of a session: a shot with its note and verdict, and how it is written in the session's file."""
+"""An entry of a session, i.e. a shot with its note and verdict, and its JSON form in the session file."""
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields
@@ -13,7 +13,7 @@ from levimass import DRIVE
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One line of the session.  ``shot`` is None until its recording has been read (again)."""
+    """One entry of the session.  ``shot`` is None until the recording has been read."""
 
     number: int
     name: str
@@ -23,12 +23,12 @@ class Entry:
     note: str = ""
     plot_notes: tuple[PlotNote, ...] = ()  # oldest first
     verdict: str = ""
-    verdict_of: VerdictBasis | None = None  # the model and shots of the verdict; None where the file lacks it
-    copy_of: int | None = None  # the entry whose recording this one analyses with other settings
-    version: str = ""  # of the program that analysed it, where it is a cached result
+    verdict_of: VerdictBasis | None = None  # model and shots of the verdict; None if the file lacks them
+    copy_of: int | None = None  # number of the entry whose recording this entry analyses with other settings
+    version: str = ""  # program version of a cached result, else ""
 
 
-_NOT_SAVED = ("shot", "version")  # fields of an entry: read from recording or cache
+_NOT_SAVED = ("shot", "version")  # fields that come from the recording or the cache, not from the session file
 
 
 def entry_to_json(entry: Entry) -> dict[str, Any]:
@@ -43,7 +43,7 @@ def entry_to_json(entry: Entry) -> dict[str, Any]:
 
 
 def entry_from_json(item: Checked, unknown: set[str]) -> Entry:
-    """Return an entry; names that this version does not know are added to ``unknown``."""
+    """Return an entry from the session file; names unknown to this version are added to ``unknown``."""
 
     def settings(item: Checked) -> AnalysisSettings:
         chosen = item.object("settings")
@@ -102,7 +102,7 @@ def _basis_to_json(basis: VerdictBasis) -> dict[str, Any]:
 
 
 def model_effects(document: Checked) -> ModelEffects:
-    """Return the effects in the model; an effect of both kinds of base that is marked as tried is so in both."""
+    """Return the effects in the model; a "tried" mark applies to collision and drive effects with the same key."""
     collision = findings(known_effects(document.names("effects"), ""))
     drive = known_effects(document.names("drive_effects"), DRIVE)
     tried = document.names("tried")

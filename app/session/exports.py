@@ -1,4 +1,4 @@
-"""Exports of a session: CSV, HDF5, reports, model files; and saving of shots that are only in memory."""
+"""Export a session as CSV, HDF5, report or model file; save shots that are only in memory."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -18,38 +18,38 @@ from instrument.files import PartlySaved
 
 
 class Exports:
-    """Jobs that write files from the entries named, or from all where none is named."""
+    """Jobs that write files from the given entries, or from all if none of them is in the session."""
 
     def __init__(self, session: Session, work: Work, diagnoses: Diagnoses, tell: Tell) -> None:
         self._session, self._work, self._diagnoses, self._tell = session, work, diagnoses, tell
 
     def export(self, numbers: Sequence[int], folder: Path) -> None:
-        """Queue the export as CSV."""
+        """Queue the export of these entries as CSV."""
         shots, diagnosis = self._reported(numbers)
         self._submit("export", partial(write_csv, shots, diagnosis, folder))
 
     def export_hdf5(self, numbers: Sequence[int], folder: Path) -> None:
-        """Queue the export as HDF5."""
+        """Queue the export of these entries as HDF5."""
         shots, _ = self._reported(numbers)
         self._submit("export", partial(write_hdf5, shots, folder))
 
     def test_model(self, numbers: Sequence[int], path: Path) -> None:
-        """Queue the test of a model file, unchanged, on these entries."""
+        """Queue the test of a model file's predictions, without refitting it, on these entries."""
         entries = self._entries(numbers)
         shots = [entry.shot for entry in entries if entry.shot is not None]
         self._submit("test of a model file", partial(predictions_of, path, shots))
 
     def report(self, numbers: Sequence[int], path: Path) -> None:
-        """Queue the report as one HTML or PDF file."""
+        """Queue the report on these entries as one HTML or PDF file."""
         self._submit("report", partial(write_report, path, *self._reported(numbers), self._session.effects.tried))
 
     def report_to_print(self, numbers: Sequence[int]) -> None:
-        """Queue the report's text, which comes back as an event to be printed."""
+        """Queue the report's HTML text, which arrives as a PRINT event."""
         making = partial(report_text, *self._reported(numbers), self._session.effects.tried)
         self._submit("report", making, EventKind.PRINT)
 
     def save_model(self, numbers: Sequence[int], path: Path) -> None:
-        """Queue the model file of a joint fit to these entries."""
+        """Queue the writing of a model file from a joint fit to these entries."""
         entries = [e for e in self._entries(numbers) if e.shot is not None]
         shots = [entry.shot for entry in entries if entry.shot is not None]
         chosen, effects = {e.number for e in entries}, self._session.effects
@@ -59,7 +59,7 @@ class Exports:
         self._submit("model file", partial(save_model, path, shots, effects, diagnosis))
 
     def _entries(self, numbers: Sequence[int]) -> list[Entry]:
-        """Return these entries, or all where none of them is there."""
+        """Return these entries, or all entries if none of them is in the session."""
         return self._session.among(numbers) or list(self._session.entries)
 
     def _reported(self, numbers: Sequence[int]) -> tuple[list[Shot], Diagnosis | None]:
@@ -75,14 +75,14 @@ class Exports:
 
 
 class UnsavedShots:
-    """Saves shots that are only in memory, and knows by a shot's name where it was saved."""
+    """Saves shots that are only in memory, and keeps their new paths by name."""
 
     def __init__(self, session: Session, short_jobs: Jobs, tell: Tell) -> None:
         self._session, self._short_jobs, self._tell = session, short_jobs, tell
-        self._ahead: dict[str, str] = {}  # paths of shots whose analysis is still under way, by name
+        self._ahead: dict[str, str] = {}  # name -> new path of shots whose analysis has not finished
 
     def save(self, save: Callable[[Path], dict[str, Path]], folder: Path) -> None:
-        """Queue the saving; ``save`` does it and returns each shot's path by its name."""
+        """Queue the saving; ``save(folder)`` writes the shots and returns their paths by name."""
 
         def work(_: Progress, __: Stop) -> tuple[dict[str, Path], str | None]:
             try:
@@ -93,11 +93,11 @@ class UnsavedShots:
         self._short_jobs.submit("saving elsewhere", work, "save", partial(self._take, folder))
 
     def path_of(self, name: str) -> str | None:
-        """Return, once, where a shot was saved before its analysis ended, or None."""
+        """Return, once, the path to which a shot was saved before its analysis ended, or None."""
         return self._ahead.pop(name, None)
 
     def _take(self, folder: Path, saved: tuple[dict[str, Path], str | None]) -> None:
-        """Set the new paths in the session."""
+        """Set the new paths in the session and report the outcome."""
         paths, problem = saved
         for name, path in paths.items():
             if not self._session.set_path(name, str(path)):

@@ -1,7 +1,7 @@
-"""Changes of the effects in the model, after which every shot is fitted again.
+"""Change the effects in the model and refit every shot.
 
-The model may change again while a fit runs.  Each fit therefore carries its effects and its shot, and is dropped where
-these are no longer the session's.
+The model may change again while a fit runs.  Each fit therefore records its effects and its shot, and is dropped if
+the session's have changed.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -22,7 +22,7 @@ from app.session.shot_work import refit_shot
 
 @dataclass(frozen=True, slots=True)
 class _PendingFit:
-    """A fit that runs or waits: its shot and its effects."""
+    """A running or queued fit, with its shot and its effects."""
 
     job: Job
     of: Shot
@@ -30,7 +30,7 @@ class _PendingFit:
 
 
 class ModelWork:
-    """Keeps every shot fitted on its own with the effects in the session's model; ``changed`` is told of new fits."""
+    """Keeps each shot fitted individually with the effects in the session's model; reports new fits to ``changed``."""
 
     def __init__(self, session: Session, work: Work, tell: Tell, changed: Callable[[int, Shot], None]) -> None:
         self._session, self._work, self._tell, self._changed = session, work, tell, changed
@@ -39,7 +39,7 @@ class ModelWork:
 
     @property
     def known(self) -> SavedModel | None:
-        """Get the model file in use; None while the session's model differs from it."""
+        """Get the loaded model file; None if the session's model differs from it."""
         loaded = self._loaded
         return loaded if loaded is not None and loaded.effects == self._session.effects.of(loaded.base) else None
 
@@ -49,7 +49,7 @@ class ModelWork:
         self._use(base, (*now, *(effect for effect in effects if effect not in now)))
 
     def try_out(self, base: str, effect: Effect) -> None:
-        """Add an effect that no diagnosis named, marked as tried."""
+        """Add an effect that no diagnosis found, marked as tried."""
         if effect not in self._session.effects.of(base):
             self._use(base, (*self._session.effects.of(base), effect), tried=(effect,))
 
@@ -57,19 +57,19 @@ class ModelWork:
         self._use(base, tuple(one for one in self._session.effects.of(base) if one != effect))
 
     def load(self, path: Path) -> None:
-        """Queue the reading of a model file, whose effects then replace the model's."""
+        """Queue the reading of a model file; its effects then replace those in the model."""
         self._work.short_jobs.submit("model file", lambda _, __: load_model(path), "model", partial(self.take, path))
 
     def take(self, path: Path, model: SavedModel) -> None:
-        """Use the model that was read from a file."""
+        """Use the model read from a file."""
         self._loaded = model
         self._use(model.base, model.effects, model.tried)
         self._tell(EventKind.MODEL, f"Model {model_words(model)}, taken from {path}")
 
     def _use(self, base: str, effects: tuple[Effect, ...], tried: Sequence[Effect] = ()) -> None:
-        """Set the model's effects and fit every shot on its own, as ``--model FILE`` and a reopened session do.
+        """Set the effects in the model and fit each shot individually, as ``--model FILE`` and a reopened session do.
 
-        The joint fit of a diagnosis is its evidence and goes into model files, but is not a shot's own fit.
+        The joint fit of a diagnosis is its evidence and is saved in model files, but it is not used as a shot's fit.
         """
         self._session.set_effects(self._session.effects.with_effects(base, effects).trying(tried))
         self.catch_up()
@@ -77,14 +77,14 @@ class ModelWork:
     # fits that follow the model ---------------------------------------------------------------------------------
 
     def is_behind(self, entry: Entry) -> bool:
-        """Return whether an entry was fitted with other effects than the model has now."""
+        """Return whether an entry was fitted with other effects than those now in the model."""
         shot = entry.shot
         return shot is not None and can_be_fitted(shot) and shot.settings.effects != self._effects_for(shot)
 
     def catch_up(self, also: Iterable[Entry] = ()) -> None:
-        """Queue the fit of every entry that is behind the model, and cancel fits that are out of date.
+        """Queue the fit of every entry that is behind the model, and cancel outdated fits.
 
-        ``also``: entries whose own fit was stopped and must be made here.
+        Entries in ``also`` are fitted too if they still await their first fit, which may have been stopped.
         """
         awaiting = {entry.number for entry in also if entry.shot is not None and awaits_fit(entry.shot)}
         shots = {entry.number: entry.shot for entry in self._session.entries if entry.shot is not None}
@@ -98,7 +98,7 @@ class ModelWork:
                 self._submit(entry)
 
     def _take_fit(self, number: int, of: Shot, effects: tuple[Effect, ...], fitted: Shot) -> None:
-        """Give an entry its new fit, made from the shot ``of`` with these effects, unless it is out of date."""
+        """Store an entry's new fit, made from the shot ``of`` with these effects, unless it is outdated."""
         wanted = self._pending.get(number)
         if wanted is not None and wanted.of is of and wanted.effects == effects:
             del self._pending[number]
@@ -106,12 +106,12 @@ class ModelWork:
         if entry is None or entry.shot is None or not _same(entry.shot, of):
             return
         if effects == self._effects_for(entry.shot):
-            shot = replace(fitted, path=entry.path)  # it may have been saved elsewhere meanwhile
+            shot = replace(fitted, path=entry.path)  # the recording may have been saved to another folder meanwhile
             self._session.fill(number, shot)
             self._changed(number, shot)
 
     def forget(self) -> None:
-        """Drop the fits and the model file of a session that is closed."""
+        """Drop the pending fits and the model file of a session that is closed."""
         self._pending.clear()
         self._loaded = None
 

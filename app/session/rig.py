@@ -1,4 +1,4 @@
-"""The digitizer in the window: one source at a time, opened and closed in a thread of its own."""
+"""The window's access to the digitizer: one source at a time, opened and closed in a separate thread."""
 
 import contextlib
 import threading
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from instrument.capture import Capture
 
 Open = Callable[[str], Digitizer]
-AwaitKernels = Callable[[Stage, Callable[[], bool]], None]  # returns when kernels are ready, or raises Cancelled
+AwaitKernels = Callable[[Stage, Callable[[], bool]], None]  # returns once the kernels are ready, or raises Cancelled
 Change = Callable[[CaptureOptions], CaptureOptions]
 BENCH = "bench"
 LONGEST_ARMING_S = 60.0
@@ -58,10 +58,10 @@ class _Running:
 
 
 class Rig:
-    """Opens sources, arms and aborts, returns snapshots; every method returns at once except ``close``.
+    """Opens sources, arms, aborts and returns snapshots; only ``close`` and ``save_pending`` wait.
 
-    A device may take seconds to open or close: a thread does that, and ``latest`` says so meanwhile.  ``analyst``
-    analyses shots in its process; without one they are analysed in a thread here.
+    A thread opens and closes devices, which may take seconds; ``latest`` reports this.  ``analyst`` analyses shots
+    in a subprocess; without one they are analysed in a thread of this process.
     """
 
     def __init__(
@@ -84,10 +84,10 @@ class Rig:
         self._wake = threading.Condition()
         self._fault: tuple[str, str] | None = None
         self._since_s = clock()
-        self._taken: dict[tuple[int, int], bool] = {}  # finished shots: whether they still awaited their fit
+        self._taken: dict[tuple[int, int], bool] = {}  # (serial, index) of shots returned -> whether the fit was due
         self._captured: set[tuple[int, int]] = set()
         self._serial = 0
-        self._arm_pressed: tuple[float, float] | None = None  # (time of ARM, ``since_s`` of the state then)
+        self._arm_pressed: tuple[float, float] | None = None  # time of ARM, and ``since_s`` of the snapshot then
         self._problems: deque[str] = deque()
         self._found: tuple[tuple[str, str], ...] = ()
         self._network: tuple[str, ...] = ()
@@ -102,11 +102,11 @@ class Rig:
     # commands of the operator ---------------------------------------------------------------------------------------
 
     def open(self, source: str) -> None:
-        """Close the present source and open another; ``latest`` has the outcome."""
+        """Close the present source and open another; ``latest`` reports the outcome."""
         self._order(source, None)
 
     def _order(self, source: str, planned: Change | None) -> None:
-        """Let the thread open a source, and arm it where a shot is planned."""
+        """Let the thread open a source, and arm it if a shot is planned."""
         self.source = source
         with self._wake:
             self._planned, self._arm_opened = planned, planned is not None
@@ -114,7 +114,7 @@ class Rig:
             self._wake.notify()
 
     def sources(self) -> list[tuple[str, str]]:
-        """Return (name, words) of the sources: bench, devices found, known addresses, replay of a recording."""
+        """Return (name, words) of each source: bench, found devices, known network addresses, replay of a recording."""
         listed = listed_sources()
         network = [(source, network_name(source)) for source in self._network]
         with_address = [item for item in listed if item[0].endswith(":")]
@@ -125,19 +125,19 @@ class Rig:
         self._found = tuple((device.source, f"{device.name}, {device.where}") for device in found)
 
     def remember_network(self, sources: Sequence[str]) -> None:
-        """List these oscilloscopes in the network as sources."""
+        """List these network oscilloscopes as sources."""
         self._network = tuple(sources)
 
     def arm(self) -> None:
-        """Wait for the light switch; a source that failed to open is opened again."""
+        """Arm for the light switch; a source that failed to open is opened again."""
         if self._running is not None:
-            self._arm_pressed = (self._clock(), self.latest().since_s)  # before arming, which may succeed at once
+            self._arm_pressed = (self._clock(), self.latest().since_s)  # read before arming, which may succeed at once
             self._running.capture.arm(automatic=self.rearm)
         elif self._fault is not None:
             self.open(self.source)
 
     def take(self, source: str, change: Change) -> None:
-        """Open a source and arm it with changed options, which hold until ``open`` is called."""
+        """Open a source and arm it with changed options, which apply until ``open`` is called."""
         self._order(source, change)
 
     def abort(self) -> None:
@@ -148,18 +148,18 @@ class Rig:
             self._fault = None
 
     def trigger_now(self) -> None:
-        """Trigger by hand, in place of the light switch."""
+        """Trigger manually, in place of the light switch."""
         if self._running is not None:
             self._running.capture.trigger_now()
 
     def set_rearm(self, on: bool) -> None:
-        """Arm automatically after each shot, beginning with the present one."""
+        """Set whether to arm automatically after each shot, the present one included."""
         self.rearm = on
         if self._running is not None:
             self._running.capture.set_automatic(on)
 
     def options_changed(self) -> None:
-        """Apply the present settings from the next arming on."""
+        """Apply the changed settings from the next arming on."""
         running = self._running
         if running is not None:
             try:
@@ -168,9 +168,9 @@ class Rig:
                 self._problems.append(f"the settings were not applied: {error}")
 
     def save_pending(self, folder: Path) -> dict[str, Path]:
-        """Save shots that are only in memory to ``folder`` and return each one's path by its name; waits for the disk.
+        """Save shots that are only in memory to ``folder``; return their paths by name.  Waits for the disk.
 
-        Raises RecordingError at the first that cannot be saved; it stays in memory.
+        Raises RecordingError at the first shot that cannot be saved; that shot stays in memory.
         """
         running = self._running
         if running is None:
@@ -182,7 +182,7 @@ class Rig:
 
     @property
     def opened(self) -> str | None:
-        """Get the source that is open, None while there is none."""
+        """Get the open source, None while there is none."""
         return self._running.source if self._running is not None else None
 
     @property
@@ -192,16 +192,16 @@ class Rig:
 
     @property
     def bits(self) -> int | None:
-        """Get the resolution of the open source."""
+        """Get the resolution of the open source in bits."""
         return self._running.bits if self._running is not None else None
 
     @property
     def rate_hz(self) -> float | None:
-        """Get the sample rate a shot is taken at."""
+        """Get the sample rate at which the open source takes shots."""
         return self._running.rate_hz if self._running is not None else None
 
     def latest(self) -> Snapshot:
-        """Return a snapshot of the instrument."""
+        """Return the newest snapshot of the instrument."""
         running = self._running
         if running is not None:
             return running.capture.latest()
@@ -210,12 +210,12 @@ class Rig:
         return Snapshot(state, self._since_s, False, message, remedy, SignalLine(), empty_view())
 
     def watch(self, on: bool) -> None:
-        """Say whether the live curves are looked at."""
+        """Set whether the live curves are shown and must be updated."""
         if self._running is not None:
             self._running.capture.watch(on)
 
     def arming(self, snapshot: Snapshot) -> bool:
-        """Return whether ARM was pressed and the digitizer is not armed yet, which may take seconds at first."""
+        """Return whether ARM was pressed but the digitizer is not armed yet; the first arming may take seconds."""
         if self._arm_pressed is None or self._running is None:
             return False
         if snapshot.since_s != self._arm_pressed[1] or self._clock() - self._arm_pressed[0] > LONGEST_ARMING_S:
@@ -234,13 +234,13 @@ class Rig:
         return snapshot.state is not State.IDLE or self.arming(snapshot)
 
     def take_captured(self, snapshot: Snapshot) -> list[WaitingShot]:
-        """Return each captured shot once, before its analysis."""
+        """Return the newly captured shots, each once, before their analysis."""
         new = [shot for shot in snapshot.waiting if (self._serial, shot.number) not in self._captured]
         self._captured.update((self._serial, shot.number) for shot in new)
         return new
 
     def take_finished(self, snapshot: Snapshot) -> list[FinishedShot]:
-        """Return each finished shot once, when it is analysed or its analysis has failed, and again with its fit."""
+        """Return newly finished shots: each once when its readings are ready or failed, and again once it is fitted."""
         new = []
         for finished in snapshot.finished:
             key, shot = (self._serial, finished.index), finished.shot
@@ -252,11 +252,11 @@ class Rig:
         return new
 
     def take_problems(self) -> list[str]:
-        """Return problems outside the capture since the last call."""
+        """Return the problems outside the capture since the last call."""
         return drained(self._problems)
 
     def close(self) -> bool:
-        """End all threads, the capture's included; return whether they ended."""
+        """End all threads, including the capture's; return whether they ended."""
         with self._wake:
             self._orders.append(None)
             self._wake.notify()
@@ -285,7 +285,7 @@ class Rig:
         try:
             self.remember_found(found_devices())
         except DigitizerError:
-            self._found = ()  # no USB library: reported by the doctor
+            self._found = ()  # the USB library is missing, which ``levimass doctor`` reports
 
     def _close_running(self) -> None:
         running, self._running = self._running, None
@@ -346,7 +346,7 @@ class Rig:
 
     def _await(self, stage: Stage, progress: Progress, cancelled: Callable[[], bool]) -> None:
         def given_up() -> bool:
-            progress("first start: compiling", 0.0)  # repeatedly, so that the wait does not count as a stall
+            progress("first start: compiling", 0.0)  # repeated, so that the wait does not count as a stall
             return cancelled()
 
         self._kernels(stage, given_up)

@@ -1,7 +1,7 @@
-"""The arrays of a session's shots in a file that is mapped into memory: 300 shots cost some megabytes, not 220.
+"""Keep the large arrays of a session's shots in memory-mapped temporary files instead of in memory.
 
-Each shot has some fifteen arrays of every sample, and the screen shows those of one shot at a time.  They are written
-to a file without a name and read from there as they are used; what was not used lately takes no memory.
+Each shot has about fifteen arrays with a value per sample, but the window shows one shot at a time.  The arrays are
+read from an unnamed file on access, so that 300 shots take some megabytes of memory instead of 220 MB.
 """
 
 import contextlib
@@ -18,18 +18,15 @@ import numpy as np
 
 from app.session.result_archive import NotStorable, parted, rejoined
 
-PIECE_BYTES = 16 * 2**20  # of a file; its room is given free once no shot has an array in it
-LEAST_BYTES = 4096  # arrays smaller than this stay in memory
+PIECE_BYTES = 16 * 2**20  # size of one file, whose disk space is freed once no array refers to it
+LEAST_BYTES = 4096  # smaller arrays stay in memory
 RELEASE_EVERY_S = 5.0
 _ALIGNED = 64
 Result = TypeVar("Result")
 
 
 class Spool:
-    """Moves the arrays of results to files in ``folder``.
-
-    Where that cannot be written, or on a full disk, they stay in memory.
-    """
+    """Moves the large arrays of results to files in ``folder``; they stay in memory if the files cannot be written."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -38,7 +35,7 @@ class Spool:
         self._released_s = 0.0
 
     def moved(self, result: Result) -> Result:
-        """Return the same shot or diagnosis, its large arrays read from a file as they are used; they are read-only."""
+        """Return the same shot or diagnosis with its large arrays, now read-only, mapped from a file."""
         try:
             body, arrays = parted(result)
             large = [array for array in arrays if array.nbytes >= LEAST_BYTES]
@@ -66,7 +63,7 @@ class Spool:
         return [piece.array(array, int(start)) for array, start in zip(arrays, starts, strict=True)]
 
     def release(self) -> None:
-        """Let the system take back the memory of arrays that were read, now and then; what is used is read again."""
+        """Every ``RELEASE_EVERY_S`` free the memory of mapped arrays; the next access reads them from disk again."""
         now = time.monotonic()
         if sys.platform == "win32" or now - self._released_s < RELEASE_EVERY_S:
             return
@@ -76,18 +73,18 @@ class Spool:
 
 
 class _Piece:
-    """One file without a name, filled from its start; it goes with the last array that is read from it."""
+    """One unnamed file, filled from its start; it is deleted with the last array that refers to it."""
 
     def __init__(self, folder: Path, size: int) -> None:
         self.size, self.used = size, 0
         with tempfile.TemporaryFile(dir=folder, prefix=".levimass-") as file:
             os.truncate(file.fileno(), size)
-            self.memory = mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ)  # it keeps the file open
+            self.memory = mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ)  # the map keeps the file open
             self._file = os.dup(file.fileno())
         weakref.finalize(self.memory, _closed, self._file)
 
     def append(self, content: bytes) -> None:
-        """Write what comes next, whole.  Raises OSError: nothing of it counts then."""
+        """Append all of ``content``.  Raises OSError, after which ``used`` is unchanged."""
         done = 0
         os.lseek(self._file, self.used, os.SEEK_SET)
         while done < len(content):
@@ -95,7 +92,7 @@ class _Piece:
         self.used += len(content)
 
     def array(self, like: np.ndarray, start: int) -> np.ndarray:
-        """Return the array of the type and shape of ``like`` at a place of the file."""
+        """Return the array at byte ``start`` of the file, with the type and shape of ``like``."""
         flat = np.frombuffer(self.memory, like.dtype, like.size, start)
         return flat.reshape(like.shape)
 

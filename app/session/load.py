@@ -1,4 +1,4 @@
-"""Read a recording or motion record and analyse it; a failure is the shot's ``problem``."""
+"""Read a recording or motion record and analyse it; an error becomes the shot's ``problem``."""
 
 import time
 from collections.abc import Callable
@@ -20,13 +20,13 @@ from instrument.files import (
     read_motion,
 )
 
-BASE_OF_RECORD = {"plate": "paper"}  # a motion record's name of a base model where the program has another
+BASE_OF_RECORD = {"plate": "paper"}  # motion record's name of a base model -> this program's, where they differ
 
 
 def load_and_analyse(
     path: Path, model: str | None = None, *, settings: AnalysisSettings | None = None, **how: Any
 ) -> Shot:
-    """Return the shot in a file as ``analysed`` does; a failure is its ``problem``.  Raises Cancelled."""
+    """Return the shot in a file as ``analysed`` does; an error becomes its ``problem``.  Raises Cancelled."""
     try:
         return analysed(path, model, settings=settings, **how)
     except Cancelled:
@@ -47,9 +47,9 @@ def analysed(
 ) -> Shot:
     """Read one recording or motion record and analyse it.
 
-    ``model`` overrides the base model of ``settings``; without it a motion record's own rules.  ``effects_of`` gives
-    the effects in the model by its base, instead of those of ``settings``.  ``checked`` compares the data with their
-    hash (flag "data_altered"), which adds a third to the time.  Raises Cancelled, and any error of file or analysis.
+    ``model`` is the base model; default: that of a motion record itself, else that of ``settings``.  ``effects_of``
+    maps a base model to the effects in the model, in place of those of ``settings``.  ``checked`` verifies the data's
+    hash (flag "data_altered") and takes a third more time.  Raises Cancelled, and any file or analysis error.
     """
     started = time.perf_counter()
     chosen = settings or AnalysisSettings()
@@ -87,7 +87,7 @@ def analysed(
 
 
 def cause_of(path: Path, error: Exception) -> str:
-    """Return in one line why ``path`` was not analysed."""
+    """Return one line that says why ``path`` was not analysed."""
     if isinstance(error, RecordingError | AnalysisError):
         return str(error)
     if isinstance(error, OSError):
@@ -104,7 +104,7 @@ def _with_model(
 
 
 def unanalysed(path: Path | None, settings: AnalysisSettings, problem: str, name: str = "") -> Shot:
-    """Return a shot that was not analysed, with the reason; ``path`` is None where it was never saved."""
+    """Return a shot without analysis, with the reason as ``problem``; ``path`` is None if it was never saved."""
     stem = path.name.removesuffix(".sigmf-meta").removesuffix(".sigmf-data") if path is not None else ""
     return Shot(
         name=name or stem,
@@ -122,7 +122,7 @@ def unanalysed(path: Path | None, settings: AnalysisSettings, problem: str, name
 
 
 def raw_of(entry: Entry) -> Recording | None:
-    """Return an entry's raw recording, or None where it has none or it cannot be read."""
+    """Return an entry's raw recording, or None if there is none or it cannot be read."""
     if entry.path is None or is_motion_record(entry.path):
         return None
     try:

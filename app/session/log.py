@@ -14,7 +14,7 @@ NAME = "levimass.log"
 
 
 class ProgramLog:
-    """Writes to ``folder``; uncaught exceptions are also kept for the screen."""
+    """Writes the log to ``folder``; uncaught exceptions are also collected for the window."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -22,7 +22,7 @@ class ProgramLog:
         self._handler: logging.Handler | None = None
 
     def install(self) -> None:
-        """Start to write, and to receive uncaught exceptions."""
+        """Open the log file and install hooks for uncaught exceptions."""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             self._handler = RotatingFileHandler(
@@ -39,14 +39,14 @@ class ProgramLog:
         threading.excepthook = lambda what: self._uncaught(what.exc_type, what.exc_value, what.exc_traceback)
 
     def close(self) -> None:
-        """Stop, and restore Python's own hooks."""
+        """Close the log file and restore Python's own hooks."""
         sys.excepthook, threading.excepthook = sys.__excepthook__, threading.__excepthook__
         if self._handler is not None:
             _LOG.removeHandler(self._handler)
             self._handler.close()
 
     def take_problems(self) -> list[str]:
-        """Return the uncaught exceptions since the last call, a line each."""
+        """Return the uncaught exceptions since the last call, one line each."""
         problems = []
         while self._problems:
             problems.append(self._problems.popleft())

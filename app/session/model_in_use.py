@@ -1,4 +1,4 @@
-"""Model files of a session: saving, loading, parameters that have drifted; and the user's own laws."""
+"""Save and load model files, report parameters that drifted from them, and read and save the user's own laws."""
 
 import math
 from collections.abc import Collection, Iterable, Sequence
@@ -14,7 +14,7 @@ from app.session.verdict_basis import ModelEffects
 from app.words import counted, model_in_words
 from instrument.files import RecordingError, read_laws, read_toml_text, write_law, write_text_atomic
 
-DRIFT_SIGMAS = 4.0  # of the joint standard uncertainty
+DRIFT_SIGMAS = 4.0  # least significant deviation, in joint standard uncertainties
 NOISE_ALONE = "value, and standard uncertainty from noise alone, SI units"
 COMBINED = "combined standard uncertainties: noise, and mass, wavelength, air and clock"
 
@@ -28,10 +28,10 @@ def save_model(
     progress: Progress,
     cancelled: Stop,
 ) -> str:
-    """Save the model of a joint fit to these shots, and return what was done in words.
+    """Save the model of a joint fit to these shots; return a message.
 
-    The fit is that of a ``diagnosis`` of just these shots with these effects; otherwise the shots are fitted here.
-    Raises AnalysisError where no fit converges, RecordingError where the file cannot be written.
+    If the ``diagnosis`` of exactly these shots ended with these effects, its fit is used; else the shots are fitted.
+    Raises AnalysisError if the fit does not converge, RecordingError if the file cannot be written.
     """
     progress("fitting the shots jointly", 0.2)
     fitted = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
@@ -57,7 +57,7 @@ def save_model(
 def write_model(
     path: Path, fit: Fit, shots: Sequence[Shot], diagnosis: Diagnosis | None, tried: Collection[Effect]
 ) -> SavedModel:
-    """Write the model of a fit to these shots, and return it.  Raises RecordingError."""
+    """Write the model file of a fit to these shots; return the model.  Raises RecordingError."""
     names = [shot.path or shot.name for shot in shots if shot.fit is not None]
     model = saved(fit, names, diagnosis, tried)
     write_text_atomic(path, with_combined(to_text(model), fit, shots), sync=True)
@@ -65,7 +65,7 @@ def write_model(
 
 
 def with_combined(text: str, fit: Fit, shots: Sequence[Shot]) -> str:
-    """Return a model file's text with the combined uncertainties of parameters that have a budget."""
+    """Return a model file's text, extended by combined uncertainties of the parameters that have a budget."""
     shared = shared_stds(shots)
     combined = {name: math.hypot(q.std, shared[name]) for name, q in fit.parameters.items() if name in shared}
     text = text.replace("# value and standard uncertainty, SI units", f"# {NOISE_ALONE}")
@@ -76,7 +76,7 @@ def with_combined(text: str, fit: Fit, shots: Sequence[Shot]) -> str:
 
 
 def load_model(path: Path) -> SavedModel:
-    """Return the model in a file.  Raises RecordingError, one line with file and cause."""
+    """Read a model file.  Raises RecordingError, one line with file and cause."""
     try:
         return from_text(read_toml_text(path))
     except ModelFileError as error:
@@ -84,12 +84,12 @@ def load_model(path: Path) -> SavedModel:
 
 
 def model_words(model: SavedModel) -> str:
-    """Return "paper model + quadratic drag on the block, from 5 shots"; an effect no diagnosis named has "(tried)"."""
+    """Return "paper model + quadratic drag on the block, from 5 shots"; effects found by no diagnosis get "(tried)"."""
     return f"{model_in_words(model.base, model.effects, model.tried)}, from {counted(len(model.shots), 'shot')}"
 
 
 def drift_words(known: SavedModel, fit: Fit) -> str:
-    """Return the parameters of a fit that differ significantly from the file's, largest first; "" for none."""
+    """Return the fitted parameters that differ significantly from a model file's, largest first; "" for none."""
     if fit.model != known.base or not fit.converged:
         return ""
     far = {name: deviation for name, deviation in drift(known, fit).items() if abs(deviation) > DRIFT_SIGMAS}
@@ -105,18 +105,18 @@ def _named(name: str, effects: Iterable[Effect]) -> str:
 
 
 class OwnLaws:
-    """The user's laws in a folder, read each time, as files may change while the window is open."""
+    """The user's own laws in a folder, read at each use because files may change while the window is open."""
 
     def __init__(self, folder: Path | None) -> None:
-        self.folder = folder  # None: there are no laws, and none can be saved
+        self.folder = folder  # None: no laws can be read or saved
 
     def read(self) -> tuple[tuple[OwnLaw, ...], tuple[str, ...]]:
-        """Return the laws, and one line for each file that is not a law."""
+        """Return the laws, and one line for each file that is not a valid law."""
         laws, problems = read_laws(self.folder) if self.folder is not None else ([], [])
         return tuple(laws), tuple(problems)
 
     def keep(self, table: dict[str, Any]) -> OwnLaw:
-        """Save the law that a table describes.  Raises RecordingError or LawError, one line each."""
+        """Save the law described by a table.  Raises RecordingError or LawError, one line each."""
         law = from_mapping(table)
         if self.folder is None:
             raise LawError("there is no folder for laws here")

@@ -1,4 +1,4 @@
-"""The next shot in the window: planned after a diagnosis, taken by the rig, and added to the diagnosed set."""
+"""Plan the next shot after a diagnosis, take it with the rig, and repeat the diagnosis with it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,22 +24,22 @@ from app.session.workbench import Workbench
 from instrument.capture import CaptureOptions
 from instrument.devices import CaptureSettings, is_bench, pushed
 
-PLAN = "plan"  # the kind of its jobs
+PLAN = "plan"  # kind of the planning jobs
 
 
 @dataclass(frozen=True, slots=True)
 class _Capture:
-    """A planned shot being taken: the set it joins, the steps before it, the source to reopen afterwards."""
+    """A planned shot being taken: the set that it joins, earlier planned steps, the source to reopen afterwards."""
 
     step: PlannedStep
     numbers: tuple[int, ...]
     before: tuple[PlannedStep, ...]
     source: str
-    arrived: bool = False  # then it is one of ``numbers``
+    arrived: bool = False  # True: the shot is fitted and its number is in ``numbers``
 
 
 class NextShots:
-    """The plans of all diagnosed sets, and the planned shot that is being taken."""
+    """Plans of the diagnosed sets of shots, and the planned shot being taken."""
 
     def __init__(self, workbench: Workbench, rig: Rig, choices: Choices) -> None:
         self._workbench, self._rig, self._choices = workbench, rig, choices
@@ -48,20 +48,20 @@ class NextShots:
 
     @property
     def taking(self) -> NextShot | None:
-        """Get the planned shot that the rig waits for, or None."""
+        """Get the planned shot for which the rig is armed, or None."""
         return self._under.step.shot if self._under is not None and not self._under.arrived else None
 
     @property
     def sets_itself(self) -> bool:
-        """Get whether the program can set speed and weights itself: at the simulated bench."""
+        """Get whether the program can set speed and weights itself, which only the simulated bench allows."""
         return is_bench(self._rig.source)
 
     def standing(self, found: Diagnosed | None) -> PlanningState | None:
-        """Return the plan for the set of a diagnosis, None where there is none."""
+        """Return the plan for the diagnosed set of shots, or None."""
         return None if found is None else self._standings.get(frozenset(found.numbers))
 
     def plan(self, found: Diagnosed, steps: Sequence[PlannedStep] = ()) -> None:
-        """Queue the planning of a shot that decides between the candidates of a diagnosis."""
+        """Queue the planning of a shot that distinguishes the candidates of a diagnosis, given earlier ``steps``."""
         motions = [shot.motion for shot in self._workbench.session.shots(found.numbers) if shot.motion is not None]
         left = max(0, MOST_SHOTS - len(steps))
         work = partial(plan_next, motions, found.diagnosis, tuple(steps), left=left, reach=self._choices.settings.reach)
@@ -71,7 +71,7 @@ class NextShots:
         self._standings[numbers] = state
 
     def take(self, found: Diagnosed) -> None:
-        """Arm for the first shot of the plan; on the simulated bench also set its speed and weights."""
+        """Arm for the plan's next shot; on the simulated bench also set its speed and weights."""
         standing = self.standing(found)
         if standing is None or standing.settled or self.taking is not None:
             return
@@ -89,13 +89,13 @@ class NextShots:
         self._rig.take(wanted, changed)
 
     def give_up(self) -> None:
-        """Cancel the planned shot, and reopen the source used before."""
+        """Cancel the planned shot and reopen the previous source."""
         under, self._under = self._under, None
         if under is not None and not under.arrived:
             self._rig.open(under.source)
 
     def arrived(self, entry: Entry) -> None:
-        """Add a captured shot, once it is fitted, to the set it was planned for, and diagnose that again."""
+        """Once the planned shot is fitted, add it to its set and diagnose the set again."""
         under = self._under
         if under is None or under.arrived or (entry.shot is not None and awaits_fit(entry.shot)):
             return
@@ -108,7 +108,7 @@ class NextShots:
         self._workbench.diagnose(numbers)
 
     def poll(self) -> tuple[int, ...] | None:
-        """Return the numbers of a set that a planned shot has just joined, else None."""
+        """Once the set with the new shot is diagnosed, plan the next shot and return the set's numbers; else None."""
         under = self._under
         if under is None or not under.arrived:
             return None
@@ -121,11 +121,11 @@ class NextShots:
 
 
 _LEAST_BEFORE_SWITCH_S = 1e-3
-_RATE_HZ = 10e6  # where no shot has a rate
+_RATE_HZ = 10e6  # used if no shot has a sample rate
 
 
 def planned_record(shot: NextShot, shots: Sequence[Shot], rate_hz: float | None) -> CaptureSettings:
-    """Return the capture settings of a planned shot; ``rate_hz`` None takes the rate of the shots so far."""
+    """Return the capture settings of a planned shot; ``rate_hz`` None: the sample rate of the shots so far."""
     from analysis.inference import averaged_shots  # slow to import
 
     rate_hz = rate_hz or next((one.sample_rate_hz for one in shots if one.sample_rate_hz), None) or _RATE_HZ
@@ -136,16 +136,16 @@ def planned_record(shot: NextShot, shots: Sequence[Shot], rate_hz: float | None)
 
 
 def planned_setup(setup: Setup, shot: NextShot, shots: Sequence[Shot]) -> Setup:
-    """Return the rig of a planned shot: the mass of the lightest shot so far plus the plan's weights.
+    """Return the rig of a planned shot: its mass is that of the lightest shot so far plus the planned weights.
 
-    The mass in the settings is not used, as the operator may have added the weights to it already.
+    The mass in the settings is not used, because the operator may already have added the weights to it.
     """
     motions = [one.motion for one in shots if one.motion is not None]
     return replace(setup, moving_mass_kg=as_found_kg(motions) + shot.added_mass_kg)
 
 
 def _switch_m(shots: Sequence[Shot]) -> float:
-    """Return the distance from light switch to plate, the median of the shots so far; 0 where it is not known."""
+    """Return the distance from light switch to plate in m, the median of the shots so far; 0 if unknown."""
     ways = []
     for shot in shots:
         if shot.fit is not None and shot.trigger_time_s is not None:

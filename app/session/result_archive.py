@@ -1,6 +1,6 @@
-"""Analysed shots and diagnoses as a NumPy archive, with their structure as JSON.
+"""Store analysed shots and diagnoses as NumPy archives, with their structure as JSON.
 
-No code is read from such a file: it names classes, and only those that a shot or a diagnosis is made of are built.
+Reading a file executes no code: it names classes, and only the classes within Shot and Diagnosis are constructed.
 """
 
 import io
@@ -24,12 +24,12 @@ _HEAD, _BODY = "head", "body"
 
 
 class NotStorable(Exception):
-    """Why a value cannot be stored, or a file not be read."""
+    """A value cannot be stored, or a file cannot be read; the message says why."""
 
 
 @cache
 def kinds() -> dict[str, type]:
-    """Return the dataclasses and enumerations that a shot and a diagnosis are made of, by name; effects have keys."""
+    """Return the dataclasses and enumerations within Shot and Diagnosis, by name; effects are stored by their keys."""
     found: dict[str, type] = {}
     left: list[Any] = [Shot, Diagnosis]
     while left:
@@ -38,7 +38,7 @@ def kinds() -> dict[str, type]:
         if not isinstance(kind, type) or kind.__name__ in found or issubclass(kind, Effect):
             continue
         if is_dataclass(kind):
-            # a diagnosis knows these two by name only
+            # Diagnosis declares these two types only as strings
             hints = get_type_hints(kind, localns={one.__name__: one for one in (MassCheck, Repeatability)})
             left += [hints[field.name] for field in fields(kind)]
         elif not issubclass(kind, Enum):
@@ -48,7 +48,7 @@ def kinds() -> dict[str, type]:
 
 
 def packed(head: Mapping[str, Any], value: object) -> bytes:
-    """Return the bytes of a file with ``value``, and with ``head``, which can be read alone.  Raises NotStorable."""
+    """Return the bytes of a file with ``value`` and a separately readable ``head``.  Raises NotStorable."""
     body, arrays = parted(value)
     out = io.BytesIO()
     texts = {name: np.frombuffer(json.dumps(text).encode(), np.uint8) for name, text in ((_HEAD, head), (_BODY, body))}
@@ -57,7 +57,7 @@ def packed(head: Mapping[str, Any], value: object) -> bytes:
 
 
 def head_of(file: Any) -> dict[str, Any]:
-    """Return the head of a file, given by path or as a stream, without reading the rest.  Raises NotStorable."""
+    """Read only the head of a file, given as a path or a stream.  Raises NotStorable."""
     try:
         with np.load(file, allow_pickle=False) as archive:
             head = json.loads(archive[_HEAD].tobytes())
@@ -69,7 +69,7 @@ def head_of(file: Any) -> dict[str, Any]:
 
 
 def unpacked(file: Any) -> object:
-    """Return the value in a file, with read-only arrays.  Raises NotStorable."""
+    """Read the value in a file; its arrays are read-only.  Raises NotStorable."""
     try:
         with np.load(file, allow_pickle=False) as archive:
             body = json.loads(archive[_BODY].tobytes())
@@ -78,11 +78,11 @@ def unpacked(file: Any) -> object:
                 array.flags.writeable = False
             return rejoined(body, arrays)
     except (OSError, ValueError, KeyError, IndexError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        raise NotStorable(str(error)) from None  # of another version, or damaged
+        raise NotStorable(str(error)) from None  # the file is damaged or of another version
 
 
 def parted(value: object) -> tuple[Any, list[np.ndarray]]:
-    """Return a value's structure and its arrays, each array once.  Raises NotStorable for what cannot be kept."""
+    """Split a value into its JSON structure and its arrays, each array once.  Raises NotStorable."""
     arrays: list[np.ndarray] = []
     return _written(value, arrays, {}), arrays
 
@@ -112,7 +112,7 @@ def _written(value: object, arrays: list[np.ndarray], seen: dict[int, int]) -> A
 
 
 def rejoined(body: Any, arrays: list[np.ndarray]) -> Any:
-    """Return the value of a structure and these arrays."""
+    """Build a value from its JSON structure and its arrays: the inverse of ``parted``."""
     if not isinstance(body, dict):
         return body
     if "array" in body:

@@ -1,7 +1,7 @@
-"""A cache of analysed shots and diagnoses for the next start, each with the version that made it.
+"""Cache of analysed shots and diagnoses for the next start, each with the program version that made it.
 
-What is missing, damaged, of an altered recording, or written by another program (even of the same version) is analysed
-again.
+A result is not used if it is missing, damaged, of an altered recording, or written by a program with other source
+code, even of the same version.  The recording is then analysed again.
 """
 
 import hashlib
@@ -19,45 +19,45 @@ from app.session.verdict_basis import Diagnosed
 from instrument.files import RecordingError, is_foreign, read_metadata, recording_stem, write_atomic
 
 SCHEMA = "levimass.kept/2"
-MOST_BYTES = 2_000_000_000  # in all; the oldest are deleted first
+MOST_BYTES = 2_000_000_000  # size of the whole cache; the oldest files are deleted first
 MOST_A_FILE = 200_000_000
-BESIDE = (".csv", ".tsv", ".toml")  # the files of a motion record
+BESIDE = (".csv", ".tsv", ".toml")  # endings of the files of a motion record
 
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """What a result belongs to: a recording and the settings of its analysis."""
+    """Cache key: a recording and the settings of its analysis."""
 
     path: str
     settings: AnalysisSettings
 
     @property
     def text(self) -> str:
-        """Get the key as it is compared."""
+        """Get the text by which keys are compared."""
         return f"{os.path.abspath(self.path)} {self.settings!r}"
 
     @property
     def bare(self) -> str:
-        """Get the key without the effects in the model, for diagnoses."""
+        """Get the text without the effects in the model, for diagnoses."""
         return replace(self, settings=replace(self.settings, effects=())).text
 
 
 @dataclass(frozen=True, slots=True)
 class CachedShot:
-    """A shot, and the version of the program that analysed it."""
+    """A shot from the cache, and the version of the program that analysed it."""
 
     shot: Shot
     version: str
 
 
 class ResultCache:
-    """Files in one folder; every method may be called from any thread and raises nothing."""
+    """Cache files in one folder; every method may be called from any thread and raises nothing."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
     def store_shot(self, shot: Shot) -> None:
-        """Store an analysed shot that has a recording."""
+        """Store an analysed shot; shots without a saved recording and foreign files are not cached."""
         if shot.path is None or shot.motion is None or shot.problem is not None or is_foreign(shot.path):
             return
         key = Key(shot.path, shot.settings)
@@ -65,7 +65,7 @@ class ResultCache:
         self._write(f"shot-{_short(key.text)}.npz", head, shot)
 
     def shot(self, key: Key) -> CachedShot | None:
-        """Return the cached shot of a recording that has not changed since, or None."""
+        """Return the cached shot of an unchanged recording, or None."""
         file = self._folder / f"shot-{_short(key.text)}.npz"
         try:
             head = head_of(file)
@@ -82,7 +82,7 @@ class ResultCache:
         self._write(f"diagnosis-{_short(' '.join(keys))}.npz", head, diagnosis)
 
     def diagnoses(self, of: Mapping[int, Key]) -> list[Diagnosed]:
-        """Return all cached diagnoses whose shots are among these entries, oldest first."""
+        """Return the cached diagnoses whose shots are all among these entries, oldest first."""
         number_of = {key.bare: number for number, key in of.items()}
         stamps = {key.bare: _stamp(Path(key.path)) for key in of.values()}
         found = []
@@ -117,7 +117,7 @@ class ResultCache:
             write_atomic(self._folder / name, [whole], sync=False)
             self._make_room()
         except (NotStorable, OSError, RecordingError):
-            return  # it is analysed again at the next start
+            return  # the next start analyses the recording again
 
     def _make_room(self) -> None:
         files = self._files("*.npz")
@@ -131,7 +131,7 @@ class ResultCache:
 
 
 def _own(head: Mapping[str, object]) -> bool:
-    """Return whether this very program wrote the file: another of the same version may give other numbers."""
+    """Return whether a program with the same source code wrote the file; the version alone does not ensure this."""
     return head.get("schema") == SCHEMA and head.get("program") == program()
 
 
@@ -140,7 +140,7 @@ def _short(text: str) -> str:
 
 
 def _stamp(path: Path) -> list[object]:
-    """Return what identifies a recording's state: size and time of its files, and its metadata without the note."""
+    """Return the state of a recording: size and time of its files, and its metadata without the note."""
     stem = recording_stem(path)
     stamp: list[object] = []
     try:
@@ -158,11 +158,11 @@ def _stamp(path: Path) -> list[object]:
     return stamp
 
 
-AT_ONCE = 10  # cached results that one job reads
+AT_ONCE = 10  # cached results read by one job
 
 
 class CacheWork:
-    """Short jobs of the workbench that read and write the cache."""
+    """Queues short jobs that read and write the cache."""
 
     def __init__(self, results: ResultCache, short_jobs: Jobs) -> None:
         self._results, self._short_jobs = results, short_jobs
@@ -177,7 +177,7 @@ class CacheWork:
         self._short_jobs.submit("keeping results", work, "keep")
 
     def store_diagnosis(self, found: Diagnosed, keys: Sequence[Key]) -> None:
-        """Queue the storing of a diagnosis; ``keys`` are those of its entries, in its order."""
+        """Queue the storing of a diagnosis; ``keys`` belong to its entries, in the same order."""
         if len(keys) == len(found.numbers):
             self._short_jobs.submit(
                 "keeping a diagnosis", lambda _, __: self._results.store_diagnosis(found.diagnosis, keys), "keep"
@@ -189,7 +189,7 @@ class CacheWork:
         take_shots: Callable[[dict[int, CachedShot | None]], None],
         take_diagnoses: Callable[[list[Diagnosed]], None],
     ) -> None:
-        """Queue the reading of these entries' results, the last first, as the session opens there."""
+        """Queue the reading of these entries' results, last entry first, because the session opens at its last shot."""
         numbers = list(keys)[::-1]
         for start in range(0, len(numbers), AT_ONCE):
             some = numbers[start : start + AT_ONCE]

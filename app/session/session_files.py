@@ -1,4 +1,4 @@
-"""Session files, each locked by one window; and recordings that no session lists."""
+"""Open and lock session files, one window per file; find recordings that no session lists."""
 
 import contextlib
 from collections.abc import Callable, Collection, Iterable
@@ -12,9 +12,9 @@ MOST_WINDOWS = 20
 
 
 def named_session(path: Path) -> Session:
-    """Return the session in ``path``.  Raises RecordingError where another window has it open, or it is no session."""
+    """Return the session in ``path``.  Raises RecordingError if another window has it open or it is no session."""
     unlock = lock_session(path)
-    if not is_session(path):  # ``reopen`` would rename a file that is no session
+    if not is_session(path):  # checked first, because ``reopen`` renames a file that it cannot read
         unlock()
         raise RecordingError(path, "no such file" if not path.exists() else "this is no session of Levimass")
     session = Session.reopen(path)
@@ -23,7 +23,7 @@ def named_session(path: Path) -> Session:
 
 
 def is_session(path: Path) -> bool:
-    """Return whether a file is a session, from its first characters."""
+    """Return whether the first characters of a file are those of a session."""
     try:
         with path.open(encoding="utf-8", errors="replace") as file:
             return path.suffix == ".json" and SCHEMA in file.read(200)
@@ -32,7 +32,7 @@ def is_session(path: Path) -> bool:
 
 
 def lock_session(path: Path) -> Callable[[], None]:
-    """Lock a session's file for this window; return the function that unlocks it.  Raises RecordingError."""
+    """Lock a session file for this window; return the function that unlocks it.  Raises RecordingError."""
     try:
         return FolderLock(path.parent, f".{path.name}.lock").release
     except FolderLocked:
@@ -40,7 +40,7 @@ def lock_session(path: Path) -> Callable[[], None]:
 
 
 def last_session(name: str, folder: Path) -> Session:
-    """Return the session in the file ``name``, or where that fails the one without a name in ``folder``."""
+    """Return the session in the file ``name`` or, if that fails, the unnamed one in ``folder``."""
     if name:
         try:
             return named_session(Path(name))
@@ -52,9 +52,9 @@ def last_session(name: str, folder: Path) -> Session:
 
 
 def own_session(folder: Path) -> Session:
-    """Return the session without a name in ``folder``; where another window has it open, the next free one.
+    """Return the unnamed session in ``folder``; if another window has it open, the next free one.
 
-    Where no lock can be made (a read-only folder) the first is used.
+    If no lock can be made (a read-only folder), the first unnamed session is used.
     """
     with contextlib.suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
@@ -74,12 +74,12 @@ def own_session(folder: Path) -> Session:
     return Session.reopen(folder / "session.json")
 
 
-MOST = 1000  # newest recordings of the folder that are checked
+MOST = 1000  # number of newest recordings in the folder that are checked
 
 
 @dataclass(frozen=True, slots=True)
 class Unlisted:
-    """Recordings that no session lists, newest first; ``cut_off``: the program ended during the capture."""
+    """Recordings that no session lists, newest first; ``cut_off``: the program ended while capturing them."""
 
     complete: tuple[Path, ...] = ()
     cut_off: tuple[Path, ...] = ()
@@ -88,8 +88,8 @@ class Unlisted:
 def unlisted(folder: Path, listed: Collection[str], before_s: float) -> Unlisted:
     """Return the recordings in ``folder`` that are not in ``listed``.
 
-    Files written at ``before_s`` (s since the epoch) or later may still be captured and are left out, as are those
-    whose metadata cannot be read.
+    Left out are files written at or after ``before_s`` (s since the epoch), because their capture may not be
+    complete, and files with unreadable metadata.
     """
     try:
         found = [(path.stat().st_mtime, path) for path in folder.glob("*.sigmf-meta") if str(path) not in listed]
@@ -107,7 +107,7 @@ def unlisted(folder: Path, listed: Collection[str], before_s: float) -> Unlisted
 
 
 def listed_by(sessions: Iterable[Path]) -> set[str]:
-    """Return the recordings that these session files list or leave out; a file that is no session is ignored."""
+    """Return the recordings that these session files list or leave out; files that are no session are ignored."""
     paths: set[str] = set()
     for file in sessions:
         try:

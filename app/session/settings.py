@@ -1,4 +1,4 @@
-"""The settings of the window, in SI units: rig, shot, light switch, analysis, folders; each checked."""
+"""Declare and check all settings of the window, in SI units: rig, shot, light switch, analysis, folders."""
 
 import contextlib
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ MOST_ADDRESSES = 5
 
 
 class WrongSettings(Exception):
-    """Why settings are not valid, in one line."""
+    """Invalid settings; the message says why in one line."""
 
 
 SITES = tuple(
@@ -46,7 +46,7 @@ RIG, AIR, SHOT, SWITCH, ANALYSIS, BENCH, LOOKS, TRIGGER, NEXT = GROUPS = (
 # fmt: off
 @dataclass(frozen=True, slots=True)
 class Settings(AnalysisChoices):
-    """All settings, None where not given.  Fields without a declaration are remembered by the window itself."""
+    """All settings, None if not given.  Fields without a declaration are state that the window stores itself."""
 
     moving_mass_kg: float = number(17.85e-3, RIG, "Moving mass", "g", 1e3, 1e-4, 100.0,
         "Block with corner cube and extension; force and impulse scale with it")
@@ -97,9 +97,9 @@ class Settings(AnalysisChoices):
     source: str = "bench"
     network: str = ""  # addresses of oscilloscopes, newest first, separated by blanks
     tour_done: bool = False
-    session: str = ""  # path of the open session, where it has a name
-    recent: str = ""  # recently opened files, newest first, a line each
-    window: str = ""  # geometry and view: ``app.window.layout``
+    session: str = ""  # path of the open session if it has a name
+    recent: str = ""  # recently opened files, newest first, one per line
+    window: str = ""  # geometry and view, see ``app.window.layout``
     # fmt: on
 
     def __post_init__(self) -> None:
@@ -124,7 +124,7 @@ class Settings(AnalysisChoices):
 
     @property
     def reach(self) -> Reach:
-        """Get what the rig can do in a planned shot: speeds, added masses (with none), run-up."""
+        """Get the rig's possible speeds, added masses (including none) and run-up for a planned shot."""
         speeds, weights = (sorted(set(map(float, text.split()))) for text in (self.speeds_m_per_s, self.weights_kg))
         return Reach(tuple(speeds), (0.0, *weights), self.run_up_m)
 
@@ -134,7 +134,7 @@ class Settings(AnalysisChoices):
 
     @property
     def network_sources(self) -> tuple[str, ...]:
-        """Get the sources of known oscilloscopes in the network, newest first; invalid addresses are left out."""
+        """Get the sources of known network oscilloscopes, newest first; invalid addresses are left out."""
         sources = []
         for text in self.network.split()[:MOST_ADDRESSES]:
             with contextlib.suppress(DigitizerError):
@@ -147,7 +147,7 @@ class Settings(AnalysisChoices):
 
     @property
     def setup(self) -> Setup:
-        """Get the rig, for sources that do not know theirs."""
+        """Get the description of the rig, for sources that do not provide one."""
         air = None
         if self.temperature_c is not None and self.pressure_pa is not None and self.humidity_percent is not None:
             air = Air(self.temperature_c, self.pressure_pa, self.humidity_percent)
@@ -161,7 +161,7 @@ class Settings(AnalysisChoices):
         )
 
     def options(self, source: str, digitizer: Digitizer) -> CaptureOptions:
-        """Return the capture options for a source, with the nearest sample rate it has; makes the data folder."""
+        """Return the capture options for a source, at its nearest sample rate; creates the data folder."""
         folder = self.data_folder
         folder.mkdir(parents=True, exist_ok=True)
         settings = digitizer.default_settings()
@@ -193,7 +193,7 @@ FIELDS = tuple(sorted((s for s in settings_of(Settings) if s.group), key=lambda 
 
 
 def correction_words(corrections: Sequence[tuple[str, float | None]]) -> list[str]:
-    """Return corrected values of the rig, each as "moving mass 17.9 g"."""
+    """Return the corrected values of the rig in words, each like "moving mass 17.9 g"."""
     given = {name: value for name, value in corrections if value is not None}
     return [
         f"{field.words[0].lower()}{field.words[1:]} {given[field.key] * field.scale:.10g} {field.unit}".rstrip()

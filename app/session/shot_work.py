@@ -1,4 +1,4 @@
-"""Work on shots as functions that can run in another process: fit, diagnose, export, report, predict.
+"""Long work on shots as functions that can run in a subprocess: fit, diagnose, export, report, predict.
 
 Slow imports are inside the functions that need them, so that the window starts quickly.
 """
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def refit_shot(shot: Shot, effects: tuple[Effect, ...], *, progress: Progress, cancelled: Stop) -> Shot:
-    """Return a shot fitted with these effects."""
+    """Return the shot refitted with these effects."""
     return fit_again(shot, effects, cancelled)
 
 
@@ -31,7 +31,7 @@ def diagnose_shots(
     seconds: float,
     **watched: Any,  # progress and cancelled
 ) -> Diagnosis:
-    """Diagnose these shots; after ``seconds`` alternative searches are left out."""
+    """Diagnose these shots jointly; after ``seconds`` the alternative searches are omitted."""
     from analysis.diagnosis import diagnose  # slow to import
 
     return diagnose(shots, accepted=accepted, laws=laws, seconds=seconds, **watched)
@@ -46,7 +46,7 @@ def write_report(
     progress: Progress,
     cancelled: Stop,
 ) -> str:
-    """Write the report as PDF or HTML, by the path's ending, and return what was done in words."""
+    """Write the report as PDF or HTML, by the path's ending; return a message."""
     text = report_text(shots, diagnosis, tried, progress=progress, cancelled=cancelled)
     if path.suffix.lower() == ".pdf":
         from app.report import write_pdf  # only this needs Qt
@@ -60,7 +60,7 @@ def write_report(
 def report_text(
     shots: Sequence[Shot], diagnosis: Diagnosis | None, tried: Sequence[Effect], *, progress: Progress, cancelled: Stop
 ) -> str:
-    """Return the report as HTML; ``tried`` are effects that no diagnosis named."""
+    """Return the report as HTML; ``tried`` are effects in the model that no diagnosis found."""
     from app.report import report_of
 
     progress("drawing the report", 0.2)
@@ -68,7 +68,7 @@ def report_text(
 
 
 def write_hdf5(shots: Sequence[Shot], folder: Path, *, progress: Progress, cancelled: Stop) -> str:
-    """Write the motion of each shot as HDF5, and return what was done in words."""
+    """Write the motion of each shot as HDF5; return a message."""
     from app.report import export_hdf5
 
     progress("writing HDF5", 0.1)
@@ -80,7 +80,7 @@ def write_hdf5(shots: Sequence[Shot], folder: Path, *, progress: Progress, cance
 def write_csv(
     shots: Sequence[Shot], diagnosis: Diagnosis | None, folder: Path, *, progress: Progress, cancelled: Stop
 ) -> str:
-    """Write these shots, and the laws that a diagnosis learned, as CSV; return what was done in words."""
+    """Write these shots and the laws learned by a diagnosis as CSV; return a message."""
     from app.report import export, export_laws
 
     progress("writing CSV", 0.1)
@@ -91,9 +91,9 @@ def write_csv(
 
 
 def predictions_of(path: Path, shots: Sequence[Shot], progress: Progress, cancelled: Stop) -> str:
-    """Return in words how much better a file's model, unchanged, predicts these shots than its base model.
+    """Return in words how much better a saved model, not refitted, predicts these shots than its base model.
 
-    Raises RecordingError where the file is no model, AnalysisError where no shot can be predicted, Cancelled.
+    Raises RecordingError if the file is no model, AnalysisError if no shot can be predicted, and Cancelled.
     """
     from analysis.diagnosis import prediction_words
 
@@ -109,9 +109,9 @@ def predictions_of(path: Path, shots: Sequence[Shot], progress: Progress, cancel
 
 
 def predicted(shots: Sequence[Shot], model: SavedModel, cancelled: Stop | None = None) -> "Foretold":
-    """Return how well a model file's model, unchanged, predicts these shots.
+    """Return the errors of a saved model's predictions, without refitting it, of these shots.
 
-    Raises AnalysisError where it cannot in time, Cancelled.
+    Raises Cancelled, and AnalysisError if the prediction fails or exceeds its time limit.
     """
     from analysis.diagnosis import foretell  # slow to import
 

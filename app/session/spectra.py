@@ -1,4 +1,4 @@
-"""Spectra of a recording's beats, averaged and over time."""
+"""Averaged spectra of a recording's beats, and a spectrogram of PD1."""
 
 from dataclasses import dataclass
 
@@ -14,26 +14,26 @@ COLUMNS = 400
 
 @dataclass(frozen=True, slots=True)
 class Spectra:
-    """One-sided power density of each beat against frequency, and PD1's against time; decibels above 1 V^2/Hz."""
+    """One-sided power density of each beat against frequency, and PD1's also over time, in dB above 1 V^2/Hz."""
 
     frequency_hz: Floats  # (f,)
     power_db: dict[Role, Floats]  # each (f,)
     image_db: Floats  # (columns, rows) of PD1
     image_span_s: tuple[float, float]
     image_span_hz: tuple[float, float]
-    power_span_db: tuple[float, float]  # what the spectrum's axis shows
-    image_levels_db: tuple[float, float]  # from the noise to the strongest
+    power_span_db: tuple[float, float]  # range of the spectrum's axis
+    image_levels_db: tuple[float, float]  # median and maximum of the image, for its colours
 
 
 def spectra_of(recording: Recording, zero_s: float, report: Progress, cancelled: Stop) -> Spectra:
-    """Return averaged Hann periodograms of the beats; cost: one pass of FFTs of 4096 over the record."""
+    """Return averaged Hann periodograms of the beats; cost: one pass of 4096-point FFTs over the record."""
     window = np.hanning(BINS)
-    scale = 2.0 / (recording.sample_rate_hz * float(window @ window))  # one-sided: both signs of a frequency
+    scale = 2.0 / (recording.sample_rate_hz * float(window @ window))  # 2: one-sided density
     count = recording.samples // BINS
     frequency = np.asarray(np.fft.rfftfreq(BINS, 1 / recording.sample_rate_hz), dtype=np.float64)
     power: dict[Role, Floats] = {}
     image = np.zeros((0, len(frequency)))
-    pictured = recording.samples  # that the rows of the image hold
+    pictured = recording.samples  # number of samples covered by the image
     for role in BEATS:
         column = recording.column(role)
         if column is None or count == 0:

@@ -1,4 +1,4 @@
-"""The effects in a session's model, its diagnoses, and the model and shots that each verdict is about."""
+"""The effects in a session's model, its diagnoses, and the model and shots to which each verdict refers."""
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -10,9 +10,9 @@ from levimass import is_drive
 
 @dataclass(frozen=True, slots=True)
 class VerdictBasis:
-    """The model and shots that a verdict is about.
+    """The model and shots to which a verdict refers.
 
-    ``effects`` were in the diagnosed model, ``found`` are those the diagnosis adds, ``shots`` are numbers of entries.
+    ``effects`` were in the diagnosed model, ``found`` were added by the diagnosis, ``shots`` are numbers of entries.
     ``conclusion`` is None in files of earlier versions.
     """
 
@@ -22,27 +22,27 @@ class VerdictBasis:
     conclusion: Verdict | None = None
 
     def holds(self, effects: Iterable[Effect], there: Collection[int]) -> bool:
-        """Return whether the verdict holds for a model with these effects and a session with these shots.
+        """Return whether the verdict is valid for a model with these effects and a session with the shots ``there``.
 
-        It also holds once the effects found are in the model, as the diagnosis fitted that model too.
+        It remains valid once all effects found are in the model, because the diagnosis fitted that model too.
         """
         now, before = set(findings(effects)), set(self.effects)
         return now in (before, before | set(self.found)) and set(self.shots) <= set(there)
 
 
 def verdict_of(diagnosis: Diagnosis, numbers: Iterable[int]) -> VerdictBasis:
-    """Return the model and shots that a diagnosis is about."""
+    """Return the model and shots to which a diagnosis refers."""
     found = tuple(finding.effect for finding in diagnosis.findings)
     return VerdictBasis(findings(diagnosis.fit_before.effects), found, tuple(numbers), diagnosis.verdict)
 
 
 @dataclass(frozen=True, slots=True)
 class Diagnosed:
-    """A diagnosis and the entries it was made over, in the order of its fits."""
+    """A diagnosis and the numbers of the diagnosed entries, in the order of its fits."""
 
     diagnosis: Diagnosis
     numbers: tuple[int, ...]
-    version: str = ""  # of the program that made it, where it is a cached result
+    version: str = ""  # program version of a cached result, else ""
 
 
 class Diagnoses(list[Diagnosed]):
@@ -53,7 +53,7 @@ class Diagnoses(list[Diagnosed]):
         return self[-1] if self else None
 
     def of(self, numbers: Sequence[int]) -> Diagnosed | None:
-        """Return the newest diagnosis of exactly these entries, else the newest with the last of them, or None."""
+        """Return the newest diagnosis of exactly these entries, else the newest that includes the last one, or None."""
         newest = self[::-1]
         exact = next((found for found in newest if set(found.numbers) == set(numbers)), None)
         return exact or next((found for found in newest if set(numbers[-1:]) & set(found.numbers)), None)
@@ -69,24 +69,24 @@ class ModelEffects:
 
     collision: tuple[Effect, ...] = ()
     drive: tuple[Effect, ...] = ()
-    tried: tuple[Effect, ...] = ()  # those that no diagnosis named
+    tried: tuple[Effect, ...] = ()  # effects in the model that no diagnosis found
 
     def of(self, base: str) -> tuple[Effect, ...]:
-        """Return the effects in the model of shots with this base."""
+        """Return the effects in the model of shots with this base model."""
         return self.drive if is_drive(base) else self.collision
 
     def with_effects(self, base: str, effects: tuple[Effect, ...]) -> "ModelEffects":
-        """Return the same with other effects for shots with this base."""
+        """Return a copy with other effects for shots with this base model."""
         changed = replace(self, **{"drive" if is_drive(base) else "collision": effects})
         there = (*changed.collision, *changed.drive)
         return replace(changed, tried=tuple(effect for effect in self.tried if effect in there))
 
     def trying(self, effects: Iterable[Effect]) -> "ModelEffects":
-        """Return the same with these marked as tried."""
+        """Return a copy with these effects marked as tried."""
         return replace(self, tried=(*self.tried, *(effect for effect in effects if effect not in self.tried)))
 
 
 def known_effects(keys: Iterable[str], base: str) -> tuple[Effect, ...]:
-    """Return the effects that a session's file has under these keys, without those that this version does not know."""
+    """Return the effects with these keys in a session file, without effects unknown to this version."""
     found = (effect_in_file(key, base) for key in keys)
     return tuple(effect for effect in found if effect is not None)

@@ -1,6 +1,6 @@
-"""Warm up the kernels: analyse a synthetic shot once, so that they are compiled or loaded before a real one.
+"""Warm up the kernels: analyse a synthetic shot, so that they are compiled or loaded before the first real shot.
 
-Each part starts from its own synthetic data, so that several processes can warm up at once with few kernels compiled
+Each function makes its own synthetic data, so that several processes can warm up in parallel and compile few kernels
 twice.
 """
 
@@ -18,9 +18,9 @@ _SHAKEN_M, _SHAKEN_HZ = 2e-7, 60.0
 
 
 def readings() -> Shot:
-    """Read a synthetic shot, and the kernels of the live view.
+    """Warm up the kernels of a shot's readings and of the live view.
 
-    The shot is written to disk first: numba compiles another kernel for read-only arrays than for writable ones.
+    The synthetic shot is read from disk, because numba compiles separate kernels for read-only arrays.
     """
     from analysis.pipeline import read
     from instrument.files import analyse_and_check_hash, write_recording
@@ -32,7 +32,7 @@ def readings() -> Shot:
 
 
 def fit() -> None:
-    """Fit the base model to a synthetic motion, and follow the model on a frame that moves."""
+    """Fit the base model to a synthetic motion, and compute the model's motion on a moving frame."""
     from analysis.collision import PAPER, linear_path, moved_by_frame
     from analysis.fitted import fit_jointly, fitted_contact_cor
 
@@ -50,7 +50,7 @@ def bench() -> None:
 
 
 def effects() -> None:
-    """Compile every effect of the catalogue, for real and for complex arguments (derivatives)."""
+    """Compile every effect of the catalogue, for real arguments and for complex ones (derivatives)."""
     from analysis.collision import CATALOGUE, WIDER, address, complex_address
 
     for row in (*CATALOGUE.values(), *WIDER.values()):
@@ -68,7 +68,7 @@ def diagnosis() -> None:
 
 
 def _inside_m(time_s: Floats) -> Floats:
-    """Return the block's position (n,) in m: it strikes a plate on a spring, over a table that vibrates."""
+    """Return the simulated position of the block, (n,) in m: a collision with a sprung plate on a vibrating table."""
     grid_s, way_m = 1.0 / _MOTION_HZ, [-_SPEED_M_PER_S * _TOUCH_S]
     x, v, y, u = -_SPEED_M_PER_S * _TOUCH_S, _SPEED_M_PER_S, 0.0, 0.0
     for _ in range(round(_LENGTH_S * _MOTION_HZ)):
@@ -83,16 +83,16 @@ def _inside_m(time_s: Floats) -> Floats:
 
 
 def _motion() -> Motion:
-    """Return the block's motion with nanometres of noise."""
+    """Return the block's motion with 1 nm of noise."""
     from analysis.signal import motion_from_displacement
 
     t = np.arange(round(_LENGTH_S * _MOTION_HZ)) / _MOTION_HZ
-    x = np.random.default_rng(1).normal(0, 1e-9, t.size) - _inside_m(t)  # the block comes in with v < 0
+    x = np.random.default_rng(1).normal(0, 1e-9, t.size) - _inside_m(t)  # sign: the block approaches with v < 0
     return motion_from_displacement(t, x, None, None, moving_mass_kg=_MASS_KG)
 
 
 def _recording() -> Recording:
-    """Return the beats of that motion with light switch and noise."""
+    """Return a recording of that motion: both beats and the light switch, with noise."""
     t = np.arange(round(_LENGTH_S * _RAW_HZ)) / _RAW_HZ
     rest = 2 * np.pi * _REST_HZ * t
     shifted = rest + 4 * np.pi * _inside_m(t) / _WAVELENGTH_M

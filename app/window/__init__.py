@@ -1,4 +1,4 @@
-"""The desktop window: presenters between the session and the panels, panels, plots."""
+"""The desktop window: panels, plots, and presenters that connect them with the session."""
 
 import lazy_loader
 

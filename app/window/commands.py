@@ -1,4 +1,4 @@
-"""The table of commands with menu, words and keys, from which tooltips and F1 are made; its menus and shortcuts."""
+"""The table of all commands with their menus and keys; menus, shortcuts and the key list (F1) are made from it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,17 +13,17 @@ from app.window.widgets import call_with
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A command: its menu and words, the method of a presenter or panel that it calls, and its keys.
+    """A command: its menu, its label, its keys, and the method of a presenter or panel that it calls.
 
-    ``action`` is the name of that method; of one with an argument, "method:argument".
+    ``action`` is the method's name, or "method:argument" for a method with an argument.
     """
 
     menu: str
     words: str
     action: str
     keys: tuple[str, ...] = ()
-    line_before: bool = False  # in its menu
-    also: str | None = None  # a second menu, at its end
+    line_before: bool = False  # a separator precedes it in its menu
+    also: str | None = None  # a second menu, at whose end it appears too
 
 
 MENUS = ("File", "Rig", "Shots", "View", "Model", "Help")
@@ -114,12 +114,12 @@ MOUSE = (
 def bind(
     window: QMainWindow, doing: tuple[QObject, ...], below: Mapping[str, QMenu] | None = None
 ) -> dict[str, QAction]:
-    """Make the menus; return the actions by name, each connected to the first of ``doing`` with a method of that name.
+    """Make the menus; return their actions, each connected to the first object in ``doing`` with a method of its name.
 
-    ``below`` are submenus by their name in the table.
+    ``below`` are submenus by the ``action`` of their command.
     """
     bar = window.menuBar()
-    more = bar.findChild(QToolButton, "qt_menubar_ext_button")  # Qt's own, where the bar is too narrow
+    more = bar.findChild(QToolButton, "qt_menubar_ext_button")  # Qt shows it if the bar is too narrow
     if more is not None:
         more.setAccessibleName("More menus")
         more.setToolTip("More menus")
@@ -150,9 +150,9 @@ def bind(
 
 
 def pressed_by_enter(focused: QWidget | None, event: QKeyEvent) -> bool:
-    """Click the focused button where the key is Enter; return whether it was.
+    """Click the focused button if the key is Enter; return whether it was clicked.
 
-    Buttons pass Enter on to their window, so that this serves all of them.
+    Buttons pass Enter on to their window, so that this one handler serves all buttons.
     """
     enter = event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter) and not event.isAutoRepeat()
     if enter and isinstance(focused, QAbstractButton) and focused.isEnabled():

@@ -1,4 +1,4 @@
-"""File dialogs that do not block the window, so that a shot can be taken meanwhile."""
+"""Non-modal file dialogs, so that a shot can be taken while one is open."""
 
 from collections.abc import Callable, Sequence
 from enum import Enum
@@ -12,7 +12,7 @@ Then = Callable[[list[Path]], object]
 
 
 class Want(Enum):
-    """What the dialog selects."""
+    """The kind of path that a dialog selects."""
 
     FILE = QFileDialog.FileMode.ExistingFile
     FILES = QFileDialog.FileMode.ExistingFiles
@@ -21,10 +21,10 @@ class Want(Enum):
 
 
 def ask(parent: QWidget, title: str, want: Want, then: Then, start: Path | str = "", kinds: str = "") -> QFileDialog:
-    """Open a file dialog and return; ``then`` is called with the selected paths, unless it is cancelled.
+    """Open a file dialog and return at once; ``then`` is called with the selected paths unless it is cancelled.
 
-    ``kinds`` are Qt's filters, "HTML (*.html);;All files (*)"; a new file gets the first one's ending.  A dialog of
-    this title that is open already comes to the front.
+    ``kinds`` are Qt's filters, such as "HTML (*.html);;All files (*)"; a new file gets the ending of the first.  If
+    a dialog with this title is already open, it is raised instead.
     """
     for dialog in parent.findChildren(QFileDialog):
         if dialog.windowTitle() == title and dialog.isVisible():
@@ -59,7 +59,7 @@ def _hand_on(then: Then, paths: Sequence[str]) -> None:
 
 
 class FileDialogs:
-    """Dialogs that first show the folder chosen last, and before that one the folder that ``start`` returns."""
+    """Opens dialogs in the folder chosen last, or at first in the folder that ``start`` returns."""
 
     def __init__(self, parent: QWidget, start: Callable[[], Path]) -> None:
         self._parent, self._start = parent, start
@@ -67,11 +67,11 @@ class FileDialogs:
 
     @property
     def folder(self) -> Path:
-        """Get the folder that the next dialog shows."""
+        """Get the folder that the next dialog shows first."""
         return self.chosen or self._start()
 
     def ask(self, title: str, want: Want, then: Callable[[Path], object], name: str = "", kinds: str = "") -> None:
-        """Ask for a file or a folder, with which ``then`` is called; ``name`` is proposed for a new file."""
+        """Open a dialog for one file or folder; ``then`` is called with it; ``name`` is proposed for a new file."""
 
         def chosen(path: Path) -> None:
             self.chosen = path if want is Want.FOLDER else path.parent
@@ -83,5 +83,5 @@ class FileDialogs:
 def ask_for_one(
     parent: QWidget, title: str, want: Want, then: Callable[[Path], object], start: Path | str = "", kinds: str = ""
 ) -> None:
-    """Ask as ``ask`` does for one file or folder, with which ``then`` is called."""
+    """Open a dialog as ``ask`` does, for one file or folder; ``then`` is called with it."""
     ask(parent, title, want, lambda paths: then(paths[0]), start, kinds)

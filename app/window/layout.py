@@ -1,4 +1,4 @@
-"""The arrangement of the panels in the window, kept as text in the settings; presenters connect them."""
+"""Create and arrange the panels of the window; save and restore geometry and splitters as text."""
 
 from PySide6.QtCore import QByteArray, QRect, QSize, Qt, Slot
 from PySide6.QtGui import QResizeEvent, QWheelEvent
@@ -37,14 +37,14 @@ from app.window.widgets import Sheet, vertical
 
 
 class Layout(QWidget):
-    """All panels; the sheets lie above them and are hidden at first."""
+    """All panels of the window, and the sheets that open above them."""
 
     PAGES = ("LIVE", "SHOT", "COMPARE", "SPECTRUM", "DIAGNOSIS", "BUDGET", "PAPER", "LARGE")
     LIVE, SHOT, COMPARE, SPECTRUM, DIAGNOSIS, BUDGET, PAPER, LARGE = range(len(PAGES))
 
     def __init__(self, theme: Theme, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._number: int | None = None  # of the last selected shot
+        self._number: int | None = None  # number of the last selected shot
         self.controls = Controls(self)
         self.banner = Banner(self)
         self.signals = SignalLine(self)
@@ -64,7 +64,7 @@ class Layout(QWidget):
         self.tabs.setTabBar(_SteadyBar(self.tabs))
         self.tabs.setDocumentMode(True)
         self.tabs.setAccessibleName("Pages")
-        # no page may widen the window
+        # a fixed least width, so that no page widens the window
         self.tabs.setMinimumWidth(44 * self.fontMetrics().horizontalAdvance("M"))
         for name in self.PAGES:
             index = self.tabs.addTab(getattr(self, name.lower()), name)
@@ -98,7 +98,7 @@ class Layout(QWidget):
         across = self.across = QSplitter(Qt.Orientation.Horizontal, self)
         across.addWidget(self.tabs)
         across.addWidget(side)
-        across.setSizes([1400, 430])  # of a large screen; on a small one the numbers take the least they need
+        across.setSizes([1400, 430])  # for a large screen; on a small one the numbers get their least width
         across.setStretchFactor(0, 1)
         across.setStretchFactor(1, 0)
         across.setChildrenCollapsible(False)
@@ -115,13 +115,13 @@ class Layout(QWidget):
 
     @Slot()
     def dress(self) -> None:
-        """Apply the theme's colours to whatever draws in colours of its own."""
+        """Apply the theme's colours to all widgets that draw themselves."""
         for widget in self.findChildren(QWidget):
             if isinstance(widget, Dressed):
                 widget.dress(self._theme.colours)
 
     def name_shot(self, number: int | None) -> None:
-        """Show the number of the selected shot in the tab SHOT, where there is room."""
+        """Show the number of the selected shot in the tab SHOT if there is room."""
         self._number = number
         bar = self.tabs.tabBar()
         self.tabs.setTabText(self.SHOT, "SHOT" if number is None else f"SHOT {number}")
@@ -137,35 +137,35 @@ class Layout(QWidget):
         self.name_shot(self._number)
 
     def plot_in_front(self) -> PlotView | None:
-        """Return the plot that the keys act on: the focused one of the current page, else its first."""
+        """Return the plot on which the keys act: the focused one of the current page, else its first, else None."""
         page = self.tabs.currentWidget()
         if isinstance(page, LivePanel | ComparePanel | SpectrumPanel):
             return in_front(page.plots)
         return page.plot_in_front() if isinstance(page, ShotPanel | DiagnosisPanel) else None
 
     def place_sheets(self) -> None:
-        """Place the open sheets after a change of size."""
+        """Position the open sheets after the window was resized."""
         for sheet in self.findChildren(Sheet):
             if sheet.isVisible():
                 sheet.place()
 
 
 class _SteadyBar(QTabBar):
-    """Tabs that a click or a key changes, but not the wheel."""
+    """A tab bar that ignores the mouse wheel."""
 
     def wheelEvent(self, event: QWheelEvent) -> None:
         event.accept()
 
 
 def state_text(window: QMainWindow, panels: Layout) -> str:
-    """Return the state of the window as text, a word per part."""
+    """Return geometry, splitter and header states as base64 text, one word per part."""
     parts = [window.saveGeometry(), *(splitter.saveState() for splitter in (panels.across, panels.down))]
     parts.append(panels.table.table.horizontalHeader().saveState())
     return " ".join(bytes(part.toBase64().data()).decode("ascii") for part in parts)
 
 
 def restore_state(window: QMainWindow, panels: Layout, words: str) -> None:
-    """Restore a state; invalid text changes nothing.  Qt keeps the window on an existing screen."""
+    """Restore the state in a text of ``state_text``; invalid text changes nothing.  Qt selects an existing screen."""
     splitters = (panels.across, panels.down)
     parts = [QByteArray.fromBase64(word.encode("ascii", "replace")) for word in words.split()]
     if len(parts) != len(splitters) + 2:
@@ -181,7 +181,7 @@ TITLE_PX = 40  # assumed height of the title bar before the system has drawn it
 
 
 def first_size(window: QMainWindow) -> QSize:
-    """Return the size for the first start: the usual one, or what fits on the screen."""
+    """Return the window size for the first start: ``USUAL``, reduced to fit the screen."""
     title = max(TITLE_PX, window.style().pixelMetric(QStyle.PixelMetric.PM_TitleBarHeight))
     border = 2 * window.style().pixelMetric(QStyle.PixelMetric.PM_MdiSubWindowFrameWidth)
     room = window.screen().availableSize() - QSize(border, title + border)
@@ -189,7 +189,7 @@ def first_size(window: QMainWindow) -> QSize:
 
 
 def placed(inner: QRect, frame: QRect, room: QRect) -> QRect:
-    """Return the inner rectangle of a window moved and shrunk so that its frame lies within ``room``."""
+    """Return a window's inner rectangle, moved and shrunk so that its frame is within ``room``."""
     if room.contains(frame):
         return inner
     wider, higher = frame.width() - inner.width(), frame.height() - inner.height()
@@ -200,7 +200,7 @@ def placed(inner: QRect, frame: QRect, room: QRect) -> QRect:
 
 
 def keep_within_screen(window: QMainWindow) -> None:
-    """Move and shrink a shown window so that its frame is on the screen."""
+    """Move and shrink a visible window so that its frame is on the screen."""
     if window.isMaximized() or window.isFullScreen() or not window.isVisible():
         return
     inner = window.geometry()

@@ -1,4 +1,4 @@
-"""The main window: panels and presenters, updated up to 28 times a second."""
+"""The main window: creates panels and presenters, and updates them up to 28 times a second."""
 
 import signal
 import sys
@@ -47,14 +47,14 @@ from instrument.devices import Digitizer, at_site
 from instrument.process import SubprocessAnalysis, SubprocessWorker, open_in_subprocess
 
 PULL_MS = 35
-LIVE_MS = 100  # while nothing moves but the live curves, which come as often
-STILL_MS = 140  # between two pulls while nothing moves: no curve runs, nothing is under way
-FRAMED_MS = 300  # after the first show: the system has then drawn the title bar
-SWITCH_S = 5e-4  # after which a busy thread yields; Python's default of 5 ms would delay frames
+LIVE_MS = 100  # update interval while only the live curves change, which arrive at this rate
+STILL_MS = 140  # update interval while nothing changes: no live curve, no job
+FRAMED_MS = 300  # delay after the window is shown, until the system has drawn the title bar
+SWITCH_S = 5e-4  # Python's thread switch interval; the default of 5 ms would delay frames
 
 
 class MainWindow(QMainWindow):
-    """The main window.  Work longer than a frame is done in threads of rig and jobs, or in other processes."""
+    """The main window.  Work longer than a frame runs in the threads of rig and jobs, or in subprocesses."""
 
     def __init__(
         self,
@@ -70,7 +70,7 @@ class MainWindow(QMainWindow):
         self.setWindowTitle("Levimass")
         self.setAcceptDrops(True)
         self.rig, self.workbench, self.theme = rig, workbench, theme
-        self._warned: frozenset[str] = frozenset()  # what the last attempt to close warned of
+        self._warned: frozenset[str] = frozenset()  # keys of the losses named at the last attempt to close
         self.panels = Layout(theme, self)
         self.setCentralWidget(self.panels)
         self.rig_presenter = RigPresenter(rig, choices, self.panels, self)
@@ -96,7 +96,7 @@ class MainWindow(QMainWindow):
         self._connect_presenters(plans)
         theme.changed.connect(self.panels.dress)
         self._start_work(kernels)
-        if workbench.session.entries:  # a session opens at its last shot
+        if workbench.session.entries:  # select the last shot at the start
             self.panels.table.select([workbench.session.entries[-1].number])
         self._timer = QTimer(self)
         self._timer.setTimerType(Qt.TimerType.PreciseTimer)
@@ -106,7 +106,7 @@ class MainWindow(QMainWindow):
         self.panels.controls.arm.setFocus()
 
     def _connect_presenters(self, plans: NextShots) -> None:
-        """Connect the presenters with each other, and the commands with them."""
+        """Connect the presenters with each other, and the menu commands with the presenters."""
         presenters = (
             self.rig_presenter,
             self.session_presenter,
@@ -139,7 +139,7 @@ class MainWindow(QMainWindow):
         self.actions_by_name = commands.bind(self, (*presenters, self.panels.table, self), below)
 
     def _start_work(self, kernels: Kernels) -> None:
-        """Show the problems of session and settings; queue the kernels, the session's shots, unlisted recordings."""
+        """Report problems of session and settings; queue kernels, reading of shots, search for unlisted recordings."""
         workbench, choices = self.workbench, self._choices
         if workbench.session.problem:
             self.say(workbench.session.problem, Tone.WARNING)
@@ -152,11 +152,11 @@ class MainWindow(QMainWindow):
 
     @Slot()
     def pull(self) -> None:
-        """Update the screen; the timer calls this."""
+        """Update all panels; called by the timer."""
         snapshot = self.rig_presenter.refresh()
         for problem in self.log.take_problems():
             self.say(problem, Tone.BAD)
-        self._warned &= frozenset(self._at_stake(snapshot))  # a name that returns is another shot's
+        self._warned &= frozenset(self._at_stake(snapshot))  # the same name later means another shot
         self.session_presenter.refresh(snapshot.doing, snapshot.progress)
         self.selection_presenter.refresh()
         self.plot_notes_presenter.refresh()
@@ -171,7 +171,7 @@ class MainWindow(QMainWindow):
             self._timer.setInterval(pace)
 
     def _pace_ms(self, snapshot: Snapshot) -> int:
-        """Return the time between two pulls: long where nothing changes unless the operator does something."""
+        """Return the interval until the next update in ms; it is longer while only the operator can change anything."""
         work = self.workbench.jobs.open_jobs or self.workbench.short_jobs.open_jobs or snapshot.waiting
         if work or snapshot.state is not State.IDLE:
             return PULL_MS
@@ -185,7 +185,7 @@ class MainWindow(QMainWindow):
         self.panels.work.notices.say(words, tone)
 
     def _at_stake(self, snapshot: Snapshot) -> dict[str, str]:
-        """Return what closing now would lose, in words, by a key for each item."""
+        """Return what closing now would lose: a sentence for each item's key."""
         found = {}
         for name in snapshot.unsaved:
             found[name] = f"{_shots(len(snapshot.unsaved))} only in memory: save elsewhere (Ctrl+S), or lose them"
@@ -209,19 +209,19 @@ class MainWindow(QMainWindow):
         self.workbench.unsaved.save(self.rig.save_pending, folder)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Press the focused button with Enter."""
+        """Click the focused button on Enter."""
         if not commands.pressed_by_enter(self.focusWidget(), event):
             super().keyPressEvent(event)
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Check, once the system has drawn the frame, that it is on the screen."""
+        """Schedule the move onto the screen for when the system has drawn the frame."""
         super().showEvent(event)
         self._size_shown = self.size()
         QTimer.singleShot(FRAMED_MS, self, self._keep_within_screen)
 
     @Slot()
     def _keep_within_screen(self) -> None:
-        if self.size() == self._size_shown:  # else the operator has resized it
+        if self.size() == self._size_shown:  # do not move a window that the operator has resized
             keep_within_screen(self)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
@@ -238,7 +238,7 @@ class MainWindow(QMainWindow):
         event.acceptProposedAction()
 
     def closeEvent(self, event: QCloseEvent) -> None:
-        """End all threads and close; where something would be lost, only at the second attempt."""
+        """End all threads and close; if something would be lost, warn first and close at the second attempt."""
         at_stake = self._at_stake(self.rig.latest())
         if not at_stake.keys() <= self._warned:
             self._warned = frozenset(at_stake)
@@ -265,10 +265,10 @@ def open_window(
     site: str | None = None,
     log: ProgramLog | None = None,
 ) -> MainWindow:
-    """Return the window, not shown yet; settings, session, laws and cache are in ``folder``.
+    """Return the main window without showing it; settings, session, laws and cache are in ``folder``.
 
-    The simulated bench stands at ``site``, by default that of the settings.  ``apart``: the rig's shots are analysed in
-    one process, other work is done in a second.
+    ``site`` is the floor vibration of the simulated bench, by default that of the settings.  ``apart``: use one
+    subprocess for the analysis of the rig's shots and another for all other long work.
     """
     sys.setswitchinterval(SWITCH_S)
     choices = Choices(folder / "settings.json")

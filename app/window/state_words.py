@@ -1,4 +1,4 @@
-"""The words and tones of banner, signal line, flags and verdicts."""
+"""Texts and tones of the banner, the signal line, flags and verdicts."""
 
 import math
 from collections.abc import Iterable
@@ -17,7 +17,7 @@ from instrument.trigger import Level
 
 GOOD_SNR_DB = 25.0
 POOR_SNR_DB = 15.0
-MOVING_HZ = 10e3  # of Doppler shift (3 mm/s), above which the SNR of a sweeping beat means nothing
+MOVING_HZ = 10e3  # Doppler shift (3 mm/s) above which the block moves and the SNR of PD1's sweeping beat is meaningless
 CLIPPED_SHARE = 1e-3
 FULL_DISK_BYTES = 2e9
 AT_REST = "The block moves: measured when it is at rest"
@@ -25,7 +25,7 @@ AT_REST = "The block moves: measured when it is at rest"
 
 @dataclass(frozen=True, slots=True)
 class LastShot:
-    """The banner's sentence on the last shot, while it is on disk and while it is only in memory."""
+    """The banner's sentences on the last shot: one if it is on disk, one if it is only in memory."""
 
     name: str
     saved: str
@@ -33,7 +33,7 @@ class LastShot:
 
 
 def banner(snapshot: Snapshot, last_shot: LastShot | None, arming: bool = False) -> tuple[str, str, Tone]:
-    """Return (word, sentence, tone) of the state."""
+    """Return (word, sentence, tone) of the banner for the state of the rig."""
     state = snapshot.state
     if arming:
         return "ARMING", "Starting the digitizer; wait for ARMED before you push.", Tone.BUSY
@@ -55,7 +55,7 @@ def banner(snapshot: Snapshot, last_shot: LastShot | None, arming: bool = False)
 
 
 def _waiting(snapshot: Snapshot, but: int = 0) -> str:
-    """Return how many shots wait for their analysis, except ``but`` of them."""
+    """Return a sentence on the number of shots waiting for analysis, not counting ``but`` of them."""
     count = len(snapshot.waiting) - but
     if count <= 0:
         return ""
@@ -77,7 +77,7 @@ def last_shot(entry: Entry) -> LastShot:
 
 
 def fault_words(snapshot: Snapshot) -> str:
-    """Return what happened, what was saved and what to do."""
+    """Return sentences on a fault: what happened, what was saved, what to do."""
     if snapshot.unsaved:
         saved = f"In memory only: {', '.join(snapshot.unsaved)}."
     elif snapshot.shots:
@@ -85,7 +85,7 @@ def fault_words(snapshot: Snapshot) -> str:
         saved = "The one shot taken so far is saved." if one else f"All {snapshot.shots} shots so far are saved."
     else:
         saved = "No shot was lost: none had been taken."
-    kept = snapshot.remedy == KEPT_IN_MEMORY and not snapshot.unsaved  # saved elsewhere since then
+    kept = snapshot.remedy == KEPT_IN_MEMORY and not snapshot.unsaved  # saved to another folder since
     remedy = "Arm again, or choose another folder first (F2)" if kept else snapshot.remedy or "arm again"
     return _sentences(snapshot.message or "something went wrong", saved, remedy)
 
@@ -96,7 +96,7 @@ def _sentences(*parts: str) -> str:
 
 
 def signs(line: SignalLine, rate_hz: float | None, bandwidth_hz: float) -> dict[str, Sign]:
-    """Return the tiles of the signal line."""
+    """Return the text of each tile of the signal line."""
     found = {"pd0": Sign("–", Tone.NEUTRAL), "pd1": Sign("–", Tone.NEUTRAL)}
     moves = False
     rest_hz = next((c.frequency_hz for c in line.channels if c.role is Role.REFERENCE), None)
@@ -110,7 +110,7 @@ def signs(line: SignalLine, rate_hz: float | None, bandwidth_hz: float) -> dict[
                 words = local(f"{1e-6 * (channel.frequency_hz or 0.0):.5f} MHz  moving")
                 found["pd1"] = Sign(words, Tone.NEUTRAL, AT_REST)
     found["switch"] = _switch(line)
-    # a sweeping beat spreads over the spectrum, so that no noise can be read beside it
+    # a sweeping beat is spread over the spectrum, so that the noise beside it cannot be measured
     found["floor"] = Sign("–", Tone.NEUTRAL, AT_REST) if moves else _floor(line, rate_hz, bandwidth_hz)
     found["disk"] = _disk(line)
     return found
@@ -137,10 +137,10 @@ def _switch(line: SignalLine) -> Sign:
 
 
 def velocity_floor_m_per_s(line: SignalLine, rate_hz: float, bandwidth_hz: float) -> float | None:
-    """Return the standard deviation of velocity from the noise of the beats in a bandwidth.
+    """Return the standard deviation of velocity in a bandwidth B due to the noise of both beats.
 
-    White phase noise of density 1/(SNR * rate/2) in rad^2/Hz a beat; differentiated and integrated to B it is
-    lambda/2 * sqrt(density * B^3 / 3).
+    Each beat has white phase noise of density 1/(SNR * rate/2) in rad^2/Hz.  Differentiated and integrated up to B,
+    the summed density gives lambda/2 * sqrt(density * B^3 / 3).  None if an SNR is missing.
     """
     density = 0.0
     for channel in line.channels:
@@ -173,7 +173,7 @@ def _disk(line: SignalLine) -> Sign:
 
 
 def flag_tone(flag: str) -> Tone:
-    """Return the tone of a flag; one that only widens an uncertainty is no warning."""
+    """Return the tone of a flag; a flag that only increases an uncertainty is no warning."""
     return Tone.NEUTRAL if flag in MILD_FLAGS else Tone.WARNING
 
 
@@ -183,16 +183,16 @@ def flag_line(flag: str) -> str:
 
 
 def verdict_line(entry: Entry | None, effects: Iterable[Effect] = (), holds: bool = True) -> tuple[str, Tone]:
-    """Return an entry's verdict in words, and its tone, for a fit with these effects; "" without a verdict.
+    """Return an entry's verdict in words and its tone, for a fit with these effects; "" without a verdict.
 
-    ``holds``: whether the verdict is about the present model and shots.
+    ``holds``: whether the verdict refers to the present model and shots.
     """
     if entry is None or not entry.verdict:
         return "", Tone.NEUTRAL
     if not holds:
         return joined(tag("s", entry.verdict), " outdated: diagnose again"), Tone.NEUTRAL
     of = entry.verdict_of
-    if of is None or of.conclusion is None:  # from a file of an earlier version
+    if of is None or of.conclusion is None:  # the session file is of an earlier version
         return entry.verdict, Tone.WARNING
     words = VERDICTS[of.conclusion]
     if words.names and of.found and set(of.found) <= set(effects):

@@ -1,4 +1,4 @@
-"""Colours and fonts of the window, dark and light."""
+"""Colour schemes (dark and light), palette, style sheet and fonts of the window."""
 
 from dataclasses import dataclass, fields
 from enum import StrEnum
@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QApplication
 
 
 class Tone(StrEnum):
-    """The meaning of a colour; a word or a sign always says the same."""
+    """The meaning of a colour; a word or a mark always shows the same meaning."""
 
     NEUTRAL = "neutral"
     WAITING = "waiting"
@@ -22,7 +22,7 @@ class Tone(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Colours:
-    """One colour scheme; text on ``panel`` and on every tone has a contrast of at least 4.5 to 1."""
+    """A colour scheme; text on ``panel`` and on every tone has a contrast of at least 4.5 to 1."""
 
     dark: bool
     window: str
@@ -37,14 +37,14 @@ class Colours:
     measured: str
     simulated: str
     residual: str
-    band: str  # opaque: half-transparent fills cost frames
+    band: str  # opaque, because half-transparent fills reduce the frame rate
     band_edge: str
     marker: str
     cursor_a: str
     cursor_b: str
-    tones: dict[Tone, tuple[str, str]]  # background, text
-    signs: dict[Tone, str]  # the tone as text on the panel
-    series: tuple[str, ...]  # overlaid shots, none like ``simulated``; each also gets its own dash
+    tones: dict[Tone, tuple[str, str]]  # (background, text)
+    signs: dict[Tone, str]  # text colour of each tone on the panel
+    series: tuple[str, ...]  # overlaid shots; none resembles ``simulated``
 
 
 LIGHT = Colours(
@@ -134,7 +134,7 @@ MARKS = {
 
 
 def sized(font: QFont, factor: float, bold: bool = False) -> QFont:
-    """Return the font scaled relative to its own size, which follows the system's."""
+    """Return the font scaled relative to its present size, which follows the system's."""
     scaled = QFont(font)
     if font.pointSizeF() > 0:
         scaled.setPointSizeF(font.pointSizeF() * factor)
@@ -145,7 +145,7 @@ def sized(font: QFont, factor: float, bold: bool = False) -> QFont:
 
 
 def palette(colours: Colours) -> QPalette:
-    """Return the Qt palette of a scheme."""
+    """Return the Qt palette of a colour scheme."""
     result = QPalette()
     role = QPalette.ColorRole
     for which, colour in (
@@ -176,7 +176,7 @@ def palette(colours: Colours) -> QPalette:
 
 
 def style_sheet(colours: Colours) -> str:
-    """Return the style sheet with what a palette cannot express."""
+    """Return the style sheet of a colour scheme, with what a palette cannot express."""
     plain = {field.name: getattr(colours, field.name) for field in fields(colours)}
     neutral, neutral_text = colours.tones[Tone.NEUTRAL]
     tones = "".join(f'QLabel[tone="{tone}"] {{ color: {colour}; }}\n' for tone, colour in colours.signs.items())
@@ -250,17 +250,17 @@ QProgressBar::chunk { background: $band; border-radius: 3px; }
 
 
 class Dressed:
-    """A widget that draws in colours which no style sheet can give it."""
+    """Mixin of widgets that paint themselves in the theme's colours instead of using the style sheet."""
 
     colours = LIGHT
 
     def dress(self, colours: Colours) -> None:
-        """Draw in these colours from now on."""
+        """Set the colours in which the widget draws."""
         self.colours = colours
 
 
 class Theme(QObject):
-    """The scheme in use; follows the system unless one was chosen."""
+    """The colour scheme in use: the chosen one, else the system's."""
 
     changed = Signal()
 
@@ -273,7 +273,7 @@ class Theme(QObject):
 
     @Slot(str)
     def choose(self, choice: str) -> None:
-        """Set "system", "dark" or "light"."""
+        """Choose the scheme: "system", "dark" or "light"."""
         self._choice = choice
         self._apply()
 
@@ -286,6 +286,6 @@ class Theme(QObject):
         if isinstance(application, QApplication):
             application.setPalette(palette(self.colours))
             sheet = style_sheet(self.colours)
-            if application.styleSheet() != sheet:  # setting it takes 2 s for a window
+            if application.styleSheet() != sheet:  # setting it takes 2 s while a window is open
                 application.setStyleSheet(sheet)
         self.changed.emit()

@@ -1,4 +1,4 @@
-"""Widgets that panels share: labels, buttons, fields, a layout that continues in a new line, a sheet."""
+"""Widgets shared by the panels: labels, buttons, fields, a flow layout, a sheet."""
 
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -28,9 +28,9 @@ from app.words import Markup, lines, tag
 
 
 class TextLabel(QLabel):
-    """A label that takes nothing for markup but ``Markup``, whatever a name of a shot or a law looks like."""
+    """A label that renders only ``Markup`` as rich text; all other text, such as a shot's name, is shown literally."""
 
-    whole = ""  # all of its text, also where it is shortened
+    whole = ""  # the full text, even if the label shows a shortened one
 
     def setText(self, text: str) -> None:
         self.whole = text
@@ -42,7 +42,7 @@ class TextLabel(QLabel):
 
 
 class ElidedLabel(TextLabel):
-    """A label of one line, shortened to its width; empty where not even the text ``least`` has room."""
+    """A one-line label, shortened to its width; empty if even the text ``least`` does not fit."""
 
     def __init__(self, parent: QWidget, elide: Qt.TextElideMode, least: str) -> None:
         super().__init__(parent)
@@ -61,7 +61,7 @@ class ElidedLabel(TextLabel):
 
 
 def hover_text(text: str) -> str:
-    """Return text for a hover, in which Qt takes nothing for markup but ``Markup``."""
+    """Return a tooltip text in which Qt renders only ``Markup`` as rich text."""
     harmless = isinstance(text, Markup) or ("<" not in text and "&lt;" not in text)
     return text if harmless else tag("span", lines(text.split("\n")))
 
@@ -78,9 +78,9 @@ def text_label(
     elide: Qt.TextElideMode = Qt.TextElideMode.ElideNone,
     least: str = "",
 ) -> TextLabel:
-    """Return a label; ``faint`` and ``heading`` are looks of the style sheet, ``selectable`` text can be copied.
+    """Return a label; ``faint`` and ``heading`` are styles of the style sheet, ``selectable`` text can be copied.
 
-    With ``elide`` it is an ElidedLabel, shortened at that place.
+    With ``elide`` it is an ElidedLabel, shortened at that end or in the middle.
     """
     label = TextLabel(parent) if elide is Qt.TextElideMode.ElideNone else ElidedLabel(parent, elide, least)
     label.setText(text)
@@ -96,16 +96,16 @@ def text_label(
 
 
 def set_tone(label: QLabel, tone: Tone | None) -> None:
-    """Give a label the colour that the style sheet has for a tone; None: that of other text."""
+    """Give a label the style sheet's colour for a tone; None: the normal text colour."""
     name = None if tone is None else tone.value
     if label.property("tone") != name:
         label.setProperty("tone", name)
-        label.style().unpolish(label)  # a label is dressed by its properties only when it is polished
+        label.style().unpolish(label)  # the style sheet reads properties only when the label is polished
         label.style().polish(label)
 
 
 def show_toned(label: QLabel, words: str, tone: Tone) -> None:
-    """Show words in the colour of a tone, after its mark; "" empties the label."""
+    """Show a text in a tone's colour, after the tone's mark; "" empties the label."""
     marked = f"{MARKS[tone]} {words}" if words else ""
     label.setText(Markup(marked) if isinstance(words, Markup) else marked)
     set_tone(label, tone)
@@ -121,9 +121,9 @@ def push_button(
     checkable: bool = False,
     primary: bool = False,
 ) -> QPushButton:
-    """Return a button; ``clicked`` is the slot or signal it is connected to, ``primary`` a look of the style sheet.
+    """Return a button; ``clicked`` is the slot or signal that it calls or emits, with ``given`` as its argument.
 
-    It is called, or emitted, with what is ``given``.
+    ``primary`` is a style of the style sheet.
     """
     button = QPushButton(text, parent)
     button.setToolTip(hover)
@@ -138,12 +138,12 @@ def push_button(
 
 
 def call_with(act: Callable[[Any], object], given: Any, _: bool = False) -> None:
-    """Do something with what is given; the last is what buttons and actions add, whether they are checked."""
+    """Call ``act(given)``; the last argument is the checked state that buttons and actions pass, and is ignored."""
     act(given)
 
 
 def combo_box(name: str, hover: str, parent: QWidget, items: Iterable[tuple[str, object]] = ()) -> QComboBox:
-    """Return a list to choose from; each item is its words and what is stored for it."""
+    """Return a drop-down list; each item is (displayed text, stored value)."""
     box = QComboBox(parent)
     box.setAccessibleName(name)
     box.setToolTip(hover)
@@ -153,7 +153,7 @@ def combo_box(name: str, hover: str, parent: QWidget, items: Iterable[tuple[str,
 
 
 def line_edit(name: str, hover: str, parent: QWidget, placeholder: str = "") -> QLineEdit:
-    """Return a field for text; ``placeholder`` is shown while it is empty."""
+    """Return a text field; ``placeholder`` is shown while it is empty."""
     line = QLineEdit(parent)
     line.setAccessibleName(name)
     line.setToolTip(hover)
@@ -165,14 +165,14 @@ Margins = tuple[int, int, int, int]  # left, top, right, bottom
 
 
 def vertical(parent: QWidget, margins: Margins = (0, 0, 0, 0), spacing: int | None = None) -> QVBoxLayout:
-    """Return a layout of widgets below each other."""
+    """Return a vertical layout."""
     layout = QVBoxLayout(parent)
     _space(layout, margins, spacing)
     return layout
 
 
 def horizontal(parent: QWidget, margins: Margins = (0, 0, 0, 0), spacing: int | None = None) -> QHBoxLayout:
-    """Return a layout of widgets side by side."""
+    """Return a horizontal layout."""
     layout = QHBoxLayout(parent)
     _space(layout, margins, spacing)
     return layout
@@ -185,7 +185,7 @@ def _space(layout: QLayout, margins: Margins, spacing: int | None) -> None:
 
 
 def scrolled(name: str, page: QWidget) -> QWidget:
-    """Return the content of a page that scrolls on a low screen."""
+    """Fill a page with a scroll area and return the area's content widget."""
     around = vertical(page)
     scroll = QScrollArea(page)
     scroll.setWidgetResizable(True)
@@ -197,14 +197,14 @@ def scrolled(name: str, page: QWidget) -> QWidget:
 
 
 def keep_place(widget: QWidget, on: bool = True) -> None:
-    """Let a widget keep its place in the layout while it is hidden."""
+    """Let a widget keep its space in the layout while it is hidden."""
     policy = widget.sizePolicy()
     policy.setRetainSizeWhenHidden(on)
     widget.setSizePolicy(policy)
 
 
 class FoldButton(QToolButton):
-    """A button that unfolds more of a panel, with an arrow."""
+    """A button with an arrow that shows or hides part of a panel."""
 
     def __init__(self, words: str, hover: str, parent: QWidget) -> None:
         super().__init__(parent)
@@ -222,7 +222,7 @@ class FoldButton(QToolButton):
 
 
 class FlowLayout(QLayout):
-    """Keeps every widget at its own size; its height follows from its width."""
+    """A layout that places widgets of their preferred size in lines, like words in a text."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -256,7 +256,7 @@ class FlowLayout(QLayout):
         self._place(rect, move=True)
 
     def sizeHint(self) -> QSize:
-        """Return the size of everything in one line."""
+        """Return the size of all widgets in one line."""
         sizes = [item.sizeHint() for item in self._items if not item.isEmpty()]
         width = sum(size.width() for size in sizes) + self.spacing() * max(0, len(sizes) - 1)
         return QSize(width, max((size.height() for size in sizes), default=0))
@@ -283,10 +283,10 @@ class FlowLayout(QLayout):
 
 
 def clear_layout(layout: QLayout) -> None:
-    """Remove every item of a layout; widgets are hidden at once and deleted by the event loop.
+    """Remove all items of a layout; widgets are hidden at once and deleted by the event loop.
 
-    They keep their parent: a layout shows its widgets later, and one without a parent would appear as a window of its
-    own and take the keyboard.
+    The widgets keep their parent, because the layout may still show them once: a widget without a parent would open
+    as a separate window and take the keyboard focus.
     """
     while (item := layout.takeAt(0)) is not None:
         if (widget := item.widget()) is not None:
@@ -295,11 +295,11 @@ def clear_layout(layout: QLayout) -> None:
 
 
 class Sheet(QFrame):
-    """Lies over the window, at its right side where a subclass does not ``place`` it; hidden until it is opened."""
+    """A panel over the window, hidden until opened; at the right side unless a subclass overrides ``place``."""
 
     def __init__(self, name: str, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._before: QWidget | None = None  # what had the focus
+        self._before: QWidget | None = None  # the widget that had the focus before
         self.setProperty("card", True)
         self.setAccessibleName(name)
         self.hide()
@@ -333,7 +333,7 @@ class Sheet(QFrame):
             self.open()
 
     def open_at(self, first: QWidget | None) -> None:
-        """Show the sheet with the focus in a field."""
+        """Show the sheet and set the focus to ``first``."""
         if self.isHidden():
             self._before = self.window().focusWidget()
         self.place()
@@ -343,11 +343,11 @@ class Sheet(QFrame):
             first.setFocus()
 
     def hideEvent(self, event: QHideEvent) -> None:
-        """Return the keyboard focus."""
+        """Return the keyboard focus to the widget that had it before."""
         super().hideEvent(event)
         focused, before = self.window().focusWidget(), self._before
         self._before = None
         if focused is None or not self.isAncestorOf(focused) or before is None:
             return
-        if isValid(before) and before.isVisible():  # a row's button may have been deleted
+        if isValid(before) and before.isVisible():  # the button of a table row may have been deleted
             before.setFocus()

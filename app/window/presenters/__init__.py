@@ -1,1 +1,1 @@
-"""Presenters, each of which connects one part of the session with its panels."""
+"""Presenters: each connects one part of the session or the rig with its panels."""

@@ -1,4 +1,4 @@
-"""Diagnose the selected shots; show the result; add effects or the operator's own laws; plan and take the next shot."""
+"""Diagnose the selected shots and show the result; add effects or own laws; plan and take the next shot."""
 
 from collections.abc import Callable
 from functools import partial
@@ -16,7 +16,7 @@ from app.window.theme import Tone
 from instrument.files import RecordingError
 from levimass import is_drive
 
-Forces = tuple[Diagnosis, DriveCurves, DriveCurves]  # of a drive, before and after its diagnosis
+Forces = tuple[Diagnosis, DriveCurves, DriveCurves]  # a drive's diagnosis, and its curves before and after it
 
 
 def _forces_of(entry: Entry, diagnosis: Diagnosis, _: Progress, __: Stop) -> Forces:
@@ -26,12 +26,12 @@ def _forces_of(entry: Entry, diagnosis: Diagnosis, _: Progress, __: Stop) -> For
 
 
 class DiagnosisPresenter(QObject):
-    """Connects the workbench with the panels of model and diagnosis."""
+    """Connects the workbench with the model panel and the page DIAGNOSIS."""
 
     def __init__(self, workbench: Workbench, panels: Layout, parent: QObject) -> None:
         super().__init__(parent)
         self._workbench, self._panels = workbench, panels
-        # diagnosis and effects shown, and whether the diagnosis holds for them
+        # diagnosis shown, effects in the model, and whether the diagnosis is valid for them
         self._shown: tuple[object, tuple[Effect, ...], bool] = (None, (), True)
         self._forces = ShotJob[Forces](workbench.short_jobs, "residual of the force")
         panels.model.diagnose.clicked.connect(self.diagnose)
@@ -44,7 +44,7 @@ class DiagnosisPresenter(QObject):
         page.why.pointed.connect(self._pointed)
 
     def refresh(self) -> None:
-        """Show progress, the newest diagnosis and the effects in the model."""
+        """Show progress, the diagnosis of the selected shots and the effects in the model."""
         job = self._workbench.jobs.current
         running = job if job is not None and job.kind in ("diagnosis", PLAN) else None
         what = (running.what or "starting") if running is not None else None
@@ -75,14 +75,14 @@ class DiagnosisPresenter(QObject):
             self._forces.ask(drive, partial(_forces_of, drive, found.diagnosis))
 
     def _show_forces(self, found: Diagnosed | None) -> None:
-        """Show the forces of a drive once they are computed, if they are still those of the diagnosis shown."""
+        """Show a drive's residual forces once they are computed, if they belong to the diagnosis shown."""
         if (taken := self._forces.take()) is not None:
             drive, (diagnosis, before, after) = taken
             if found is not None and diagnosis is found.diagnosis and drive.shot is not None:
                 self._panels.diagnosis.residuals.show_forces(drive.shot, before, after)
 
     def _explain(self, found: Diagnosed | None) -> None:
-        """Let the candidates of the diagnosis be fitted while there is no other work, and show their residuals."""
+        """Fit the candidates of the diagnosis while no other job waits, and show their residuals."""
         why = self._workbench.why
         why.show(found.diagnosis if found is not None else None, self._shots_of(found))
         if why.refresh():
@@ -97,7 +97,7 @@ class DiagnosisPresenter(QObject):
 
     @Slot()
     def diagnose(self) -> None:
-        """Diagnose the selected shots together."""
+        """Diagnose the selected shots jointly."""
         problem = self._workbench.diagnose(self._panels.table.numbers)
         if problem:
             self._panels.diagnosis.show_problem(problem)
@@ -125,7 +125,7 @@ class DiagnosisPresenter(QObject):
         self._workbench.model.remove(self._base(), effect)
 
     def found(self) -> Diagnosed | None:
-        """Return the diagnosis of the selected shots, or the newest where none is selected."""
+        """Return the diagnosis of the selected shots, or the newest if no shot is selected."""
         numbers = self._panels.table.numbers
         return self._workbench.diagnoses.of(numbers) if numbers else self._workbench.diagnoses.newest
 
@@ -139,7 +139,7 @@ class DiagnosisPresenter(QObject):
 
 
 class LawsPresenter(QObject):
-    """Connects the folder of laws with the sheet for laws and the diagnosis."""
+    """Connects the folder of own laws with the law sheet and the diagnosis."""
 
     said = Signal(str, Tone)
     diagnose_wanted = Signal()
@@ -192,7 +192,7 @@ class NextShotPresenter(QObject):
         card.give_up.clicked.connect(plans.give_up)
 
     def refresh(self) -> None:
-        """Show the plan for the diagnosis shown; select a set that a planned shot has just joined."""
+        """Show the plan for the diagnosis shown; select a set once the planned shot added to it is diagnosed."""
         joined = self._plans.poll()
         if joined is not None:
             self._panels.table.select(list(joined))
@@ -201,21 +201,21 @@ class NextShotPresenter(QObject):
         job = self._workbench.jobs.current
         card.plan.setEnabled(job is None or job.kind not in (PLAN, "diagnosis"))
         now = (found, self._plans.standing(found), self._plans.taking, self._plans.sets_itself)
-        # a diagnosis made again is equal up to the arrays of its fits
+        # compared by identity: == on repeated diagnoses would compare the arrays of their fits
         if self._shown is None or any(a is not b for a, b in zip(now, self._shown, strict=True)):
             self._shown = now
             card.show_standing(found.diagnosis if found is not None else None, *now[1:])
 
     @Slot()
     def plan(self) -> None:
-        """Plan a shot that decides between the candidates of the diagnosis shown."""
+        """Plan a shot that distinguishes the candidates of the diagnosis shown."""
         found = self._found()
         if found is not None:
             self._plans.plan(found)
 
     @Slot()
     def take(self) -> None:
-        """Arm for the planned shot; on the simulated bench also set it."""
+        """Arm for the planned shot; on the simulated bench also set its speed and weights."""
         found = self._found()
         if found is not None:
             self._plans.take(found)

@@ -1,4 +1,4 @@
-"""Open and save sessions and model files; open recent files; compare the model file with the selected shot."""
+"""Open and save sessions and model files, open recent files, compare the selected shot with the model file."""
 
 from collections.abc import Callable
 from functools import partial
@@ -40,7 +40,7 @@ class FilesPresenter(QObject):
 
     @Slot()
     def save_session(self) -> None:
-        """Ask for a file and save the session there from now on."""
+        """Ask for a file and save the session to it from now on."""
         start = self._folder() / "session.json"
         ask_for_one(self._panels, "Save the session as", Want.NEW_FILE, self.save_to, start, SESSIONS)
 
@@ -59,7 +59,7 @@ class FilesPresenter(QObject):
         self._opened(problem, "" if problem else str(path))
 
     def save_to(self, path: Path) -> None:
-        """Save the session in this file from now on."""
+        """Save the session to this file from now on."""
         problem = self._workbench.save_session(path)
         self._opened(problem, "" if problem else str(path))
 
@@ -121,7 +121,7 @@ class ModelPresenter(QObject):
         self._dialogs = FileDialogs(panels, lambda: choices.start_folder)
 
     def refresh(self) -> None:
-        """Show how the selected shot agrees with the model file in use."""
+        """Show how well the selected shot agrees with the model file in use."""
         known = self._workbench.model.known
         if known is not self._known:
             self._known = known
@@ -144,7 +144,7 @@ class ModelPresenter(QObject):
 
     @Slot()
     def save_model(self) -> None:
-        """Ask for a file and save the model of the selected shots, or of all."""
+        """Ask for a file and save the model of the selected shots, or of all if none is selected."""
         then = self._panels.table.with_selected(self._workbench.exports.save_model)
         self._dialogs.ask("Save the model", Want.NEW_FILE, then, "model.toml", MODELS)
 
@@ -155,13 +155,13 @@ class ModelPresenter(QObject):
 
     @Slot()
     def test_model(self) -> None:
-        """Ask for a model file and test its predictions on the selected shots, or on all."""
+        """Ask for a model file and test its predictions on the selected shots, or on all if none is selected."""
         then = self._panels.table.with_selected(self._workbench.exports.test_model)
         self._dialogs.ask("Test a model's predictions", Want.FILE, then, kinds=MODELS)
 
 
 def _agreement(known: SavedModel | None, fit: Fit | None, behind: bool) -> tuple[str, Tone]:
-    """Return whether a fit is of an earlier model, or how it agrees with the model file."""
+    """Return a sentence and its tone: whether the fit is outdated, or how well it agrees with the model file."""
     if behind:
         return "this fit is of an earlier model; the fit with the present one follows", Tone.WARNING
     if known is None or fit is None:

@@ -1,4 +1,4 @@
-"""Help: the short tour, versions and licences, messages, manual, log folder."""
+"""Help commands: the short tour, versions and licences, messages, manual, log folder."""
 
 from importlib import resources
 from pathlib import Path
@@ -15,7 +15,7 @@ DOCS = Path(__file__).resolve().parents[3] / "docs"
 
 
 class TourPresenter(QObject):
-    """Starts the tour and remembers that it was seen."""
+    """Starts the tour and stores that it was seen."""
 
     def __init__(self, choices: Choices, panels: Layout, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -80,7 +80,7 @@ class TourPresenter(QObject):
 
 
 class HelpPresenter(QObject):
-    """Shows sheets, and opens manual and log with the system's programs."""
+    """Shows the help sheets, and opens manual and log folder with the system's programs."""
 
     said = Signal(str, Tone)
 
@@ -99,7 +99,7 @@ class HelpPresenter(QObject):
 
     @Slot()
     def show_manual(self) -> None:
-        """Open the tutorial where it is installed."""
+        """Open the tutorial if it is installed, else show a message."""
         tutorial = DOCS / "tutorial.md"
         if not tutorial.exists():
             tutorial = Path(str(resources.files("resources").joinpath("tutorial.md")))

@@ -1,4 +1,4 @@
-"""Let the operator assign the channels of files from other programs."""
+"""Let the operator assign the channels of foreign files, i.e. of files from other programs."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -26,7 +26,7 @@ from instrument.files import (
 
 
 class MappingPresenter(QObject):
-    """Shows the sheet for one file after another; files are read in the thread of short jobs."""
+    """Shows the assignment sheet for one file after another; short jobs read the files."""
 
     def __init__(self, workbench: Workbench, choices: Choices, panels: Layout, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -38,11 +38,11 @@ class MappingPresenter(QObject):
 
     @Slot(object)
     def ask(self, paths: list[Path]) -> None:
-        """Add files whose channels are to be assigned."""
+        """Add files to the queue of files whose channels must be assigned."""
         self._waiting += paths
 
     def refresh(self) -> None:
-        """Take what was read, and continue with the next file."""
+        """Collect the file that a job has read, and start the next one."""
         job = self._job
         if job is not None and job.done.is_set():
             self._job = None
@@ -62,18 +62,18 @@ class MappingPresenter(QObject):
         self._path = path
 
         def work(_: Progress, __: Stop) -> tuple[ForeignContents, Sequence[ChannelLook]] | Path:
-            if is_foreign(path):  # the folder may have a mapping by now
+            if is_foreign(path):  # a mapping for the folder may have been saved since
                 return path
             contents = foreign_channels(path)
             try:
                 return contents, looks_of(contents)
-            except Exception:  # a library may raise anything; the channels can be assigned without
+            except Exception:  # a library may raise anything; channels can be assigned without a proposal
                 return contents, ()
 
         self._job = self._workbench.short_jobs.submit(path.name, work, "foreign")
 
     def swap(self, path: Path, number: int) -> None:
-        """Exchange PD0 and PD1 in the mapping of a file, and analyse it again."""
+        """Exchange PD0 and PD1 in the mapping of a file and repeat the analysis."""
         mapping = find_mapping(path)
         if mapping is None:
             return
@@ -93,7 +93,7 @@ class MappingPresenter(QObject):
             if isinstance(answer.mapping, MotionColumns):
                 save_columns(path, answer.mapping)
                 return path
-            read_foreign(path, answer.mapping)  # a mapping that does not work is not saved
+            read_foreign(path, answer.mapping)  # raises before an invalid mapping is saved
             write_mapping(answer.mapping, path.with_name(FOLDER_MAPPING) if answer.for_folder else mapping_path(path))
             return path
 

@@ -1,4 +1,4 @@
-"""Operate the rig: source, ARM, abort, re-arm, settings; show its state and signals."""
+"""Operate the rig (source, ARM, abort, re-arm, settings) and show its state and signals."""
 
 import time
 from pathlib import Path
@@ -34,7 +34,7 @@ class RigPresenter(QObject):
         super().__init__(parent)
         self._rig, self._choices, self._panels = rig, choices, panels
         self._last_shot: state_words.LastShot | None = None
-        self._before = (State.IDLE, 0)  # state and number of shots at the last refresh
+        self._before = (State.IDLE, 0)  # state and number of shots at the previous refresh
         self._live_shown: LiveView | None = None
         panels.controls.arm.clicked.connect(self.arm)
         panels.controls.abort.clicked.connect(self.abort)
@@ -74,7 +74,7 @@ class RigPresenter(QObject):
         return snapshot
 
     def _thresholds_v(self, snapshot: Snapshot) -> tuple[float | None, float | None]:
-        """Return the trigger's thresholds: the set ones at once, though they hold from the next arming on."""
+        """Return the trigger's thresholds; set ones are shown at once, although they apply from the next arming on."""
         settings = self._choices.settings
         set_v = settings.switch_low_v, settings.switch_high_v
         return snapshot.signal.switch_thresholds_v if self._learned() else set_v
@@ -85,11 +85,11 @@ class RigPresenter(QObject):
         return settings.switch_low_v is None or settings.switch_high_v is None
 
     def _signal_trigger(self, snapshot: Snapshot) -> None:
-        """Beep or flash at the trigger, as chosen, once per shot."""
+        """Beep or flash once per trigger, according to the settings."""
         before, now = self._before, (snapshot.state, snapshot.shots)
         self._before = now
         taking = (State.TRIGGERED, State.TRANSFERRING)
-        # the trigger may have come and gone between two refreshes
+        # the trigger states may begin and end between two refreshes
         if before[0] not in taking and (now[0] in taking or now[1] > before[1]):
             if self._choices.settings.sound:
                 QApplication.beep()
@@ -113,7 +113,7 @@ class RigPresenter(QObject):
     def arm(self) -> None:
         """Arm and show LIVE."""
         if self._panels.controls.arm.isEnabled():
-            self._panels.live.hold.setChecked(False)  # show the curves of this shot
+            self._panels.live.hold.setChecked(False)  # resume frozen curves, to show this shot
             self._rig.arm()
             self._panels.tabs.setCurrentIndex(Layout.LIVE)
 
@@ -155,7 +155,7 @@ class RigPresenter(QObject):
 
     @Slot(str)
     def use_source(self, name: str) -> None:
-        """Open another source; for a replay ask for the recording."""
+        """Open another source; ask for the recording if it is a replay."""
         if name == "replay:":
             self._offer_sources()
             start = self._choices.start_folder

@@ -1,4 +1,4 @@
-"""Show the selected shots: the last one in most panels, all of them in COMPARE and BUDGET; keep notes on its plots."""
+"""Show the selected shots: the last one in most panels, all in COMPARE and BUDGET; store notes on the plots."""
 
 from collections.abc import Callable
 from functools import partial
@@ -22,7 +22,7 @@ def _title(entry: Entry) -> str:
 
 
 class SelectionPresenter(QObject):
-    """Draws a page when it is shown, as plots take time that a running capture needs."""
+    """Shows the selected shots; draws a page only when it is visible, to leave processor time for a capture."""
 
     def __init__(self, workbench: Workbench, panels: Layout, parent: QObject) -> None:
         super().__init__(parent)
@@ -31,7 +31,7 @@ class SelectionPresenter(QObject):
         self._raw_view = ShotJob[RawCurves](workbench.short_jobs, "raw signals")
         self._drive = ShotJob[tuple[Shot, DriveCurves]](workbench.short_jobs, "force")
         self._shown: tuple[int, object, object] | None = None
-        self._undrawn: set[int] = set()  # pages that are not drawn for this selection yet
+        self._undrawn: set[int] = set()  # pages not yet drawn for the present selection
         self._raw: tuple[int, Recording | None] | None = None
         panels.table.selected.connect(self._selected)
         panels.shot.raw_wanted.connect(self._raw_wanted)
@@ -39,7 +39,7 @@ class SelectionPresenter(QObject):
         panels.tabs.currentChanged.connect(self._page_changed)
 
     def refresh(self) -> None:
-        """Show spectra, raw curves and modelled forces that jobs have computed."""
+        """Show the spectra, raw curves and modelled forces that jobs have computed."""
         front = self.front()
         spectra = self._spectra.take()
         if spectra is not None and (front is None or front.number != spectra[0].number):
@@ -57,16 +57,16 @@ class SelectionPresenter(QObject):
             self._panels.shot.show_drive(*drive[1])
 
     def front(self) -> Entry | None:
-        """Return the entry that the panels show, the last selected one."""
+        """Return the last selected entry, which the panels show."""
         numbers = self._panels.table.numbers
         return self._workbench.session.entry(numbers[-1]) if numbers else None
 
     def show_again(self) -> None:
-        """Show the selected shots again after a change."""
+        """Update the panels after a change of the selected shots."""
         self._selected(self._panels.table.numbers)
 
     def _why_none(self) -> str:
-        """Return why no shot is shown, "" where there is none at all."""
+        """Return a sentence that says why no shot is shown; "" for an empty session."""
         if hidden := self._panels.table.hidden:
             names = ", ".join(map(str, hidden))
             return f"The filter hides the selected shot{'s' if len(hidden) > 1 else ''} {names}."
@@ -75,14 +75,14 @@ class SelectionPresenter(QObject):
         return ""
 
     def _judged_by(self, entry: Entry | None) -> Diagnosis | None:
-        """Return the diagnosis of the verdict on an entry, where that holds."""
+        """Return the diagnosis behind an entry's verdict if the verdict is valid, else None."""
         if entry is None or not entry.verdict or not self._workbench.session.verdict_holds(entry):
             return None
         found = self._workbench.diagnoses.of([entry.number])
         return found.diagnosis if found is not None and entry.number in found.numbers else None
 
     def show_verdict(self) -> None:
-        """Show the verdict on the last selected shot, struck through where it no longer holds."""
+        """Show the verdict on the last selected shot, struck through if it is outdated."""
         entry = self.front()
         fit = entry.shot.fit if entry is not None and entry.shot is not None else None
         holds = entry is None or self._workbench.session.verdict_holds(entry)
@@ -140,7 +140,7 @@ class SelectionPresenter(QObject):
             return
         zero = time_zero(entry.shot)[0] if entry.shot is not None else 0.0
         if self._spectra.ask(entry, partial(spectra_of, recording, zero)):
-            self._panels.spectrum.show_spectra(None)  # another shot's would be taken for these
+            self._panels.spectrum.show_spectra(None)  # remove the previous shot's spectra
 
     @Slot(object)
     def _drive_wanted(self, shot: Shot) -> None:
@@ -156,7 +156,7 @@ class SelectionPresenter(QObject):
 
 
 class TablesPresenter(QObject):
-    """Updates the page shown where the selection has changed."""
+    """Updates the pages BUDGET and PAPER while they are visible and the selection has changed."""
 
     def __init__(
         self, workbench: Workbench, panels: Layout, front: Callable[[], Entry | None], parent: QObject | None = None
@@ -168,7 +168,7 @@ class TablesPresenter(QObject):
         self._job: Job | None = None
 
     def refresh(self) -> None:
-        """Update the page shown, and take the result of the job."""
+        """Update the visible page and collect the result of the job."""
         page = self._panels.tabs.currentIndex()
         if page == Layout.BUDGET:
             self._show_budget()
@@ -220,7 +220,7 @@ class TablesPresenter(QObject):
 
 
 class PlotNotesPresenter(QObject):
-    """Between the session and the plots of SHOT and SPECTRUM."""
+    """Connects the notes in the session with the plots of SHOT and SPECTRUM."""
 
     said = Signal(str, Tone)
 
@@ -233,7 +233,7 @@ class PlotNotesPresenter(QObject):
             plot.notes.changed.connect(self._changed)
 
     def refresh(self) -> None:
-        """Show the notes of the shot in front."""
+        """Show the notes of the displayed shot."""
         entry = self._front()
         self._number = entry.number if entry is not None else None
         for plot in self._plots:
@@ -241,7 +241,7 @@ class PlotNotesPresenter(QObject):
 
     @Slot()
     def note_on_plot(self) -> None:
-        """Open the line for a note on the plot in front."""
+        """Open the editor for a note on the plot in front."""
         plot = self._panels.plot_in_front()
         if plot not in self._plots or not plot.write_note():
             self.said.emit("Notes are written on the plots of a shot: SHOT (Ctrl+2), SPECTRUM (Ctrl+4)", Tone.NEUTRAL)

@@ -1,4 +1,4 @@
-"""Commands on the session's shots: open, export, report, note, remove, analyse again."""
+"""Commands on the session's shots: open, export, report, edit notes, remove, repeat the analysis."""
 
 from functools import partial
 from pathlib import Path
@@ -33,8 +33,8 @@ class SessionPresenter(QObject):
 
     said = Signal(str, Tone)
     arrived = Signal(object)
-    swap_wanted = Signal(object, int)  # path and number of a file of another program whose PD0 and PD1 are swapped
-    mapping_wanted = Signal(object)  # paths of files whose channels are not known yet
+    swap_wanted = Signal(object, int)  # path and entry number of a foreign file whose PD0 and PD1 are swapped
+    mapping_wanted = Signal(object)  # paths of foreign files whose channels are not assigned yet
 
     def __init__(
         self,
@@ -47,7 +47,7 @@ class SessionPresenter(QObject):
         super().__init__(parent)
         self._workbench, self._panels, self._selection = workbench, panels, selection
         self._seen = -1
-        self._not_saved = False  # at the last refresh
+        self._not_saved = False  # whether the session was unsaved at the last refresh
         self._choose_next = False  # whether to select the next opened shot
         self._choices = choices
         self._dialogs = FileDialogs(panels, lambda: choices.start_folder)
@@ -66,7 +66,7 @@ class SessionPresenter(QObject):
     # results ----------------------------------------------------------------------------------------------------
 
     def refresh(self, rig_doing: str | None = None, rig_share: float | None = None) -> None:
-        """Show table, finished work and progress, else that of the rig's analysis."""
+        """Show table, outcomes of jobs, and the progress of the running job, else of the rig's analysis."""
         for event in self._workbench.poll():
             self._show_event(event)
         self._panels.work.show_work(self._workbench.jobs, rig_doing, rig_share)
@@ -78,7 +78,7 @@ class SessionPresenter(QObject):
             self._seen = session.revision
             self._panels.table.show_session(session)
             self._selection.show_verdict()
-            problem = session.problem or ""  # read once: the saver works beside
+            problem = session.problem or ""  # read once, because the saver's thread may change it
             if problem:
                 self.said.emit(problem, Tone.BAD)
             elif self._not_saved:
@@ -90,7 +90,7 @@ class SessionPresenter(QObject):
         if event.kind in (EventKind.SHOT, EventKind.CHANGED):
             self._offer_swap(event.numbers)
         if event.kind is EventKind.SHOT:
-            if not self._choose_next:  # only the first shot of a folder is selected
+            if not self._choose_next:  # only the first opened shot of a folder is selected
                 return
             self._choose_next = False
             self._panels.table.select(list(event.numbers))
@@ -108,7 +108,7 @@ class SessionPresenter(QObject):
             self.said.emit(event.words, Tone.BAD if event.kind is EventKind.PROBLEM else Tone.GOOD)
 
     def _offer_swap(self, numbers: tuple[int, ...]) -> None:
-        """Offer to exchange PD0 and PD1 of shots whose analysis found them swapped."""
+        """Offer to exchange PD0 and PD1 of shots in which the analysis found them swapped."""
         for number in numbers:
             entry = self._workbench.session.entry(number)
             if entry is None or entry.path is None or not is_swapped(entry.shot):
@@ -119,12 +119,12 @@ class SessionPresenter(QObject):
                 self._panels.work.notices.offer(words, "Swap them", partial(self.swap_wanted.emit, path, number))
 
     def take_captured(self, captured: WaitingShot) -> None:
-        """Add a captured shot before its analysis."""
+        """Add a captured shot to the session before its analysis."""
         self._workbench.add_captured(captured.name, captured.path)
         self._show_table()
 
     def take(self, finished: FinishedShot, stay: bool) -> None:
-        """Add a shot of the rig, or its fit; ``stay``: do not change the page."""
+        """Add a finished shot of the rig, or its fit; ``stay``: do not change the page."""
         shot = finished.shot
         if shot is not None and finished.fitted_later:
             entry = self._workbench.take_fit(shot)
@@ -139,13 +139,13 @@ class SessionPresenter(QObject):
         self._show_table()
         if finished.problem:
             self.said.emit(f"{finished.name}: {finished.problem}", Tone.BAD)
-        if entry is None:  # removed before its analysis ended
+        if entry is None:  # the entry was removed before its analysis ended
             return
         self.arrived.emit(entry)
         tabs, chosen = self._panels.tabs, self._panels.table.numbers
-        if len(chosen) < 2:  # keep a selection of several
+        if len(chosen) < 2:  # a selection of several shots is kept
             self._panels.table.select([entry.number])
-        if tabs.currentIndex() == Layout.LIVE and not stay:  # stay on any other page
+        if tabs.currentIndex() == Layout.LIVE and not stay:  # any other page is kept
             tabs.setCurrentIndex(Layout.SHOT)
 
     # commands --------------------------------------------------------------------------------------------------
@@ -175,25 +175,25 @@ class SessionPresenter(QObject):
 
     @Slot()
     def export_selected(self) -> None:
-        """Ask for a folder and export the selected shots, or all."""
+        """Ask for a folder and export the selected shots, or all if none is selected, as CSV."""
         then = self._panels.table.with_selected(self._workbench.exports.export)
         self._dialogs.ask("Export CSV to", Want.FOLDER, then)
 
     @Slot()
     def export_hdf5(self) -> None:
-        """Ask for a folder and write the selected shots, or all, as HDF5."""
+        """Ask for a folder and export the selected shots, or all if none is selected, as HDF5."""
         then = self._panels.table.with_selected(self._workbench.exports.export_hdf5)
         self._dialogs.ask("Export HDF5 to", Want.FOLDER, then)
 
     @Slot()
     def report_selected(self) -> None:
-        """Ask for a file and write the report of the selected shots, or of all."""
+        """Ask for a file and write the report on the selected shots, or on all if none is selected."""
         then, kinds = self._panels.table.with_selected(self._workbench.exports.report), "HTML (*.html);;PDF (*.pdf)"
         self._dialogs.ask("Save the report", Want.NEW_FILE, then, "report.html", kinds)
 
     @Slot()
     def print_report(self) -> None:
-        """Make the report of the selected shots, or of all, and show the printer dialogue."""
+        """Make the report on the selected shots, or on all if none is selected, and open the printer dialogue."""
         self._workbench.exports.report_to_print(self._panels.table.numbers)
         self.said.emit("Preparing the report; the printer dialogue follows", Tone.NEUTRAL)
 
@@ -211,7 +211,7 @@ class SessionPresenter(QObject):
 
     @Slot()
     def copy_shots(self) -> None:
-        """Copy the selected rows, or all, as a table with tabs between cells."""
+        """Copy the selected rows, or all, as a tab-separated table."""
         text = self._panels.table.as_text()
         QGuiApplication.clipboard().setText(text)
         self.said.emit(f"Copied to the clipboard: {counted(max(0, text.count(chr(10)) - 1), 'line')}", Tone.NEUTRAL)
@@ -228,7 +228,7 @@ class SessionPresenter(QObject):
 
     @Slot()
     def reanalyse_selected(self) -> None:
-        """Analyse the selected shots again, as copies."""
+        """Analyse copies of the selected shots with the present settings."""
         count = self._workbench.reanalyse(self._panels.table.numbers)
         self._choose_next = count > 0
         corrections = self._workbench.corrections_in_words()

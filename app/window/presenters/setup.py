@@ -1,4 +1,4 @@
-"""The guided set-up: find devices, open a source, judge its signals."""
+"""The guided set-up: find devices, open a source, check its signals."""
 
 import sys
 import time
@@ -20,11 +20,11 @@ from instrument.devices import (
 )
 from instrument.live import judge, judge_site
 
-JUDGED_EVERY_S = 0.4  # so that the words can be read
+JUDGED_EVERY_S = 0.4  # interval between checks of the signals, long enough to read them
 
 
 class SetupPresenter(QObject):
-    """Connects the set-up sheet with the rig; searches devices in the thread of short jobs."""
+    """Connects the set-up sheet with the rig; a short job searches for devices."""
 
     source_wanted = Signal(str)
     arm_wanted = Signal()
@@ -36,7 +36,7 @@ class SetupPresenter(QObject):
         self._job: Job | None = None
         self._found: tuple[FoundDevice, ...] = ()
         self._problem = ""
-        self._typed = ""  # an address that has not answered yet
+        self._typed = ""  # source of a typed address that has not answered yet
         self._present = ""
         self._judged_s = 0.0
         self._sheet.look.clicked.connect(self.look)
@@ -71,7 +71,7 @@ class SetupPresenter(QObject):
         self._job = self._short_jobs.submit("looking for devices", work, "devices")
 
     def refresh(self, snapshot: Snapshot) -> None:
-        """Update the sheet while it is open."""
+        """Collect found devices and answering addresses; update the sheet while it is open."""
         self._take_found()
         self._take_address()
         if not self._sheet.isVisible():
@@ -128,7 +128,7 @@ class SetupPresenter(QObject):
         self.source_wanted.emit(self._typed)
 
     def _take_address(self) -> None:
-        """Remember the typed address once the oscilloscope there has answered."""
+        """Store the typed address once the oscilloscope there has answered."""
         if self._typed and self._rig.opened == self._typed:
             self._choices.remember_network(self._typed)
             self._rig.remember_network(self._choices.settings.network_sources)

@@ -1,4 +1,4 @@
-"""Commands on pages, views, cursors and plots."""
+"""Commands on pages, views, cursors and plots; saving of plots."""
 
 from collections.abc import Callable
 from functools import partial
@@ -18,7 +18,7 @@ from instrument.files import RecordingError
 
 
 class ViewPresenter(QObject):
-    """Connects keys and menus with the panels; changes no data."""
+    """Connects keys and menus with the panels; it changes no data."""
 
     said = Signal(str, Tone)
 
@@ -55,7 +55,7 @@ class ViewPresenter(QObject):
         self.show_page("BUDGET")
 
     def show_view(self, name: str) -> None:
-        """Show a view of the shot; on COMPARE the whole length or the first contact of the overlaid shots."""
+        """Show a view of the shot; on COMPARE show the whole length or the first contact of the overlaid shots."""
         compare = self._panels.compare
         of_several = {"whole": compare.show_whole, "contact": compare.show_contact}
         if self._panels.tabs.currentIndex() == Layout.COMPARE and name in of_several:
@@ -66,7 +66,7 @@ class ViewPresenter(QObject):
         self._panels.shot.reset()
 
     def _plot(self) -> PlotView | None:
-        """Return the plot that the keys act on; where the page has none, change to SHOT."""
+        """Return the plot on which the keys act; if the page has none, change to SHOT."""
         plot = self._panels.plot_in_front()
         if plot is None:
             self.show_page("SHOT")

@@ -1,4 +1,4 @@
-"""COMPARE: several shots overlaid from first touch on, and the trend of a number against impact speed."""
+"""COMPARE page: several shots overlaid with time from first touch, and a number plotted against impact speed."""
 
 import math
 from collections.abc import Sequence
@@ -26,9 +26,9 @@ from app.words import lines, local, number, short_name, tag
 
 
 class TrendPlot(PlainPlot):
-    """A number of each shot against impact speed, with its standard uncertainty from noise only.
+    """Plot of a number of each shot against impact speed, with its standard uncertainty from noise alone.
 
-    Errors that all shots share (mass, wavelength, clock) cause no scatter and would hide a spread.
+    Errors common to all shots (mass, wavelength, clock) are left out: they cause no scatter and would hide a spread.
     """
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -47,7 +47,7 @@ class TrendPlot(PlainPlot):
         self._bars.setData(pen=straight(colours.marker))
 
     def show_trend(self, trend: ResultNumber, shots: list[Shot]) -> str:
-        """Show the trend and return its repeatability in words."""
+        """Show the trend of a number and return its mean and spread in words."""
         x, y, half = [], [], []
         for shot in shots:
             reading = trend.find(shot)
@@ -87,13 +87,13 @@ MOST = 8
 
 
 def _named(entries: Sequence[Entry]) -> str:
-    """Return which shots a picture shows, "" for none."""
+    """Return the numbers of the shots in a saved picture, in words; "" for none."""
     numbers = ", ".join(str(entry.number) for entry in entries)
     return f"Shot{'s' if len(entries) > 1 else ''} {numbers}" if entries else ""
 
 
 class _CurveNumbers(QObject):
-    """The numbers are on their curves, spread over the view."""
+    """Labels each curve with its shot's number, at positions spread over the view."""
 
     def __init__(self, plot: TimePlot, parent: QObject) -> None:
         super().__init__(parent)
@@ -118,7 +118,7 @@ class _CurveNumbers(QObject):
 
     @Slot()
     def place(self) -> None:
-        """Spread the numbers over the view."""
+        """Place the labels on their curves, spread over the view."""
         (left, right), _ = self._plot.view.viewRange()
         for index, curve in enumerate(self._curves):
             at = left + (index + 1) / (len(self._curves) + 1) * (right - left)
@@ -130,7 +130,7 @@ class _CurveNumbers(QObject):
 
 
 class ComparePanel(Dressed, QWidget):
-    """Overlay to the left, trend to the right."""
+    """The COMPARE page: overlay on the left, trend on the right."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -187,7 +187,7 @@ class ComparePanel(Dressed, QWidget):
         self.stack.legend = entries
 
     def show_entries(self, entries: list[Entry]) -> None:
-        """Overlay the last eight of these entries and show the trend of all."""
+        """Overlay the last ``MOST`` of these entries and show the trend of all."""
         self._entries = [entry for entry in entries if entry.shot is not None and entry.shot.motion is not None]
         shown = self._entries[-MOST:]
         for index in range(MOST):
@@ -222,12 +222,12 @@ class ComparePanel(Dressed, QWidget):
             self.stack.show_whole(left, max(curve.grid[0] + curve.grid[1] * len(curve.samples) for curve in curves))
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Keep room for the plots."""
+        """Hide legend and repeatability if there is no room for them."""
         super().resizeEvent(event)
         self._show_words()
 
     def _show_words(self) -> None:
-        """Show legend and repeatability; on a low page the plots need their room, and the words come on hovering."""
+        """Show legend and repeatability; on a low page show them as tooltips, to leave room for the plots."""
         low = is_low(self)
         self._legend.setVisible(not low)
         self.repeatability.setVisible(not low)

@@ -1,4 +1,4 @@
-"""DIAGNOSIS: verdict, effects found, candidates, residuals before and after, detection limits."""
+"""DIAGNOSIS page: verdict, effects found, candidates, residuals before and after, detection limits."""
 
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QResizeEvent
@@ -18,24 +18,24 @@ from app.window.widgets import FoldButton, keep_place, push_button, scrolled, sh
 from app.words import OUTDATED, VERDICTS, kept_words, local_words, short_name, tag
 from levimass import is_drive
 
-MOST_NAMED = 5  # shots
-LEAST_BESIDE = 78  # width, in letters M, for candidates and residuals side by side
-NEAR_ONE = 1.5  # a chi2 that looks as if no residual were left
+MOST_NAMED = 5  # most shots named
+LEAST_BESIDE = 78  # least width, in letters M, for candidates and residuals side by side
+NEAR_ONE = 1.5  # chi^2/nu below which an unexplained residual looks like noise
 
 
 class DiagnosisPanel(QWidget):
-    """The page of a diagnosis."""
+    """The DIAGNOSIS page."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._diagnosis: Diagnosis | None = None
         self._shots: list[Shot] = []
         self._model_effects: tuple[Effect, ...] = ()
-        self.tried: tuple[Effect, ...] = ()  # the effects in the model that no diagnosis named
-        self._version = ""  # of the program that made it, where it is a cached result
+        self.tried: tuple[Effect, ...] = ()  # effects in the model that no diagnosis found
+        self._version = ""  # program version of a cached diagnosis, else ""
         self._holds = True
         self._busy = False
-        self._running = ""  # the name of the running diagnosis
+        self._running = ""  # name of the running diagnosis
         inner = scrolled("Diagnosis", self)
         inner.setProperty("panel", True)
         column = vertical(inner, (10, 4, 10, 4), 4)
@@ -54,7 +54,7 @@ class DiagnosisPanel(QWidget):
         self.show_diagnosis(None, [])
 
     def _add_head(self, column: QVBoxLayout) -> None:
-        """Add verdict, progress and buttons, the shots it is about, and the sentence."""
+        """Add verdict, progress bar, buttons, names of the diagnosed shots, and the summary sentence."""
         top = QHBoxLayout()
         self._verdict = text_label("", self)
         self._verdict.setFont(sized(self.font(), 1.5, bold=True))
@@ -94,7 +94,7 @@ class DiagnosisPanel(QWidget):
         self._arrange_evidence()
 
     def _add_details(self, column: QVBoxLayout) -> None:
-        """Add what a button unfolds: errors, one shot in detail, detection limits."""
+        """Add the foldable details: errors, one shot's residuals, detection limits."""
         hover = "The table of errors, the first shot's residual with cursors, and the detection limits"
         self.fold = FoldButton("Errors, one shot in detail, detection limits", hover, self)
         self.fold.toggled.connect(self._folded)
@@ -106,7 +106,7 @@ class DiagnosisPanel(QWidget):
 
     @Slot(bool)
     def _folded(self, shown: bool) -> None:
-        """Show or hide the details; those of a drive are always shown."""
+        """Show or hide the details; a drive's details are always shown."""
         there = self._diagnosis is not None
         self.fold.setVisible(there and not self._driven)
         self.residuals.setVisible(there and (shown or self._driven))
@@ -121,13 +121,13 @@ class DiagnosisPanel(QWidget):
         self._arrange_evidence()
 
     def _arrange_evidence(self) -> None:
-        """Place the residuals beside the candidates, or below them on a narrow page."""
+        """Place the residuals to the right of the candidates, or below them on a narrow page."""
         beside = self.width() >= LEAST_BESIDE * self.fontMetrics().horizontalAdvance("M")
         self._evidence.setOrientation(Qt.Orientation.Horizontal if beside else Qt.Orientation.Vertical)
         self._evidence.setMinimumHeight((16 if beside else 30) * self.fontMetrics().lineSpacing())
 
     def show_progress(self, what: str | None, fraction: float, of: str = "") -> None:
-        """Show the running step, ``of`` which diagnosis; None: none runs."""
+        """Show the step of the running diagnosis ``of``; None: no diagnosis is running."""
         busy = what is not None
         if busy != self._busy and self._diagnosis is None:
             self._busy = busy
@@ -159,9 +159,9 @@ class DiagnosisPanel(QWidget):
         version: str = "",
         holds: bool = True,
     ) -> None:
-        """Show a diagnosis of these shots; ``model_effects`` are in the model now.
+        """Show a diagnosis of these shots; ``model_effects`` are the effects now in the model.
 
-        ``version`` is that of a cached result; ``holds``: the diagnosis is about the present model and shots.
+        ``version`` is the program version of a cached result; ``holds``: model and shots are unchanged since.
         """
         self._version, self._holds = version, holds
         self._diagnosis, self._shots, self._model_effects = diagnosis, shots, model_effects
@@ -213,7 +213,7 @@ class DiagnosisPanel(QWidget):
         return bool(found) and all(one.effect in self._model_effects for one in found)
 
     def _name_shots(self) -> None:
-        """Name the shots of the diagnosis shown, and the running diagnosis."""
+        """Show the names of the diagnosed shots and of the running diagnosis."""
         shots = self._shots
         names = ", ".join(short_name(shot.name) for shot in shots[:MOST_NAMED])
         more = f" and {len(shots) - MOST_NAMED} more" if len(shots) > MOST_NAMED else ""
@@ -224,7 +224,7 @@ class DiagnosisPanel(QWidget):
         self._of.setText("   ".join(part for part in (about, running) if part))
 
     def plot_in_front(self) -> PlotView:
-        """Return a law's curve where it is focused, else the residuals."""
+        """Return the learned law's plot if it has the focus, else the residuals."""
         if self._diagnosis is not None and not self.residuals.isVisible():
-            self.fold.setChecked(True)  # a key for plots was pressed: show one
+            self.fold.setChecked(True)  # a key for plots was pressed, so a plot must be visible
         return in_front((self.residuals.stack_in_view, self.law_curve.plot))

@@ -1,4 +1,4 @@
-"""The effects of a diagnosis: those found and in the model, and those tried, by evidence."""
+"""Lists of effects: those found or in the model, and the candidates ordered by evidence."""
 
 import math
 from collections.abc import Sequence
@@ -18,10 +18,10 @@ TRIED = "tried; not named by a diagnosis"
 
 
 class EffectRows(QWidget):
-    """A row per effect, and one button for all where several are missing in the model."""
+    """A row for each effect, and one button to add all if several are not in the model."""
 
-    add_wanted = Signal(list)  # of effects
-    remove_wanted = Signal(object)  # an effect
+    add_wanted = Signal(list)  # list of Effect
+    remove_wanted = Signal(object)  # an Effect
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -30,7 +30,7 @@ class EffectRows(QWidget):
     def show_effects(
         self, found: Sequence[FoundEffect], in_model: tuple[Effect, ...], tried: Sequence[Effect] = ()
     ) -> None:
-        """Show the effects found, then others in the model; ``tried`` are those that no diagnosis named."""
+        """Show the effects found, then others in the model; ``tried`` are effects that no diagnosis found."""
         focused = self.window().focusWidget()
         focused_effect = focused.property("effect") if focused is not None and self.isAncestorOf(focused) else None
         clear_layout(self._column)
@@ -47,7 +47,7 @@ class EffectRows(QWidget):
         for effect in in_model:
             if effect not in {one.effect for one in found}:
                 self._add_row(effect, TRIED if effect in tried else "", True)
-        if focused_effect is not None:  # keep the focus at this effect
+        if focused_effect is not None:  # keep the focus on the button of the same effect
             for button in self._buttons():
                 if button.property("effect") == focused_effect:
                     button.setFocus()
@@ -68,24 +68,24 @@ class EffectRows(QWidget):
         line.addWidget(label, 1)
         line.addWidget(button)
         self._column.addWidget(row)
-        row.show()  # at once, as a hidden button takes no focus
+        row.show()  # shown at once, because a hidden button cannot take the focus
 
     def _buttons(self) -> list[QPushButton]:
         rows = [self._column.itemAt(index).widget() for index in range(self._column.count())]
         return [button for row in rows if row is not None for button in row.findChildren(QPushButton)]
 
 
-SHOWN = 7  # at first; a button shows all
+SHOWN = 7  # candidates shown before the button "Show all" is pressed
 HEADINGS = (
     ("candidate", "Effects that were tried, in the order of their evidence"),
     ("−ΔBIC", "Evidence: by how much the effect lowers the Bayesian information criterion; more is better"),
     ("size (σ)", "Size of what it would explain, in standard deviations of the noise: its norm over that of the noise"),
 )
-NARROWEST = 12  # letters of a name that are always shown
+NARROWEST = 12  # least width of a name in letters
 
 
 class Bar(Dressed, QWidget):
-    """A horizontal bar; a number beside it says the same."""
+    """A horizontal bar of a candidate's evidence."""
 
     def __init__(self, share: float, chosen: bool, parent: QWidget) -> None:
         super().__init__(parent)
@@ -100,9 +100,9 @@ class Bar(Dressed, QWidget):
 
 
 class CandidateBars(Dressed, QWidget):
-    """A row per candidate: name, logarithmic bar, evidence, size; a line at the threshold of evidence."""
+    """A row for each candidate: name, logarithmic bar, evidence, size; a line marks the evidence threshold."""
 
-    pointed = Signal(object)  # the effect of the candidate under the mouse or the keyboard; None for none
+    pointed = Signal(object)  # effect of the hovered or focused candidate, or None
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -116,11 +116,11 @@ class CandidateBars(Dressed, QWidget):
 
     @property
     def threshold(self) -> float:
-        """Get the fall of the BIC that is evidence for the best of so many candidates."""
+        """Get the evidence threshold: the least fall of the BIC for the best of this number of candidates."""
         return CRITERIA.fall(len(self._candidates))
 
     def show_candidates(self, candidates: tuple[Candidate, ...], named: set[Effect]) -> None:
-        """Show the candidates; those the diagnosis named have a tick."""
+        """Show the candidates; effects found by the diagnosis (``named``) get a tick."""
         self._candidates, self._named = candidates, named
         self._build()
 
@@ -204,7 +204,7 @@ class CandidateBars(Dressed, QWidget):
             widget.installEventFilter(self)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """Emit which candidate is hovered or focused."""
+        """Emit the effect of the candidate that is hovered or focused."""
         key = watched.property("candidate")
         if key and event.type() in (QEvent.Type.Enter, QEvent.Type.FocusIn):
             self.pointed.emit(next((one.effect for one in self._candidates if one.effect.key == key), None))
@@ -214,5 +214,5 @@ class CandidateBars(Dressed, QWidget):
 
 
 def _evidence(candidate: Candidate) -> float:
-    """Return the fall of the BIC; minus infinity where the candidate was not fitted in full."""
+    """Return the fall of the BIC, or minus infinity if the candidate was not fitted in full."""
     return -candidate.delta_bic if candidate.delta_bic is not None else -math.inf

@@ -1,4 +1,4 @@
-"""The sheets of help: all keys (F1), versions and licences, and the short tour."""
+"""Help sheets: all keys (F1), versions and licences, and the short tour (F4)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from app.window.widgets import Sheet, push_button, text_label, vertical
 
 
 class KeySheet(Sheet):
-    """The sheet, in the middle of the window; without input."""
+    """The list of all keys, centred in the window."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("Keys", parent)
@@ -25,13 +25,13 @@ class KeySheet(Sheet):
         title = QLabel("Keys", self)
         title.setFont(sized(self.font(), 1.6, bold=True))
         column.addWidget(title)
-        self._scroll = QScrollArea(self)  # a small screen at 200 % is lower than the list
+        self._scroll = QScrollArea(self)  # the list is higher than a small screen at 200 %
         self._scroll.setWidgetResizable(True)
         self._scroll.setFrameShape(QFrame.Shape.NoFrame)
         self._scroll.setStyleSheet("QScrollArea, QScrollArea > QWidget > QWidget { background: transparent; }")
         self._scroll.setAccessibleName("List of keys")
         column.addWidget(self._scroll)
-        self._lists: dict[int, QWidget] = {}  # side by side; on a narrow screen one below the other
+        self._lists: dict[int, QWidget] = {}  # number of columns -> list; one column on a narrow screen
         hint = "F1 or Esc closes this sheet.  Tab moves between controls, Enter presses the one in focus."
         column.addWidget(text_label(hint, self, faint=True), 0, Qt.AlignmentFlag.AlignLeft)
 
@@ -40,10 +40,10 @@ class KeySheet(Sheet):
         parent = self.parentWidget()
         if parent is None:
             return
-        if not self._lists:  # made when first shown, as two hundred labels take long
+        if not self._lists:  # made when first shown, because two hundred labels take long to make
             self._lists = {sides: _key_list(sides) for sides in (1, 2)}
             self._scroll.setWidget(self._lists[2])
-            self._scroll.updateGeometry()  # the sheet's layout knows it without a list
+            self._scroll.updateGeometry()  # the layout has cached the size without a list
         around = self.sizeHint() - self._scroll.sizeHint()
         spare = self._scroll.verticalScrollBar().sizeHint().width() + around.width()
         room = parent.width() - 20
@@ -59,7 +59,7 @@ class KeySheet(Sheet):
 
 
 def _key_list(sides: int) -> QWidget:
-    """Return all keys by group, in ``sides`` columns."""
+    """Return a widget that lists all keys by group, in ``sides`` columns."""
     inside = QWidget()
     grid = QGridLayout(inside)
     grid.setContentsMargins(0, 0, 0, 0)
@@ -93,7 +93,7 @@ PARTS = (
 
 
 def licence_words() -> str:
-    """Return program and installed packages with version and licence, a line each."""
+    """Return the program and its installed packages with version and licence, one per line."""
     lines = [program_words(), "Licence: MIT", "", "It uses:"]
     for name in PARTS:
         try:
@@ -101,7 +101,7 @@ def licence_words() -> str:
         except PackageNotFoundError:
             continue
         licence = known.get("License-Expression") or known.get("License") or ""
-        if not licence or len(licence) > 80:  # some put the whole text there
+        if not licence or len(licence) > 80:  # some packages put the whole licence text there
             classifiers = [line for line in known.get_all("Classifier") or [] if line.startswith("License")]
             licence = ", ".join(line.split(" :: ")[-1] for line in classifiers) or "see the package"
         lines.append(f"{name} {known['Version']}: {licence}")
@@ -109,7 +109,7 @@ def licence_words() -> str:
 
 
 class AboutSheet(Sheet):
-    """The sheet; its text is made when it first opens."""
+    """Versions and licences; the text is made when the sheet first opens."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("About", parent)
@@ -134,7 +134,7 @@ GAP = 10
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A callout: the widget it points at, and its words."""
+    """A callout of the tour: the widget that it describes, and its text."""
 
     target: QWidget
     title: str
@@ -142,7 +142,7 @@ class Step:
 
 
 class Tour(Sheet):
-    """Shows one callout at a time, beside what it is about; emits ``ended`` when it is finished or skipped."""
+    """The short tour: one callout at a time, next to its widget; emits ``ended`` when finished or skipped."""
 
     ended = Signal()
 
@@ -150,9 +150,9 @@ class Tour(Sheet):
         self._steps: tuple[Step, ...] = ()
         self._place = 0
         self._ring = QFrame(parent)
-        super().__init__("Short tour", parent)  # hides it, and the ring with it
+        super().__init__("Short tour", parent)  # hides the sheet, and so the ring, which must exist before
         self.setObjectName("tour")
-        self.setProperty("card", None)  # it has a look of its own
+        self.setProperty("card", None)  # the tour has its own style
         self._ring.setObjectName("ring")
         self._ring.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
         column = vertical(self, (16, 12, 16, 12))
@@ -173,14 +173,14 @@ class Tour(Sheet):
         self.setFixedWidth(self.fontMetrics().horizontalAdvance("M") * 32)
 
     def begin(self, steps: Sequence[Step]) -> None:
-        """Show the first callout; Enter continues, Esc ends, all other keys work as usual."""
+        """Show the first callout; Enter shows the next, Esc ends the tour, all other keys work as usual."""
         self._steps, self._place = tuple(steps), 0
         self.open_at(self.onward)
         self._show()
 
     @Slot()
     def next(self) -> None:
-        """Show the next callout, or end after the last."""
+        """Show the next callout, or end the tour after the last."""
         self._place += 1
         if self._place >= len(self._steps):
             self.finish()
@@ -221,7 +221,7 @@ class Tour(Sheet):
         below = around.bottom() + GAP
         above = around.top() - GAP - self.height()
         y = below if below + self.height() < parent.height() else above
-        if y < 0:  # the widget fills the height
+        if y < 0:  # neither below nor above the widget is room
             y = max(GAP, (parent.height() - self.height()) // 2)
         x = min(max(GAP, around.left()), parent.width() - self.width() - GAP)
         self.move(x, y)

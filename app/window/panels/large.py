@@ -1,4 +1,4 @@
-"""LARGE: the main numbers, in the largest font that fits."""
+"""LARGE page: the main numbers of a shot in the largest font that fits."""
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QFont, QFontMetricsF, QResizeEvent
@@ -11,7 +11,7 @@ from app.window.widgets import set_tone, text_label
 from app.words import DASH, MILD_FLAGS, local, number
 from levimass import is_drive
 
-MOST_DIGITS = 7  # more cannot be read from a distance
+MOST_DIGITS = 7  # most digits readable from a distance
 _SHOWN = [number for group in Group for number in shown_numbers(group) if number.large]
 COLLISION = tuple(number for number in _SHOWN if number.group is not Group.DRIVE)
 DRIVEN = tuple(number for number in _SHOWN if number.group is Group.DRIVE)
@@ -19,7 +19,7 @@ LEAST_PX, SPARE = 12, 0.92
 
 
 class LargePanel(QWidget):
-    """A title and a line per number."""
+    """The LARGE page: a title, and a line for each number."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -33,7 +33,7 @@ class LargePanel(QWidget):
             cells = QLabel(self), text_label(DASH, self, selectable=True), text_label("", self, faint=True)
             cells[1].setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
             for place, cell in enumerate(cells):
-                cell.setMinimumSize(1, 1)  # the font follows the page
+                cell.setMinimumSize(1, 1)  # lets the page shrink; the font is then fitted to it
                 grid.addWidget(cell, line, place)
             self._cells.append(cells)
         self._title.setMinimumSize(1, 1)
@@ -41,7 +41,7 @@ class LargePanel(QWidget):
         self.show_shot(None, "")
 
     def show_shot(self, shot: Shot | None, title: str) -> None:
-        """Show a shot's numbers, rounded to their combined uncertainty; a doubt is a mark at the title."""
+        """Show a shot's numbers, rounded to their combined uncertainty; a flag in doubt puts a mark at the title."""
         self._rows = DRIVEN if shot is not None and is_drive(shot.settings.model) else COLLISION
         doubtful = shot is not None and any(self._casts_doubt(flag) for flag in shot.flags)
         self._title.setText((f"{MARKS[Tone.WARNING]} " if doubtful else "") + (title or "No shot yet"))
@@ -70,7 +70,7 @@ class LargePanel(QWidget):
         self._fit()
 
     def _fit(self) -> None:
-        """Choose the largest font in which every line fits."""
+        """Set the largest font in which every line fits."""
         margins = self.layout().contentsMargins()
         width = self.width() - margins.left() - margins.right() - 2 * self.layout().spacing()
         height = self.height() - margins.top() - margins.bottom()
@@ -94,11 +94,11 @@ class LargePanel(QWidget):
 
 
 def plain_digits(reading: Reading | None, scale: float = 1.0) -> str:
-    """Return a number to its first uncertain digit, at most ``MOST_DIGITS``; a dash for None."""
+    """Return a number rounded to its first uncertain digit, at most ``MOST_DIGITS`` digits; a dash if not measured."""
     if not isinstance(reading, Quantity):
         return DASH
     text = str(reading.scaled(scale)).partition(" ±")[0]
-    if text.startswith("("):  # so large or small that it has an exponent
+    if text.startswith("("):  # a very large or small number, with an exponent
         return number(reading.value * scale, 3)
     if "." in text:
         digits = sum(letter.isdigit() for letter in text)

@@ -1,4 +1,4 @@
-"""The curve of a learned law with its band and closed forms, and buttons to compare and keep it."""
+"""Plot of a learned law: its free curve with the 2 sigma band, its closed forms, and buttons to compare and save."""
 
 from collections.abc import Sequence
 
@@ -23,9 +23,9 @@ OTHERS = [series(index + 2) for index in range(MOST_FORMS)]
 
 
 class LawCurve(QWidget):
-    """One law at a time; with two, a button shows the other."""
+    """Shows one learned law; if there are two, a button shows the other."""
 
-    keep_wanted = Signal(object)  # the OwnLaw
+    keep_wanted = Signal(object)  # the OwnLaw to save
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -58,7 +58,7 @@ class LawCurve(QWidget):
         self.show_laws(())
 
     def show_laws(self, laws: Sequence[LearnedLaw], shots: Sequence[Shot] = ()) -> None:
-        """Show the first of these laws, learned from ``shots``; hidden without laws."""
+        """Show the first of these laws, learned from ``shots``; hide the widget if there are none."""
         self.plot.tell(shots if laws else (), ", ".join(short_name(shot.name) for shot in shots) if laws else "")
         self._laws, self._which = tuple(laws), 0
         self.setVisible(bool(laws))

@@ -1,4 +1,4 @@
-"""The sheet for a law of your own: where it acts, formula, parameters; checked while it is typed."""
+"""The sheet on which an own law is typed: where it acts, formula, parameters; checked while typing."""
 
 from typing import Any
 
@@ -20,9 +20,9 @@ HINT = (
 
 
 class LawSheet(Sheet):
-    """The form; it keeps its content when it closes."""
+    """The form for an own law; it keeps its content when closed."""
 
-    wanted = Signal(dict)  # the law as ``from_mapping`` reads it
+    wanted = Signal(dict)  # the law as a table for ``from_mapping``
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("Propose a law", parent)
@@ -44,7 +44,7 @@ class LawSheet(Sheet):
         for place, name in enumerate((*(name for name, _ in COLUMNS), "fitted per shot")):
             grid.addWidget(QLabel(name, self), 0, place)
         for place in range(1 + len(COLUMNS)):
-            grid.setColumnStretch(place, (6, 5, 5, 5, 5, 0)[place])  # a name is the longest
+            grid.setColumnStretch(place, (6, 5, 5, 5, 5, 0)[place])  # the name needs most room
         self.own: list[QCheckBox] = []
         self.parameters: list[dict[str, QLineEdit]] = []
         for row in range(1, 1 + MOST_PARAMETERS):
@@ -90,7 +90,7 @@ class LawSheet(Sheet):
             self.own[row].setChecked(bool(values.get("own", False)))
 
     def table(self) -> dict[str, Any]:
-        """Return the law as typed.  Raises ValueError for a field that is no number."""
+        """Return the typed law as a table.  Raises ValueError for an invalid number or a repeated parameter."""
         table: dict[str, Any] = {
             "name": self.name.text().strip(),
             "where": str(self.where.currentData()),

@@ -1,4 +1,4 @@
-"""LIVE: beat frequency, velocity and force of the stream, as curves and large digits; raw signals; site vibration."""
+"""LIVE page: beat frequency, velocity and force as running curves and large digits; raw signals; site vibration."""
 
 import math
 from collections.abc import Callable
@@ -21,8 +21,8 @@ from instrument.live import LiveView
 
 WINDOW_MS = 2000.0  # fixed, so that the axis does not move
 LEAST_RAW = 9  # least height of the raw signals, in lines of text
-DIGITS_S = 0.19  # of stream between two sets of digits and of raw signals: faster ones cannot be read
-RAW_SHOWN = 150  # samples: some forty periods of the beat
+DIGITS_S = 0.19  # least stream time between updates of digits and raw signals, so that they can be read
+RAW_SHOWN = 150  # samples shown of each raw signal: about forty periods of the beat
 ROWS = (
     ("beat", "beat of PD1", "MHz", 1e-6, "{:.5f}", "-0.00000"),
     ("velocity", "velocity", "m/s", 1.0, "{:+.4f}", "+0.0000"),
@@ -31,30 +31,30 @@ ROWS = (
 
 
 def _digits(form: str, value: float) -> str:
-    """Return the value as text; one rounded to zero has no sign, which would flicker."""
+    """Return the value as text; a value rounded to zero gets no sign, because the sign would flicker."""
     text = form.format(value)
     return text if float(text) else form.replace("+", " ").format(0.0)
 
 
 def _levels(thresholds_v: tuple[float | None, float | None], learned: bool) -> dict[str, float]:
-    """Return the known thresholds of the trigger, by words with name and value."""
+    """Return the known thresholds of the trigger by their labels."""
     named = zip(("low", "high"), thresholds_v, strict=True)
     how = " (learned)" if learned else ""
     return {f"trigger {name}{how}, {number(v, 3)} V": v for name, v in named if v is not None}
 
 
 def _too_soon(now_s: float, last_s: float) -> bool:
-    """Return whether what was last shown at ``last_s`` stays; both in s of one stream, another one begins anew."""
+    """Return whether it is too soon after ``last_s`` to update; both in stream time, which restarts with a stream."""
     return 0.0 < now_s - last_s < DIGITS_S
 
 
 class LivePanel(QWidget):
-    """Three rolling plots, three large numbers, the raw signals."""
+    """The LIVE page: three running plots, three large numbers, the raw signals, site vibration."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._draw_due: Callable[[], None] | None = None  # of raw signals for which there was no room
-        grid = QGridLayout(scrolled("Live", self))  # on a low screen the floor is reached by scrolling
+        self._draw_due: Callable[[], None] | None = None  # draws the newest raw signals once there is room for them
+        grid = QGridLayout(scrolled("Live", self))  # on a low screen the user scrolls to the site vibration
         grid.setContentsMargins(6, 4, 6, 4)
         grid.setHorizontalSpacing(8)
         self.stack = TimeStack("Beat frequency, velocity and force, live", self)
@@ -68,8 +68,8 @@ class LivePanel(QWidget):
         grid.addWidget(self.stack, 0, 0, 5, 1)
         self._readouts: list[CursorReadout] = []
         self.numbers: dict[str, QLabel] = {}
-        self._digits_s = -math.inf  # of the stream, when the digits were set
-        self._raw_shown: tuple[object, float] = (None, -math.inf)  # channels and levels; time of the stream
+        self._digits_s = -math.inf  # stream time at which the digits were set
+        self._raw_shown: tuple[object, float] = (None, -math.inf)  # (channels, levels) and stream time last drawn
         for line, (name, title, unit, _, _, widest) in enumerate(ROWS):
             grid.addWidget(self._tile(name, title, unit, widest), line, 1)
         hover = "Freeze the curves to measure on them; samples and shots go on, ARM lets them run  (H)"
@@ -82,7 +82,7 @@ class LivePanel(QWidget):
             plot.minimum_span = 0.1
             plot.steady = True
         self.raw.label_time("time (ms), the newest samples")
-        self.raw.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Ignored)  # a low screen has its digits
+        self.raw.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Ignored)  # the digits come first
         grid.addWidget(self.raw, 4, 1)
         for line, plot in enumerate(self.plots, 5):
             grid.addWidget(readout := CursorReadout(plot, self), line, 0, 1, 2)
@@ -111,11 +111,11 @@ class LivePanel(QWidget):
 
     @property
     def plots(self) -> tuple[TimeStack, TimeStack]:
-        """Get the rolling plots and the raw signals."""
+        """Get the running plots and the plots of the raw signals."""
         return self.stack, self.raw
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Show the raw signals where there is room."""
+        """Show the raw signals if there is room."""
         super().resizeEvent(event)
         room = self.stack.geometry().bottom() - self.hold.geometry().bottom()
         self.raw.setVisible(room >= LEAST_RAW * self.fontMetrics().lineSpacing())
@@ -123,7 +123,7 @@ class LivePanel(QWidget):
             self._draw_due()
 
     def show_live(self, view: LiveView | None) -> None:
-        """Show the newest part of the stream; None or an empty view: there is no stream."""
+        """Show the newest part of the stream; None or an empty view means that there is no stream."""
         if self.hold.isChecked():
             return
         silent = view is None or len(view.time_s) == 0
@@ -165,10 +165,10 @@ class LivePanel(QWidget):
         thresholds_v: tuple[float | None, float | None] = (None, None),
         learned: bool = False,
     ) -> None:
-        """Show the newest raw samples; ``channels`` names the columns.
+        """Show the newest raw samples; ``channels`` describe the columns.
 
-        ``thresholds_v`` are the low and the high one of the trigger, None where there is none; ``learned``: the signal
-        determines them.
+        ``thresholds_v`` are the low and the high threshold of the trigger, None if unknown; ``learned``: determined
+        from the signal.
         """
         if self.hold.isChecked() or len(view.raw_time_s) < 2 or view.raw_v.shape[1] != len(channels):
             return
@@ -186,7 +186,7 @@ class LivePanel(QWidget):
         self._draw_due = None
         step = 1e3 * float(view.raw_time_s[1] - view.raw_time_s[0])
         length = step * min(RAW_SHOWN, len(view.raw_time_s))
-        if abs(self.raw.span[1] - length) > 1e-3 * length:  # more than rounding of the times
+        if abs(self.raw.span[1] - length) > 1e-3 * length:  # not just rounding of the times
             self.raw.show_span(0.0, length)
         for index, (plot, curve) in enumerate(zip(self._raw_plots, self._raw_curves, strict=True)):
             present = index < len(channels)

@@ -1,4 +1,4 @@
-"""The sheet in which the channels of a foreign file are assigned."""
+"""The sheet on which the operator assigns the channels of a foreign file."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from instrument.files import (
     length_unit,
 )
 
-ROLES = {  # words and hover
+ROLES = {  # role -> (label, tooltip)
     Role.MEASUREMENT: (
         "PD1, moving beat",
         "The beat of the block that moves; without it there is nothing to measure",
@@ -39,7 +39,7 @@ ROLES = {  # words and hover
 NONE = "not in this file"
 UNITS = {unit: unit.replace("u", "µ") for unit in LENGTHS_M}
 MODEL_WORDS = dict(zip(MODELS, ("contact: one body, spring", "paper: block and plate"), strict=True))
-NUMBERS = {  # words, SI units in one of these, hover, and what an empty field shows
+NUMBERS = {  # key -> (label, factor to SI units, tooltip, placeholder)
     "mass_kg": ("Moving mass (g)", 1e-3, "Block with corner cube and extension; force and impulse scale with it", ""),
     "rest_hz": (
         "Rest frequency (MHz)", 1e6, "The beat of the block at rest, at which the velocity is zero", "only without PD0"
@@ -60,7 +60,7 @@ class Answer:
 
 
 def _look_words(look: ChannelLook) -> Markup:
-    """Return a line on one channel: what it looks like, beat and amplitude."""
+    """Return a line on one channel: kind of signal, beat frequency, amplitude."""
     parts = [str(look.kind), f"amplitude {number(look.amplitude, 3)}"]
     if look.low is not None and look.high is not None and look.in_hz:
         span = number(1e-6 * look.low, 4)
@@ -71,7 +71,7 @@ def _look_words(look: ChannelLook) -> Markup:
 
 
 class MappingSheet(Sheet):
-    """The form: channels of one file, and the numbers that files do not state."""
+    """The form: roles of one file's channels, and numbers that the file does not contain."""
 
     applied = Signal(object)
 
@@ -115,7 +115,7 @@ class MappingSheet(Sheet):
 
     @Slot()
     def _chosen(self) -> None:
-        """Enable the fields for a displacement or for beats; select the unit in the header."""
+        """Enable the fields for a displacement or those for beats; preselect the unit named in the header."""
         name = self.displacement.currentData()
         moved = name is not None
         self.unit.setEnabled(moved)
@@ -133,7 +133,7 @@ class MappingSheet(Sheet):
     def ask(
         self, contents: ForeignContents, mass_kg: float, rest_hz: float | None, looks: Sequence[ChannelLook] = ()
     ) -> None:
-        """Show the form for a file; ``looks`` describe its channels, for the proposed assignment."""
+        """Show the form for a file, with the assignment proposed from its channels' ``looks``."""
         self._contents = contents
         self.problem.setText("")
         said = f" ({contents.format}). The answer is saved with the file."
@@ -167,7 +167,7 @@ class MappingSheet(Sheet):
         self.open_at(self.unit if lengths and not proposal else self.boxes[Role.MEASUREMENT])
 
     def refuse(self, problem: str) -> None:
-        """Show why the file cannot be read with this assignment."""
+        """Show why the assignment is refused."""
         show_toned(self.problem, problem, Tone.BAD)
 
     @Slot()

@@ -1,4 +1,4 @@
-"""The model in use, its fit to the selected shot, and the verdict of the last diagnosis."""
+"""MODEL panel: the model, its fit to the selected shot, and the verdict of the last diagnosis."""
 
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QWidget
@@ -19,11 +19,11 @@ from app.words import (
     with_prefix,
 )
 
-LACKING_CHI2 = 1.5  # above, the residual is far more than noise
+LACKING_CHI2 = 1.5  # chi^2/nu above which the misfit exceeds the noise
 
 
 def _matrix(fit: Fit) -> Markup:
-    """Return the correlations as a triangular table; columns are numbered as the rows."""
+    """Return the correlations as a triangular table; columns have the same numbers as the rows."""
     head = [tag("th", str(n), align="right") for n in range(1, len(fit.parameters))]
     rows = [tag("tr", tag("th"), tag("th"), head)]
     for index, name in enumerate(fit.parameters):
@@ -33,7 +33,7 @@ def _matrix(fit: Fit) -> Markup:
 
 
 class ModelPanel(QFrame):
-    """Base and effects, chi2 of the fit, verdict, correlations."""
+    """The MODEL panel: base model and effects, chi^2/nu of the fit, verdict, correlations."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -61,7 +61,7 @@ class ModelPanel(QFrame):
         self.show_known("", Tone.NEUTRAL)
 
     def show_shot(self, shot: Shot | None, tried: tuple[Effect, ...] = ()) -> None:
-        """Show the model of a shot's fit; ``tried`` are effects that no diagnosis named."""
+        """Show the model fitted to a shot; ``tried`` are effects that no diagnosis found."""
         fit = shot.fit if shot is not None else None
         shown = fit is not None and fit.converged
         self.correlations.setText(_matrix(fit) if fit is not None and shown else "")
@@ -94,7 +94,7 @@ class ModelPanel(QFrame):
         self.verdict.setToolTip(OUTDATED if isinstance(sentence, Markup) else "")
 
     def show_known(self, words: str, tone: Tone) -> None:
-        """Show how the shot agrees with the model file in use; "" without one."""
+        """Show how well the shot agrees with the model file in use; "" hides the line."""
         self.known.setVisible(bool(words))
         show_toned(self.known, words, tone)
 

@@ -1,4 +1,4 @@
-"""What to do after a diagnosis: the next step where a residual is unexplained, and the shot that decides."""
+"""Next steps after a diagnosis: effects to try if a residual is unexplained, and the shot that decides."""
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QPushButton, QWidget
@@ -19,9 +19,9 @@ ANOTHER_SHOT = (
 
 
 class NextSteps(QWidget):
-    """Heading, buttons, and the next shot in words; hidden where nothing is open."""
+    """Buttons to try candidates or propose a law, and advice on the next shot; hidden if all is explained."""
 
-    try_wanted = Signal(object)  # the effect of a candidate that did not pass
+    try_wanted = Signal(object)  # effect of a candidate that the diagnosis did not accept
     law_wanted = Signal()
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -71,7 +71,7 @@ SET_TIP = "The simulated bench is set to this speed and weight, and pushed; the 
 
 
 class NextShotCard(QFrame):
-    """A sentence, the planned shots so far, and buttons; hidden where nothing is open."""
+    """The card NEXT SHOT: a sentence, the planned shots so far, buttons; hidden if no candidates are undecided."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -97,7 +97,7 @@ class NextShotCard(QFrame):
     def show_standing(
         self, diagnosis: Diagnosis | None, state: PlanningState | None, waited_for: NextShot | None, sets_itself: bool
     ) -> None:
-        """Show the plan for a diagnosed set; ``sets_itself``: the program sets speed and weights at this source."""
+        """Show the plan for a diagnosed set; ``sets_itself``: the program sets speed and weights of this source."""
         left_open = diagnosis is not None and bool(undecided(diagnosis))
         self.setVisible(left_open or (state is not None and bool(state.steps)))
         planned = state.plan if state is not None else None

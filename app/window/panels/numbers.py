@@ -1,4 +1,4 @@
-"""The numbers of a shot with uncertainty and unit, and on hovering how each was read."""
+"""Panel of a shot's numbers with uncertainty and unit; a tooltip says how each was read."""
 
 import math
 
@@ -27,12 +27,12 @@ from app.words import (
 )
 from levimass import is_drive
 
-PAPERS_KINETIC, PAPERS_VALUE = "cor_kinetic.force_peaks", 0.5667  # resources/paper.toml
+PAPERS_KINETIC, PAPERS_VALUE = "cor_kinetic.force_peaks", 0.5667  # from resources/paper.toml
 WIDE = 0.2  # relative standard uncertainty above which a number is poorly determined
 
 
 def _effect_lines(shot: Shot | None) -> list[str]:
-    """Return the fitted parameters of the effects in the model, a line per effect."""
+    """Return the fitted parameters of the effects in the model, one line per effect."""
     fit = shot.fit if shot is not None else None
     if fit is None or not fit.converged:
         return []
@@ -48,7 +48,7 @@ def _effect_lines(shot: Shot | None) -> list[str]:
 
 
 def wide_words(reading: Reading | None) -> str:
-    """Return the remark on a number whose uncertainty is a large part of it, else ""."""
+    """Return a remark if the uncertainty of a number is a large part of it, else ""."""
     if not isinstance(reading, Quantity) or not math.isfinite(reading.value) or not math.isfinite(reading.std):
         return ""
     share = reading.std / abs(reading.value) if reading.value else math.inf
@@ -56,23 +56,23 @@ def wide_words(reading: Reading | None) -> str:
 
 
 class NumbersPanel(Dressed, QScrollArea):
-    """A column of numbers at fixed places."""
+    """The numbers of a shot, each at a fixed place."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._shot: Shot | None = None
         self._title = "No shot"
         self._version = ""
-        self._combined: dict[str, float] = {}  # combined standard uncertainty by budget key, of the shot shown
+        self._combined: dict[str, float] = {}  # combined standard uncertainties of the shot shown, by budget key
         self._groups: dict[Group, list[QWidget]] = {}
         self._rows: list[ResultNumber] = []
         self.values: dict[str, QLabel] = {}
         self._names: dict[str, QLabel] = {}
         self._widgets: dict[str, list[QWidget]] = {}
-        self._foldable: list[QWidget] = []  # numbers that a button unfolds, with their sentences
+        self._foldable: list[QWidget] = []  # numbers that a button shows or hides, with their sentences
         inner = QWidget(self)
         column = vertical(inner, (10, 4, 8, 4))
-        # shots differ at the end of their names
+        # elided in the middle, because names of shots differ at their end
         self.title = text_label("No shot", inner, selectable=True, elide=Qt.TextElideMode.ElideMiddle)
         self.title.setFont(sized(self.font(), 1.25, bold=True))
         top = QHBoxLayout()
@@ -92,7 +92,7 @@ class NumbersPanel(Dressed, QScrollArea):
         self.effects = text_label("", inner, selectable=True, wrap=True)  # parameters of the effects in the model
         self.effects.setToolTip(NOISE_ONLY)
         self.flags = text_label("", inner, selectable=True, wrap=True)
-        column.addWidget(self.noise_only)  # below: the numbers themselves need the height
+        column.addWidget(self.noise_only)  # at the bottom, so that the numbers come first on a low screen
         column.addWidget(self.effects)
         column.addWidget(self.flags)
         column.addStretch(1)
@@ -105,13 +105,13 @@ class NumbersPanel(Dressed, QScrollArea):
         self.show_shot(None)
 
     def _add_groups(self, grid: QGridLayout, inner: QWidget) -> None:
-        """Add all numbers below their groups' headings."""
+        """Add all numbers under the headings of their groups."""
         line = 0
         for heading, numbers in ((group, shown_numbers(group)) for group in Group if group is not Group.ANALYSIS):
             label = text_label(heading.value, inner, heading=True)
             grid.addWidget(label, line, 0, 1, 3)
             self._groups[heading] = [label]
-            label.setMinimumHeight(int(1.15 * self.fontMetrics().height()) if line else 0)  # none where it is hidden
+            label.setMinimumHeight(int(1.15 * self.fontMetrics().height()) if line else 0)  # the first needs none
             label.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
             line += 1
             for row in numbers:
@@ -137,7 +137,7 @@ class NumbersPanel(Dressed, QScrollArea):
         value = text_label("–", inner, selectable=True)
         unit = text_label(row.shown_unit, inner, faint=True)
         value.setFont(sized(self.font(), 1.4 if row.headline else 1.06, bold=True))
-        name.setMinimumWidth(name.fontMetrics().horizontalAdvance("kinetic, flights") + 16)  # with room for a mark
+        name.setMinimumWidth(name.fontMetrics().horizontalAdvance("kinetic, flights") + 16)  # 16: room for a mark
         value.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         widest = "0.98755567(44)" if row.headline else "-0.987555673(44)"
         value.setMinimumWidth(value.fontMetrics().horizontalAdvance(widest))
@@ -150,7 +150,7 @@ class NumbersPanel(Dressed, QScrollArea):
         return [name, value, unit]
 
     def _add_fold(self, grid: QGridLayout, line: int, inner: QWidget) -> list[QWidget]:
-        """Add the remark which kinetic COR is the paper's, and the button that unfolds the others."""
+        """Add the remark that one kinetic COR is the paper's, and the button that shows the others."""
         note = text_label(f"the paper's ({local(f'{PAPERS_VALUE:.4f}')} there)", inner, faint=True)
         note.setToolTip("The paper times T1 and T2 between peaks of the force; PAPER (Ctrl+7) has all its numbers")
         hover = "Show the kinetic COR by onsets, by flights and of the fitted contact"
@@ -161,7 +161,7 @@ class NumbersPanel(Dressed, QScrollArea):
         return [note, self.others]
 
     def _add_sentence(self, grid: QGridLayout, line: int, row: ResultNumber, inner: QWidget) -> QWidget:
-        """Add the sentence below a folded number."""
+        """Add the explanation below a foldable number."""
         sentence = text_label(row.folded, inner, faint=True, wrap=True)
         grid.addWidget(sentence, line, 0, 1, 3)
         self._foldable += [*self._widgets[row.name], sentence]
@@ -177,7 +177,7 @@ class NumbersPanel(Dressed, QScrollArea):
         self.show_shot(self._shot, self._title, self._version)
 
     def _reading(self, row: ResultNumber) -> Reading | None:
-        """Return a number with combined or noise-only uncertainty, as chosen."""
+        """Return a number with the chosen uncertainty, combined or from noise alone."""
         return stated(row.find(self._shot), row.key, self._combined) if self._shot is not None else None
 
     def dress(self, colours: Colours) -> None:
@@ -185,7 +185,7 @@ class NumbersPanel(Dressed, QScrollArea):
         self._show_flags(self._shot)
 
     def show_shot(self, shot: Shot | None, title: str = "", version: str = "") -> None:
-        """Show the numbers of a shot, or dashes; ``version`` is that of a cached result."""
+        """Show the numbers of a shot, or dashes; ``version`` is the program version of a cached result."""
         self._shot, self._version = shot, version
         self._title = title or (shot.name if shot is not None else "No shot")
         self.title.setText(self._title)
@@ -209,14 +209,14 @@ class NumbersPanel(Dressed, QScrollArea):
             self._mark(row, doubts, hover, bool(wide))
             remarks = "; ".join((*map(flag_words, doubts), *([wide] if wide else [])))
             label.setAccessibleDescription(f"{label.text()} {row.shown_unit} {remarks}".rstrip())
-        self.noise_only.setVisible(not driven)  # no number of a drive has a budget
+        self.noise_only.setVisible(not driven)  # the numbers of a drive have no budget
         self.budget.setVisible(not driven)
         self.effects.setText("\n".join(_effect_lines(shot)))
         self._show_agreement(shot)
         self._show_flags(shot)
 
     def _mark(self, row: ResultNumber, doubts: tuple[str, ...], hover: str, wide: bool) -> None:
-        """Mark the name of a number in doubt, or with a wide ±; a mild flag is only in its hover."""
+        """Mark the name of a number that is flagged or poorly determined; a mild flag appears only in the tooltip."""
         name = self._names[row.name]
         doubted = wide or any(flag_tone(flag) is Tone.WARNING for flag in doubts)
         name.setText(f"{row.name} {MARKS[Tone.WARNING]}" if doubted else row.name)
@@ -225,14 +225,14 @@ class NumbersPanel(Dressed, QScrollArea):
 
     @staticmethod
     def _fitting(label: QLabel, reading: Reading | None, scale: float) -> str:
-        """Return 0.98755563 ± 0.00000016 where it fits, else 0.98755563(16)."""
+        """Return "0.98755563 ± 0.00000016" if it fits the label, else "0.98755563(16)"."""
         words = value_text(reading, scale)
         if label.fontMetrics().horizontalAdvance(words) <= max(label.width(), label.minimumWidth()):
             return words
         return concise_text(reading, scale)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Keep the width of the scroll bar free, so that nothing moves when it appears."""
+        """Reserve the width of the scroll bar, so that nothing moves when it appears."""
         super().resizeEvent(event)
         self.widget().setFixedWidth(self.width() - self.verticalScrollBar().sizeHint().width())
         self.widget().layout().activate()
@@ -255,7 +255,7 @@ class NumbersPanel(Dressed, QScrollArea):
             self.agreement.setToolTip("Difference between quasi-static and impulse COR, relative to their noise")
 
     def _show_flags(self, shot: Shot | None) -> None:
-        """Show problem, flags and the version of a cached result."""
+        """Show the shot's problem and flags, and the version of a cached result."""
         said: list[tuple[Tone, str]] = []
         if shot is not None and shot.problem:
             said.append((Tone.BAD, f"{MARKS[Tone.BAD]} {shot.problem}"))

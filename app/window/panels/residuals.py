@@ -1,4 +1,4 @@
-"""The residual of one shot before and after the diagnosis, and the table of errors."""
+"""Plots of one shot's residual before and after a diagnosis, and the table of errors."""
 
 import math
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from levimass import is_drive
 
 
 class Residuals(QWidget):
-    """Two linked plots with the band of noise and building, and the table of errors."""
+    """Two linked residual plots with the band of noise and floor vibration, and the table of errors."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -47,7 +47,7 @@ class Residuals(QWidget):
 
     @property
     def stack_in_view(self) -> TimeStack:
-        """Get the plots that are shown."""
+        """Get the visible plots."""
         return self.forces.stack if self.forces.stack.isVisibleTo(self) else self.stack
 
     def clear(self) -> None:
@@ -55,7 +55,7 @@ class Residuals(QWidget):
         self._forget()
 
     def _forget(self) -> None:
-        """Clear the plots, so that other shots' curves are not taken for these."""
+        """Clear the plots of the previous diagnosis."""
         for curve, band in zip(self._curves, self._bands, strict=True):
             curve.clear_samples()
             band.show_band(0.0, 1.0, np.zeros(0))
@@ -63,15 +63,15 @@ class Residuals(QWidget):
         self.forces.show_curves(None, None, None)
 
     def show_forces(self, shot: Shot, before: DriveCurves, after: DriveCurves) -> None:
-        """Show the residual of a drive's force under the fits before and after the diagnosis."""
+        """Show a drive's force residual under the fits before and after the diagnosis."""
         against = repeatability_words(after.repeatability.repeats, after.repeatability.what)
         self._heading.setText(f"RESIDUAL OF FORCE, {short_name(shot.name)} (band: ±2 × {against})")
         self.forces.show_curves(shot, before, after)
 
     def show_diagnosis(self, diagnosis: Diagnosis, shots: list[Shot]) -> None:
-        """Show the residual of the first analysed shot, and the errors of all."""
+        """Show the residual of the first analysed shot, and the errors of all shots."""
         self._errors.setText(_errors_table(diagnosis))
-        shot = next((shot for shot in shots if shot.motion is not None), None)  # the first of the fits, too
+        shot = next((shot for shot in shots if shot.motion is not None), None)  # also the first in the fits
         driven = is_drive(diagnosis.fit_after.model)
         self.stack.setVisible(not driven)
         self.forces.stack.setVisible(driven)
@@ -99,7 +99,7 @@ class Residuals(QWidget):
 
 
 class ForceResiduals:
-    """Two linked plots of a drive: residual of the force before and after, over the whole record."""
+    """Two linked plots of a drive's force residual over the whole record, before and after the diagnosis."""
 
     def __init__(self, parent: QWidget) -> None:
         self.stack = TimeStack("Residual of force before and after", parent, SECONDS)
@@ -141,7 +141,7 @@ def _errors_table(diagnosis: Diagnosis) -> Markup:
             ("force", "force_rms_n", "N"),
         )
     )
-    columns = [_column(*column) for column in measured if any(map(math.isfinite, column[2]))]  # a drive has its force
+    columns = [_column(*column) for column in measured if any(map(math.isfinite, column[2]))]  # a drive: force
     chi2 = [number(getattr(errors, "reduced_chi2", math.nan), 4) for _, errors in rows]
     cells = zip(*columns, [tag("b", "joint χ²/ν"), *chi2], strict=True)
     body = [
@@ -152,7 +152,7 @@ def _errors_table(diagnosis: Diagnosis) -> Markup:
 
 
 def _column(head: str, unit: str, values: Sequence[float]) -> list[str]:
-    """Return a column with one unit: "141 nm" above "152 pm" would look like an increase."""
+    """Return a column whose cells all have one unit, because "141 nm" above "152 pm" would look like an increase."""
     most = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
     factor, words = prefix_for(most, unit)
     return [lines((tag("b", head), f"({words})")), *(number(factor * value, 3) for value in values)]

@@ -1,4 +1,4 @@
-"""The top of the window: controls of the rig, its state readable from two metres, and its signals."""
+"""The top of the window: rig controls, a state banner readable from two metres, and the signal line."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from app.words import counted
 
 
 class Controls(QWidget):
-    """Buttons and the list of sources."""
+    """The rig controls: list of sources, ARM, Abort, re-arm."""
 
     source_chosen = Signal(str)
 
@@ -22,7 +22,7 @@ class Controls(QWidget):
         where = "Where the samples come from: the simulated bench, a recording, or a device  (S)"
         self.source = combo_box("Source of the samples", where, self)
         self.source.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-        self.source.setMinimumContentsLength(19)  # "Simulated bench with a flaw"
+        self.source.setMinimumContentsLength(19)  # for "Simulated bench with a flaw"
         self.arm = push_button("ARM", "Wait for the light switch and record the next shot  (space)", self, primary=True)
         self.abort = push_button("Abort", "Stop waiting or recording; finished shots are kept  (Esc)", self)
         for button, words in ((self.arm, "ARM"), (self.abort, "Abort")):
@@ -39,7 +39,7 @@ class Controls(QWidget):
         self.source.activated.connect(self._chosen)
 
     def offer_sources(self, sources: list[tuple[str, str]], present: str) -> None:
-        """List the sources as (name for open_source, words); the present one is selected."""
+        """List the sources, given as (name, displayed words); the present one is selected."""
         self.source.clear()
         for name, words in sources:
             self.source.addItem(words, name)
@@ -50,7 +50,7 @@ class Controls(QWidget):
         self.source.setCurrentIndex(place)
 
     def show_state(self, can_arm: bool, can_abort: bool) -> None:
-        """Enable what is possible now."""
+        """Enable the controls that can be used now."""
         for widget, can in ((self.arm, can_arm), (self.abort, can_abort), (self.source, can_arm)):
             if widget.isEnabled() != can:
                 widget.setEnabled(can)
@@ -68,12 +68,12 @@ SIGNS = {
     Tone.WARNING: "!",
     Tone.BAD: "✗",
 }
-FLASH_MS = 400  # one slow change, no flicker
-FACTORS = (1.15, 1.0, 0.85)  # of the system's font, for the sentence
+FLASH_MS = 400  # long enough to be one slow change, not a flicker
+FACTORS = (1.15, 1.0, 0.85)  # sizes of the sentence relative to the system's font
 
 
 class Banner(Dressed, QFrame):
-    """The banner; its parts keep their places when the words change."""
+    """The state banner; its parts keep their positions when the text changes."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -124,7 +124,7 @@ class Banner(Dressed, QFrame):
 
     @Slot()
     def flash(self) -> None:
-        """Exchange text and background colour for a moment."""
+        """Exchange text and background colour for ``FLASH_MS``."""
         self._flashing.start()
         self.dress(self.colours)
 
@@ -133,10 +133,10 @@ class Banner(Dressed, QFrame):
         self.dress(self.colours)
 
     def offer_saving(self, unsaved: int) -> None:
-        """Show the button that saves to another folder while shots are only in memory."""
+        """Show the button "Save elsewhere" while shots are only in memory."""
         if self.save_elsewhere.isHidden() == (unsaved > 0):
             self.save_elsewhere.setVisible(unsaved > 0)
-            self._clock.setVisible(unsaved == 0)  # the words need its room
+            self._clock.setVisible(unsaved == 0)  # the sentence needs its space
             self._fit()
         words = f"Save {counted(unsaved, 'shot')} elsewhere …"
         if unsaved and self.save_elsewhere.text() != words:
@@ -147,7 +147,7 @@ class Banner(Dressed, QFrame):
         self._fit()
 
     def _fit(self) -> None:
-        """Choose the largest font in which the whole sentence fits."""
+        """Set the largest font in which the whole sentence fits."""
         self.layout().activate()
         room = self.contentsRect().height() - 8
         for factor in FACTORS:
@@ -160,7 +160,7 @@ class Banner(Dressed, QFrame):
                 return
 
     def show_state(self, word: str, detail: str, tone: Tone, clock: str = "") -> None:
-        """Show a state; called 28 times a second, it touches only what changed."""
+        """Show a state; called 28 times a second, so only changed parts are updated."""
         if tone is not self.tone or not self._sign.text():
             self.tone = tone
             self._sign.setText(SIGNS[tone])
@@ -177,7 +177,7 @@ class Banner(Dressed, QFrame):
 
 @dataclass(frozen=True, slots=True)
 class Sign:
-    """The words of a tile, their tone, and a hover."""
+    """The text of a tile in the signal line, its tone and its tooltip."""
 
     words: str
     tone: Tone
@@ -194,7 +194,7 @@ TILES = (
 
 
 class SignalLine(QFrame):
-    """Tiles of fixed width, and the folder of the shots."""
+    """The signal line: tiles of fixed width, and the data folder."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -221,7 +221,7 @@ class SignalLine(QFrame):
             self.show_sign(name, Sign("–", Tone.NEUTRAL))
 
     def show_sign(self, name: str, sign: Sign) -> None:
-        """Show the words of a tile; touches only what changed."""
+        """Show the text of a tile; an unchanged tile is not updated."""
         if self._signs.get(name) == sign:
             return
         self._signs[name] = sign

@@ -1,4 +1,4 @@
-"""The Qt model of the table of shots: sorted, filtered and grouped rows, a hover per cell, editable notes."""
+"""The Qt model of the table of shots: sorted, filtered and grouped rows, tooltips, editable notes."""
 
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -31,7 +31,7 @@ from app.words import (
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """``column`` None: the order taken; all ``words`` must occur; ``group`` is one of ``GROUPS``."""
+    """Sort column (None: in the order taken), filter ``words`` that must all occur, and a key of ``GROUPS`` or ""."""
 
     column: int | None = None
     falling: bool = False
@@ -65,9 +65,9 @@ def ordered(
     value: Callable[[Entry], float | str | None] | None,
     searched: Callable[[Entry], str],
 ) -> tuple[Entry | str, ...]:
-    """Return the entries in this order, a heading before each group.
+    """Return the filtered entries in this order, with a heading before each group.
 
-    ``value`` gives what to sort by (a number, a text, or None), ``searched`` the text to search.
+    ``value`` returns the sort key (a number, a text, or None), ``searched`` the text to search.
     """
     words = order.words.lower().split()
     seen = [entry for entry in entries if all(word in searched(entry).lower() for word in words)]
@@ -96,17 +96,17 @@ def _key(value: float | str | None) -> tuple[float, str]:
     return (0.0, value.lower()) if isinstance(value, str) else (float(value or 0.0), "")
 
 
-LETTERS = 15  # width of a number in digits, for 0.98729985(50)
+LETTERS = 15  # width of a number's column in digits, for 0.98729985(50)
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column: heading, width in digits, and the text of its cells or the number it shows."""
+    """A column of the table: heading, width in digits, and the text of its cells or the number shown in it."""
 
     head: str
     letters: int
     text: Callable[[Entry], str] = lambda entry: ""
-    sorted_by: Callable[[Entry], float | str] | None = None  # None: by its text
+    sorted_by: Callable[[Entry], float | str] | None = None  # sort key; None: the text
     number: ResultNumber | None = None
 
     @property
@@ -114,7 +114,7 @@ class Column:
         return self.number is not None and not self.number.listed
 
     def order(self, entry: Entry) -> float | str | None:
-        """Return what the column sorts by: a value or a text; None sorts last."""
+        """Return the sort key, a value or a text; None sorts last."""
         if self.number is not None:
             reading = self.number.find(entry.shot) if entry.shot is not None else None
             return reading.value if isinstance(reading, Quantity) else None
@@ -136,7 +136,7 @@ def _flags(entry: Entry) -> str:
 
 
 def columns() -> list[Column]:
-    """Return the columns in order, the hidden ones last."""
+    """Return the columns in order; columns hidden at first are last."""
     numbers = [Column(n.head, LETTERS, number=n) for n in of_collision(Origin.READ, Origin.FITTED, Origin.STATED)]
     return [
         Column("#", 9, _place, lambda entry: float(entry.number)),
@@ -151,7 +151,7 @@ def columns() -> list[Column]:
 
 
 def place_of(head: str) -> int:
-    """Return the place of a column by its head."""
+    """Return the index of the column with this heading."""
     return [column.head for column in columns()].index(head)
 
 
@@ -173,10 +173,10 @@ def _heading(words: str, column: int, role: int) -> Any:
 
 
 class _CombinedCache:
-    """Combined standard uncertainties by shot."""
+    """Cache of the shots' combined standard uncertainties."""
 
     def __init__(self) -> None:
-        self._made: dict[int, tuple[Shot, Mapping[str, float]]] = {}  # by the id of the shot, which is kept alive
+        self._made: dict[int, tuple[Shot, Mapping[str, float]]] = {}  # by id(shot); keeps the shot, so its id
 
     def of(self, shot: Shot) -> Mapping[str, float]:
         """Return the combined standard uncertainties of a shot."""
@@ -185,34 +185,34 @@ class _CombinedCache:
         return self._made[id(shot)][1]
 
     def keep(self, shots: Iterable[Shot]) -> None:
-        """Drop all shots but these."""
+        """Drop all shots except these."""
         listed = {id(shot) for shot in shots}
         self._made = {key: made for key, made in self._made.items() if key in listed}
 
 
 class SessionModel(QAbstractTableModel):
-    """The model; an edited note is emitted as ``note_edited``."""
+    """The Qt table model; emits ``note_edited`` when a note is edited."""
 
     note_edited = Signal(int, str)
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self.columns = columns()
-        self.entries: tuple[Entry, ...] = ()  # all, in the order taken
-        self.rows: tuple[Entry | str, ...] = ()  # as shown, a heading before each group
+        self.entries: tuple[Entry, ...] = ()  # all entries, in the order taken
+        self.rows: tuple[Entry | str, ...] = ()  # the rows shown, with a heading before each group
         self.order = Order()
         self._struck: frozenset[int] = frozenset()
         self._combined = _CombinedCache()
 
     @property
     def identities(self) -> list[int | str]:
-        """Get the number or heading of each row."""
+        """Get the entry's number, or the heading, of each row."""
         return [_identity(row) for row in self.rows]
 
     def show_entries(self, entries: tuple[Entry, ...], struck: Collection[int] = ()) -> None:
-        """Show these entries; rows that only changed keep place and selection.
+        """Show these entries; changed rows keep their position and selection.
 
-        ``struck`` are numbers of entries whose verdict no longer holds.
+        ``struck`` are numbers of entries whose verdict is outdated.
         """
         self.entries, self._struck = entries, frozenset(struck)
         self._combined.keep(entry.shot for entry in entries if entry.shot is not None)
@@ -241,7 +241,7 @@ class SessionModel(QAbstractTableModel):
             self.endResetModel()
 
     def entry_at(self, row: int) -> Entry | None:
-        """Return the entry in a row, None for a heading."""
+        """Return the entry in a row, or None for a heading."""
         found = self.rows[row] if row < len(self.rows) else None
         return found if isinstance(found, Entry) else None
 
@@ -276,7 +276,7 @@ class SessionModel(QAbstractTableModel):
         return None
 
     def flags(self, index: QModelIndex) -> Qt.ItemFlag:
-        """Return the flags of a cell; only notes are editable."""
+        """Return the Qt item flags of a cell; only notes are editable."""
         if self.entry_at(index.row()) is None:
             return Qt.ItemFlag.ItemIsEnabled
         flags = Qt.ItemFlag.ItemIsEnabled | Qt.ItemFlag.ItemIsSelectable
@@ -318,7 +318,7 @@ class SessionModel(QAbstractTableModel):
         if number is not None:
             reading, shot = self._stated(entry, number), entry.shot
             value = value_text(reading, number.scale)
-            if number.origin is Origin.STATED:  # its ± is what was stated with it
+            if number.origin is Origin.STATED:  # its ± was stated with the value
                 return how_text(number.head, reading, value)
             which = COMBINED if shot is not None and number.key in self._combined.of(shot) else NOISE_ONLY
             return how_text(number.head, reading, value, which)
@@ -333,7 +333,7 @@ class SessionModel(QAbstractTableModel):
         return self._text(entry, column)
 
     def setData(self, index: QModelIndex, value: Any, role: int = Qt.ItemDataRole.EditRole) -> bool:
-        """Emit an edited note."""
+        """Emit ``note_edited`` if the note has changed."""
         if role != Qt.ItemDataRole.EditRole or index.column() != NOTE:
             return False
         entry = self.entry_at(index.row())

@@ -1,4 +1,4 @@
-"""The table of shots with its buttons, filter, groups and columns."""
+"""The table of shots with its buttons, filter, grouping and choice of columns."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -25,7 +25,7 @@ from app.window.widgets import combo_box, line_edit, push_button, text_label, ve
 
 
 class _FromTheLeft(QStyledItemDelegate):
-    """Cells that are shortened at the end; names are shortened in the middle."""
+    """Shortens the text of cells at its end; the table itself shortens in the middle, for names."""
 
     def initStyleOption(self, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex) -> None:
         super().initStyleOption(option, index)
@@ -43,7 +43,7 @@ BUTTONS = {
 
 
 class SessionTable(QFrame):
-    """The table with its buttons."""
+    """The table of shots with its buttons."""
 
     selected = Signal(list)
     note_edited = Signal(int, str)
@@ -58,7 +58,7 @@ class SessionTable(QFrame):
         bar.addStretch(1)
         self._can_undo = False
         self._numbers: list[int] = []
-        self._hidden: list[int] = []  # selected before the filter hid them
+        self._hidden: list[int] = []  # selected shots hidden by the filter
         self.buttons = {name: push_button(words, hover, self) for name, (words, hover) in BUTTONS.items()}
         for button in self.buttons.values():
             bar.addWidget(button)
@@ -70,7 +70,7 @@ class SessionTable(QFrame):
         self._enable()
 
     def _make_table(self) -> None:
-        """Make the table; columns are as wide as their usual content."""
+        """Make the table, with columns as wide as their usual content."""
         self.model = SessionModel(self)
         self.model.note_edited.connect(self.note_edited)
         self.table = QTableView(self)
@@ -108,7 +108,7 @@ class SessionTable(QFrame):
         )
 
     def _add_order(self, bar: QHBoxLayout) -> None:
-        """Add filter, groups and the choice of columns."""
+        """Add the filter, the grouping and the choice of columns."""
         hover = "Show only shots with these words in name, time, verdict, flags or note  (Ctrl+F)"
         self.filter = line_edit("Filter words", hover, self, "filter")
         self.filter.setMaximumWidth(14 * self.fontMetrics().horizontalAdvance("n"))
@@ -127,12 +127,12 @@ class SessionTable(QFrame):
 
     @Slot()
     def _leave_filter(self) -> None:
-        """Move the focus to the table, so that space is ARM again."""
+        """Move the focus to the table, so that the space key arms again."""
         self.table.setFocus()
 
     @property
     def shown(self) -> list[int]:
-        """Get the numbers of the shots shown, in their order."""
+        """Get the numbers of the shots shown, in the order of the rows."""
         return [row.number for row in self.model.rows if isinstance(row, Entry)]
 
     @Slot()
@@ -142,7 +142,7 @@ class SessionTable(QFrame):
 
     @Slot(int)
     def _sort_by(self, column: int) -> None:
-        """Sort by a column, in reverse at the second click, in the order taken at the third."""
+        """Sort by a column; the second click reverses the order, the third restores the order taken."""
         now = self.model.order
         if now.column != column:
             now = replace(now, column=column, falling=False)
@@ -160,7 +160,7 @@ class SessionTable(QFrame):
         self._changed()
 
     def _keeping_selection(self, change: Callable[[], None]) -> None:
-        """Change the rows and keep the selection; let headings span all columns."""
+        """Change the rows but keep the selection; let group headings span all columns."""
         before, rows = self._numbers, self.model.identities
         change()
         if len(rows) and rows != self.model.identities[: len(rows)] and not self._selected_numbers():
@@ -172,7 +172,7 @@ class SessionTable(QFrame):
                 self.table.setSpan(row, 0, 1, len(self.model.columns))
 
     def _selected_again(self, before: list[int]) -> None:
-        """Remember a selection that the filter hides, and restore it when it is visible again."""
+        """Store a selection that the filter hides, and restore it once its shots are visible again."""
         now, there = self._selected_numbers(), {entry.number for entry in self.model.entries}
         if before and not now:
             self._hidden = [number for number in before if number in there]
@@ -185,14 +185,14 @@ class SessionTable(QFrame):
 
     @property
     def hidden(self) -> list[int]:
-        """Get the numbers of the shots that were selected and are hidden by the filter."""
+        """Get the numbers of the selected shots hidden by the filter."""
         return list(self._hidden)
 
     @Slot()
     def choose_columns(self) -> None:
         menu = QMenu(self)
         menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-        for place, column in enumerate(self.model.columns[1:], 1):  # the number is always shown
+        for place, column in enumerate(self.model.columns[1:], 1):  # the column with the number is always shown
             action = menu.addAction(column.head)
             action.setCheckable(True)
             action.setChecked(not self.table.isColumnHidden(place))
@@ -204,7 +204,7 @@ class SessionTable(QFrame):
 
     @property
     def numbers(self) -> list[int]:
-        """Get the numbers of the selected shots, in order."""
+        """Get the numbers of the selected shots, ascending."""
         return list(self._numbers)
 
     def _selected_numbers(self) -> list[int]:
@@ -222,11 +222,11 @@ class SessionTable(QFrame):
         self._enable()
 
     def select(self, numbers: list[int]) -> None:
-        """Select these shots and show the last of them."""
+        """Select these shots and scroll to the last of them."""
         flag = QItemSelectionModel.SelectionFlag
         chosen, last = QItemSelection(), None
         if numbers and self.filter.text() and not set(numbers) & set(self.shown):
-            self.filter.clear()  # they are hidden by the filter
+            self.filter.clear()  # the filter hides these shots
         for row, entry in enumerate(self.model.rows):
             if isinstance(entry, Entry) and entry.number in numbers:
                 last = self.model.index(row, 0)
@@ -235,25 +235,25 @@ class SessionTable(QFrame):
         if last is not None:
             model.setCurrentIndex(last, flag.NoUpdate)
             self.table.scrollTo(last)
-        model.select(chosen, flag.ClearAndSelect | flag.Rows)  # in one step, as every change is drawn
+        model.select(chosen, flag.ClearAndSelect | flag.Rows)  # in one step, because every change is drawn
 
     def as_text(self) -> str:
-        """Return the selected rows, or all, as text with headings, cells separated by tabs."""
+        """Return the selected rows, or all, as tab-separated text with headings."""
         shown = [n for n in range(len(self.model.columns)) if not self.table.isColumnHidden(n)]
         chosen = set(self._numbers) or set(self.shown)
         rows = [row for row, e in enumerate(self.model.rows) if isinstance(e, Entry) and e.number in chosen]
         lines = [[self.model.columns[n].head for n in shown]]
-        whole = Qt.ItemDataRole.EditRole  # all flags, not only the first
+        whole = Qt.ItemDataRole.EditRole  # gives all flags, not only the most serious
         lines += [[str(self.model.index(row, n).data(whole)) for n in shown] for row in rows]
         return "".join("\t".join(" ".join(cell.split()) for cell in line) + "\n" for line in lines)
 
     def with_selected(self, act: Callable[[list[int], Path], None]) -> Callable[[Path], None]:
-        """Return what does this with the shots that are selected once the path is known."""
+        """Return a function of a path that calls ``act`` with the shots selected at that time."""
         return lambda path: act(self.numbers, path)
 
     @Slot()
     def filter_shots(self) -> None:
-        """Move the focus to the filter."""
+        """Move the focus to the filter field."""
         self.filter.setFocus()
         self.filter.selectAll()
 

@@ -1,4 +1,4 @@
-"""The sheet of settings, made from their declarations; checked and applied as a whole."""
+"""The settings sheet, made from the declarations of the settings; checked and applied as a whole."""
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QScrollArea, QSizePolicy, QWidget
@@ -13,7 +13,7 @@ NUMERIC = ("number", "numbers")  # kinds of settings
 
 
 class SettingsSheet(Sheet):
-    """The form, fields by group."""
+    """The form of all settings, by group."""
 
     applied = Signal(dict)
 
@@ -106,7 +106,7 @@ class SettingsSheet(Sheet):
 
     @Slot()
     def apply(self) -> None:
-        """Check all fields; emit the values, or show the first error."""
+        """Check all fields; emit the values if they are valid, else show the first error."""
         values: dict[str, Value] = {}
         for field in self._fields:
             editor = self._editors[field.key]
@@ -135,7 +135,7 @@ class SettingsSheet(Sheet):
 
 
 def _as_typed(field: Setting, value: Value) -> str:
-    """Return the text of a field for what is stored."""
+    """Return a stored value as the text of its field."""
     if value is None:
         return ""
     if field.kind not in NUMERIC:
@@ -144,7 +144,7 @@ def _as_typed(field: Setting, value: Value) -> str:
 
 
 def _stored(field: Setting, text: str) -> Value:
-    """Return what is stored for the text of a field.  Raises ValueError."""
+    """Return the text of a field as the value to store.  Raises ValueError."""
     if field.kind not in NUMERIC:
         return text.strip()
     stored: Value = None
@@ -158,7 +158,7 @@ def _stored(field: Setting, text: str) -> Value:
 
 
 def _in_si(field: Setting, value: float) -> float:
-    """Return a number in SI units.  Raises ValueError outside of the field's limits."""
+    """Return a number in SI units.  Raises ValueError if it is outside the field's limits."""
     stored = value / field.scale
     if not field.low <= stored <= field.high:
         low, high = field.low * field.scale, field.high * field.scale

@@ -1,4 +1,4 @@
-"""The sheet of the guided set-up: choose the source, check its signals, ARM."""
+"""The sheet of the guided set-up: choose the source, check its signals, arm."""
 
 from collections.abc import Sequence
 
@@ -17,10 +17,10 @@ TITLES = {"PD0": "PD0, rest beat", "PD1": "PD1, moving beat", "light switch": "L
 
 
 class SetupSheet(Sheet):
-    """Three steps from top to bottom."""
+    """The guided set-up: three steps from top to bottom."""
 
     source_wanted = Signal(str)
-    address_wanted = Signal(str)  # as it was typed
+    address_wanted = Signal(str)  # the address as typed
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("Set-up", parent)
@@ -99,14 +99,14 @@ class SetupSheet(Sheet):
     # devices ----------------------------------------------------------------------------------------------------
 
     def show_looking(self) -> None:
-        """Show that devices are being searched."""
+        """Show that the search for devices is running."""
         self.look.setEnabled(False)
         self._found.setText("looking for devices …")
 
     def show_devices(
         self, found: Sequence[FoundDevice], known: Sequence[FoundDevice], present: str, problem: str = ""
     ) -> None:
-        """List the bench, the devices found and known addresses; ``problem``: why the search failed."""
+        """List the bench, the devices found and known addresses; ``problem`` says why the search failed."""
         self.look.setEnabled(True)
         clear_layout(self._devices)
         if problem:
@@ -134,19 +134,19 @@ class SetupSheet(Sheet):
             self._devices.addWidget(below, 2 * line + 1, 0)
 
     def refuse_address(self, words: str) -> None:
-        """Show why an address is invalid, or ""."""
+        """Show why an address is invalid; "" hides the message."""
         show_toned(self.refusal, words, Tone.BAD)
         self.refusal.setVisible(bool(words))
 
     def show_remedy(self, lines: str) -> None:
-        """Show the commands that give permission, or nothing."""
+        """Show the commands that grant access to the device; "" hides them."""
         self.remedy.setText(lines)
         self._permission.setVisible(bool(lines))
 
     # signals ----------------------------------------------------------------------------------------------------
 
     def show_checks(self, checks: tuple[Check, ...], waiting: str = "") -> None:
-        """Show the checks of the signals, or why there are none yet."""
+        """Show the checks of the signals, or ``waiting``, which says why there are none yet."""
         for index, line in enumerate(self._lines):
             line.setVisible(index < len(checks) or (index == 0 and not checks))
             if index < len(checks):

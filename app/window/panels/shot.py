@@ -1,4 +1,4 @@
-"""SHOT: the views of one shot: over time, force against deflection, gap, raw signals."""
+"""SHOT page: views of one shot over time, force against deflection, gap, raw signals."""
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QResizeEvent
@@ -32,7 +32,7 @@ VIEWS = (
     ("gap", "Gap", "4", "Distance between block and plate (Fig. 7); below zero the two overlap"),
     ("raw", "Raw signals", "5", "Photodiode and light-switch signals, every sample"),
 )
-DRIVE_VIEWS = {  # views of a drive, on the same keys
+DRIVE_VIEWS = {  # the views of a drive, with the same keys
     "whole": ("Over time", "Velocity, force and residual over the whole record"),
     "contact": ("Force vs speed", "Measured and modelled force against speed, and the residual"),
     "deflection": ("Force vs position", "Measured and modelled force against position, and the residual"),
@@ -41,25 +41,25 @@ NO_SHOT = "No shot yet. Press ARM (space), then push the block through the light
 
 
 class ShotPanel(QWidget):
-    """The plots of the selected shot."""
+    """The SHOT page: the plots of the last selected shot."""
 
-    raw_wanted = Signal(object)  # the recording whose raw curves are needed
-    drive_wanted = Signal(object)  # the shot whose modelled force is needed
+    raw_wanted = Signal(object)  # the Recording whose raw curves are needed
+    drive_wanted = Signal(object)  # the Shot whose modelled force is needed
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._shot: Shot | None = None
-        self._of = ""  # the shot's name, for its plots
+        self._of = ""  # name of the shot for saved pictures
         self._driven = False
-        self.view = "whole"  # one of ``VIEWS``
-        self._undrawn: set[str] = set()  # views that are not drawn yet
+        self.view = "whole"  # name of the view, one of ``VIEWS``
+        self._undrawn: set[str] = set()  # views not drawn yet
         self.motion = MotionView(self)
         self.stack = self.motion.stack
         self.deflection = DeflectionView(self)
         self.gap = GapView(self)
         self.raw = RawView(self)
         self.drive = DriveView(self)
-        self._page_of = {"deflection": self.deflection, "gap": self.gap.stack, "raw": self.raw.stack}  # else the stack
+        self._page_of = {"deflection": self.deflection, "gap": self.gap.stack, "raw": self.raw.stack}  # else stack
         self._pages = QStackedWidget(self)
         pages: tuple[PlotView, ...] = (self.stack, *self._page_of.values())
         self.plots = (*pages, *self.drive.plots)
@@ -82,7 +82,7 @@ class ShotPanel(QWidget):
         return self.stack, self.gap.stack, self.raw.stack
 
     def plot_in_front(self) -> PlotView | None:
-        """Return the plot in view, or None where there is none."""
+        """Return the visible plot, or None."""
         page = self._pages.currentWidget()
         if page in self.drive.pages.values():
             return self.drive.plot_in_front(self.view)
@@ -132,7 +132,7 @@ class ShotPanel(QWidget):
 
     @property
     def _reading(self) -> bool:
-        """Get whether the raw view waits for its curves."""
+        """Get whether the raw view is waiting for its curves."""
         return self.view == "raw" and self.raw.has_samples and self.raw.wanted is not None
 
     def show_shot(
@@ -142,9 +142,9 @@ class ShotPanel(QWidget):
         words: str = "",
         judged_by: Diagnosis | None = None,
     ) -> None:
-        """Show a shot under the name ``words``; None shows ``words``, or how to take a shot.
+        """Show a shot with the title ``words``; without a shot show ``words``, or how to take a shot.
 
-        ``judged_by`` is the diagnosis whose verdict on the shot holds; the noise band is then that diagnosis's.
+        ``judged_by`` is the diagnosis with a valid verdict on the shot; the noise band is then taken from it.
         """
         self._shot, self._judged_by = shot, judged_by
         self._of = words or (shot.name if shot is not None else "")
@@ -192,7 +192,7 @@ class ShotPanel(QWidget):
         self._show_words()
 
     def _show_words(self) -> None:
-        """Show legend and summary; on a low screen only on hovering, except for an empty plot."""
+        """Show legend and summary; on a low screen show them as tooltips, unless the plot is empty."""
         low = is_low(self)
         shown = self._pages.currentWidget() is not self._empty
         self._legend.setVisible(shown and (not low or self._reading))
@@ -203,7 +203,7 @@ class ShotPanel(QWidget):
             plot.setToolTip(said if low else "")
 
     def _draw(self, view: str) -> None:
-        """Draw a view when it is first shown."""
+        """Draw a view when it is first shown, or request the curves that it needs."""
         if view == "raw" and self.raw.wanted is not None:
             self.raw_wanted.emit(self.raw.wanted)
         what = "drive" if self._driven else "motion" if view in ("whole", "contact") else view
@@ -222,7 +222,7 @@ class ShotPanel(QWidget):
         self._page_of.get(what, self.stack).tell((self._shot,), self._of)
 
     def show_drive(self, shot: Shot, curves: DriveCurves) -> None:
-        """Show the modelled force of a drive, unless another shot is shown by now."""
+        """Show the modelled force of a drive, if its shot is still displayed."""
         if shot is not self._shot:
             return
         self.drive.show_curves(curves)
@@ -232,14 +232,14 @@ class ShotPanel(QWidget):
         self._label_lines()
 
     def _name_views(self) -> None:
-        """Set the buttons' words for a collision or a drive."""
+        """Set the labels of the buttons for a collision or a drive."""
         for name, words, key, tip in VIEWS:
             button = self._buttons[name]
             words, tip = DRIVE_VIEWS.get(name, (words, tip)) if self._driven else (words, tip)
             button.setText(words)
             button.setToolTip(f"{tip}  ({key})")
             button.setVisible(not self._driven or name in DRIVE_VIEWS)
-        keep_place(self.motion.kind, not self._driven)  # the plots of the other views start at the same height
+        keep_place(self.motion.kind, not self._driven)  # so that all views' plots start at the same height
 
     def show_raw(self, curves: RawCurves) -> None:
         if self.raw.show_curves(curves) and self._shot is not None:
@@ -247,7 +247,7 @@ class ShotPanel(QWidget):
         self._label_lines()
 
     def reset(self) -> None:
-        """Show the whole of the view again; of a drive that of all its views."""
+        """Reset the plots of the view; of a drive, those of all views."""
         for plot in self.drive.plots if self._driven else (self._page_of.get(self.view, self.stack),):
             plot.reset()
 

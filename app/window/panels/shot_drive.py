@@ -1,4 +1,4 @@
-"""The views of a drive: measured and modelled force against time, speed and position, and the residual."""
+"""Views of a drive: measured and modelled force and their residual, against time, speed and position."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ NOTHING: Floats = np.empty(0)
 
 
 class DriveView:
-    """Three pages, by the names of SHOT's views: against time, speed, position."""
+    """Three pages, against time, speed and position, by the names of the SHOT page's views."""
 
     def __init__(self, parent: QWidget) -> None:
         self._curves: DriveCurves | None = None
@@ -52,7 +52,7 @@ class DriveView:
         return self.stack, *self.speed.plots, *self.place.plots
 
     def plot_in_front(self, view: str) -> PlotView:
-        """Return the focused plot of a view, else its first."""
+        """Return the focused plot of a view, else its first plot."""
         page = self.pages[view]
         return in_front(page.plots) if isinstance(page, ForceAgainst) else self.stack
 
@@ -98,7 +98,7 @@ class DriveView:
 
 
 class ForceAgainst(QSplitter):
-    """Force above and residual below, against speed or position."""
+    """Plots of force (above) and residual (below) against speed or position."""
 
     def __init__(self, what: str, bottom: str, axis: CursorAxis, parent: QWidget) -> None:
         super().__init__(Qt.Orientation.Vertical, parent)
@@ -120,7 +120,7 @@ class ForceAgainst(QSplitter):
         return self._force, self._residual_plot
 
     def show_force(self, x: Floats, measured_n: Floats, modelled_n: Floats, half_n: float) -> None:
-        """Show forces (n,) at x (n,), NaN where curves part, and the band of half width ``half_n``."""
+        """Show forces (n,) at x (n,), with NaN between separate curves, and a band of half width ``half_n``."""
         rest = measured_n - modelled_n
         self._measured.show_points(x, measured_n)
         self._modelled.show_points(x, modelled_n)

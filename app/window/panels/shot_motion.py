@@ -1,4 +1,4 @@
-"""A shot, measured and simulated: velocity, force and residual over time; gap; force against deflection."""
+"""Plots of a shot, measured and simulated: velocity, force and residual over time; gap; force against deflection."""
 
 import numpy as np
 from PySide6.QtCore import QObject, Qt, Slot
@@ -22,18 +22,18 @@ RESIDUALS = (
     ("velocity", "Residual of velocity", "m/s"),
     ("displacement", "Residual of displacement", "m"),
 )
-STANDS_OUT = 2.0  # rms over its band; slow site vibration gives up to that
-BOUNCE_MS = 0.6  # on either side of a bounce that was clicked on
+STANDS_OUT = 2.0  # least significant rms of a residual over its band; slow site vibration alone reaches up to 2
+BOUNCE_MS = 0.6  # time shown on each side of a clicked bounce
 
 
 class MotionView(QObject):
-    """The whole shot or its first contact; the lowest plot shows a residual of choice."""
+    """Velocity, force and a selectable residual over the whole shot or the first contact."""
 
     def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
         self._shot: Shot | None = None
         self._judged_by: Diagnosis | None = None
-        self._chosen = False  # whether the operator chose the residual
+        self._chosen = False  # whether the operator has selected the residual
         self.band_words = ""
         self.stack = TimeStack("Velocity, force and residual over time", parent)
         self.velocity = self.stack.add_plot("velocity", "m/s", 3)
@@ -52,7 +52,7 @@ class MotionView(QObject):
         self.stack.clicked.connect(self._zoom_on_bounce)
 
     def show_shot(self, shot: Shot, judged_by: Diagnosis | None = None) -> None:
-        """Show an analysed shot; the noise band is that of the diagnosis ``judged_by``."""
+        """Show an analysed shot, with the noise band of the diagnosis ``judged_by`` if given."""
         self._shot, self._judged_by = shot, judged_by
         zero, _ = time_zero(shot)
         self.stack.notes.describe(self.velocity, NoteAxes("velocity", zero, 1e3))
@@ -66,7 +66,7 @@ class MotionView(QObject):
         self._mark_events(zero)
 
     def choose(self, contact_only: bool) -> None:
-        """Choose what ``reset`` of the plots shows, the first contact only or the whole shot."""
+        """Set the time range to which the plots reset: the first contact or the whole shot."""
         shot = self._shot
         if shot is not None and shot.motion is not None:
             begin_s, end_s = shot.motion.time_s[[0, -1]] - time_zero(shot)[0]
@@ -83,7 +83,7 @@ class MotionView(QObject):
             self.band_words = ""
             self._residual.clear_samples()
             self._band.show_band(0.0, 1.0, np.empty(0))
-            self.residual.name_value("residual", unit)  # neither unit nor scale of the shot before
+            self.residual.name_value("residual", unit)  # removes the previous shot's unit and scale
             self.residual.view.setYRange(-1.0, 1.0, padding=0)
             return
         band, self.band_words = judged_band(shot, self._judged_by)
@@ -98,7 +98,7 @@ class MotionView(QObject):
         self.residual.free_y()
 
     def _choose_residual(self) -> None:
-        """Choose the residual that exceeds its band most; where none does, that of the force."""
+        """Select the residual that exceeds its band most; if none is significant, that of the force."""
         shot = self._shot
         if shot is None or shot.motion is None or shot.fit is None or not shot.fit.shots:
             return
@@ -125,7 +125,7 @@ class MotionView(QObject):
 
     @Slot(float)
     def _zoom_on_bounce(self, at_ms: float) -> None:
-        """Zoom to the bounce that was clicked on."""
+        """Zoom to the clicked bounce."""
         if self._shot is None or self._shot.impact is None:
             return
         zero, _ = time_zero(self._shot)
@@ -138,7 +138,7 @@ class MotionView(QObject):
 
 
 def _residual_of(motion: Motion, fit: Fit, kind: str, band: NoiseBand) -> tuple[Floats, Floats]:
-    """Return the residual of displacement, velocity or force, and its band's standard deviation, each (n,)."""
+    """Return the residual of displacement, velocity or force, and the standard deviation of its band, each (n,)."""
     overlay = fit.shots[0].overlay
     if kind == "displacement":
         return fit.shots[0].residual_m, band.displacement_m
@@ -148,7 +148,7 @@ def _residual_of(motion: Motion, fit: Fit, kind: str, band: NoiseBand) -> tuple[
 
 
 def _size(rest: Floats, std: Floats) -> float:
-    """Return the rms of a residual in units of its band's standard deviation."""
+    """Return the rms of a residual divided by its band's standard deviation."""
     seen = np.isfinite(rest) & np.isfinite(std) & (std > 0.0)
     return float(np.sqrt(np.mean((rest[seen] / std[seen]) ** 2))) if seen.any() else 0.0
 
@@ -158,7 +158,7 @@ def _overlay_of(shot: Shot) -> Overlay | None:
 
 
 def _show(curve: SampledCurve, shot: Shot, source: Motion | Overlay | None, quantity: str) -> None:
-    """Show a quantity of a shot's motion, or of its fitted model at the same times; nothing without a source."""
+    """Show a quantity of a shot's motion or of its fitted model, at the same times; clear it without a source."""
     if source is None:
         curve.clear_samples()
     else:
@@ -166,7 +166,7 @@ def _show(curve: SampledCurve, shot: Shot, source: Motion | Overlay | None, quan
 
 
 class GapView:
-    """The gap in the fitted model (the paper's Fig. 7), as the plate is not measured, and the force below it."""
+    """The gap between block and plate (the paper's Fig. 7), which only the fitted model gives, and the force below."""
 
     def __init__(self, parent: QWidget) -> None:
         self.stack = TimeStack("Gap between block and plate", parent)
@@ -194,9 +194,9 @@ SLOPE = Look("residual", Qt.PenStyle.DashLine)
 
 
 class DeflectionView(PlainPlot):
-    """Force in N against deflection in mm from first touch, positive into the plate.
+    """Plot of force in N against deflection in mm from first touch, positive into the plate.
 
-    Loading and unloading are separate curves, so that the cursors give the slope of each.
+    Loading and unloading are separate curves, so that the cursors read the slope of each.
     """
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -232,7 +232,7 @@ class DeflectionView(PlainPlot):
 
 
 def _show_branches(curves: list[PointCurve], deflection: Floats, force: Floats) -> None:
-    """Split the contact into loading and unloading at the greatest deflection."""
+    """Show loading and unloading, split at the greatest deflection, as two curves."""
     if not np.isfinite(deflection).any():
         return
     turn = int(np.nanargmax(deflection))

@@ -1,4 +1,4 @@
-"""The raw channels of a shot in volts, with the extremes at every zoom."""
+"""Plots of a shot's raw channels in volts; decimation keeps the extremes at every zoom."""
 
 from dataclasses import dataclass
 
@@ -15,14 +15,14 @@ from app.words import CHANNEL_NAMES, number
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RawCurves:
-    """Each channel of a recording in volts, with its extremes at every zoom."""
+    """Each channel of a recording in volts, with its pyramid of extremes."""
 
     recording: Recording
     volts: dict[Role, Pyramid]
 
 
 def curves_of(recording: Recording) -> RawCurves:
-    """Return the curves of a recording; cost: two passes over its samples, 0.1 s for 5 M of them and three channels."""
+    """Return the curves of a recording; cost: two passes over its samples, 0.1 s for 5 M samples of three channels."""
     volts = {}
     for role in CHANNEL_NAMES:
         index = recording.column(role)
@@ -35,7 +35,7 @@ def curves_of(recording: Recording) -> RawCurves:
 
 
 def trigger_level_v(recording: Recording) -> float | None:
-    """Return the light switch's level in V at the trigger, between its sample and the one before; None without one."""
+    """Return the light switch's voltage at the trigger, the mean of its sample and the one before; None if unknown."""
     at, column = recording.trigger_sample, recording.column(Role.SWITCH)
     if at is None or column is None or not 0 < at < recording.samples:
         return None
@@ -45,7 +45,7 @@ def trigger_level_v(recording: Recording) -> float | None:
 
 
 class RawView:
-    """Three linked plots; a channel that the recording lacks is hidden."""
+    """Three linked plots of the raw channels; missing channels are hidden."""
 
     def __init__(self, parent: QWidget) -> None:
         self.stack = TimeStack("Raw signals", parent)
@@ -57,7 +57,7 @@ class RawView:
         self.has_samples = False
 
     def show_recording(self, recording: Recording | None, zero_s: float) -> None:
-        """Set the recording; its curves are made in a job once the view is shown (``wanted``)."""
+        """Set the recording; a job makes its curves once the view is shown (see ``wanted``)."""
         self._recording, self._zero = recording, zero_s
         if recording is not None:
             left = -1e3 * zero_s
@@ -69,11 +69,11 @@ class RawView:
 
     @property
     def wanted(self) -> Recording | None:
-        """Get the recording whose curves are not made yet, or None."""
+        """Get the recording if its curves are still to be made, else None."""
         return self._recording if self.has_samples and not self._drawn else None
 
     def show_curves(self, curves: RawCurves) -> bool:
-        """Show the curves of the recording; return False for those of another one."""
+        """Show the curves if they belong to the set recording; return whether they do."""
         if curves.recording is not self._recording:
             return False
         self._drawn = True

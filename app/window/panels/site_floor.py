@@ -1,4 +1,4 @@
-"""Site vibration on LIVE: third-octaves with the vibration criteria, spectral lines, expected u(COR)."""
+"""Site vibration on the LIVE page: third-octave spectrum with vibration criteria, spectral lines, expected u(COR)."""
 
 import numpy as np
 import pyqtgraph as pg
@@ -22,7 +22,7 @@ NO_FLOOR = "Site vibration: let the block rest for a second or two."
 
 
 def line_words(floor: SiteFloor) -> list[str]:
-    """Return the strongest spectral lines with their probable cause."""
+    """Return the strongest spectral lines with their probable causes, one text per line."""
     strongest = sorted(floor.lines, key=lambda line: -line.amplitude_m * line.frequency_hz)[:MOST_LINES]
     return [
         f"{local(f'{line.frequency_hz:.2f}')} Hz  {with_prefix(line.amplitude_m, 'm')}  {line.cause}"
@@ -31,13 +31,13 @@ def line_words(floor: SiteFloor) -> list[str]:
 
 
 def floor_words(floor: SiteFloor) -> str:
-    """Return criterion and expected u(COR) in one line."""
+    """Return the vibration criterion met and the expected u(COR) in one line."""
     meets = f"meets {floor.criterion}" if floor.criterion else "meets no criterion"
     return local_words(f"Floor of the site {meets}. Expected now: u(COR) {floor.cor_std:.1g}")
 
 
 class SiteFloorPanel(Dressed, QWidget):
-    """A plot of third-octaves and words; shows the last floor until there is another."""
+    """The third-octave plot and its summary; the last floor vibration stays until a new one is measured."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -76,7 +76,7 @@ class SiteFloorPanel(Dressed, QWidget):
             label.setColor(colours.faint)
 
     def show_floor(self, floor: SiteFloor | None) -> None:
-        """Show a floor; None: none was read yet."""
+        """Show a measured floor vibration; None: nothing measured yet."""
         if floor is self._shown:
             return
         self._shown = floor
@@ -96,6 +96,6 @@ class SiteFloorPanel(Dressed, QWidget):
         self.advice.setText("\n".join(f"{sentence}." for sentence in floor.advice))
 
     def _show_levels(self, level: NDArray[np.float64]) -> None:
-        """Show the range of the criteria and of these levels in µm/s, (k,)."""
+        """Set the plot's range to contain the criteria and these levels in µm/s, (k,)."""
         levels = [*level, *(UM_PER_S * CRITERIA_M_PER_S[name] for name in (SHOWN[0], SHOWN[-1]))]
         self.plot.show_range((float(CENTRES_HZ[0]), float(CENTRES_HZ[-1])), (min(levels) / 1.6, 1.6 * max(levels)))

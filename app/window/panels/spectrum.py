@@ -1,4 +1,4 @@
-"""SPECTRUM: the spectra of the beats, and the spectrogram of PD1."""
+"""SPECTRUM page: spectra of the beats, and the spectrogram of PD1."""
 
 import numpy as np
 import pyqtgraph as pg
@@ -22,7 +22,7 @@ LEGEND = [("PD0, at rest", LOOKS[Role.REFERENCE]), ("PD1, moving", LOOKS[Role.ME
 
 
 class SpectrumPanel(QWidget):
-    """Spectrum above, spectrogram of PD1 below."""
+    """The SPECTRUM page: spectra above, spectrogram of PD1 below."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -50,7 +50,7 @@ class SpectrumPanel(QWidget):
         self.show_spectra(None)
 
     def show_spectra(self, spectra: Spectra | None, shot: Shot | None = None, words: str = "") -> None:
-        """Show the spectra of a shot under the name ``words``, or that there are none."""
+        """Show the spectra of a shot with the title ``words``; None: say that there are none."""
         for plot in self.plots:
             plot.tell((shot,) if spectra is not None else (), words)
         if spectra is None or not spectra.power_db:

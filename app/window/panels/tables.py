@@ -1,4 +1,4 @@
-"""BUDGET and PAPER: tables whose rows unfold into the sources of an uncertainty, or the cause of a difference."""
+"""BUDGET and PAPER pages: tables whose rows expand into sources of uncertainty or causes of a difference."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ from app.words import DASH, cell, concise_text, local, number, value_text
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A row: cells, hover, parts; ``colour`` is that of the last cell.  A single cell spans all columns."""
+    """A table row: cells, tooltip, child rows; ``colour`` is that of the last cell.  A single cell spans all columns."""
 
     cells: tuple[str, ...]
     hover: str = ""
@@ -35,7 +35,7 @@ class Line:
 
 
 class TreeTable(QTreeWidget):
-    """The table; columns in ``right`` hold numbers and are aligned right."""
+    """A table with expandable rows; the columns in ``right`` contain numbers and are aligned right."""
 
     def __init__(self, name: str, columns: Sequence[str], right: Sequence[int], parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -46,7 +46,7 @@ class TreeTable(QTreeWidget):
         self.setAlternatingRowColors(True)
         self.setUniformRowHeights(True)
         self._right = tuple(right)
-        header = self.header()  # the first column takes what the others leave, so that nothing lies beyond the edge
+        header = self.header()  # the first column takes the remaining width, so that no column is out of view
         header.setStretchLastSection(False)
         header.setMinimumSectionSize(4 * self.fontMetrics().horizontalAdvance("M"))
         header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
@@ -61,7 +61,7 @@ class TreeTable(QTreeWidget):
         self.setContextMenuPolicy(Qt.ContextMenuPolicy.ActionsContextMenu)
 
     def show_lines(self, lines: Sequence[Line]) -> None:
-        """Show these rows; one that was unfolded stays so."""
+        """Show these rows; rows expanded before stay expanded."""
         open_before = {item.text(0) for item in self._top_items() if item.isExpanded()}
         self.clear()
         self.addTopLevelItems([self._item(line) for line in lines])
@@ -74,7 +74,7 @@ class TreeTable(QTreeWidget):
         self.fit_columns()
 
     def fit_columns(self) -> None:
-        """Fit the columns except the first to their widest text."""
+        """Fit all columns but the first to their widest text."""
         for column in range(1, self.columnCount()):
             self.resizeColumnToContents(column)
         self._fit_first()
@@ -84,7 +84,7 @@ class TreeTable(QTreeWidget):
         self._fit_first()
 
     def _fit_first(self) -> None:
-        """Give the first column the remaining width, at least that of its text."""
+        """Give the first column the remaining width, at least the width of its text."""
         others = sum(self.columnWidth(column) for column in range(1, self.columnCount()))
         needed = max(self.sizeHintForColumn(0), self.header().sectionSizeHint(0))
         mode = QHeaderView.ResizeMode
@@ -97,7 +97,7 @@ class TreeTable(QTreeWidget):
         QGuiApplication.clipboard().setText(self.selected_text())
 
     def selected_text(self) -> str:
-        """Return the selected rows as text for a spreadsheet, cells separated by tabs."""
+        """Return the selected rows as tab-separated text, safe for spreadsheets."""
         lines = []
         walk = QTreeWidgetItemIterator(self, QTreeWidgetItemIterator.IteratorFlag.Selected)
         while (item := walk.value()) is not None:
@@ -136,7 +136,7 @@ STATED = "combined standard uncertainty"
 
 
 class BudgetPanel(QWidget):
-    """The budget of one shot; other shots give the repeatability."""
+    """The BUDGET page: uncertainty budget of one shot; other selected shots give the repeatability."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -148,7 +148,7 @@ class BudgetPanel(QWidget):
         self.show_shot(None)
 
     def show_shot(self, shot: Shot | None, others: Sequence[Shot] = ()) -> None:
-        """Show a shot's budget, or why there is none."""
+        """Show a shot's budget, or say why there is none."""
         found = None if shot is None else budget(shot, others=others)
         if found is None or not found.quantities:
             self._say.setText("No shot yet." if shot is None else f"No budget: {shot.problem or 'no impact was read'}.")
@@ -190,7 +190,7 @@ _TONES = {Status.AGREES: Tone.GOOD, Status.TRACED: Tone.GOOD, Status.OPEN: Tone.
 
 
 class PaperPanel(Dressed, QWidget):
-    """The table of the comparison."""
+    """The PAPER page: the comparison with the paper's numbers."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -198,7 +198,7 @@ class PaperPanel(Dressed, QWidget):
         column = vertical(self, (6, 6, 6, 6))
         self.said = text_label("", self, wrap=True)
         self.table = TreeTable("The paper, reproduced and audited", PAPER_COLUMNS, (1, 2, 3, 4, 5), self)
-        self.table.header().moveSection(PAPER_COLUMNS.index("difference"), 1)  # visible also where the page is narrow
+        self.table.header().moveSection(PAPER_COLUMNS.index("difference"), 1)  # visible even on a narrow page
         column.addWidget(self.said)
         column.addWidget(self.table, 1)
 
@@ -208,7 +208,7 @@ class PaperPanel(Dressed, QWidget):
             self.show_reproduction(self._result)
 
     def show_reproduction(self, result: Reproduction) -> None:
-        """Show the comparison, a line per section."""
+        """Show the comparison, with an expanded row for each section."""
         self._result = result
         count = {status: sum(row.status is status for row in result.rows) for status in Status}
         recording = f" Recording: {result.recording}." if result.recording else ""

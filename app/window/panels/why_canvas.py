@@ -1,6 +1,6 @@
-"""The residuals of all shots before and after, and what the hovered candidate would explain.
+"""Residuals of all shots before and after a diagnosis, overlaid with the hovered candidate's contribution.
 
-A button shows the residuals under the best two candidates side by side.
+A button shows the residuals with the best and the second-best candidate side by side.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,20 +21,20 @@ from app.window.theme import Colours, Dressed, Tone
 from app.window.widgets import push_button, text_label, vertical
 from app.words import joined, number, short_name, tag
 
-BESIDE_SHOTS = 4  # whose two remainders stand side by side
+BESIDE_SHOTS = 4  # most shots in the comparison of two candidates
 
 
 def explained(left_m: Floats, curve_m: Floats) -> Overlay:
-    """Return the overlay of a residual, shape (n,), by a curve of means over equal parts of its record, shape (k,)."""
+    """Return the overlay of a residual (n,) from a curve (k,) of its means over k equal parts of the record."""
     middles = (np.arange(curve_m.size) + 0.5) * (left_m.size / max(1, curve_m.size)) - 0.5
     signature_m = np.interp(np.arange(left_m.size), middles, curve_m)
     return Overlay(signature_m, left_m - signature_m)
 
 
 class WhyCanvas(Dressed, QWidget):
-    """Heading, canvas, and the button that puts two remainders side by side; candidates stand to its left."""
+    """The grid of residuals, its heading, and the button that compares the best two candidates."""
 
-    pointed = Signal(object)  # the effect of a candidate
+    pointed = Signal(object)  # effect of the hovered candidate
 
     def __init__(self, bars: CandidateBars, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -64,7 +64,7 @@ class WhyCanvas(Dressed, QWidget):
         self._draw()
 
     def show_diagnosis(self, diagnosis: Diagnosis | None, shots: list[Shot], accepted: bool) -> None:
-        """Show the residuals of all shots; ``accepted``: what was found is in the model, so after is what there is."""
+        """Show the residuals of all shots; ``accepted``: the effects found are in the model, so show only "after"."""
         if diagnosis is not self._diagnosis:
             self._found, self._effect = {}, None
             self.neighbour.setChecked(False)
@@ -72,20 +72,20 @@ class WhyCanvas(Dressed, QWidget):
         self._draw()
 
     def show_found(self, found: Mapping[Effect, Remainder]) -> None:
-        """Take the candidates' remainders, as far as they are there."""
+        """Set the residuals of the candidates fitted so far."""
         self._found = dict(found)
         self._draw()
 
     @Slot(object)
     def point_at(self, effect: Effect | None) -> None:
-        """Lay over the canvas what a candidate would explain; None takes it away."""
+        """Overlay what a candidate would explain; None removes the overlay."""
         self._effect = effect
         if effect is not None:
             self.pointed.emit(effect)
         self._draw_overlay()
 
     def _pair(self) -> tuple[Remainder, Remainder] | None:
-        """Return the remainders of the best candidate and of its neighbour, once both are there."""
+        """Return the residuals of the two best fitted candidates, or None until two are fitted."""
         if self._diagnosis is None:
             return None
         ranked = [self._found.get(candidate.effect) for candidate in by_evidence(self._diagnosis.candidates)]
@@ -140,9 +140,9 @@ class WhyCanvas(Dressed, QWidget):
         self.said.setText(f"Joint χ²/ν {chi2[0]} with {names[0]}, {chi2[1]} with {names[1]}")
 
     def _explained(self, found: Diagnosis, effect: Effect) -> tuple[Sequence[Overlay | None], str]:
-        """Return what a candidate would explain of each shot, and the line that says so.
+        """Return the overlay of each shot for a candidate, and the sentence below the grid.
 
-        Its own fit to all shots gives it; until that is there, the curve that came with the diagnosis.
+        The overlay comes from the candidate's joint fit or, until that has finished, from the diagnosis's own curve.
         """
         remainder = self._found.get(effect)
         candidate = next((one for one in found.candidates if one.effect == effect), None)

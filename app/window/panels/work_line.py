@@ -1,4 +1,4 @@
-"""The status line: messages, which stay until dismissed, their list, progress of the work, and buttons."""
+"""The status line: messages that stay until dismissed, their list, progress of jobs, and buttons."""
 
 import math
 import time
@@ -16,20 +16,20 @@ from app.window.theme import MARKS, Colours, Dressed, Tone
 from app.window.widgets import Sheet, horizontal, hover_text, keep_place, push_button, set_tone, text_label
 
 KEPT = 20
-LISTED = 200  # messages that the list keeps
+LISTED = 200  # most messages in the list
 AGED_EVERY_MS = 20_000
 
 
 @dataclass(slots=True, eq=False)
 class Notice:
-    """A message with its tone and, where something can be done, a button's label and action."""
+    """A message with its tone and, optionally, a button's label and action."""
 
     words: str
     tone: Tone
     label: str = ""
     do: Callable[[], object] | None = None
-    declined: Callable[[], object] | None = None  # called where it is dismissed
-    shown_s: float = 0.0  # when it was last shown
+    declined: Callable[[], object] | None = None  # called if the message is dismissed
+    shown_s: float = 0.0  # monotonic time at which it was last shown
 
 
 class NoticeLine(QFrame):
@@ -63,13 +63,13 @@ class NoticeLine(QFrame):
         return self._notices[-1].words if self._notices else ""
 
     def say(self, words: str, tone: Tone) -> None:
-        """Show a message; the same message twice in a row is shown once."""
+        """Show a message; a repetition of the newest message is shown once."""
         self._add(Notice(words, tone))
 
     def offer(
         self, words: str, label: str, do: Callable[[], object], declined: Callable[[], object] | None = None
     ) -> None:
-        """Show a message with a button; ``declined`` is called where it is dismissed."""
+        """Show a message with a button; ``declined`` is called if the message is dismissed."""
         self._add(Notice(words, Tone.WARNING, label, do, declined))
 
     def _add(self, notice: Notice) -> None:
@@ -88,7 +88,7 @@ class NoticeLine(QFrame):
             self._refresh()
 
     def _age(self) -> str:
-        """Return the age of the newest message, from a minute on."""
+        """Return the age of the newest message, "" below one minute."""
         minutes = int((time.monotonic() - self._notices[-1].shown_s) / 60)
         if minutes < 1:
             return ""
@@ -130,7 +130,7 @@ class NoticeLine(QFrame):
 
 
 class NoticeList(Dressed, Sheet):
-    """The list of all messages of this run."""
+    """The list of all messages of this run, newest first."""
 
     def __init__(self, notices: NoticeLine, parent: QWidget | None = None) -> None:
         super().__init__("Messages", parent)
@@ -173,7 +173,7 @@ class NoticeList(Dressed, Sheet):
 
 
 def _remaining(job: Job) -> str:
-    """Return the estimated remaining time of a job, "" while it is not known."""
+    """Return the estimated remaining time of a job, "" while it is unknown."""
     left_s = job.remaining_s()
     if left_s is None:
         return ""
@@ -181,7 +181,7 @@ def _remaining(job: Job) -> str:
 
 
 class WorkLine(QWidget):
-    """Messages, progress, and the buttons for set-up, settings and keys."""
+    """The status line: messages, progress, and the buttons for set-up, settings and keys."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -195,7 +195,7 @@ class WorkLine(QWidget):
         self.progress.setAccessibleName("Work under way")
         self.cancel = push_button("Cancel", "Cancel all background work", self)
         keep_place(self.cancel)
-        for widget in (self.progress, self.cancel):  # without work the messages use their room
+        for widget in (self.progress, self.cancel):  # without jobs the messages get their space
             widget.hide()
         self.settings = push_button("Settings", "Mass, air, wavelength, bandwidth, trigger, folders  (F2)", self)
         self.setup = push_button("Set-up", "Find devices, permission, check the signals before arming  (F3)", self)
@@ -206,7 +206,7 @@ class WorkLine(QWidget):
             row.addWidget(widget)
 
     def show_work(self, jobs: Jobs, rig_doing: str | None, rig_share: float | None) -> None:
-        """Show the job that runs, else what the rig does."""
+        """Show the running job, else the rig's activity."""
         job = jobs.current
         busy = job is not None or rig_doing is not None
         if self.progress.isHidden() == busy:
@@ -222,7 +222,7 @@ class WorkLine(QWidget):
             self._show(rig_doing, "", rig_share or 0.0)
 
     def _show(self, doing: str, left: str, share: float) -> None:
-        """Show what is done and what is left of it, which is never cut."""
+        """Show the job and its remaining time; only the job's name is shortened."""
         metrics = self.fontMetrics()
         room = self.progress.width() - metrics.horizontalAdvance("M") - metrics.horizontalAdvance(left)
         words = f"{doing}{left}"

@@ -25,7 +25,7 @@ from app.words import DASH, cell, concise_text, local, number, value_text
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A table row: cells, tooltip, child rows; ``colour`` is that of the last cell.  A single cell spans all columns."""
+    """A table row: cells, tooltip, child rows, colour of the last cell.  A single cell spans all columns."""
 
     cells: tuple[str, ...]
     hover: str = ""

@@ -1,1 +1,1 @@
-"""Plots of the window: decimation without losing a peak, linked time axes, cursors, export."""
+"""Plots of the window: decimation that keeps all peaks, linked time axes, cursors, export."""

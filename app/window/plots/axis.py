@@ -1,4 +1,4 @@
-"""An axis whose label is never cut, whose numbers never overlap, and whose grid has one line per number."""
+"""A plot axis without cut labels or overlapping numbers, and with a sparse grid."""
 
 import math
 from typing import Any
@@ -14,15 +14,15 @@ BEHIND = -1000
 
 
 def _round_up(distance: float) -> float:
-    """Return the least of 1, 2, 5, 10, 20 ... that is not below a distance."""
+    """Round a distance up to the next of 1, 2, 5, 10, 20 ..."""
     decade = 10.0 ** math.floor(math.log10(max(distance, 1e-300)))
     return next(step * decade for step in (1.0, 2.0, 5.0, 10.0) if step * decade >= distance * (1.0 - 1e-9))
 
 
 class PlainAxis(pg.AxisItem):
-    """The axis; finer ticks may have numbers, but no lines."""
+    """The axis; only its coarsest ticks have grid lines."""
 
-    fitted = Signal(bool)  # whether the whole label is shown
+    fitted = Signal(bool)  # True: the whole label is shown
 
     def __init__(self, orientation: str) -> None:
         self._whole = self._label_shown = ""
@@ -34,7 +34,7 @@ class PlainAxis(pg.AxisItem):
         self._later.setParent(self)
         self._later.timeout.connect(self._fit_label)
         self._grid_pen = pg.mkPen("#e4e8ed")
-        # drawn when it changes and copied otherwise: most pictures of LIVE show the same axis
+        # redrawn only when it changes: most frames of LIVE show the same axis
         self.setCacheMode(pg.GraphicsObject.CacheMode.DeviceCoordinateCache)
 
     def dress(self, line: str, text: str, grid: str) -> None:
@@ -45,15 +45,15 @@ class PlainAxis(pg.AxisItem):
         self.setZValue(BEHIND)
 
     def resizeEvent(self, ev: Any = None) -> None:
-        """Fit the label after the event: changing it while it is drawn crashes Qt."""
+        """Fit the label after this event, because Qt crashes if the label changes while it is drawn."""
         super().resizeEvent(ev)
         self._later.start()
 
     @Slot()
     def _fit_label(self) -> None:
-        """Show the whole label, only its unit, or nothing, so that it is never cut.
+        """Show the whole label if it fits, else only the unit, else nothing.
 
-        A value axis does not show its unit alone ("V" on its side reads as ">"); the plot shows the name instead.
+        A vertical axis never shows its unit alone ("V" on its side reads as ">"); the plot then shows a caption.
         """
         if not self._whole:
             return
@@ -75,17 +75,17 @@ class PlainAxis(pg.AxisItem):
         self.fitted.emit(text == self._whole)
 
     def share_labels(self, others: "list[PlainAxis]") -> None:
-        """Join the axes in ``others``: all of them show their whole label, or none does."""
+        """Join the group of axes ``others``, which show their whole labels only if all labels fit."""
         others.append(self)
         self._group = others
 
     def setLabel(self, text: str | None = None, *args: Any, **kwargs: Any) -> None:
         self._whole = self._label_shown = text or ""
         super().setLabel(text, *args, **kwargs)
-        self._fit_label()  # at once, so that it is never drawn cut
+        self._fit_label()  # fitted at once, so that a cut label is never drawn
 
     def generateDrawSpecs(self, p: QPainter) -> Any:
-        """Keep only the lines of the coarsest ticks."""
+        """Keep only the grid lines of the coarsest ticks."""
         specs = super().generateDrawSpecs(p)
         if specs is None or not specs[1]:
             return specs
@@ -95,7 +95,7 @@ class PlainAxis(pg.AxisItem):
         return axis, kept, texts
 
     def tickSpacing(self, minVal: float, maxVal: float, size: float) -> list[tuple[float, float]]:
-        """Return the spacings of ticks at which their numbers do not overlap."""
+        """Return only tick spacings at which the numbers do not overlap."""
         found: list[tuple[float, float]] = super().tickSpacing(minVal, maxVal, size)
         if not found or size <= 0.0 or self.logMode:
             return found
@@ -103,7 +103,7 @@ class PlainAxis(pg.AxisItem):
 
         def least(spacing: float) -> float:
             room = metrics.height()
-            if self.orientation != "left":  # the wider of both ends, and a gap
+            if self.orientation != "left":  # the wider of the numbers at both ends, plus a gap
                 ends = self.tickStrings([minVal, maxVal], self.autoSIPrefixScale, spacing)
                 room = max(map(metrics.horizontalAdvance, ends)) + metrics.horizontalAdvance("0")
             return room * abs(maxVal - minVal) / size
@@ -111,10 +111,10 @@ class PlainAxis(pg.AxisItem):
         kept = [(spacing, offset) for spacing, offset in found if spacing >= least(spacing)]
         if kept or self.orientation == "left":
             return kept or [(_round_up(least(found[0][0])), 0.0)]
-        spacing = found[0][0]  # every so many of these, one of them in the middle
+        spacing = found[0][0]  # use a multiple of this spacing, with a tick near the middle
         middle = round(0.5 * (minVal + maxVal) / spacing) * spacing
         return [(math.ceil(least(spacing) / spacing) * spacing, middle)]
 
     def tickStrings(self, values: list[float], scale: float, spacing: float) -> list[str]:
-        """Return the ticks in the system's decimal format."""
+        """Return the tick numbers in the system's decimal format."""
         return [local(text) for text in super().tickStrings(values, scale, spacing)]

@@ -1,4 +1,4 @@
-"""Two cursors in linked plots, the readings between them, and the table of these below a plot."""
+"""Two cursors in linked plots, statistics of the curves between them, and the table of these below a plot."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class CursorAxis:
-    """The x axis of the cursors: its unit, and the unit of x in slopes, of which one axis unit is ``scale``."""
+    """The x axis of the cursors: its unit, and the unit ``per`` of x in slopes; 1 ``unit`` = ``scale`` ``per``."""
 
     unit: str
     per: str
     scale: float = 1.0
-    inverse: str = ""  # unit of 1/(B - A), where that is useful
+    inverse: str = ""  # unit of 1/(B - A); "": not shown
     logarithmic: bool = False  # x of the plot is the logarithm of the value
 
     def value(self, place: float) -> float:
-        """Return the value, in the axis' unit, at an x of the plot."""
+        """Return the value in the axis' unit at a position x in the plot."""
         return float(10.0**place) if self.logarithmic else place
 
     @property
@@ -47,7 +47,7 @@ DISTANCE = CursorAxis("mm", "m", 1e-3)
 
 @dataclass(frozen=True, slots=True)
 class Between:
-    """The readings of one curve between the cursors, in its unit; NaN without samples."""
+    """Statistics of one curve between the cursors, in its unit; NaN without samples."""
 
     name: str
     unit: str
@@ -56,16 +56,16 @@ class Between:
     mean: float
     rms: float  # about zero
     deviation: float  # about the mean
-    slope: float  # least squares over the samples between, per unit of x
+    slope: float  # least-squares slope per unit of x
 
     @property
     def difference(self) -> float:
-        """Get value at B minus value at A."""
+        """Get the value at B minus the value at A."""
         return self.at_b - self.at_a
 
 
 def between(name: str, unit: str, x: Floats, values: Floats, at_a: float, at_b: float) -> Between:
-    """Return the readings of samples (n,) at x (n,), without those that are NaN; the slope is per unit of x."""
+    """Return the statistics of samples (n,) at x (n,), ignoring NaN; the slope is per unit of x."""
     seen = np.isfinite(values) & np.isfinite(x)
     x, y = x[seen], values[seen].astype(np.float64)
     if len(y) == 0:
@@ -79,7 +79,7 @@ def between(name: str, unit: str, x: Floats, values: Floats, at_a: float, at_b: 
 
 
 class Cursors(QObject):
-    """Cursors A and B at the same x in every plot of a view; their lines are made when first shown."""
+    """Cursors A and B at the same x in all plots of a view; their lines are made when first shown."""
 
     moved = Signal()
 
@@ -93,7 +93,7 @@ class Cursors(QObject):
         self._following = False
 
     def _draw(self) -> None:
-        """Make the missing lines; only those in the first plot have a name."""
+        """Make missing lines; only those in the first plot are labelled."""
         for name, lines in self._lines.items():
             for plot in self._view.plots[len(lines) :]:
                 named = {"label": name, "labelOpts": {"position": 0.94, "movable": False}} if not lines else {}
@@ -105,7 +105,7 @@ class Cursors(QObject):
         self.dress()
 
     def dress(self) -> None:
-        """Set the colours of the view; A is solid, B dashed."""
+        """Apply the view's colours; A is solid, B dashed."""
         colours = self._view.colours
         full, dashed = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
         for name, colour, dash in (("A", colours.cursor_a, full), ("B", colours.cursor_b, dashed)):
@@ -117,7 +117,7 @@ class Cursors(QObject):
 
     @property
     def places(self) -> tuple[float, float]:
-        """Get the places of A and B in the axis' unit."""
+        """Get the positions of A and B in the plot's x."""
         return self._at["A"], self._at["B"]
 
     def place(self, a: float, b: float) -> None:
@@ -128,7 +128,7 @@ class Cursors(QObject):
         self._set(name, self._at[name] + by)
 
     def show(self, shown: bool, left: float, right: float) -> None:
-        """Show or hide the cursors; when shown they are at one and two thirds of the view."""
+        """Show the cursors at one and two thirds of the range left to right, or hide them."""
         self.shown = shown
         if shown:
             self._draw()
@@ -153,7 +153,7 @@ class Cursors(QObject):
         self._set(name, float(line.value()))
 
     def measures(self) -> list[Between]:
-        """Return the readings of every visible curve."""
+        """Return the statistics of every visible curve."""
         a, b = self.places
         left, right = min(a, b), max(a, b)
         found = []
@@ -171,7 +171,7 @@ class Cursors(QObject):
         return between(name, plot.unit, scaled, np.asarray(values, float), curve.value_at(a), curve.value_at(b))
 
     def text(self) -> str:
-        """Return all readings as tab-separated text, with "." as the decimal sign."""
+        """Return all statistics as tab-separated text, with "." as the decimal sign."""
         a, b = map(self.axis.value, self.places)
         unit, per = self.axis.unit, self.axis.per
         rows = [
@@ -184,12 +184,12 @@ class Cursors(QObject):
         return "\n".join(rows)
 
 
-GAP = "\u00a0 \u00a0"  # between the places of A and B
-LOW_LINES = 40  # of text: in a lower window the table is only shown on hovering
+GAP = "\u00a0 \u00a0"  # between the positions of A and B
+LOW_LINES = 40  # height in lines of text below which a window shows the table only as a tooltip
 
 
 class CursorReadout(QFrame):
-    """The table of one plot; hidden while cursors or plot are."""
+    """The cursor table of one plot; hidden while the cursors or the plot are hidden."""
 
     def __init__(self, plot: "PlotView", parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -207,7 +207,7 @@ class CursorReadout(QFrame):
 
     @Slot()
     def refresh(self) -> None:
-        """Show the present readings."""
+        """Update the table."""
         shown = self._cursors.shown and not self._plot.isHidden()
         if self.isHidden() == shown:
             self.setVisible(shown)
@@ -236,5 +236,5 @@ class CursorReadout(QFrame):
 
 
 def _right(text: str) -> Markup:
-    """Return a cell aligned right."""
+    """Return a right-aligned cell."""
     return tag("td", text, align="right", style="padding: 0 9px")

@@ -1,4 +1,4 @@
-"""Curves of uniform samples, which draw at most two points per pixel, and of single points; noise bands."""
+"""Curves of uniform samples, drawn with at most two points per pixel; curves of arbitrary points; noise bands."""
 
 import numpy as np
 import pyqtgraph as pg
@@ -14,7 +14,7 @@ from app.window.theme import Colours
 class SampledCurve(ColumnCurve):
     """A curve of uniform samples.
 
-    The samples are not copied or decimated; their pyramid gives what is drawn at each change of the view.
+    The samples are stored unchanged; at each change of the view their pyramid supplies the points to draw.
     """
 
     def __init__(self, label: str, look: Look) -> None:
@@ -31,11 +31,11 @@ class SampledCurve(ColumnCurve):
 
     @property
     def grid(self) -> tuple[float, float]:
-        """Get the x of the first sample and the step, in the plot's own x unit."""
+        """Get the x of the first sample and the step, in the plot's x unit."""
         return self._start, self._step
 
     def show_samples(self, start: float, step: float, values: Array | Pyramid) -> None:
-        """Show ``values`` (n,) at x = start + i*step; a Pyramid built elsewhere is used as it is."""
+        """Show ``values`` (n,) at x = start + i*step; a finished Pyramid is used directly."""
         self._pyramid = values if isinstance(values, Pyramid) else Pyramid(values)
         self._start, self._step = start, step
         self.redraw()
@@ -44,7 +44,7 @@ class SampledCurve(ColumnCurve):
         self.show_samples(0.0, 1.0, np.empty(0))
 
     def index_range(self, left: float, right: float) -> tuple[int, int]:
-        """Return the samples (start, stop) that lie between two x."""
+        """Return the index range (start, stop) of the samples between two x."""
         count = len(self._pyramid)
         if count == 0 or not (np.isfinite(left) and np.isfinite(right)):
             return 0, 0
@@ -53,7 +53,7 @@ class SampledCurve(ColumnCurve):
         return first, last
 
     def between(self, left: float, right: float) -> tuple[NDArray[np.floating], Array]:
-        """Return x and values of all samples between two x, undecimated."""
+        """Return x and values of all samples between two x, without decimation."""
         first, last = self.index_range(left, right)
         return self._start + self._step * np.arange(first, last), self._pyramid.values[first:last]
 
@@ -63,7 +63,7 @@ class SampledCurve(ColumnCurve):
         return self._pyramid.extremes(first, last)
 
     def value_at(self, x: float) -> float:
-        """Return the sample nearest to x; NaN outside."""
+        """Return the value of the sample nearest to x; NaN outside the record."""
         count = len(self._pyramid)
         index = round((x - self._start) / self._step) if np.isfinite(x) else -1
         return float(self._pyramid.values[index]) if 0 <= index < count else float("nan")
@@ -72,7 +72,7 @@ class SampledCurve(ColumnCurve):
         self.redraw()
 
     def redraw(self) -> None:
-        """Draw what the present view can show."""
+        """Draw the samples in view, decimated to the view's pixels."""
         view = self.getViewBox()
         if view is None or len(self._pyramid) == 0:
             self.show_line(np.empty(0), np.empty(0))
@@ -86,7 +86,7 @@ class SampledCurve(ColumnCurve):
 
 
 class PointCurve(CrispCurve):
-    """Points in any order of x; without a look they are not drawn, but the cursors read them."""
+    """Points in any order of x; a curve without a look is not drawn, but the cursors read it."""
 
     def __init__(self, label: str, look: Look | None = None) -> None:
         super().__init__(look=look, connect="finite")
@@ -95,7 +95,7 @@ class PointCurve(CrispCurve):
         self._y: Floats = np.empty(0)
 
     def show_points(self, x: Floats, y: Floats) -> None:
-        """Show points (n,) by (n,)."""
+        """Show points with x (n,) and y (n,)."""
         self._x, self._y = x, y
         self.setData(x, y)
 
@@ -105,7 +105,7 @@ class PointCurve(CrispCurve):
         return self._y
 
     def between(self, left: float, right: float) -> tuple[Floats, Floats]:
-        """Return the points between two x, in their own order."""
+        """Return the points between two x, in their stored order."""
         inside = (self._x >= left) & (self._x <= right)
         return self._x[inside], self._y[inside]
 
@@ -116,7 +116,7 @@ class PointCurve(CrispCurve):
         return (float(seen.min()), float(seen.max())) if len(seen) else (float("nan"), float("nan"))
 
     def value_at(self, x: float) -> float:
-        """Return the value of the point nearest in x; NaN outside."""
+        """Return the value of the point nearest in x; NaN outside the points' range."""
         placed = np.isfinite(self._x)
         if not placed.any() or not self._x[placed].min() <= x <= self._x[placed].max():
             return float("nan")
@@ -127,13 +127,13 @@ class PointCurve(CrispCurve):
 
 
 class Band(pg.FillBetweenItem):
-    """An opaque noise band about zero of at most 600 points; its edges are above the curves."""
+    """An opaque noise band about zero, of at most 600 points; its edges are drawn above the curves."""
 
     def __init__(self) -> None:
         self.edges = tuple(CrispCurve(look=Look(BAND.edges, Qt.PenStyle.DashLine)) for _ in ("upper", "lower"))
         super().__init__(*self.edges, pen=pg.mkPen(None))
         self.setZValue(-10)
-        self.typical = float("nan")  # the median half width
+        self.typical = float("nan")  # median half width
         for line in self.edges:
             line.setZValue(10)
 
@@ -141,7 +141,7 @@ class Band(pg.FillBetweenItem):
         self.setBrush(pg.mkBrush(BAND.of(colours)))
 
     def show_band(self, start: float, step: float, half: NDArray[np.float64]) -> None:
-        """Show ±half (n,) at x = start + i*step; a value that is not finite has no width."""
+        """Show the band ±half (n,) at x = start + i*step; non-finite values get zero width."""
         finite = half[np.isfinite(half)]
         self.typical = float(np.median(finite)) if len(finite) else float("nan")
         stride = max(1, len(half) // 300)

@@ -1,4 +1,4 @@
-"""A view box with two axes: pyqtgraph's PlotItem without its menu of 40 widgets, which is not used here."""
+"""A plot with two axes: a light replacement of pyqtgraph's PlotItem, without its menu of 40 widgets."""
 
 from typing import Any, TypeVar
 
@@ -15,31 +15,31 @@ from app.window.theme import LIGHT, Colours
 
 
 class QuietView(pg.ViewBox):
-    """A view box that emits clicks; dragging moves one axis, with Shift it draws a box to zoom to."""
+    """A view box that emits clicks; dragging moves one axis, dragging with Shift zooms to a box."""
 
     clicked = Signal(float, float)
     y_taken = Signal(bool)
-    moved = Signal()  # by hand, perhaps not finished
-    placed = Signal()  # by hand, finished
+    moved = Signal()  # the operator is moving the view
+    placed = Signal()  # the operator has zoomed to a box
 
     def __init__(self) -> None:
         super().__init__(enableMenu=False, defaultPadding=0.0)
         self.disableAutoRange()
 
     def mouseClickEvent(self, event: object) -> None:
-        """Emit a left click in the plot's units."""
+        """Emit the position of a left click in the plot's units."""
         if event.button() == Qt.MouseButton.LeftButton:  # type: ignore[attr-defined]
             point: QPointF = self.mapSceneToView(event.scenePos())  # type: ignore[attr-defined]
             self.clicked.emit(point.x(), point.y())
             event.accept()  # type: ignore[attr-defined]
 
     def wheelEvent(self, event: object, axis: int | None = None) -> None:
-        """Zoom time with the wheel; with Ctrl, or over the left axis, zoom the value."""
+        """Zoom x with the wheel; with Ctrl, or over the left axis, zoom y."""
         super().wheelEvent(event, axis=self._axis_of(event, axis))
         self.moved.emit()
 
     def mouseDragEvent(self, event: object, axis: int | None = None) -> None:
-        """Drag in time; over the left axis, or with Ctrl, drag the value; with Shift draw a box to zoom to."""
+        """Drag along x; over the left axis, or with Ctrl, drag along y; with Shift draw a box to zoom to."""
         if axis is None and event.modifiers() & Qt.KeyboardModifier.ShiftModifier:  # type: ignore[attr-defined]
             self._draw_box(event)
             return
@@ -47,9 +47,9 @@ class QuietView(pg.ViewBox):
         self.moved.emit()
 
     def _axis_of(self, event: object, axis: int | None) -> int:
-        """Return the axis that the mouse moves: 1, the value, over the left axis or with Ctrl; else 0, the time.
+        """Return the axis that the mouse moves: 1 (y) over the left axis or with Ctrl, else 0 (x).
 
-        The value axis then no longer follows its curves.
+        Moving y ends its automatic fit to the curves.
         """
         by_control = event.modifiers() & Qt.KeyboardModifier.ControlModifier  # type: ignore[attr-defined]
         if axis != 1 and not by_control:
@@ -58,7 +58,7 @@ class QuietView(pg.ViewBox):
         return 1
 
     def _draw_box(self, event: Any) -> None:
-        """Draw the box, and zoom to it when the button is released."""
+        """Draw the box while dragging, and zoom to it when the button is released."""
         event.accept()
         if not event.isFinish():
             self.updateScaleBox(event.buttonDownPos(), event.pos())
@@ -68,7 +68,7 @@ class QuietView(pg.ViewBox):
         self.zoom_to(self.childGroup.mapRectFromParent(box.normalized()))
 
     def zoom_to(self, box: QRectF) -> None:
-        """Zoom to a box in the plot's units; one without area is ignored."""
+        """Zoom to a box in the plot's units; a box without area is ignored."""
         if box.width() > 0.0 and box.height() > 0.0:
             self.y_taken.emit(True)
             self.setRange(xRange=(box.left(), box.right()), yRange=(box.top(), box.bottom()), padding=0)
@@ -77,24 +77,24 @@ class QuietView(pg.ViewBox):
 
 Drawn = TypeVar("Drawn", SampledCurve, PointCurve)
 Span = tuple[float, float]
-ViewState = tuple[Span, Span, bool]  # x, y, and whether y was set by hand
-VIEW_AT = (0, 1)  # row and column
+ViewState = tuple[Span, Span, bool]  # x range, y range, whether the operator has set y
+VIEW_AT = (0, 1)  # (row, column) in the layout
 AXES_AT = {"left": (0, 0), "bottom": (1, 1)}
 AXIS_WIDTH = 74  # wide enough for "-0.00025", so that linked plots stay aligned while values change
 
 
 class FramedPlot(pg.GraphicsWidget):
-    """Curves with a bottom and a left axis, the name of their value and its unit.
+    """A plot of curves with a bottom and a left axis, name and unit of its value.
 
-    A PlotItem takes 15 ms to make, more than half of it for its menu: half a second for thirty plots.
+    It replaces PlotItem, which takes 15 ms to make, more than half of it for its menu: 0.5 s for thirty plots.
     """
 
     def __init__(self, title: str, unit: str, axis_kind: type[PlainAxis] = PlainAxis) -> None:
-        view, axes = QuietView(), {side: axis_kind(side) for side in AXES_AT}  # before what holds them
+        view, axes = QuietView(), {side: axis_kind(side) for side in AXES_AT}  # made before their parent
         super().__init__()
         self.colours = LIGHT
         self.view, self._axes = view, axes
-        self.sampled: list[SampledCurve | PointCurve] = []  # what the cursors read
+        self.sampled: list[SampledCurve | PointCurve] = []  # the curves that the cursors read
         grid = QGraphicsGridLayout()
         grid.setContentsMargins(1, 1, 1, 1)
         grid.setSpacing(0)
@@ -118,7 +118,7 @@ class FramedPlot(pg.GraphicsWidget):
         self.getAxis("left").setLabel(words)
 
     def dress(self, colours: Colours) -> None:
-        """Set the colours of axes, grid, curves and bands."""
+        """Apply colours to axes, grid, curves and bands."""
         self.colours = colours
         for axis in self._axes.values():
             axis.dress(colours.edge, colours.text, colours.grid)
@@ -128,19 +128,19 @@ class FramedPlot(pg.GraphicsWidget):
                 item.dress(colours)
 
     def addItem(self, item: Any, ignoreBounds: bool = False) -> None:
-        """Draw an item in the plot's own units."""
+        """Add an item in the plot's units."""
         self.view.addItem(item, ignoreBounds)
         if isinstance(item, CrispCurve | Band):
             item.dress(self.colours)
 
     def added(self, curve: Drawn) -> Drawn:
-        """Draw a curve that the cursors read, and return it."""
+        """Add a curve that the cursors read, and return it."""
         self.addItem(curve)
         self.sampled.append(curve)
         return curve
 
     def add_band(self) -> Band:
-        """Add an empty noise band behind the curves, its edges above them."""
+        """Add an empty noise band behind the curves, with its edges above them."""
         band = Band()
         for item in (band, *band.edges):
             self.addItem(item)
@@ -148,12 +148,12 @@ class FramedPlot(pg.GraphicsWidget):
 
     @property
     def state(self) -> ViewState:
-        """Get what is in view."""
+        """Get the ranges in view."""
         (left, right), (low, high) = self.view.viewRange()
         return (left, right), (low, high), True
 
     def bring(self, state: ViewState) -> None:
-        """Show again what was in view."""
+        """Restore the ranges of a state."""
         x, y, _ = state
         self.view.setRange(xRange=x, yRange=y, padding=0)
 
@@ -161,7 +161,7 @@ class FramedPlot(pg.GraphicsWidget):
         return self._axes[side]
 
     def hide_bottom_values(self) -> None:
-        """Show no numbers at the bottom axis: those of the plot below, with the same axis, serve both."""
+        """Hide the numbers of the bottom axis, because the plot below has the same axis."""
         bottom = self.getAxis("bottom")
         bottom.setStyle(showValues=False)
         bottom.setHeight(6)
@@ -169,11 +169,11 @@ class FramedPlot(pg.GraphicsWidget):
 
 
 ON_TOP = 30
-_MARGIN = 8  # of the text item
+_MARGIN = 8  # margin of the text item in pixels
 
 
 class Caption(pg.TextItem):
-    """Words in a plot's corner; hidden while the value axis shows them in full."""
+    """Name and unit in a plot's corner; hidden while the left axis shows its whole label."""
 
     def __init__(self, plot: FramedPlot) -> None:
         super().__init__("", anchor=(0, 0))
@@ -186,7 +186,7 @@ class Caption(pg.TextItem):
         self._view.sigResized.connect(self._fit)
 
     def say(self, words: str) -> None:
-        """Set the words; they are shortened to the width."""
+        """Set the text, which is shortened to the width."""
         self._words = words
         self._fit()
 

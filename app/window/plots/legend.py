@@ -1,4 +1,4 @@
-"""The legend of a panel, above its plots: a sample of each line with its name."""
+"""The legend above the plots of a panel: a sample of each line with its name."""
 
 from collections.abc import Iterator, Sequence
 
@@ -14,12 +14,12 @@ _SAMPLE, _GAP = 26, 6
 
 
 def legend_height(entries: Sequence[tuple[str, Look]], width: int, font: QFont) -> int:
-    """Return the height of the entries in a picture of this width."""
+    """Return the height of the legend in a picture of this width."""
     return sum(1 for _ in _rows(entries, width, QFontMetrics(font))) * (QFontMetrics(font).height() + 4)
 
 
 def paint_legend(painter: QPainter, entries: Sequence[tuple[str, Look]], width: int, colours: Colours) -> None:
-    """Draw the entries at the top of a picture, in the painter's font and pen."""
+    """Draw the legend at the top of a picture, in the painter's font and pen."""
     metrics, words = painter.fontMetrics(), painter.pen()
     line = metrics.height() + 4
     for number, row in enumerate(_rows(entries, width, metrics)):
@@ -47,14 +47,14 @@ def _rows(
 
 
 def _paint_sample(painter: QPainter, look: Look, colours: Colours, place: QRect) -> None:
-    """Draw a line through the middle of a place, or a band that fills it."""
+    """Draw a line through the middle of ``place``, or a band that fills it."""
     if look.edges:
         painter.fillRect(place, QColor(look.of(colours)))
         painter.setPen(QPen(QColor(Look(look.edges).of(colours)), 1, Qt.PenStyle.DashLine))
         heights = [place.top(), place.bottom()]
     else:
         pen = look.pen(colours)
-        pen.setWidthF(max(2.0, pen.widthF() / density()))  # in logical pixels, unlike a plot's
+        pen.setWidthF(max(2.0, pen.widthF() / density()))  # in logical pixels, unlike pens of plots
         painter.setPen(pen)
         heights = [place.top() + place.height() // 2]
     for y in heights:
@@ -62,7 +62,7 @@ def _paint_sample(painter: QPainter, look: Look, colours: Colours, place: QRect)
 
 
 class LineSample(Dressed, QWidget):
-    """A sample of a line or of a band."""
+    """A widget with a sample of a line or of a band."""
 
     def __init__(self, look: Look, colours: Colours, parent: QWidget) -> None:
         super().__init__(parent)
@@ -74,16 +74,16 @@ class LineSample(Dressed, QWidget):
         _paint_sample(QPainter(self), self._look, self.colours, self.rect().adjusted(0, 3, 0, -3))
 
 
-LOW_LINES = 18  # of text
+LOW_LINES = 18  # height of a low page in lines of text
 
 
 def is_low(page: QWidget) -> bool:
-    """Return whether a page has no room for words beside its plots; they are shown on hovering then."""
+    """Return whether a page is too low for text above its plots, which is then shown as a tooltip."""
     return page.height() < LOW_LINES * page.fontMetrics().lineSpacing()
 
 
 class Legend(Dressed, QWidget):
-    """The entries side by side."""
+    """The legend widget: all entries side by side."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)

@@ -1,8 +1,8 @@
-"""Lines that look equally wide on screens of any density: their pens, and curves drawn quickly also with noise.
+"""Pens and curves that look equally wide on screens of any pixel density and draw quickly even for noise.
 
-The pen is one device pixel wide, as a wider zigzag takes seconds per frame; on a dense screen the line is drawn again
-one device pixel to the left and above.  Where samples are closer than pixels, each column of pixels is filled from its
-least to its greatest value instead.
+The pen is one device pixel wide, because a wider zigzag takes seconds per frame.  On a dense screen the line is drawn
+again one device pixel to the left and above.  Where samples are closer than pixels, each column of pixels is filled
+from its least to its greatest value instead.
 """
 
 from dataclasses import dataclass
@@ -27,33 +27,33 @@ DASHES = (
 
 
 def density() -> float:
-    """Return device pixels per logical pixel of the densest screen."""
+    """Return the device pixels per logical pixel of the densest screen."""
     application = QGuiApplication.instance()
     return float(application.devicePixelRatio()) if isinstance(application, QGuiApplication) else 1.0
 
 
 def straight(colour: str, dash: Qt.PenStyle = Qt.PenStyle.SolidLine, width: int = 1) -> QPen:
-    """Return the pen for few segments: a straight line, a smooth curve."""
+    """Return a pen for lines with few segments, such as straight lines and smooth curves."""
     return pg.mkPen(QColor(colour), width=max(1, round(width * density())), style=dash)
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """How a line is drawn in any scheme of colours."""
+    """Style of a line or band, independent of the colour scheme."""
 
-    colour: str  # a field of ``Colours``
+    colour: str  # name of a field of ``Colours``
     dash: Qt.PenStyle = Qt.PenStyle.SolidLine
-    width: int = 0  # of few segments, in logical pixels; 0: as thin as many points need
-    place: int = 0  # of the colour, where the field has several
-    edges: str = ""  # the colour of a band's edges, which makes it a band
+    width: int = 0  # in logical pixels, for few segments; 0: one device pixel, for many points
+    place: int = 0  # index of the colour if the field has several
+    edges: str = ""  # field of the edges' colour if this is a band, else ""
 
     def of(self, colours: Colours) -> str:
-        """Return the colour itself."""
+        """Return the colour in a scheme."""
         colour: str | tuple[str, ...] = getattr(colours, self.colour)
         return colour if isinstance(colour, str) else colour[self.place % len(colour)]
 
     def pen(self, colours: Colours) -> QPen:
-        """Return its pen; of many points one device pixel, opaque, which a ``CrispCurve`` widens on a dense screen."""
+        """Return the pen; for many points it is one device pixel wide; ``CrispCurve`` widens it on a dense screen."""
         colour = self.of(colours)
         if self.width:
             return straight(colour, self.dash, self.width)
@@ -61,21 +61,21 @@ class Look:
 
 
 MEASURED, RESIDUAL = Look("measured"), Look("residual")
-SIMULATED = Look("simulated", width=3)  # smooth and below another, so that both are visible where they agree
+SIMULATED = Look("simulated", width=3)  # wider than the measured curve above it, so that both are visible
 BAND = Look("band", edges="band_edge")
 
 
 def series(index: int) -> Look:
-    """Return the look of the index-th overlaid shot: another colour each, another dash when the colours repeat."""
+    """Return the look of the index-th overlaid shot: a different colour, and a new dash when the colours repeat."""
     turn, place = divmod(index, len(LIGHT.series))
     return Look("series", DASHES[turn % len(DASHES)], place=place)
 
 
-DENSE = 1.5  # device pixels to a logical one
+DENSE = 1.5  # least device pixels per logical pixel of a dense screen
 
 
 class CrispCurve(pg.PlotCurveItem):
-    """A curve that is visible at any density of the screen; without a look it is not drawn."""
+    """A curve that is visible on screens of any pixel density; without a look it is not drawn."""
 
     def __init__(self, *points: Floats, look: Look | None = None, **how: Any) -> None:
         super().__init__(*points, **how)
@@ -85,7 +85,7 @@ class CrispCurve(pg.PlotCurveItem):
         self.setPen(self.look.pen(colours) if self.look is not None else pg.mkPen(None))
 
     def boundingRect(self) -> QRectF:
-        """Return the whole of the view, which is quicker than a look at all points for every new set of them."""
+        """Return the whole view, which is quicker than finding the bounds of all points after each change."""
         view = self.getViewBox()
         return super().boundingRect() if view is None else view.viewRect()
 
@@ -104,7 +104,7 @@ class CrispCurve(pg.PlotCurveItem):
 
 
 class ColumnCurve(CrispCurve):
-    """A curve drawn as columns of pixels where it is decimated to extremes."""
+    """A curve that is drawn as filled columns of pixels when it is decimated to extremes."""
 
     def __init__(self, **how: Any) -> None:
         super().__init__(**how)
@@ -112,14 +112,14 @@ class ColumnCurve(CrispCurve):
         self._rectangles = PrimitiveArray(QRectF, 4)
 
     def show_line(self, x: Floats, y: Floats) -> None:
-        """Show a line through points (n,)."""
+        """Show a line through points with x (n,) and y (n,)."""
         self._columns = None
         self.setData(x, y)
 
     def show_columns(self, x: Floats, y: Floats) -> None:
-        """Show (2n,) points: least and greatest value of each column of pixels in turn, at one x each."""
+        """Show (2n,) points: the least, then the greatest value of each column of pixels, both at the same x."""
         least, greatest = y[0::2], y[1::2]
-        reach, depth = least.copy(), greatest.copy()  # extended to the neighbour, so that there are no gaps
+        reach, depth = least.copy(), greatest.copy()  # extended to the neighbour to close gaps
         np.fmin(least[1:], greatest[:-1], out=reach[1:])
         np.fmax(greatest[1:], least[:-1], out=depth[1:])
         seen = np.isfinite(least) & np.isfinite(greatest)
@@ -134,7 +134,7 @@ class ColumnCurve(CrispCurve):
             return
         x, least, greatest = self._columns
         scale = painter.worldTransform()
-        wide, high = abs(1 / scale.m11()), abs(1 / scale.m22())  # a logical pixel
+        wide, high = abs(1 / scale.m11()), abs(1 / scale.m22())  # size of a logical pixel
         pen = self.opts["pen"]
         thick = max(1.0, pen.widthF() / painter.device().devicePixelRatioF())
         self._rectangles.resize(len(x))
@@ -150,6 +150,6 @@ class ColumnCurve(CrispCurve):
 
 
 def _has_room(painter: QPainter) -> bool:
-    """Return whether the plot has an area; Qt crashes where all values map to one."""
+    """Return whether the plot has an area; Qt crashes if all values map to one position."""
     scale = painter.worldTransform()
     return abs(scale.determinant()) > 0.0

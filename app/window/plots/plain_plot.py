@@ -1,4 +1,4 @@
-"""A plot of y against x with a fixed range, cursors and menu; with plain or logarithmic axes."""
+"""A single plot of y against x with a fixed range, cursors and menu, with linear or logarithmic axes."""
 
 import math
 
@@ -17,7 +17,7 @@ from app.words import number
 
 
 class PlainPlot(PlotView):
-    """One plot; ``columns`` is the content of its CSV."""
+    """A single plot with linear axes; ``columns`` is the content of its CSV file."""
 
     axis_kind, curve_kind = PlainAxis, PointCurve
 
@@ -30,7 +30,7 @@ class PlainPlot(PlotView):
         parent: QWidget | None = None,
         tabulated: bool = True,
     ) -> None:
-        """``value`` is (name, unit) of y, ``bottom`` the label of x; ``tabulated``: it can be saved as CSV."""
+        """``value`` is (name, unit) of y, ``bottom`` the label of x; ``tabulated``: the plot can be saved as CSV."""
         super().__init__(name, axis, parent)
         self.table_words = "Save the values as CSV …" if tabulated else ""
         self.plot = FramedPlot(*value, self.axis_kind)
@@ -44,7 +44,7 @@ class PlainPlot(PlotView):
         return self.plot.added(self.curve_kind(label, look))
 
     def show_range(self, x: Span, y: Span) -> None:
-        """Show this range, to which ``reset`` returns."""
+        """Show this range and set it as the range of ``reset``."""
         self._whole = (x, y)
         self.reset()
 
@@ -56,14 +56,14 @@ class PlainPlot(PlotView):
             self.note_now()
 
 
-FEW_DECADES = 2.6  # up to which 2 and 5 are labelled too
+FEW_DECADES = 2.6  # axis length up to which 2 and 5 are labelled too
 
 
 class LogAxis(PlainAxis):
-    """Ticks at 1, 2 and 5 of each decade, or only at decades where there are many."""
+    """A logarithmic axis with ticks at 1, 2 and 5 of each decade, or only at decades if there are many."""
 
     def tickValues(self, minVal: float, maxVal: float, size: float) -> list[tuple[float, list[float]]]:
-        """Return the ticks between two logarithms, all of one kind."""
+        """Return the ticks between two logarithms, all at one level."""
         steps = (1.0, 2.0, 5.0) if abs(maxVal - minVal) < FEW_DECADES else (1.0,)
         decades = range(math.floor(min(minVal, maxVal)), math.ceil(max(minVal, maxVal)) + 1)
         ticks = [decade + math.log10(step) for decade in decades for step in steps]
@@ -74,10 +74,10 @@ class LogAxis(PlainAxis):
 
 
 class LogCurve(PointCurve):
-    """Points above zero, shape (n,) by (n,), whose logarithms are drawn."""
+    """Points with positive x (n,) and y (n,), whose logarithms are drawn."""
 
     def show_points(self, x: Floats, y: Floats) -> None:
-        """Show points, given in plain numbers."""
+        """Show points, given as linear values."""
         super().show_points(np.log10(x), np.log10(y))
 
     @property
@@ -86,20 +86,20 @@ class LogCurve(PointCurve):
         return np.asarray(10.0**self._y)
 
     def between(self, left: float, right: float) -> tuple[Floats, Floats]:
-        """Return the points, in plain numbers, between two places of the plot."""
+        """Return the points between two positions of the plot, as linear values."""
         x, y = super().between(left, right)
         return 10.0**x, 10.0**y
 
     def value_at(self, x: float) -> float:
-        """Return the value nearest to a place of the plot; NaN outside."""
+        """Return the value nearest to a position of the plot, as a linear value; NaN outside."""
         return float(10.0 ** super().value_at(x))
 
 
 class LogPlot(PlainPlot):
-    """One plot; curves and ranges are given in plain numbers."""
+    """A single plot with logarithmic axes; curves and ranges are given as linear values."""
 
     axis_kind, curve_kind = LogAxis, LogCurve
 
     def show_range(self, x: Span, y: Span) -> None:
-        """Show this range, to which ``reset`` returns."""
+        """Show this range and set it as the range of ``reset``."""
         super().show_range((math.log10(x[0]), math.log10(x[1])), (math.log10(y[0]), math.log10(y[1])))

@@ -1,4 +1,4 @@
-"""The operator's notes on a plot: a dot and a short text in its place, written into a line that opens there."""
+"""Show and edit the operator's notes on a plot: a dot with a short text, edited in place."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,36 +18,34 @@ from app.window.widgets import hover_text
 if TYPE_CHECKING:
     from app.window.plots.plot_view import PlotView
 
-_IN_FRONT = 15  # of the curves, behind the cursors
-_NEAR_PX = 9  # this far from a note's dot a press still means the note
-_EDITOR_WIDTH = 24  # characters
-_LEAST_HEIGHT = (
-    4  # of a plot, in heights of the text: lower, a note's text lies over the curves and is shown on hovering
-)
+_IN_FRONT = 15  # z value: above the curves, below the cursors
+_NEAR_PX = 9  # greatest distance from a note's dot at which a click selects the note
+_EDITOR_WIDTH = 24  # in characters
+_LEAST_HEIGHT = 4  # least height of a plot, in heights of the text, for showing it; in a lower plot it is a tooltip
 
 
 @dataclass(frozen=True, slots=True)
 class NoteAxes:
-    """Which of the shot's plots this is, and how its axes count: x = (note's x - ``zero``) ``per_x``, y likewise."""
+    """A plot's name and the transformation to its axes: x = (note.x - ``zero``) * ``per_x``, y = note.y * ``per_y``."""
 
-    plot: str  # a name of ``analysis.shot.shot.UNITS``
+    plot: str  # a key of ``analysis.shot.shot.UNITS``
     zero: float = 0.0
     per_x: float = 1.0
     per_y: float = 1.0
 
     def place(self, note: PlotNote) -> tuple[float, float]:
-        """Return where a note stands in the plot's own units."""
+        """Return a note's position in the plot's units."""
         return (note.x - self.zero) * self.per_x, note.y * self.per_y
 
     def note(self, x: float, y: float, text: str) -> PlotNote:
-        """Return the note at a place of the plot."""
+        """Return a note at a position in the plot's units."""
         return PlotNote(self.plot, x / self.per_x + self.zero, y / self.per_y, text)
 
 
 class PlotNotes(QObject):
-    """The notes of one view.  It draws and edits; whoever keeps the notes answers ``changed``."""
+    """Draws and edits the notes of one view; the notes themselves are stored by the receiver of ``changed``."""
 
-    changed = Signal(object, object)  # the note before and after: None where it is new, or removed
+    changed = Signal(object, object)  # note before (None: new) and after (None: removed)
 
     def __init__(self, view: "PlotView") -> None:
         super().__init__(view)
@@ -60,24 +58,24 @@ class PlotNotes(QObject):
         self._before: PlotNote | None = None
 
     def describe(self, plot: FramedPlot, axes: NoteAxes) -> None:
-        """Say what a plot shows from now on."""
+        """Set what a plot shows, so that it can have notes."""
         self._axes[plot] = axes
         self._draw()
 
     def forget_plots(self) -> None:
-        """Draw no notes: the plots show no shot."""
+        """Remove all drawn notes, because the plots show no shot."""
         self._axes.clear()
         self._close_editor()
         self._draw()
 
     def show(self, notes: Sequence[PlotNote]) -> None:
-        """Show these notes, each in the plot that it belongs to."""
+        """Show these notes, each in its plot."""
         if tuple(notes) != self._notes:
             self._notes = tuple(notes)
             self._draw()
 
     def dress(self) -> None:
-        """Set the colours of the view."""
+        """Apply the view's colours."""
         for drawn in self._drawn:
             drawn.dress(self._view.colours)
 
@@ -94,7 +92,7 @@ class PlotNotes(QObject):
     # places -------------------------------------------------------------------------------------------------------
 
     def place_at(self, scene: QPointF) -> tuple[FramedPlot, float, float] | None:
-        """Return plot, x and y at a place of the scene; None outside of the plots that can have notes."""
+        """Return plot, x and y at a position in the scene; None outside the plots that can have notes."""
         for plot in self._axes:
             if plot.isVisible() and plot.view.sceneBoundingRect().contains(scene):
                 spot = plot.view.mapSceneToView(scene)
@@ -102,7 +100,7 @@ class PlotNotes(QObject):
         return None
 
     def place_of(self, x: float) -> tuple[FramedPlot, float, float] | None:
-        """Return plot, x and y of its last curve, the measured one, at ``x``; None where no plot can have notes."""
+        """Return the first plot that can have notes, x, and the y of its last (measured) curve there, or None."""
         plot = next((plot for plot in self._axes if plot.isVisible()), None)
         if plot is None:
             return None
@@ -112,13 +110,13 @@ class PlotNotes(QObject):
         return plot, x, y
 
     def note_at(self, scene: QPointF) -> PlotNote | None:
-        """Return the note whose dot or text is at a place of the scene."""
+        """Return the note whose dot or text is at a position in the scene, or None."""
         return next((drawn.note for drawn in self._drawn[::-1] if drawn.is_at(scene)), None)
 
     # writing ------------------------------------------------------------------------------------------------------
 
     def write(self, place: tuple[FramedPlot, float, float], before: PlotNote | None = None) -> None:
-        """Open the line for a new note at a place, or for ``before``, which stands there."""
+        """Open the editor for a new note at a position, or for the note ``before`` at that position."""
         self._close_editor()
         self._at, self._before = place, before
         plot, x, y = place
@@ -131,7 +129,7 @@ class PlotNotes(QObject):
         editor.setFocus()
 
     def edit(self, note: PlotNote) -> None:
-        """Open the line for a note that is drawn."""
+        """Open the editor for a drawn note."""
         drawn = next((drawn for drawn in self._drawn if drawn.note is note), None)
         if drawn is not None:
             self.write((drawn.plot, *drawn.place), note)
@@ -162,7 +160,7 @@ class PlotNotes(QObject):
 
 
 class _DrawnNote:
-    """A dot at the note's place, its text beside it on the side that has room."""
+    """A note drawn as a dot with its text on the side that has room."""
 
     def __init__(self, plot: FramedPlot, axes: NoteAxes, note: PlotNote, colours: Colours) -> None:
         self.plot, self.note, self.place = plot, note, axes.place(note)
@@ -181,7 +179,7 @@ class _DrawnNote:
 
     @property
     def is_whole(self) -> bool:
-        """Get whether the text is shown too."""
+        """Get whether the text is shown too, not only the dot."""
         return bool(self._text.isVisible())
 
     def _fit(self, *_: object) -> None:
@@ -196,13 +194,13 @@ class _DrawnNote:
         self._text.update()
 
     def _turn(self, *_: object) -> None:
-        """Let the text lie to the left in the right half of the plot, and below the dot in the upper half."""
+        """Put the text to the left of a dot in the right half of the plot, and below a dot in the upper half."""
         (left, right), (bottom, top) = self.plot.view.viewRange()
         x, y = self.place
         self._text.setAnchor((1.0 if x > 0.5 * (left + right) else 0.0, 0.0 if y > 0.5 * (bottom + top) else 1.0))
 
     def is_at(self, scene: QPointF) -> bool:
-        """Return whether dot or text are at a place of the scene."""
+        """Return whether the dot or the text is at a position in the scene."""
         if not self.plot.isVisible():
             return False
         dot = self.plot.view.mapViewToScene(pg.Point(*self.place))
@@ -218,7 +216,7 @@ class _DrawnNote:
 
 
 class NoteEditor(QLineEdit):
-    """One line over the plot: Enter or a click elsewhere keeps the text, Esc leaves it as it was."""
+    """A one-line editor over the plot: Enter or a click elsewhere accepts the text, Esc discards the change."""
 
     done = Signal(str)
     left = Signal()
@@ -232,7 +230,7 @@ class NoteEditor(QLineEdit):
         self.editingFinished.connect(self._finished)
 
     def place(self, at: QPointF) -> None:
-        """Stand at a place of the plot, wholly inside it."""
+        """Move the editor to a position, wholly inside its parent."""
         parent = self.parentWidget()
         width = min(parent.width(), _EDITOR_WIDTH * self.fontMetrics().horizontalAdvance("n"))
         height = self.sizeHint().height()
@@ -241,7 +239,7 @@ class NoteEditor(QLineEdit):
         self.setGeometry(x, y, width, height)
 
     def event(self, event: QEvent) -> bool:
-        """Take Esc before the window does, which aborts by it."""
+        """Accept Esc here, because the window's shortcut for Esc would abort the capture."""
         shortcut = event.type() == QEvent.Type.ShortcutOverride
         if shortcut and isinstance(event, QKeyEvent) and event.key() == Qt.Key.Key_Escape:
             event.accept()
@@ -249,7 +247,7 @@ class NoteEditor(QLineEdit):
         return super().event(event)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Leave by Esc."""
+        """Emit ``left`` on Esc."""
         if event.key() == Qt.Key.Key_Escape:
             event.accept()
             self.left.emit()
@@ -257,8 +255,8 @@ class NoteEditor(QLineEdit):
         super().keyPressEvent(event)
 
     def end(self) -> None:
-        """Go without keeping anything."""
-        self.blockSignals(True)  # hiding takes the focus away, which would count as done
+        """Close the editor and discard its text."""
+        self.blockSignals(True)  # hiding moves the focus, which would otherwise accept the text
         self.hide()
         self.deleteLater()
 

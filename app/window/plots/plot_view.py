@@ -1,4 +1,4 @@
-"""The base of all plots: cursors, keys while focused, history of views, and a menu that saves the plot."""
+"""Base class of all plot widgets: cursors, keys, history of views, notes, and a menu with export."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -14,23 +14,23 @@ from app.window.plots.lines import Look
 from app.window.plots.plot_notes import PlotNotes
 from app.window.theme import Colours, Dressed
 
-SETTLED_MS = 300  # without movement, after which a view is added to the history
-PAN = 0.1  # of the view, per press of an arrow key
+SETTLED_MS = 300  # time without movement after which a view is added to the history
+PAN = 0.1  # shift per press of an arrow key, as a fraction of the view
 ZOOM = 0.8
-NUDGE = 0.01  # of the view, per press that moves a cursor
+NUDGE = 0.01  # shift of a cursor per key press, as a fraction of the view
 
 
 class PlotView(Dressed, pg.GraphicsLayoutWidget):
-    """One plot, or several above each other with one x axis; subclasses draw the curves."""
+    """One plot, or several stacked plots with a common x axis; subclasses draw the curves."""
 
-    export_wanted = Signal(object, str)  # this plot, and "png", "svg" or "csv"
-    plots: tuple[FramedPlot, ...] = ()  # from the top
-    table_words = "Save the samples in view as CSV …"  # empty where there is no CSV
+    export_wanted = Signal(object, str)  # this view, and "png", "svg" or "csv"
+    plots: tuple[FramedPlot, ...] = ()  # from top to bottom
+    table_words = "Save the samples in view as CSV …"  # menu entry; empty if there is no CSV
 
     def __init__(self, name: str, axis: CursorAxis = TIME, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.name = name
-        self.legend: Sequence[tuple[str, Look]] = ()  # of the panel, for saved pictures
+        self.legend: Sequence[tuple[str, Look]] = ()  # the panel's legend, for saved pictures
         self.shows: tuple[object, ...] = ()  # the shots whose curves are drawn
         self.setAccessibleName(name)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
@@ -59,16 +59,16 @@ class PlotView(Dressed, pg.GraphicsLayoutWidget):
         return float(left), float(right)
 
     def show_span(self, left: float, right: float) -> None:
-        """Show this range of x; a value axis set by hand stays."""
+        """Show this range of x; a y range set by the operator stays."""
         self.plots[0].view.setXRange(left, right, padding=0)
 
     def reset(self) -> None:
-        """Show the whole again."""
+        """Show the whole range again."""
         raise NotImplementedError
 
     def tell(self, shots: Sequence[object], words: str) -> None:
-        """Set the shots whose curves are drawn; pictures carry the words."""
-        if [*map(id, self.shows)] != [*map(id, shots)]:  # two of one recording are equal up to their arrays
+        """Set the shots whose curves are drawn, and the title of saved pictures."""
+        if [*map(id, self.shows)] != [*map(id, shots)]:  # by identity: == would compare the shots' arrays
             self._history.clear()
         if not shots:
             self.notes.forget_plots()
@@ -87,12 +87,12 @@ class PlotView(Dressed, pg.GraphicsLayoutWidget):
 
     @property
     def states(self) -> tuple[ViewState, ...]:
-        """Get what is in view of each plot."""
+        """Get the ranges in view of each plot."""
         return tuple(plot.state for plot in self.plots)
 
     @Slot()
     def note_view(self) -> None:
-        """Add the view to the history once it no longer moves."""
+        """Add the view to the history once it has stopped moving."""
         self._settling.start()
 
     @Slot()
@@ -101,7 +101,7 @@ class PlotView(Dressed, pg.GraphicsLayoutWidget):
         self._history.note(self.states)
 
     def step_view(self, by: int) -> bool:
-        """Go back (-1) or forward (1) in the history; return whether there was a view."""
+        """Go back (-1) or forward (1) in the history; return whether there was a view to show."""
         self._settling.stop()
         self.note_now()
         states = self._history.step(by)
@@ -137,7 +137,7 @@ class PlotView(Dressed, pg.GraphicsLayoutWidget):
     # keys and menu ----------------------------------------------------------------------------------------------
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Move and zoom with arrows; with Shift move cursor A, with Ctrl cursor B; Home resets."""
+        """Move and zoom with the arrow keys; with Shift move cursor A, with Ctrl cursor B; Home resets."""
         left, right = self.span
         width = right - left
         key, modifiers = event.key(), event.modifiers()
@@ -169,7 +169,7 @@ class PlotView(Dressed, pg.GraphicsLayoutWidget):
         event.accept()
 
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
-        """Edit the note that was clicked on twice."""
+        """Edit the double-clicked note."""
         note = self.notes.note_at(self.mapToScene(event.position().toPoint()))
         if note is None or event.button() != Qt.MouseButton.LeftButton:
             super().mouseDoubleClickEvent(event)
@@ -179,9 +179,9 @@ class PlotView(Dressed, pg.GraphicsLayoutWidget):
 
     @Slot()
     def write_note(self) -> bool:
-        """Open the line for a note at cursor A where the cursors are shown, else in the middle of the view.
+        """Open the editor for a note at cursor A if the cursors are shown, else in the middle of the view.
 
-        Return whether the plot can have notes.
+        Returns whether the plot can have notes.
         """
         left, right = self.span
         place = self.notes.place_of(self.cursors.places[0] if self.cursors.shown else 0.5 * (left + right))
@@ -190,11 +190,11 @@ class PlotView(Dressed, pg.GraphicsLayoutWidget):
         return place is not None
 
     def open_menu(self) -> None:
-        """Open the menu by key, at the widget's corner."""
+        """Open the menu at the widget's corner, for a key press."""
         self.menu().popup(self.mapToGlobal(QPoint(20, 20)))
 
     def menu(self, at: QPoint | None = None) -> QMenu:
-        """Return a fresh menu: view, cursors, notes, export.  ``at``: the place in the widget that it is opened for."""
+        """Return a new menu: view, cursors, notes, export; ``at`` is the clicked position in the widget, if any."""
         menu = QMenu(self)
         menu.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         menu.addAction("Reset the view", self.reset)
@@ -215,7 +215,7 @@ class PlotView(Dressed, pg.GraphicsLayoutWidget):
         return menu
 
     def _add_notes(self, menu: QMenu, at: QPoint | None) -> None:
-        """Add what can be done about notes; nothing where the plot can have none."""
+        """Add the menu entries for notes, unless the plot can have none."""
         left, right = self.span
         if at is None:
             if self.notes.place_of(0.5 * (left + right)) is not None:
@@ -234,16 +234,16 @@ class PlotView(Dressed, pg.GraphicsLayoutWidget):
 
 
 def in_front(plots: Sequence[PlotView]) -> PlotView:
-    """Return the focused plot, else the first."""
+    """Return the focused view, else the first."""
     return next((plot for plot in plots if plot.hasFocus()), plots[0])
 
 
 MOST = 100
-States = tuple[ViewState, ...]  # of each plot
+States = tuple[ViewState, ...]  # one per plot
 
 
 class ViewHistory:
-    """A history of states; a state noted after going back replaces those that followed."""
+    """A history of view states; a state added after going back replaces those that followed."""
 
     def __init__(self) -> None:
         self._states: list[States] = []
@@ -260,7 +260,7 @@ class ViewHistory:
         self._place = len(self._states) - 1
 
     def step(self, by: int) -> States | None:
-        """Go back (-1) or forward (1); return that state, or None at an end."""
+        """Go back (-1) or forward (1); return the state there, or None at either end."""
         place = self._place + by
         if not 0 <= place < len(self._states):
             return None

@@ -1,17 +1,17 @@
-"""Minima and maxima of a long record at every zoom, so that no peak is lost on the screen."""
+"""Min/max pyramid of a long record: fast decimation at every zoom without losing a peak."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.floating] | NDArray[np.integer]
-BASE = 16  # values of one level per value of the next
+BASE = 16  # number of values in one level per value in the next
 
 
 class Pyramid:
     """Minima and maxima of uniform samples over blocks of 16, 256, 4096, ... samples.
 
-    ``values`` are the samples, shape (n,).  Only whole blocks are in a level; the rest is read from the level below.
-    NaN is ignored where a block has other values.
+    ``values`` are the samples, shape (n,).  A level contains only whole blocks; remaining samples are read from the
+    level below.  NaN is ignored unless a block contains nothing else.
     """
 
     def __init__(self, values: Array) -> None:
@@ -29,7 +29,7 @@ class Pyramid:
         return len(self.values)
 
     def extremes(self, start: int, stop: int) -> tuple[float, float]:
-        """Return the smallest and largest of samples ``start`` to ``stop`` (exclusive); NaN where there are none."""
+        """Return the least and the greatest of samples ``start`` to ``stop`` (exclusive); NaN if there are none."""
         start, stop = max(0, start), min(len(self.values), stop)
         if stop <= start:
             return float("nan"), float("nan")
@@ -53,8 +53,8 @@ class Pyramid:
     def view(self, start: int, stop: int, pixels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return (sample positions, values) of samples ``start`` to ``stop`` with at most two points per pixel.
 
-        With fewer than two samples per pixel these are the samples; else minimum and maximum of each pixel's samples at
-        one position.
+        With at most two samples per pixel these are the samples themselves, else the minimum and the maximum of each
+        pixel's samples, both at the same position.
         """
         start, stop = max(0, start), min(len(self.values), stop)
         pixels = max(2, pixels)
@@ -73,7 +73,7 @@ class Pyramid:
         edges = first + (np.arange(pixels) * (end - first)) // pixels
         low = np.fmin.reduceat(lows[:end], edges).astype(np.float64)
         high = np.fmax.reduceat(highs[:end], edges).astype(np.float64)
-        if end * unit < stop:  # the last samples, too few for a block of this level
+        if end * unit < stop:  # the last samples do not fill a block of this level
             rest_low, rest_high = self.extremes(end * unit, stop)
             low[-1], high[-1] = np.fmin(low[-1], rest_low), np.fmax(high[-1], rest_high)
         middle = start + (np.arange(pixels) + 0.5) * (count / pixels)
@@ -83,5 +83,5 @@ class Pyramid:
 
 
 def is_whole(positions: NDArray[np.float64]) -> bool:
-    """Return whether ``Pyramid.view`` returned samples, not pairs of extremes."""
+    """Return whether these positions from ``Pyramid.view`` are of samples, not of pairs of extremes."""
     return len(positions) < 2 or positions[0] != positions[1]

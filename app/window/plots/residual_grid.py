@@ -1,6 +1,6 @@
-"""Residuals of all shots in small plots with one symmetric-log axis: before, after, and what a candidate explains.
+"""Grid of small residual plots, one per shot, on a common symmetric-log axis, with the overlay of a candidate.
 
-Drawn directly: dozens of pyqtgraph plots would take a frame each time a candidate is hovered.
+It is painted directly, because redrawing dozens of pyqtgraph plots would delay a frame whenever a candidate is hovered.
 """
 
 import math
@@ -17,31 +17,31 @@ from app.window.plots.pyramid import Pyramid
 from app.window.theme import Colours, Dressed, Tone
 from app.words import number, prefix_for
 
-MOST = 12  # shots drawn
-WIDEST = 4  # cells side by side
+MOST = 12  # most shots drawn
+WIDEST = 4  # most cells in a row
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cell:
-    """One shot; arrays (n,) in m and ms; ``before_m`` None: only the residual after is drawn."""
+    """Residuals of one shot, (n,) in m; ``before_m`` None: only the residual after is drawn."""
 
     title: str
     time_ms: Floats
     before_m: Floats | None
     after_m: Floats
-    noise_m: Floats  # std
+    noise_m: Floats  # standard deviation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Overlay:
-    """What a candidate would explain of a shot, and what would remain; shape (n,), in m."""
+    """A candidate's contribution to a shot's residual, and the remaining residual, each (n,) in m."""
 
     signature_m: Floats
     remains_m: Floats
 
 
 class ResidualGrid(Dressed, QWidget):
-    """The small plots of DIAGNOSIS."""
+    """The grid of residual plots on the DIAGNOSIS page."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -57,7 +57,7 @@ class ResidualGrid(Dressed, QWidget):
         self.update()
 
     def show_cells(self, cells: Sequence[Cell]) -> None:
-        """Show these shots with a common scale."""
+        """Show these shots on a common scale."""
         self.cells, self.overlays = tuple(cells[:MOST]), ()
         curves = [c for cell in self.cells for c in (cell.before_m, cell.after_m) if c is not None]
         noises = [noise for cell in self.cells if math.isfinite(noise := float(np.nanmedian(cell.noise_m)))]
@@ -66,7 +66,7 @@ class ResidualGrid(Dressed, QWidget):
         self.update()
 
     def overlay(self, overlays: Sequence[Overlay | None]) -> None:
-        """Overlay what a candidate would explain of each shot, and what would remain; empty: remove that."""
+        """Overlay a candidate's contribution and the remaining residual of each shot; empty: remove the overlay."""
         self.overlays = tuple(overlays)
         self.update()
 
@@ -114,7 +114,7 @@ class ResidualGrid(Dressed, QWidget):
         last = math.inf
         for tick, label in zip(self.scale.ticks(), labels, strict=True):
             y = self._y(area, np.array([tick]))[0]
-            if last - y < height or y < area.top() + 1.4 * height:  # the unit is at the top
+            if last - y < height or y < area.top() + 1.4 * height:  # room for the unit at the top
                 continue
             last = y
             box = QRectF(0.0, y - height / 2, area.left() - 4, height)
@@ -143,7 +143,7 @@ class ResidualGrid(Dressed, QWidget):
         painter.drawText(area.adjusted(5, 2, -3, -2), Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft, title)
 
     def _band(self, painter: QPainter, area: QRectF, noise_m: Floats) -> None:
-        """Fill what lies within two standard deviations."""
+        """Fill the band of two standard deviations of the noise."""
         at = np.linspace(0, noise_m.size - 1, max(16, int(area.width())) // 2).astype(int)
         x, high = np.linspace(area.left(), area.right(), at.size), np.nan_to_num(2.0 * noise_m[at])
         edge = [*zip(x, self._y(area, high), strict=True), *zip(x[::-1], self._y(area, -high[::-1]), strict=True)]
@@ -170,25 +170,25 @@ class ResidualGrid(Dressed, QWidget):
         painter.drawPolyline(points)
 
 
-LEAST_DECADES = 0.7  # beyond the linear part
+LEAST_DECADES = 0.7  # least decades beyond the linear part
 
 
 @dataclass(frozen=True, slots=True)
 class SymLog:
-    """Maps values to -1 ... 1; ``linear`` is where the linear part ends, ``most`` the largest value shown."""
+    """Symmetric-log map of values to -1 ... 1; ``linear`` is the end of the linear part, ``most`` the largest value."""
 
     linear: float
     most: float
 
     def place(self, values: Floats) -> Floats:
-        """Return values mapped to -1 ... 1, clipped; NaN stays."""
+        """Return values mapped to -1 ... 1 and clipped; NaN stays NaN."""
         top = math.log10(1.0 + self.most / self.linear)
         with np.errstate(invalid="ignore"):
             at = np.sign(values) * np.log10(1.0 + np.abs(values) / self.linear) / top
             return np.clip(at, -1.0, 1.0)
 
     def ticks(self) -> list[float]:
-        """Return zero and decades of both signs, as many as fit."""
+        """Return zero and up to three decades of each sign."""
         first = math.ceil(math.log10(self.linear) - 1e-9)
         last = math.floor(math.log10(self.most) + 1e-9)
         step = max(1, math.ceil((last - first + 1) / 3))
@@ -197,7 +197,7 @@ class SymLog:
 
 
 def scale_of(curves: Sequence[Floats], noise: float) -> SymLog:
-    """Return a common scale for the curves, linear up to the noise."""
+    """Return a common scale for the curves that is linear up to the noise."""
     sizes = [float(np.nanmax(np.abs(curve))) for curve in curves if curve.size and np.isfinite(curve).any()]
     linear = noise if math.isfinite(noise) and noise > 0.0 else max(sizes, default=1.0) / 100.0 or 1.0
     return SymLog(linear, max([*sizes, linear * 10.0**LEAST_DECADES]))

@@ -1,4 +1,4 @@
-"""Save a plot as PNG, SVG or CSV."""
+"""Save a plot as PNG, SVG or CSV, or copy it as a picture."""
 
 from collections.abc import Mapping, Sequence
 from itertools import zip_longest
@@ -16,17 +16,17 @@ from app.window.plots.lines import Look
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_plot import TimeStack
 
-SCALE = 2.0  # pixels of a picture per pixel of the screen
+SCALE = 2.0  # pixels of a picture per logical pixel of the screen
 
 
 def save_png(view: pg.GraphicsView, path: Path) -> None:
-    """Write the plot with its legend.  Raises OSError."""
-    if not picture(view).save(str(path), "PNG"):  # type: ignore[call-overload]  # its types want bytes
+    """Write the plot with title and legend as PNG.  Raises OSError."""
+    if not picture(view).save(str(path), "PNG"):  # type: ignore[call-overload]  # the stub asks for bytes
         raise OSError(f"{path}: could not be written")
 
 
 def picture(view: pg.GraphicsView) -> QImage:
-    """Return the plot as ``save_png`` writes it, twice as fine as on the screen."""
+    """Return the picture of ``save_png``, with twice the resolution of the screen."""
     size = _whole(view)
     image = QImage(size * SCALE, QImage.Format.Format_RGB32)
     image.setDevicePixelRatio(SCALE)
@@ -55,18 +55,18 @@ def _draw(painter: QPainter, view: pg.GraphicsView, size: QSize) -> None:
     painter.setFont(view.font())
     painter.setPen(view.palette().text().color())
     heading = _heading_height(view)
-    if heading:  # names the shot
+    if heading:  # the title with the name of the shot
         painter.drawText(QRectF(6, 2, size.width() - 12, heading), view.accessibleDescription())
     painter.save()
     painter.translate(0, heading)
     if isinstance(view, PlotView):
         paint_legend(painter, view.legend, size.width(), view.colours)
     painter.restore()
-    view.render(painter, QRectF(0, above, view.width(), view.height()))  # without a target it uses the device's pixels
+    view.render(painter, QRectF(0, above, view.width(), view.height()))  # the default target is in device pixels
 
 
 def save_svg(view: pg.GraphicsView, path: Path) -> None:
-    """Write the plot as lines and text.  Raises OSError."""
+    """Write the plot with title and legend as SVG.  Raises OSError."""
     generator = QSvgGenerator()
     generator.setFileName(str(path))
     size = _whole(view)
@@ -81,8 +81,8 @@ def save_svg(view: pg.GraphicsView, path: Path) -> None:
 
 
 def save_csv(stack: TimeStack, path: Path) -> None:
-    """Write every sample in view, with a column of time for all curves that have the same.  Raises RecordingError."""
-    groups: list[tuple[np.ndarray, list[tuple[str, np.ndarray]]]] = []  # times, and (head, values) at them
+    """Write all samples in view as CSV, with one time column per set of equal times.  Raises RecordingError."""
+    groups: list[tuple[np.ndarray, list[tuple[str, np.ndarray]]]] = []  # (times, [(heading, values)])
     for plot in stack.plots:
         for curve in plot.sampled:
             if curve.isVisible() and len(curve.samples):
@@ -97,10 +97,10 @@ def save_csv(stack: TimeStack, path: Path) -> None:
 
 
 def save_columns(columns: Mapping[str, np.ndarray], path: Path) -> None:
-    """Write named columns.  Raises RecordingError."""
+    """Write named columns as CSV.  Raises RecordingError."""
     _write(list(columns), list(columns.values()), path)
 
 
 def _write(heads: Sequence[str], columns: Sequence[np.ndarray], path: Path) -> None:
-    rows = zip_longest(*columns)  # None below the end of a shorter column
+    rows = zip_longest(*columns)  # shorter columns are filled with None
     write_table(heads, ([f"{value:.12g}" if value is not None else "" for value in row] for row in rows), path)

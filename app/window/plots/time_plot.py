@@ -1,4 +1,4 @@
-"""Plots over time, above each other with one time axis; the value axis follows the data in view, at a fixed width."""
+"""Stacked plots with a common time axis; each y axis follows the data in view."""
 
 import math
 from collections.abc import Mapping
@@ -15,22 +15,22 @@ from app.window.plots.lines import Look, straight
 from app.window.plots.plot_view import PlotView
 from app.window.theme import Colours
 
-_ROOM = 1.5  # span of a steady axis over that of the values, so that noise does not move it
-_LOOSEST = 4.0  # span of a steady axis over that of the values, from which it is fitted again
-LEAST_NAMED_LINES = 4  # least height for names of levels, in lines of text
+_ROOM = 1.5  # ratio of a steady axis' span to that of the values, so that noise does not move the axis
+_LOOSEST = 4.0  # ratio of a steady axis' span to that of the values above which the axis is fitted again
+LEAST_NAMED_LINES = 4  # least height of a plot with labelled levels, in lines of text
 
 
 class TimePlot(FramedPlot):
-    """A plot of sampled curves over a shared time axis."""
+    """One plot of a TimeStack: sampled curves, bands, marks and levels over the common time axis."""
 
     def __init__(self, title: str, unit: str) -> None:
         super().__init__(title, unit)
         self.bands: list[Band] = []
         self.marks: list[pg.InfiniteLine] = []
         self._levels: list[pg.InfiniteLine] = []
-        self.levels: dict[str, float] = {}  # of ``show_levels``
+        self.levels: dict[str, float] = {}  # set by ``show_levels``
         self.minimum_span = 0.0
-        self.steady = False  # for running curves: the value axis moves only when necessary
+        self.steady = False  # True for running curves: the y axis moves only when necessary
         self._y_by_hand = False
         self.view.sigXRangeChanged.connect(self.fit_y)
         self.view.sigResized.connect(self._resized)
@@ -46,17 +46,17 @@ class TimePlot(FramedPlot):
         return self.added(SampledCurve(label, look))
 
     def add_points(self, label: str, look: Look) -> PointCurve:
-        """Add an empty curve of points that are decimated already."""
+        """Add an empty curve for points that are already decimated."""
         return self.added(PointCurve(label, look))
 
     def add_band(self) -> Band:
-        """Add an empty noise band, which the value axis includes."""
+        """Add an empty noise band, which the y axis includes."""
         band = super().add_band()
         self.bands.append(band)
         return band
 
     def mark(self, times: list[float]) -> None:
-        """Show vertical dotted lines at these x only."""
+        """Show vertical dotted lines at exactly these x."""
         while len(self.marks) < len(times):
             line = pg.InfiniteLine(angle=90, pen=straight(self.colours.marker, Qt.PenStyle.DotLine))
             line.setZValue(-5)
@@ -68,18 +68,18 @@ class TimePlot(FramedPlot):
                 line.setValue(times[index])
 
     def mark_level(self, level: float, words: str) -> None:
-        """Show a horizontal dotted line at a value, named at its right end."""
+        """Show a horizontal dotted line at a value, labelled at its right end."""
         line = pg.InfiniteLine(
             level, angle=0, label=words, labelOpts={"position": 0.97, "anchors": [(1, 0), (1, 0)], "color": "#888888"}
         )
         line.setPen(straight("#888888", Qt.PenStyle.DotLine))
-        line.setToolTip(words)  # in a low plot it has no name beside it
+        line.setToolTip(words)  # in a low plot the label is hidden
         line.setZValue(-5)
         self.addItem(line, ignoreBounds=True)
         self._levels.append(line)
 
     def show_levels(self, levels: Mapping[str, float]) -> None:
-        """Show these levels only, by their words; the value axis includes them."""
+        """Show exactly these levels, by their labels; the y axis includes them."""
         if dict(levels) == self.levels:
             return
         for line in self._levels:
@@ -92,17 +92,17 @@ class TimePlot(FramedPlot):
 
     @property
     def state(self) -> ViewState:
-        """Get what is in view, and whether the value axis was set by hand."""
+        """Get the ranges in view, and whether the operator has set y."""
         x, y, _ = super().state
         return x, y, self._y_by_hand
 
     def bring(self, state: ViewState) -> None:
-        self._y_by_hand = True  # so that the values are not fitted meanwhile
+        self._y_by_hand = True  # prevents a fit of y while x changes
         super().bring(state)
         self._y_by_hand = state[2]
 
     def free_y(self) -> None:
-        """Let the value axis follow the data again."""
+        """Let the y axis follow the data again."""
         self._y_by_hand = False
         self.fit_y(anew=True)
 
@@ -117,12 +117,12 @@ class TimePlot(FramedPlot):
         self._name_levels()
 
     def _name_levels(self) -> None:
-        for line in self._levels:  # a low plot has no room for names
+        for line in self._levels:  # a low plot has no room for labels
             line.label.setVisible(self.view.height() > LEAST_NAMED_LINES * line.label.boundingRect().height())
 
     @Slot()
     def fit_y(self, *, anew: bool = False) -> None:
-        """Fit the value axis to the data in view, unless it was set by hand; ``anew``: also a steady one."""
+        """Fit the y axis to the data in view, unless the operator has set it; ``anew``: even if it is steady."""
         if self._y_by_hand:
             return
         (left, right), _ = self.view.viewRange()
@@ -150,14 +150,14 @@ class TimePlot(FramedPlot):
 
 
 class TimeStack(PlotView):
-    """Linked time plots; x is in the unit of ``axis``."""
+    """Stacked plots with linked time axes; x is in the unit of ``axis``."""
 
     clicked = Signal(float)
     plots: tuple[TimePlot, ...]
 
     def __init__(self, name: str, parent: QWidget | None = None, axis: CursorAxis = TIME) -> None:
         super().__init__(name, axis, parent)
-        self.whole: Span | None = None  # the range of time that ``reset`` shows; None: it only fits the values
+        self.whole: Span | None = None  # time range of ``reset``; None: it only fits the y axes
         self._value_axes: list[PlainAxis] = []
 
     def add_plot(self, title: str, unit: str, stretch: int = 3) -> TimePlot:
@@ -172,11 +172,11 @@ class TimeStack(PlotView):
         return plot
 
     def label_time(self, text: str) -> None:
-        """Set the label of the time axis, which only the lowest plot shows."""
+        """Set the label of the time axis, shown at the lowest plot."""
         self.plots[-1].getAxis("bottom").setLabel(text)
 
     def zoom(self, left: float, right: float) -> None:
-        """Show this range of time in every plot, and fit the values."""
+        """Show this time range in every plot, and fit the y axes."""
         for plot in self.plots:
             plot.free_y()
         self.show_span(left, right)
@@ -185,7 +185,7 @@ class TimeStack(PlotView):
         self.note_now()
 
     def show_whole(self, left: float, right: float) -> None:
-        """Show this range of time, to which ``reset`` returns."""
+        """Show this time range and set it as the range of ``reset``."""
         self.whole = left, right
         self.reset()
 

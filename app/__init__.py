@@ -2,5 +2,5 @@
 
 import os
 
-# The processes it starts never look for modules in the folder it was started from, which may hold anything.
+# Subprocesses must not import modules from the working folder, which may contain anything.
 os.environ.setdefault("PYTHONSAFEPATH", "1")

@@ -1,4 +1,4 @@
-"""The command ``levimass`` and its modes; none but the window needs Qt."""
+"""The command ``levimass`` and its modes; only the window and the paper's figures need Qt."""
 
 import lazy_loader
 

@@ -13,13 +13,13 @@ from instrument.files import RecordingError
 from instrument.process import open_in_subprocess
 
 SHOT_S = 0.06  # default length: a contact of 30 ms with free flight on both sides
-LEAST_ARMING_S = 10.0  # a device may load firmware and reconnect under another name
-BEFORE_SWITCH = 0.15  # share of the samples before the light switch
+LEAST_ARMING_S = 10.0  # a device may first load firmware and reconnect under another name
+BEFORE_SWITCH = 0.15  # fraction of the samples recorded before the light switch
 
 
 @dataclass(frozen=True, slots=True)
 class CaptureRequest:
-    """Source and folder of the shots; ``rate_hz`` and ``samples`` hold for shots that no plan sets."""
+    """Source and folder of the shots; ``rate_hz`` and ``samples`` apply to unplanned shots."""
 
     source: str
     out: Path
@@ -29,7 +29,7 @@ class CaptureRequest:
 
 
 def acquire(shots: int, request: CaptureRequest) -> int:
-    """Record ``shots`` shots; print each recording's path; return the exit status."""
+    """Record this number of shots; print each recording's path; return the exit status."""
     saved: list[Path] = []
     try:
         saved = record_shots(shots, request)
@@ -44,7 +44,7 @@ def acquire(shots: int, request: CaptureRequest) -> int:
 
 
 def record_shots(count: int, request: CaptureRequest) -> list[Path]:
-    """Record shots that no plan sets, and return their paths.
+    """Record unplanned shots and return their paths.
 
     Raises AcquireError, DigitizerError and RecordingError.
     """
@@ -54,12 +54,12 @@ def record_shots(count: int, request: CaptureRequest) -> list[Path]:
 
 
 def opened(source: str, request: CaptureRequest) -> Digitizer:
-    """Return a digitizer in another process that may wait as long as requested.  Raises DigitizerError."""
+    """Open a digitizer in a subprocess, with time to arm as long as requested.  Raises DigitizerError."""
     return open_in_subprocess(source, arm_s=max(request.timeout_s, LEAST_ARMING_S))
 
 
 def capture_settings(digitizer: Digitizer, rate_hz: float | None, samples: int | None) -> CaptureSettings | None:
-    """Return rate and length of a shot; None leaves them to a source that has its own, such as a replay."""
+    """Return sample rate and length of a shot; None for a source with its own settings, such as a replay."""
     rates = digitizer.capabilities.rates_hz
     if rate_hz is None and samples is None and len(rates) < 2:
         return None
@@ -71,13 +71,13 @@ def capture_settings(digitizer: Digitizer, rate_hz: float | None, samples: int |
 def simulate(
     folder: Path, *, shots: int, seed: int, effect: str | None, undeclared: bool, site: str | None = None
 ) -> int:
-    """Write simulated recordings and print their paths; return the exit status.  Without a ``site``: a quiet bench."""
+    """Write simulated recordings and print their paths; return the exit status.  ``site`` None: a quiet bench."""
     try:
         effects = parse(effect) if effect else None
     except ValueError as error:
         say(f"--effect: {error}")
         return 2
-    place = site_named(site) if site is not None else QUIET  # the parser has checked it
+    place = site_named(site) if site is not None else QUIET  # the parser has checked the name
     try:
         paths = write_simulated(folder, shots, seed, effects, undeclared, site=place)
     except (RecordingError, OSError) as error:

@@ -1,1 +1,1 @@
-"""Analyse thousands of shots in several processes or machines, with a journal from which a stopped call resumes."""
+"""Analyse thousands of shots in parallel, on one or several machines, with a journal to resume from."""

@@ -1,4 +1,4 @@
-"""Workers of a dask scheduler; each is checked before it gets a shot, and a shot of one that dies is repeated."""
+"""The worker pool of a dask scheduler: workers are checked before use, and shots of lost workers are repeated."""
 
 import contextlib
 import gc
@@ -24,17 +24,17 @@ _UNSAFE = (
 _NO_ADDRESS = "is no address of a scheduler: tcp://HOST:PORT or tls://HOST:PORT is expected"
 _NO_CERTIFICATE = "no certificate of your own is in dask's configuration, which TLS needs (docs/installing.md)"
 SCHEDULER_ANSWERS_S = 10.0
-SCHEDULER_HANGS_S = 60.0  # longest wait for an answer during a campaign: the machine may be busy
+SCHEDULER_HANGS_S = 60.0  # longest wait for an answer during a campaign, when the machine may be busy
 WORKERS_COME_S = 5.0  # longest wait for a usable worker when a campaign begins
-WORKERS_RETURN_S = 15.0  # and later: a nanny needs some seconds to start another process
-SILENT_S = 60.0  # a worker reports twice a second; dask itself waits five minutes before it gives one up
-CHECK_S = 60.0  # longest wait for a worker's check
+WORKERS_RETURN_S = 15.0  # the same during a campaign; a nanny needs some seconds to restart a worker
+SILENT_S = 60.0  # silence after which a worker is lost; workers report twice per second; dask itself waits 5 min
+CHECK_S = 60.0  # longest wait for the check of a worker
 _WATCH_S = 1.0
-_MOST_FOLDERS = 200  # that each worker checks beforehand; a missing one beyond is reported with each shot
+_MOST_FOLDERS = 200  # most folders checked by each worker; others, if missing, are reported with each shot
 
 
 class Cluster:
-    """The workers of a scheduler that have this program, can read the shots' folders and write to the export's."""
+    """Workers of a scheduler that have this program, can read the shots' folders and can write to the export folder."""
 
     def __init__(self, address: str, todo: Sequence[Task], *, insecure: bool = False) -> None:
         if not insecure and not guarded(address):
@@ -43,11 +43,11 @@ class Cluster:
         folders = sorted({str(Path(task.path).parent) for task in todo})[:_MOST_FOLDERS]
         csv = next((task.motion_csv for task in todo if task.motion_csv), None)
         self._check_of_folders = (program(), folders, None if csv is None else str(Path(csv).parent))
-        self._watcher = ThreadPoolExecutor(1)  # a scheduler that hangs must not block the campaign
+        self._watcher = ThreadPoolExecutor(1)  # a hanging scheduler must not block the campaign
         self._watching: Any = None
         self._watched_at = 0.0
-        self._threads: dict[str, int] = {}  # of every worker that is there and not silent
-        self._reports: dict[str, tuple[float, float]] = {}  # of each worker the last, and since when it is that
+        self._threads: dict[str, int] = {}  # worker -> number of threads, without silent workers
+        self._reports: dict[str, tuple[float, float]] = {}  # worker -> (time stamp of last report, time of its arrival)
         self._silent: set[str] = set()
         self._checking: dict[str, tuple[Any, float]] = {}
         self._unfit: dict[str, str] = {}
@@ -58,14 +58,14 @@ class Cluster:
 
     @property
     def width(self) -> int:
-        """Get the number of threads of all usable workers."""
+        """Get the total number of threads of the usable workers."""
         return sum(self._threads[worker] for worker in self._fit)
 
     def give(self, task: Task) -> None:
         self._waiting.append(task)
 
     def take(self) -> list[tuple[Task, Outcome]]:
-        """Return finished tasks, after a short wait where there are none.  Raises WorkersLost."""
+        """Return finished tasks, or wait briefly if there are none.  Raises WorkersLost."""
         self._watch()
         if self._client.status != "running":
             raise self._lost("the scheduler is gone")
@@ -78,9 +78,9 @@ class Cluster:
         return [taken for future in ready if (taken := self._taken(future)) is not None]
 
     def close(self) -> None:
-        """Disconnect from the scheduler; unfinished shots are left to the next call."""
+        """Disconnect from the scheduler; the next call analyses the unfinished shots."""
         self._watcher.shutdown(wait=False, cancel_futures=True)
-        with contextlib.suppress(Exception):  # over a broken line it times out; what there was to say has been said
+        with contextlib.suppress(Exception):  # a lost connection times out and is already reported
             self._client.close(timeout=2.0)
 
     def _hand_on(self, task: Task) -> None:
@@ -91,7 +91,7 @@ class Cluster:
     def _submit(self, work: Callable[..., object], *arguments: object, **how: object) -> Any:
         try:
             return self._client.submit(work, *arguments, **how)
-        except Exception:  # the connection may break at any moment, and the client then takes nothing more
+        except Exception:  # the client refuses work once its connection is lost
             if self._client.status == "running":
                 raise
             raise self._lost("the scheduler is gone") from None
@@ -100,7 +100,7 @@ class Cluster:
         task, _ = self._running.pop(future)
         try:
             return task, future.result(timeout=SCHEDULER_HANGS_S)
-        except Exception as error:  # a worker that died under it three times, a lost connection, no room for the result
+        except Exception as error:  # three dead workers, a lost connection, no memory for the result
             if self._client.status != "running":
                 raise self._lost("the scheduler is gone") from None
             return task, NotReached(f"lost by its worker ({error_words(error)})")
@@ -109,7 +109,7 @@ class Cluster:
         return WorkersLost(0, f"{cause}; what was done is kept, the same command goes on from there", self._address)
 
     def _watch(self) -> None:
-        """Update the list of workers, at most once a second.  Raises WorkersLost where none is left."""
+        """Update the list of workers, at most once per second.  Raises WorkersLost if none is usable."""
         now = time.monotonic()
         if self._watching is None and now - self._watched_at >= _WATCH_S:
             self._watching, self._watched_at = self._watcher.submit(self._asked_scheduler), now
@@ -126,14 +126,14 @@ class Cluster:
             self._none_usable(now)
 
     def _asked_scheduler(self) -> tuple[dict[str, Any], dict[str, Sequence[str]]]:
-        """Return what the scheduler knows of each worker, and the keys of its work; waits for the answer."""
+        """Ask the scheduler for the state of each worker and the keys of its tasks; waits for the answer."""
         known = self._client.sync(self._client.scheduler.identity)["workers"]
         return known, self._client.processing()
 
     def _update(self, watching: Any, now: float) -> None:
         try:
             known, keys = watching.result()
-        except OSError:  # a closed line, which dask describes with sockets and coroutines
+        except OSError:  # connection closed; dask's own message would name sockets and coroutines
             raise self._lost("the scheduler is gone") from None
         except Exception as error:
             raise self._lost(f"the scheduler is gone ({error_words(error)})") from None
@@ -143,9 +143,9 @@ class Cluster:
         self._fit &= there
         stuck = {key for worker in self._silent for key in keys.get(worker, ())}
         for future, (task, workers) in list(self._running.items()):
-            if (not workers & there or future.key in stuck) and not future.done():  # nobody is left to finish it
+            if (not workers & there or future.key in stuck) and not future.done():  # no worker can finish it
                 del self._running[future]
-                with contextlib.suppress(Exception):  # a client whose connection broke refuses even that
+                with contextlib.suppress(Exception):  # fails if the connection is lost
                     future.cancel()
                 self._waiting.appendleft(task)
         for worker in list(self._checking):
@@ -156,7 +156,7 @@ class Cluster:
             self._checking[worker] = question, time.monotonic()
 
     def _listen_for_silence(self, last_s: dict[str, float], now: float) -> None:
-        """Leave out workers whose reports no longer come: stopped, swapped out, or behind a broken line."""
+        """Leave out workers that no longer report: stopped, swapped out, or disconnected."""
         self._reports = {
             worker: before if (before := self._reports.get(worker)) is not None and before[0] == last else (last, now)
             for worker, last in last_s.items()
@@ -168,7 +168,7 @@ class Cluster:
         self._silent = silent
 
     def _take_checks(self, now: float) -> None:
-        """Take the answers of workers that were asked whether they can do the work."""
+        """Collect the results of the workers' checks, and leave out workers that failed."""
         for worker, (answer, checked_since) in list(self._checking.items()):
             if not answer.done() and now - checked_since < CHECK_S:
                 continue
@@ -194,7 +194,7 @@ class Cluster:
 
 
 def _client(address: str) -> Any:
-    """Return a client of the scheduler.  Raises WorkersLost, OSError without the library."""
+    """Return a client of the scheduler.  Raises WorkersLost, or OSError if dask.distributed is missing."""
     try:
         from distributed import Client
     except ImportError:
@@ -204,14 +204,14 @@ def _client(address: str) -> Any:
         return Client(address, timeout=SCHEDULER_ANSWERS_S, set_as_default=False)
     except (OSError, ValueError, TypeError, RuntimeError) as error:
         why = _why_not_connected(error)
-    gc.collect()  # ends the half-made client: while another one begins it would wait for a lock for ever
+    gc.collect()  # deletes the incomplete client, which would block on a lock for ever once another client starts
     raise WorkersLost(0, why, address)
 
 
 def _silence_libraries() -> None:
-    """Keep dask's log off standard error: what matters of it is said here, in one line.
+    """Keep dask's log off standard error; this program reports the relevant problems in one line each.
 
-    Its configuration gives some of its loggers a level of their own, which the level of "distributed" does not reach.
+    Each logger is set separately, because dask's configuration gives some loggers their own level.
     """
     for name in list(logging.root.manager.loggerDict):
         if name.partition(".")[0] in ("distributed", "tornado"):
@@ -225,12 +225,12 @@ def guarded(address: str) -> bool:
         scheme, rest = "tcp", address
     if scheme.lower() in ("tls", "wss", "inproc"):
         return True
-    if "@" in rest:  # dask looks for a machine of that whole name
+    if "@" in rest:  # dask takes the whole text, with "@", for the host name
         return False
     try:
         host = urlsplit(f"//{rest}").hostname or ""
         return host.lower() == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:  # a host's name
+    except ValueError:  # a host name
         return False
 
 

@@ -1,4 +1,4 @@
-"""The journal of a campaign: one line per finished shot, written at once; memory holds only the lines' positions."""
+"""The journal of a campaign: a file with one line per finished shot, indexed in memory by line position."""
 
 import hashlib
 import json
@@ -19,10 +19,10 @@ _BEGIN = len(_HEAD) + 64 + len(_BETWEEN)
 
 
 class Journal:
-    """The entries of a campaign by their stamps; without a path they last for this call only.
+    """Finished shots of a campaign by their stamps; ``path`` None: in a temporary file, for this call only.
 
-    Two calls may append to one file, as a line is one write.  A line whose checksum is wrong is ignored and counted in
-    ``unreadable_lines``.  Raises OSError, and RecordingError where no file can be.
+    Two calls may append to the same file, because each line is one write.  Lines with a wrong checksum are ignored
+    and counted in ``unreadable_lines``.  Raises OSError, and RecordingError if ``path`` is not a regular file.
     """
 
     def __init__(self, path: Path | None, wanted: Collection[str]) -> None:
@@ -34,7 +34,7 @@ class Journal:
             self._file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115 - held until close
             return
         if path.exists():
-            os.close(open_regular(path))  # refuses a pipe or a device, which could block without end
+            os.close(open_regular(path))  # refuses pipes and devices, which could block for ever
         self._file = open(path, "a+b", buffering=0)  # noqa: SIM115 - held until close
         self._read(set(wanted))
 
@@ -52,7 +52,7 @@ class Journal:
         self._places[entry["stamp"]] = self._file.tell() - len(line)
 
     def entry(self, stamp: str) -> Entry:
-        """Return the newest entry under ``stamp``.  Raises RecordingError where the file was changed meanwhile."""
+        """Return the newest entry with this stamp.  Raises RecordingError if the file was changed in the meantime."""
         self._file.seek(self._places[stamp])
         with os.fdopen(os.dup(self._file.fileno()), "rb") as lines:
             entry = _entry_of(lines.readline())
@@ -64,7 +64,7 @@ class Journal:
         self._file.close()
 
     def _read(self, wanted: set[str]) -> None:
-        """Find the entries of earlier calls; lines cut off by a crash, or altered, are ignored."""
+        """Index the entries of earlier calls; lines truncated by a crash or altered are ignored."""
         self._file.seek(0)
         place = 0
         last = b"\n"
@@ -78,11 +78,11 @@ class Journal:
                 place += len(line)
                 last = line
         if not last.endswith(b"\n"):
-            self._file.write(b"\n")  # a line cut off by a crash must not run into the next
+            self._file.write(b"\n")  # separates a line truncated by a crash from the next
 
 
 def _entry_of(line: bytes) -> Entry | None:
-    """Return the entry of a line, None where the line is not as it was written."""
+    """Return the entry of a line, or None if the line was altered or is not valid."""
     text = line[_BEGIN:].removesuffix(b"\n").removesuffix(b"}")
     if line != _HEAD + hashlib.sha256(text).hexdigest().encode() + _BETWEEN + text + b"}\n":
         return None
@@ -92,7 +92,7 @@ def _entry_of(line: bytes) -> Entry | None:
         whole = shot["status"] in ("ok", "failed") and isinstance(shot["problem"], str | None)
         whole &= isinstance(shot["flags"], list) and isinstance(entry["stamp"], str)
         whole &= isinstance(row, list) and len(row) == len(shot_columns()) and all(isinstance(c, str) for c in row)
-        json.dumps(entry, allow_nan=False)  # 1e999 is read as infinity
+        json.dumps(entry, allow_nan=False)  # refuses 1e999, which is read as infinity
     except (ValueError, KeyError, TypeError, RecursionError):
         return None
     return cast(Entry, entry) if whole else None

@@ -1,4 +1,4 @@
-"""``--replay FOLDER --jobs N | --scheduler ADDRESS``: analyse thousands of shots, resumable after an interruption."""
+"""``--replay FOLDER --jobs N | --scheduler ADDRESS``: analyse thousands of shots, with resumption after a stop."""
 
 import contextlib
 import json
@@ -18,12 +18,12 @@ from app.command_line.outputs import Outputs, check_outputs, in_a_line, problem_
 from app.report import write_shots
 from instrument.files import RecordingError, find_recordings, write_text_atomic
 
-TASKS_PER_WORKER = 4  # handed out ahead, so that no worker waits
+TASKS_PER_WORKER = 4  # tasks queued per worker, so that no worker waits
 
 
 @dataclass(frozen=True, slots=True)
 class WorkerChoice:
-    """Who analyses: ``jobs`` processes here, or a dask ``scheduler``; ``insecure``: one elsewhere without TLS."""
+    """Workers: ``jobs`` local processes or a dask ``scheduler``; ``insecure`` permits a remote one without TLS."""
 
     jobs: int | None
     scheduler: str | None
@@ -41,9 +41,9 @@ def campaign(
 ) -> int:
     """Analyse every shot under ``paths``; return the exit status.
 
-    Finished shots are in a journal in the folder of the export (or beside the result), and the next call skips them;
-    a shot that was not reached is not in it.  There is no joint diagnosis.  ``checked`` compares the data with their
-    hash, which takes a third of the time.
+    Finished shots are recorded in a journal in the export folder (or next to the result file), and the next call
+    skips them.  Shots that were not reached are not recorded.  There is no joint diagnosis.  ``checked`` compares the
+    data with their hash, which takes a third of the time.
     """
     found = find_recordings(paths)
     try:
@@ -74,7 +74,7 @@ def _journal(json_to: str | None, export_to: Path | None, tasks: Sequence[Task])
 def _worker_pool(workers: WorkerChoice, todo: Sequence[Task]) -> WorkerPool:
     if workers.scheduler is None:
         return Processes(workers.jobs or 1)
-    from app.command_line.campaign.cluster import Cluster  # dask.distributed is an extra
+    from app.command_line.campaign.cluster import Cluster  # needs the optional dask.distributed
 
     return Cluster(workers.scheduler, todo, insecure=workers.insecure)
 
@@ -85,14 +85,14 @@ def _unreadable_words(path: Path | None, lines: int) -> str:
 
 
 def _repeat_problems(tasks: Sequence[Task], journal: Journal) -> None:
-    """Report again the problems of shots that an earlier call finished."""
+    """Report the problems of shots that an earlier call finished."""
     for task in tasks:
         if task.stamp in journal and (problem := journal.entry(task.stamp)["shot"]["problem"]):
             say(problem_line(task.path, problem))
 
 
 def _run(pool: WorkerPool, todo: Sequence[Task], journal: Journal, already: int) -> dict[str, str]:
-    """Hand out tasks and write results to the journal; return why shots were not reached, by stamp."""
+    """Distribute tasks and write their results to the journal; return the causes of shots not reached, by stamp."""
     not_reached: dict[str, str] = {}
     waiting = iter(todo)
     under_way, left = 0, len(todo)
@@ -125,7 +125,7 @@ def _write_results(
     json_to: str | None,
     export_to: Path | None,
 ) -> int:
-    """Write the results, with one shot in memory at a time, and print their count; return the exit status."""
+    """Write the result files, with one shot in memory at a time, and print the counts; return the exit status."""
 
     def entries() -> Iterator[Entry]:
         for path, task in zip(found, tasks, strict=True):
@@ -159,12 +159,12 @@ def _result_text(entries: Iterator[Entry]) -> Iterator[str]:
 
 
 class Progress:
-    """A counter of shots on a terminal; nothing where standard error is a file."""
+    """A progress counter on the terminal; it shows nothing if standard error is not a terminal."""
 
     def __init__(self, total: int, already: int) -> None:
         self._total, self._done = total, 0
         self._shown = sys.stderr.isatty()
-        self._bare = getattr(sys.stderr, "bare", sys.stderr)  # this line alone moves the cursor
+        self._bare = getattr(sys.stderr, "bare", sys.stderr)  # unescaped, because the counter moves the cursor
         self._started = time.monotonic()
         if already and self._shown:
             self.say(f"{already} shots were analysed by an earlier call")
@@ -183,6 +183,6 @@ class Progress:
         say(line)
 
     def end(self) -> None:
-        """Leave the terminal on a fresh line."""
+        """Move the cursor to a new line below the counter."""
         if self._shown and self._total:
             sys.stderr.write("\n")

@@ -1,4 +1,4 @@
-"""One shot of a campaign: the task for a worker, its outcome, and whether a worker can do it."""
+"""One shot of a campaign: the task, its analysis in a worker, its outcome, and the check of a worker."""
 
 import os
 import uuid
@@ -13,15 +13,15 @@ from app.report import motion_file_names, shot_row, write_motion
 from app.session import analysed, cause_of, unanalysed
 from instrument.files import FileNotReached, RecordingError, find_mapping, one_line, recording_stem
 
-Entry = dict[str, Any]  # "stamp", "shot" as in the result file, "row" of shots.csv
+Entry = dict[str, Any]  # keys: "stamp", "shot" (as in the result file), "row" (of shots.csv)
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One shot to analyse; paths are absolute, as a worker may have another working folder.
+    """One shot to analyse; paths are absolute, because a worker may have another working folder.
 
-    ``stamp`` identifies files, settings, ``checked`` and program; ``sizes`` are those of the shot's files in bytes,
-    -1 where there is none, where the task was made.
+    ``stamp`` identifies files, settings, ``checked`` and program; ``sizes`` are the sizes of the shot's files in
+    bytes (-1: no such file) on the machine that made the task.
     """
 
     path: str
@@ -35,9 +35,9 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class NotReached:
-    """Why a shot could not be reached: a missing folder, a full disk, a worker that died.
+    """The outcome of a shot that could not be reached: a missing folder, a full disk, a dead worker.
 
-    The journal does not hold it, so the next call tries again.
+    It is not written to the journal, so that the next call tries the shot again.
     """
 
     cause: str
@@ -54,7 +54,7 @@ def tasks_of(
     *,
     checked: bool = True,
 ) -> list[Task]:
-    """Return a task for each shot; with ``export_to`` its motion is written there."""
+    """Return a task for each shot; with ``export_to`` the task also writes the shot's motion to that folder."""
     names = motion_file_names([recording_stem(path).stem for path in found])
     tasks = []
     for path, name in zip(found, names, strict=True):
@@ -67,7 +67,7 @@ def tasks_of(
 
 
 def analyse_one(task: Task) -> Outcome:
-    """Analyse one shot, in a worker."""
+    """Analyse one shot; runs in a worker."""
     path = Path(task.path)
     if _state(path)[0] != task.sizes:
         return NotReached(f"{path}: the files differ from those of the task (another folder, or still being copied)")
@@ -87,14 +87,14 @@ def analyse_one(task: Task) -> Outcome:
 
 
 def failed_entry(task: Task, cause: str) -> Entry:
-    """Return the entry of a shot that was not reached."""
+    """Return the result entry of a shot that was not reached."""
     name = recording_stem(task.path).name
     shot = {"name": name, "path": task.path, "status": "failed", "problem": cause, "flags": []}
     return {"stamp": task.stamp, "shot": shot, "row": [name, task.path, "", "failed", cause]}
 
 
 def _state(path: Path) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return sizes and dates of the files that make up a shot."""
+    """Return the sizes in bytes and the modification times in ns of a shot's files, -1 for a missing file."""
     stem = recording_stem(path)
     others = (stem.with_name(stem.name + ".sigmf-data"), path.with_suffix(".toml"), find_mapping(path) or path)
     sizes, dates = [], []
@@ -111,7 +111,7 @@ def _state(path: Path) -> tuple[tuple[int, ...], tuple[int, ...]]:
 
 
 def unfit(wanted_program: str, reads: Iterable[str], writes: str | None) -> str | None:
-    """Return why this worker cannot do work that reads from and writes to these folders, or None."""
+    """Return why this worker cannot read from and write to these folders, or None; runs in the worker."""
     if (own := program()) != wanted_program:
         return f"has levimass {own}, not {wanted_program}"
     for folder in reads:

@@ -1,4 +1,4 @@
-"""What a pool of workers does for a campaign, and the pool of processes on this machine."""
+"""The interface of a campaign's worker pool, and the pool of processes on this machine."""
 
 import signal
 import sys
@@ -12,32 +12,32 @@ from typing import Any, Protocol
 from app.command_line.campaign.task import NotReached, Outcome, Task, analyse_one
 
 LOOK_S = 0.1
-_BROKEN_S = 5.0  # the futures of a broken pool learn of it within milliseconds
+_BROKEN_S = 5.0  # longest wait for the futures of a broken pool, which end within milliseconds
 
 
 class WorkersLost(OSError):
-    """No worker is left; finished shots are in the journal."""
+    """No worker is usable any more; finished shots are in the journal."""
 
 
 class WorkerPool(Protocol):
-    """Takes tasks and returns their outcomes in any order, each once; otherwise WorkersLost is raised."""
+    """Takes tasks and returns each one's outcome once, in any order, or raises WorkersLost."""
 
     @property
     def width(self) -> int:
-        """Get how many shots are analysed at once; 0 while no worker is ready."""
+        """Get the number of shots analysed at once; 0 while no worker is ready."""
 
     def give(self, task: Task) -> None:
-        """Hand out a task."""
+        """Queue a task."""
 
     def take(self) -> list[tuple[Task, Outcome]]:
-        """Return finished tasks, after a short wait where there are none.  Raises WorkersLost."""
+        """Return finished tasks, or wait briefly if there are none.  Raises WorkersLost."""
 
     def close(self) -> None:
-        """Stop; unfinished tasks are dropped."""
+        """Stop the workers; unfinished tasks are dropped."""
 
 
 def most_processes(system: str) -> int:
-    """Return how many processes one can wait for at once on a system (``sys.platform``)."""
+    """Return the most processes that a system (``sys.platform``) lets one process wait for."""
     return 61 if system == "win32" else 4096
 
 
@@ -47,8 +47,8 @@ _MOST = most_processes(sys.platform)
 class Processes:
     """Worker processes on this machine.
 
-    A process that dies breaks the pool.  Its shots are then tried again one at a time, and a shot during which the
-    process dies again is not reached.
+    A process that dies breaks the pool.  The shots under way are then repeated one at a time; a shot during which a
+    process dies again is given up as not reached.
     """
 
     def __init__(self, count: int) -> None:
@@ -92,7 +92,7 @@ class Processes:
         return out
 
     def close(self) -> None:
-        """End the processes; unfinished shots are left to the next call."""
+        """End the processes; the next call analyses the unfinished shots."""
         if self._running:
             for worker in active_children():
                 worker.terminate()
@@ -108,22 +108,22 @@ class Processes:
             while self._waiting:
                 task = self._waiting.popleft()
                 self._running[self._pool.submit(analyse_one, task)] = task
-        except BrokenProcessPool:  # a worker died between two looks
+        except BrokenProcessPool:  # a worker died since the last look
             self._suspects.append(task)
             if not self._running:
                 self._pool = self._started()
 
     def _started(self) -> "_Pool":
-        # spawned, not forked: a forked child of a process with compiled kernels and threads may hang
+        # spawned, because a forked child of a process with compiled kernels and threads may hang
         ignore = signal.signal, (signal.SIGINT, signal.SIG_IGN)
         return _Pool(self._count, get_context("spawn"), *ignore)
 
 
 class _Pool(ProcessPoolExecutor):
-    """Processes that ignore Ctrl-C, which a terminal sends to all of them; where possible already while they start."""
+    """Processes that ignore Ctrl-C, which a terminal sends to all processes; except on Windows even at their start."""
 
     def submit(self, *work: Any, **more: Any) -> Future[Any]:
-        """Submit work with Ctrl-C blocked: a process that starts for it inherits that."""
+        """Submit work with Ctrl-C blocked; a process started for it inherits the blocked signal."""
         if sys.platform == "win32":
             return super().submit(*work, **more)
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -134,5 +134,5 @@ class _Pool(ProcessPoolExecutor):
 
 
 def error_words(error: BaseException) -> str:
-    """Return an error's message in one line, or its type's name where it has none."""
+    """Return an error's message in one line, or the name of its type if the message is empty."""
     return " ".join(str(error).split()) or type(error).__name__
